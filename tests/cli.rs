@@ -860,3 +860,83 @@ fn a_dial_that_cannot_be_turned_so_is_refused() {
     let outcome = folder.done(&[&["relight", "acc.exr", "-o", "p.png"], &all_off[..]].concat());
     assert!(outcome.err.starts_with("warning: all nodes of the dial are off"), "{}", outcome.err);
 }
+
+/// Frames of an animated PNG.
+fn animation(path: &Path) -> Vec<Vec<u8>> {
+    let mut reader = png::Decoder::new(std::io::BufReader::new(File::open(path).unwrap())).read_info().unwrap();
+    let control = *reader.info().animation_control().unwrap();
+    assert_eq!(control.num_plays, 0, "it repeats without end");
+    let frame = |_| {
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        let control = reader.info().frame_control().unwrap();
+        assert_eq!((control.delay_num, control.delay_den), (1, 12));
+        bytes
+    };
+    (0..control.num_frames).map(frame).collect()
+}
+
+#[test]
+fn an_animated_png_has_the_frames_of_the_numbered_pictures() {
+    let folder = Folder::new();
+    folder.done(&["render", "scene.toml", "--size", SIZE, "--accumulators", "acc.exr"]);
+    let path = ["relight", "acc.exr", "--loop", "--frames", "3", "--fps", "12"];
+    folder.done(&[&path[..], &["-o", "l.apng"]].concat());
+    let told = folder.done(&[&path[..], &["-o", "l.png"]].concat()).out;
+    assert!(told.contains("ffmpeg -framerate 12 -i \"l-%04d.png\""), "{told}");
+    let bytes = |name: &str| -> Vec<u8> {
+        png(&folder.path(name)).1.into_iter().map(|sample| sample.try_into().unwrap()).collect()
+    };
+    let frames = animation(&folder.path("l.apng"));
+    assert_eq!(frames, ["l-0001.png", "l-0002.png", "l-0003.png"].map(bytes));
+    folder.refused(2, &["relight", "acc.exr", "-o", "p.apng"], &["p.apng", "still picture"]);
+    folder.refused(2, &[&path[..], &["-o", "p.apng", "-o", "q.png"]].concat(), &["only output"]);
+}
+
+#[test]
+fn a_turntable_shows_the_volume_from_all_around() {
+    let folder = Folder::new();
+    let parallel = ["-D", "camera.projection=\"orthographic\"", "-D", "camera.height=40", "-D", "camera.azimuth=30"];
+    let scene = ["render", "scene.toml", "--size", SIZE];
+    let turn = [&scene[..], &parallel, &["--turntable", "4"]].concat();
+    folder.done(&[&turn[..], &["-o", "t.png"]].concat());
+    for (name, azimuth) in [("t-0001.png", 30), ("t-0002.png", 120), ("t-0003.png", 210), ("t-0004.png", 300)] {
+        let azimuth = format!("camera.azimuth={azimuth}");
+        folder.done(&[&scene[..], &parallel, &["-D", &azimuth, "-o", "still.png"]].concat());
+        let (turned, still) = (png(&folder.path(name)).1, png(&folder.path("still.png")).1);
+        assert!(still.iter().any(|&code| code > 40), "the picture is not black");
+        // The eyes differ by rounding.
+        let apart = turned.iter().zip(&still).map(|(one, two)| one.abs_diff(*two)).max();
+        assert!(apart <= Some(1), "{name}: {apart:?} codes");
+    }
+    assert!(!folder.names().contains(&"t-0005.png".to_owned()));
+    folder.done(&[&turn[..], &["-o", "t.apng", "--fps", "12"]].concat());
+    assert_eq!(animation(&folder.path("t.apng")).len(), 4);
+    folder.refused(2, &[&turn[..], &["-o", "u.png", "--reference"]].concat(), &["--reference"]);
+}
+
+#[test]
+fn steps_of_equal_visible_change_end_on_the_same_nodes() {
+    let folder = Folder::new();
+    // Near its node a light outshines the others, so that equal steps of the hand change little there.
+    let far = ["-D", "lights.lamp.intensity=0.01", "--accumulators", "acc.exr"];
+    folder.done(&[&["render", "scene.toml", "--size", SIZE], &far[..]].concat());
+    let sweep = ["relight", "acc.exr", "--sweep", "day..lamp", "--frames", "5", "-o", "s.exr", "--json"];
+    let heights = |more: &[&str]| -> Vec<f64> {
+        let json = folder.done(&[&sweep[..], more].concat()).json();
+        json["frames"].as_array().unwrap().iter().map(|frame| frame["dial"][1].as_f64().unwrap()).collect()
+    };
+    let differences = || -> Vec<f64> {
+        let pictures: Vec<_> = (1..=5).map(|n| Exr::read(&folder.path(&format!("s-000{n}.exr"))).rgba()).collect();
+        let apart = |pair: &[Vec<f32>]| pair[0].iter().zip(&pair[1]).map(|(a, b)| f64::from((a - b).abs())).sum();
+        pictures.windows(2).map(apart).collect()
+    };
+    let spread =
+        |steps: &[f64]| steps.iter().copied().fold(0.0, f64::max) / steps.iter().copied().fold(f64::INFINITY, f64::min);
+    let (even, of_hand) = (heights(&[]), differences());
+    let (visible, of_eye) = (heights(&["--steps", "visible"]), differences());
+    assert_eq!((visible[0], visible[4]), (even[0], even[4]));
+    assert!(visible.windows(2).all(|pair| pair[1] < pair[0]), "{visible:?}");
+    assert!(spread(&of_eye) < 0.8 * spread(&of_hand), "{of_eye:?}, {of_hand:?}");
+    folder.refused(2, &["relight", "acc.exr", "--steps", "visible", "-o", "p.png"], &["--sweep"]);
+}

@@ -1,12 +1,11 @@
 //! The light dial on the command line: one mix, or the mixes along a path of the hand.
 
-use std::path::PathBuf;
-
-use clap::Args;
-use glam::DVec2;
+use clap::{Args, ValueEnum};
+use glam::{DVec2, DVec3};
 
 use relume::document::Dial;
-use relume::output::numbered;
+use relume::internal::number::{count, whole};
+use relume::measure::equal_steps;
 use relume::scene::Mix;
 
 use super::CliError;
@@ -35,40 +34,73 @@ pub(crate) struct DialArgs {
     /// Move the hand over all nodes and back to the first: one picture per frame, for a seamless loop.
     #[arg(long = "loop", alias = "tour", help_heading = DIAL, conflicts_with = "lights", group = "moves")]
     closed: bool,
-    /// Number of pictures of a sweep or loop, as NAME-0001.png and so on.
+    /// Number of pictures of a sweep or loop: NAME-0001.png and so on, or the frames of NAME.apng.
     #[arg(long, help_heading = DIAL, value_name = "N", default_value_t = 25)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..), requires = "moves")]
     frames: u16,
+    /// Spacing of these pictures: equal steps of the hand, or equal visible changes (mean ΔE00 of the visible pixels).
+    #[arg(long, help_heading = DIAL, value_enum, default_value = "hand", requires = "moves")]
+    steps: Steps,
     /// Switch off the node of the light NAME (repeatable).
     #[arg(long, help_heading = DIAL, value_name = "NAME", conflicts_with = "lights")]
     nodes_off: Vec<String>,
 }
 
+/// Spacing of the pictures of a path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Steps {
+    Hand,
+    Visible,
+}
+
+/// Number of positions of the path per picture, between which visible changes are measured.
+const FINER: usize = 8;
+/// Largest number of these positions.
+const FINEST: usize = 400;
+
 /// Path of the hand and the dial it belongs to.
 pub(crate) struct Hand {
     /// Positions of the hand, one per picture.
     pub(crate) places: Vec<DVec2>,
-    /// Whether the pictures are numbered.
-    pub(crate) moves: bool,
     dial: Dial,
 }
 
 impl DialArgs {
-    /// Number of pictures per output; `None` for a single, unnumbered one.
-    fn pictures(&self) -> Option<u16> {
+    /// Whether a flag sets the dial.
+    pub(crate) fn is_given(&self) -> bool {
+        self.dial.is_some() || self.dial_preset.is_some() || self.pictures().is_some() || !self.nodes_off.is_empty()
+    }
+
+    /// Number of pictures of a path; `None` for a single position.
+    pub(crate) fn pictures(&self) -> Option<u16> {
         (self.sweep.is_some() || self.closed).then_some(self.frames)
     }
 
-    /// File names of the pictures, frame by frame.
-    pub(crate) fn names(&self, outputs: &[PathBuf]) -> Vec<Vec<PathBuf>> {
-        match self.pictures() {
-            None => vec![outputs.to_vec()],
-            Some(frames) => (1..=frames).map(|n| outputs.iter().map(|path| numbered(path, n)).collect()).collect(),
+    /// Applies the flags to `dial`; `None` without flags for it. For pictures of equal visible change, `shown` relights a
+    /// mix.
+    pub(crate) fn hand(
+        &self,
+        dial: &Dial,
+        stated: &Mix,
+        shown: impl Fn(&Mix) -> Vec<DVec3>,
+    ) -> Result<Option<Hand>, CliError> {
+        let hand = self.hand_of(dial.clone(), self.frames.into())?;
+        if self.steps == Steps::Hand {
+            return Ok(hand);
         }
+        let finer = (FINER * usize::from(self.frames)).min(FINEST);
+        let Some(mut path) = self.hand_of(dial.clone(), finer)? else { return Ok(hand) };
+        if self.closed {
+            path.places.extend(path.places.first().copied());
+        }
+        let pictures = path.mixes(stated).into_iter().map(|mix| shown(&mix));
+        let positions = equal_steps(pictures, self.frames.into(), self.closed);
+        let places = positions.into_iter().map(|position| path.at(position)).collect();
+        Ok(Some(Hand { places, ..path }))
     }
 
-    /// Applies the flags to `dial`; `None` without flags for it.
-    pub(crate) fn hand(&self, mut dial: Dial) -> Result<Option<Hand>, CliError> {
+    /// Applies the flags to `dial` for a path of `frames` positions.
+    fn hand_of(&self, mut dial: Dial, frames: usize) -> Result<Option<Hand>, CliError> {
         for name in &self.nodes_off {
             dial.node_mut(name).map_err(|message| CliError::Usage(format!("--nodes-off {message}")))?.on = false;
         }
@@ -78,8 +110,6 @@ impl DialArgs {
                 dial.preset(name).map_err(|message| CliError::Usage(format!("--dial-preset {message}")))?;
             (dial, at) = (of_preset, Some(preset.hand));
         }
-        let moves = self.pictures().is_some();
-        let frames = usize::from(self.frames);
         let places = match (&self.sweep, at) {
             (Some(ends), _) => {
                 let (from, to) = ends
@@ -105,11 +135,22 @@ impl DialArgs {
         if !dial.nodes.iter().any(|node| node.on) {
             tracing::warn!("all nodes of the dial are off: the picture is black");
         }
-        Ok(Some(Hand { places, moves, dial }))
+        Ok(Some(Hand { places, dial }))
     }
 }
 
 impl Hand {
+    /// Position of the hand at a fraction of the path.
+    fn at(&self, fraction: f64) -> DVec2 {
+        let last = self.places.len().saturating_sub(1);
+        let along = fraction * count(last);
+        let leg = whole(along.floor()).min(last.saturating_sub(1));
+        match (self.places.get(leg), self.places.get(leg + 1)) {
+            (Some(from), Some(to)) => from.lerp(*to, along - count(leg)),
+            _ => self.places.first().copied().unwrap_or_default(),
+        }
+    }
+
     /// The mix at each position.
     pub(crate) fn mixes(&self, stated: &Mix) -> Vec<Mix> {
         self.places.iter().map(|&place| self.dial.mix(place, stated)).collect()

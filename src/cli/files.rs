@@ -32,6 +32,12 @@ pub(crate) enum Bits {
     Sixteen,
 }
 
+impl Bits {
+    pub(crate) fn depth(self) -> Depth {
+        if self == Self::Sixteen { Depth::Sixteen } else { Depth::Eight }
+    }
+}
+
 /// Kind of the picture `path`, by its extension.
 pub(crate) fn picture_kind(path: &Path) -> Result<PictureKind, CliError> {
     PictureKind::of(path).map_err(|error| CliError::Usage(error.to_string()))
@@ -71,13 +77,8 @@ impl Backdrop {
     }
 }
 
-/// Writes linear RGBA to `path`.
-pub(crate) fn write_linear(path: &Path, size: [usize; 2], rgba: &[f32], bits: Bits) -> Result<(), CliError> {
-    write_linear_as(path, size, rgba, bits, Alpha::OverBlack)
-}
-
 /// Writes linear RGBA to `path`; PNG files treat opacity by `alpha`.
-pub(crate) fn write_linear_as(
+pub(crate) fn write_linear(
     path: &Path,
     size: [usize; 2],
     rgba: &[f32],
@@ -87,10 +88,7 @@ pub(crate) fn write_linear_as(
     let picture = Picture::new(size[0], size[1], rgba)?;
     match picture_kind(path)? {
         PictureKind::Exr => write_exr(path, &picture)?,
-        PictureKind::Png => {
-            let depth = if bits == Bits::Sixteen { Depth::Sixteen } else { Depth::Eight };
-            write_png(path, &picture, depth, alpha)?;
-        }
+        PictureKind::Png => write_png(path, &picture, bits.depth(), alpha)?,
     }
     Ok(())
 }
@@ -118,10 +116,24 @@ pub(crate) struct Saved {
 }
 
 impl Saved {
+    /// The relight matrices under `mix`.
+    pub(crate) fn matrices(&self, mix: &Mix) -> RelightMatrices {
+        let (positions, background) = (self.positions.len(), self.background.as_ref());
+        RelightMatrices::new(&self.components, positions, background, mix, &self.display)
+    }
+
+    /// The film of some evenly spread pixels that show the volume.
+    pub(crate) fn visible(&self) -> Film<f32> {
+        const MOST: usize = 1024;
+        let opacity = self.accumulation.opacity(&self.matrices(&self.mix));
+        let shown: Vec<usize> = (0..opacity.len()).filter(|&pixel| opacity[pixel] > 0.01).collect();
+        let step = shown.len().div_ceil(MOST).max(1);
+        self.accumulation.of_pixels(&shown.into_iter().step_by(step).collect::<Vec<_>>())
+    }
+
     /// Returns the linear picture under `mix`: RGB and opacity.
     pub(crate) fn relight(&self, mix: &Mix) -> Vec<f32> {
-        let (positions, background) = (self.positions.len(), self.background.as_ref());
-        let matrices = RelightMatrices::new(&self.components, positions, background, mix, &self.display);
+        let matrices = self.matrices(mix);
         let colours = self.accumulation.relight(&matrices);
         let opacity = self.accumulation.opacity(&matrices);
         rgba(colours.into_iter().zip(opacity))

@@ -9,6 +9,7 @@ mod dial;
 mod extremes;
 mod figures;
 mod files;
+mod frames;
 mod goal;
 mod info;
 mod measure;
@@ -18,6 +19,7 @@ mod render;
 mod scene;
 mod shaders;
 mod terminal;
+mod turntable;
 mod view;
 
 use std::process::ExitCode;

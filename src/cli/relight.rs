@@ -1,5 +1,6 @@
 //! `relume relight`: a saved film under other lights.
 
+use std::cell::LazyCell;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -7,12 +8,14 @@ use serde_json::json;
 
 use relume::film::Components;
 use relume::measure::{Stopwatch, Timing};
+use relume::output::Alpha;
 use relume::progress::Progress;
 use relume::spectrum::observer::Observer;
 
 use super::accuracy::tolerance;
 use super::dial::DialArgs;
 use super::files::{self, Bits};
+use super::frames::{Frames, SpeedArgs};
 use super::scene::LightArgs;
 use super::{CliError, Report, model};
 
@@ -22,7 +25,8 @@ Examples:
   relume relight acc.exr --light A -o evening.png
   relume relight acc.exr --light FL11=0.7 --light \"blackbody 3000=0.3\" -o office.exr
   relume relight acc.exr --dial 0.3,-0.2 -o between.png
-  relume relight acc.exr --sweep day..lamp --frames 50 -o evening.png        evening-0001.png to evening-0050.png";
+  relume relight acc.exr --sweep day..lamp --frames 50 -o evening.png        evening-0001.png to evening-0050.png
+  relume relight acc.exr --loop --frames 100 -o lights.apng                  an animated PNG";
 
 /// Arguments of `relume relight`.
 #[derive(Debug, clap::Args)]
@@ -34,6 +38,8 @@ pub(crate) struct Args {
     lights: LightArgs,
     #[command(flatten)]
     dial: DialArgs,
+    #[command(flatten)]
+    speed: SpeedArgs,
     /// CIE standard observer, of 1931 (2°) or 1964 (10°), in place of the file's.
     #[arg(long, value_name = "YEAR", value_parser = observer)]
     observer: Option<Observer>,
@@ -43,7 +49,8 @@ pub(crate) struct Args {
     /// Flags of `render` for the colour model, accepted here only to explain why they cannot apply.
     #[command(flatten)]
     planned: Planned,
-    /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
+    /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity. A sweep or loop
+    /// may write one animated PNG (.apng).
     #[arg(short, long, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
     /// Bits per channel of a PNG.
@@ -92,25 +99,22 @@ impl Planned {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     args.planned.check()?;
-    for path in &args.output {
-        files::picture_kind(path)?;
-    }
-    let outputs = args.dial.names(&args.output);
+    let pictures = Frames::new(&args.output, args.dial.pictures(), &args.speed)?;
+    let outputs = pictures.files();
     let lights = args.lights.files();
     let inputs = lights.iter().chain([&args.accumulators]).map(PathBuf::as_path);
-    files::check_outputs(&outputs.iter().flatten().collect::<Vec<_>>(), &inputs.collect::<Vec<_>>())?;
+    files::check_outputs(&outputs.iter().collect::<Vec<_>>(), &inputs.collect::<Vec<_>>())?;
     let clock = Stopwatch::start();
     let mut saved = files::from_file(&args.accumulators)?;
     let read = clock.read();
     if let Some(observer) = args.observer {
         saved.display.observer = observer;
     }
-    let hand = args.dial.hand(saved.dial.clone())?;
-    let mixes = match &hand {
-        Some(hand) => hand.mixes(&saved.mix),
-        None if args.lights.lights.is_empty() => vec![saved.shown.clone()],
-        None => vec![args.lights.mix(saved.mix.clone(), &saved.positions)?],
+    let given = match args.lights.lights[..] {
+        [] => saved.shown.clone(),
+        _ => args.lights.mix(saved.mix.clone(), &saved.positions)?,
     };
+    let on_dial = args.dial.is_given();
 
     let mut text = String::new();
     let mut model_json = json!(null);
@@ -123,7 +127,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let clock = Stopwatch::start();
     if let Components::Model(model, _) = &mut saved.components {
         // The dial mixes lights of the file.
-        let mix = if hand.is_some() { &saved.mix } else { &mixes[0] };
+        let mix = if on_dial { &saved.mix } else { &given };
         if args.observer.is_some_and(|observer| observer != model.observer()) {
             *model = Arc::new(model.seen_by(saved.display.observer)?);
         }
@@ -132,21 +136,26 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let learnt = model::learn(model, mix, tolerance, "render again with this --light and --replan")?;
         (text, model_json) = (learnt.text(model), learnt.json(model));
     }
-    let (mut relit, mut written) = (clock.read(), Timing::default());
-    let mut frames = Vec::new();
-    for (frame, (mix, paths)) in mixes.iter().zip(&outputs).enumerate() {
+    let visible = LazyCell::new(|| saved.visible());
+    let hand = args.dial.hand(&saved.dial, &saved.mix, |mix| visible.relight(&saved.matrices(mix)))?;
+    let mixes = hand.as_ref().map_or_else(|| vec![given], |hand| hand.mixes(&saved.mix));
+    let mut relit = clock.read();
+    let whole = Stopwatch::start();
+    let mut relighting = Timing::default();
+    pictures.write(saved.accumulation.size, args.bits, Alpha::OverBlack, |frame| {
         if progress.cancelled() {
             return Err(CliError::Cancelled);
         }
         progress.report("relighting", frame as u64, mixes.len() as u64);
         let clock = Stopwatch::start();
-        let rgba = saved.relight(mix);
-        relit += clock.read();
-        let clock = Stopwatch::start();
-        for path in paths {
-            files::write_linear(path, saved.accumulation.size, &rgba, args.bits)?;
-        }
-        written += clock.read();
+        let rgba = saved.relight(&mixes[frame]);
+        relighting += clock.read();
+        Ok(rgba)
+    })?;
+    let written = whole.read() - relighting;
+    relit += relighting;
+    let mut frames = Vec::new();
+    for (frame, (mix, paths)) in mixes.iter().zip(pictures.names()).enumerate() {
         let lights = mix.0.iter().map(
             |light| json!({"name": light.name, "position": saved.positions[light.position], "weight": light.weight}),
         );
@@ -156,13 +165,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             "outputs": paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>(),
         }));
     }
-    let listed: Vec<String> = outputs.iter().flatten().map(|path| path.display().to_string()).collect();
-    let told = match &listed[..] {
-        [first, .., last] if hand.is_some_and(|hand| hand.moves) => format!("{first} to {last}"),
-        all => all.join(", "),
-    };
+    let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
     Ok(Report {
-        text: format!("wrote {told}\n{text}relight {:.0} ms\n", relit.wall_ms),
+        text: format!("wrote {}{text}relight {:.0} ms\n", pictures.told(), relit.wall_ms),
         json: json!({
             "outputs": listed,
             "size": saved.accumulation.size,

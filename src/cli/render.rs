@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use serde_json::json;
+use serde_json::{Map, json};
 
 use relume::document::{State, session};
 use relume::film::{Components, Film, RelightMatrices};
@@ -22,10 +22,11 @@ use relume::volume::{self, Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files::{self, Backdrop, Bits, backdrop, picture_kind};
+use super::frames::{Frames, SpeedArgs};
 use super::goal::GoalArgs;
 use super::model::Learnt;
 use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
-use super::{CliError, Report};
+use super::{CliError, Report, turntable};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -50,6 +51,13 @@ pub(crate) struct Args {
     /// name.
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
+    /// Turn the volume once about the up direction of the camera in N pictures: FILE-0001.png and so on, or one animated
+    /// PNG (-o FILE.apng).
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..))]
+    #[arg(conflicts_with_all = ["accumulators", "spectral", "reference", "goal"])]
+    turntable: Option<u16>,
+    #[command(flatten)]
+    speed: SpeedArgs,
     /// Fit the colour model (if the plan has one) to the lights of --light as well.
     #[arg(long)]
     replan: bool,
@@ -146,13 +154,14 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let is_writing = !args.output.is_empty() || args.accumulators.is_some() || args.spectral.is_some();
     let default = source.bare_volume().filter(|_| !is_writing && args.save_scene.is_none()).and_then(free_name);
     let pictures: Vec<PathBuf> = args.output.iter().cloned().chain(default).collect();
-    let kinds: Vec<PictureKind> = pictures.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
+    let frames = Frames::new(&pictures, args.turntable, &args.speed)?;
     for (flag, path) in [("--accumulators", &args.accumulators), ("--spectral", &args.spectral)] {
         if let Some(Err(error)) = path.as_deref().map(PictureKind::require_exr) {
             return Err(CliError::Usage(format!("{flag} {error}")));
         }
     }
-    let mut outputs: Vec<&PathBuf> = pictures.iter().collect();
+    let pictured = frames.files();
+    let mut outputs: Vec<&PathBuf> = pictured.iter().collect();
     outputs.extend(args.accumulators.iter().chain(&args.spectral).chain(&args.save_scene));
     if outputs.is_empty() {
         return Err(CliError::Usage(
@@ -215,6 +224,39 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut loaded = read;
     loaded += clock.read();
 
+    let save_scene = || match &args.save_scene {
+        Some(path) => session::save(path, &source, &file, &State::new(&file))
+            .map_err(|error| CliError::Failed(format!("--save-scene {}: {error}", path.display()))),
+        None => Ok(()),
+    };
+    let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
+    let spent = |times: &[(&str, Timing)]| -> String {
+        let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
+        spent.join(", ")
+    };
+    if args.turntable.is_some() {
+        let ready = ready_device(&scene, &planned, &statistics, (args, args.size), progress)?;
+        let mut times = vec![("load", loaded)];
+        times.extend(ready.times);
+        let look = turntable::Look { mix: &mix, size: args.size, bits: args.bits, backdrop: args.background };
+        let mut on_device = ready.on_device;
+        let (more, marches) = turntable::write(&mut on_device, &look, &frames, progress)?;
+        times.extend(more);
+        save_scene()?;
+        let text = format!("wrote {}{}\n", frames.told(), spent(&times));
+        let json = json!({
+            "outputs": listed,
+            "size": args.size,
+            "device": super::info::device_json(on_device.renderer().device().info()),
+            "plan": super::info::plan_json(&scene, &planned, &on_device.uploaded().storage, learnt),
+            "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<Map<_, _>>(),
+            "marches": marches,
+            "peak_mb": peak_mb(),
+        });
+        return Ok(Report { text, json });
+    }
+
+    let kinds: Vec<PictureKind> = pictures.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
     let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none() && args.background.is_none();
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
     let wanted = Wanted {
@@ -247,7 +289,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             }
             (_, Some(linear)) => {
                 let shown = shown.as_ref().filter(|_| kind != PictureKind::Exr).unwrap_or(linear);
-                files::write_linear_as(path, args.size, shown, args.bits, alpha)?;
+                files::write_linear(path, args.size, shown, args.bits, alpha)?;
             }
             _ => {}
         }
@@ -265,10 +307,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
         film_file(accumulation)?.write(path)?;
     }
-    if let Some(path) = &args.save_scene {
-        let saved = session::save(path, &source, &file, &State::new(&file));
-        saved.map_err(|error| CliError::Failed(format!("--save-scene {}: {error}", path.display())))?;
-    }
+    save_scene()?;
     let written = clock.read();
     let checked = match (&choice, &marched.linear) {
         (Some(choice), Some(linear)) => {
@@ -281,16 +320,13 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     times.extend(choice.as_ref().map(|_| ("search", searched)));
     times.extend(marched.times);
     times.push(("write", written));
-    let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
-    let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
     let new = match (&planned.model, learnt) {
         (Some(model), Some(learnt)) => learnt.text(model),
         _ => String::new(),
     };
     let kept = checked.as_ref().map_or("", |(text, _)| text);
-    let text = format!("wrote {}\n{new}{}\n{kept}", listed.join(", "), spent.join(", "));
-    let times: serde_json::Map<String, serde_json::Value> =
-        times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
+    let text = format!("wrote {}\n{new}{}\n{kept}", listed.join(", "), spent(&times));
+    let times: Map<_, _> = times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
         "outputs": listed,
         "size": args.size,
@@ -414,15 +450,20 @@ fn warn_of_homogeneous(scene: &Scene, statistics: &Statistics) {
     }
 }
 
-fn on_device(
+/// A scene on the device, and the times of opening the device and of uploading.
+struct Ready {
+    on_device: SceneRenderer,
+    times: [(&'static str, Timing); 2],
+}
+
+/// Uploads the scene to the device of `args`, and warns of what the upload loses.
+fn ready_device(
     scene: &Scene,
     planned: &Planned,
     statistics: &Statistics,
-    mix: &Mix,
     (args, size): (&Args, [usize; 2]),
-    wanted: Wanted,
     progress: &dyn Progress,
-) -> Result<Marched, CliError> {
+) -> Result<Ready, CliError> {
     let clock = Stopwatch::start();
     let renderer = renderer_for(args)?;
     renderer.check_picture(&planned.plan, size, 0)?;
@@ -433,7 +474,20 @@ fn on_device(
     let whole = !matches!(scene.volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
     warn_of_storage(&uploaded.storage, whole);
     warn_of_undeclared(uploaded.labels.as_ref());
-    let upload = clock.read();
+    Ok(Ready { on_device, times: [("device", opened), ("upload", clock.read())] })
+}
+
+fn on_device(
+    scene: &Scene,
+    planned: &Planned,
+    statistics: &Statistics,
+    mix: &Mix,
+    (args, size): (&Args, [usize; 2]),
+    wanted: Wanted,
+    progress: &dyn Progress,
+) -> Result<Marched, CliError> {
+    let Ready { on_device, times } = ready_device(scene, planned, statistics, (args, size), progress)?;
+    let (renderer, uploaded) = (on_device.renderer(), on_device.uploaded());
     let clock = Stopwatch::start();
     let accumulators = on_device.march(size, progress)?;
     let march = clock.read();
@@ -471,7 +525,7 @@ fn on_device(
         marched.accumulation = Some(renderer.read(&accumulators)?);
     }
     let relight = clock.read();
-    marched.times = vec![("device", opened), ("upload", upload), ("march", march), ("relight", relight)];
+    marched.times = [&times[..], &[("march", march), ("relight", relight)]].concat();
     Ok(marched)
 }
 

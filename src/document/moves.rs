@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::scene::{Aim, Camera, Projection};
+use crate::scene::{Aim, Camera, Projection, View};
 use crate::volume::Geometry;
 
 /// A movement of the camera.
@@ -90,6 +90,41 @@ pub fn moved(camera: &Camera, opened: &Camera, geometry: &Geometry, aspect: f64,
     stated.filter(|camera| camera.view(geometry, aspect).is_some()).unwrap_or_else(|| opened.clone())
 }
 
+/// Cameras of `frames` pictures of a full turn about the up direction, from `camera` on. All have the same distance or,
+/// with parallel rays, the same height: the largest that any of them needs, so that nothing grows or leaves the picture.
+/// `None` if `camera` has no line of sight.
+#[must_use]
+pub fn turntable(camera: &Camera, geometry: &Geometry, aspect: f64, frames: u16) -> Option<Vec<Camera>> {
+    let target = camera.aim.target(geometry);
+    let axis = camera.up.try_normalize()?;
+    let turned = |frame: u16| {
+        let degrees = 360.0 * f64::from(frame) / f64::from(frames);
+        let aim = match camera.aim {
+            Aim::Orbit { azimuth, elevation, fill, front, around } => {
+                Aim::Orbit { azimuth: azimuth + degrees, elevation, fill, front, around }
+            }
+            Aim::LookAt { position, target } => {
+                let turn = DQuat::from_axis_angle(axis, degrees.to_radians());
+                Aim::LookAt { position: target + turn * (position - target), target }
+            }
+        };
+        Camera { aim, ..camera.clone() }.view(geometry, aspect)
+    };
+    let views: Vec<_> = (0..frames).map(turned).collect::<Option<_>>()?;
+    let distance = views.iter().map(|view| (target - view.eye).dot(view.forward)).fold(0.0, f64::max);
+    let half = views.iter().map(|view| view.half[1]).fold(0.0, f64::max);
+    let projection = match camera.projection {
+        Projection::Orthographic { .. } => Projection::Orthographic { height: Some(2.0 * half) },
+        perspective @ Projection::Perspective { .. } => perspective,
+    };
+    let placed = |view: &View| Camera {
+        projection,
+        aim: Aim::LookAt { position: target - distance * view.forward, target },
+        up: camera.up,
+    };
+    Some(views.iter().map(placed).collect())
+}
+
 fn from_side(camera: &Camera, opened: &Camera, side: Side) -> Camera {
     let front = side.outward();
     let level = opened.up.try_normalize().is_some_and(|up| up.dot(front).abs() < 0.9);
@@ -153,4 +188,40 @@ fn go(camera: &Camera, geometry: &Geometry, aspect: f64, step: Move) -> Option<C
     let aim = Aim::LookAt { position: placed.eye, target: placed.target };
     let finite = placed.eye.is_finite() && placed.target.is_finite() && placed.up.is_finite();
     finite.then_some(Camera { projection, aim, up: placed.up })
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::expect_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    #[test]
+    fn a_turntable_keeps_its_distance_and_shows_every_side_whole() {
+        let direction = glam::DMat3::IDENTITY;
+        let geometry = Geometry::new("box", [40, 10, 20], DVec3::ONE, DVec3::ZERO, direction).ok();
+        let geometry = geometry.expect("a box is a grid");
+        for projection in [Projection::Perspective { fov_degrees: 30.0 }, Projection::Orthographic { height: None }] {
+            let camera = Camera { projection, ..Camera::default() };
+            let cameras = turntable(&camera, &geometry, 1.5, 12).expect("it has a line of sight");
+            let views: Vec<View> = cameras.iter().filter_map(|camera| camera.view(&geometry, 1.5)).collect();
+            let first = camera.view(&geometry, 1.5).expect("it has a line of sight");
+            assert!(views[0].forward.distance(first.forward) <= 1e-12, "the turn starts at the camera");
+            let target = camera.aim.target(&geometry);
+            for (index, view) in views.iter().enumerate() {
+                assert!((view.eye.distance(target) - views[0].eye.distance(target)).abs() <= 1e-9, "{index}");
+                assert_eq!(view.half, views[0].half, "{index}");
+                let turned = (view.forward - view.forward.dot(DVec3::Y) * DVec3::Y).normalize();
+                let start = (views[0].forward - views[0].forward.dot(DVec3::Y) * DVec3::Y).normalize();
+                let degrees = start.dot(turned).clamp(-1.0, 1.0).acos().to_degrees();
+                let expected = 30.0 * f64::from(u32::try_from(index.min(12 - index)).unwrap_or(0));
+                assert!((degrees - expected).abs() <= 1e-4, "{index}: {degrees}");
+                for corner in 0..8 {
+                    let at = |axis: usize, side: f64| if corner >> axis & 1 == 0 { -0.5 } else { side - 0.5 };
+                    let place = view.place_of(DVec3::new(at(0, 40.0), at(1, 10.0), at(2, 20.0)));
+                    let inside = place.is_some_and(|place| place.min_element() >= 0.0 && place.max_element() <= 1.0);
+                    assert!(inside, "{index}, corner {corner}: {place:?}");
+                }
+            }
+        }
+    }
 }

@@ -32,6 +32,20 @@ impl<R: Real> Film<R> {
         self.size[0] * self.size[1]
     }
 
+    /// The film of some pixels, by their numbers, as one row.
+    #[must_use]
+    pub fn of_pixels(&self, numbers: &[usize]) -> Self {
+        let all = self.pixels().max(1);
+        let picked = |plane: &[R]| numbers.iter().filter_map(|&i| plane.get(i).copied()).collect::<Vec<R>>();
+        let planes = |from: &[R]| from.chunks_exact(all).flat_map(picked).collect();
+        Self {
+            size: [numbers.len(), 1],
+            components: self.components,
+            accumulators: planes(&self.accumulators),
+            transmittance: planes(&self.transmittance),
+        }
+    }
+
     /// Converts every number of the film.
     #[must_use]
     pub fn map<S>(&self, number: impl Fn(R) -> S) -> Film<S> {

@@ -1,6 +1,6 @@
 //! Elapsed time and memory use.
 
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Sub};
 use std::time::Instant;
 
 use rustix::time::{ClockId, clock_gettime};
@@ -13,6 +13,14 @@ pub struct Timing {
     pub wall_ms: f64,
     /// CPU time of all threads of this process, in ms.
     pub cpu_ms: f64,
+}
+
+impl Sub for Timing {
+    type Output = Self;
+
+    fn sub(self, part: Self) -> Self {
+        Self { wall_ms: self.wall_ms - part.wall_ms, cpu_ms: self.cpu_ms - part.cpu_ms }
+    }
 }
 
 impl AddAssign for Timing {

@@ -8,7 +8,7 @@ pub(crate) use real::{dot, power, unit};
 /// A count of pixels, voxels, entries or samples; exact below 2⁵³.
 #[expect(clippy::cast_precision_loss, reason = "counts are far below 2⁵³")]
 #[must_use]
-pub(crate) fn count(n: usize) -> f64 {
+pub fn count(n: usize) -> f64 {
     n as f64
 }
 
@@ -22,7 +22,7 @@ pub(crate) fn rounded(value: f64) -> f32 {
 /// The whole part of a number as a count; negative ones and NaN are 0.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts of floats saturate")]
 #[must_use]
-pub(crate) fn whole(number: f64) -> usize {
+pub fn whole(number: f64) -> usize {
     number as usize
 }
 

@@ -11,7 +11,7 @@ mod spectral;
 mod volume;
 
 pub use self::exr::write_exr;
-pub use self::png::{Alpha, Depth, ready_png, write_png, write_ready_png};
+pub use self::png::{Alpha, Animation, Depth, ready_png, write_apng, write_png, write_ready_png};
 pub use atomic::{Sink, check_writable, discard_unfinished, write_atomically};
 pub use drawing::write_drawing;
 pub use film::FilmFile;

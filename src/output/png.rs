@@ -37,7 +37,12 @@ pub enum Alpha {
 /// Same as [`write_atomically`].
 pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Result<(), OutputError> {
     let (width, height) = (picture.width(), picture.height());
-    let data = match depth {
+    write_data(path, width, height, depth, alpha == Alpha::Kept, &encoded(picture, depth, alpha))
+}
+
+/// The samples of a picture as PNG data.
+fn encoded(picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Vec<u8> {
+    match depth {
         Depth::Eight => {
             encode(picture, alpha, |colour| [code_8(colour)], |opacity| [level(opacity, 255).to_be_bytes()[1]])
         }
@@ -47,8 +52,7 @@ pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha)
             |colour| level(srgb_from_linear(colour), u16::MAX).to_be_bytes(),
             |opacity| level(opacity, u16::MAX).to_be_bytes(),
         ),
-    };
-    write_data(path, width, height, depth, alpha == Alpha::Kept, &data)
+    }
 }
 
 /// Writes 8-bit sRGB samples: three (R, G, B) or four (with straight alpha) per pixel.
@@ -59,6 +63,59 @@ pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha)
 pub fn write_ready_png(path: &Path, width: usize, height: usize, samples: &[u8]) -> Result<(), OutputError> {
     check_samples("a PNG", width, height, samples.len())?;
     write_data(path, width, height, Depth::Eight, samples.len() == 4 * width * height, samples)
+}
+
+/// Length and speed of an animation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Animation {
+    /// Number of pictures.
+    pub frames: u32,
+    /// Pictures per second.
+    pub per_second: u16,
+}
+
+/// Writes an animated PNG that repeats without end. `frame` makes the linear RGBA of picture 0, 1, … of `size` (width,
+/// height); only one picture is in memory.
+///
+/// # Errors
+///
+/// [`OutputError::Size`], [`OutputError::Shape`], those of [`write_atomically`], and those of `frame`; `path` is then
+/// unchanged.
+pub fn write_apng<E: From<OutputError>>(
+    path: &Path,
+    size: [usize; 2],
+    animation: Animation,
+    depth: Depth,
+    alpha: Alpha,
+    mut frame: impl FnMut(usize) -> Result<Vec<f32>, E>,
+) -> Result<(), E> {
+    let sides = sides(size[0], size[1])?;
+    let mut failed = None;
+    let written = write_atomically(path, |sink| {
+        let mut encoder = encoder(sink, sides, depth, alpha == Alpha::Kept)?;
+        encoder.set_animated(animation.frames, 0).map_err(described)?;
+        encoder.set_frame_delay(1, animation.per_second).map_err(described)?;
+        let mut writer = encoder.write_header().map_err(described)?;
+        for index in 0..animation.frames {
+            let index = usize::try_from(index).map_err(io::Error::other)?;
+            let mut data = || {
+                let samples = frame(index)?;
+                Ok(encoded(&Picture::new(size[0], size[1], &samples)?, depth, alpha))
+            };
+            match data() {
+                Ok(data) => writer.write_image_data(&data).map_err(described)?,
+                Err(error) => {
+                    failed = Some(error);
+                    return Err(io::Error::other("a frame failed"));
+                }
+            }
+        }
+        writer.finish().map_err(described)
+    });
+    match failed {
+        Some(error) => Err(error),
+        None => Ok(written?),
+    }
 }
 
 /// Encodes the samples of a picture as PNG data, `N` bytes each.
@@ -123,13 +180,19 @@ fn sides(width: usize, height: usize) -> Result<[u32; 2], OutputError> {
     }
 }
 
-fn write_pixels(
-    sink: impl io::Write,
+fn write_pixels(sink: impl io::Write, sides: [u32; 2], depth: Depth, alpha: bool, data: &[u8]) -> io::Result<()> {
+    let mut writer = encoder(sink, sides, depth, alpha)?.write_header().map_err(described)?;
+    writer.write_image_data(data).map_err(described)?;
+    writer.finish().map_err(described)
+}
+
+/// An encoder of sRGB pictures.
+fn encoder<'a, W: io::Write>(
+    sink: W,
     [columns, rows]: [u32; 2],
     depth: Depth,
     alpha: bool,
-    data: &[u8],
-) -> io::Result<()> {
+) -> io::Result<png::Encoder<'a, W>> {
     let mut encoder = png::Encoder::new(sink, columns, rows);
     encoder.set_color(if alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
     encoder.set_depth(match depth {
@@ -139,14 +202,15 @@ fn write_pixels(
     encoder.set_compression(png::Compression::Fast);
     // Also writes the gAMA and cHRM chunks that the PNG standard recommends for decoders without sRGB support.
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-    let describe = |error| match error {
+    encoder.add_text_chunk("Software".to_owned(), SOFTWARE.to_owned()).map_err(described)?;
+    Ok(encoder)
+}
+
+fn described(error: png::EncodingError) -> io::Error {
+    match error {
         png::EncodingError::IoError(error) => error,
         other => io::Error::other(other),
-    };
-    encoder.add_text_chunk("Software".to_owned(), SOFTWARE.to_owned()).map_err(describe)?;
-    let mut writer = encoder.write_header().map_err(describe)?;
-    writer.write_image_data(data).map_err(describe)?;
-    writer.finish().map_err(describe)
+    }
 }
 
 /// Quantises `value`, 0–1, to the nearest level from 0 to `largest`; NaN becomes 0.

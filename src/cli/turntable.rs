@@ -1,0 +1,70 @@
+//! `relume render --turntable`: pictures of a volume that turns once.
+
+use serde_json::{Value, json};
+
+use relume::document::moves::turntable;
+use relume::internal::number::count;
+use relume::measure::{Stopwatch, Timing};
+use relume::output::Alpha;
+use relume::progress::Progress;
+use relume::render::SceneRenderer;
+use relume::scene::Mix;
+
+use super::CliError;
+use super::files::{Backdrop, Bits};
+use super::frames::Frames;
+
+/// Progress within a frame: not reported, since the frames are counted, but cancelled with them.
+struct WithinFrame<'a>(&'a dyn Progress);
+
+impl Progress for WithinFrame<'_> {
+    fn report(&self, _stage: &str, _done: u64, _total: u64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
+}
+
+/// Appearance of the pictures.
+pub(crate) struct Look<'a> {
+    pub(crate) mix: &'a Mix,
+    pub(crate) size: [usize; 2],
+    pub(crate) bits: Bits,
+    pub(crate) backdrop: Option<Backdrop>,
+}
+
+/// Writes `frames` of a full turn of the scene on the device; returns the times and the number of marches.
+pub(crate) fn write(
+    on_device: &mut SceneRenderer,
+    look: &Look<'_>,
+    frames: &Frames<'_>,
+    progress: &dyn Progress,
+) -> Result<(Vec<(&'static str, Timing)>, Value), CliError> {
+    let Look { mix, size: [width, height], bits, backdrop } = *look;
+    let scene = on_device.scene();
+    let aspect = count(width) / count(height);
+    let cameras = turntable(&scene.camera, &scene.volume.geometry, aspect, frames.count());
+    let cameras = cameras.ok_or_else(|| CliError::Failed("the camera has no line of sight to turn about".into()))?;
+    let matrices = on_device.matrices(mix);
+    let alpha = if backdrop == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack };
+    let (mut marching, mut relighting) = (Timing::default(), Timing::default());
+    let whole = Stopwatch::start();
+    frames.write([width, height], bits, alpha, |index| {
+        progress.report("marching", index as u64, cameras.len() as u64);
+        on_device.camera_mut().clone_from(&cameras[index]);
+        let clock = Stopwatch::start();
+        let film = on_device.march([width, height], &WithinFrame(progress))?;
+        marching += clock.read();
+        let clock = Stopwatch::start();
+        let relight = on_device.renderer().relight_linear(&film)?;
+        relight.run(&matrices)?;
+        let mut rgba = relight.read::<f32>()?;
+        relighting += clock.read();
+        if let Some(backdrop) = backdrop {
+            backdrop.behind(&mut rgba);
+        }
+        Ok(rgba)
+    })?;
+    let written = whole.read() - marching - relighting;
+    Ok((vec![("march", marching), ("relight", relighting), ("write", written)], json!(cameras.len())))
+}
