@@ -4,6 +4,7 @@
   benches/peers.py --relume target/release/relume --peers FOLDER --volume frog.mhd > benches/results/lavapipe.md
 
 FOLDER holds the peer programs (peer_vtk.py, peer_floor.py, peerlib.py); this Python needs what they need, and OpenEXR.
+With --before OLD, another build of Relume runs in the same turns, and a second table has its times beside the new ones.
 Every program runs in a process of its own, in turn (A B A B …), five times; medians of CPU ms of all threads.
 """
 import argparse, json, os, statistics, subprocess, sys, tempfile
@@ -12,6 +13,7 @@ arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argpars
 arguments.add_argument("--relume", required=True)
 arguments.add_argument("--peers", required=True)
 arguments.add_argument("--volume", required=True, help="the real frog, 500x470x136")
+arguments.add_argument("--before", help="an earlier build of Relume")
 arguments.add_argument("--runs", type=int, default=5)
 given = arguments.parse_args()
 relume, volume = os.path.abspath(given.relume), os.path.abspath(given.volume)
@@ -26,8 +28,8 @@ def peer(program, *flags):
     return json.loads(lines[-1][5:])
 
 
-def bench(workload, shading):
-    command = [relume, "bench", workload, "--shading", shading, "--frames", "9", "--json", "--quiet"]
+def bench(workload, shading, program=relume):
+    command = [program, "bench", workload, "--shading", shading, "--frames", "9", "--json", "--quiet"]
     command += [] if workload == "default" else ["--volume", volume]
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["rows"][0]
 
@@ -37,17 +39,21 @@ def middle(values):
 
 
 WORKLOADS = ("peer", "peer-rgb", "peer-k8", "peer-four-lights", "peer-eight-materials", "peer-coloured-rgb", "peer-coloured-k8")
-vtk, ours = {"none": [], "diffuse": []}, {}
+vtk, ours, before = {"none": [], "diffuse": []}, {}, {}
 for run in range(given.runs):
     for shading, flag in (("none", "0"), ("diffuse", "1")):
         vtk[shading].append(peer("peer_vtk.py", "--mapper", "fixed", "--size", "800", "--shade", flag))
         for workload in WORKLOADS:
             ours.setdefault((workload, shading), []).append(bench(workload, shading))
+            if given.before:
+                before.setdefault((workload, shading), []).append(bench(workload, shading, os.path.abspath(given.before)))
     ours.setdefault(("default", "diffuse"), []).append(bench("default", "diffuse"))
+    if given.before:
+        before.setdefault(("default", "diffuse"), []).append(bench("default", "diffuse", os.path.abspath(given.before)))
 
 
-def cpu(key, stage="march"):
-    return middle([row[stage]["cpu_ms"]["median"] for row in ours[key]])
+def cpu(key, stage="march", of=ours):
+    return middle([row[stage]["cpu_ms"]["median"] for row in of[key]])
 
 
 def psnr(shading, flag):
@@ -93,3 +99,9 @@ memory = middle([row["peak_mb"] for row in ours[("peer", "diffuse")]])
 print(f"| peak memory, shaded, MB | {memory:.0f} | {middle([row['peak_mb'] for row in vtk['diffuse']]):.0f} | |")
 for shading, flag in (("none", "0"), ("diffuse", "1")):
     print(f"| picture against the C ray caster's, shading {shading}, dB | {psnr(shading, flag):.1f} | | |")
+if given.before:
+    print("\n| what | now | before | ratio |\n|---|---|---|---|")
+    for key in before:
+        for stage in ("march", "relight"):
+            now, then = cpu(key, stage), cpu(key, stage, before)
+            print(f"| {stage}, {key[0]}, shading {key[1]} | {now:.2f} | {then:.2f} | {now / then:.3f} |")
