@@ -1,6 +1,6 @@
 //! Modules that only the program and its tests use; they may change in any release.
 
-#[path = "annotate.rs"]
+#[path = "annotate/mod.rs"]
 pub mod annotate;
 #[path = "input.rs"]
 pub mod input;

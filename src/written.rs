@@ -1,4 +1,4 @@
-//! Positions in text files, and suggestions for unknown words.
+//! Positions in text files, suggestions for unknown words, and text in XML.
 
 use crate::number::{in_words, line_and_column};
 use crate::spectrum::nearest;
@@ -7,6 +7,12 @@ use crate::spectrum::nearest;
 pub(crate) fn place(name: &str, text: &str, byte: usize) -> String {
     let [line, column] = line_and_column(text, byte);
     format!("{name}:{line}:{column}")
+}
+
+/// Escapes a text for XML and removes control characters other than line breaks.
+pub(crate) fn escaped(text: &str) -> String {
+    let plain: String = text.chars().filter(|letter| *letter == '\n' || !letter.is_control()).collect();
+    plain.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// Adds the most similar expected word to serde's message about an unknown word; rewrites other messages by

@@ -940,3 +940,32 @@ fn steps_of_equal_visible_change_end_on_the_same_nodes() {
     assert!(spread(&of_eye) < 0.8 * spread(&of_hand), "{of_eye:?}, {of_hand:?}");
     folder.refused(2, &["relight", "acc.exr", "--steps", "visible", "-o", "p.png"], &["--sweep"]);
 }
+
+#[test]
+fn annotations_lie_over_the_picture_and_leave_the_rest_as_it_is() {
+    let scene = SCENE.replace("materials.flesh", "materials.\"flesh & <b>\"").replace("\"flesh\"", "\"flesh & <b>\"");
+    let folder = Folder::new().with("scene.toml", scene);
+    let sized = ["render", "scene.toml", "--size", "256x256"];
+    folder.done(&[&sized[..], &["-o", "plain.png", "-o", "plain.exr"]].concat());
+    let annotated = ["--annotate", "--title", "a <b> & c", "-o", "a.png", "-o", "a.exr"];
+    folder.done(&[&sized[..], &annotated].concat());
+    let samples = |name: &str| {
+        let file = std::io::BufReader::new(File::open(folder.path(name)).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        bytes
+    };
+    let (plain, annotated) = (samples("plain.png"), samples("a.png"));
+    let differs = |&index: &usize| annotated[3 * index..][..3] != plain[3 * index..][..3];
+    let changed: Vec<[usize; 2]> = (0..256 * 256).filter(differs).map(|i| [i % 256, i / 256]).collect();
+    let within = |columns: std::ops::Range<usize>, rows: std::ops::Range<usize>| {
+        changed.iter().any(|[x, y]| columns.contains(x) && rows.contains(y))
+    };
+    // Letters are 11 pixels high; the bar is at most a quarter as wide as the picture, one letter above its bottom.
+    assert!(within(8..76, 240..247) && !within(76..256, 240..247), "a scale bar");
+    assert!(within(11..22, 30..60), "swatches of the legend");
+    assert!(!within(0..5, 0..256) && !within(251..256, 0..256), "nothing runs out of the picture");
+    assert_eq!(Exr::read(&folder.path("a.exr")).rgba(), Exr::read(&folder.path("plain.exr")).rgba());
+    folder.refused(2, &[&sized[..], &["--title", "t", "-o", "t.png"]].concat(), &["--annotate"]);
+}

@@ -19,7 +19,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("scene", &["model", "spectrum", "volume", "number"]),
     ("plan", &["scene", "model", "spectrum", "progress", "number"]),
     ("film", &["plan", "scene", "model", "spectrum", "number"]),
-    ("annotate", &["film", "plan", "scene", "spectrum", "volume", "number"]),
+    ("annotate", &["film", "plan", "scene", "spectrum", "volume", "number", "written"]),
     ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "number"]),
     ("reference", &["film", "tables", "plan", "scene", "volume", "progress", "number"]),
     ("shader", &[]),
@@ -49,6 +49,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "volume",
             "progress",
             "number",
+            "written",
         ],
     ),
     (
@@ -79,6 +80,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         "cli",
         &[
+            "annotate",
             "document",
             "view",
             "input",

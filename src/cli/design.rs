@@ -65,6 +65,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let clock = Stopwatch::start();
     let solution = palette::solve(&palette, progress)?;
     let times = clock.read();
+    // Before any file is written, because it may be cancelled.
+    let smoother = smoother(&solution, progress)?;
     if let Some(path) = &args.output {
         write_text(path, &solution.to_toml())?;
     }
@@ -89,7 +91,6 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             )?,
         }
     }
-    let smoother = smoother(&solution, progress)?;
     let written: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
     let mut text = text(&solution);
     text.push_str(&edge_text(&solution, &smoother));

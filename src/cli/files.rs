@@ -10,12 +10,15 @@ use serde_json::Value;
 
 use relume::document::{Dial, DialNode, DialPreset};
 use relume::film::{Components, Film, RelightMatrices};
+use relume::internal::annotate::Overlay;
 use relume::output::film::{
     Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
 };
-use relume::output::{Alpha, Depth, FilmFile as File, Picture, PictureKind, check_writable, write_exr, write_png};
+use relume::output::{
+    Alpha, Depth, FilmFile as File, Picture, PictureKind, check_writable, draw_over, write_exr, write_png,
+};
 use relume::plan::Transmittance;
-use relume::scene::{Display, Mix, MixLight};
+use relume::scene::{Camera, Display, Mix, MixLight};
 use relume::spectrum::colour::decode_srgb;
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
 use relume::tables::Reflected;
@@ -63,6 +66,12 @@ pub(crate) fn backdrop(text: &str) -> Result<Backdrop, String> {
 }
 
 impl Backdrop {
+    /// Whether dark letters are easier to read on it than bright ones.
+    pub(crate) fn is_bright(self) -> bool {
+        // Relative luminance of mid grey, L* = 50.
+        matches!(self, Self::Colour([red, green, blue]) if 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.18)
+    }
+
     /// The picture of linear RGBA over this backdrop.
     #[expect(clippy::cast_possible_truncation, reason = "pictures are stored in f32")]
     pub(crate) fn behind(self, rgba: &mut [f32]) {
@@ -75,6 +84,24 @@ impl Backdrop {
             pixel[3] = 1.0;
         }
     }
+}
+
+/// Puts the backdrop behind linear RGBA of `size`, and draws the overlay of the picture by `camera` over it.
+pub(crate) fn dress(
+    rgba: &mut [f32],
+    size: [usize; 2],
+    backdrop: Option<Backdrop>,
+    overlay: Option<&Overlay<'_>>,
+    camera: &Camera,
+) -> Result<(), CliError> {
+    if let Some(backdrop) = backdrop {
+        backdrop.behind(rgba);
+    }
+    let Some(overlay) = overlay else { return Ok(()) };
+    if !draw_over(Path::new("annotations"), &overlay.svg(camera, size), size[0], rgba)? {
+        tracing::warn!("this system has no fonts, so the annotations have no text; install fonts-dejavu-core");
+    }
+    Ok(())
 }
 
 /// Writes linear RGBA to `path`; PNG files treat opacity by `alpha`.

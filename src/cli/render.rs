@@ -7,6 +7,7 @@ use serde_json::{Map, json};
 
 use relume::document::{State, session};
 use relume::film::{Components, Film, RelightMatrices};
+use relume::internal::annotate::Overlay;
 use relume::internal::memory;
 use relume::internal::number::readable;
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
@@ -71,6 +72,12 @@ pub(crate) struct Args {
     /// No light changes this colour. The lights do change `background` of a scene, which is a surface.
     #[arg(long, value_name = "transparent|#RRGGBB", value_parser = backdrop)]
     background: Option<Backdrop>,
+    /// Draw a scale bar, orientation letters (for anatomical volumes) and a legend of materials and lights into PNG files.
+    #[arg(long)]
+    annotate: bool,
+    /// Title of an annotated picture.
+    #[arg(long, value_name = "TEXT", requires = "annotate")]
+    title: Option<String>,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
@@ -234,11 +241,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
         spent.join(", ")
     };
+    let overlay = args.annotate.then_some(Overlay {
+        scene: &scene,
+        planned: &planned,
+        mix: &mix,
+        title: args.title.as_deref(),
+        bright: args.background.is_some_and(Backdrop::is_bright),
+    });
     if args.turntable.is_some() {
         let ready = ready_device(&scene, &planned, &statistics, (args, args.size), progress)?;
         let mut times = vec![("load", loaded)];
         times.extend(ready.times);
-        let look = turntable::Look { mix: &mix, size: args.size, bits: args.bits, backdrop: args.background };
+        let look = turntable::Look { mix: &mix, size: args.size, bits: args.bits, backdrop: args.background, overlay };
         let mut on_device = ready.on_device;
         let (more, marches) = turntable::write(&mut on_device, &look, &frames, progress)?;
         times.extend(more);
@@ -257,7 +271,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
 
     let kinds: Vec<PictureKind> = pictures.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
-    let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none() && args.background.is_none();
+    let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none();
+    let encoded = encoded && args.background.is_none() && !args.annotate;
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
     let wanted = Wanted {
         linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
@@ -275,9 +290,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
 
     let clock = Stopwatch::start();
-    let mut shown = marched.linear.clone().filter(|_| args.background.is_some());
-    if let (Some(shown), Some(backdrop)) = (&mut shown, args.background) {
-        backdrop.behind(shown);
+    let mut shown = marched.linear.clone().filter(|_| args.background.is_some() || args.annotate);
+    if let Some(shown) = &mut shown {
+        files::dress(shown, args.size, args.background, overlay.as_ref(), &scene.camera)?;
     }
     let alpha = if args.background == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack };
     for path in &pictures {

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use relume::document::moves::turntable;
+use relume::internal::annotate::Overlay;
 use relume::internal::number::count;
 use relume::measure::{Stopwatch, Timing};
 use relume::output::Alpha;
@@ -11,7 +12,7 @@ use relume::render::SceneRenderer;
 use relume::scene::Mix;
 
 use super::CliError;
-use super::files::{Backdrop, Bits};
+use super::files::{Backdrop, Bits, dress};
 use super::frames::Frames;
 
 /// Progress within a frame: not reported, since the frames are counted, but cancelled with them.
@@ -31,6 +32,7 @@ pub(crate) struct Look<'a> {
     pub(crate) size: [usize; 2],
     pub(crate) bits: Bits,
     pub(crate) backdrop: Option<Backdrop>,
+    pub(crate) overlay: Option<Overlay<'a>>,
 }
 
 /// Writes `frames` of a full turn of the scene on the device; returns the times and the number of marches.
@@ -40,7 +42,7 @@ pub(crate) fn write(
     frames: &Frames<'_>,
     progress: &dyn Progress,
 ) -> Result<(Vec<(&'static str, Timing)>, Value), CliError> {
-    let Look { mix, size: [width, height], bits, backdrop } = *look;
+    let Look { mix, size: [width, height], bits, backdrop, overlay } = *look;
     let scene = on_device.scene();
     let aspect = count(width) / count(height);
     let cameras = turntable(&scene.camera, &scene.volume.geometry, aspect, frames.count());
@@ -60,9 +62,7 @@ pub(crate) fn write(
         relight.run(&matrices)?;
         let mut rgba = relight.read::<f32>()?;
         relighting += clock.read();
-        if let Some(backdrop) = backdrop {
-            backdrop.behind(&mut rgba);
-        }
+        dress(&mut rgba, [width, height], backdrop, overlay.as_ref(), &cameras[index])?;
         Ok(rgba)
     })?;
     let written = whole.read() - marching - relighting;

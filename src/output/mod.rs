@@ -13,7 +13,7 @@ mod volume;
 pub use self::exr::write_exr;
 pub use self::png::{Alpha, Animation, Depth, ready_png, write_apng, write_png, write_ready_png};
 pub use atomic::{Sink, check_writable, discard_unfinished, write_atomically};
-pub use drawing::write_drawing;
+pub use drawing::{draw_over, write_drawing};
 pub use film::FilmFile;
 pub use picture::Picture;
 pub use spectral::{SpectralRow, write_spectral};

@@ -7,6 +7,7 @@ use crate::number::count;
 use crate::spectrum::colour::{Xyz, display_code, is_displayable, linear_srgb_from_xyz};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::{BANDS, FIRST_NM, LAST_NM, Spectrum, wavelength_nm};
+use crate::written::escaped;
 
 const MARGIN: f64 = 24.0;
 /// Left edge of the first table column.
@@ -248,12 +249,6 @@ fn wrapped(text: &str, most: usize) -> Vec<String> {
         }
     }
     lines
-}
-
-/// Removes control characters and escapes a text for XML.
-fn escaped(text: &str) -> String {
-    let plain: String = text.chars().filter(|letter| !letter.is_control()).collect();
-    plain.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// SVG document that grows downwards.

@@ -21,11 +21,7 @@ pub(super) struct Drawing {
     height: f64,
 }
 
-/// Escapes a text for XML and removes control characters.
-pub(super) fn escaped(text: &str) -> String {
-    let plain: String = text.chars().filter(|letter| *letter == '\n' || !letter.is_control()).collect();
-    plain.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
+pub(super) use crate::written::escaped;
 
 impl Drawing {
     pub(super) fn new(width: f64, height: f64) -> Self {

@@ -1,4 +1,8 @@
-//! Annotations of a picture: scale bar, orientation letters and the colours of a legend. Numbers only; nothing is drawn.
+//! Annotations of a picture: scale bar, orientation letters and the colours of a legend, and their drawing.
+
+mod overlay;
+
+pub use overlay::Overlay;
 
 use glam::DVec3;
 
