@@ -11,7 +11,7 @@ use relume::document::{Definition, SceneOptions};
 use relume::plan::{Accumulate, Shares, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::scene::{AccumulateAs, Material, Scene, SceneLight, Term, positions};
-use relume::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
+use relume::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz, xyz_of};
 use relume::spectrum::{Spectrum, standard};
 use relume::tables::TransferTable;
 use relume::volume::phantom::Phantom;
@@ -112,6 +112,28 @@ fn the_scanned_engine_shows_all_its_materials() {
     let folder = folder("engine");
     let volume = Some(zeros(&folder, "engine.mha", [256, 256, 128]));
     check(&load("engine_ct.toml", &SceneOptions { volume, ..SceneOptions::default() }));
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn the_chest_has_one_colour_in_daylight_and_shows_only_its_skeleton_under_the_last_light() {
+    let folder = folder("chest");
+    let volume = Some(zeros(&folder, "chest.mha", [256, 256, 133]));
+    let scene = load("chest.toml", &SceneOptions { volume, ..SceneOptions::default() });
+    assert_eq!(plan(&scene, &Quiet).unwrap().materials.len(), 4, "all materials are shown");
+    let lab = |material: &str, light: &str| {
+        let material = scene.materials.iter().find(|it| it.name == material).unwrap();
+        let light = scene.lights.iter().find(|it| it.name == light).unwrap();
+        lab_from_xyz(xyz(&light.spectrum, &material.reflectance), d65_white())
+    };
+    let black = lab_from_xyz(Xyz([0.0; 3]), d65_white());
+    for tissue in ["body", "organs", "blood"] {
+        // The tutorial promises differences that nobody sees: a tenth of a just visible one.
+        assert!(ciede2000(lab(tissue, "day"), lab("bone", "day")) <= 0.1, "{tissue} in daylight");
+        assert!(ciede2000(lab(tissue, "for_bone"), black) <= 0.1, "{tissue} under the light for bone");
+        assert!(ciede2000(lab(tissue, "for_organs"), lab("bone", "for_organs")) >= 20.0, "{tissue} stands out");
+    }
+    assert!(ciede2000(lab("bone", "for_bone"), black) >= 50.0, "bone under its light");
     std::fs::remove_dir_all(folder).unwrap();
 }
 
