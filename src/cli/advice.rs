@@ -95,7 +95,7 @@ fn of_volume(error: &VolumeError) -> Option<String> {
         }
         VolumeError::NoLayout { guess: None, .. } => Some("; --dims and --type give them".to_owned()),
         VolumeError::HasHeader { .. } => Some(": omit --dims and --type".to_owned()),
-        VolumeError::Lean { .. } => Some("; --resample does it".to_owned()),
+        VolumeError::Lean { .. } | VolumeError::Uneven { .. } => Some("; --resample does it".to_owned()),
         VolumeError::Choose { there, .. } => Some(match there {
             Several::Components { .. } => " with --component N".to_owned(),
             Several::Times(_) => " with --time N".to_owned(),

@@ -191,6 +191,14 @@ pub enum VolumeError {
         /// Angles in degrees between x and y, x and z, y and z.
         angles: [f64; 3],
     },
+    /// The slices are not evenly spaced.
+    #[error("{source_name}: {problem}; resampling makes even steps")]
+    Uneven {
+        /// The file or folder.
+        source_name: String,
+        /// Description of the uneven steps, with the numbers.
+        problem: String,
+    },
     /// The file holds several scalar volumes, and none is selected.
     #[error("{source_name}: {there}; choose {}", there.range())]
     Choose {
@@ -372,6 +380,7 @@ impl VolumeError {
             Self::Origin { .. } => "volume-origin-invalid",
             Self::Direction { .. } => "volume-direction-invalid",
             Self::Lean { .. } => "volume-axes-lean",
+            Self::Uneven { .. } => "volume-slices-uneven",
             Self::Choose { .. } => "volume-choice-missing",
             Self::NoSuch { .. } => "volume-choice-unknown",
             Self::Outside { .. } => "volume-data-outside-folder",

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::open::beginning;
-use super::{Selection, Volume, VolumeError, foreign, stream};
+use super::{Selection, Volume, VolumeError, dicom, foreign, stream};
 use crate::progress::Progress;
 
 /// Largest number of files and folders in a folder, together with those in its folders.
@@ -22,14 +22,8 @@ struct FolderFormat {
 }
 
 /// All formats of folders; the first that finds a file reads the folder. A new reader is a new entry.
-const FORMATS: [FolderFormat; 1] = [FolderFormat {
-    name: "DICOM",
-    find: |folder| folder.recognised(foreign::is_dicom),
-    read: |folder, files, _, _| {
-        let (count, s) = (files.len(), if files.len() == 1 { "" } else { "s" });
-        Err(unknown(&folder.path, format!("this is a folder with {count} DICOM file{s}")))
-    },
-}];
+const FORMATS: [FolderFormat; 1] =
+    [FolderFormat { name: "DICOM", find: |folder| folder.recognised(dicom::recognises), read: dicom::read_folder }];
 
 /// A folder and its files.
 #[derive(Debug)]

@@ -3,6 +3,7 @@
 mod allocate;
 mod binary;
 mod data;
+mod dicom;
 mod error;
 mod fields;
 mod folder;

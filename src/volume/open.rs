@@ -4,8 +4,8 @@ use std::io::Read;
 use std::path::Path;
 
 use super::{
-    PackedBlocks, RawLayout, Selection, Volume, VolumeError, folder, foreign, metaimage, mrc, nifti, nrrd, numpy, raw,
-    stream, vti, vtk,
+    PackedBlocks, RawLayout, Selection, Volume, VolumeError, dicom, folder, foreign, metaimage, mrc, nifti, nrrd,
+    numpy, raw, stream, vti, vtk,
 };
 use crate::progress::Progress;
 
@@ -59,7 +59,15 @@ impl Format {
 }
 
 /// All formats; a new reader is a new line.
-const FORMATS: [Format; 10] = [
+const FORMATS: [Format; 11] = [
+    Format {
+        name: "DICOM",
+        extensions: &["dcm", "dicom", "ima"],
+        recognises: dicom::recognises,
+        is_another: ALONE,
+        further: Further { series: true, ..NOTHING },
+        read: dicom::read,
+    },
     Format {
         name: "MetaImage",
         extensions: &["mhd", "mha"],

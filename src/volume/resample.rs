@@ -166,6 +166,18 @@ impl Grid {
         has_labels: bool,
         slope: f64,
     ) -> Result<Volume, VolumeError> {
+        self.volume_around(source, voxels, has_labels, slope, None)
+    }
+
+    /// As [`Self::volume`]; a voxel outside the leaning grid gets the stored number `outside`, if there is one.
+    pub(super) fn volume_around(
+        self,
+        source: &str,
+        voxels: Voxels,
+        has_labels: bool,
+        slope: f64,
+        outside: Option<f64>,
+    ) -> Result<Volume, VolumeError> {
         let (lattice, straight) = match self {
             Self::Own(geometry) => {
                 return Ok(Volume { has_labels, ..Volume::new(source, voxels, geometry)? });
@@ -173,7 +185,7 @@ impl Grid {
             Self::Straightened(lattice, straight) => (lattice, straight),
         };
         let voxels = with_voxels!(&voxels, stored => {
-            let outside = outermost(stored, slope < 0.0);
+            let outside = outside.map_or_else(|| outermost(stored, slope < 0.0), Voxel::nearest);
             // A straight grid may have several times the voxels of the leaning one.
             let voxels = allocate::zeroed(Path::new(source), straight.voxels())?;
             straightened((stored, &lattice), (voxels, &straight), outside, has_labels)
