@@ -145,6 +145,31 @@ fn a_series_knows_its_unit_windows_and_metadata() {
     assert!(!volume.presets.windows.is_empty(), "a CT without windows has those of CT");
 }
 
+#[test]
+fn labels_of_a_part_are_laid_into_the_grid_of_the_volume() {
+    let Some(folder) = shared() else { return };
+    let volume = open(&folder.join("dicom/oblique_ct"), &Selection::default()).unwrap();
+    let labels = open(&folder.join("dicom/seg_binary.dcm"), &Selection::default()).unwrap();
+    let laid = labels.labels_laid_into(&volume.geometry).unwrap().unwrap();
+    let expected = &expected(&folder, "dicom/seg_binary.dcm")["on_reference_grid"];
+    assert_eq!(volumes::hex(laid.voxels.bytes()), expected["decoded_sha256"].as_str().unwrap());
+    assert!(laid.geometry.lies_on(&volume.geometry) && laid.has_labels && laid.presets == labels.presets);
+    assert!(
+        laid.notes.iter().any(|note| note.contains("48×44×11 voxels are laid into the 48×44×18")),
+        "{:?}",
+        laid.notes
+    );
+    // Half a voxel aside.
+    let mut aside = volume.geometry;
+    aside.origin += aside.direction.x_axis * 0.5 * aside.spacing.x;
+    assert!(labels.labels_laid_into(&aside).unwrap().is_none());
+    // A part of the part: labelled voxels are lost, and said to be.
+    let part = relume::volume::Geometry { dims: [48, 44, 2], ..labels.geometry };
+    let cut = labels.labels_laid_into(&part).unwrap().unwrap();
+    assert_eq!(cut.voxels.bytes(), &labels.voxels.bytes()[..48 * 44 * 2]);
+    assert!(cut.notes.iter().any(|note| note.contains("labelled voxels lie outside")), "{:?}", cut.notes);
+}
+
 /// Files of a shared folder.
 fn files(folder: &Path) -> Vec<PathBuf> {
     let mut all: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();

@@ -173,6 +173,11 @@ fn a_legacy_vtk_file_of_anything_is_read_or_refused() {
 }
 
 #[test]
+fn a_dicom_file_of_anything_is_read_or_refused() {
+    withstands(Reader::Dicom, &seeds("hostile/dicom"), 8000);
+}
+
+#[test]
 fn a_sidecar_of_anything_is_read_or_refused() {
     withstands(Reader::Sidecar, &seeds("hostile/sidecar"), 8000);
 }
