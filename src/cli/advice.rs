@@ -91,10 +91,12 @@ fn of_volume(error: &VolumeError) -> Option<String> {
         }
         VolumeError::NoLayout { guess: None, .. } => Some("; --dims and --type give them".to_owned()),
         VolumeError::HasHeader { .. } => Some(": omit --dims and --type".to_owned()),
-        VolumeError::Lean { .. } => Some("; --resample does it".to_owned()),
+        VolumeError::Lean { .. } | VolumeError::Uneven { .. } => Some("; --resample does it".to_owned()),
         VolumeError::Choose { there, .. } => Some(match there {
             Several::Components { .. } => " with --component N".to_owned(),
             Several::Times(_) => " with --time N".to_owned(),
+            Several::Series(_) => " with --series N".to_owned(),
+            Several::Levels(_) => " with --pyramid-level N".to_owned(),
             _ => " with --array NAME".to_owned(),
         }),
         VolumeError::NoSuch { asked, .. } => Some(format!(" ({})", chosen(asked))),
@@ -108,6 +110,8 @@ fn chosen(asked: &Asked) -> String {
         Asked::Component(index) => format!("--component {index}"),
         Asked::Time(index) => format!("--time {index}"),
         Asked::Array(name) => format!("--array {name}"),
+        Asked::Series(key) => format!("--series {key}"),
+        Asked::Level(level) => format!("--pyramid-level {level}"),
     }
 }
 

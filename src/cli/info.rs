@@ -16,7 +16,7 @@ use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
 use relume::tables::Storage;
-use relume::volume::{self, LabelPreset, Volume, Window};
+use relume::volume::{self, LabelPreset, Series, Several, Volume, VolumeError, Window};
 use relume::vulkan::{DeviceInfo, devices};
 
 use super::model::{Learnt, warn_of_plan};
@@ -28,9 +28,10 @@ Examples:
   relume info                                   the Vulkan devices
   relume info head.mhd --voxel 10,20,30         the contents of a volume
   relume info ct.raw --dims 512x512x200 --type int16 --json
+  relume info scans                             the series of a folder of DICOM files
   relume info scene.toml                        the contents of a scene, and the cost of a picture";
 
-const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .vti, .vtk, .raw). \
+const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.dcm, .mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .vti, .vtk, .raw, a folder of DICOM files). \
                         Without one, the Vulkan devices";
 
 /// Arguments of `relume info`.
@@ -47,7 +48,17 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     match (&args.scene.scene, &args.scene.volume) {
         (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
-            let all = ["--labels", "--downsample", "--component", "--time", "--array", "--dims", "--voxel"];
+            let all = [
+                "--labels",
+                "--downsample",
+                "--component",
+                "--time",
+                "--array",
+                "--series",
+                "--pyramid-level",
+                "--dims",
+                "--voxel",
+            ];
             args.refuse(&all, "it needs a scene or a volume")?;
             of_devices()
         }
@@ -63,7 +74,14 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             args.refuse(&["-D", "--labels"], &why)?;
             args.refuse_accuracy(&why)?;
             let selection = args.scene.selection.selection();
-            let volume = volume::open_by(path, args.scene.raw.layout().as_ref(), &selection, progress)?;
+            let opened = volume::open_by(path, args.scene.raw.layout().as_ref(), &selection, progress);
+            let volume = match opened {
+                Err(VolumeError::Choose { source_name, there: Several::Series(all) }) if selection.series.is_none() => {
+                    args.refuse(&["--voxel", "--downsample"], "it needs one series; choose it with --series")?;
+                    return Ok(of_series(&source_name, &all));
+                }
+                opened => opened?,
+            };
             let volume = match args.scene.downsample {
                 Some(blocks) => volume.downsample(blocks)?,
                 None => volume,
@@ -96,6 +114,8 @@ impl Args {
             ("--component", selection.component.is_some()),
             ("--time", selection.time.is_some()),
             ("--array", selection.array.is_some()),
+            ("--series", selection.series.is_some()),
+            ("--pyramid-level", selection.level.is_some()),
             ("-D", !self.scene.define.is_empty()),
             ("--labels", self.scene.labels.is_some()),
             ("--downsample", self.scene.downsample.is_some()),
@@ -107,6 +127,17 @@ impl Args {
             None => Ok(()),
         }
     }
+}
+
+/// The series of a folder or file.
+fn of_series(source: &str, all: &[Series]) -> Report {
+    let mut text = format!("{source}\n");
+    for series in all {
+        let _ = writeln!(text, "  {:<10} {series}", "series");
+    }
+    let _ = writeln!(text, "  {:<10} --series N reads one of them", "");
+    let of = |Series { key, description, dims, times }: &Series| json!({"series": key, "description": description, "dims": dims, "times": times});
+    Report { text, json: json!({"source": source, "series": all.iter().map(of).collect::<Vec<_>>()}) }
 }
 
 /// Whether a file describes a scene: TOML does, unless it describes voxels.

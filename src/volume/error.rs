@@ -37,6 +37,17 @@ pub enum VolumeError {
         /// Formats with a reader, with their extensions.
         known: String,
     },
+    /// A folder has too many files.
+    #[error(
+        "{}: the folder and its folders hold more than {limit} files; open a folder with the files of one series",
+        path.display()
+    )]
+    FolderTooLarge {
+        /// The folder.
+        path: PathBuf,
+        /// Largest number of files and folders.
+        limit: usize,
+    },
     /// Headerless voxels without a layout.
     #[error(
         "{}: raw voxels have no header; give dims and type, or write them into {} (defaults: byte_order little, \
@@ -179,6 +190,14 @@ pub enum VolumeError {
         source_name: String,
         /// Angles in degrees between x and y, x and z, y and z.
         angles: [f64; 3],
+    },
+    /// The slices are not evenly spaced.
+    #[error("{source_name}: {problem}; resampling makes even steps")]
+    Uneven {
+        /// The file or folder.
+        source_name: String,
+        /// Description of the uneven steps, with the numbers.
+        problem: String,
     },
     /// The file holds several scalar volumes, and none is selected.
     #[error("{source_name}: {there}; choose {}", there.range())]
@@ -346,6 +365,7 @@ impl VolumeError {
             Self::Open { .. } => "volume-not-openable",
             Self::Read { .. } => "volume-not-readable",
             Self::UnknownFormat { .. } => "volume-format-unknown",
+            Self::FolderTooLarge { .. } => "volume-folder-too-large",
             Self::NoLayout { .. } => "volume-layout-missing",
             Self::HasHeader { .. } => "volume-has-header",
             Self::Layout { .. } => "volume-layout-invalid",
@@ -360,6 +380,7 @@ impl VolumeError {
             Self::Origin { .. } => "volume-origin-invalid",
             Self::Direction { .. } => "volume-direction-invalid",
             Self::Lean { .. } => "volume-axes-lean",
+            Self::Uneven { .. } => "volume-slices-uneven",
             Self::Choose { .. } => "volume-choice-missing",
             Self::NoSuch { .. } => "volume-choice-unknown",
             Self::Outside { .. } => "volume-data-outside-folder",

@@ -15,8 +15,7 @@ struct Foreign {
 }
 
 /// Known formats; the first that recognises a file names it.
-const FOREIGN: [Foreign; 14] = [
-    Foreign { name: "a DICOM file", extensions: &["dcm", "dicom"], recognises: is_dicom },
+const FOREIGN: [Foreign; 13] = [
     Foreign { name: "a TIFF file", extensions: &["tif", "tiff"], recognises: is_tiff },
     Foreign { name: "an HDF5 file", extensions: &["h5", "hdf5", "mnc"], recognises: |b| b.starts_with(b"\x89HDF\r\n") },
     Foreign { name: "a NetCDF file", extensions: &["nc"], recognises: |b| b.starts_with(b"CDF") },
@@ -72,22 +71,13 @@ fn name(beginning: &[u8]) -> Option<&'static str> {
     FOREIGN.iter().find(|foreign| (foreign.recognises)(beginning)).map(|foreign| foreign.name)
 }
 
-/// Describes a folder that some programs treat as one file.
+/// Describes a folder that some programs treat as one file, of a format without a reader.
 pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
-    if !path.is_dir() {
-        return None;
-    }
     let has = |name: &str| path.join(name).exists();
     if [".zarray", ".zgroup", "zarr.json"].iter().any(|name| has(name)) {
         return Some("this folder is a Zarr store");
     }
     has("index.json").then_some("this folder is a vtk.js data set")
-}
-
-/// The mark behind the preamble, or, without a preamble, a first element of the identifying group (DICOM PS3.10, §7.1).
-fn is_dicom(beginning: &[u8]) -> bool {
-    beginning.get(128..132) == Some(b"DICM")
-        || matches!(beginning, [0x08, 0x00, 0x00 | 0x01 | 0x05 | 0x08 | 0x16, 0x00, v, r, ..] if v.is_ascii_uppercase() && r.is_ascii_uppercase())
 }
 
 /// UTF-8 without control characters other than white space; the last character may be truncated.

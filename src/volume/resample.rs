@@ -45,6 +45,46 @@ impl Volume {
         Ok(self.resampled(voxels, geometry, block))
     }
 
+    /// The labels on the voxels of `grid`, if these are those of their own grid, shifted by whole voxels within a
+    /// thousandth: a segmentation may cover a part of its volume. Voxels outside their own grid get 0. `None` if the
+    /// grids do not share their voxels.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Memory`].
+    pub fn labels_laid_into(&self, grid: &Geometry) -> Result<Option<Self>, VolumeError> {
+        let own = &self.geometry;
+        let last = own.dims.map(|n| count(n) - 1.0);
+        let shift = |corner: usize| {
+            let index = DVec3::from_array([0, 1, 2].map(|axis| if corner >> axis & 1 == 1 { last[axis] } else { 0.0 }));
+            grid.direction.transpose() * (own.world_from_index(index) - grid.origin) / grid.spacing - index
+        };
+        let offset = shift(0).round();
+        // Positions are rounded in files, as `Geometry::lies_on` grants.
+        let slack = 1e-3 + 1e-6 * own.origin.length() / grid.spacing.min_element();
+        let is_there = (0..8).all(|corner| (shift(corner) - offset).abs().cmple(DVec3::splat(slack)).all());
+        if !is_there || !offset.is_finite() {
+            return Ok(None);
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "saturates; a shift beyond the grid leaves no voxel")]
+        let offset = offset.to_array().map(|voxels| voxels as i64);
+        let (voxels, lost) = with_voxels!(&self.voxels, stored => {
+            let mut laid = allocate::zeroed(Path::new(&self.source), grid.voxels())?;
+            let lost = lay(stored, own.dims, offset, &mut laid, grid.dims);
+            (Voxel::into_voxels(laid), lost)
+        });
+        let mut laid = Self { voxels, geometry: *grid, ..self.clone() };
+        let ([x, y, z], [a, b, c], [i, j, k]) = (own.dims, grid.dims, offset);
+        laid.notes.push(format!(
+            "{}: the labels of {x}×{y}×{z} voxels are laid into the {a}×{b}×{c} voxels of the volume, from voxel {i}, {j}, {k} on",
+            self.source
+        ));
+        if lost > 0 {
+            laid.notes.push(format!("{}: {lost} labelled voxels lie outside the volume, and are dropped", self.source));
+        }
+        Ok(Some(laid))
+    }
+
     fn coarser(&self, block: [usize; 3]) -> Result<Geometry, VolumeError> {
         let Geometry { dims, spacing, direction, .. } = self.geometry;
         if (0..3).any(|axis| block[axis] == 0 || block[axis] > dims[axis]) {
@@ -74,6 +114,26 @@ impl Volume {
         let selection = self.selection.clone();
         Self { voxels, geometry, selection, presets, blocks, source, files, metadata, notes, ..*self }
     }
+}
+
+/// Copies the voxels `stored` to their places in `laid`, which are shifted by `offset`; returns the number of voxels other
+/// than 0 that have no place.
+fn lay<T: Voxel>(stored: &[T], [nx, ny, nz]: [usize; 3], offset: [i64; 3], laid: &mut [T], dims: [usize; 3]) -> usize {
+    let place = |index: usize, axis: usize| {
+        let moved = i64::try_from(index).ok()?.checked_add(offset[axis])?;
+        usize::try_from(moved).ok().filter(|&moved| moved < dims[axis])
+    };
+    let mut lost = 0;
+    for row in 0..ny * nz {
+        let out = place(row % ny, 1).zip(place(row / ny, 2)).map(|(y, z)| dims[0] * (y + dims[1] * z));
+        for (x, &label) in stored[row * nx..][..nx].iter().enumerate() {
+            match out.zip(place(x, 0)) {
+                Some((start, x)) => laid[start + x] = label,
+                None => lost += usize::from(label != T::zeroed()),
+            }
+        }
+    }
+    lost
 }
 
 /// Reduces each block to one voxel; `choose` may reorder the voxels of the block.
@@ -166,6 +226,18 @@ impl Grid {
         has_labels: bool,
         slope: f64,
     ) -> Result<Volume, VolumeError> {
+        self.volume_around(source, voxels, has_labels, slope, None)
+    }
+
+    /// As [`Self::volume`]; a voxel outside the leaning grid gets the stored number `outside`, if there is one.
+    pub(super) fn volume_around(
+        self,
+        source: &str,
+        voxels: Voxels,
+        has_labels: bool,
+        slope: f64,
+        outside: Option<f64>,
+    ) -> Result<Volume, VolumeError> {
         let (lattice, straight) = match self {
             Self::Own(geometry) => {
                 return Ok(Volume { has_labels, ..Volume::new(source, voxels, geometry)? });
@@ -173,7 +245,7 @@ impl Grid {
             Self::Straightened(lattice, straight) => (lattice, straight),
         };
         let voxels = with_voxels!(&voxels, stored => {
-            let outside = outermost(stored, slope < 0.0);
+            let outside = outside.map_or_else(|| outermost(stored, slope < 0.0), Voxel::nearest);
             // A straight grid may have several times the voxels of the leaning one.
             let voxels = allocate::zeroed(Path::new(source), straight.voxels())?;
             straightened((stored, &lattice), (voxels, &straight), outside, has_labels)

@@ -106,7 +106,16 @@ impl Text<'_> {
                            most frequent label of a block, not into the sidecar of the labels";
             return Err(fail(VolumeError::Layout { source_name: labels.source, problem: problem.to_owned() }));
         }
-        if let Some(blocks) = file.blocks(options) {
+        let blocks = file.blocks(options).unwrap_or([1; 3]);
+        let whole = whole_grid(stored, blocks);
+        // Only anatomical files state places that mean anything.
+        if labels.anatomical
+            && !labels.geometry.lies_on(&whole)
+            && let Some(laid) = labels.labels_laid_into(&whole).map_err(fail)?
+        {
+            labels = laid;
+        }
+        if blocks != [1; 3] {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
         }
         if labels.geometry.dims != stored.dims {
@@ -124,6 +133,18 @@ impl Text<'_> {
             ));
         }
         Ok(Some(Labels { volume: Arc::new(labels), declared }))
+    }
+}
+
+/// The grid whose blocks of voxels are the voxels of `stored`, without incomplete blocks.
+fn whole_grid(stored: &Geometry, blocks: [usize; 3]) -> Geometry {
+    let sides = DVec3::from_array(blocks.map(count));
+    let spacing = stored.spacing / sides;
+    Geometry {
+        dims: std::array::from_fn(|axis| stored.dims[axis] * blocks[axis]),
+        spacing,
+        origin: stored.origin - stored.direction * (spacing * (sides - 1.0) / 2.0),
+        direction: stored.direction,
     }
 }
 
@@ -155,6 +176,8 @@ impl VolumeFile {
             component: self.component,
             time: self.time,
             array: self.array.clone(),
+            series: self.series.clone(),
+            level: self.level,
             asks: false,
             resample: self.resample,
         };

@@ -1,0 +1,220 @@
+//! DICOM: single files, and folders of the files of series.
+//!
+//! The meaning of the elements is that of DICOM PS3.3 (<https://dicom.nema.org>), their encoding that of PS3.5 and PS3.10.
+//! Positions are in millimetres, left-posterior-superior, as the world here.
+
+mod codec;
+mod dataset;
+mod image;
+mod pixels;
+mod segments;
+mod series;
+mod syntax;
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::folder::Folder;
+use super::geometry::{Lattice, Unit};
+use super::resample::Grid;
+use super::{Selection, Volume, VolumeError, Voxels, allocate, data, with_voxels};
+use crate::number::whole;
+use crate::progress::Progress;
+use image::{About, Image};
+use pixels::{Pixels, Slice, Values};
+use series::{Series, Stack};
+
+/// The mark behind the preamble, or, without a preamble, a first element of the identifying group (DICOM PS3.10, §7.1).
+pub(super) fn recognises(beginning: &[u8]) -> bool {
+    beginning.get(128..132) == Some(b"DICM")
+        || matches!(beginning, [0x08, 0x00, 0x00 | 0x01 | 0x05 | 0x08 | 0x16, 0x00, v, r, ..] if v.is_ascii_uppercase() && r.is_ascii_uppercase())
+}
+
+/// Reads the file `path`.
+pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let Some(image) = Image::read(path)? else {
+        let problem = "the file has no pixels; open the folder of the images that it refers to".to_owned();
+        return Err(VolumeError::Field { path: path.to_owned(), place: "PixelData (7FE0,0010)".to_owned(), problem });
+    };
+    volume(&[image], path, Vec::new(), selection, progress)
+}
+
+/// Reads the series of the `files` of a folder.
+pub(super) fn read_folder(
+    folder: &Folder,
+    files: &[PathBuf],
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Volume, VolumeError> {
+    let source = &folder.path;
+    let read: Vec<Result<Option<Image>, VolumeError>> = files
+        .par_iter()
+        .map(|file| {
+            data::report(source, 0, 1, progress)?;
+            Image::read(file)
+        })
+        .collect();
+    let read = read.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let mut notes = Vec::new();
+    let without: Vec<&PathBuf> =
+        files.iter().zip(&read).filter(|(_, image)| image.is_none()).map(|(file, _)| file).collect();
+    if let Some(first) = without.first() {
+        let (count, name) = (without.len(), first.strip_prefix(source).unwrap_or(first).display().to_string());
+        notes.push(match count {
+            1 => format!("{}: the DICOM file {name} has no pixels, and is skipped", source.display()),
+            _ => format!(
+                "{}: {count} DICOM files have no pixels, and are skipped; the first is {name}",
+                source.display()
+            ),
+        });
+    }
+    let (images, copies) = series::without_copies(read.into_iter().flatten().collect());
+    if copies > 0 {
+        notes.push(format!(
+            "{}: {copies} files are copies of others (equal SOPInstanceUID), and are skipped",
+            source.display()
+        ));
+    }
+    if images.is_empty() {
+        let (place, problem) =
+            ("the folder".to_owned(), format!("{} DICOM files, none of which has pixels", files.len()));
+        return Err(VolumeError::Field { path: source.clone(), place, problem });
+    }
+    volume(&images, source, notes, selection, progress)
+}
+
+/// The volume of `images`, which are those of the file or folder `source`.
+fn volume(
+    images: &[Image],
+    source: &Path,
+    mut notes: Vec<String>,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Volume, VolumeError> {
+    let source_name = source.display().to_string();
+    let all = series::grouped(images);
+    let entries: Vec<_> = all.iter().map(|series| series.entry.clone()).collect();
+    let identifiers: Vec<&str> = all.iter().map(|series| series.identifier.as_str()).collect();
+    let chosen = selection.series(&source_name, &entries, &identifiers)?;
+    let series = &all[chosen];
+    let first = &images[series.slices[0].image];
+    let mut volume = if first.segmentation.is_empty() {
+        selection.no_array(&source_name)?;
+        scalar(images, series, source, selection, progress)?
+    } else {
+        segments::read(first, series, source, selection, progress)?
+    };
+    volume.unit = Some(Unit::Millimetre);
+    if all.len() > 1 {
+        volume.selection.series = Some(entries[chosen].key.clone());
+    }
+    notes.append(&mut volume.notes);
+    volume.notes = notes;
+    Ok(volume)
+}
+
+/// The volume of a series of images.
+fn scalar(
+    images: &[Image],
+    series: &Series,
+    source: &Path,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Volume, VolumeError> {
+    let source_name = source.display().to_string();
+    let first = &images[series.slices[0].image];
+    let Stack { times, axis, lattice, is_anatomical, uneven, mut notes } = series::stacked(images, series, source)?;
+    let components = first.layout.samples;
+    let component = selection.component(&source_name, components, &first.layout.photometric)?;
+    let time = selection.time(&source_name, times.len())?;
+    let slices = &times[time];
+    let lattice = match &uneven {
+        Some((_, problem)) if !selection.resample => {
+            return Err(VolumeError::Uneven { source_name, problem: problem.clone() });
+        }
+        Some((places, problem)) => {
+            let last = places.last().copied().unwrap_or(0.0);
+            notes.push(format!("{source_name}: {problem}; the slices are resampled to even steps"));
+            Lattice { dims: [lattice.dims[0], lattice.dims[1], whole(last.round()) + 1], ..lattice }
+        }
+        None => lattice,
+    };
+    let grid = Grid::of(lattice, &source_name, selection.resample)?;
+    let frame = |slice: &Slice| images[slice.image].frame(slice.frame);
+    let (slope, intercept) = (frame(&slices[0]).slope, frame(&slices[0]).intercept);
+    #[expect(clippy::float_cmp, reason = "equal numbers of the files")]
+    let differ = slices.iter().any(|slice| (frame(slice).slope, frame(slice).intercept) != (slope, intercept));
+    let values = if slices.iter().any(|slice| images[slice.image].has_lut) {
+        Values::Looked
+    } else if differ {
+        notes.push(format!(
+            "{source_name}: slope and intercept differ between slices; the voxels are values, as float32"
+        ));
+        Values::Scaled
+    } else {
+        Values::Stored
+    };
+    let mut voxels = Pixels { images, slices, component, values, source }.read(progress)?;
+    if let Some((places, _)) = &uneven {
+        voxels = even(&voxels, first.layout.pixels(), places, lattice.dims, source)?;
+    }
+    let scaling = if values == Values::Stored { (slope, intercept) } else { (1.0, 0.0) };
+    let outside = first.padding.filter(|_| values == Values::Stored);
+    let mut volume = grid.volume_around(&source_name, voxels, false, scaling.0, outside)?;
+    (volume.slope, volume.intercept) = scaling;
+    volume.components = components;
+    volume.anatomical = is_anatomical;
+    volume.files = files(images, slices);
+    let middle = slices[slices.len() / 2];
+    let about = About::read(&images[middle.image].path, middle.frame)?;
+    volume.presets.windows = about.windows;
+    if volume.presets.windows.is_empty() && first.modality == "CT" {
+        volume.presets.windows = image::windows_of_ct();
+    }
+    volume.metadata = about.metadata;
+    let mut add = |name: &str, value: String| volume.metadata.push((name.to_owned(), value));
+    if times.len() > 1 {
+        add("time axis", axis);
+    }
+    if let Some(padding) = first.padding {
+        add("padding", format!("{}", padding.mul_add(slope, intercept)));
+    }
+    if first.layout.photometric == "MONOCHROME1" {
+        notes.push(format!(
+            "{source_name}: MONOCHROME1: other programs show low values bright; the values stay as they are"
+        ));
+    }
+    notes.append(&mut volume.notes);
+    volume.notes = notes;
+    Ok(volume)
+}
+
+/// Interpolates slices at `places`, in steps of a lattice, at its whole steps.
+fn even(
+    voxels: &Voxels,
+    pixels: usize,
+    places: &[f64],
+    dims: [usize; 3],
+    source: &Path,
+) -> Result<Voxels, VolumeError> {
+    fn evened<T: super::Voxel>(
+        stored: &[T],
+        pixels: usize,
+        places: &[f64],
+        depth: usize,
+        source: &Path,
+    ) -> Result<Voxels, VolumeError> {
+        let mut out: Vec<T> = allocate::zeroed(source, pixels.saturating_mul(depth))?;
+        series::evened(stored, pixels, places, false, &mut out);
+        Ok(T::into_voxels(out))
+    }
+    with_voxels!(voxels, stored => evened(stored, pixels, places, dims[2], source))
+}
+
+/// Paths of the files of `slices`, each once.
+fn files(images: &[Image], slices: &[Slice]) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = slices.iter().map(|slice| images[slice.image].path.clone()).collect();
+    files.dedup();
+    files
+}

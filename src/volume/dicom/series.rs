@@ -1,0 +1,369 @@
+//! Which slices are one volume, in which order, and on which grid.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use dicom_dictionary_std::tags;
+use glam::{DMat3, DVec3};
+
+use super::image::{Frame, Image, KEYS};
+use super::pixels::Slice;
+use crate::number::count;
+use crate::volume::VolumeError;
+use crate::volume::geometry::Lattice;
+use crate::volume::several::Series as Entry;
+
+/// Slices of one series, of one size, orientation and kind.
+#[derive(Debug)]
+pub(super) struct Series {
+    pub(super) slices: Vec<Slice>,
+    /// What the window and messages say of it.
+    pub(super) entry: Entry,
+    /// Identifier of the series.
+    pub(super) identifier: String,
+}
+
+/// Whether two frames are slices of one volume.
+fn are_alike((one, first): (&Image, &Frame), (other, second): (&Image, &Frame)) -> bool {
+    let axes = match (first.orientation, second.orientation) {
+        (Some(a), Some(b)) => a.iter().zip(b).all(|(a, b)| a.abs_diff_eq(b, 1e-4)),
+        (a, b) => a.is_none() && b.is_none(),
+    };
+    let spacing = match (first.spacing, second.spacing) {
+        (Some(a), Some(b)) => a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-4 * b),
+        (a, b) => a.is_none() && b.is_none(),
+    };
+    let (a, b) = (&one.layout, &other.layout);
+    let layout = (a.rows, a.columns, a.samples, a.allocated, a.stored, a.is_signed, a.voxel_type)
+        == (b.rows, b.columns, b.samples, b.allocated, b.stored, b.is_signed, b.voxel_type)
+        && a.photometric == b.photometric;
+    axes && spacing
+        && layout
+        && one.series == other.series
+        && first.stack == second.stack
+        && !one.has_times()
+        && !other.has_times()
+}
+
+/// Groups the frames of `images` into series, in the order of their numbers.
+pub(super) fn grouped(images: &[Image]) -> Vec<Series> {
+    let mut groups: Vec<Vec<Slice>> = Vec::new();
+    let mut last = 0;
+    for (index, image) in images.iter().enumerate() {
+        for frame in 0..image.frames.len() {
+            let slice = Slice { image: index, frame };
+            let is_of = |group: &Vec<Slice>| {
+                let Slice { image: one, frame: first } = group[0];
+                are_alike((&images[one], images[one].frame(first)), (image, image.frame(frame)))
+            };
+            // Neighbouring files mostly belong together.
+            let found = groups.get(last).filter(|group| is_of(group)).map(|_| last);
+            match found.or_else(|| groups.iter().position(is_of)) {
+                Some(group) => {
+                    groups[group].push(slice);
+                    last = group;
+                }
+                None => {
+                    last = groups.len();
+                    groups.push(vec![slice]);
+                }
+            }
+        }
+    }
+    let number = |group: &Vec<Slice>| images[group[0].image].number.parse().unwrap_or(f64::INFINITY);
+    // The sort is stable: groups of one number stay in the order of their files.
+    groups.sort_by(|one, other| {
+        let series = |group: &Vec<Slice>| images[group[0].image].series.clone();
+        number(one).total_cmp(&number(other)).then_with(|| series(one).cmp(&series(other)))
+    });
+    let keys: Vec<String> = groups.iter().map(|group| images[group[0].image].number.clone()).collect();
+    let mut all = Vec::new();
+    for (index, slices) in groups.into_iter().enumerate() {
+        let image = &images[slices[0].image];
+        let mates = keys.iter().filter(|key| **key == keys[index]).count();
+        let place = keys[..index].iter().filter(|key| **key == keys[index]).count() + 1;
+        let number = if keys[index].is_empty() { "0" } else { &keys[index] };
+        let key = if mates > 1 { format!("{number}.{place}") } else { number.to_owned() };
+        let named = if image.description.is_empty() { String::new() } else { format!("«{}» ", image.description) };
+        let depth = if image.segmentation.is_empty() { places(images, &slices) } else { positions(images, &slices) };
+        let times = if image.has_times() {
+            image.count
+        } else if image.segmentation.is_empty() {
+            slices.len() / depth.max(1)
+        } else {
+            1
+        };
+        let entry = Entry {
+            key,
+            description: format!("{named}{}", image.modality).trim().to_owned(),
+            dims: [image.layout.columns, image.layout.rows, depth],
+            times,
+        };
+        all.push(Series { entry, identifier: image.series.clone(), slices });
+    }
+    all
+}
+
+/// Number of different positions, if they are equally frequent; otherwise the number of slices.
+fn places(images: &[Image], slices: &[Slice]) -> usize {
+    match positions(images, slices) {
+        found if found > 0 && slices.len().is_multiple_of(found) => found,
+        _ => slices.len(),
+    }
+}
+
+/// Number of different positions.
+pub(super) fn positions(images: &[Image], slices: &[Slice]) -> usize {
+    ordered(images, slices).map_or(1, |(ordered, _)| clusters(&ordered, tolerance(images, slices)).len())
+}
+
+/// Slices with their distance along the normal of the slices, in its order; the normal. `None` if a position or the
+/// orientation is not known.
+fn ordered(images: &[Image], slices: &[Slice]) -> Option<(Vec<(f64, Slice)>, DVec3)> {
+    let frame = |slice: &Slice| images[slice.image].frame(slice.frame);
+    let [row, column] = frame(slices.first()?).orientation?;
+    let normal = row.cross(column).normalize();
+    let with_distance = |slice: &Slice| Some((frame(slice).position?.dot(normal), *slice));
+    let mut ordered: Vec<(f64, Slice)> = slices.iter().map(with_distance).collect::<Option<_>>()?;
+    ordered.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+    Some((ordered, normal))
+}
+
+/// Largest distance between equal positions: a thousandth of a pixel.
+fn tolerance(images: &[Image], slices: &[Slice]) -> f64 {
+    let first = slices.first().and_then(|slice| images[slice.image].frame(slice.frame).spacing);
+    1e-3 * first.map_or(1.0, |[rows, columns]| rows.min(columns))
+}
+
+/// Runs of slices at one position.
+fn clusters(ordered: &[(f64, Slice)], tolerance: f64) -> Vec<&[(f64, Slice)]> {
+    ordered.chunk_by(|(one, _), (next, _)| next - one <= tolerance).collect()
+}
+
+/// The slices of a volume.
+#[derive(Debug)]
+pub(super) struct Stack {
+    /// Slices of each time step, in the order of the z axis.
+    pub(super) times: Vec<Vec<Slice>>,
+    /// What distinguishes the time steps, with their values; empty for one.
+    pub(super) axis: String,
+    /// Grid, if the steps are even; otherwise with the median step.
+    pub(super) lattice: Lattice,
+    /// Whether the world is that of the patient.
+    pub(super) is_anatomical: bool,
+    /// Places of the slices in steps of the lattice, if they are uneven, and what is uneven.
+    pub(super) uneven: Option<(Vec<f64>, String)>,
+    pub(super) notes: Vec<String>,
+}
+
+/// Puts the slices of a series in order.
+///
+/// # Errors
+///
+/// [`VolumeError::Field`] if some slices have no position, or if several slices at one position are not told apart by a
+/// time, with the names of two of them.
+pub(super) fn stacked(images: &[Image], series: &Series, source: &Path) -> Result<Stack, VolumeError> {
+    let slices = &series.slices;
+    let [columns, rows, _] = series.entry.dims;
+    let first = &images[slices[0].image];
+    let frame = first.frame(slices[0].frame);
+    let mut notes = Vec::new();
+    let spacing = frame.spacing.unwrap_or_else(|| {
+        notes.push(format!("{}: the file states no PixelSpacing; Relume uses 1 mm", first.path.display()));
+        [1.0, 1.0]
+    });
+    let [row, column] = frame.orientation.unwrap_or([DVec3::X, DVec3::Y]);
+    let (across, normal) = ([row * spacing[1], column * spacing[0]], row.cross(column).normalize());
+    let lattice = |depth, origin, step| Lattice {
+        dims: [columns, rows, depth],
+        origin,
+        steps: DMat3::from_cols(across[0], across[1], step),
+    };
+    let thick = |notes: &mut Vec<String>| {
+        let path = first.path.display();
+        let step = frame.thickness.unwrap_or(1.0);
+        notes.push(match frame.thickness {
+            Some(_) => format!("{path}: one slice; its spacing across is SliceThickness, {step} mm"),
+            None => format!("{path}: one slice without SliceThickness; Relume uses 1 mm across it"),
+        });
+        step
+    };
+    let is_anatomical = frame.position.is_some() && frame.orientation.is_some();
+    let origin = frame.position.filter(|_| is_anatomical).unwrap_or(DVec3::ZERO);
+    if first.has_times() || slices.len() == 1 {
+        let step = normal * thick(&mut notes);
+        let times = (0..if first.has_times() { first.count } else { 1 })
+            .map(|time| vec![if first.has_times() { Slice { frame: time, ..slices[0] } } else { slices[0] }])
+            .collect();
+        let axis = if first.has_times() { "frame".to_owned() } else { String::new() };
+        return Ok(Stack { times, axis, lattice: lattice(1, origin, step), is_anatomical, uneven: None, notes });
+    }
+    let Some((ordered, _)) = ordered(images, slices) else {
+        let lacks = |slice: &&Slice| {
+            let frame = images[slice.image].frame(slice.frame);
+            frame.position.is_none() || frame.orientation.is_none()
+        };
+        let lacking: Vec<&Slice> = slices.iter().filter(lacks).collect();
+        let problem = format!(
+            "{} of {} slices state no position or no orientation, so that their order is not known",
+            lacking.len(),
+            slices.len()
+        );
+        return Err(images[lacking.first().map_or(0, |slice| slice.image)].wrong(tags::IMAGE_POSITION_PATIENT, problem));
+    };
+    let clusters = clusters(&ordered, tolerance(images, slices));
+    let (times, axis) = timed(images, &clusters, source)?;
+    let chosen = &times[0];
+    let position = |index: usize| {
+        let Slice { image, frame } = chosen[index];
+        images[image].frame(frame).position.unwrap_or(DVec3::ZERO)
+    };
+    let (depth, origin) = (chosen.len(), position(0));
+    if depth == 1 {
+        let step = normal * thick(&mut notes);
+        return Ok(Stack { times, axis, lattice: lattice(1, origin, step), is_anatomical, uneven: None, notes });
+    }
+    let distances: Vec<f64> = (0..depth).map(|index| (position(index) - origin).dot(normal)).collect();
+    let steps: Vec<f64> = distances.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut sorted = steps.clone();
+    sorted.sort_by(f64::total_cmp);
+    // The lower one of two: gaps make steps longer, and nothing makes them shorter.
+    let median = sorted[(sorted.len() - 1) / 2];
+    let uneven = unevenness(images, chosen, &steps, median);
+    let (least, most) = (sorted[0], sorted[sorted.len() - 1]);
+    if uneven.is_none() && most - least > 1e-3 * median {
+        notes.push(format!(
+            "{}: the distances between slices are from {least:.4} to {most:.4} mm; Relume uses their median, {median:.4} mm",
+            source.display()
+        ));
+    }
+    // The drift of the last slice across the normal: that of a tilted gantry, or of rounded positions.
+    let whole = position(depth - 1) - origin;
+    let along = whole.dot(normal);
+    let drift = whole - normal * along;
+    let tilt = drift.length().atan2(along).to_degrees();
+    let is_tilted = tilt > 0.2 && drift.length() > 0.5 * spacing[0].min(spacing[1]);
+    let step = if is_tilted { whole * (median / along) } else { normal * median };
+    let uneven = uneven.map(|problem| (distances.iter().map(|distance| distance / median).collect(), problem));
+    Ok(Stack { times, axis, lattice: lattice(depth, origin, step), is_anatomical, uneven, notes })
+}
+
+/// What is uneven about the distances between the slices; `None` if they are within 2 % or 0.1 mm of their median, as
+/// rounded positions are.
+fn unevenness(images: &[Image], slices: &[Slice], steps: &[f64], median: f64) -> Option<String> {
+    // Fine steps are not rounded to 0.1 mm.
+    let slack = (0.02 * median).max(0.1_f64.min(0.25 * median));
+    let uneven: Vec<usize> = (0..steps.len()).filter(|&index| (steps[index] - median).abs() > slack).collect();
+    let &first = uneven.first()?;
+    let name = |slice: Slice| {
+        let path = &images[slice.image].path;
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        if images[slice.image].count > 1 { format!("frame {} of {name}", slice.frame + 1) } else { name }
+    };
+    let between = format!("between {} and {}", name(slices[first]), name(slices[first + 1]));
+    let missing = |&index: &usize| {
+        let whole = (steps[index] / median).round();
+        ((steps[index] - whole * median).abs() <= slack * whole && whole >= 2.0).then_some(whole - 1.0)
+    };
+    let missing: Option<f64> = uneven.iter().map(missing).sum();
+    Some(match missing {
+        Some(missing) => {
+            let (s, are) = if missing > 1.0 { ("s", "are") } else { ("", "is") };
+            format!(
+                "{missing} slice{s} {are} missing: {:.4} mm {between}, where the median is {median:.4} mm",
+                steps[first]
+            )
+        }
+        None => format!(
+            "the slices are unevenly spaced: {:.4} mm {between}, where the median is {median:.4} mm",
+            steps[first]
+        ),
+    })
+}
+
+/// The slices of each time step, and the name and values of the time axis.
+fn timed(
+    images: &[Image],
+    clusters: &[&[(f64, Slice)]],
+    source: &Path,
+) -> Result<(Vec<Vec<Slice>>, String), VolumeError> {
+    let depth = clusters.len();
+    let all: usize = clusters.iter().map(|cluster| cluster.len()).sum();
+    if all == depth {
+        return Ok((vec![clusters.iter().map(|cluster| cluster[0].1).collect()], String::new()));
+    }
+    let key = |slice: Slice, key: usize| images[slice.image].frame(slice.frame).keys[key];
+    for (number, name) in KEYS.iter().enumerate() {
+        let mut values: Vec<f64> =
+            clusters.iter().flat_map(|cluster| cluster.iter().map(|&(_, slice)| key(slice, number))).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        // Without a value, each NaN stays.
+        if values.len() * depth != all || values.iter().any(|value| value.is_nan()) {
+            continue;
+        }
+        let of = |value: f64| -> Option<Vec<Slice>> {
+            let one = |cluster: &&[(f64, Slice)]| {
+                #[expect(clippy::float_cmp, reason = "one of the values themselves")]
+                let mut found = cluster.iter().filter(|&&(_, slice)| key(slice, number) == value);
+                found.next().map(|&(_, slice)| slice).filter(|_| found.next().is_none())
+            };
+            clusters.iter().map(one).collect()
+        };
+        if let Some(times) = values.iter().map(|&value| of(value)).collect::<Option<Vec<_>>>() {
+            let values: Vec<String> = values.iter().map(ToString::to_string).collect();
+            return Ok((times, format!("{name} {}", values.join(", "))));
+        }
+    }
+    let path = |slice: Slice| images[slice.image].path.clone();
+    let (one, other) = clusters
+        .iter()
+        .find(|cluster| cluster.len() > 1)
+        .map_or_else(|| (source.to_owned(), source.to_owned()), |cluster| (path(cluster[0].1), path(cluster[1].1)));
+    let problem = format!(
+        "{} slices at {depth} positions, and no {} tells them apart; {} is at the position of this file",
+        all,
+        KEYS.join(", "),
+        other.display()
+    );
+    Err(VolumeError::Field { path: one, place: super::dataset::named(tags::IMAGE_POSITION_PATIENT), problem })
+}
+
+/// Removes images that are copies of others; returns their number.
+pub(super) fn without_copies(images: Vec<Image>) -> (Vec<Image>, usize) {
+    let before = images.len();
+    let mut seen = HashSet::new();
+    let mut is_new = |image: &Image| image.instance.is_empty() || seen.insert(image.instance.clone());
+    let kept: Vec<Image> = images.into_iter().filter(|image| is_new(image)).collect();
+    let copies = before - kept.len();
+    (kept, copies)
+}
+
+/// Interpolates the slices `voxels` of `pixels` voxels, which lie at `places` in steps of a lattice, at its whole steps:
+/// linearly between two neighbours, or the nearer one with `nearest`.
+pub(super) fn evened<T: crate::volume::Voxel>(
+    voxels: &[T],
+    pixels: usize,
+    places: &[f64],
+    nearest: bool,
+    out: &mut [T],
+) {
+    use rayon::prelude::*;
+    let last = places.len() - 1;
+    out.par_chunks_mut(pixels).enumerate().for_each(|(z, out)| {
+        let place = count(z);
+        let above = places.partition_point(|&at| at < place).clamp(1, last.max(1)).min(last);
+        let below = above.saturating_sub(1);
+        let width = places[above] - places[below];
+        let part = if width > 0.0 { ((place - places[below]) / width).clamp(0.0, 1.0) } else { 0.0 };
+        let slice = |index: usize| &voxels[index * pixels..(index + 1) * pixels];
+        if nearest || part <= 0.0 || part >= 1.0 {
+            out.copy_from_slice(slice(if part >= 0.5 { above } else { below }));
+            return;
+        }
+        for ((voxel, &low), &high) in out.iter_mut().zip(slice(below)).zip(slice(above)) {
+            let (low, high) = (low.to_f64(), high.to_f64());
+            *voxel = T::nearest((high - low).mul_add(part, low));
+        }
+    });
+}

@@ -1,0 +1,79 @@
+//! Transfer syntaxes: how a file encodes elements and pixels (DICOM PS3.5, §10, and PS3.6, annex A).
+
+use dicom_dictionary_std::uids;
+
+use crate::volume::ByteOrder;
+
+/// Explicit big endian, retired from the standard, but not from archives.
+const EXPLICIT_VR_BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
+
+/// Coding of the pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Coding {
+    /// As they are, perhaps in fragments.
+    Plain,
+    /// As they are, in a data set that is one deflate stream.
+    Deflated,
+    Rle,
+    /// JPEG: lossless, baseline, or extended with 8 bits.
+    Jpeg,
+    JpegLs,
+    Jpeg2000,
+    /// A coding that Relume does not decode.
+    Foreign(&'static str),
+}
+
+/// A transfer syntax.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Syntax {
+    /// Identifier; empty if the file states none.
+    pub(super) uid: String,
+    pub(super) coding: Coding,
+    pub(super) byte_order: ByteOrder,
+    pub(super) is_implicit: bool,
+}
+
+impl Syntax {
+    /// The transfer syntax of the identifier `uid`. The elements of all but three are explicit little endian.
+    pub(super) fn of(uid: &str) -> Self {
+        let coding = match uid {
+            uids::IMPLICIT_VR_LITTLE_ENDIAN
+            | uids::EXPLICIT_VR_LITTLE_ENDIAN
+            | EXPLICIT_VR_BIG_ENDIAN
+            | uids::ENCAPSULATED_UNCOMPRESSED_EXPLICIT_VR_LITTLE_ENDIAN => Coding::Plain,
+            uids::DEFLATED_EXPLICIT_VR_LITTLE_ENDIAN => Coding::Deflated,
+            uids::RLE_LOSSLESS => Coding::Rle,
+            uids::JPEG_BASELINE8_BIT | uids::JPEG_EXTENDED12_BIT | uids::JPEG_LOSSLESS | uids::JPEG_LOSSLESS_SV1 => {
+                Coding::Jpeg
+            }
+            uids::JPEGLS_LOSSLESS | uids::JPEGLS_NEAR_LOSSLESS => Coding::JpegLs,
+            uids::JPEG2000_LOSSLESS | uids::JPEG2000 => Coding::Jpeg2000,
+            uids::HTJ2K_LOSSLESS | uids::HTJ2K_LOSSLESS_RPCL | uids::HTJ2K => {
+                Coding::Foreign("High-Throughput JPEG 2000")
+            }
+            uids::JPEGXL_LOSSLESS | uids::JPEGXLJPEG_RECOMPRESSION | uids::JPEGXL => Coding::Foreign("JPEG XL"),
+            uids::JPEG2000MC_LOSSLESS | uids::JPEG2000MC => Coding::Foreign("JPEG 2000 of several components"),
+            uids::DEFLATED_IMAGE_FRAME_COMPRESSION => Coding::Foreign("deflated frames"),
+            other if is_video(other) => Coding::Foreign("video"),
+            other if other.starts_with("1.2.840.10008.1.2.4.") => Coding::Foreign("a retired or unknown kind of JPEG"),
+            _ => Coding::Foreign("an unknown coding"),
+        };
+        let byte_order = if uid == EXPLICIT_VR_BIG_ENDIAN { ByteOrder::Big } else { ByteOrder::Little };
+        let is_implicit = uid == uids::IMPLICIT_VR_LITTLE_ENDIAN;
+        Self { uid: uid.to_owned(), coding, byte_order, is_implicit }
+    }
+
+    /// The transfer syntax of a file that states none, by the first bytes of its data set: explicit if two capital
+    /// letters follow a tag.
+    pub(super) fn guessed(beginning: Option<[u8; 6]>) -> Self {
+        let is_explicit = matches!(beginning, Some([.., v, r]) if v.is_ascii_uppercase() && r.is_ascii_uppercase());
+        let uid = if is_explicit { uids::EXPLICIT_VR_LITTLE_ENDIAN } else { uids::IMPLICIT_VR_LITTLE_ENDIAN };
+        Self { uid: String::new(), ..Self::of(uid) }
+    }
+}
+
+/// Whether `uid` is one of MPEG-2, MPEG-4 and HEVC: the numbers 100 to 108.
+fn is_video(uid: &str) -> bool {
+    let number = uid.strip_prefix("1.2.840.10008.1.2.4.").and_then(|rest| rest.split('.').next());
+    number.and_then(|number| number.parse().ok()).is_some_and(|number: u32| (100..=108).contains(&number))
+}
