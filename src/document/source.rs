@@ -53,6 +53,11 @@ pub enum Unknown {
         /// Layout suggested by the file's name and size, if any.
         guess: Option<Box<RawLayout>>,
     },
+    /// Whether a volume without a straight grid is resampled to one.
+    Grid {
+        /// The error of reading it without.
+        problem: String,
+    },
 }
 
 impl OpenError {
@@ -77,6 +82,12 @@ impl OpenError {
             | Self::Scene(SceneError::Volume { source: VolumeError::Choose { source_name, there }, .. }) => {
                 (source_name.into(), Unknown::Which(there.clone()))
             }
+            Self::Volume(error) | Self::Scene(SceneError::Volume { source: error, .. }) => match error {
+                VolumeError::Lean { source_name, .. } | VolumeError::Uneven { source_name, .. } => {
+                    (source_name.into(), Unknown::Grid { problem: error.to_string() })
+                }
+                _ => return None,
+            },
             _ => return None,
         };
         Some(Question { file, unknown })

@@ -234,6 +234,21 @@ fn another_of_several_volumes_is_chosen_from_the_one_that_is_shown() {
 }
 
 #[test]
+fn a_crooked_grid_is_resampled_when_somebody_says_so() {
+    let mut window = wide(document());
+    let source = Source::of(Path::new("tilt"));
+    let problem = "tilt: the slices lean by 12°".to_owned();
+    window.state_mut().chooser.ask(source.clone(), asked(Unknown::Grid { problem }), &Selection::default());
+    window.run();
+    assert!(window.query_by_label_contains("lean by 12°").is_some(), "the numbers are shown");
+    window.get_by_label("Resample").click();
+    window.run();
+    let mut resampled = source;
+    resampled.options.selection.resample = true;
+    assert_eq!(saved_or_opened(&window), [Action::Leave(Leaving::Open(Box::new(resampled)))]);
+}
+
+#[test]
 fn a_file_without_a_header_is_opened_as_somebody_says_that_it_lies() {
     let mut window = wide(document());
     let source = Source::of(Path::new("foot.raw"));

@@ -1,4 +1,5 @@
-//! Questions about a file before it can be read: which volume to show, or the layout of headerless voxels.
+//! Questions about a file before it can be read: which volume to show, the layout of headerless voxels, or whether to
+//! resample.
 
 use egui::{Button, ComboBox, Context, Grid, Id, Key, Modal, Response, RichText, ScrollArea, Ui, WidgetInfo};
 
@@ -31,7 +32,7 @@ pub(super) enum Answer {
 impl Reading {
     pub(super) fn new(source: Source, question: Question, shown: &Selection) -> Self {
         let chosen = match &question.unknown {
-            Unknown::Layout { .. } => None,
+            Unknown::Layout { .. } | Unknown::Grid { .. } => None,
             Unknown::Which(Several::Components { count, .. }) => shown.component.filter(|index| index < count),
             Unknown::Which(Several::Times(count)) => shown.time.filter(|index| index < count),
             Unknown::Which(Several::Arrays(names)) => names.iter().position(|name| Some(name) == shown.array.as_ref()),
@@ -43,7 +44,7 @@ impl Reading {
         };
         let guess = match &question.unknown {
             Unknown::Layout { guess, .. } => guess.as_deref().cloned(),
-            Unknown::Which(_) => None,
+            Unknown::Which(_) | Unknown::Grid { .. } => None,
         };
         let layout = guess.unwrap_or_else(|| RawLayout::new([1; 3], VoxelType::U8));
         Self { source: Box::new(source), question, chosen: chosen.unwrap_or(0), layout, typed: false }
@@ -59,7 +60,8 @@ impl Reading {
             let sound = self.ask(ui, room);
             ui.add_space(6.0);
             ui.horizontal(|ui| {
-                let open = ui.add_enabled(sound, Button::new("Open"));
+                let label = if matches!(self.question.unknown, Unknown::Grid { .. }) { "Resample" } else { "Open" };
+                let open = ui.add_enabled(sound, Button::new(label));
                 let open = open.on_disabled_hover_text("The file has too few bytes for this layout.").clicked();
                 if open || sound && enter {
                     return Some(Answer::Open(self.answered()));
@@ -99,6 +101,12 @@ impl Reading {
                 one_of(ui, there, &mut self.chosen);
                 true
             }
+            Unknown::Grid { problem } => {
+                ui.heading(format!("{file} has no straight grid"));
+                ui.label(problem);
+                ui.label("Resampling lays it into one, with linear interpolation.");
+                true
+            }
             Unknown::Layout { bytes, .. } => {
                 ui.heading(format!("How are the voxels of {file} stored?"));
                 let help = "The file has no header. Its name often states the layout; otherwise ask its author.";
@@ -127,6 +135,7 @@ impl Reading {
                 Selection { series, ..Selection::default() }
             }
             Unknown::Which(Several::Levels(_)) => Selection { level: Some(self.chosen), ..Selection::default() },
+            Unknown::Grid { .. } => Selection { resample: true, ..Selection::default() },
             Unknown::Layout { .. } => {
                 options.raw = Some(self.layout.clone());
                 Selection::default()

@@ -3,7 +3,7 @@
 use egui::Rect;
 
 use super::{ViewError, Viewer, Woken};
-use crate::document::{Document, Edit, OpenError, SceneFile, Source};
+use crate::document::{Document, Edit, OpenError, Question, SceneFile, Source, Unknown};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::view::action::Leaving;
@@ -114,7 +114,12 @@ impl Viewer {
                 // A script cannot answer, and an open question stays; the error says as much.
                 let opened = opened.filter(|_| !self.is_scripted() && !self.panels.chooser.is_open());
                 let of_source = error.of_source();
-                let question = of_source.and_then(OpenError::question);
+                // A grid that resampling did not straighten is an error.
+                let is_new = |question: &Question| {
+                    let resampled = opened.as_ref().is_some_and(|source| source.options.selection.resample);
+                    !(resampled && matches!(question.unknown, Unknown::Grid { .. }))
+                };
+                let question = of_source.and_then(OpenError::question).filter(is_new);
                 match (opened, question, of_source.and_then(OpenError::scene_without_volume)) {
                     (Some(source), Some(question), _) => {
                         let none = Selection::default();
