@@ -3,6 +3,9 @@
 
 mod support;
 
+#[path = "support/dicom.rs"]
+mod dicom;
+
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -150,6 +153,37 @@ fn a_component_is_chosen_by_flag_or_by_the_scene() {
     folder.done(&["info", "rgb.toml"]);
     folder.done(&["info", "rgb.toml", "-D", "volume.component=0"]);
     folder.refused(1, &["info", "rgb.toml", "--component", "3"], &["--component 3"]);
+}
+
+#[test]
+fn a_folder_of_several_series_is_listed_and_one_is_read_by_flag_or_by_the_scene() {
+    let scene = |series: &str| format!("version = 1\n[volume]\nfile = \"scans\"\nseries = {series}\n");
+    let folder = Folder::new().with("five.toml", scene("5")).with("seven.toml", scene("\"1.2.7\""));
+    let second = |z, first| dicom::slice(z, first).text(0x0020_0011, "IS", "7").text(0x0020_000e, "UI", "1.2.7");
+    std::fs::create_dir(folder.path("scans")).unwrap();
+    let slices = [("a", dicom::slice(0.0, 0)), ("b", dicom::slice(2.0, 12)), ("c", second(0.0, 100))];
+    for (name, slice) in slices {
+        std::fs::write(folder.path("scans").join(name), dicom::file(&slice, dicom::EXPLICIT)).unwrap();
+    }
+    let listed = folder.done(&["info", "scans"]).out;
+    for line in ["series     5 «made» MR 4×3×2", "series     7 «made» MR 4×3×1", "--series N"] {
+        assert!(listed.contains(line), "{line}: {listed}");
+    }
+    let json = folder.done(&["info", "scans", "--json"]).json();
+    assert_eq!((&json["series"][1]["series"], &json["series"][0]["dims"][2]), (&"7".into(), &2.into()));
+    folder.refused(2, &["info", "scans", "--voxel", "0,0,0"], &["--voxel has no effect", "--series"]);
+    folder.refused(1, &["render", "scans", "-o", "p.png"], &["2 series: 5 «made»", "with --series N"]);
+    folder.refused(1, &["info", "scans", "--series", "6"], &["--series 6", "series 6 does not exist"]);
+    folder.refused(1, &["info", "scans", "--series", "5", "--pyramid-level", "1"], &["--pyramid-level 1", "one level"]);
+    for arguments in [&["info", "scans", "--series", "5"][..], &["info", "five.toml"]] {
+        assert!(folder.done(arguments).out.contains("0 to 23"), "{arguments:?}");
+    }
+    for arguments in [&["info", "scans", "--series", "7"][..], &["info", "seven.toml"]] {
+        assert!(folder.done(arguments).out.contains("100 to 111"), "{arguments:?}");
+    }
+    // A picture of the folder, which is named for it.
+    folder.done(&["render", "scans", "--series", "5", "--size", SIZE]);
+    assert!(folder.path("scans.png").exists());
 }
 
 #[test]

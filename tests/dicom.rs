@@ -1,4 +1,7 @@
-//! DICOM: series, single files, codings, refusals.
+//! DICOM: series and single files of the shared folder, and generated ones of every encoding, kind and defect.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
+#![expect(clippy::float_cmp, reason = "whole numbers, and fractions of two")]
 
 mod support {
     pub mod dicom;
@@ -8,7 +11,7 @@ mod support {
 use std::path::{Path, PathBuf};
 
 use relume::progress::Quiet;
-use relume::volume::{self, Selection, Several, Unit, Volume, VolumeError};
+use relume::volume::{self, Geometry, Selection, Several, Unit, Volume, VolumeError};
 use serde_json::Value;
 use support::dicom::{
     BIG, DEFLATED, EXPLICIT, Elements, IMPLICIT, RLE, Value as Written, file, place, rle, segmentation, slice,
@@ -164,7 +167,7 @@ fn labels_of_a_part_are_laid_into_the_grid_of_the_volume() {
     aside.origin += aside.direction.x_axis * 0.5 * aside.spacing.x;
     assert!(labels.labels_laid_into(&aside).unwrap().is_none());
     // A part of the part: labelled voxels are lost, and said to be.
-    let part = relume::volume::Geometry { dims: [48, 44, 2], ..labels.geometry };
+    let part = Geometry { dims: [48, 44, 2], ..labels.geometry };
     let cut = labels.labels_laid_into(&part).unwrap().unwrap();
     assert_eq!(cut.voxels.bytes(), &labels.voxels.bytes()[..48 * 44 * 2]);
     assert!(cut.notes.iter().any(|note| note.contains("labelled voxels lie outside")), "{:?}", cut.notes);
@@ -449,6 +452,8 @@ fn segments_are_labels_whose_bits_run_across_frames() {
     let map = [(1, 0.0, [0, 1, 2, 3, 4, 5, 6, 7, 8]), (1, 2.0, [9; 9])];
     let volume = opened("v.dcm", &file(&segmentation("LABELMAP", &map), EXPLICIT)).unwrap();
     assert_eq!((stored(&volume), volume.has_labels), ([from(0, 9), vec![9.0; 9]].concat(), true));
+    let placeless = segmentation("LABELMAP", &map).without(0x5200_9230);
+    refused(opened("v.dcm", &file(&placeless, EXPLICIT)), &["the 2 frames state no places"]);
     refused(opened("v.dcm", &file(&segmentation("SURFACE", &map), EXPLICIT)), &["SegmentationType", "SURFACE"]);
 }
 

@@ -21,13 +21,6 @@ fn refusal(path: &Path) -> String {
     }
 }
 
-/// `word` at byte `at` of a block of zeros.
-fn at(at: usize, word: &[u8]) -> Vec<u8> {
-    let mut bytes = vec![0; 512];
-    bytes[at..at + word.len()].copy_from_slice(word);
-    bytes
-}
-
 fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
     encoder.write_all(bytes).unwrap();

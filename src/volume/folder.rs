@@ -12,13 +12,16 @@ use crate::progress::Progress;
 /// Largest number of files and folders in a folder, together with those in its folders.
 const MOST: usize = 100_000;
 
+/// A function that reads the volume of some files of a folder.
+type Read = fn(&Folder, &[PathBuf], &Selection, &dyn Progress) -> Result<Volume, VolumeError>;
+
 /// A format of folders with a reader.
 struct FolderFormat {
     name: &'static str,
     /// The files of the format, in the order of [`Folder::files`]; empty if the folder has another format.
     find: fn(&Folder) -> Vec<PathBuf>,
     /// Reads the volume of these files.
-    read: fn(&Folder, &[PathBuf], &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
+    read: Read,
 }
 
 /// All formats of folders; the first that finds a file reads the folder. A new reader is a new entry.

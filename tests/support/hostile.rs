@@ -211,7 +211,12 @@ impl Place {
         let open = |selection: &Selection| volume::open(&self.path, selection, &Quiet);
         let first = Selection { component: Some(0), time: Some(0), resample: true, ..Selection::default() };
         let opened = match open(&Selection::default()) {
-            Err(VolumeError::Choose { .. } | VolumeError::Lean { .. } | VolumeError::Direction { .. }) => open(&first),
+            Err(
+                VolumeError::Choose { .. }
+                | VolumeError::Lean { .. }
+                | VolumeError::Uneven { .. }
+                | VolumeError::Direction { .. },
+            ) => open(&first),
             opened => opened,
         };
         opened.ok().map(|volume| volume.voxels.bytes().len())

@@ -12,7 +12,7 @@ use super::image::Layout;
 use super::syntax::Coding;
 
 /// Largest number of bytes of a decoded frame.
-const MOST_BYTES: u64 = 1 << 30;
+const MOST_BYTES: u64 = 1 << 28;
 /// Largest number of pixels that a byte of JPEG-LS or JPEG 2000 stands for. Neither has a limit: an empty frame of any
 /// size takes a hundred bytes.
 const MOST_PIXELS: u64 = 1 << 16;

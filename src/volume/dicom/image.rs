@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use dicom_core::Tag;
-use dicom_dictionary_std::tags;
+use dicom_dictionary_std::{tags, uids};
 use dicom_encoding::text::{SpecificCharacterSet, TextCodec as _};
 use glam::DVec3;
 
@@ -107,8 +107,10 @@ impl Image {
     pub(super) fn read(path: &Path) -> Result<Option<Self>, VolumeError> {
         let DataSet { syntax, root, pixels } = dataset::read(path)?;
         let Some(pixels) = pixels else {
-            // Files of other kinds have no rows either; a file that is cut has.
-            return match root.number(tags::ROWS) {
+            // Files of other kinds have no rows either, except spectra; a file that is cut has.
+            let is_spectrum =
+                root.word(tags::SOP_CLASS_UID).is_some_and(|class| class == uids::MR_SPECTROSCOPY_STORAGE);
+            return match root.number(tags::ROWS).filter(|_| !is_spectrum) {
                 Some(rows) => {
                     let (path, place) = (path.to_owned(), named(tags::PIXEL_DATA));
                     let problem = format!("the file states {rows} rows, but has no pixels");

@@ -48,6 +48,7 @@ pub(super) fn read_folder(
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
     let source = &folder.path;
+    selection.no_level(&source.display().to_string())?;
     let read: Vec<Result<Option<Image>, VolumeError>> = files
         .par_iter()
         .map(|file| {
@@ -93,7 +94,7 @@ fn volume(
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
     let source_name = source.display().to_string();
-    let all = series::grouped(images);
+    let all = series::grouped(images, source)?;
     let entries: Vec<_> = all.iter().map(|series| series.entry.clone()).collect();
     let identifiers: Vec<&str> = all.iter().map(|series| series.identifier.as_str()).collect();
     let chosen = selection.series(&source_name, &entries, &identifiers)?;
@@ -143,7 +144,6 @@ fn scalar(
     let grid = Grid::of(lattice, &source_name, selection.resample)?;
     let frame = |slice: &Slice| images[slice.image].frame(slice.frame);
     let (slope, intercept) = (frame(&slices[0]).slope, frame(&slices[0]).intercept);
-    #[expect(clippy::float_cmp, reason = "equal numbers of the files")]
     let differ = slices.iter().any(|slice| (frame(slice).slope, frame(slice).intercept) != (slope, intercept));
     let values = if slices.iter().any(|slice| images[slice.image].has_lut) {
         Values::Looked

@@ -41,6 +41,10 @@ pub(super) fn read(
     let root = dataset::read(&image.path)?.root;
     selection.component(&source_name, 1, "")?;
     selection.time(&source_name, 1)?;
+    if image.has_times() {
+        let problem = format!("the {} frames state no places", image.count);
+        return Err(image.wrong(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE, problem));
+    }
     let places = placed(image, series)?;
     let geometry = places.lattice.geometry(&source_name)?;
     let presets = presets(&root);
@@ -140,12 +144,12 @@ fn placed(image: &Image, series: &Series) -> Result<Places, VolumeError> {
     sorted.sort_by(f64::total_cmp);
     let tolerance = 1e-3 * rows.min(columns);
     sorted.dedup_by(|next, one| *next - *one <= tolerance);
-    let (start, extent) = (sorted[0], sorted[sorted.len() - 1] - sorted[0]);
+    let extent = sorted[sorted.len() - 1] - sorted[0];
     let smallest = sorted.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
     let step = if smallest.is_finite() { extent / (extent / smallest).round() } else { first.thickness.unwrap_or(1.0) };
     let depth = whole((extent / step).round()) + 1;
-    let origin_of = distances.iter().position(|&distance| distance == start).unwrap_or(0);
-    let origin = positions[origin_of];
+    let first_one = (0..distances.len()).min_by(|&a, &b| distances[a].total_cmp(&distances[b])).unwrap_or(0);
+    let (start, origin) = (distances[first_one], positions[first_one]);
     let mut slices = Vec::new();
     for (index, (&distance, &position)) in distances.iter().zip(&positions).enumerate() {
         let place = (distance - start) / step;

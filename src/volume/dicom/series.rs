@@ -8,7 +8,7 @@ use glam::{DMat3, DVec3};
 
 use super::image::{Frame, Image, KEYS};
 use super::pixels::Slice;
-use crate::number::count;
+use crate::number;
 use crate::volume::VolumeError;
 use crate::volume::geometry::Lattice;
 use crate::volume::several::Series as Entry;
@@ -41,12 +41,21 @@ fn are_alike((one, first): (&Image, &Frame), (other, second): (&Image, &Frame)) 
         && layout
         && one.series == other.series
         && first.stack == second.stack
+        // A segmentation is one file, with segments of its own.
+        && (one.segmentation.is_empty() && other.segmentation.is_empty() || one.path == other.path)
         && !one.has_times()
         && !other.has_times()
 }
 
+/// Largest number of series in a folder.
+const MOST_SERIES: usize = 1000;
+
 /// Groups the frames of `images` into series, in the order of their numbers.
-pub(super) fn grouped(images: &[Image]) -> Vec<Series> {
+///
+/// # Errors
+///
+/// [`VolumeError::Field`] if there are more than 1000.
+pub(super) fn grouped(images: &[Image], source: &Path) -> Result<Vec<Series>, VolumeError> {
     let mut groups: Vec<Vec<Slice>> = Vec::new();
     let mut last = 0;
     for (index, image) in images.iter().enumerate() {
@@ -62,6 +71,11 @@ pub(super) fn grouped(images: &[Image]) -> Vec<Series> {
                 Some(group) => {
                     groups[group].push(slice);
                     last = group;
+                }
+                None if groups.len() == MOST_SERIES => {
+                    let (path, place) = (source.to_owned(), "the series".to_owned());
+                    let problem = format!("more than {MOST_SERIES} of different size, orientation or kind");
+                    return Err(VolumeError::Field { path, place, problem });
                 }
                 None => {
                     last = groups.len();
@@ -101,7 +115,7 @@ pub(super) fn grouped(images: &[Image]) -> Vec<Series> {
         };
         all.push(Series { entry, identifier: image.series.clone(), slices });
     }
-    all
+    Ok(all)
 }
 
 /// Number of different positions, if they are equally frequent; otherwise the number of slices.
@@ -293,26 +307,24 @@ fn timed(
         return Ok((vec![clusters.iter().map(|cluster| cluster[0].1).collect()], String::new()));
     }
     let key = |slice: Slice, key: usize| images[slice.image].frame(slice.frame).keys[key];
-    for (number, name) in KEYS.iter().enumerate() {
-        let mut values: Vec<f64> =
-            clusters.iter().flat_map(|cluster| cluster.iter().map(|&(_, slice)| key(slice, number))).collect();
-        values.sort_by(f64::total_cmp);
-        values.dedup();
-        // Without a value, each NaN stays.
-        if values.len() * depth != all || values.iter().any(|value| value.is_nan()) {
-            continue;
-        }
-        let of = |value: f64| -> Option<Vec<Slice>> {
-            let one = |cluster: &&[(f64, Slice)]| {
-                #[expect(clippy::float_cmp, reason = "one of the values themselves")]
-                let mut found = cluster.iter().filter(|&&(_, slice)| key(slice, number) == value);
-                found.next().map(|&(_, slice)| slice).filter(|_| found.next().is_none())
+    let count = clusters[0].len();
+    if clusters.iter().all(|cluster| cluster.len() == count) {
+        for (number, name) in KEYS.iter().enumerate() {
+            let by_value = |cluster: &&[(f64, Slice)]| -> Vec<(f64, Slice)> {
+                let mut all: Vec<_> = cluster.iter().map(|&(_, slice)| (key(slice, number), slice)).collect();
+                all.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+                all
             };
-            clusters.iter().map(one).collect()
-        };
-        if let Some(times) = values.iter().map(|&value| of(value)).collect::<Option<Vec<_>>>() {
-            let values: Vec<String> = values.iter().map(ToString::to_string).collect();
-            return Ok((times, format!("{name} {}", values.join(", "))));
+            let all: Vec<Vec<(f64, Slice)>> = clusters.iter().map(by_value).collect();
+            let values: Vec<f64> = all[0].iter().map(|&(value, _)| value).collect();
+            // Each position has a slice of each value, which NaN, no value, never equals.
+            let is_axis = values.windows(2).all(|pair| pair[0] < pair[1])
+                && all.iter().all(|slices| slices.iter().map(|&(value, _)| value).eq(values.iter().copied()));
+            if is_axis {
+                let times = (0..count).map(|time| all.iter().map(|slices| slices[time].1).collect()).collect();
+                let values: Vec<String> = values.iter().map(ToString::to_string).collect();
+                return Ok((times, format!("{name} {}", values.join(", "))));
+            }
         }
     }
     let path = |slice: Slice| images[slice.image].path.clone();
@@ -351,7 +363,7 @@ pub(super) fn evened<T: crate::volume::Voxel>(
     use rayon::prelude::*;
     let last = places.len() - 1;
     out.par_chunks_mut(pixels).enumerate().for_each(|(z, out)| {
-        let place = count(z);
+        let place = number::count(z);
         let above = places.partition_point(|&at| at < place).clamp(1, last.max(1)).min(last);
         let below = above.saturating_sub(1);
         let width = places[above] - places[below];
