@@ -218,7 +218,7 @@ fn what_is_no_scene_is_refused() {
     folder.refused(
         1,
         &["render", ".", "-o", "p.png"],
-        &["cannot read the scene .", "because: this is a folder, not a file"],
+        &["this is a folder with", "none of which", "Relume reads folders of DICOM"],
     );
     folder.refused(1, &["info", "missing.mhd"], &["missing.mhd", "because: No such file"]);
 }

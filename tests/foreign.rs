@@ -102,6 +102,22 @@ fn folders_that_are_data_sets_are_named() {
     }
 }
 
+#[test]
+fn a_folder_without_a_volume_says_what_it_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = refusal(folder.path());
+    assert!(
+        said.contains("this is a folder with 0 files, none of which") && said.contains("folders of DICOM"),
+        "{said}"
+    );
+    std::fs::create_dir_all(folder.path().join("a/b")).unwrap();
+    for name in ["words.txt", "a/words.txt", "a/b/deeper.txt", ".hidden"] {
+        std::fs::write(folder.path().join(name), "words").unwrap();
+    }
+    let said = refusal(folder.path());
+    assert!(said.contains("this is a folder with 2 files"), "{said}");
+}
+
 /// All files and folders below `folder`.
 fn below(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());

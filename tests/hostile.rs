@@ -411,14 +411,19 @@ fn what_never_ends_or_never_begins_is_no_file_for_any_reader() {
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success(), "mkfifo");
     for (path, what) in [(pipe.as_path(), "a pipe"), (Path::new("/dev/zero"), "a device"), (folder.path(), "a folder")]
     {
-        let said = |error: &dyn std::error::Error| format!("{error}: {}", error.source().expect("a cause"));
+        let said = |error: &dyn std::error::Error| {
+            error.source().map_or_else(|| error.to_string(), |cause| format!("{error}: {cause}"))
+        };
         let light = SpectrumSource::File { path: path.to_owned(), column: None }.light(Path::new("")).unwrap_err();
         let file = FilmFile::read(path).unwrap_err();
         let scene = document::load(path, &SceneOptions::default(), &Quiet).map(drop).unwrap_err();
         let volume = volume::open(path, &Selection::default(), &Quiet).map(drop).unwrap_err();
-        for error in [&light as &dyn std::error::Error, &file, &scene, &volume] {
+        for error in [&light as &dyn std::error::Error, &file, &volume] {
             assert!(said(error).contains(what), "{}", said(error));
         }
+        // A folder may be a volume, but no scene.
+        let what = if path.is_dir() { "is a volume" } else { what };
+        assert!(said(&scene).contains(what), "{}", said(&scene));
     }
 }
 

@@ -372,9 +372,7 @@ fn a_time_step_is_read_alone_wherever_its_axis_lies() {
     let error =
         files.select(&Selection { component: Some(1), ..Selection::default() }).map(|it| it.voxels).unwrap_err();
     assert!(error.to_string().contains("choose a time step from 0 to 1"), "one after the other is asked for: {error}");
-    let volume = files
-        .select(&Selection { component: Some(1), time: Some(1), array: None, asks: false, resample: false })
-        .unwrap();
+    let volume = files.select(&Selection { component: Some(1), time: Some(1), ..Selection::default() }).unwrap();
     assert_eq!(volume.voxels, Voxels::U8(vec![8, 10, 12]));
     let stub = ["dimension: 5", "sizes: 2 6 1 1 1", "kinds: vector space space space stub"];
     let volume = made(&header(&stub), &TWELVE).select(&Selection { component: Some(1), ..Selection::default() });
@@ -382,7 +380,7 @@ fn a_time_step_is_read_alone_wherever_its_axis_lies() {
     let many = ["dimension: 5", "sizes: 3 1 1 2 2"];
     let error = refused(&many, &TWELVE, &["3×1×1×2×2"]);
     assert!(matches!(error, VolumeError::TooManyAxes { .. }), "{error}");
-    let all = Selection { component: Some(0), time: Some(0), array: None, asks: false, resample: false };
+    let all = Selection { component: Some(0), time: Some(0), ..Selection::default() };
     assert!(made(&header(&[]), &TWELVE).select(&all).is_ok(), "all there is");
     let named = Selection { array: Some("ct".to_owned()), ..Selection::default() };
     let error = made(&header(&[]), &TWELVE).select(&named).map(|volume| volume.voxels).unwrap_err();

@@ -99,6 +99,8 @@ fn of_volume(error: &VolumeError) -> Option<String> {
         VolumeError::Choose { there, .. } => Some(match there {
             Several::Components { .. } => " with --component N".to_owned(),
             Several::Times(_) => " with --time N".to_owned(),
+            Several::Series(_) => " with --series N".to_owned(),
+            Several::Levels(_) => " with --pyramid-level N".to_owned(),
             _ => " with --array NAME".to_owned(),
         }),
         VolumeError::NoSuch { asked, .. } => Some(format!(" ({})", chosen(asked))),
@@ -112,6 +114,8 @@ fn chosen(asked: &Asked) -> String {
         Asked::Component(index) => format!("--component {index}"),
         Asked::Time(index) => format!("--time {index}"),
         Asked::Array(name) => format!("--array {name}"),
+        Asked::Series(key) => format!("--series {key}"),
+        Asked::Level(level) => format!("--pyramid-level {level}"),
     }
 }
 

@@ -47,7 +47,17 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     match (&args.scene.scene, &args.scene.volume) {
         (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
-            let all = ["--labels", "--downsample", "--component", "--time", "--array", "--dims", "--voxel"];
+            let all = [
+                "--labels",
+                "--downsample",
+                "--component",
+                "--time",
+                "--array",
+                "--series",
+                "--pyramid-level",
+                "--dims",
+                "--voxel",
+            ];
             args.refuse(&all, "it needs a scene or a volume")?;
             of_devices()
         }
@@ -96,6 +106,8 @@ impl Args {
             ("--component", selection.component.is_some()),
             ("--time", selection.time.is_some()),
             ("--array", selection.array.is_some()),
+            ("--series", selection.series.is_some()),
+            ("--pyramid-level", selection.level.is_some()),
             ("-D", !self.scene.define.is_empty()),
             ("--labels", self.scene.labels.is_some()),
             ("--downsample", self.scene.downsample.is_some()),

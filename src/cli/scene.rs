@@ -60,7 +60,7 @@ impl DefineArgs {
 }
 
 /// Heading in `--help`.
-const SEVERAL: &str = "Volumes with several components, time steps or arrays, or with sheared axes";
+const SEVERAL: &str = "Volumes with several components, time steps, arrays, series or levels, or with sheared axes";
 
 /// Choice of one volume from a file with several.
 #[derive(Debug, Args)]
@@ -74,6 +74,12 @@ pub(crate) struct SelectionArgs {
     /// Read the array of this name.
     #[arg(long, help_heading = SEVERAL, value_name = "NAME")]
     array: Option<String>,
+    /// Read the series of this number, or of this SeriesInstanceUID, from a folder of DICOM files.
+    #[arg(long, help_heading = SEVERAL, value_name = "N|UID")]
+    series: Option<String>,
+    /// Read this level of resolution of a pyramid; 0 is the finest, and the default.
+    #[arg(long, help_heading = SEVERAL, value_name = "N")]
+    pyramid_level: Option<usize>,
     /// Resample a sheared volume (as after gantry tilt) to an orthogonal grid: values trilinearly, labels by the nearest
     /// voxel. Without this flag, Relume refuses such a volume.
     #[arg(long, help_heading = SEVERAL)]
@@ -86,6 +92,8 @@ impl SelectionArgs {
             component: self.component,
             time: self.time,
             array: self.array.clone(),
+            series: self.series.clone(),
+            level: self.pyramid_level,
             asks: false,
             resample: self.resample,
         }

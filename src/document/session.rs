@@ -196,17 +196,22 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
         }
     }
     if volume.is_some() || options.selection.asks {
-        for key in ["component", "time", "array", "resample"] {
+        for key in ["component", "time", "array", "series", "level", "resample"] {
             table.remove(key);
         }
     }
-    for (key, number) in [("component", options.selection.component), ("time", options.selection.time)] {
+    let selection = &options.selection;
+    let numbers = [("component", selection.component), ("time", selection.time), ("level", selection.level)];
+    for (key, number) in numbers {
         if let Some(number) = number {
             table.insert(key, value(i64::try_from(number).unwrap_or(i64::MAX)));
         }
     }
     if let Some(array) = &options.selection.array {
         table.insert("array", value(array));
+    }
+    if let Some(series) = &options.selection.series {
+        table.insert("series", value(series));
     }
     if options.selection.resample {
         table.insert("resample", value(true));

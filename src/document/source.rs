@@ -141,12 +141,13 @@ impl Source {
 
     /// Window title: the file and the selected volume.
     #[must_use]
-    pub fn title(&self, Selection { component, time, array, .. }: &Selection) -> String {
+    pub fn title(&self, Selection { component, time, array, series, level, .. }: &Selection) -> String {
         let file = self.path.as_ref().and_then(|path| path.file_name());
         let name = file.map_or_else(|| self.name(), |file| file.to_string_lossy().into_owned());
-        let numbers = [("component", component), ("time", time)];
+        let series = series.as_ref().map(|key| format!("series {key}"));
+        let numbers = [("component", component), ("time", time), ("level", level)];
         let numbers = numbers.map(|(name, number)| number.map(|number| format!("{name} {number}")));
-        let of_it: Vec<String> = array.iter().cloned().chain(numbers.into_iter().flatten()).collect();
+        let of_it: Vec<String> = array.iter().cloned().chain(series).chain(numbers.into_iter().flatten()).collect();
         if of_it.is_empty() {
             format!("{name} — Relume")
         } else {
@@ -248,5 +249,7 @@ mod tests {
         assert_eq!(Source::default().title(&all), "the default scene — Relume");
         let chosen = Selection { time: Some(3), array: Some("ct".to_owned()), ..Selection::default() };
         assert_eq!(title("beat.nrrd", &chosen), "beat.nrrd (ct, time 3) — Relume");
+        let chosen = Selection { series: Some("7".to_owned()), level: Some(2), ..Selection::default() };
+        assert_eq!(title("scans", &chosen), "scans (series 7, level 2) — Relume");
     }
 }

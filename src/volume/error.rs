@@ -37,6 +37,17 @@ pub enum VolumeError {
         /// Formats with a reader, with their extensions.
         known: String,
     },
+    /// A folder has too many files.
+    #[error(
+        "{}: the folder and its folders hold more than {limit} files; open a folder with the files of one series",
+        path.display()
+    )]
+    FolderTooLarge {
+        /// The folder.
+        path: PathBuf,
+        /// Largest number of files and folders.
+        limit: usize,
+    },
     /// Headerless voxels without a layout.
     #[error(
         "{}: raw voxels have no header; give dims and type, or write them into {} (defaults: byte_order little, \
@@ -346,6 +357,7 @@ impl VolumeError {
             Self::Open { .. } => "volume-not-openable",
             Self::Read { .. } => "volume-not-readable",
             Self::UnknownFormat { .. } => "volume-format-unknown",
+            Self::FolderTooLarge { .. } => "volume-folder-too-large",
             Self::NoLayout { .. } => "volume-layout-missing",
             Self::HasHeader { .. } => "volume-has-header",
             Self::Layout { .. } => "volume-layout-invalid",

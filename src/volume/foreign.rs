@@ -72,11 +72,8 @@ fn name(beginning: &[u8]) -> Option<&'static str> {
     FOREIGN.iter().find(|foreign| (foreign.recognises)(beginning)).map(|foreign| foreign.name)
 }
 
-/// Describes a folder that some programs treat as one file.
+/// Describes a folder that some programs treat as one file, of a format without a reader.
 pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
-    if !path.is_dir() {
-        return None;
-    }
     let has = |name: &str| path.join(name).exists();
     if [".zarray", ".zgroup", "zarr.json"].iter().any(|name| has(name)) {
         return Some("this folder is a Zarr store");
@@ -85,7 +82,7 @@ pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
 }
 
 /// The mark behind the preamble, or, without a preamble, a first element of the identifying group (DICOM PS3.10, §7.1).
-fn is_dicom(beginning: &[u8]) -> bool {
+pub(super) fn is_dicom(beginning: &[u8]) -> bool {
     beginning.get(128..132) == Some(b"DICM")
         || matches!(beginning, [0x08, 0x00, 0x00 | 0x01 | 0x05 | 0x08 | 0x16, 0x00, v, r, ..] if v.is_ascii_uppercase() && r.is_ascii_uppercase())
 }

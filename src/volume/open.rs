@@ -4,8 +4,8 @@ use std::io::Read;
 use std::path::Path;
 
 use super::{
-    PackedBlocks, RawLayout, Selection, Volume, VolumeError, foreign, metaimage, mrc, nifti, nrrd, numpy, raw, stream,
-    vti, vtk,
+    PackedBlocks, RawLayout, Selection, Volume, VolumeError, folder, foreign, metaimage, mrc, nifti, nrrd, numpy, raw,
+    stream, vti, vtk,
 };
 use crate::progress::Progress;
 
@@ -18,8 +18,20 @@ struct Format {
     recognises: fn(&[u8]) -> bool,
     /// Whether a file with an extension of the format holds another one: some extensions are shared.
     is_another: fn(&Path) -> Result<bool, VolumeError>,
+    /// Choices that files of the format offer beside component, time step and array.
+    further: Further,
     read: fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
 }
+
+/// Choices beside component, time step and array.
+#[derive(Clone, Copy)]
+struct Further {
+    series: bool,
+    levels: bool,
+}
+
+/// A file has one series, and one level of resolution.
+const NOTHING: Further = Further { series: false, levels: false };
 
 /// For a format whose extensions no other has.
 const ALONE: fn(&Path) -> Result<bool, VolumeError> = |_| Ok(false);
@@ -32,6 +44,18 @@ impl Format {
             |extension: &&str| name.strip_suffix(extension).is_some_and(|stem| stem.len() > 1 && stem.ends_with('.'));
         self.extensions.iter().any(ends)
     }
+
+    /// Reads the file `path`, after the refusal of choices that the format does not offer.
+    fn open(&self, path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+        let source = path.display().to_string();
+        if !self.further.series {
+            selection.no_series(&source)?;
+        }
+        if !self.further.levels {
+            selection.no_level(&source)?;
+        }
+        (self.read)(path, selection, progress)
+    }
 }
 
 /// All formats; a new reader is a new line.
@@ -41,6 +65,7 @@ const FORMATS: [Format; 10] = [
         extensions: &["mhd", "mha"],
         recognises: metaimage::recognises,
         is_another: ALONE,
+        further: NOTHING,
         read: metaimage::read,
     },
     Format {
@@ -48,6 +73,7 @@ const FORMATS: [Format; 10] = [
         extensions: &["nii", "nii.gz", "hdr", "hdr.gz", "img", "img.gz"],
         recognises: nifti::recognises,
         is_another: nifti::is_another,
+        further: NOTHING,
         read: nifti::read,
     },
     Format {
@@ -55,6 +81,7 @@ const FORMATS: [Format; 10] = [
         extensions: &["nrrd", "nhdr"],
         recognises: nrrd::recognises,
         is_another: ALONE,
+        further: NOTHING,
         read: nrrd::read,
     },
     Format {
@@ -62,6 +89,7 @@ const FORMATS: [Format; 10] = [
         extensions: &["mrc", "mrc.gz", "ccp4", "ccp4.gz", "map", "map.gz", "rec"],
         recognises: mrc::recognises,
         is_another: mrc::is_another,
+        further: NOTHING,
         read: mrc::read,
     },
     Format {
@@ -69,6 +97,7 @@ const FORMATS: [Format; 10] = [
         extensions: &["npy"],
         recognises: numpy::recognises,
         is_another: ALONE,
+        further: NOTHING,
         read: numpy::read,
     },
     Format {
@@ -76,6 +105,7 @@ const FORMATS: [Format; 10] = [
         extensions: &["npz"],
         recognises: numpy::recognises_archive,
         is_another: ALONE,
+        further: NOTHING,
         read: numpy::read_archive,
     },
     Format {
@@ -83,6 +113,7 @@ const FORMATS: [Format; 10] = [
         extensions: &["vtk"],
         recognises: vtk::recognises,
         is_another: ALONE,
+        further: NOTHING,
         read: vtk::read,
     },
     Format {
@@ -90,6 +121,7 @@ const FORMATS: [Format; 10] = [
         extensions: &["vti"],
         recognises: vti::recognises,
         is_another: ALONE,
+        further: NOTHING,
         read: vti::read,
     },
     Format {
@@ -97,6 +129,7 @@ const FORMATS: [Format; 10] = [
         extensions: &["raw", "dat", "bin"],
         recognises: |_| false,
         is_another: ALONE,
+        further: NOTHING,
         read: raw::read_beside_sidecar,
     },
     Format {
@@ -104,6 +137,7 @@ const FORMATS: [Format; 10] = [
         extensions: &["toml"],
         recognises: |_| false,
         is_another: ALONE,
+        further: NOTHING,
         read: raw::read_sidecar,
     },
 ];
@@ -114,37 +148,39 @@ pub fn extensions() -> impl Iterator<Item = &'static str> {
 }
 
 /// Number of bytes examined to recognise a file.
-const BEGINNING: u64 = 4096;
+pub(super) const BEGINNING: u64 = 4096;
 
-fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
+/// The first bytes of a file.
+pub(super) fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
     let mut bytes = Vec::new();
     let read = stream::open(path)?.take(BEGINNING).read_to_end(&mut bytes);
     read.map_err(|source| VolumeError::Read { path: path.to_owned(), source })?;
     Ok(bytes)
 }
 
-/// Reads the volume in a file. The extension determines the format; for other extensions, the first bytes do.
+/// Reads the volume in a file or a folder. The extension of a file determines the format; for other extensions, the
+/// first bytes do. For a folder, its files do.
 ///
-/// `selection` chooses among several volumes in a file. Memory is bounded by the chosen volume and a slab of 4 MiB; VTK
+/// `selection` chooses among several volumes in a file or folder. Memory is bounded by the chosen volume and a slab of 4 MiB; VTK
 /// files need one block of their compressed values in addition. `progress` counts decoded bytes.
 ///
 /// # Errors
 ///
-/// [`VolumeError::UnknownFormat`] if no reader knows the file, [`VolumeError::Choose`] if it holds several volumes and
+/// [`VolumeError::UnknownFormat`] if no reader knows the file or folder, [`VolumeError::Choose`] if it holds several volumes and
 /// `selection` does not choose one, [`VolumeError::NoSuch`] if the chosen volume does not exist,
 /// [`VolumeError::Cancelled`] if `progress` requests it, and the error of the reader for a defective file.
 pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
-    if let Some(what) = foreign::describe_folder(path) {
-        return Err(unknown(path, what.to_owned(), true));
+    if path.is_dir() {
+        return folder::read(path, selection, progress);
     }
     if let Some(format) = FORMATS.iter().find(|format| format.names(path))
         && !(format.is_another)(path)?
     {
-        return (format.read)(path, selection, progress);
+        return format.open(path, selection, progress);
     }
     let beginning = beginning(path)?;
     match FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
-        Some(format) => (format.read)(path, selection, progress),
+        Some(format) => format.open(path, selection, progress),
         None => Err(unknown(path, foreign::describe(path, &beginning), foreign::is_known(&beginning))),
     }
 }
@@ -160,6 +196,9 @@ pub fn packed_blocks(
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Option<PackedBlocks>, VolumeError> {
+    if path.is_dir() {
+        return Ok(None);
+    }
     let beginning = beginning(path)?;
     if vti::recognises(&beginning) { vti::packed(path, selection, progress) } else { Ok(None) }
 }
@@ -170,16 +209,17 @@ fn unknown(path: &Path, what: String, is_known: bool) -> VolumeError {
     VolumeError::UnknownFormat { path: path.to_owned(), what, is_known, known: known.join(", ") }
 }
 
-/// Whether the extension or the first bytes of a file identify a volume; the extension `.toml` does not count.
+/// Whether the extension or the first bytes of a file identify a volume; the extension `.toml` does not count. A folder
+/// can only be a volume.
 pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
     let named = |format: &Format| !format.extensions.contains(&"toml") && format.names(path);
-    FORMATS.iter().any(|format| named(format) || (format.recognises)(beginning))
+    path.is_dir() || FORMATS.iter().any(|format| named(format) || (format.recognises)(beginning))
 }
 
-/// The error of [`open`] for a folder or file whose content identifies a format without a reader; otherwise `None`.
+/// The error of [`open`] for a file whose content identifies a format without a reader; otherwise `None`.
 pub(crate) fn refusal(path: &Path) -> Option<VolumeError> {
-    let what = || beginning(path).ok().filter(|it| foreign::is_known(it)).map(|it| foreign::describe(path, &it));
-    foreign::describe_folder(path).map(str::to_owned).or_else(what).map(|what| unknown(path, what, true))
+    let beginning = beginning(path).ok().filter(|it| foreign::is_known(it))?;
+    Some(unknown(path, foreign::describe(path, &beginning), true))
 }
 
 /// Whether the file `path` has a header that describes its voxels.

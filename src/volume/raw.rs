@@ -60,7 +60,7 @@ pub(super) fn read(
     };
     let source_name = base.join(file).display().to_string();
     let wrong = |problem| VolumeError::Layout { source_name: source_name.clone(), problem };
-    let stated = Selection { component: layout.component, time: layout.time, array: None, ..Selection::default() };
+    let stated = Selection { component: layout.component, time: layout.time, ..Selection::default() };
     selection.or(&stated).only(&source_name)?;
     let geometry = Geometry::new(
         &source_name,

@@ -1,5 +1,6 @@
 //! Choice of one scalar volume from a file that holds several.
 
+use super::several::Series;
 use super::{Asked, Several, VolumeError};
 
 impl Several {
@@ -14,6 +15,8 @@ impl Several {
                 let asked = match self {
                     Self::Times(_) => Asked::Time(index),
                     Self::Components { .. } | Self::Arrays(_) => Asked::Component(index),
+                    Self::Series(_) => Asked::Series(index.to_string()),
+                    Self::Levels(_) => Asked::Level(index),
                 };
                 Err(VolumeError::NoSuch { source_name: source.to_owned(), asked, there: self.to_string() })
             }
@@ -30,6 +33,10 @@ pub struct Selection {
     pub time: Option<usize>,
     /// Name of the array.
     pub array: Option<String>,
+    /// Number or identifier of the series.
+    pub series: Option<String>,
+    /// Level of resolution; 0, the finest, unless it is chosen.
+    pub level: Option<usize>,
     /// Whether an unspecified choice among several is an error, even if the file marks a default array or the scene
     /// states a choice.
     pub asks: bool,
@@ -45,6 +52,8 @@ impl Selection {
             component: self.component.or(otherwise.component),
             time: self.time.or(otherwise.time),
             array: self.array.clone().or_else(|| otherwise.array.clone()),
+            series: self.series.clone().or_else(|| otherwise.series.clone()),
+            level: self.level.or(otherwise.level),
             asks: self.asks || otherwise.asks,
             resample: self.resample || otherwise.resample,
         }
@@ -83,11 +92,65 @@ impl Selection {
         }
     }
 
+    /// Refuses a choice of series for the file `source`, whose format has no series.
+    pub(super) fn no_series(&self, source: &str) -> Result<(), VolumeError> {
+        match &self.series {
+            None => Ok(()),
+            Some(key) => Err(VolumeError::NoSuch {
+                source_name: source.to_owned(),
+                asked: Asked::Series(key.clone()),
+                there: "one series without a number".to_owned(),
+            }),
+        }
+    }
+
+    /// Returns the index of the series to read among `all` in `source`; a series is also chosen by its identifier among
+    /// `identifiers`.
+    pub(super) fn series(&self, source: &str, all: &[Series], identifiers: &[&str]) -> Result<usize, VolumeError> {
+        let Some(asked) = &self.series else { return Several::Series(all.to_vec()).number(source, None) };
+        let is_asked = |index: &usize| {
+            all[*index].key == *asked || identifiers.get(*index).is_some_and(|identifier| identifier == asked)
+        };
+        let found: Vec<usize> = (0..all.len()).filter(is_asked).collect();
+        match found[..] {
+            [one] => Ok(one),
+            [] => Err(VolumeError::NoSuch {
+                source_name: source.to_owned(),
+                asked: Asked::Series(asked.clone()),
+                there: Several::Series(all.to_vec()).to_string(),
+            }),
+            _ => {
+                let there = Several::Series(found.iter().map(|&index| all[index].clone()).collect());
+                Err(VolumeError::Choose { source_name: source.to_owned(), there })
+            }
+        }
+    }
+
+    #[cfg_attr(not(test), expect(dead_code, reason = "for readers of pyramids"))]
+    /// Returns the level to read in the file `source`, whose levels have these dims, the finest first.
+    pub(super) fn level(&self, source: &str, levels: &[[usize; 3]]) -> Result<usize, VolumeError> {
+        Several::Levels(levels.to_vec()).number(source, self.level.or(Some(0)))
+    }
+
+    /// Refuses a level other than 0 for the file `source`, whose format has no levels.
+    pub(super) fn no_level(&self, source: &str) -> Result<(), VolumeError> {
+        match self.level {
+            None | Some(0) => Ok(()),
+            Some(level) => Err(VolumeError::NoSuch {
+                source_name: source.to_owned(),
+                asked: Asked::Level(level),
+                there: "one level, 0".to_owned(),
+            }),
+        }
+    }
+
     /// Refuses any choice but the only scalar volume of `source`.
     pub(crate) fn only(&self, source: &str) -> Result<(), VolumeError> {
         self.component(source, 1, "")?;
         self.time(source, 1)?;
-        self.no_array(source)
+        self.no_array(source)?;
+        self.no_series(source)?;
+        self.no_level(source)
     }
 }
 
@@ -156,23 +219,53 @@ mod tests {
         assert!(message.contains("ct, pet") && message.contains("choose one of them"), "{message}");
         assert_eq!((none.time("f", 1).unwrap(), none.array("f", &["ct"]).unwrap()), (0, 0));
 
-        let chosen = Selection {
-            component: Some(2),
-            time: Some(4),
-            array: Some("pet".to_owned()),
-            asks: false,
-            resample: false,
-        };
+        let chosen =
+            Selection { component: Some(2), time: Some(4), array: Some("pet".to_owned()), ..Selection::default() };
         assert_eq!(chosen.component("f", 3, "").unwrap(), 2);
         assert_eq!(chosen.array("f", &["ct", "pet"]).unwrap(), 1);
         let message = chosen.time("f", 4).unwrap_err().to_string();
         assert!(message.contains("time step 4") && message.contains("4 time steps"), "{message}");
         assert!(chosen.only("f").is_err(), "component 2 of one");
         assert!(
-            Selection { component: Some(0), time: Some(0), array: None, asks: false, resample: false }
-                .only("f")
-                .is_ok(),
+            Selection { component: Some(0), time: Some(0), level: Some(0), ..Selection::default() }.only("f").is_ok(),
             "all there is"
         );
+        let message = Selection { level: Some(1), ..Selection::default() }.only("f").unwrap_err().to_string();
+        assert_eq!(message, "f: level 1 does not exist; the file holds one level, 0");
+        let message = Selection { series: Some("3".to_owned()), ..Selection::default() }.only("f").unwrap_err();
+        assert_eq!(message.to_string(), "f: series 3 does not exist; the file holds one series without a number");
+    }
+
+    #[test]
+    fn a_series_is_chosen_by_its_number_or_identifier() {
+        let series = |key: &str, side| Series {
+            key: key.to_owned(),
+            description: "«axial» CT".to_owned(),
+            dims: [side; 3],
+            times: 1,
+        };
+        let all = [series("3", 4), series("7.1", 5), series("7.2", 6)];
+        let identifiers = ["1.2.3", "1.2.7", "1.2.7"];
+        let choose = |asked: Option<&str>| {
+            let selection = Selection { series: asked.map(str::to_owned), ..Selection::default() };
+            selection.series("f", &all, &identifiers).map_err(|error| error.to_string())
+        };
+        assert_eq!(choose(Some("3")), Ok(0));
+        assert_eq!(choose(Some("1.2.3")), Ok(0));
+        assert_eq!(choose(Some("7.2")), Ok(2));
+        let there = "3 series: 3 «axial» CT 4×4×4, 7.1 «axial» CT 5×5×5, 7.2 «axial» CT 6×6×6";
+        assert_eq!(choose(None), Err(format!("f: {there}; choose one of them")));
+        assert_eq!(choose(Some("8")), Err(format!("f: series 8 does not exist; the file holds {there}")));
+        let two = "f: 2 series: 7.1 «axial» CT 5×5×5, 7.2 «axial» CT 6×6×6; choose one of them";
+        assert_eq!(choose(Some("1.2.7")), Err(two.to_owned()), "one identifier for two");
+    }
+
+    #[test]
+    fn the_finest_level_is_read_unless_another_is_chosen() {
+        let levels = [[8, 8, 4], [4, 4, 4]];
+        let choose = |level| Selection { level, ..Selection::default() }.level("f", &levels);
+        assert_eq!((choose(None).unwrap(), choose(Some(1)).unwrap()), (0, 1));
+        let message = choose(Some(2)).unwrap_err().to_string();
+        assert_eq!(message, "f: level 2 does not exist; the file holds 2 levels: 0 8×8×4, 1 4×4×4");
     }
 }

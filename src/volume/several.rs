@@ -17,6 +17,40 @@ pub enum Several {
     Times(usize),
     /// Names of the arrays.
     Arrays(Vec<String>),
+    /// Series, as of a folder of DICOM files.
+    Series(Vec<Series>),
+    /// Levels of resolution, the finest first, by their dims.
+    Levels(Vec<[usize; 3]>),
+}
+
+/// One of several series.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Series {
+    /// Number or identifier that selects it.
+    pub key: String,
+    /// Description and kind, for messages; may be empty.
+    pub description: String,
+    /// Voxels along x, y and z.
+    pub dims: [usize; 3],
+    /// Number of time steps.
+    pub times: usize,
+}
+
+impl fmt::Display for Series {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { key, description, dims, times } = self;
+        write!(formatter, "{key} ")?;
+        if !description.is_empty() {
+            write!(formatter, "{description} ")?;
+        }
+        write!(formatter, "{}", by(dims))?;
+        if *times > 1 { write!(formatter, " × {times} time steps") } else { Ok(()) }
+    }
+}
+
+/// Formats `a×b×c`.
+fn by(dims: &[usize; 3]) -> String {
+    dims.map(|side| side.to_string()).join("×")
 }
 
 impl fmt::Display for Several {
@@ -29,6 +63,15 @@ impl fmt::Display for Several {
             }
             Self::Times(count) => write!(formatter, "{count} time step{}", plural(*count)),
             Self::Arrays(names) => write!(formatter, "the arrays {}", names.join(", ")),
+            Self::Series(all) => {
+                let named: Vec<String> = all.iter().map(ToString::to_string).collect();
+                write!(formatter, "{} series: {}", all.len(), named.join(", "))
+            }
+            Self::Levels(all) => {
+                let named: Vec<String> =
+                    all.iter().enumerate().map(|(level, dims)| format!("{level} {}", by(dims))).collect();
+                write!(formatter, "{} level{}: {}", all.len(), plural(all.len()), named.join(", "))
+            }
         }
     }
 }
@@ -39,6 +82,8 @@ impl Several {
         match self {
             Self::Components { count, .. } | Self::Times(count) => *count,
             Self::Arrays(names) => names.len(),
+            Self::Series(all) => all.len(),
+            Self::Levels(all) => all.len(),
         }
     }
 
@@ -48,7 +93,8 @@ impl Several {
         match self {
             Self::Components { .. } => format!("a component from 0 to {last}"),
             Self::Times(_) => format!("a time step from 0 to {last}"),
-            Self::Arrays(_) => "one of them".to_owned(),
+            Self::Arrays(_) | Self::Series(_) => "one of them".to_owned(),
+            Self::Levels(_) => format!("a level from 0 to {last}"),
         }
     }
 }
@@ -62,6 +108,10 @@ pub enum Asked {
     Time(usize),
     /// The name of an array.
     Array(String),
+    /// The number or identifier of a series.
+    Series(String),
+    /// A level of resolution, from 0.
+    Level(usize),
 }
 
 impl fmt::Display for Asked {
@@ -70,6 +120,8 @@ impl fmt::Display for Asked {
             Self::Component(index) => write!(formatter, "component {index}"),
             Self::Time(index) => write!(formatter, "time step {index}"),
             Self::Array(name) => write!(formatter, "the array {name}"),
+            Self::Series(key) => write!(formatter, "series {key}"),
+            Self::Level(level) => write!(formatter, "level {level}"),
         }
     }
 }

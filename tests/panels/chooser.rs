@@ -12,7 +12,7 @@ use relume::document::Source;
 use relume::document::{Question, Unknown};
 use relume::internal::view::Action;
 use relume::internal::view::action::{File, Leaving, Losing};
-use relume::volume::{RawLayout, Selection, Several, VoxelType};
+use relume::volume::{RawLayout, Selection, Series, Several, VoxelType};
 
 use crate::app::{App, document, drag_along, is_painted, wide};
 
@@ -156,6 +156,24 @@ fn what_can_be_opened_is_listed_and_keys_are_the_dialogs_own() {
     assert_eq!(saved_or_opened(&window), [Action::Open(Box::new(Source::of(&path)))]);
 }
 
+fn series(key: &str, side: usize) -> Series {
+    Series { key: key.to_owned(), description: "«head» MR".to_owned(), dims: [side; 3], times: 1 }
+}
+
+#[test]
+fn the_largest_series_is_chosen_at_first() {
+    let mut window = wide(document());
+    let source = Source::of(Path::new("scans"));
+    let there = Several::Series([("1", 2), ("2", 9), ("3", 5)].map(|(key, side)| series(key, side)).to_vec());
+    window.state_mut().chooser.ask(source.clone(), asked(Unknown::Which(there)), &Selection::default());
+    window.run();
+    window.key_press(Key::Enter);
+    window.run();
+    let mut chosen = source;
+    chosen.options.selection.series = Some("2".to_owned());
+    assert_eq!(saved_or_opened(&window), [Action::Leave(Leaving::Open(Box::new(chosen)))]);
+}
+
 #[test]
 fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
     let several = [
@@ -168,6 +186,10 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
             Several::Arrays(vec!["ct".to_owned(), "pet".to_owned()]),
             Selection { array: Some("pet".to_owned()), ..Selection::default() },
         ),
+        (
+            Several::Series([("3", 9), ("7", 2)].map(|(key, side)| series(key, side)).to_vec()),
+            Selection { series: Some("7".to_owned()), ..Selection::default() },
+        ),
     ];
     for (there, chosen) in several {
         let mut window = wide(document());
@@ -178,6 +200,7 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
         window.run();
         match there {
             Several::Arrays(_) => window.get_by_label("pet").click(),
+            Several::Series(_) => window.get_by_label("7 «head» MR 2×2×2").click(),
             _ => {
                 let what = if chosen.time.is_some() { "Time step" } else { "Component" };
                 window.get_by_role_and_label(Role::SpinButton, what).focus();

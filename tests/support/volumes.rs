@@ -126,13 +126,8 @@ fn check(name: &str, expected: &Value, open: impl Fn(&Selection) -> Result<Volum
     }
     let several = |there: usize, index| (there > 1).then_some(index);
     let part = |time, component| {
-        let selection = Selection {
-            component: several(components, component),
-            time: several(times, time),
-            array: None,
-            asks: false,
-            resample: false,
-        };
+        let selection =
+            Selection { component: several(components, component), time: several(times, time), ..Selection::default() };
         open(&selection).unwrap_or_else(|error| panic!("{name}: {error}"))
     };
     let volumes: Vec<Vec<Volume>> =

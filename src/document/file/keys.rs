@@ -1,10 +1,12 @@
 //! The keys of a scene file.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use serde::Deserialize;
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer};
 use toml::{Spanned, Value};
 
 use crate::document::Mixing;
@@ -50,6 +52,27 @@ pub(super) struct Root {
     pub(super) display: DisplayFile,
 }
 
+/// The text of a whole number, or a text.
+fn number_or_text<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    struct Either;
+    impl Visitor<'_> for Either {
+        type Value = String;
+
+        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+            formatter.write_str("a whole number or a string")
+        }
+
+        fn visit_i64<E: Error>(self, number: i64) -> Result<String, E> {
+            Ok(number.to_string())
+        }
+
+        fn visit_str<E: Error>(self, text: &str) -> Result<String, E> {
+            Ok(text.to_owned())
+        }
+    }
+    deserializer.deserialize_any(Either).map(Some)
+}
+
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct VolumeFile {
@@ -71,6 +94,9 @@ pub(super) struct VolumeFile {
     pub(super) component: Option<usize>,
     pub(super) time: Option<usize>,
     pub(super) array: Option<String>,
+    #[serde(default, deserialize_with = "number_or_text")]
+    pub(super) series: Option<String>,
+    pub(super) level: Option<usize>,
     #[serde(default)]
     pub(super) resample: bool,
 }

@@ -155,6 +155,8 @@ impl VolumeFile {
             component: self.component,
             time: self.time,
             array: self.array.clone(),
+            series: self.series.clone(),
+            level: self.level,
             asks: false,
             resample: self.resample,
         };

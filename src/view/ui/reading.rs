@@ -5,7 +5,7 @@ use egui::{Button, ComboBox, Context, Grid, Id, Key, Modal, Response, RichText, 
 use super::controls::{number, toggle};
 use crate::document::Source;
 use crate::document::{Question, Unknown};
-use crate::volume::{ByteOrder, RawLayout, Selection, Several, VoxelType};
+use crate::volume::{ByteOrder, RawLayout, Selection, Series, Several, VoxelType};
 
 /// A question with the answer so far.
 #[derive(Debug)]
@@ -35,6 +35,11 @@ impl Reading {
             Unknown::Which(Several::Components { count, .. }) => shown.component.filter(|index| index < count),
             Unknown::Which(Several::Times(count)) => shown.time.filter(|index| index < count),
             Unknown::Which(Several::Arrays(names)) => names.iter().position(|name| Some(name) == shown.array.as_ref()),
+            Unknown::Which(Several::Series(all)) => {
+                let is_shown = |series: &Series| Some(&series.key) == shown.series.as_ref();
+                all.iter().position(is_shown).or_else(|| largest(all))
+            }
+            Unknown::Which(Several::Levels(all)) => shown.level.filter(|level| *level < all.len()),
         };
         let guess = match &question.unknown {
             Unknown::Layout { guess, .. } => guess.as_deref().cloned(),
@@ -80,6 +85,15 @@ impl Reading {
                 });
                 true
             }
+            Unknown::Which(Several::Series(all)) => {
+                ui.heading(format!("{file} holds several series"));
+                ScrollArea::vertical().max_height(room).show(ui, |ui| {
+                    for (index, series) in all.iter().enumerate() {
+                        ui.radio_value(&mut self.chosen, index, series.to_string());
+                    }
+                });
+                true
+            }
             Unknown::Which(there) => {
                 ui.heading(format!("{file} holds {there}"));
                 one_of(ui, there, &mut self.chosen);
@@ -108,6 +122,11 @@ impl Reading {
             Unknown::Which(Several::Arrays(names)) => {
                 Selection { array: names.get(self.chosen).cloned(), ..Selection::default() }
             }
+            Unknown::Which(Several::Series(all)) => {
+                let series = all.get(self.chosen).map(|series| series.key.clone());
+                Selection { series, ..Selection::default() }
+            }
+            Unknown::Which(Several::Levels(_)) => Selection { level: Some(self.chosen), ..Selection::default() },
             Unknown::Layout { .. } => {
                 options.raw = Some(self.layout.clone());
                 Selection::default()
@@ -118,12 +137,20 @@ impl Reading {
     }
 }
 
+/// Index of the series with most voxels, the first one among ties.
+fn largest(all: &[Series]) -> Option<usize> {
+    let voxels = |series: &Series| series.dims.iter().fold(1, |product: usize, &side| product.saturating_mul(side));
+    (0..all.len()).rev().max_by_key(|&index| voxels(&all[index]))
+}
+
 /// Selects one of several by number.
 fn one_of(ui: &mut Ui, there: &Several, chosen: &mut usize) {
     let (what, count) = match there {
         Several::Components { count, .. } => ("Component", *count),
         Several::Times(count) => ("Time step", *count),
         Several::Arrays(names) => ("Array", names.len()),
+        Several::Series(all) => ("Series", all.len()),
+        Several::Levels(all) => ("Level", all.len()),
     };
     let last = count.saturating_sub(1);
     ui.horizontal(|ui| {

@@ -1,0 +1,150 @@
+//! Folders as volumes: their files, and the choice of the reader by them.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::open::beginning;
+use super::{Selection, Volume, VolumeError, foreign, stream};
+use crate::progress::Progress;
+
+/// Largest number of files and folders in a folder, together with those in its folders.
+const MOST: usize = 100_000;
+
+/// A format of folders with a reader.
+struct FolderFormat {
+    name: &'static str,
+    /// The files of the format, in the order of [`Folder::files`]; empty if the folder has another format.
+    find: fn(&Folder) -> Vec<PathBuf>,
+    /// Reads the volume of these files.
+    read: fn(&Folder, &[PathBuf], &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
+}
+
+/// All formats of folders; the first that finds a file reads the folder. A new reader is a new entry.
+const FORMATS: [FolderFormat; 1] = [FolderFormat {
+    name: "DICOM",
+    find: |folder| folder.recognised(foreign::is_dicom),
+    read: |folder, files, _, _| {
+        let (count, s) = (files.len(), if files.len() == 1 { "" } else { "s" });
+        Err(unknown(&folder.path, format!("this is a folder with {count} DICOM file{s}")))
+    },
+}];
+
+/// A folder and its files.
+#[derive(Debug)]
+pub(super) struct Folder {
+    pub(super) path: PathBuf,
+    /// Files in the folder and in its folders, sorted by their names; names that begin with a dot are left out.
+    pub(super) files: Vec<PathBuf>,
+    /// Number of folders two levels down, whose files are left out.
+    deeper: usize,
+}
+
+impl Folder {
+    /// Lists the folder `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Read`] if a folder cannot be listed, [`VolumeError::FolderTooLarge`] if there are more than
+    /// 100 000 names.
+    pub(super) fn list(path: &Path) -> Result<Self, VolumeError> {
+        let mut folder = Self { path: path.to_owned(), files: Vec::new(), deeper: 0 };
+        let mut names = 0;
+        let inside = folder.list_one(path, &mut names)?;
+        for inner in inside {
+            folder.deeper += folder.list_one(&inner, &mut names)?.len();
+        }
+        folder.files.sort_unstable();
+        Ok(folder)
+    }
+
+    /// Appends the files of the folder `path`; returns its folders. `names` counts all of them.
+    fn list_one(&mut self, path: &Path, names: &mut usize) -> Result<Vec<PathBuf>, VolumeError> {
+        let failed = |source: io::Error| stream::failed(path, source);
+        let mut folders = Vec::new();
+        for entry in std::fs::read_dir(path).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            *names += 1;
+            if *names > MOST {
+                return Err(VolumeError::FolderTooLarge { path: self.path.clone(), limit: MOST });
+            }
+            if entry.file_name().as_encoded_bytes().starts_with(b".") {
+                continue;
+            }
+            let (file, kind) = (entry.path(), entry.file_type().map_err(failed)?);
+            // A link counts as the file or the folder that it leads to.
+            let (is_file, is_dir) =
+                if kind.is_symlink() { (file.is_file(), file.is_dir()) } else { (kind.is_file(), kind.is_dir()) };
+            if is_file {
+                self.files.push(file);
+            } else if is_dir {
+                folders.push(file);
+            }
+        }
+        folders.sort_unstable();
+        Ok(folders)
+    }
+
+    /// The files whose first 4 KiB are those of a format; files that cannot be read are of none.
+    pub(super) fn recognised(&self, recognises: fn(&[u8]) -> bool) -> Vec<PathBuf> {
+        let is_one = |file: &&PathBuf| beginning(file).is_ok_and(|beginning| recognises(&beginning));
+        self.files.par_iter().filter(is_one).cloned().collect()
+    }
+
+    /// Sentences about what is left out if the files `read` are read.
+    fn notes(&self, read: &[PathBuf]) -> Vec<String> {
+        let source = self.path.display();
+        let others: Vec<_> = self.files.iter().filter(|file| read.binary_search(file).is_err()).collect();
+        let mut notes = Vec::new();
+        if let Some(first) = others.first() {
+            let first = first.strip_prefix(&self.path).unwrap_or(first).display();
+            notes.push(match others.len() {
+                1 => format!("{source}: the file {first} is of another format, and is skipped"),
+                count => {
+                    format!("{source}: {count} files are of another format, and are skipped; the first is {first}")
+                }
+            });
+        }
+        if self.deeper > 0 {
+            notes.push(format!(
+                "{source}: {} folders are deeper than two levels, and are skipped; open them by themselves",
+                self.deeper
+            ));
+        }
+        notes
+    }
+}
+
+/// Reads the volume of the folder `path`.
+///
+/// # Errors
+///
+/// As [`open`](super::open()).
+pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    if let Some(what) = foreign::describe_folder(path) {
+        return Err(unknown(path, what.to_owned()));
+    }
+    let folder = Folder::list(path)?;
+    for format in &FORMATS {
+        let files = (format.find)(&folder);
+        if !files.is_empty() {
+            let mut volume = (format.read)(&folder, &files, selection, progress)?;
+            volume.notes.extend(folder.notes(&files));
+            return Ok(volume);
+        }
+    }
+    let count = folder.files.len();
+    let s = if count == 1 { "" } else { "s" };
+    Err(unknown(
+        path,
+        format!("this is a folder with {count} file{s}, none of which Relume reads as a part of a volume"),
+    ))
+}
+
+/// The error for the folder `path`, which `what` describes.
+fn unknown(path: &Path, what: String) -> VolumeError {
+    let known = FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(", ");
+    let known = format!("folders of {known}");
+    VolumeError::UnknownFormat { path: path.to_owned(), what, is_known: true, known }
+}
