@@ -206,7 +206,9 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     };
     line("voxels", &format!("{} of {}", by(&geometry.dims), volume.voxels.type_name()));
     if volume.components > 1 {
-        line("components", &format!("{}, one of which is read", volume.components));
+        let names = volume.component_names.join(", ");
+        let names = if names.is_empty() { names } else { format!(" ({names})") };
+        line("components", &format!("{}{names}, one of which is read", volume.components));
     }
     let unit = volume.unit.map_or_else(String::new, |unit| format!(" {unit}"));
     line("spacing", &format!("{}{unit}", by(&geometry.spacing.to_array().map(brief))));
@@ -268,6 +270,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             "windows": windows.collect::<Vec<_>>(),
             "labels": labels.collect::<Vec<_>>(),
             "components": volume.components,
+            "component_names": volume.component_names,
             "min": statistics.min,
             "max": statistics.max,
             "mean": statistics.mean,

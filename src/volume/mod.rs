@@ -67,6 +67,8 @@ pub struct Volume {
     pub intercept: f64,
     /// Components per voxel in the file; one of them was read.
     pub components: usize,
+    /// Names of the components, or nothing if the file states none.
+    pub component_names: Vec<String>,
     /// Whether the file declares its voxels as labels: numbers of classes, which have no mean.
     pub has_labels: bool,
     /// Display presets of the file.
@@ -104,6 +106,7 @@ impl Volume {
             slope: 1.0,
             intercept: 0.0,
             components: 1,
+            component_names: Vec::new(),
             has_labels: false,
             presets: Presets::default(),
             selection: Selection::default(),
