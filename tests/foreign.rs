@@ -38,13 +38,10 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
 fn every_known_format_is_named_by_how_it_begins() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("file");
-    let files: [(&[u8], &str); 18] = [
+    let files: [(&[u8], &str); 15] = [
         (&at(128, b"DICM\x02\0\0\0UL"), "a DICOM file"),
         (b"\x08\0\x05\0CS\x0a\0ISO_IR 100", "a DICOM file"),
         (&gzip(&at(128, b"DICM\x02\0\0\0UL")), "a DICOM file, compressed by gzip"),
-        (b"II*\0\x08\0\0\0", "a TIFF file"),
-        (b"MM\0*\0\0\0\x08", "a TIFF file"),
-        (b"II+\0\x08\0\0\0", "a TIFF file"),
         (b"\x89HDF\r\n\x1a\n", "an HDF5 file"),
         (b"CDF\x01", "a NetCDF file"),
         (b"raw_image_stack_by_hpengL", "a Vaa3D raw file"),
@@ -131,8 +128,8 @@ fn every_shared_file_is_read_or_refused_in_one_sentence() {
     let Some(folder) = volumes::shared() else { return };
     let names = [
         ("dcm", "a DICOM file"),
-        ("tif", "a TIFF file"),
-        ("tiff", "a TIFF file"),
+        ("tif", ""),
+        ("tiff", ""),
         ("nii", ""),
         ("json", "a JSON file"),
         ("zarr", "Zarr"),
@@ -151,9 +148,15 @@ fn every_shared_file_is_read_or_refused_in_one_sentence() {
         let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
         match volume::open(&path, &Selection::default(), &Quiet) {
             Ok(_) => {
-                let read =
-                    ["nrrd", "nhdr", "mha", "mhd", "vti", "nii", "hdr", "img", "gz", "vtk", "npy", "npz", "mrc", "map"];
-                assert!(read.contains(&extension.as_str()), "{}", path.display());
+                let read = [
+                    "nrrd", "nhdr", "mha", "mhd", "vti", "nii", "hdr", "img", "gz", "vtk", "npy", "npz", "mrc", "map",
+                    "tif", "tiff",
+                ];
+                assert!(
+                    read.contains(&extension.as_str()),
+                    "{}",
+                    path.display()
+                );
             }
             Err(error) => {
                 let said = volumes::whole_message(&error);

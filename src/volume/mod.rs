@@ -1,6 +1,7 @@
 //! Volumes: voxels and their geometry, file readers, statistics, resampling and phantoms.
 
 mod allocate;
+mod batches;
 mod binary;
 mod data;
 mod error;
@@ -8,6 +9,7 @@ mod fields;
 mod folder;
 mod foreign;
 mod geometry;
+mod guard;
 mod hint;
 mod layout;
 mod metaimage;
@@ -26,6 +28,7 @@ mod select;
 mod several;
 mod statistics;
 mod stream;
+mod tiff;
 mod voxel_type;
 mod voxels;
 mod vti;

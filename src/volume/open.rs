@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::{
     PackedBlocks, RawLayout, Selection, Volume, VolumeError, folder, foreign, metaimage, mrc, nifti, nrrd, numpy, raw,
-    stream, vti, vtk,
+    stream, tiff, vti, vtk,
 };
 use crate::progress::Progress;
 
@@ -59,7 +59,7 @@ impl Format {
 }
 
 /// All formats; a new reader is a new line.
-const FORMATS: [Format; 10] = [
+const FORMATS: [Format; 11] = [
     Format {
         name: "MetaImage",
         extensions: &["mhd", "mha"],
@@ -107,6 +107,14 @@ const FORMATS: [Format; 10] = [
         is_another: ALONE,
         further: NOTHING,
         read: numpy::read_archive,
+    },
+    Format {
+        name: "TIFF",
+        extensions: &["tif", "tiff", "btf", "tf2", "tf8"],
+        recognises: tiff::recognises,
+        is_another: ALONE,
+        further: Further { series: true, levels: true },
+        read: tiff::read,
     },
     Format {
         name: "VTK legacy",

@@ -85,6 +85,7 @@ pub enum Reader {
     Numpy,
     Archive,
     Vtk,
+    Tiff,
     Sidecar,
     Scene,
     Palette,
@@ -104,6 +105,7 @@ impl Reader {
             Self::Numpy => "v.npy",
             Self::Archive => "v.npz",
             Self::Vtk => "v.vtk",
+            Self::Tiff => "v.tif",
             Self::Sidecar => "v.raw.toml",
             Self::Scene => "scene.toml",
             Self::Palette => "palette.toml",
@@ -182,6 +184,7 @@ impl Place {
             | Reader::Numpy
             | Reader::Archive
             | Reader::Vtk
+            | Reader::Tiff
             | Reader::Sidecar => self.volume(),
             Reader::Scene => self.scene(bytes),
             Reader::Palette => self.palette(bytes),
