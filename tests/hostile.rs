@@ -181,6 +181,11 @@ fn a_tiff_file_of_anything_is_read_or_refused() {
 }
 
 #[test]
+fn a_slice_of_anything_is_read_or_refused() {
+    withstands(Reader::Slices, &seeds("hostile/slices"), 8000);
+}
+
+#[test]
 fn long_tiff_files_of_many_small_things_take_little_memory_and_time() {
     // One page of one voxel, its tags in ascending order, with a long description.
     let described = |text: &[u8]| {

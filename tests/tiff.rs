@@ -23,9 +23,9 @@ const OTHERWISE: [&str; 3] = ["tiff/ome_2c.ome.tif", "tiff/imagej_zc.tif", "tiff
 fn every_shared_file_reads_as_an_independent_reader_found_it() {
     let Some(folder) = volumes::shared() else { return };
     let open = |name: &str, selection: &Selection| volume::open(&folder.join(name), selection, &Quiet);
-    let is_ours = |name: &str| name.starts_with("tiff/") ;
+    let is_ours = |name: &str| name.starts_with("tiff/") || name.starts_with("slices/");
     let checked = volumes::check_all(&folder, |name| is_ours(name) && !OTHERWISE.contains(&name), open);
-    assert!(checked >= 8, "the shared folder has at least 8 such files, {checked} were checked");
+    assert!(checked >= 9, "the shared folder has at least 9 such files, {checked} were checked");
 }
 
 #[test]
@@ -606,4 +606,225 @@ fn only_the_chosen_channel_is_decoded() {
     assert!(first.voxels == sound.voxels, "the first channel is whole");
     let error = volumes::opened("v.ome.tif", &bytes, &component(1)).map(drop).unwrap_err();
     assert!(matches!(error, VolumeError::DamagedPart { .. }), "{error}");
+}
+
+// Folders of slices.
+
+/// A folder with these files.
+fn folder(files: &[(&str, Vec<u8>)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in files {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+    folder
+}
+
+fn open_folder(files: &[(&str, Vec<u8>)], selection: &Selection) -> Result<Volume, VolumeError> {
+    volume::open(folder(files).path(), selection, &Quiet)
+}
+
+/// A PNG of 4 × 3 pixels with these rows.
+fn png(colour: png::ColorType, depth: png::BitDepth, rows: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 4, 3);
+    encoder.set_color(colour);
+    encoder.set_depth(depth);
+    if colour == png::ColorType::Indexed {
+        encoder.set_palette([9, 8, 7].repeat(16));
+    }
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(rows).unwrap();
+    writer.finish().unwrap();
+    bytes
+}
+
+fn grey_png(first: u8) -> Vec<u8> {
+    png(png::ColorType::Grayscale, png::BitDepth::Eight, &TWELVE.map(|byte| byte + first))
+}
+
+/// A PGM of 4 × 3 pixels.
+fn pgm(first: u8) -> Vec<u8> {
+    [&b"P5\n# slice\n4 3\n255\n"[..], &TWELVE.map(|byte| byte + first)].concat()
+}
+
+/// Slices of `TWELVE` and multiples of 20 more.
+fn stack(slices: u8) -> Vec<u8> {
+    (0..slices).flat_map(|slice| TWELVE.map(|byte| byte + 20 * slice)).collect()
+}
+
+#[test]
+fn slices_are_in_the_order_of_the_numbers_in_their_names() {
+    let tiff = |first: u8| {
+        let mut writer = Writer::new();
+        let at = writer.data(&TWELVE.map(|byte| byte + first));
+        writer.page(tags(at));
+        writer.bytes
+    };
+    for make in [grey_png, pgm, tiff] {
+        let extension = ["png", "pgm", "tif"]
+            [[grey_png as fn(u8) -> Vec<u8>, pgm, tiff].iter().position(|it| it(0) == make(0)).unwrap()];
+        let names = ["s9", "s10", "s100", "s011"].map(|name| format!("{name}.{extension}"));
+        let [a, b, c, d] = names.each_ref().map(String::as_str);
+        let volume =
+            open_folder(&[(c, make(60)), (a, make(0)), (b, make(20)), (d, make(40))], &Selection::default()).unwrap();
+        assert_eq!((volume.geometry.dims, volume.voxels.bytes()), ([4, 3, 4], &stack(4)[..]), "{extension}");
+        assert_eq!((volume.geometry.spacing, volume.unit), (DVec3::ONE, None));
+        assert!(volume.notes[0].contains("no spacing"), "{:?}", volume.notes);
+        let gap = "88 slices may be missing between s011";
+        assert!(volume.notes[1].contains(gap) && volume.notes[1].contains("s100"), "{:?}", volume.notes);
+    }
+}
+
+#[test]
+fn a_folder_of_several_runs_asks_which_and_says_what_it_leaves_out() {
+    let files = [
+        ("a1.png", grey_png(0)),
+        ("a2.png", grey_png(20)),
+        ("b/c0_z1.pgm", pgm(0)),
+        ("b/c0_z2.pgm", pgm(20)),
+        ("b/c1_z1.pgm", pgm(40)),
+        ("b/c1_z2.pgm", pgm(60)),
+        ("projection.png", grey_png(0)),
+        ("notes.txt", b"words".to_vec()),
+    ];
+    let error = open_folder(&files, &Selection::default()).map(drop).unwrap_err();
+    let there = "3 series: 0 a#.png 4×3×2, 1 b/c0_z#.pgm 4×3×2, 2 b/c1_z#.pgm 4×3×2";
+    assert!(error.to_string().contains(there), "{error}");
+    for (series, first) in [("0", 0), ("2", 40), ("b/c1_z#.pgm", 40)] {
+        let selection = Selection { series: Some(series.to_owned()), ..Selection::default() };
+        let volume = open_folder(&files, &selection).unwrap();
+        let expected: Vec<u8> = stack(2).iter().map(|byte| byte + first).collect();
+        assert_eq!(volume.voxels.bytes(), expected, "{series}");
+    }
+    let alone = [
+        ("a1.png", grey_png(0)),
+        ("a3.png", grey_png(20)),
+        ("a5.png", grey_png(40)),
+        ("projection.png", grey_png(0)),
+        ("notes.txt", Vec::new()),
+    ];
+    let volume = open_folder(&alone, &Selection::default()).unwrap();
+    assert_eq!(volume.voxels.bytes(), stack(3), "even steps are no gaps");
+    assert_eq!(volume.notes.len(), 2, "{:?}", volume.notes);
+    assert!(volume.notes[1].contains("2 files are of another format"), "{:?}", volume.notes);
+    let volume = open_folder(&[("only.png", grey_png(0))], &Selection::default()).unwrap();
+    assert_eq!(volume.geometry.dims, [4, 3, 1]);
+}
+
+#[test]
+fn numbers_of_slices_stay_as_stored() {
+    use png::{BitDepth, ColorType};
+    let first = |bytes: Vec<u8>, name: &str| open_folder(&[(name, bytes)], &Selection::default()).unwrap();
+    let indices = first(png(ColorType::Indexed, BitDepth::Four, &[0x1f, 0x2e, 0x30, 0x4c, 0x56, 0x78]), "a.png");
+    assert_eq!(indices.voxels, Voxels::U8(vec![1, 15, 2, 14, 3, 0, 4, 12, 5, 6, 7, 8]));
+    assert!(indices.notes.iter().any(|note| note.contains("colour map")), "{:?}", indices.notes);
+    let bits = first(png(ColorType::Grayscale, BitDepth::One, &[0b1011_0000, 0b0100_0000, 0b1111_0000]), "a.png");
+    assert_eq!(bits.voxels, Voxels::U8(vec![1, 0, 1, 1, 0, 1, 0, 0, 1, 1, 1, 1]));
+    assert!(bits.has_labels, "one bit");
+    let wide: Vec<u8> = (0..12_u16).flat_map(|n| (n * 5000).to_be_bytes()).collect();
+    let expected = Voxels::U16((0..12).map(|n| n * 5000).collect());
+    assert_eq!(first(png(ColorType::Grayscale, BitDepth::Sixteen, &wide), "a.png").voxels, expected);
+    // PNM with another maximum than that of its type, and bits of which 1 is black.
+    for most in [60000, 65535] {
+        let bytes = [format!("P5 4 3 {most}\n").as_bytes(), &wide].concat();
+        assert_eq!(first(bytes, "a.pgm").voxels, expected, "{most}");
+    }
+    let text = first(b"P2\n4 3\n15\n1 2 3 4\n5 6 7 8\n9 10 11 12\n".to_vec(), "a.pgm");
+    assert_eq!(text.voxels.bytes(), TWELVE);
+    let bits = first(b"P1\n4 3\n1 0 1 1\n0 1 0 0\n1 1 1 1\n".to_vec(), "a.pbm");
+    assert_eq!((bits.voxels.bytes(), bits.has_labels), (&[1, 0, 1, 1, 0, 1, 0, 0, 1, 1, 1, 1][..], true));
+}
+
+/// A BMP of 4 × 3 pixels of 8 bits, whose map has `colours`; rows from the bottom up.
+fn bmp(colours: impl Iterator<Item = [u8; 3]>) -> Vec<u8> {
+    let map: Vec<u8> = colours.flat_map(|[red, green, blue]| [blue, green, red, 0]).collect();
+    let at = 54 + map.len() as u32;
+    let mut bytes = b"BM".to_vec();
+    bytes.extend((at + 12).to_le_bytes());
+    bytes.extend([0; 4]);
+    bytes.extend(at.to_le_bytes());
+    for number in [40_u32, 4, 3, 1 | 8 << 16, 0, 12, 0, 0, map.len() as u32 / 4, 0] {
+        bytes.extend(number.to_le_bytes());
+    }
+    bytes.extend(map);
+    bytes.extend(TWELVE.chunks(4).rev().flatten());
+    bytes
+}
+
+#[test]
+fn grey_and_coloured_maps_of_bmp_give_the_same_numbers() {
+    let open = |bytes| open_folder(&[("a.bmp", bytes)], &Selection::default()).unwrap();
+    let grey = open(bmp((0..=255).map(|grey| [grey; 3])));
+    assert_eq!((grey.voxels.bytes(), grey.components), (&TWELVE[..], 1));
+    assert_eq!(grey.notes.len(), 1, "{:?}", grey.notes);
+    let coloured = open(bmp((0..=255).map(|red| [red, 0, 9])));
+    assert_eq!((coloured.voxels.bytes(), coloured.components), (&TWELVE[..], 1));
+    assert!(coloured.notes[1].contains("colour map"), "{:?}", coloured.notes);
+}
+
+#[test]
+fn colours_of_slices_are_components() {
+    let rgb: Vec<u8> = TWELVE.iter().flat_map(|&byte| [byte, 100 + byte, 200 - byte]).collect();
+    let files = [("a1.png", png(png::ColorType::Rgb, png::BitDepth::Eight, &rgb))];
+    let error = open_folder(&files, &Selection::default()).map(drop).unwrap_err();
+    assert!(error.to_string().contains("3 components per voxel (RGB)"), "{error}");
+    for (index, expected) in [TWELVE, TWELVE.map(|byte| 100 + byte), TWELVE.map(|byte| 200 - byte)].iter().enumerate() {
+        let volume = open_folder(&files, &component(index)).unwrap();
+        assert_eq!((volume.voxels.bytes(), volume.components), (&expected[..], 3));
+    }
+    // A grey JPEG of one colour, whose numbers are exact.
+    let mut jpeg = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 100)
+        .encode(&[128; 12], 4, 3, image::ExtendedColorType::L8)
+        .unwrap();
+    let volume = open_folder(&[("s1.jpg", jpeg.clone()), ("s2.jpg", jpeg)], &Selection::default()).unwrap();
+    assert_eq!((volume.voxels.bytes(), volume.geometry.dims), (&[128; 24][..], [4, 3, 2]));
+}
+
+#[test]
+fn slices_that_differ_or_are_damaged_are_refused_by_name() {
+    let refuse =
+        |files: &[(&str, Vec<u8>)], words: &[&str]| volumes::refused(open_folder(files, &Selection::default()), words);
+    let wide = png(png::ColorType::Grayscale, png::BitDepth::Sixteen, &[0; 24]);
+    refuse(
+        &[("s1.png", grey_png(0)), ("s2.png", grey_png(0)), ("s3.png", wide)],
+        &["s3.png", "uint16", "s1.png has 4×3 voxels of uint8"],
+    );
+    let small = [&b"P5\n4 2\n255\n"[..], &[0; 8]].concat();
+    refuse(&[("s1.pgm", pgm(0)), ("s2.pgm", small)], &["s2.pgm", "4×2", "4×3"]);
+    refuse(&[("s1.png", grey_png(0)), ("s2.png", grey_png(0)[..50].to_vec())], &["s2.png", "damaged PNG"]);
+    refuse(&[("s1.pgm", pgm(0)[..20].to_vec())], &["s1.pgm", "damaged PNM"]);
+    refuse(&[("s1.png", b"words".to_vec())], &["s1.png", "not PNG, JPEG, BMP or PNM"]);
+    refuse(&[("s1.pgm", b"P5 60000 60000 255\n\0".to_vec())], &["s1.pgm", "3600000000", "PNM"]);
+    let mut pages = Writer::new();
+    let at = pages.data(&TWELVE);
+    pages.page(tags(at)).page(tags(at));
+    refuse(&[("s1.tif", pages.bytes)], &["s1.tif", "has 2", "open the file by itself"]);
+    let many: Vec<(String, Vec<u8>)> = (0..70)
+        .flat_map(|run| {
+            let letters = format!("{}{}", char::from(b'a' + run / 26), char::from(b'a' + run % 26));
+            [1, 2].map(|number| (format!("{letters}{number}.pgm"), pgm(0)))
+        })
+        .collect();
+    let many: Vec<(&str, Vec<u8>)> = many.iter().map(|(name, bytes)| (name.as_str(), bytes.clone())).collect();
+    refuse(&many, &["70 runs of slices"]);
+    let twice = open_folder(&[("s1.pgm", pgm(0)), ("s01.pgm", pgm(20))], &Selection::default()).unwrap();
+    assert!(twice.notes.iter().any(|note| note.contains("same number")), "{:?}", twice.notes);
+}
+
+#[test]
+fn a_metaimage_header_places_slices_of_pictures() {
+    let header = |dims: &str, kind: &str| {
+        format!("NDims = 3\nDimSize = {dims}\nElementSpacing = 1 2 3\nElementType = {kind}\nElementDataFile = s%d.png 9 10 1\n").into_bytes()
+    };
+    let open = |dims: &str, kind: &str| {
+        let files = folder(&[("s9.png", grey_png(0)), ("s10.png", grey_png(20)), ("v.mhd", header(dims, kind))]);
+        volume::open(&files.path().join("v.mhd"), &Selection::default(), &Quiet)
+    };
+    let volume = open("4 3 2", "MET_UCHAR").unwrap();
+    assert_eq!((volume.voxels.bytes(), volume.geometry.spacing), (&stack(2)[..], DVec3::new(1.0, 2.0, 3.0)));
+    volumes::refused(open("5 3 2", "MET_UCHAR"), &["v.mhd", "5×3×2", "4×3 voxels of uint8"]);
+    volumes::refused(open("4 3 2", "MET_SHORT"), &["v.mhd", "int16", "uint8"]);
 }

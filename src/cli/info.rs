@@ -30,7 +30,8 @@ Examples:
   relume info ct.raw --dims 512x512x200 --type int16 --json
   relume info scene.toml                        the contents of a scene, and the cost of a picture";
 
-const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .tif, .vti, .vtk, .raw). \
+const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .tif, .vti, .vtk, .raw), or a \
+                        folder of slices. \
                         Without one, the Vulkan devices";
 
 /// Arguments of `relume info`.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::open::beginning;
-use super::{Selection, Volume, VolumeError, foreign, stream};
+use super::{Selection, Volume, VolumeError, foreign, slices, stream};
 use crate::progress::Progress;
 
 /// Largest number of files and folders in a folder, together with those in its folders.
@@ -18,18 +18,28 @@ struct FolderFormat {
     /// The files of the format, in the order of [`Folder::files`]; empty if the folder has another format.
     find: fn(&Folder) -> Vec<PathBuf>,
     /// Reads the volume of these files.
-    read: fn(&Folder, &[PathBuf], &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
+    read: Read,
 }
 
+/// Reads the volume of files of a folder.
+type Read = fn(&Folder, &[PathBuf], &Selection, &dyn Progress) -> Result<Volume, VolumeError>;
+
 /// All formats of folders; the first that finds a file reads the folder. A new reader is a new entry.
-const FORMATS: [FolderFormat; 1] = [FolderFormat {
-    name: "DICOM",
-    find: |folder| folder.recognised(foreign::is_dicom),
-    read: |folder, files, _, _| {
-        let (count, s) = (files.len(), if files.len() == 1 { "" } else { "s" });
-        Err(unknown(&folder.path, format!("this is a folder with {count} DICOM file{s}")))
+const FORMATS: [FolderFormat; 2] = [
+    FolderFormat {
+        name: "DICOM",
+        find: |folder| folder.recognised(foreign::is_dicom),
+        read: |folder, files, _, _| {
+            let (count, s) = (files.len(), if files.len() == 1 { "" } else { "s" });
+            Err(unknown(&folder.path, format!("this is a folder with {count} DICOM file{s}")))
+        },
     },
-}];
+    FolderFormat {
+        name: "slices (.png, .jpg, .bmp, .pgm, .ppm, .tif)",
+        find: |folder| slices::find(&folder.path, &folder.files),
+        read: |folder, _, selection, progress| slices::read(&folder.path, &folder.files, selection, progress),
+    },
+];
 
 /// A folder and its files.
 #[derive(Debug)]

@@ -26,6 +26,7 @@ mod raw;
 mod resample;
 mod select;
 mod several;
+mod slices;
 mod statistics;
 mod stream;
 mod tiff;

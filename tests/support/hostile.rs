@@ -86,6 +86,7 @@ pub enum Reader {
     Archive,
     Vtk,
     Tiff,
+    Slices,
     Sidecar,
     Scene,
     Palette,
@@ -106,6 +107,8 @@ impl Reader {
             Self::Archive => "v.npz",
             Self::Vtk => "v.vtk",
             Self::Tiff => "v.tif",
+            // The content tells the formats of slices apart.
+            Self::Slices => "s1.png",
             Self::Sidecar => "v.raw.toml",
             Self::Scene => "scene.toml",
             Self::Palette => "palette.toml",
@@ -185,6 +188,7 @@ impl Place {
             | Reader::Archive
             | Reader::Vtk
             | Reader::Tiff
+            | Reader::Slices
             | Reader::Sidecar => self.volume(),
             Reader::Scene => self.scene(bytes),
             Reader::Palette => self.palette(bytes),
@@ -208,7 +212,8 @@ impl Place {
 
     /// Returns the number of voxel bytes.
     fn volume(&self) -> Option<usize> {
-        let open = |selection: &Selection| volume::open(&self.path, selection, &Quiet);
+        let path = if matches!(self.reader, Reader::Slices) { self.folder.path() } else { &self.path };
+        let open = |selection: &Selection| volume::open(path, selection, &Quiet);
         let first = Selection { component: Some(0), time: Some(0), resample: true, ..Selection::default() };
         let opened = match open(&Selection::default()) {
             Err(VolumeError::Choose { .. } | VolumeError::Lean { .. } | VolumeError::Direction { .. }) => open(&first),

@@ -19,14 +19,25 @@ use super::several::{Series, Several};
 use super::stream::count;
 use super::voxels::floats_of_halves;
 use super::{Geometry, Selection, Volume, VolumeError};
-use crate::progress::Progress;
+use crate::progress::{Progress, Quiet};
 pub(super) use directory::recognises;
 use directory::{Tiff, tag};
 use ome::Ome;
 use page::{Chunks, Compression, Reading};
-use page::{Page, Picture, Sample};
+pub(super) use page::{Page, Picture, Sample};
 use stated::Stated;
-use strips::Stack;
+pub(super) use strips::{Stack, unpack_bits};
+
+/// The page of the file `path`, which is file `file` of a folder of slices.
+pub(super) fn slice(path: &Path, file: usize) -> Result<Page, VolumeError> {
+    let contents = Contents::read(path, file, &Quiet)?;
+    let [page] = &contents.pages[..] else {
+        let problem =
+            format!("a slice of a folder has one page, but the file has {}; open the file by itself", contents.all);
+        return Err(VolumeError::Field { path: path.to_owned(), place: "header".to_owned(), problem });
+    };
+    Ok(page.clone())
+}
 
 /// Reads a TIFF file.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
