@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::open::beginning;
+use super::stream::beginning;
 use super::{Selection, Volume, VolumeError, foreign, slices, stream};
 use crate::progress::Progress;
 
