@@ -291,7 +291,9 @@ impl Tiff {
     }
 }
 
-/// Whether the first bytes of a file identify TIFF or `BigTIFF`.
+/// Whether the first bytes of a file identify TIFF or `BigTIFF`. A DICOM file may have a TIFF header before its mark, for
+/// readers of either format.
 pub(in crate::volume) fn recognises(beginning: &[u8]) -> bool {
-    matches!(beginning, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..])
+    beginning.get(128..132) != Some(b"DICM")
+        && matches!(beginning, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..])
 }
