@@ -407,6 +407,23 @@ fn open_cut(header: &Path, cut: &Path, length: u64) -> Result<Volume, VolumeErro
     opened
 }
 
+/// A TIFF file of pages of `side` × `side` bytes.
+fn pages(voxels: &[u8], side: usize) -> Vec<u8> {
+    let small = |number: usize| u32::try_from(number).unwrap().to_le_bytes();
+    let mut bytes = [&b"II*\0"[..], &small(8 + voxels.len()), voxels].concat();
+    let count = voxels.len() / (side * side);
+    for page in 0..count {
+        bytes.extend(5_u16.to_le_bytes());
+        for (tag, value) in [(256_u16, side), (257, side), (258, 8), (273, 8 + page * side * side), (279, side * side)]
+        {
+            bytes.extend([&tag.to_le_bytes()[..], &4_u16.to_le_bytes(), &small(1), &small(value)].concat());
+        }
+        let next = if page + 1 < count { bytes.len() + 4 } else { 0 };
+        bytes.extend(small(next));
+    }
+    bytes
+}
+
 #[test]
 fn files_that_shrink_or_grow_while_they_are_read_are_noticed_or_harmless() {
     const SIDE: usize = 240;
@@ -435,6 +452,7 @@ fn files_that_shrink_or_grow_while_they_are_read_are_noticed_or_harmless() {
         ),
         ("data.toml", b"dims = [240, 240, 240]\ntype = 'uint8'\n".to_vec(), &voxels),
         ("v.vti", Vec::new(), &whole),
+        ("v.tif", Vec::new(), &pages(&voxels, SIDE)),
     ] {
         let (header_path, data_path) = (path(name), if header.is_empty() { path(name) } else { path("data") });
         let write = || {

@@ -12,7 +12,7 @@ mod volumes;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use relume::progress::Quiet;
+use relume::progress::{Progress, Quiet};
 use relume::volume::{self, Selection, Unit, Volume, VolumeError, Voxels, Window};
 use serde_json::Value;
 
@@ -608,6 +608,106 @@ fn only_the_chosen_channel_is_decoded() {
     assert!(matches!(error, VolumeError::DamagedPart { .. }), "{error}");
 }
 
+/// Counts the reports, and cancels after a number of them.
+#[derive(Default)]
+struct Watch {
+    reports: std::sync::Mutex<Vec<(u64, u64)>>,
+    patience: Option<usize>,
+}
+
+impl Progress for Watch {
+    fn report(&self, stage: &str, done: u64, total: u64) {
+        assert!(stage.starts_with("reading "), "{stage}");
+        self.reports.lock().unwrap().push((done, total));
+    }
+
+    fn cancelled(&self) -> bool {
+        self.patience.is_some_and(|patience| self.reports.lock().unwrap().len() >= patience)
+    }
+}
+
+/// A stack of `ImageJ` of more than 4 GiB: one directory, and 4200 frames of 1024 × 1024 bytes, of which frame 4150 has the
+/// number 7 in its first voxel. The rest is a hole in the file.
+fn large_stack(folder: &Path) -> PathBuf {
+    use std::io::{Seek as _, SeekFrom, Write as _};
+    let path = folder.join("large.tif");
+    let description = text("ImageJ=1.54f\nimages=4200\nframes=4200\n");
+    let mut writer = Writer::new();
+    let sides: [(u16, u16, &[u32]); 5] = [
+        (256, LONG, &[1024]),
+        (257, LONG, &[1024]),
+        (278, LONG, &[1024]),
+        (279, LONG, &[1 << 20]),
+        (270, 2, &description),
+    ];
+    writer.page(with(tags(1000), &sides));
+    let mut file = std::fs::File::create(&path).unwrap();
+    file.write_all(&writer.bytes).unwrap();
+    file.set_len(1000 + (4200 << 20)).unwrap();
+    file.seek(SeekFrom::Start(1000 + (4150 << 20))).unwrap();
+    file.write_all(&[7]).unwrap();
+    path
+}
+
+#[test]
+fn frames_of_imagej_beyond_four_gibibytes_follow_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = large_stack(folder.path());
+    for (time, first) in [(4149, 0.0), (4150, 7.0), (4151, 0.0)] {
+        let selection = Selection { time: Some(time), ..Selection::default() };
+        let volume = volume::open(&path, &selection, &Quiet).unwrap();
+        assert_eq!((volume.geometry.dims, volume.value([0, 0, 0])), ([1024, 1024, 1], Some(first)), "frame {time}");
+    }
+    let error =
+        volume::open(&path, &Selection { time: Some(4200), ..Selection::default() }, &Quiet).map(drop).unwrap_err();
+    assert!(error.to_string().contains("4200 time steps"), "{error}");
+}
+
+#[test]
+fn progress_counts_bytes_and_a_cancelled_reading_ends() {
+    // 40 pages of 1 MiB that share their strip would be more than the file has, so that each has its own.
+    let mut writer = Writer::new();
+    for page in 0..40 {
+        let at = writer.data(&vec![page; 1 << 20]);
+        writer.page(with(
+            tags(at),
+            &[
+                (256, LONG, &[1024]),
+                (257, LONG, &[1024]),
+                (278, LONG, &[16]),
+                (273, LONG, &strips(at)),
+                (279, LONG, &[1 << 14; 64]),
+            ],
+        ));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("v.tif");
+    std::fs::write(&path, &writer.bytes).unwrap();
+    let watch = Watch::default();
+    let volume = volume::open(&path, &Selection::default(), &watch).unwrap();
+    assert!(
+        volume.voxels.bytes().chunks(1 << 20).zip(0..).all(|(page, number)| page.iter().all(|&byte| byte == number))
+    );
+    let reports = watch.reports.into_inner().unwrap();
+    assert!(
+        reports.len() >= 10 && reports.iter().all(|&(done, total)| done <= total && total == 40 << 20),
+        "{reports:?}"
+    );
+    assert!(reports.contains(&(40 << 20, 40 << 20)), "the end is reported");
+    for patience in [0, 2] {
+        let watch = Watch { patience: Some(patience), ..Watch::default() };
+        let error = volume::open(&path, &Selection::default(), &watch).map(drop).unwrap_err();
+        assert!(matches!(error, VolumeError::Cancelled { .. }), "{error}");
+        // Each thread finishes its strip.
+        assert!(watch.reports.into_inner().unwrap().len() <= patience + rayon::current_num_threads());
+    }
+}
+
+/// Offsets of the 64 strips of a page.
+fn strips(at: u32) -> Vec<u32> {
+    (0..64).map(|strip| at + (strip << 14)).collect()
+}
+
 // Folders of slices.
 
 /// A folder with these files.
@@ -711,6 +811,8 @@ fn a_folder_of_several_runs_asks_which_and_says_what_it_leaves_out() {
     assert!(volume.notes[1].contains("2 files are of another format"), "{:?}", volume.notes);
     let volume = open_folder(&[("only.png", grey_png(0))], &Selection::default()).unwrap();
     assert_eq!(volume.geometry.dims, [4, 3, 1]);
+    let error = open_folder(&[("preview.png", grey_png(0)), ("data.bin", vec![0])], &Selection::default()).map(drop);
+    assert!(matches!(error, Err(VolumeError::UnknownFormat { .. })), "a picture beside other files is no volume");
 }
 
 #[test]

@@ -158,7 +158,9 @@ impl Place {
         let parent = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
         let folder = tempfile::Builder::new().prefix("relume-hostile-").tempdir_in(parent).expect("a folder");
         let voxels: Vec<u8> = (0..=255).collect();
-        for name in ["v.raw", "v1", "v2"] {
+        // A folder of slices has nothing else.
+        let beside: &[&str] = if matches!(reader, Reader::Slices) { &[] } else { &["v.raw", "v1", "v2"] };
+        for name in beside {
             std::fs::write(folder.path().join(name), &voxels).expect("a file");
         }
         let path = folder.path().join(reader.file());

@@ -21,8 +21,8 @@ const EXTENSIONS: [&str; 10] = ["png", "jpg", "jpeg", "bmp", "pgm", "ppm", "pbm"
 /// Largest number of runs of slices that a message lists.
 const MOST_RUNS: usize = 64;
 
-/// The slices among the files `all` of the folder `path`, sorted by their names: pictures with numbers in their names; or
-/// the only picture.
+/// The slices among the files `all` of the folder `path`, sorted by their names: pictures with numbers in their names, or
+/// a picture that is the only file.
 pub(super) fn find(path: &Path, all: &[PathBuf]) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = runs(path, all).into_iter().flat_map(|run| run.files).collect();
     files.sort_unstable();
@@ -141,7 +141,8 @@ type Texts = (PathBuf, Vec<String>);
 /// A file, and the numbers in its name.
 type Numbered = (PathBuf, Vec<String>);
 
-/// The runs of slices among the files `all` of the folder `path`, sorted by their names. If any run has several slices, single pictures are left out.
+/// The runs of slices among the files `all` of the folder `path`, sorted by their names. A single picture is one only if it
+/// is the only file.
 fn runs(path: &Path, all: &[PathBuf]) -> Vec<Run> {
     // Names with equal texts between their numbers.
     let mut alike: BTreeMap<Texts, Vec<Numbered>> = BTreeMap::new();
@@ -186,7 +187,8 @@ fn runs(path: &Path, all: &[PathBuf]) -> Vec<Run> {
             runs.push(Run { name, files, numbers });
         }
     }
-    if runs.iter().any(|run| run.files.len() > 1) {
+    // A picture among other files shows or explains them.
+    if all.len() > 1 {
         runs.retain(|run| run.files.len() > 1);
     }
     runs
