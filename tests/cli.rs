@@ -131,6 +131,17 @@ fn info_of_a_volume_has_the_promised_keys() {
 }
 
 #[test]
+fn channels_are_listed_by_their_names() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");
+    let folder = Folder::new();
+    let words = ["2 components per voxel (DAPI, GFP)", "choose a component from 0 to 1 with --component N"];
+    folder.refused(1, &["info", file], &words);
+    assert!(folder.done(&["info", file, "--component", "1"]).out.contains("2 (DAPI, GFP), one of which is read"));
+    let json = folder.done(&["info", file, "--component", "1", "--json"]).json();
+    assert_eq!((&json["component_names"], &json["unit"]), (&serde_json::json!(["DAPI", "GFP"]), &"nm".into()));
+}
+
+#[test]
 fn a_component_is_chosen_by_flag_or_by_the_scene() {
     let header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 3 2 2 2\nkinds: RGB-color space space space\n\
                   encoding: raw\n\n";

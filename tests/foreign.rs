@@ -31,11 +31,8 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
 fn every_known_format_is_named_by_how_it_begins() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("file");
-    let files: [(&[u8], &str); 16] = [
+    let files: [(&[u8], &str); 13] = [
         (&gzip(b"\x89HDF\r\n\x1a\n"), "an HDF5 file, compressed by gzip"),
-        (b"II*\0\x08\0\0\0", "a TIFF file"),
-        (b"MM\0*\0\0\0\x08", "a TIFF file"),
-        (b"II+\0\x08\0\0\0", "a TIFF file"),
         (b"\x89HDF\r\n\x1a\n", "an HDF5 file"),
         (b"CDF\x01", "a NetCDF file"),
         (b"raw_image_stack_by_hpengL", "a Vaa3D raw file"),
@@ -122,8 +119,8 @@ fn every_shared_file_is_read_or_refused_in_one_sentence() {
     let Some(folder) = volumes::shared() else { return };
     let names = [
         ("dcm", ""),
-        ("tif", "a TIFF file"),
-        ("tiff", "a TIFF file"),
+        ("tif", ""),
+        ("tiff", ""),
         ("nii", ""),
         ("json", "a JSON file"),
         ("zarr", "Zarr"),
@@ -144,9 +141,13 @@ fn every_shared_file_is_read_or_refused_in_one_sentence() {
             Ok(_) => {
                 let read = [
                     "nrrd", "nhdr", "mha", "mhd", "vti", "nii", "hdr", "img", "gz", "vtk", "npy", "npz", "mrc", "map",
-                    "dcm", "",
+                    "dcm", "", "tif", "tiff",
                 ];
-                assert!(read.contains(&extension.as_str()), "{}", path.display());
+                assert!(
+                    read.contains(&extension.as_str()) || path.ends_with("slices") || path.ends_with("png8"),
+                    "{}",
+                    path.display()
+                );
             }
             Err(error) => {
                 let said = volumes::whole_message(&error);

@@ -178,6 +178,60 @@ fn a_dicom_file_of_anything_is_read_or_refused() {
 }
 
 #[test]
+fn a_tiff_file_of_anything_is_read_or_refused() {
+    let place = Place::new(Reader::Tiff, RARELY);
+    // Some need other files, or a choice of series.
+    let sound: Vec<_> = seeds("tiff").into_iter().filter(|seed| place.read(seed)).collect();
+    withstands(Reader::Tiff, &sound, 8000);
+}
+
+#[test]
+fn a_slice_of_anything_is_read_or_refused() {
+    withstands(Reader::Slices, &seeds("hostile/slices"), 8000);
+}
+
+#[test]
+fn long_tiff_files_of_many_small_things_take_little_memory_and_time() {
+    // One page of one voxel, its tags in ascending order, with a long description.
+    let described = |text: &[u8]| {
+        let at = u32::try_from(8 + text.len()).unwrap();
+        let tags = [(256_u16, 1), (257, 1), (258, 8), (270, 8), (273, 4), (279, 1)];
+        let mut bytes = [&b"II*\0"[..], &at.to_le_bytes(), text, &6_u16.to_le_bytes()].concat();
+        for (tag, value) in tags {
+            let (kind, count) = if tag == 270 { (2_u16, text.len()) } else { (4, 1) };
+            bytes.extend(
+                [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &u32::try_from(count).unwrap().to_le_bytes()].concat(),
+            );
+            bytes.extend(u32::to_le_bytes(value));
+        }
+        bytes.extend([0; 4]);
+        bytes
+    };
+    let pixels = "<OME><Image><Pixels SizeX=\"1\" SizeY=\"1\" SizeC=\"1\" SizeT=\"1\" SizeZ=";
+    let ome = |rest: String| described(format!("{pixels}{rest}").as_bytes());
+    // Directories of one tag each.
+    let mut directories = b"II*\0\x08\0\0\0".to_vec();
+    for index in 1..200_000_u32 {
+        directories.extend([&1_u16.to_le_bytes()[..], &254_u16.to_le_bytes(), &4_u16.to_le_bytes()].concat());
+        directories.extend([1, 1, 8 + 18 * index].map(u32::to_le_bytes).concat());
+    }
+    for (what, bytes) in [
+        ("planes", ome(format!("\"900000\">{}", "<TiffData IFD=\"0\"/>".repeat(900_000)))),
+        ("long runs", ome(format!("\"900000\">{}", "<TiffData IFD=\"0\" PlaneCount=\"900000\"/>".repeat(300_000)))),
+        ("files", ome(format!("\"900000\">{}", "<TiffData><UUID FileName=\"v.tif\"/></TiffData>".repeat(300_000)))),
+        ("depth", ome(format!("\"1\">{}", "<a>".repeat(4_000_000)))),
+        ("keys", described(format!("ImageJ=1\n{}", "a=b\n".repeat(4_000_000)).as_bytes())),
+        ("directories", directories),
+    ] {
+        let place = Place::new(Reader::Tiff, RARELY);
+        let begun = cpu_seconds();
+        place.read(&bytes);
+        let took = cpu_seconds() - begun;
+        assert!(took <= 2.0, "{what}: {took} s");
+    }
+}
+
+#[test]
 fn a_sidecar_of_anything_is_read_or_refused() {
     withstands(Reader::Sidecar, &seeds("hostile/sidecar"), 8000);
 }
@@ -358,6 +412,23 @@ fn open_cut(header: &Path, cut: &Path, length: u64) -> Result<Volume, VolumeErro
     opened
 }
 
+/// A TIFF file of pages of `side` × `side` bytes.
+fn pages(voxels: &[u8], side: usize) -> Vec<u8> {
+    let small = |number: usize| u32::try_from(number).unwrap().to_le_bytes();
+    let mut bytes = [&b"II*\0"[..], &small(8 + voxels.len()), voxels].concat();
+    let count = voxels.len() / (side * side);
+    for page in 0..count {
+        bytes.extend(5_u16.to_le_bytes());
+        for (tag, value) in [(256_u16, side), (257, side), (258, 8), (273, 8 + page * side * side), (279, side * side)]
+        {
+            bytes.extend([&tag.to_le_bytes()[..], &4_u16.to_le_bytes(), &small(1), &small(value)].concat());
+        }
+        let next = if page + 1 < count { bytes.len() + 4 } else { 0 };
+        bytes.extend(small(next));
+    }
+    bytes
+}
+
 #[test]
 fn files_that_shrink_or_grow_while_they_are_read_are_noticed_or_harmless() {
     const SIDE: usize = 240;
@@ -386,6 +457,7 @@ fn files_that_shrink_or_grow_while_they_are_read_are_noticed_or_harmless() {
         ),
         ("data.toml", b"dims = [240, 240, 240]\ntype = 'uint8'\n".to_vec(), &voxels),
         ("v.vti", Vec::new(), &whole),
+        ("v.tif", Vec::new(), &pages(&voxels, SIDE)),
     ] {
         let (header_path, data_path) = (path(name), if header.is_empty() { path(name) } else { path("data") });
         let write = || {

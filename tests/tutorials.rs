@@ -13,8 +13,6 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use support::program::{Folder, Outcome};
-use tiff::encoder::{TiffEncoder, colortype::Gray16};
-use tiff::tags::Tag;
 
 /// A fenced block of a page.
 struct Block<'a> {
@@ -186,16 +184,39 @@ fn ome_tiff() -> Vec<u8> {
     );
     let channels = [[60, 60, 400, 3000], [60, 1800, 60, 60]].map(|inside| body(dims, 50, inside));
     let values: Vec<u16> = channels.concat().into_iter().map(|value| u16::try_from(value).unwrap()).collect();
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    let mut encoder = TiffEncoder::new(&mut bytes).unwrap();
-    for (page, plane) in values.chunks_exact(dims[0] * dims[1]).enumerate() {
-        let mut image = encoder.new_image::<Gray16>(nx, ny).unwrap();
-        if page == 0 {
-            image.encoder().write_tag(Tag::ImageDescription, &*description).unwrap();
+    // A header, the description, the planes, and then a directory a page.
+    let mut bytes = b"II*\0\0\0\0\0".to_vec();
+    let offset = |bytes: &[u8]| u32::try_from(bytes.len()).unwrap();
+    bytes.extend(description.bytes().chain([0]));
+    let planes: Vec<u32> = values
+        .chunks_exact(dims[0] * dims[1])
+        .map(|plane| {
+            let start = offset(&bytes);
+            bytes.extend(plane.iter().flat_map(|value| value.to_le_bytes()));
+            start
+        })
+        .collect();
+    // Where the offset of the next directory stands.
+    let mut next = 4;
+    for (page, plane) in planes.into_iter().enumerate() {
+        let start = offset(&bytes);
+        bytes[next..next + 4].copy_from_slice(&start.to_le_bytes());
+        let described = (270, 2, u32::try_from(description.len() + 1).unwrap(), 8);
+        // Tag, type (2 text, 4 number of 32 bits), count and value: width, height, bits, compression, photometric
+        // interpretation, strip, samples, rows and bytes of the strip.
+        let tags = [(256, 4, 1, nx), (257, 4, 1, ny), (258, 4, 1, 16), (259, 4, 1, 1), (262, 4, 1, 1)];
+        let strip = [(273, 4, 1, plane), (277, 4, 1, 1), (278, 4, 1, ny), (279, 4, 1, 2 * nx * ny)];
+        let tags: Vec<(u16, u16, u32, u32)> =
+            tags.into_iter().chain((page == 0).then_some(described)).chain(strip).collect();
+        bytes.extend(u16::try_from(tags.len()).unwrap().to_le_bytes());
+        for (tag, kind, count, value) in tags {
+            bytes.extend([tag.to_le_bytes(), kind.to_le_bytes()].concat());
+            bytes.extend([count.to_le_bytes(), value.to_le_bytes()].concat());
         }
-        image.write_data(plane).unwrap();
+        next = bytes.len();
+        bytes.extend([0; 4]);
     }
-    bytes.into_inner()
+    bytes
 }
 
 /// Text of a page of the repository.

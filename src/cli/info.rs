@@ -31,7 +31,8 @@ Examples:
   relume info scans                             the series of a folder of DICOM files
   relume info scene.toml                        the contents of a scene, and the cost of a picture";
 
-const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.dcm, .mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .vti, .vtk, .raw, a folder of DICOM files). \
+const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.dcm, .mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .tif, .vti, .vtk, .raw, \
+                         a folder of DICOM files or of slices). \
                         Without one, the Vulkan devices";
 
 /// Arguments of `relume info`.
@@ -225,7 +226,9 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     };
     line("voxels", &format!("{} of {}", by(&geometry.dims), volume.voxels.type_name()));
     if volume.components > 1 {
-        line("components", &format!("{}, one of which is read", volume.components));
+        let names = volume.component_names.join(", ");
+        let names = if names.is_empty() { names } else { format!(" ({names})") };
+        line("components", &format!("{}{names}, one of which is read", volume.components));
     }
     let unit = volume.unit.map_or_else(String::new, |unit| format!(" {unit}"));
     line("spacing", &format!("{}{unit}", by(&geometry.spacing.to_array().map(brief))));
@@ -287,6 +290,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             "windows": windows.collect::<Vec<_>>(),
             "labels": labels.collect::<Vec<_>>(),
             "components": volume.components,
+            "component_names": volume.component_names,
             "min": statistics.min,
             "max": statistics.max,
             "mean": statistics.mean,

@@ -74,7 +74,8 @@ pub(crate) struct SelectionArgs {
     /// Read the array of this name.
     #[arg(long, help_heading = SEVERAL, value_name = "NAME")]
     array: Option<String>,
-    /// Read the series of this number, or of this SeriesInstanceUID, from a folder of DICOM files.
+    /// Read the series of this number: one of a folder of DICOM files (or by its UID), an image of an OME-TIFF file, or a
+    /// run of slices of a folder.
     #[arg(long, help_heading = SEVERAL, value_name = "N|UID")]
     series: Option<String>,
     /// Read this level of resolution of a pyramid; 0 is the finest, and the default.

@@ -268,6 +268,18 @@ pub enum VolumeError {
         /// Error of the decoder.
         source: io::Error,
     },
+    /// A compressed part of a file is damaged.
+    #[error("{}, {place}: damaged {encoding} data", path.display())]
+    DamagedPart {
+        /// The file.
+        path: PathBuf,
+        /// The part.
+        place: String,
+        /// The compression method.
+        encoding: &'static str,
+        /// Error of the decoder.
+        source: io::Error,
+    },
     /// A voxel written as text is not a number of the voxel type.
     #[error("{}: voxel {index} is {text:?}, not a number of type {voxel_type}", path.display())]
     Text {
@@ -386,7 +398,7 @@ impl VolumeError {
             Self::Outside { .. } => "volume-data-outside-folder",
             Self::Short { .. } => "volume-data-short",
             Self::Incredible { .. } => "volume-compression-impossible",
-            Self::Inflate { .. } => "volume-data-damaged",
+            Self::Inflate { .. } | Self::DamagedPart { .. } => "volume-data-damaged",
             Self::Text { .. } => "voxel-text-invalid",
             Self::ShortText { .. } => "voxel-text-short",
             Self::Vti { .. } => "vti-invalid",

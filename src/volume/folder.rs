@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::open::beginning;
-use super::{Selection, Volume, VolumeError, dicom, foreign, stream};
+use super::stream::beginning;
+use super::{Selection, Volume, VolumeError, dicom, foreign, slices, stream};
 use crate::progress::Progress;
 
 /// Largest number of files and folders in a folder, together with those in its folders.
@@ -25,8 +25,14 @@ struct FolderFormat {
 }
 
 /// All formats of folders; the first that finds a file reads the folder. A new reader is a new entry.
-const FORMATS: [FolderFormat; 1] =
-    [FolderFormat { name: "DICOM", find: |folder| folder.recognised(dicom::recognises), read: dicom::read_folder }];
+const FORMATS: [FolderFormat; 2] = [
+    FolderFormat { name: "DICOM", find: |folder| folder.recognised(dicom::recognises), read: dicom::read_folder },
+    FolderFormat {
+        name: "slices (.png, .jpg, .bmp, .pgm, .ppm, .tif)",
+        find: |folder| slices::find(&folder.path, &folder.files),
+        read: |folder, _, selection, progress| slices::read(&folder.path, &folder.files, selection, progress),
+    },
+];
 
 /// A folder and its files.
 #[derive(Debug)]

@@ -15,8 +15,7 @@ struct Foreign {
 }
 
 /// Known formats; the first that recognises a file names it.
-const FOREIGN: [Foreign; 13] = [
-    Foreign { name: "a TIFF file", extensions: &["tif", "tiff"], recognises: is_tiff },
+const FOREIGN: [Foreign; 12] = [
     Foreign { name: "an HDF5 file", extensions: &["h5", "hdf5", "mnc"], recognises: |b| b.starts_with(b"\x89HDF\r\n") },
     Foreign { name: "a NetCDF file", extensions: &["nc"], recognises: |b| b.starts_with(b"CDF") },
     Foreign {
@@ -25,8 +24,16 @@ const FOREIGN: [Foreign; 13] = [
         recognises: |b| b.starts_with(b"raw_image_stack_by_hpeng"),
     },
     Foreign { name: "an OpenEXR picture", extensions: &["exr"], recognises: |b| b.starts_with(b"v/1\x01") },
-    Foreign { name: "a PNG picture", extensions: &["png"], recognises: |b| b.starts_with(b"\x89PNG") },
-    Foreign { name: "a JPEG picture", extensions: &["jpg", "jpeg"], recognises: |b| b.starts_with(b"\xff\xd8\xff") },
+    Foreign {
+        name: "a PNG picture (open its folder to read slices)",
+        extensions: &["png"],
+        recognises: |b| b.starts_with(b"\x89PNG"),
+    },
+    Foreign {
+        name: "a JPEG picture (open its folder to read slices)",
+        extensions: &["jpg", "jpeg"],
+        recognises: |b| b.starts_with(b"\xff\xd8\xff"),
+    },
     Foreign { name: "a ZIP archive", extensions: &["zip"], recognises: |b| b.starts_with(b"PK\x03\x04") },
     Foreign { name: "gzip data", extensions: &["gz"], recognises: |b| b.starts_with(&[0x1f, 0x8b]) },
     Foreign { name: "bzip2 data", extensions: &["bz2"], recognises: |b| b.starts_with(b"BZh") },
@@ -90,9 +97,4 @@ fn is_text(beginning: &[u8]) -> bool {
         Err(_) => return false,
     };
     !text.is_empty() && !text.contains(|letter: char| letter.is_control() && !letter.is_ascii_whitespace())
-}
-
-/// TIFF and `BigTIFF`, in either byte order.
-fn is_tiff(beginning: &[u8]) -> bool {
-    matches!(beginning, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..])
 }

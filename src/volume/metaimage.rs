@@ -12,6 +12,7 @@ use super::layout::ByteOrder;
 use super::pattern::{self, Pattern};
 use super::resample::Grid;
 use super::select::Pick;
+use super::slices;
 use super::stream::{Encoding, Start};
 use super::{Geometry, Selection, Unit, Volume, VolumeError, VoxelType};
 use crate::progress::Progress;
@@ -35,10 +36,16 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let components = header.components()?;
     let data = header.data(&axes, components, selection)?;
     let (slope, intercept) = header.scale()?;
-    let voxels = data.read(progress, &mut notes)?;
+    let paths = data.paths();
+    let voxels = if slices::are_pictures(&paths) {
+        let component = selection.component(&path.display().to_string(), components, "")?;
+        slices::of_header(path, &paths, &axes, (components, data.voxel_type), component, progress)?
+    } else {
+        data.read(progress, &mut notes)?
+    };
     let mut volume = grid.volume(&path.display().to_string(), voxels, false, slope)?;
     (volume.slope, volume.intercept) = (slope, intercept);
-    volume.files = data.paths();
+    volume.files = paths;
     volume.files.push(path.to_owned());
     volume.components = components;
     volume.metadata = header.fields.uninterpreted(&key::ALL);

@@ -1,6 +1,7 @@
 //! Volumes: voxels and their geometry, file readers, statistics, resampling and phantoms.
 
 mod allocate;
+mod batches;
 mod binary;
 mod data;
 mod dicom;
@@ -9,6 +10,7 @@ mod fields;
 mod folder;
 mod foreign;
 mod geometry;
+mod guard;
 mod hint;
 mod layout;
 mod metaimage;
@@ -25,8 +27,10 @@ mod raw;
 mod resample;
 mod select;
 mod several;
+mod slices;
 mod statistics;
 mod stream;
+mod tiff;
 mod voxel_type;
 mod voxels;
 mod vti;
@@ -68,6 +72,8 @@ pub struct Volume {
     pub intercept: f64,
     /// Components per voxel in the file; one of them was read.
     pub components: usize,
+    /// Names of the components, or nothing if the file states none.
+    pub component_names: Vec<String>,
     /// Whether the file declares its voxels as labels: numbers of classes, which have no mean.
     pub has_labels: bool,
     /// Display presets of the file.
@@ -105,6 +111,7 @@ impl Volume {
             slope: 1.0,
             intercept: 0.0,
             components: 1,
+            component_names: Vec::new(),
             has_labels: false,
             presets: Presets::default(),
             selection: Selection::default(),

@@ -111,8 +111,8 @@ impl Volume {
         let Self { source, files, metadata, presets, .. } = self;
         let (source, files, metadata, presets) = (source.clone(), files.clone(), metadata.clone(), presets.clone());
         let blocks = std::array::from_fn(|axis| self.blocks[axis] * block[axis]);
-        let selection = self.selection.clone();
-        Self { voxels, geometry, selection, presets, blocks, source, files, metadata, notes, ..*self }
+        let (selection, component_names) = (self.selection.clone(), self.component_names.clone());
+        Self { voxels, geometry, selection, component_names, presets, blocks, source, files, metadata, notes, ..*self }
     }
 }
 

@@ -61,7 +61,12 @@ impl Selection {
 
     /// Returns the component to read of `count` in the file `source`; `kind` is their kind, or empty.
     pub(super) fn component(&self, source: &str, count: usize, kind: &str) -> Result<usize, VolumeError> {
-        Several::Components { count, kind: kind.to_owned() }.number(source, self.component)
+        self.component_of(source, Several::Components { count, kind: kind.to_owned(), names: Vec::new() })
+    }
+
+    /// Returns the component to read of `there` in the file `source`.
+    pub(super) fn component_of(&self, source: &str, there: Several) -> Result<usize, VolumeError> {
+        there.number(source, self.component)
     }
 
     /// Returns the time step to read of `count` in the file `source`.
@@ -126,7 +131,6 @@ impl Selection {
         }
     }
 
-    #[cfg_attr(not(test), expect(dead_code, reason = "for readers of pyramids"))]
     /// Returns the level to read in the file `source`, whose levels have these dims, the finest first.
     pub(super) fn level(&self, source: &str, levels: &[[usize; 3]]) -> Result<usize, VolumeError> {
         Several::Levels(levels.to_vec()).number(source, self.level.or(Some(0)))

@@ -12,6 +12,8 @@ pub enum Several {
         count: usize,
         /// Their kind, if the file states it.
         kind: String,
+        /// Their names, or nothing if the file states none.
+        names: Vec<String>,
     },
     /// Number of time steps.
     Times(usize),
@@ -57,9 +59,13 @@ impl fmt::Display for Several {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let plural = |count: usize| if count == 1 { "" } else { "s" };
         match self {
-            Self::Components { count, kind } => {
+            Self::Components { count, kind, names } => {
                 write!(formatter, "{count} component{} per voxel", plural(*count))?;
-                if kind.is_empty() { Ok(()) } else { write!(formatter, " ({kind})") }
+                match (names.iter().any(|name| !name.is_empty()), kind.is_empty()) {
+                    (true, _) => write!(formatter, " ({})", names.join(", ")),
+                    (false, false) => write!(formatter, " ({kind})"),
+                    (false, true) => Ok(()),
+                }
             }
             Self::Times(count) => write!(formatter, "{count} time step{}", plural(*count)),
             Self::Arrays(names) => write!(formatter, "the arrays {}", names.join(", ")),

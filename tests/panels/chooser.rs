@@ -179,7 +179,7 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
     let several = [
         (Several::Times(4), Selection { time: Some(3), ..Selection::default() }),
         (
-            Several::Components { count: 4, kind: String::new() },
+            Several::Components { count: 4, kind: String::new(), names: Vec::new() },
             Selection { component: Some(3), ..Selection::default() },
         ),
         (
@@ -218,6 +218,24 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
         source.options.selection = chosen;
         assert_eq!(saved_or_opened(&window), [Action::Leave(Leaving::Open(Box::new(source)))], "{there}");
     }
+}
+
+#[test]
+fn channels_with_names_are_chosen_by_them() {
+    let mut window = wide(document());
+    let source = Source::of(Path::new("cells.ome.tif"));
+    let names = ["DAPI", "", "GFP"].map(str::to_owned).to_vec();
+    let there = Several::Components { count: 3, kind: String::new(), names };
+    window.state_mut().chooser.ask(source.clone(), asked(Unknown::Which(there)), &Selection::default());
+    window.run();
+    assert!(window.query_by_label("channel 1").is_some(), "a channel without a name has its number");
+    window.get_by_label("GFP").click();
+    window.run();
+    window.key_press(Key::Enter);
+    window.run();
+    let mut chosen = source;
+    chosen.options.selection.component = Some(2);
+    assert_eq!(saved_or_opened(&window), [Action::Leave(Leaving::Open(Box::new(chosen)))]);
 }
 
 #[test]

@@ -86,6 +86,8 @@ pub enum Reader {
     Archive,
     Vtk,
     Dicom,
+    Tiff,
+    Slices,
     Sidecar,
     Scene,
     Palette,
@@ -106,6 +108,9 @@ impl Reader {
             Self::Archive => "v.npz",
             Self::Vtk => "v.vtk",
             Self::Dicom => "v.dcm",
+            Self::Tiff => "v.tif",
+            // The content tells the formats of slices apart.
+            Self::Slices => "s1.png",
             Self::Sidecar => "v.raw.toml",
             Self::Scene => "scene.toml",
             Self::Palette => "palette.toml",
@@ -155,7 +160,9 @@ impl Place {
         let parent = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
         let folder = tempfile::Builder::new().prefix("relume-hostile-").tempdir_in(parent).expect("a folder");
         let voxels: Vec<u8> = (0..=255).collect();
-        for name in ["v.raw", "v1", "v2"] {
+        // A folder of slices has nothing else.
+        let beside: &[&str] = if matches!(reader, Reader::Slices) { &[] } else { &["v.raw", "v1", "v2"] };
+        for name in beside {
             std::fs::write(folder.path().join(name), &voxels).expect("a file");
         }
         let path = folder.path().join(reader.file());
@@ -185,6 +192,8 @@ impl Place {
             | Reader::Archive
             | Reader::Vtk
             | Reader::Dicom
+            | Reader::Tiff
+            | Reader::Slices
             | Reader::Sidecar => self.volume(),
             Reader::Scene => self.scene(bytes),
             Reader::Palette => self.palette(bytes),
@@ -208,7 +217,8 @@ impl Place {
 
     /// Returns the number of voxel bytes.
     fn volume(&self) -> Option<usize> {
-        let open = |selection: &Selection| volume::open(&self.path, selection, &Quiet);
+        let path = if matches!(self.reader, Reader::Slices) { self.folder.path() } else { &self.path };
+        let open = |selection: &Selection| volume::open(path, selection, &Quiet);
         let first = Selection { component: Some(0), time: Some(0), resample: true, ..Selection::default() };
         let opened = match open(&Selection::default()) {
             Err(

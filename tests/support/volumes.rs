@@ -166,7 +166,17 @@ pub fn check(name: &str, expected: &Value, open: impl Fn(&Selection) -> Result<V
             && components == 1
         {
             let counts: Vec<u64> = counts.iter().map(|n| n.as_u64().unwrap()).collect();
-            assert_eq!(one.histogram[..], counts[..], "{name}");
+            if expected["dtype"] == "float32" {
+                // NumPy rounds the edges of the bins to 32 bits, so that a voxel on an edge may fall to either side.
+                assert_eq!(one.histogram.len(), counts.len(), "{name}");
+                let mut sum = 0_i64;
+                for (ours, theirs) in one.histogram.iter().zip(&counts) {
+                    sum += ours.cast_signed() - theirs.cast_signed();
+                    assert!(sum.abs() <= 1, "{name}: {:?}", one.histogram);
+                }
+            } else {
+                assert_eq!(one.histogram[..], counts[..], "{name}");
+            }
         }
     }
     for sample in expected["samples"].as_array().unwrap() {

@@ -87,6 +87,16 @@ impl Reading {
                 });
                 true
             }
+            Unknown::Which(Several::Components { names, .. }) if names.iter().any(|name| !name.is_empty()) => {
+                ui.heading(format!("{file} holds several channels"));
+                ScrollArea::vertical().max_height(room).show(ui, |ui| {
+                    for (index, name) in names.iter().enumerate() {
+                        let name = if name.is_empty() { format!("channel {index}") } else { name.clone() };
+                        ui.radio_value(&mut self.chosen, index, name);
+                    }
+                });
+                true
+            }
             Unknown::Which(Several::Series(all)) => {
                 ui.heading(format!("{file} holds several series"));
                 ScrollArea::vertical().max_height(room).show(ui, |ui| {

@@ -1,0 +1,120 @@
+//! Parts of a volume decoded in parallel, each straight into its place.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use super::data::{self, SLAB_BYTES};
+use super::stream::count;
+use super::{VolumeError, Voxel};
+use crate::progress::Progress;
+
+/// Bytes of voxels that are allocated before anything is decoded. Later, as many as have been decoded.
+const BATCH: usize = 32 << 20;
+
+/// A part: adjacent voxels that one thread decodes.
+pub(super) struct Part<'a, P> {
+    pub(super) part: P,
+    /// Number of its voxels.
+    pub(super) voxels: usize,
+    /// Its file, for messages.
+    pub(super) path: &'a Path,
+}
+
+/// How parts are decoded.
+pub(super) trait Decode<P>: Sync {
+    type Voxel: Voxel;
+    /// What one thread keeps from part to part.
+    type Scratch;
+
+    fn scratch(&self) -> Self::Scratch;
+
+    /// Decodes the voxels of `part` into `out`, which has as many.
+    fn decode(&self, scratch: &mut Self::Scratch, part: &P, out: &mut [Self::Voxel]) -> Result<(), VolumeError>;
+
+    /// Decodes the beginning of `part` without keeping it. Without an error, the file does hold the voxels.
+    fn prove(&self, part: &P) -> Result<(), VolumeError>;
+}
+
+/// Decodes `parts`, which have `all` voxels, one behind the other.
+///
+/// Memory grows as parts are decoded, so that a header alone allocates little; if the voxels `are_there`, uncompressed,
+/// it is allocated at once. Of several errors, the first part's is returned.
+pub(super) fn read<'a, P: Send, D: Decode<P>>(
+    decode: &D,
+    parts: impl Iterator<Item = Part<'a, P>>,
+    all: usize,
+    are_there: bool,
+    progress: &dyn Progress,
+) -> Result<Vec<D::Voxel>, VolumeError> {
+    let size = size_of::<D::Voxel>();
+    let done = Done { bytes: AtomicU64::new(0), all: count(all).saturating_mul(count(size)), progress };
+    let mut voxels: Vec<D::Voxel> = Vec::new();
+    let mut parts = parts.peekable();
+    while let Some(first) = parts.next() {
+        let there = voxels.len();
+        let budget = (BATCH / size).max(there);
+        if first.voxels > budget && !are_there {
+            done.check(first.path)?;
+            decode.prove(&first.part)?;
+        }
+        let mut more = first.voxels;
+        let path = first.path;
+        let mut batch = vec![first];
+        while let Some(part) = parts.next_if(|part| more + part.voxels <= budget) {
+            more += part.voxels;
+            batch.push(part);
+        }
+        if voxels.capacity() < there + more {
+            let room = if are_there { all } else { more.max(there).min(all - there) };
+            voxels.try_reserve_exact(room).map_err(|_| VolumeError::Memory {
+                source_name: path.display().to_string(),
+                bytes: count(there + room).saturating_mul(count(size)),
+            })?;
+        }
+        voxels.resize(there + more, bytemuck::Zeroable::zeroed());
+        let mut rest = &mut voxels[there..];
+        let mut places = Vec::with_capacity(batch.len());
+        for part in batch {
+            let place;
+            (place, rest) = rest.split_at_mut(part.voxels);
+            places.push((part, place));
+        }
+        let one = |scratch: &mut D::Scratch, (part, place): (Part<'_, P>, &mut [D::Voxel])| {
+            done.check(part.path)?;
+            decode.decode(scratch, &part.part, place)?;
+            done.add(part.path, size_of_val(place))
+        };
+        let results: Vec<Result<(), VolumeError>> = places.into_par_iter().map_init(|| decode.scratch(), one).collect();
+        results.into_iter().collect::<Result<(), _>>()?;
+    }
+    Ok(voxels)
+}
+
+/// Progress of all threads.
+struct Done<'a> {
+    bytes: AtomicU64,
+    all: u64,
+    progress: &'a dyn Progress,
+}
+
+impl Done<'_> {
+    fn check(&self, path: &Path) -> Result<(), VolumeError> {
+        if self.progress.cancelled() {
+            return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
+        }
+        Ok(())
+    }
+
+    /// Adds `bytes`, and reports about once per [`SLAB_BYTES`].
+    fn add(&self, path: &Path, bytes: usize) -> Result<(), VolumeError> {
+        let before = self.bytes.fetch_add(count(bytes), Ordering::Relaxed);
+        let after = before + count(bytes);
+        let slab = count(SLAB_BYTES);
+        if before / slab != after / slab || after >= self.all {
+            return data::report(path, after.min(self.all), self.all, self.progress);
+        }
+        Ok(())
+    }
+}
