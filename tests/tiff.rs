@@ -184,6 +184,14 @@ fn jpeg_differs_by_its_rounding_only() {
     for name in ["jpeg_uint8.tif", "jpeg_uint8_tiles.tif"] {
         check(name, open(name, &Selection::default()).unwrap(), &grey, 2);
     }
+    // Samples without a transform: n / 4, 255 − n / 4, n / 8 and, in four samples, 100 + n / 8.
+    for (name, samples) in [("jpeg_plain_rgb.tif", 3), ("jpeg_plain_cmyk.tif", 4)] {
+        for index in 0..samples {
+            let of = |&grey: &i32| [grey, 255 - grey, grey / 2, 100 + grey / 2][index];
+            let expected: Vec<i32> = grey.iter().map(of).collect();
+            check(name, open(name, &component(index)).unwrap(), &expected, 2);
+        }
+    }
     // Luminance n / 4, and the differences 255 − n / 4 and n / 8, as the colours of JFIF (ITU-T T.871).
     let colours = |y: f64| {
         let [blue, red] = [255.0 - y - 128.0, (y / 2.0).floor() - 128.0];

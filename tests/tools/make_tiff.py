@@ -100,6 +100,11 @@ write("jpeg_uint8", smooth, compression="jpeg", compressionargs={"level": 100}, 
 write("jpeg_uint8_tiles", smooth, compression="jpeg", compressionargs={"level": 100}, tile=TILE)
 rgb = numpy.stack([smooth, 255 - smooth, smooth // 2], axis=-1)
 write("jpeg_rgb", rgb, compression="jpeg", compressionargs={"level": 100}, photometric="ycbcr", subsampling=(1, 1))
+# tifffile would store luminance and differences; libtiff stores red, green and blue.
+first, *others = map(Image.fromarray, rgb)
+first.save(FOLDER / "jpeg_plain_rgb.tif", save_all=True, append_images=others, compression="jpeg", quality=100)
+four = numpy.concatenate([rgb, 100 + smooth[..., None] // 2], axis=-1)
+write("jpeg_plain_cmyk", four, compression="jpeg", compressionargs={"level": 100}, photometric="separated", rowsperstrip=17)
 # A small copy of the page before it.
 with tifffile.TiffWriter(FOLDER / "thumbnails.tif") as file:
     for page in grey("uint8"):

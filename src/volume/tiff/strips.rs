@@ -397,9 +397,12 @@ fn jpeg(coding: &Coding, chunk: &Chunk, packed: &[u8], mut tables: Vec<u8>) -> i
     };
     let mut decoder = jpeg_decoder::Decoder::new(Cursor::new(tables).chain(picture));
     let samples = coding.interleaved();
+    // Without a transform, the crate puts the samples of a row one behind the other.
     decoder.set_color_transform(match (coding.picture.photometric, samples) {
+        (_, 1) => ColorTransform::None,
         (6, 3) => ColorTransform::YCbCr,
-        _ => ColorTransform::None,
+        (_, 3) => ColorTransform::RGB,
+        _ => ColorTransform::CMYK,
     });
     decoder.read_info().map_err(io::Error::other)?;
     let info = decoder.info().ok_or_else(|| io::Error::other("it has no picture"))?;
@@ -419,7 +422,12 @@ fn jpeg(coding: &Coding, chunk: &Chunk, packed: &[u8], mut tables: Vec<u8>) -> i
         )));
     }
     decoder.set_max_decoding_buffer_size(found[0] * found[1] * samples);
-    decoder.decode().map_err(io::Error::other)
+    let mut numbers = decoder.decode().map_err(io::Error::other)?;
+    if samples == 4 {
+        // The crate's transform inverts.
+        numbers.iter_mut().for_each(|number| *number = u8::MAX - *number);
+    }
+    Ok(numbers)
 }
 
 /// LZW with codes from the highest bit on.
