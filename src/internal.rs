@@ -1,5 +1,7 @@
 //! Modules that only the program and its tests use; they may change in any release.
 
+#[path = "annotate.rs"]
+pub mod annotate;
 #[path = "input.rs"]
 pub mod input;
 #[path = "memory.rs"]

@@ -19,6 +19,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("scene", &["model", "spectrum", "volume", "number"]),
     ("plan", &["scene", "model", "spectrum", "progress", "number"]),
     ("film", &["plan", "scene", "model", "spectrum", "number"]),
+    ("annotate", &["film", "plan", "scene", "spectrum", "volume", "number"]),
     ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "number"]),
     ("reference", &["film", "tables", "plan", "scene", "volume", "progress", "number"]),
     ("shader", &[]),
@@ -53,6 +54,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         "view",
         &[
+            "annotate",
             "memory",
             "present",
             "document",

@@ -5,6 +5,7 @@ use egui::{Align2, Color32, FontId, Rect, Stroke, Ui, vec2};
 use glam::DVec3;
 
 use super::spectrum::narrow;
+use crate::annotate::PATIENT;
 use crate::document::Document;
 use crate::document::moves::Side;
 
@@ -19,8 +20,6 @@ pub(super) const COLOURS: [Color32; 3] =
 
 /// Labels of the negative and positive ends of x, y and z.
 const ENDS: [[&str; 2]; 3] = [["", "x"], ["", "y"], ["", "z"]];
-/// Anatomical labels of the same ends.
-const PATIENT: [[&str; 2]; 3] = [["R", "L"], ["A", "P"], ["I", "S"]];
 
 /// Name of a side of the volume. In anatomical orientation, +x points to the patient's left.
 pub(super) fn side_name(side: Side, anatomical: bool) -> &'static str {

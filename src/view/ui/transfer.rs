@@ -6,19 +6,17 @@ use egui::{
     Color32, ComboBox, CursorIcon, Id, Pos2, Rect, Response, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2,
     WidgetInfo, WidgetType, pos2, vec2,
 };
-use glam::DVec3;
 
 use super::controls::{number, panel, say_beside, sides, text};
 use super::spectrum::{code, narrow};
+use crate::annotate::material_colours;
 use crate::document::transfer_presets::{TransferPreset, of_window};
 use crate::document::{Document, Edit, State};
-use crate::film::{Components, RelightMatrices};
 use crate::number::{brief, count, whole};
 use crate::plan::Stale;
 use crate::plan::is_constant;
-use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term, positions};
-use crate::spectrum::colour::{LinearSrgb, display_code};
-use crate::spectrum::{Absorption, Spectrum};
+use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term};
+use crate::spectrum::colour::display_code;
 use crate::view::action::Action;
 use crate::volume::Statistics;
 
@@ -121,29 +119,13 @@ fn middle(statistics: &Statistics) -> Interval {
     }
 }
 
-/// Spectrum of a material by itself under white light: its reflectance. For coloured absorption, multiplied by the
-/// transmission through the thickness that leaves a tenth at the absorption peak (transmission alone if the reflectance
-/// is 0).
-fn seen_of(material: &Material) -> Spectrum {
-    let reflected = material.reflectance.spectrum();
-    let Some(shape) = material.absorption.as_ref().map(Absorption::spectrum).filter(|it| !is_constant(it)) else {
-        return reflected.clone();
-    };
-    let transmitted = Spectrum::from_samples(shape.samples().map(|depth| 0.1_f64.powf(depth)));
-    if *reflected == Spectrum::constant(0.0) { transmitted } else { &transmitted * reflected }
-}
-
 /// Colours of the scene's materials under the current light, lit from all its positions.
 pub(super) fn colours(state: &State) -> Vec<Color32> {
     let scene = &state.scene;
-    let spectra: Vec<_> = scene.materials.iter().map(seen_of).collect();
-    let (materials, places) = (spectra.len(), positions(scene).len());
     // In the dark, uses the scene's own light, because black swatches tell nothing.
     let mix = if state.is_lit() { state.mix() } else { Mix::of_scene(scene) };
-    let matrices = RelightMatrices::new(&Components::Surfaces(spectra), places, None, &mix, &scene.display);
-    let of = |material: usize| -> DVec3 { matrices.colours.iter().skip(material).step_by(materials.max(1)).sum() };
-    let code = |material| display_code(LinearSrgb(of(material).to_array()));
-    (0..materials).map(|material| Color32::from_hex(&code(material)).unwrap_or(Color32::GRAY)).collect()
+    let colours = material_colours(scene, &mix).into_iter();
+    colours.map(|colour| Color32::from_hex(&display_code(colour)).unwrap_or(Color32::GRAY)).collect()
 }
 
 /// Mapping between values and opacities, and screen coordinates.
