@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use glam::DVec2;
 
+use super::layout::Arrange;
 use crate::document::Edit;
 use crate::document::Source;
 use crate::document::design::Step;
@@ -89,6 +90,8 @@ pub enum Action {
     Probe(Option<DVec2>),
     /// Shows or hides the panels next to the picture.
     Panels(bool),
+    /// Changes the layout of the window.
+    Arrange(Arrange),
     /// Plays a tour of the dial presets in this many seconds; `None` stops it at its current position.
     Tour(Option<f64>),
     /// Saves this many pictures of the tour as NAME-0001.png and so on; `None` takes a free name in the current folder.

@@ -11,6 +11,7 @@ pub mod effort;
 pub mod engine;
 pub mod export;
 pub mod job;
+pub mod layout;
 pub mod load;
 #[cfg(feature = "window")]
 mod options;

@@ -10,6 +10,7 @@ use std::str::FromStr;
 use glam::{DVec2, DVec3};
 
 use super::action::Action;
+use super::layout::{Arrange, Dock, Tab};
 use crate::document::Source;
 use crate::document::design::{Side, Step};
 use crate::document::moves::{self, Move};
@@ -130,6 +131,7 @@ impl Command {
                 Action::Open(_)
                     | Action::SaveWindow(_)
                     | Action::Panels(_)
+                    | Action::Arrange(_)
                     | Action::Palette(_)
                     | Action::Restart
                     | Action::GiveUp
@@ -330,6 +332,19 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             _ => return Err("save session FILE".to_owned()),
         },
         "panels" => Command::Do(Action::Panels(switch(verb, rest)?)),
+        "dock" => {
+            const USE: &str = "dock SIDE on, or dock SIDE off; SIDE is left, right or bottom";
+            let (side, rest) = rest.split_first().ok_or(USE)?;
+            let dock = Dock::ALL.into_iter().find(|dock| dock.name() == *side).ok_or(USE)?;
+            Command::Do(Action::Arrange(Arrange::Dock(dock, switch(verb, rest)?)))
+        }
+        "tab" => {
+            let tabs: Vec<_> = Tab::RIGHT.into_iter().chain(Tab::BOTTOM).collect();
+            let names: Vec<_> = tabs.iter().map(|tab| tab.name().to_lowercase()).collect();
+            let found = names.iter().position(|name| *name == text());
+            let at = found.ok_or_else(|| format!("{verb} NAME, one of: {}", names.join(", ")))?;
+            Command::Do(Action::Arrange(Arrange::Tab(tabs[at])))
+        }
         "probe" => Command::Probe(DVec2::from(numbers(verb, rest)?)),
         "size" => Command::Size(numbers(verb, rest)?),
         "pointer" => {

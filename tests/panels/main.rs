@@ -9,6 +9,7 @@ mod chooser;
 mod crop;
 mod dial;
 mod dial_presets;
+mod docks;
 mod document;
 mod layout;
 mod lights;

@@ -105,7 +105,7 @@ fn reset_transfer_is_there_where_a_label_alone_has_changed() {
     let stated = opened.scene.labels.as_ref().unwrap().declared.clone();
     let mut document = Document::new(opened);
     document.edit(&Edit::Label(0, 0, 0.75));
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
     window.run();
     window.get_by_label("Reset transfer").click();
     window.run();
@@ -176,7 +176,7 @@ fn what_an_interval_absorbs_is_a_number_where_its_material_absorbs() {
     let opened = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
     let shown = opened.scene.transfer.terms.iter().map(|term| Interval::of(term).unwrap().material);
     let of_flesh = shown.map(|material| opened.scene.materials[material].name == "flesh").collect::<Vec<_>>();
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(opened)));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(Document::new(opened)));
     window.run();
     for (index, absorbs) in of_flesh.iter().enumerate() {
         let label = format!("interval {index}: absorption");

@@ -8,6 +8,7 @@ mod crop;
 mod dial;
 mod dial_presets;
 mod display;
+mod docks;
 mod floating;
 mod lights;
 mod notices;
@@ -22,9 +23,7 @@ mod toolbar;
 mod transfer;
 
 use egui::layers::PaintList;
-use egui::scroll_area::ScrollBarVisibility;
-use egui::style::ScrollStyle;
-use egui::{CentralPanel, Color32, Context, Frame, Id, Order, Panel, Popup, Pos2, Rect, ScrollArea, Ui, UiBuilder};
+use egui::{CentralPanel, Color32, Context, Frame, Id, Order, Panel, Popup, Pos2, Rect, Ui};
 
 pub use accuracy::Effort;
 pub use chooser::Chooser;
@@ -37,17 +36,13 @@ pub use status::Status;
 use glam::DVec2;
 
 use super::action::Action;
+use super::layout::Layout;
 use super::probe::Probe;
 use super::tour::Tour;
 use crate::document::Document;
 
 /// Window width in points below which the window opens without panels.
 pub const ROOM_FOR_PANELS: f32 = 560.0;
-/// Width of the panels in points: the initial and minimum width, and the maximum.
-const WIDTH: f32 = 300.0;
-const WIDEST: f32 = 520.0;
-/// Minimum width of the picture in points.
-const LEAST_PICTURE: f32 = 240.0;
 
 /// Input of the panels.
 #[derive(Debug)]
@@ -72,6 +67,8 @@ pub struct Shown<'a> {
     pub tour: Option<&'a Tour>,
     /// Whether the panels are visible.
     pub panels: bool,
+    /// Docks and tabs.
+    pub layout: &'a Layout,
     /// Position of the probed pixel as fractions of the picture, and the result of the probe.
     pub probe: Option<(DVec2, Option<&'a Probe>)>,
     /// Cost and error of pictures.
@@ -113,33 +110,12 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         // The text being typed is applied first.
         controls::leave_field(ui.ctx());
     }
+    let docked = docks::has_docks(ui.available_size());
+    let mut around = ui.available_rect_before_wrap();
     if shown.panels {
-        let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE).max(WIDTH);
-        Panel::left("panels").frame(frame).default_size(WIDTH).size_range(WIDTH..=widest).show(ui, |ui| {
-            // A field may temporarily grow while text is typed. The panel keeps its width, because a new picture size
-            // needs a new march.
-            let all = ui.available_rect_before_wrap();
-            ui.advance_cursor_after_rect(all);
-            let ui = &mut ui.new_child(UiBuilder::new().max_rect(all));
-            toolbar::show(ui, shown, asked);
-            ui.separator();
-            let Some(document) = shown.document else { return };
-            // The scroll bar lies next to the controls, because a bar over them would take their clicks. It is always
-            // visible, because a bar that appears later would widen the panels.
-            ui.spacing_mut().scroll = ScrollStyle::solid();
-            let area = ScrollArea::vertical().auto_shrink(false);
-            area.scroll_bar_visibility(ScrollBarVisibility::AlwaysVisible).show(ui, |ui| {
-                lights::show(ui, document, asked);
-                dial::show(ui, document, asked);
-                dial_presets::show(ui, document, shown.tour, asked);
-                transfer::show(ui, document, asked);
-                display::show(ui, document, asked);
-                picture::controls(ui, document, shown.aspect, asked);
-                crop::show(ui, document, asked);
-                spectra::show(ui, document, shown.effort, asked);
-                accuracy::show(ui, document, shown.effort, asked);
-            });
-        });
+        Panel::top("toolbar").frame(frame).show(ui, |ui| toolbar::show(ui, shown, docked, asked));
+        around = ui.available_rect_before_wrap();
+        docks::show(ui, shown, docked, frame, asked);
     }
     let picture = CentralPanel::default()
         .frame(Frame::NONE)
@@ -151,8 +127,10 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             }
             crop::handles(ui, shown, rect, asked);
             notices::show(ui, shown, rect, asked);
-            probe::show(ui, shown, rect, asked);
-            palette::show(ui, shown, rect, asked);
+            // Windows may lie over docks, but not over the only column.
+            let around = if docked { around } else { rect };
+            probe::show(ui, shown, [rect, around], asked);
+            palette::show(ui, shown, [rect, around], asked);
             if !shown.panels {
                 toolbar::opener(ui, rect, asked);
             }

@@ -1,7 +1,8 @@
 //! Camera control over the picture, by mouse, keyboard and buttons.
 
 use egui::{
-    Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, StrokeKind, Ui, UiBuilder, vec2,
+    Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, StrokeKind, Ui, UiBuilder, Vec2,
+    vec2,
 };
 
 use glam::DVec2;
@@ -45,9 +46,10 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, popup: bool, aske
         empty(ui, rect, asked);
         return;
     }
-    // The handle to resize the panels extends into the picture.
+    // The handles to resize the docks extend into the picture.
     let edge = if shown.panels { ui.style().interaction.resize_grab_radius_side } else { 0.0 };
-    let inside = rect.with_min_x((rect.left() + edge).min(rect.right()));
+    let inside = Rect::from_min_max(rect.min + vec2(edge, 0.0), rect.max - Vec2::splat(edge));
+    let inside = if inside.is_positive() { inside } else { rect };
     let hand = ui.interact(inside, ui.id().with("picture"), Sense::click_and_drag());
     hand.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "picture"));
     let followed = hand.hovered() && ui.input(|input| input.modifiers.alt && !input.pointer.any_down());

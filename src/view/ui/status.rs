@@ -1,8 +1,8 @@
 //! Status line: current work and its cost.
 
-use egui::{RichText, Ui};
+use egui::{RichText, Sides, Ui};
 
-use super::Shown;
+use super::{Shown, controls};
 use crate::view::engine::Counts;
 
 /// Content of the status line.
@@ -42,6 +42,12 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) {
             "{at}  |  {width}×{height}  |  marches {marches}  relights {relights}  |  last frame of the window {:.1} ms  |  {}",
             status.frame_ms, status.device
         );
-        ui.add(egui::Label::new(RichText::new(text).small()).truncate());
+        let left = |ui: &mut Ui| drop(ui.add(egui::Label::new(RichText::new(text).small()).truncate()));
+        let right = |ui: &mut Ui| {
+            if shown.panels && shown.document.is_some() {
+                controls::legend(ui);
+            }
+        };
+        Sides::new().shrink_left().truncate().show(ui, left, right);
     });
 }

@@ -4,7 +4,7 @@ use egui::{Area, Button, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2
 
 use super::Shown;
 use super::controls::toggle;
-use super::palette;
+use super::{docks, palette};
 use crate::view::action::{Action, File};
 
 const SHIFT: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
@@ -116,8 +116,8 @@ pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
 }
 
 /// Shows the toolbar.
-pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
-    ui.add_space(6.0);
+pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, docked: bool, asked: &mut Vec<Action>) {
+    ui.add_space(2.0);
     ui.horizontal_wrapped(|ui| {
         ui.menu_button("File", |ui| files(ui, shown, asked)).response.on_hover_text("Opens and saves.");
         let mut button = |ui: &mut Ui, enabled: bool, text: &str, help: &str, action: Action| {
@@ -148,6 +148,9 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
             asked.push(Action::Palette(!shown.design.shown));
             // The editor may lie behind the probe window.
             ui.ctx().move_to_top(palette::layer());
+        }
+        if docked && shown.document.is_some() {
+            docks::switches(ui, shown, asked);
         }
     });
 }

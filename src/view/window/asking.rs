@@ -43,6 +43,7 @@ impl Viewer {
             Action::Tour(seconds) => self.tour(seconds),
             Action::SaveTour(path, frames) => self.begin_tour(path, frames),
             Action::Panels(shown) => self.panels.shown = Some(shown),
+            Action::Arrange(change) => self.panels.layout.arrange(change),
             Action::Probe(place) => self.picture.prober.look(place),
             Action::Measure(goal) => self.measure(goal),
             Action::Palette(shown) => self.panels.editing = shown,

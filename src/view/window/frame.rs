@@ -75,6 +75,7 @@ impl Viewer {
             several: Selection { resample: false, ..self.opened.selection.clone() } != Selection::default(),
             tour: self.tour.as_ref(),
             panels: self.panels.shown.unwrap_or(wide),
+            layout: &self.panels.layout,
             effort,
             design: Design {
                 shown: self.panels.editing,
