@@ -88,6 +88,9 @@ pub enum Action {
     SaveWindow(PathBuf),
     /// Selects the pixel to probe, as fractions of the picture from the top left; `None` for no pixel.
     Probe(Option<DVec2>),
+    /// Adds an end of the measuring line at this pixel, given as fractions of the picture, at the depth of most of its
+    /// light.
+    RulerAt(DVec2),
     /// Shows or hides the panels next to the picture.
     Panels(bool),
     /// Changes the layout of the window.

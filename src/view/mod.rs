@@ -17,9 +17,11 @@ pub mod load;
 mod options;
 pub mod probe;
 pub mod prober;
+pub mod recent;
 #[cfg(feature = "window")]
 mod screen;
 pub mod script;
+pub mod slices;
 pub mod tour;
 #[cfg(feature = "window")]
 pub mod ui;

@@ -1,6 +1,6 @@
 //! A document controlled by the panels, and simulated clicks, drags and typing.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use egui::accesskit::Role;
@@ -41,6 +41,7 @@ pub(crate) struct App {
     pub(crate) asked: Vec<Action>,
     pub(crate) panels: bool,
     pub(crate) layout: Layout,
+    pub(crate) recent: Vec<PathBuf>,
     pub(crate) probe: Option<(DVec2, Option<Probe>)>,
     pub(crate) curve: Option<Curve>,
     pub(crate) design: bool,
@@ -64,6 +65,7 @@ impl App {
             asked: Vec::new(),
             panels: size.x >= ui::ROOM_FOR_PANELS,
             layout: Layout::default(),
+            recent: Vec::new(),
             probe: None,
             curve: None,
             design: false,
@@ -94,6 +96,7 @@ impl App {
             chooses: app.chooser.is_open(),
             panels: app.panels,
             layout: &app.layout,
+            recent: &app.recent,
             design: Design { shown: app.design, running: None, conflicts: &app.conflicts },
             effort: Effort { curve: app.curve.as_ref().map(|curve| (curve, true)), ..Effort::default() },
             probe: app.probe.as_ref().map(|(place, probe)| (*place, probe.as_ref())),

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod accuracy;
+mod annotations;
 mod app;
 mod camera;
 mod chooser;
@@ -17,6 +18,7 @@ mod notices;
 mod numbers;
 mod palette;
 mod probe;
+mod slices;
 mod spectra;
 #[path = "../support/mod.rs"]
 mod support;

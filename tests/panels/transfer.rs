@@ -14,7 +14,7 @@ use relume::progress::Quiet;
 use relume::scene::Interval;
 
 use crate::app::{
-    App, click_at, document, drag_along, intervals, is_painted, reopened, type_into, wide, with_histogram,
+    App, click_at, document, drag_along, intervals, is_painted, reopened, retype, type_into, wide, with_histogram,
 };
 use crate::support::program::SCENE;
 
@@ -207,4 +207,19 @@ fn the_body_of_an_interval_is_dragged_with_both_its_ends_and_back_by_one_step() 
     window.get_by_label("Undo").click();
     window.run();
     assert_eq!(intervals(&window), before);
+}
+
+#[test]
+fn a_window_of_values_by_level_and_width_makes_layers_above_its_low_end() {
+    let mut window = with_histogram();
+    window.run();
+    retype(&mut window, "window: Level", "60");
+    retype(&mut window, "window: Width", "60");
+    window.get_by_label("Apply window").click();
+    window.run();
+    let layers = intervals(&window);
+    let foot = layers[0].range[0] - layers[0].ramp;
+    // From 30 to 90, in three layers of 20.
+    assert!(layers.len() == 3 && (foot - 30.0).abs() < 1e-9, "{layers:?}");
+    assert!((layers[1].range[0] - layers[1].ramp / 2.0 - 50.0).abs() < 1e-9, "{layers:?}");
 }

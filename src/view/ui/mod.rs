@@ -1,6 +1,7 @@
 //! The panels, one file each. They show a [`Document`] and return [`Action`]s; they do not modify it.
 
 mod accuracy;
+mod annotations;
 mod axes;
 mod chooser;
 mod controls;
@@ -10,12 +11,14 @@ mod dial_presets;
 mod display;
 mod docks;
 mod floating;
+mod help;
 mod lights;
 mod notices;
 mod palette;
 mod picture;
 mod probe;
 mod reading;
+mod slices;
 mod spectra;
 mod spectrum;
 mod status;
@@ -31,7 +34,10 @@ pub use dial::{node_places, show as show_dial};
 pub use lights::show as show_lights;
 pub use notices::Notice;
 pub use palette::Design;
+pub use slices::forget as forget_slices;
 pub use status::Status;
+
+use std::path::PathBuf;
 
 use glam::DVec2;
 
@@ -67,8 +73,10 @@ pub struct Shown<'a> {
     pub tour: Option<&'a Tour>,
     /// Whether the panels are visible.
     pub panels: bool,
-    /// Docks and tabs.
+    /// Docks and tabs, slices, annotations and the measuring line.
     pub layout: &'a Layout,
+    /// Files opened last, the latest first.
+    pub recent: &'a [PathBuf],
     /// Position of the probed pixel as fractions of the picture, and the result of the probe.
     pub probe: Option<(DVec2, Option<&'a Probe>)>,
     /// Cost and error of pictures.
@@ -121,16 +129,20 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         .frame(Frame::NONE)
         .show(ui, |ui| {
             let rect = ui.available_rect_before_wrap();
+            let rect = slices::show(ui, shown, rect, asked);
             picture::show(ui, shown, rect, popup, asked);
             if let Some(document) = shown.document.filter(|_| shown.panels && shown.loading.is_none()) {
                 axes::show(ui, document, shown.aspect, rect);
             }
+            annotations::show(ui, shown, rect);
+            slices::crosshair(ui, shown, rect);
             crop::handles(ui, shown, rect, asked);
             notices::show(ui, shown, rect, asked);
             // Windows may lie over docks, but not over the only column.
             let around = if docked { around } else { rect };
             probe::show(ui, shown, [rect, around], asked);
             palette::show(ui, shown, [rect, around], asked);
+            help::show(ui, shown, around, asked);
             if !shown.panels {
                 toolbar::opener(ui, rect, asked);
             }

@@ -19,7 +19,7 @@ use crate::plan::is_constant;
 use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term};
 use crate::spectrum::colour::display_code;
 use crate::view::action::Action;
-use crate::volume::Statistics;
+use crate::volume::{Statistics, Window};
 
 /// Height of opacity 1 in points, in a column.
 const HEIGHT: f32 = 110.0;
@@ -41,6 +41,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         graph(ui, document, &colours, HEIGHT, asked);
         rows(ui, document, &colours, asked);
         buttons(ui, document, asked);
+        window(ui, document, asked);
         labels(ui, document.state(), &colours, asked);
     });
 }
@@ -52,8 +53,9 @@ pub(super) fn wide(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     let (left, right) = all.split_left_right_at_x(all.right() - NUMBERS.min(0.5 * all.width()));
     let left = &mut ui.new_child(UiBuilder::new().max_rect(left.with_max_x(left.right() - 12.0)));
     // The presets and the ends of the histogram lie below it.
-    graph(left, document, &colours, (left.available_height() - 52.0).max(40.0), asked);
+    graph(left, document, &colours, (left.available_height() - 76.0).max(40.0), asked);
     buttons(left, document, asked);
+    window(left, document, asked);
     let right = &mut ui.new_child(UiBuilder::new().max_rect(right));
     right.spacing_mut().scroll = ScrollStyle::solid();
     ScrollArea::vertical().id_salt("intervals").auto_shrink(false).show(right, |ui| {
@@ -110,6 +112,41 @@ fn buttons(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             asked.push(Action::Edit(Edit::ResetTransfer));
         }
     });
+}
+
+/// Level and width of a window of values, and a button that makes layers of it.
+fn window(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    let Some(statistics) = document.statistics() else { return };
+    let Statistics { min, max, .. } = *statistics;
+    let span = (max - min).max(f64::MIN_POSITIVE);
+    // Kept while the window is open, for each range of values.
+    let id = Id::new(("level and width", min.to_bits(), max.to_bits()));
+    let first = document.state().scene.volume.presets.windows.first();
+    let ends = first.map_or([min, max], |window| [window.low, window.high]);
+    let usual = [f64::midpoint(ends[0], ends[1]), ends[1] - ends[0]];
+    let mut kept: [f64; 2] = ui.data(|data| data.get_temp(id)).unwrap_or(usual);
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let helps = ["Middle of a window of values.", "Width of a window of values."];
+        for ((value, name), help) in kept.iter_mut().zip(["Level", "Width"]).zip(helps) {
+            ui.label(name);
+            let least = if name == "Width" { 0.0 } else { f64::MIN };
+            let field = number(ui, value, places(span / 10.0), |drag| drag.speed(span / 500.0).range(least..=f64::MAX));
+            let value = *value;
+            field.widget_info(|| WidgetInfo::slider(true, value, format!("window: {name}")));
+            field.on_hover_text(help);
+        }
+        let [level, width] = kept;
+        let window = Window::new("window", level - width / 2.0, level + width / 2.0);
+        let layers = window.and_then(|window| of_window(&window, statistics, &document.state().scene.materials));
+        let button = ui.add_enabled(layers.is_some(), egui::Button::new("Apply window"));
+        let help = "Replaces the transfer function by three layers over this window of values; one undo reverts it.";
+        let button = button.on_hover_text(help).on_disabled_hover_text("No value lies in this window.");
+        if let (true, Some(layers)) = (button.clicked(), layers) {
+            asked.push(Action::Edit(Edit::Intervals(layers)));
+        }
+    });
+    ui.data_mut(|data| data.insert_temp(id, kept));
 }
 
 /// Menu of transfer presets.
@@ -207,7 +244,7 @@ fn snapped(value: f64, span: f64) -> f64 {
 }
 
 /// Decimals that resolve a thousandth of `span`; negative for tens, hundreds and so on.
-fn places(span: f64) -> i32 {
+pub(super) fn places(span: f64) -> i32 {
     let digits = (span / PARTS).log10().floor();
     let decimals = i32::try_from(whole(digits.abs().min(400.0))).unwrap_or(0);
     if digits > 0.0 { -decimals } else { decimals }
