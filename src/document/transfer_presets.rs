@@ -282,11 +282,11 @@ mod tests {
     fn the_windows_of_a_ct_lie_around_their_level_in_hounsfield_units() {
         let ends = |min, max| {
             let windows = ct_windows(&statistics(min, max, |_| 1));
-            windows.into_iter().map(|window| [window.low, window.high]).collect::<Vec<_>>()
+            windows.into_iter().map(|window| (window.low, window.high)).collect::<Vec<_>>()
         };
-        assert_eq!(ends(-1024.0, 3071.0), [[-160.0, 240.0], [-1350.0, 150.0], [-500.0, 1300.0], [0.0, 80.0]]);
-        assert_eq!(ends(0.0, 4095.0)[0], [864.0, 1264.0], "with an offset of 1024");
-        assert_eq!(ends(0.0, 255.0), [[0.0; 2]; 0]);
+        assert_eq!(ends(-1024.0, 3071.0), [(-160.0, 240.0), (-1350.0, 150.0), (-500.0, 1300.0), (0.0, 80.0)]);
+        assert_eq!(ends(0.0, 4095.0).first(), Some(&(864.0, 1264.0)), "with an offset of 1024");
+        assert!(ends(0.0, 255.0).is_empty());
     }
 
     #[test]

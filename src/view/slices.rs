@@ -311,7 +311,8 @@ mod tests {
     fn volume(dims: [usize; 3], direction: DMat3) -> Volume {
         let geometry = Geometry::new("test", dims, DVec3::new(1.0, 2.0, 4.0), DVec3::ZERO, direction).unwrap();
         let [nx, ny, nz] = dims;
-        let values = (0..nx * ny * nz).map(|i| (i % nx + 10 * (i / nx % ny) + 100 * (i / nx / ny)) as u16).collect();
+        let value = |i: usize| u16::try_from(i % nx + 10 * (i / nx % ny) + 100 * (i / nx / ny)).unwrap();
+        let values = (0..nx * ny * nz).map(value).collect();
         Volume::new("test", Voxels::U16(values), geometry).unwrap()
     }
 
@@ -405,11 +406,11 @@ mod tests {
             histogram[bin] = voxels;
         }
         let statistics = Statistics { min: 0.0, max: 64.0, mean: 0.0, histogram, not_a_number: 0, infinite: 0 };
-        assert_eq!(window_of(&[], &statistics), [10.0, 11.0]);
+        assert_eq!(window_of(&[], &statistics).to_vec(), [10.0, 11.0]);
         let stated = Window::new("soft", -160.0, 240.0).unwrap();
-        assert_eq!(window_of(&[stated], &statistics), [-160.0, 240.0]);
+        assert_eq!(window_of(&[stated], &statistics).to_vec(), [-160.0, 240.0]);
         let flat = Statistics { max: 0.0, ..statistics };
-        assert_eq!(window_of(&[], &flat), [0.0, 0.0]);
+        assert_eq!(window_of(&[], &flat).to_vec(), [0.0, 0.0]);
     }
 
     #[test]

@@ -102,7 +102,8 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
     }
     let place = |world| {
         let place = view.place_of(world)?;
-        Some(rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size())
+        let at = rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size();
+        Some(at).filter(|at| at.is_finite())
     };
     let ruler = layout.ruler;
     line(&painter, ruler.ends.map(|end| end.and_then(place)), ruler.length().map(|length| (length, volume.unit)), true);

@@ -167,7 +167,7 @@ fn ruler(
     let ends = ruler.ends.map(|end| Some(index_from_world(&volume.geometry, end?)));
     let is_inside = |end: &DVec3| (end[plane.normal] - count(index)).abs() <= 0.5 + 1e-9;
     let inside = ends.iter().flatten().all(is_inside);
-    let places = ends.map(|end| end.map(screen));
+    let places = ends.map(|end| end.map(screen).filter(|at| at.is_finite()));
     annotations::line(painter, places, ruler.length().map(|length| (length, volume.unit)), inside);
 }
 
@@ -254,7 +254,7 @@ fn controls(
                 ui.label("to");
             }
         }
-        if next != window && next[0] < next[1] {
+        if next.map(f64::to_bits) != window.map(f64::to_bits) && next[0] < next[1] {
             ask(Arrange::Window(next));
         }
         let mut materials = slices.materials;
@@ -297,13 +297,14 @@ pub(super) fn crosshair(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
     let painter = ui.painter().with_clip_rect(rect);
     let place = |index: DVec3| {
         let place = view.place_of(geometry.world_from_index(index))?;
-        Some(rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size())
+        let at = rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size();
+        Some(at).filter(|at| at.is_finite())
     };
-    for axis in 0..3 {
-        let along = DVec3::AXES[axis] * arm / geometry.spacing;
+    for (axis, colour) in DVec3::AXES.into_iter().zip(COLOURS) {
+        let along = axis * arm / geometry.spacing;
         if let (Some(from), Some(to)) = (place(at - along), place(at + along)) {
             painter.line_segment([from, to], Stroke::new(3.0, Color32::from_black_alpha(140)));
-            painter.line_segment([from, to], Stroke::new(1.5, COLOURS[axis]));
+            painter.line_segment([from, to], Stroke::new(1.5, colour));
         }
     }
 }
