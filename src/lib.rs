@@ -77,6 +77,6 @@ pub mod volume;
 pub mod vulkan;
 mod written;
 
+use internal::{annotate, input, memory, number, shader};
 #[cfg(feature = "window")]
-use internal::{annotate, present, view};
-use internal::{input, memory, number, shader};
+use internal::{present, view};

@@ -791,3 +791,47 @@ fn a_volume_of_one_slice_opens_face_on_and_is_seen_and_saved_so() {
     let (index, _) = spot.unwrap();
     assert!(index % width < width / 2 && index / width < height / 2, "{} {}", index % width, index / width);
 }
+
+#[test]
+fn slices_follow_the_probe_and_neither_march_nor_appear_in_saved_pictures() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "size 1280 720\nslices on\nsettle\nslices at 10 11 12\nslices window 0 100\nslices materials on\nframes 3\nsettle\n\
+                  window slices.png\npicture shown.png\nprobe 0.5 0.5\nframes 3\nsettle\n";
+    let report = screen.script(&folder, "dial.toml", script);
+    let marches = |at: usize| report["settled"][at]["marches"].as_u64().unwrap();
+    assert_eq!([marches(1), marches(2)], [marches(0); 2], "slices march nothing");
+    folder.done(&["render", "dial.toml", "-o", "rendered.png", "--size", &size(&report)]);
+    assert_eq!(bytes(&folder, "shown.png"), bytes(&folder, "rendered.png"));
+    // Where most of the light of the probed ray comes from.
+    let slices = &report["slices"];
+    assert_eq!(slices["window"].as_array().unwrap().len(), 2);
+    assert!(slices["value"].is_number() && slices["at"] != serde_json::json!([10.0, 11.0, 12.0]), "{slices}");
+    let report = screen.script(&folder, "dial.toml", "size 1280 720\nslices on\nsettle\nslices at 10 11 12\nsettle\n");
+    assert_eq!(report["slices"]["at"], serde_json::json!([10.0, 11.0, 12.0]));
+    let report = screen.script(&folder, "dial.toml", "settle\n");
+    assert_eq!(report["slices"], Value::Null, "hidden");
+}
+
+#[test]
+fn the_measuring_line_ends_where_the_light_of_a_pixel_comes_from() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let measured = |lines: &str| {
+        let script = format!("size 640 480\nsettle\nruler on\n{lines}frames 2\nsettle\n");
+        let report = screen.script(&folder, "dial.toml", &script);
+        let marches = |at: usize| report["settled"][at]["marches"].as_u64().unwrap();
+        assert_eq!(marches(0), marches(1), "measuring marches nothing in the picture");
+        report["ruler"].clone()
+    };
+    assert_eq!(measured("ruler world 1 2 3\nruler world 4 6 3\n")["length"].as_f64(), Some(5.0));
+    let ruler = measured("ruler at 0.45 0.5\nruler at 0.55 0.5\n");
+    let end = |at: usize| [0, 1, 2].map(|axis| ruler["ends"][at][axis].as_f64().unwrap());
+    let square: f64 = end(0).iter().zip(end(1)).map(|(one, two)| (one - two) * (one - two)).sum();
+    assert!(square > 0.0 && (square.sqrt() - ruler["length"].as_f64().unwrap()).abs() < 1e-9, "{ruler}");
+    // A corner of the picture shows nothing.
+    let report =
+        screen.script(&folder, "dial.toml", "size 640 480\nsettle\nruler on\nruler at 0 0\nframes 2\nsettle\n");
+    assert_eq!(report["ruler"]["ends"], serde_json::json!([]));
+    assert!(report["notices"].to_string().contains("nothing is visible at this pixel"), "{report}");
+}

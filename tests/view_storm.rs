@@ -158,7 +158,7 @@ impl Storm {
     /// Line that suits every scene.
     fn nameless(&mut self) -> String {
         let switch = self.one_of(&["on", "off"]);
-        match self.random.index(18) {
+        match self.random.index(26) {
             0 => format!("hand {} {}", self.number(-2.0, 2.0), self.number(-2.0, 2.0)),
             1 => format!("master {}", self.number(0.0, 2.0)),
             2 => format!("normalise {switch}"),
@@ -178,6 +178,21 @@ impl Storm {
             }
             16 => format!("crop {}", self.one_of(&["off", "reset"])),
             13 => format!("interval remove {}", self.random.index(5)),
+            17 => format!("slices {switch}"),
+            18 => {
+                format!("slices at {} {} {}", self.number(-9.0, 99.0), self.number(0.0, 30.0), self.number(0.0, 30.0))
+            }
+            19 => self.one_of(&["slices window 0 100", "slices window -1e30 1e30", "slices window 3 3.001"]).to_owned(),
+            20 => format!("slices {} {switch}", self.one_of(&["materials", "labels"])),
+            21 => format!("dock {} {switch}", self.one_of(&["left", "right", "bottom"])),
+            22 => format!("tab {}", self.one_of(&["camera", "crop", "display", "accuracy", "transfer", "spectra"])),
+            23 => format!("note {} {switch}", self.one_of(&["scale", "letters", "legend"])),
+            24 => self
+                .one_of(&["ruler on", "ruler off", "ruler at 0.5 0.5", "help on", "help off", "lesson 1", "lesson 0"])
+                .to_owned(),
+            25 => self
+                .one_of(&["size 1200 700", "size 1400 900", "ruler world 9 9 9", "ruler world 1e300 0 0"])
+                .to_owned(),
             _ => "undo".to_owned(),
         }
     }

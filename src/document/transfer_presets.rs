@@ -187,6 +187,21 @@ fn of(materials: &[Material], words: &[&str], part: f64) -> usize {
     words.iter().find_map(named).unwrap_or_else(|| crate::number::whole((part * count(last)).round()))
 }
 
+/// Customary windows of a CT, that of soft tissue first; none if the values are not those of a CT.
+#[must_use]
+pub fn ct_windows(statistics: &Statistics) -> Vec<Window> {
+    let Some(zero) = hounsfield(statistics) else { return Vec::new() };
+    // Level and width in Hounsfield units, as customary in radiology.
+    let windows = [
+        ("CT: soft tissue", 40.0, 400.0),
+        ("CT: lung", -600.0, 1500.0),
+        ("CT: bone", 400.0, 1800.0),
+        ("CT: brain", 40.0, 80.0),
+    ];
+    let window = |(name, level, width)| Window::new(name, zero + level - width / 2.0, zero + level + width / 2.0);
+    windows.into_iter().filter_map(window).collect()
+}
+
 /// Value of 0 Hounsfield units (water) if the values are those of a CT. Air is at -1000; scanners that store no sign
 /// add 1024.
 fn hounsfield(statistics: &Statistics) -> Option<f64> {
@@ -261,6 +276,17 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_windows_of_a_ct_lie_around_their_level_in_hounsfield_units() {
+        let ends = |min, max| {
+            let windows = ct_windows(&statistics(min, max, |_| 1));
+            windows.into_iter().map(|window| (window.low, window.high)).collect::<Vec<_>>()
+        };
+        assert_eq!(ends(-1024.0, 3071.0), [(-160.0, 240.0), (-1350.0, 150.0), (-500.0, 1300.0), (0.0, 80.0)]);
+        assert_eq!(ends(0.0, 4095.0).first(), Some(&(864.0, 1264.0)), "with an offset of 1024");
+        assert!(ends(0.0, 255.0).is_empty());
     }
 
     #[test]

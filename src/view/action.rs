@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use glam::DVec2;
 
+use super::layout::Arrange;
 use crate::document::Edit;
 use crate::document::Source;
 use crate::document::design::Step;
@@ -87,8 +88,13 @@ pub enum Action {
     SaveWindow(PathBuf),
     /// Selects the pixel to probe, as fractions of the picture from the top left; `None` for no pixel.
     Probe(Option<DVec2>),
+    /// Adds an end of the measuring line at this pixel, given as fractions of the picture, at the depth of most of its
+    /// light.
+    RulerAt(DVec2),
     /// Shows or hides the panels next to the picture.
     Panels(bool),
+    /// Changes the layout of the window.
+    Arrange(Arrange),
     /// Plays a tour of the dial presets in this many seconds; `None` stops it at its current position.
     Tour(Option<f64>),
     /// Saves this many pictures of the tour as NAME-0001.png and so on; `None` takes a free name in the current folder.

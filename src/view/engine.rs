@@ -449,6 +449,12 @@ impl Engine {
         (lit || self.failed) && !self.has_work(true)
     }
 
+    /// Pixels of the marched picture that is shown, across and down; fewer than the window's while it is coarse.
+    #[must_use]
+    pub fn resolution(&self) -> Option<[usize; 2]> {
+        self.lit.as_ref().map(|lit| lit.size.map(|pixels| pixels.div_ceil(lit.level)))
+    }
+
     /// Completed fraction of the current march, 0 to 1.
     #[must_use]
     pub fn progress(&self) -> Option<f64> {

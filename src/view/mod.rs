@@ -11,14 +11,17 @@ pub mod effort;
 pub mod engine;
 pub mod export;
 pub mod job;
+pub mod layout;
 pub mod load;
 #[cfg(feature = "window")]
 mod options;
 pub mod probe;
 pub mod prober;
+pub mod recent;
 #[cfg(feature = "window")]
 mod screen;
 pub mod script;
+pub mod slices;
 pub mod tour;
 #[cfg(feature = "window")]
 pub mod ui;

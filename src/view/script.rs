@@ -10,6 +10,7 @@ use std::str::FromStr;
 use glam::{DVec2, DVec3};
 
 use super::action::Action;
+use super::layout::{Arrange, Dock, Note, Tab};
 use crate::document::Source;
 use crate::document::design::{Side, Step};
 use crate::document::moves::{self, Move};
@@ -85,6 +86,8 @@ pub enum Command {
     Camera(Move),
     /// Probes a pixel, given as fractions of the picture, until the probe is complete.
     Probe(DVec2),
+    /// Adds an end of the measuring line at a pixel, given as fractions of the picture, and waits for its depth.
+    Ruler(DVec2),
     /// Sets a standard spectrum for the named material or light.
     Spectrum(Side, String, String),
     /// Resizes the window, in pixels.
@@ -135,12 +138,18 @@ impl Command {
     #[must_use]
     pub fn is_about_a_scene(&self) -> bool {
         match self {
-            Self::Interval(..) | Self::Named(..) | Self::Camera(_) | Self::Probe(_) | Self::Spectrum(..) => true,
+            Self::Interval(..)
+            | Self::Named(..)
+            | Self::Camera(_)
+            | Self::Probe(_)
+            | Self::Ruler(_)
+            | Self::Spectrum(..) => true,
             Self::Do(action) => !matches!(
                 action,
                 Action::Open(_)
                     | Action::SaveWindow(_)
                     | Action::Panels(_)
+                    | Action::Arrange(_)
                     | Action::Palette(_)
                     | Action::Restart
                     | Action::GiveUp
@@ -341,6 +350,56 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             _ => return Err("save session FILE".to_owned()),
         },
         "panels" => Command::Do(Action::Panels(switch(verb, rest)?)),
+        "dock" => {
+            const USE: &str = "dock SIDE on, or dock SIDE off; SIDE is left, right or bottom";
+            let (side, rest) = rest.split_first().ok_or(USE)?;
+            let dock = Dock::ALL.into_iter().find(|dock| dock.name() == *side).ok_or(USE)?;
+            Command::Do(Action::Arrange(Arrange::Dock(dock, switch(verb, rest)?)))
+        }
+        "help" => Command::Do(Action::Arrange(Arrange::Help(switch(verb, rest)?))),
+        "lesson" => {
+            // People count from 1.
+            let step = numbers::<usize, 1>(verb, rest)?[0];
+            Command::Do(Action::Arrange(Arrange::Lesson(step.checked_sub(1))))
+        }
+        "note" => {
+            const USE: &str = "note NAME on, or note NAME off; NAME is scale, letters or legend";
+            let (name, rest) = rest.split_first().ok_or(USE)?;
+            let named = |note: &Note| note.name().to_lowercase().split(' ').next() == Some(*name);
+            let note = Note::ALL.into_iter().find(named).ok_or(USE)?;
+            Command::Do(Action::Arrange(Arrange::Note(note, switch(verb, rest)?)))
+        }
+        "ruler" => match rest {
+            ["on" | "off"] => Command::Do(Action::Arrange(Arrange::Ruler(switch(verb, rest)?))),
+            ["at", place @ ..] => Command::Ruler(DVec2::from(numbers("ruler at", place)?)),
+            ["world", end @ ..] => {
+                Command::Do(Action::Arrange(Arrange::RulerEnd(DVec3::from_array(numbers("ruler world", end)?))))
+            }
+            _ => return Err("ruler on, off, at X Y, or world X Y Z".to_owned()),
+        },
+        "slices" => Command::Do(Action::Arrange(match rest {
+            ["on" | "off"] => Arrange::Slices(switch(verb, rest)?),
+            ["at", index @ ..] => Arrange::SliceAt(DVec3::from_array(numbers("slices at", index)?)),
+            ["window", ends @ ..] => {
+                let [low, high]: [f64; 2] = numbers("slices window", ends)?;
+                let window = Some([low, high]).filter(|_| low < high && low.is_finite() && high.is_finite());
+                Arrange::Window(window.ok_or_else(|| format!("slices window {low} {high} does not ascend"))?)
+            }
+            ["materials", rest @ ..] => Arrange::SliceMaterials(switch("slices materials", rest)?),
+            ["labels", rest @ ..] => Arrange::SliceLabels(switch("slices labels", rest)?),
+            _ => {
+                let uses =
+                    "slices on, off, at X Y Z, window LOW HIGH, materials on, materials off, labels on, labels off";
+                return Err(uses.to_owned());
+            }
+        })),
+        "tab" => {
+            let tabs: Vec<_> = Tab::RIGHT.into_iter().chain(Tab::BOTTOM).collect();
+            let names: Vec<_> = tabs.iter().map(|tab| tab.name().to_lowercase()).collect();
+            let found = names.iter().position(|name| *name == text());
+            let at = found.ok_or_else(|| format!("{verb} NAME, one of: {}", names.join(", ")))?;
+            Command::Do(Action::Arrange(Arrange::Tab(tabs[at])))
+        }
         "probe" => Command::Probe(DVec2::from(numbers(verb, rest)?)),
         "size" => Command::Size(numbers(verb, rest)?),
         "pointer" => {

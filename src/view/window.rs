@@ -14,6 +14,7 @@ mod saving;
 use std::time::Instant;
 
 use egui_winit::accesskit_winit;
+use glam::DVec3;
 use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, EventLoop, EventLoopProxy};
@@ -23,6 +24,7 @@ use super::action::Action;
 use super::engine::{Counts, Engine};
 use super::load::{LoadError, Loaded, Loading};
 use super::options::{Options, ViewError};
+use super::recent::Recent;
 use super::screen::Screen;
 use super::tour::Tour;
 use super::ui;
@@ -130,6 +132,14 @@ impl Viewer {
 
     fn end(mut self) -> Result<Report, ViewError> {
         self.record.report.counts = self.counts();
+        let ruler = &self.panels.layout.ruler;
+        let ends: Vec<_> = ruler.ends.iter().flatten().map(DVec3::to_array).collect();
+        self.record.report.ruler = serde_json::json!({ "ends": ends, "length": ruler.length() });
+        self.record.report.slices = self
+            .opened
+            .document
+            .as_ref()
+            .and_then(|document| self.panels.layout.slices.json(&document.state().scene.volume));
         self.picture.prober.end();
         if let Some(measuring) = self.tasks.measuring.take() {
             measuring.end();
@@ -163,6 +173,10 @@ impl Viewer {
 
     fn open_screen(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
         ui::style(&self.panels.context);
+        // A script sees the same window wherever it runs.
+        if let Some(cache) = self.options.cache.as_deref().filter(|_| !self.is_scripted()) {
+            self.panels.recent = Recent::read(cache);
+        }
         let screen = Screen::open(events, &self.options, &self.panels.context, &self.proxy)?;
         self.record.report.device.clone_from(&screen.renderer.device().info().name);
         self.screen = Some(screen);

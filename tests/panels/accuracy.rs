@@ -12,7 +12,7 @@ use crate::app::{App, document};
 
 #[test]
 fn a_preset_asks_to_measure_and_a_point_of_the_curve_is_taken_by_a_click() {
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
     window.run();
     window.get_by_label("balanced").click();
     window.run();

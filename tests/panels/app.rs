@@ -1,6 +1,6 @@
 //! A document controlled by the panels, and simulated clicks, drags and typing.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use egui::accesskit::Role;
@@ -14,6 +14,7 @@ use relume::document::design::{self, Step};
 use relume::document::{Document, Edit, SceneFile};
 use relume::internal::view::action::Losing;
 use relume::internal::view::effort::Curve;
+use relume::internal::view::layout::Layout;
 use relume::internal::view::probe::{Pixel, Ray};
 use relume::internal::view::tour::Tour;
 use relume::internal::view::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
@@ -39,6 +40,8 @@ pub(crate) struct App {
     pub(crate) document: Option<Document>,
     pub(crate) asked: Vec<Action>,
     pub(crate) panels: bool,
+    pub(crate) layout: Layout,
+    pub(crate) recent: Vec<PathBuf>,
     pub(crate) probe: Option<(DVec2, Option<Probe>)>,
     pub(crate) curve: Option<Curve>,
     pub(crate) design: bool,
@@ -61,6 +64,8 @@ impl App {
             document,
             asked: Vec::new(),
             panels: size.x >= ui::ROOM_FOR_PANELS,
+            layout: Layout::default(),
+            recent: Vec::new(),
             probe: None,
             curve: None,
             design: false,
@@ -90,6 +95,8 @@ impl App {
             tour: app.tour.as_ref(),
             chooses: app.chooser.is_open(),
             panels: app.panels,
+            layout: &app.layout,
+            recent: &app.recent,
             design: Design { shown: app.design, running: None, conflicts: &app.conflicts },
             effort: Effort { curve: app.curve.as_ref().map(|curve| (curve, true)), ..Effort::default() },
             probe: app.probe.as_ref().map(|(place, probe)| (*place, probe.as_ref())),
@@ -110,6 +117,7 @@ impl App {
                 }
                 (Action::Choose(file), _) => app.chooser.open(*file, &app.folder.path("relume-0001.png")),
                 (Action::Panels(shown), _) => app.panels = *shown,
+                (Action::Arrange(change), _) => app.layout.arrange(*change),
                 (Action::Palette(shown), _) => app.design = *shown,
                 (Action::Dismiss(index), _) => drop(app.notices.remove(*index)),
                 _ => {}
@@ -131,7 +139,7 @@ pub(crate) fn light_names(mix: &Mix) -> Vec<&str> {
 pub(crate) fn with_histogram() -> Harness<'static, App> {
     let document = document();
     let statistics = document.opened().scene.volume.statistics().unwrap();
-    App::open(Vec2::new(1280.0, 2000.0), Some(document.with_statistics(statistics)))
+    App::open(Vec2::new(1000.0, 2000.0), Some(document.with_statistics(statistics)))
 }
 
 pub(crate) fn intervals(window: &Harness<'_, App>) -> Vec<Interval> {

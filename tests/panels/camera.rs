@@ -49,7 +49,7 @@ fn the_sides_of_a_patient_are_called_so() {
     for (anatomical, names) in [(false, ["Left", "Front", "Top"]), (true, ["Right", "Anterior", "Superior"])] {
         let mut scene = document().opened().clone();
         Arc::make_mut(&mut scene.scene.volume).anatomical = anatomical;
-        let mut window = App::open(Vec2::new(1280.0, 2000.0), Some(Document::new(scene)));
+        let mut window = App::open(Vec2::new(1000.0, 2000.0), Some(Document::new(scene)));
         window.run();
         for (name, side) in names.into_iter().zip([Side::Left, Side::Front, Side::Top]) {
             window.get_by_label(name).click();

@@ -13,7 +13,7 @@ use crate::app::{App, document, drag_along, is_painted, retype, type_into, wide}
 fn a_side_of_the_crop_box_is_dragged_on_the_picture() {
     let mut document = document();
     document.edit(&Edit::Camera(Move::Axis(Side::Front), 1.5));
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
     window.run();
     window.get_by_label("crop").click();
     window.run();
@@ -67,7 +67,7 @@ fn of_two_handles_on_one_spot_the_nearer_one_is_caught() {
 fn a_side_of_the_crop_box_that_is_typed_past_the_other_stops_there_and_says_so() {
     let mut document = document();
     document.edit(&Edit::Crop(Some([DVec3::splat(0.25), DVec3::splat(0.75)])));
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
     window.run();
     type_into(&mut window, "crop x: to", "0.1");
     window.key_press(Key::Enter);
@@ -121,7 +121,7 @@ fn a_side_of_the_crop_box_stops_at_the_other_which_stays() {
     drag_along(&mut window, &way);
     let [low, high] = crop(&window);
     assert!((high - DVec3::splat(0.75)).length() < 1e-9 && low.x > 0.74 && low.x < high.x, "{low} {high}");
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
     window.run();
     for _ in 0..3 {
         retype(&mut window, "crop x: from", "0.9");

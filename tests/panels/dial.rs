@@ -67,7 +67,7 @@ fn nodes_that_a_session_has_left_out_are_brought_back() {
     let mut document = document();
     document.edit(&Edit::NodeOn(1, false));
     // As a saved session opens.
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(reopened(&document))));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(Document::new(reopened(&document))));
     window.run();
     window.get_by_label("Reset nodes").click();
     window.run();
@@ -114,7 +114,7 @@ fn a_hand_on_a_node_goes_back_with_it() {
 
 #[test]
 fn nodes_are_put_on_a_regular_polygon() {
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
     window.state_mut().document.as_mut().unwrap().edit(&Edit::NodePlace(0, DVec2::new(0.3, 0.2)));
     window.run();
     window.get_by_label("Polygon").click();

@@ -14,7 +14,7 @@ use crate::app::{App, document, light_names, reopened};
 fn presets_are_kept_renamed_and_forgotten() {
     let mut document = document();
     document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
     window.run();
     let names = |window: &Harness<'_, App>| -> Vec<String> {
         let document = window.state().document.as_ref().unwrap();
@@ -68,7 +68,7 @@ fn a_preset_on_a_node_is_that_light_alone_wherever_the_node_goes() {
 fn enter_keeps_a_preset_and_moved_nodes_are_told_of_where_it_lies_between_them() {
     let mut document = document();
     document.edit(&Edit::Hand(DVec2::new(0.1, 0.3)));
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
     window.run();
     window.get_by_role(Role::TextInput).focus();
     window.run();
@@ -91,7 +91,7 @@ fn enter_keeps_a_preset_and_moved_nodes_are_told_of_where_it_lies_between_them()
 fn a_name_that_is_taken_is_said_to_be_replaced() {
     let mut document = document();
     document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
     window.run();
     window.get_by_role(Role::TextInput).focus();
     window.run();
@@ -117,7 +117,7 @@ fn after_a_tour_the_preset_that_the_hand_stands_on_is_the_one_that_is_shown() {
 
 #[test]
 fn the_names_of_presets_stand_in_their_own_section() {
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
     window.run();
     let top = |label: &str| window.get_by_label(label).rect().top();
     assert!(top("Dial presets") < top("evening") && top("evening") < top("Transfer function"));

@@ -29,7 +29,7 @@ fn an_empty_window_of_any_size_shows_what_to_do() {
 fn the_bar_of_the_panels_lies_over_no_control() {
     let document = document();
     let statistics = document.opened().scene.volume.statistics().unwrap();
-    let mut window = wide(document.with_statistics(statistics));
+    let mut window = App::open(Vec2::new(1000.0, 720.0), Some(document.with_statistics(statistics)));
     window.run();
     let solo = window.get_all_by_label("solo").next().unwrap().rect();
     click_at(&mut window, Pos2::new(solo.right() - 1.0, solo.center().y));
@@ -75,7 +75,7 @@ fn a_window_over_a_picture_that_was_small_goes_back_to_where_it_was() {
 
 #[test]
 fn the_transfer_function_comes_right_after_the_lights_and_the_camera_says_which_rays_it_has() {
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
     window.run();
     let panels = ["Lights", "Light dial", "Dial presets", "Transfer function", "Display", "Camera", "Accuracy"];
     let tops = panels.map(|panel| window.get_all_by_label(panel).next().unwrap().rect().top());
@@ -134,13 +134,13 @@ fn no_tooltip_is_seen_while_a_button_is_held_nor_until_the_pointer_goes_on() {
 
 #[test]
 fn long_names_do_not_widen_the_panels() {
-    let narrow = App::open(Vec2::new(1280.0, 2000.0), Some(document())).state().place.left();
+    let narrow = App::open(Vec2::new(1000.0, 2000.0), Some(document())).state().place.left();
     let text = format!("{SCENE}{DIAL}");
     for name in ["flesh", "day"] {
         let long = format!("{name}-{}", "of-a-very-long-name-".repeat(5));
         let text = text.replace(name, &long);
         let scene = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-        let mut window = App::open(Vec2::new(1280.0, 2000.0), Some(Document::new(scene)));
+        let mut window = App::open(Vec2::new(1000.0, 2000.0), Some(Document::new(scene)));
         window.run();
         assert!((window.state().place.left() - narrow).abs() < 1.0, "{name}: {}", window.state().place.left());
     }

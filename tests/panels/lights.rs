@@ -44,7 +44,7 @@ fn all_lights_off_is_a_notice_that_turns_them_on_again() {
 
 #[test]
 fn nothing_of_the_light_is_asked_for_that_marches() {
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
     window.run();
     for label in ["lamp", "keep brightness", "white balance", "10° (1964)", "evening"] {
         window.get_all_by_label(label).next().unwrap().click();
@@ -100,7 +100,7 @@ fn who_decides_is_said_in_a_line_and_the_panels_below_stay_where_they_are() {
     let mut document = document();
     document.edit(&Edit::Mix(Mixing::Sliders));
     let top = |document: Document, line: &str| {
-        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+        let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
         window.run();
         assert!(window.query_by_label(line).is_some(), "{line}");
         window.get_by_label("Transfer function").rect().top()

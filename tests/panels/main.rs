@@ -3,12 +3,14 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod accuracy;
+mod annotations;
 mod app;
 mod camera;
 mod chooser;
 mod crop;
 mod dial;
 mod dial_presets;
+mod docks;
 mod document;
 mod layout;
 mod lights;
@@ -16,6 +18,7 @@ mod notices;
 mod numbers;
 mod palette;
 mod probe;
+mod slices;
 mod spectra;
 #[path = "../support/mod.rs"]
 mod support;

@@ -46,7 +46,7 @@ fn a_number_that_no_hand_may_reach_stays_as_the_scene_has_it() {
     // A step length below the field's range, and an exposure above its slider's.
     let text = format!("{SCENE}{DIAL}[accuracy]\nstep = 0.001\n[display]\nexposure = 1000\n");
     let scene = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(scene)));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(Document::new(scene)));
     window.run();
     assert!(window.state().asked.is_empty(), "{:?}", window.state().asked);
     assert!(window.state().document.as_ref().unwrap().is_saved());
@@ -57,7 +57,7 @@ fn a_field_that_is_left_as_it_was_changes_nothing_though_it_shows_fewer_digits()
     let mut document = document();
     let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
     document.edit(&Edit::Interval(0, Interval { opacity: 0.123_456_7, ..stated }));
-    let mut window = App::open(Vec2::new(1280.0, 2000.0), Some(document));
+    let mut window = App::open(Vec2::new(1000.0, 2000.0), Some(document));
     window.run();
     type_into(&mut window, "interval 0: opacity", "");
     window.key_press(Key::Enter);
@@ -69,7 +69,7 @@ fn a_field_that_is_left_as_it_was_changes_nothing_though_it_shows_fewer_digits()
 fn what_is_typed_and_is_no_number_changes_nothing_and_says_so() {
     for text in ["thick", "0,5", "inf", "1e999", ""] {
         for label in ["interval 0: opacity", "day: strength"] {
-            let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+            let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
             window.run();
             retype(&mut window, label, text);
             assert!(window.state().asked.is_empty(), "{label} {text}: {:?}", window.state().asked);
@@ -81,7 +81,7 @@ fn what_is_typed_and_is_no_number_changes_nothing_and_says_so() {
 #[test]
 fn what_is_typed_and_is_too_much_says_what_became_of_it() {
     for (typed, told, opacity) in [("2", "2 is more than the limit: the value is now 1.", 1.0), ("0.5", "", 0.5)] {
-        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+        let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
         window.run();
         let before = intervals(&window)[0];
         type_into(&mut window, "interval 0: opacity", typed);
@@ -98,7 +98,7 @@ fn escape_leaves_a_number_as_it_was() {
     for label in ["master", "interval 0: opacity", "crop x: to", "tour: seconds"] {
         let mut document = document();
         document.edit(&Edit::Crop(Some([DVec3::ZERO, DVec3::splat(0.75)])));
-        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+        let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
         window.run();
         type_unfinished(&mut window, label, "0.5");
         window.key_press(Key::Escape);
@@ -122,7 +122,7 @@ fn what_is_typed_holds_before_a_key_saves_opens_or_closes() {
         (Some(Key::Q), Action::Close),
         (None, Action::Close),
     ] {
-        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+        let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
         window.run();
         type_unfinished(&mut window, "master", "0.5");
         assert!(window.state().asked.is_empty(), "it is not left yet");
@@ -137,7 +137,7 @@ fn what_is_typed_holds_before_a_key_saves_opens_or_closes() {
 
 #[test]
 fn a_step_back_while_a_number_is_typed_takes_what_is_typed_back() {
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
     window.run();
     let master = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().master();
     let before = master(&window);
@@ -158,7 +158,7 @@ fn what_is_typed_holds_before_what_is_clicked_then() {
     for (button, action) in
         [("Undo", Action::Undo), ("Tour", Action::Tour(Some(8.0))), ("save the tour", Action::SaveTour(None, 50))]
     {
-        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document.clone()));
+        let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document.clone()));
         window.run();
         type_unfinished(&mut window, "interval 0: opacity", "0.5");
         assert!(window.state().asked.is_empty());
@@ -175,7 +175,7 @@ fn what_is_typed_holds_before_what_is_clicked_then() {
 #[test]
 fn a_slider_that_is_typed_below_nothing_says_that_it_became_nothing() {
     for (typed, told, weight) in [("-1", "-1 is less than the limit: the value is now 0.", 0.0), ("5", "", 5.0)] {
-        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+        let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
         window.run();
         retype(&mut window, "Exposure", typed);
         let display = &window.state().document.as_ref().unwrap().state().scene.display;
@@ -193,7 +193,7 @@ fn values_of_three_hundred_digits_leave_the_panels_as_they_are() {
         document.edit(&Edit::Interval(0, Interval { range: [1.234_567_89 * scale, 2.0 * scale], ..stated }));
         let mut statistics = document.opened().scene.volume.statistics().unwrap();
         (statistics.min, statistics.max) = (-3.0 * scale, 3.0 * scale);
-        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document.with_statistics(statistics)));
+        let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document.with_statistics(statistics)));
         window.run();
         let left = window.state().place.left();
         // Leaving a field unchanged keeps the value's hidden digits.
@@ -217,7 +217,7 @@ fn values_that_differ_in_their_last_digits_alone_can_be_typed() {
         document.edit(&Edit::Interval(0, interval));
         let mut statistics = document.opened().scene.volume.statistics().unwrap();
         (statistics.min, statistics.max) = (low, low + span);
-        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document.with_statistics(statistics)));
+        let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document.with_statistics(statistics)));
         window.run();
         type_into(&mut window, "interval 0: from", typed);
         window.key_press(Key::Enter);
@@ -244,7 +244,7 @@ fn a_long_number_takes_no_room_from_the_picture() {
 #[test]
 fn what_is_said_of_a_number_is_clicked_through_and_goes_with_it() {
     let told = "2 is more than the limit";
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
     window.run();
     retype(&mut window, "interval 0: opacity", "2");
     assert!(is_painted(&window, told));

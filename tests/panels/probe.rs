@@ -72,8 +72,8 @@ fn all_that_the_probe_says_is_seen_in_a_window_of_1280_by_720() {
     window.run();
     window.run();
     let last = window.get_by_label_contains("orange: transmittance").rect();
-    let picture = window.get_by_label("picture").rect();
-    assert!(last.bottom() <= picture.bottom() && last.top() > 300.0, "{last:?} in {picture:?}");
+    // Above the status line.
+    assert!(last.bottom() <= 720.0 - 30.0 && last.top() > 300.0, "{last:?}");
 }
 
 #[test]

@@ -18,7 +18,7 @@ use crate::support::program::SCENE;
 
 #[test]
 fn a_curve_of_a_material_is_drawn_by_its_handles_and_a_drag_is_one_step_back() {
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
     window.run();
     let samples = |window: &Harness<'_, App>| {
         let document = window.state().document.as_ref().unwrap();
@@ -83,7 +83,7 @@ fn the_swatch_of_a_material_that_absorbs_is_the_light_seen_through_it() {
             })
             .sum();
         let code = display_code(LinearSrgb(colour.to_array()));
-        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(opened)));
+        let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(Document::new(opened)));
         window.run();
         assert!(window.query_all_by_label(&code).next().is_some(), "{shape}: there is no swatch of {code}");
     }

@@ -16,7 +16,7 @@ fn a_tour_takes_as_long_and_saves_as_many_pictures_as_somebody_says() {
     let mut document = document();
     document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
     document.edit(&Edit::Keep("dusk".to_owned()));
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
     window.run();
     let press = |window: &mut Harness<'_, App>, button: &str| {
         window.get_by_label(button).click();
@@ -37,7 +37,7 @@ fn a_tour_takes_as_long_and_saves_as_many_pictures_as_somebody_says() {
 
 #[test]
 fn a_tour_that_is_saved_says_how_far_it_is_and_can_be_given_up() {
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
     window.state_mut().tour = Some(Tour::Saving { path: "tour.png".into(), frames: 50, saved: 12, size: None });
     window.run();
     assert!(window.query_by_label_contains("12 of 50 pictures").is_some());

@@ -14,7 +14,7 @@ use relume::progress::Quiet;
 use relume::scene::Interval;
 
 use crate::app::{
-    App, click_at, document, drag_along, intervals, is_painted, reopened, type_into, wide, with_histogram,
+    App, click_at, document, drag_along, intervals, is_painted, reopened, retype, type_into, wide, with_histogram,
 };
 use crate::support::program::SCENE;
 
@@ -105,7 +105,7 @@ fn reset_transfer_is_there_where_a_label_alone_has_changed() {
     let stated = opened.scene.labels.as_ref().unwrap().declared.clone();
     let mut document = Document::new(opened);
     document.edit(&Edit::Label(0, 0, 0.75));
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document));
     window.run();
     window.get_by_label("Reset transfer").click();
     window.run();
@@ -176,7 +176,7 @@ fn what_an_interval_absorbs_is_a_number_where_its_material_absorbs() {
     let opened = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
     let shown = opened.scene.transfer.terms.iter().map(|term| Interval::of(term).unwrap().material);
     let of_flesh = shown.map(|material| opened.scene.materials[material].name == "flesh").collect::<Vec<_>>();
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(opened)));
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(Document::new(opened)));
     window.run();
     for (index, absorbs) in of_flesh.iter().enumerate() {
         let label = format!("interval {index}: absorption");
@@ -207,4 +207,19 @@ fn the_body_of_an_interval_is_dragged_with_both_its_ends_and_back_by_one_step() 
     window.get_by_label("Undo").click();
     window.run();
     assert_eq!(intervals(&window), before);
+}
+
+#[test]
+fn a_window_of_values_by_level_and_width_makes_layers_above_its_low_end() {
+    let mut window = with_histogram();
+    window.run();
+    retype(&mut window, "window: Level", "60");
+    retype(&mut window, "window: Width", "60");
+    window.get_by_label("Apply window").click();
+    window.run();
+    let layers = intervals(&window);
+    let foot = layers[0].range[0] - layers[0].ramp;
+    // From 30 to 90, in three layers of 20.
+    assert!(layers.len() == 3 && (foot - 30.0).abs() < 1e-9, "{layers:?}");
+    assert!((layers[1].range[0] - layers[1].ramp / 2.0 - 50.0).abs() < 1e-9, "{layers:?}");
 }

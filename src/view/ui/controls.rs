@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 use egui::emath::Numeric;
 use egui::response::Flags;
 use egui::{
-    Button, CollapsingHeader, Color32, Context, DragValue, Id, Key, Popup, PopupCloseBehavior, Response, RichText,
-    Sense, Sides, Slider, SliderClamping, Ui, Vec2, WidgetInfo,
+    Button, CollapsingHeader, Color32, Context, DragValue, Id, Key, Popup, PopupCloseBehavior, Rect, Response,
+    RichText, Sense, Shape, Sides, Slider, SliderClamping, Stroke, Ui, UiBuilder, UiStackInfo, Vec2, WidgetInfo,
+    WidgetType, pos2, vec2,
 };
 
 use crate::document::BRIGHTEST;
@@ -19,18 +20,68 @@ use crate::view::action::Action;
 /// Display time of the message about rejected input.
 const LONG_ENOUGH: Duration = Duration::from_secs(5);
 
-/// Shows a collapsible panel. Its badge tells what its controls make `stale`.
+/// Tag of a [`Ui`] in a tab, whose panels have no headers.
+const TAB: &str = "tab";
+
+/// Shows `contents` as a tab: its panels have no headers, since the tab is their header.
+pub(super) fn tab(ui: &mut Ui, contents: impl FnOnce(&mut Ui)) {
+    let info = UiStackInfo::default().with_tag(TAB);
+    let all = ui.available_rect_before_wrap();
+    ui.scope_builder(UiBuilder::new().ui_stack_info(info).max_rect(all), contents);
+}
+
+/// Whether `ui` lies in a tab.
+pub(super) fn is_tab(ui: &Ui) -> bool {
+    ui.stack().iter().any(|part| part.tags().contains(TAB))
+}
+
+/// Shows a panel: collapsible with a header, or without in a [`tab`]. Its mark tells what its controls make `stale`.
 pub(super) fn panel(ui: &mut Ui, name: &str, stale: Stale, contents: impl FnOnce(&mut Ui)) {
+    if is_tab(ui) {
+        return contents(ui);
+    }
     let title = RichText::new(name).strong();
-    CollapsingHeader::new(title).id_salt(name).default_open(true).show(ui, |ui| {
-        ui.horizontal(|ui| {
-            let (dot, _) = ui.allocate_exact_size(Vec2::splat(8.0), Sense::hover());
-            ui.painter().circle_filled(dot.center(), 3.5, colour(ui, stale));
-            ui.label(RichText::new(word(stale)).small().color(colour(ui, stale))).on_hover_text(sentence(stale));
-        });
-        contents(ui);
-    });
+    let header = CollapsingHeader::new(title).id_salt(name).default_open(true).show(ui, contents).header_response;
+    let at = pos2(ui.max_rect().right() - 10.0, header.rect.center().y);
+    let place = Rect::from_center_size(at, Vec2::splat(MARK));
+    let response = ui.interact(place, header.id.with("mark"), Sense::hover());
+    paint_mark(ui, response, stale);
     ui.add_space(4.0);
+}
+
+/// Size of a mark in points.
+const MARK: f32 = 12.0;
+
+/// Shows the mark of controls that make `stale` something: a flash if they relight, a block beside dots if they march.
+pub(super) fn mark(ui: &mut Ui, stale: Stale) {
+    let (_, response) = ui.allocate_exact_size(Vec2::splat(MARK), Sense::hover());
+    paint_mark(ui, response, stale);
+}
+
+fn paint_mark(ui: &Ui, response: Response, stale: Stale) {
+    let (rect, colour) = (response.rect, colour(ui, stale));
+    let at = |x: f32, y: f32| rect.min + vec2(x, y) / 12.0 * rect.size();
+    if stale < Stale::Accumulators {
+        for triangle in [[(7.5, 0.5), (2.0, 7.0), (6.8, 7.0)], [(5.2, 5.0), (10.0, 5.0), (4.5, 11.5)]] {
+            let triangle = triangle.map(|(x, y)| at(x, y)).to_vec();
+            ui.painter().add(Shape::convex_polygon(triangle, colour, Stroke::NONE));
+        }
+    } else {
+        ui.painter().rect_filled(Rect::from_min_max(at(0.5, 1.0), at(5.0, 11.0)), 0.0, colour);
+        for (x, y) in [6.2, 9.2].into_iter().flat_map(|x| [1.0, 5.0, 9.0].map(|y| (x, y))) {
+            ui.painter().rect_filled(Rect::from_min_max(at(x, y), at(x + 2.0, y + 2.0)), 0.0, colour);
+        }
+    }
+    response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, word(stale)));
+    response.on_hover_text(sentence(stale));
+}
+
+/// Legend of the marks, from right to left.
+pub(super) fn legend(ui: &mut Ui) {
+    for stale in [Stale::Accumulators, Stale::Picture] {
+        ui.label(RichText::new(word(stale)).small().color(colour(ui, stale))).on_hover_text(sentence(stale));
+        mark(ui, stale);
+    }
 }
 
 /// Shows a line with `left` and `right` contents (outermost first on the right). Truncates long texts, which would
@@ -254,16 +305,16 @@ fn show_said(id: Id, field: &Response, is: f64) {
     field.ctx.data_mut(|data| data.insert_temp(id, Said { of: Some(is), ..said }));
 }
 
-/// Badge text, explanation and colour for what a panel makes stale.
+/// Word, explanation and colour of the mark for what a panel makes stale.
 fn word(stale: Stale) -> &'static str {
-    if stale < Stale::Accumulators { "relights: at once" } else { "marches: coarse first" }
+    if stale < Stale::Accumulators { "at once" } else { "coarse first" }
 }
 
 fn sentence(stale: Stale) -> &'static str {
     if stale < Stale::Accumulators {
-        "These controls change only the light. The marched picture is kept."
+        "Relights: these controls change only the light. The marched picture is kept."
     } else {
-        "These controls march all rays again: first a coarse picture, then the full resolution."
+        "Marches: these controls march all rays again, first to a coarse picture, then to the full resolution."
     }
 }
 

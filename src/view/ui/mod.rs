@@ -1,6 +1,7 @@
 //! The panels, one file each. They show a [`Document`] and return [`Action`]s; they do not modify it.
 
 mod accuracy;
+mod annotations;
 mod axes;
 mod chooser;
 mod controls;
@@ -8,13 +9,16 @@ mod crop;
 mod dial;
 mod dial_presets;
 mod display;
+mod docks;
 mod floating;
+mod help;
 mod lights;
 mod notices;
 mod palette;
 mod picture;
 mod probe;
 mod reading;
+mod slices;
 mod spectra;
 mod spectrum;
 mod status;
@@ -22,9 +26,7 @@ mod toolbar;
 mod transfer;
 
 use egui::layers::PaintList;
-use egui::scroll_area::ScrollBarVisibility;
-use egui::style::ScrollStyle;
-use egui::{CentralPanel, Color32, Context, Frame, Id, Order, Panel, Popup, Pos2, Rect, ScrollArea, Ui, UiBuilder};
+use egui::{CentralPanel, Color32, Context, Frame, Id, Order, Panel, Popup, Pos2, Rect, Ui};
 
 pub use accuracy::Effort;
 pub use chooser::Chooser;
@@ -32,22 +34,21 @@ pub use dial::{node_places, show as show_dial};
 pub use lights::show as show_lights;
 pub use notices::Notice;
 pub use palette::Design;
+pub use slices::forget as forget_slices;
 pub use status::Status;
+
+use std::path::PathBuf;
 
 use glam::DVec2;
 
 use super::action::Action;
+use super::layout::Layout;
 use super::probe::Probe;
 use super::tour::Tour;
 use crate::document::Document;
 
 /// Window width in points below which the window opens without panels.
 pub const ROOM_FOR_PANELS: f32 = 560.0;
-/// Width of the panels in points: the initial and minimum width, and the maximum.
-const WIDTH: f32 = 300.0;
-const WIDEST: f32 = 520.0;
-/// Minimum width of the picture in points.
-const LEAST_PICTURE: f32 = 240.0;
 
 /// Input of the panels.
 #[derive(Debug)]
@@ -72,6 +73,10 @@ pub struct Shown<'a> {
     pub tour: Option<&'a Tour>,
     /// Whether the panels are visible.
     pub panels: bool,
+    /// Docks and tabs, slices, annotations and the measuring line.
+    pub layout: &'a Layout,
+    /// Files opened last, the latest first.
+    pub recent: &'a [PathBuf],
     /// Position of the probed pixel as fractions of the picture, and the result of the probe.
     pub probe: Option<(DVec2, Option<&'a Probe>)>,
     /// Cost and error of pictures.
@@ -113,46 +118,31 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         // The text being typed is applied first.
         controls::leave_field(ui.ctx());
     }
+    let docked = docks::has_docks(ui.available_size());
+    let mut around = ui.available_rect_before_wrap();
     if shown.panels {
-        let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE).max(WIDTH);
-        Panel::left("panels").frame(frame).default_size(WIDTH).size_range(WIDTH..=widest).show(ui, |ui| {
-            // A field may temporarily grow while text is typed. The panel keeps its width, because a new picture size
-            // needs a new march.
-            let all = ui.available_rect_before_wrap();
-            ui.advance_cursor_after_rect(all);
-            let ui = &mut ui.new_child(UiBuilder::new().max_rect(all));
-            toolbar::show(ui, shown, asked);
-            ui.separator();
-            let Some(document) = shown.document else { return };
-            // The scroll bar lies next to the controls, because a bar over them would take their clicks. It is always
-            // visible, because a bar that appears later would widen the panels.
-            ui.spacing_mut().scroll = ScrollStyle::solid();
-            let area = ScrollArea::vertical().auto_shrink(false);
-            area.scroll_bar_visibility(ScrollBarVisibility::AlwaysVisible).show(ui, |ui| {
-                lights::show(ui, document, asked);
-                dial::show(ui, document, asked);
-                dial_presets::show(ui, document, shown.tour, asked);
-                transfer::show(ui, document, asked);
-                display::show(ui, document, asked);
-                picture::controls(ui, document, shown.aspect, asked);
-                crop::show(ui, document, asked);
-                spectra::show(ui, document, shown.effort, asked);
-                accuracy::show(ui, document, shown.effort, asked);
-            });
-        });
+        Panel::top("toolbar").frame(frame).show(ui, |ui| toolbar::show(ui, shown, docked, asked));
+        around = ui.available_rect_before_wrap();
+        docks::show(ui, shown, docked, frame, asked);
     }
     let picture = CentralPanel::default()
         .frame(Frame::NONE)
         .show(ui, |ui| {
             let rect = ui.available_rect_before_wrap();
+            let rect = slices::show(ui, shown, rect, asked);
             picture::show(ui, shown, rect, popup, asked);
             if let Some(document) = shown.document.filter(|_| shown.panels && shown.loading.is_none()) {
                 axes::show(ui, document, shown.aspect, rect);
             }
+            annotations::show(ui, shown, rect);
+            slices::crosshair(ui, shown, rect);
             crop::handles(ui, shown, rect, asked);
             notices::show(ui, shown, rect, asked);
-            probe::show(ui, shown, rect, asked);
-            palette::show(ui, shown, rect, asked);
+            // Windows may lie over docks, but not over the only column.
+            let around = if docked { around } else { rect };
+            probe::show(ui, shown, [rect, around], asked);
+            palette::show(ui, shown, [rect, around], asked);
+            help::show(ui, shown, around, asked);
             if !shown.panels {
                 toolbar::opener(ui, rect, asked);
             }

@@ -45,10 +45,10 @@ pub(super) fn layer() -> LayerId {
     LayerId::new(Order::Middle, Id::new("palette"))
 }
 
-/// Shows the editor over the picture.
-pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
+/// Shows the editor over the `picture`, in the rectangle `rect` around it.
+pub(super) fn show(ui: &Ui, shown: &Shown<'_>, [picture, rect]: [Rect; 2], asked: &mut Vec<Action>) {
     let Some(document) = shown.document.filter(|_| shown.design.shown) else { return };
-    let at = rect.left_top() + vec2(8.0, 8.0);
+    let at = picture.left_top() + vec2(8.0, 8.0);
     // Wide enough for the columns of all lights with their names.
     let lights = document.state().palette.as_ref().map_or(0, |palette| palette.lights.len());
     let most = (140.0 + 120.0 * narrow(count(lights))).max(504.0);

@@ -1,21 +1,23 @@
 //! Camera control over the picture, by mouse, keyboard and buttons.
 
 use egui::{
-    Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, StrokeKind, Ui, UiBuilder, vec2,
+    Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, StrokeKind, Ui, UiBuilder, Vec2,
+    vec2,
 };
 
 use glam::DVec2;
 
-use super::Shown;
 use super::axes::side_name;
 use super::controls::{panel, toggle};
 use super::spectrum::narrow;
+use super::{Shown, help};
 use crate::document::moves::{Move, Side};
 use crate::document::{Document, Edit};
 use crate::number::count;
 use crate::plan::Stale;
 use crate::scene::Projection;
 use crate::view::action::{Action, File};
+use crate::view::layout::{Arrange, Note};
 
 /// Rotation in degrees for a drag over the height of the picture.
 const TURN: f64 = 180.0;
@@ -45,17 +47,20 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, popup: bool, aske
         empty(ui, rect, asked);
         return;
     }
-    // The handle to resize the panels extends into the picture.
+    // The handles to resize the docks extend into the picture.
     let edge = if shown.panels { ui.style().interaction.resize_grab_radius_side } else { 0.0 };
-    let inside = rect.with_min_x((rect.left() + edge).min(rect.right()));
+    let inside = Rect::from_min_max(rect.min + vec2(edge, 0.0), rect.max - Vec2::splat(edge));
+    let inside = if inside.is_positive() { inside } else { rect };
     let hand = ui.interact(inside, ui.id().with("picture"), Sense::click_and_drag());
     hand.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "picture"));
-    let followed = hand.hovered() && ui.input(|input| input.modifiers.alt && !input.pointer.any_down());
+    let followed =
+        hand.hovered() && !shown.layout.ruler.on && ui.input(|input| input.modifiers.alt && !input.pointer.any_down());
     if let Some(at) =
         hand.interact_pointer_pos().filter(|_| hand.clicked() && !popup).or(hand.hover_pos().filter(|_| followed))
     {
         let part = (at - rect.min) / rect.size();
-        asked.push(Action::Probe(Some(DVec2::new(part.x.into(), part.y.into()))));
+        let place = DVec2::new(part.x.into(), part.y.into());
+        asked.push(if shown.layout.ruler.on { Action::RulerAt(place) } else { Action::Probe(Some(place)) });
     }
     let mut go = |step: Move| asked.push(Action::Edit(Edit::Camera(step, shown.aspect)));
     let (dragged, height) = (hand.drag_delta(), f64::from(rect.height()).max(1.0));
@@ -87,6 +92,18 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, popup: bool, aske
     }
     if !shown.chooses && ui.memory(|memory| memory.focused().is_none_or(|focused| focused == hand.id)) {
         keys(ui, &mut go);
+        let layout = shown.layout;
+        let switches = [
+            (Key::S, Arrange::Slices(!layout.slices.shown)),
+            (Key::M, Arrange::Ruler(!layout.ruler.on)),
+            (Key::L, Arrange::Note(Note::Legend, !layout.has(Note::Legend))),
+        ];
+        for (key, change) in switches {
+            if ui.input(|input| input.modifiers.is_none() && input.key_pressed(key)) {
+                asked.push(Action::Arrange(change));
+            }
+        }
+        help::keys(ui, shown, asked);
     }
     if hand.has_focus() {
         ui.painter().rect_stroke(inside, 0.0, ui.visuals().selection.stroke, StrokeKind::Inside);

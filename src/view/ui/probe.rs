@@ -16,10 +16,10 @@ const MORE_THAN_ALL: f64 = 1.002;
 /// Width of the contents in points.
 const WIDTH: f32 = 300.0;
 
-/// Shows the crosshair and the probe window.
-pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
+/// Shows the crosshair on the `picture`, and the probe window in the rectangle `rect` around it.
+pub(super) fn show(ui: &Ui, shown: &Shown<'_>, [picture, rect]: [Rect; 2], asked: &mut Vec<Action>) {
     let (Some((place, probe)), Some(document)) = (shown.probe, shown.document) else { return };
-    let at = rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size();
+    let at = picture.min + vec2(narrow(place.x), narrow(place.y)) * picture.size();
     for (width, colour) in [(3.0, Color32::BLACK), (1.0, Color32::WHITE)] {
         ui.painter().circle_stroke(at, 6.0, Stroke::new(width, colour));
     }

@@ -65,10 +65,15 @@ fn handles(ui: &mut Ui, index: usize, name: &str, now: &Spectrum, asked: &mut Ve
     }
 }
 
+/// What a spectrum makes stale: the march only where a colour model is fitted.
+pub(super) fn stale(effort: Effort<'_>) -> Stale {
+    let fitted = effort.planned.is_some_and(|planned| planned.model.is_some());
+    if fitted { Stale::Tables } else { Stale::Picture }
+}
+
 /// Shows the spectra panel.
 pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: &mut Vec<Action>) {
-    let fitted = effort.planned.is_some_and(|planned| planned.model.is_some());
-    panel(ui, "Spectra", if fitted { Stale::Tables } else { Stale::Picture }, |ui| {
+    panel(ui, "Spectra", stale(effort), |ui| {
         let (scene, opened) = (&document.state().scene, &document.opened().scene);
         for (index, (now, then)) in scene.materials.iter().zip(&opened.materials).enumerate() {
             let back = (now.reflectance.spectrum(), then.reflectance.spectrum());

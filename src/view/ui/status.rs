@@ -1,9 +1,8 @@
 //! Status line: current work and its cost.
 
-use egui::{RichText, Ui};
+use egui::{RichText, Sides, Ui};
 
-use super::Shown;
-use crate::view::engine::Counts;
+use super::{Shown, controls};
 
 /// Content of the status line.
 #[derive(Clone, Debug, Default)]
@@ -12,14 +11,16 @@ pub struct Status {
     pub device: String,
     /// Picture size in pixels: width, height.
     pub size: [usize; 2],
+    /// Marched pixels of the picture that is shown, if there is one.
+    pub shown: Option<[usize; 2]>,
+    /// Error of the colours in words.
+    pub error: Option<String>,
     /// Progress of the current march, 0 to 1.
     pub marching: Option<f64>,
     /// Name of the running background task.
     pub beside: Option<&'static str>,
     /// Whether the picture has its final quality.
     pub finest: bool,
-    /// Work done so far.
-    pub counts: Counts,
     /// Duration of the last frame in ms.
     pub frame_ms: f64,
 }
@@ -35,13 +36,21 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) {
             (None, None, false) if shown.document.is_none() => "nothing is open".to_owned(),
             (None, None, false) => "preparing".to_owned(),
         };
-        let Counts { marches, relights, .. } = status.counts;
         let [width, height] = status.size;
+        let coarse = status.shown.filter(|shown| *shown != status.size);
+        let coarse = coarse.map_or_else(String::new, |[width, height]| format!(" (now {width}×{height})"));
+        let error = status.error.as_ref().map_or_else(String::new, |error| format!("  |  {error}"));
         // The most useful parts first, because a long line is truncated at its end.
         let text = format!(
-            "{at}  |  {width}×{height}  |  marches {marches}  relights {relights}  |  last frame of the window {:.1} ms  |  {}",
+            "{at}  |  {width}×{height}{coarse}  |  frame {:.1} ms{error}  |  {}",
             status.frame_ms, status.device
         );
-        ui.add(egui::Label::new(RichText::new(text).small()).truncate());
+        let left = |ui: &mut Ui| drop(ui.add(egui::Label::new(RichText::new(text).small()).truncate()));
+        let right = |ui: &mut Ui| {
+            if shown.panels && shown.document.is_some() {
+                controls::legend(ui);
+            }
+        };
+        Sides::new().shrink_left().truncate().show(ui, left, right);
     });
 }

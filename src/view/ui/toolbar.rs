@@ -4,8 +4,10 @@ use egui::{Area, Button, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2
 
 use super::Shown;
 use super::controls::toggle;
-use super::palette;
+use super::{docks, palette};
+use crate::document::Source;
 use crate::view::action::{Action, File};
+use crate::view::layout::{Arrange, Note};
 
 const SHIFT: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
 const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
@@ -116,8 +118,8 @@ pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
 }
 
 /// Shows the toolbar.
-pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
-    ui.add_space(6.0);
+pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, docked: bool, asked: &mut Vec<Action>) {
+    ui.add_space(2.0);
     ui.horizontal_wrapped(|ui| {
         ui.menu_button("File", |ui| files(ui, shown, asked)).response.on_hover_text("Opens and saves.");
         let mut button = |ui: &mut Ui, enabled: bool, text: &str, help: &str, action: Action| {
@@ -149,7 +151,39 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
             // The editor may lie behind the probe window.
             ui.ctx().move_to_top(palette::layer());
         }
+        let slices = shown.layout.slices.shown;
+        let help = "Shows three slices of the volume around the picture (S).";
+        let button = ui.add_enabled_ui(shown.document.is_some(), |ui| toggle(ui, slices, "Slices")).inner;
+        if button.on_hover_text(help).clicked() {
+            asked.push(Action::Arrange(Arrange::Slices(!slices)));
+        }
+        ui.menu_button("View", |ui| view(ui, shown, asked)).response.on_hover_text("Slices, annotations and help.");
+        if docked && shown.document.is_some() {
+            docks::switches(ui, shown, asked);
+        }
     });
+}
+
+/// Shows the menu of what lies around and over the picture.
+fn view(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
+    ui.set_min_width(190.0);
+    let layout = shown.layout;
+    let mut line = |ui: &mut Ui, on: bool, name: &str, key: &str, change: Arrange| {
+        let button = Button::selectable(on, name).shortcut_text(key);
+        if ui.add(button).clicked() {
+            asked.push(Action::Arrange(change));
+            ui.close();
+        }
+    };
+    line(ui, layout.slices.shown, "Slices around the picture", "S", Arrange::Slices(!layout.slices.shown));
+    line(ui, layout.ruler.on, "Measuring line", "M", Arrange::Ruler(!layout.ruler.on));
+    for note in Note::ALL {
+        let (on, key) = (layout.has(note), if note == Note::Legend { "L" } else { "" });
+        line(ui, on, note.name(), key, Arrange::Note(note, !on));
+    }
+    ui.separator();
+    line(ui, layout.help, "Keys and mouse", "?", Arrange::Help(!layout.help));
+    line(ui, layout.lesson.is_some(), "First minute", "", Arrange::Lesson(layout.lesson.xor(Some(0))));
 }
 
 /// Shows the file menu.
@@ -168,6 +202,23 @@ fn files(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
             if action == Action::Another { line.on_disabled_hover_text("The file has no other volume.") } else { line };
         if line.clicked() {
             asked.push(action);
+            ui.close();
+        }
+        if item.text == RECENT_BELOW && !shown.recent.is_empty() {
+            ui.menu_button("Open recent", |ui| recent(ui, shown, asked));
+        }
+    }
+}
+
+/// Item above the files opened last.
+const RECENT_BELOW: &str = "Open…";
+
+/// Shows the files opened last.
+fn recent(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
+    for path in shown.recent {
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        if ui.button(name).on_hover_text(path.display().to_string()).clicked() {
+            asked.push(Action::Open(Box::new(Source::of(path))));
             ui.close();
         }
     }

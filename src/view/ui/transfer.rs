@@ -2,9 +2,10 @@
 
 use std::ops::RangeInclusive;
 
+use egui::style::ScrollStyle;
 use egui::{
-    Color32, ComboBox, CursorIcon, Id, Pos2, Rect, Response, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2,
-    WidgetInfo, WidgetType, pos2, vec2,
+    Color32, ComboBox, CursorIcon, Id, Pos2, Rect, Response, RichText, ScrollArea, Sense, Shape, Stroke, StrokeKind,
+    Ui, UiBuilder, Vec2, WidgetInfo, WidgetType, pos2, vec2,
 };
 
 use super::controls::{number, panel, say_beside, sides, text};
@@ -18,10 +19,12 @@ use crate::plan::is_constant;
 use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term};
 use crate::spectrum::colour::display_code;
 use crate::view::action::Action;
-use crate::volume::Statistics;
+use crate::volume::{Statistics, Window};
 
-/// Height of opacity 1 in points.
+/// Height of opacity 1 in points, in a column.
 const HEIGHT: f32 = 110.0;
+/// Width of the numbers beside a wide graph.
+const NUMBERS: f32 = 300.0;
 /// Size of a handle in points.
 const HANDLE: f32 = 9.0;
 /// Drag steps over the value range.
@@ -34,47 +37,116 @@ const HELP: &str = "Grey: histogram of the values, on a log scale. Drag the insi
 /// Shows the transfer function and the labels.
 pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     panel(ui, "Transfer function", Stale::Tables, |ui| {
-        let state = document.state();
-        let colours = colours(state);
-        if let Some(statistics) = document.statistics() {
-            let map = Map::new(ui, statistics);
-            let terms: Vec<Option<Interval>> = state.scene.transfer.terms.iter().map(Interval::of).collect();
-            histogram(ui, statistics, &map);
-            // The last one lies on top: the chosen interval over others, and handles over all bodies.
-            let front = chosen(ui);
-            let mut order: Vec<usize> = (0..terms.len()).collect();
-            order.sort_by_key(|&index| front == Some(index));
-            for &index in &order {
-                outline(ui, &state.scene.transfer.terms[index], &map, &colours, front == Some(index));
-            }
-            let intervals = || order.iter().filter_map(|&index| Some((index, terms[index].as_ref()?)));
-            for (index, interval) in intervals() {
-                body(ui, index, interval, &map, asked);
-            }
-            for (index, interval) in intervals() {
-                handles(ui, index, interval, &map, asked);
-            }
-            ends(ui, statistics);
-        }
-        for index in 0..state.scene.transfer.terms.len() {
-            row(ui, state, index, &colours, document.statistics(), asked);
-        }
-        ui.horizontal_wrapped(|ui| {
-            let help = "Adds an interval in the middle of the values.";
-            if ui.button("Add interval").on_hover_text(help).clicked() {
-                asked.extend(document.statistics().map(|it| Action::Edit(Edit::AddInterval(middle(it)))));
-            }
-            let opened = &document.opened().scene;
-            let labels = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
-            let changed = state.scene.transfer != opened.transfer || labels(&state.scene) != labels(opened);
-            presets(ui, state, document.statistics(), asked);
-            let help = "Restores the transfer function and the labels of the scene.";
-            if ui.add_enabled(changed, egui::Button::new("Reset transfer")).on_hover_text(help).clicked() {
-                asked.push(Action::Edit(Edit::ResetTransfer));
-            }
-        });
-        labels(ui, state, &colours, asked);
+        let colours = colours(document.state());
+        graph(ui, document, &colours, HEIGHT, asked);
+        rows(ui, document, &colours, asked);
+        buttons(ui, document, asked);
+        window(ui, document, asked);
+        labels(ui, document.state(), &colours, asked);
     });
+}
+
+/// Shows the transfer function in a wide dock: the graph on the left, the numbers of the intervals on the right.
+pub(super) fn wide(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    let colours = colours(document.state());
+    let all = ui.available_rect_before_wrap();
+    let (left, right) = all.split_left_right_at_x(all.right() - NUMBERS.min(0.5 * all.width()));
+    let left = &mut ui.new_child(UiBuilder::new().max_rect(left.with_max_x(left.right() - 12.0)));
+    // The presets and the ends of the histogram lie below it.
+    graph(left, document, &colours, (left.available_height() - 76.0).max(40.0), asked);
+    buttons(left, document, asked);
+    window(left, document, asked);
+    let right = &mut ui.new_child(UiBuilder::new().max_rect(right));
+    right.spacing_mut().scroll = ScrollStyle::solid();
+    ScrollArea::vertical().id_salt("intervals").auto_shrink(false).show(right, |ui| {
+        rows(ui, document, &colours, asked);
+        labels(ui, document.state(), &colours, asked);
+    });
+}
+
+/// The histogram with the intervals over it.
+fn graph(ui: &mut Ui, document: &Document, colours: &[Color32], height: f32, asked: &mut Vec<Action>) {
+    let Some(statistics) = document.statistics() else { return };
+    let transfer = &document.state().scene.transfer;
+    let map = Map::new(ui, statistics, height);
+    let terms: Vec<Option<Interval>> = transfer.terms.iter().map(Interval::of).collect();
+    histogram(ui, statistics, &map);
+    // The last one lies on top: the chosen interval over others, and handles over all bodies.
+    let front = chosen(ui);
+    let mut order: Vec<usize> = (0..terms.len()).collect();
+    order.sort_by_key(|&index| front == Some(index));
+    for &index in &order {
+        outline(ui, &transfer.terms[index], &map, colours, front == Some(index));
+    }
+    let intervals = || order.iter().filter_map(|&index| Some((index, terms[index].as_ref()?)));
+    for (index, interval) in intervals() {
+        body(ui, index, interval, &map, asked);
+    }
+    for (index, interval) in intervals() {
+        handles(ui, index, interval, &map, asked);
+    }
+    ends(ui, statistics);
+}
+
+/// The numbers of the intervals.
+fn rows(ui: &mut Ui, document: &Document, colours: &[Color32], asked: &mut Vec<Action>) {
+    for index in 0..document.state().scene.transfer.terms.len() {
+        row(ui, document.state(), index, colours, document.statistics(), asked);
+    }
+}
+
+/// Buttons for the whole transfer function.
+fn buttons(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    let state = document.state();
+    ui.horizontal_wrapped(|ui| {
+        let help = "Adds an interval in the middle of the values.";
+        if ui.button("Add interval").on_hover_text(help).clicked() {
+            asked.extend(document.statistics().map(|it| Action::Edit(Edit::AddInterval(middle(it)))));
+        }
+        let opened = &document.opened().scene;
+        let labels = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
+        let changed = state.scene.transfer != opened.transfer || labels(&state.scene) != labels(opened);
+        presets(ui, state, document.statistics(), asked);
+        let help = "Restores the transfer function and the labels of the scene.";
+        if ui.add_enabled(changed, egui::Button::new("Reset transfer")).on_hover_text(help).clicked() {
+            asked.push(Action::Edit(Edit::ResetTransfer));
+        }
+    });
+}
+
+/// Level and width of a window of values, and a button that makes layers of it.
+fn window(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    let Some(statistics) = document.statistics() else { return };
+    let Statistics { min, max, .. } = *statistics;
+    let span = (max - min).max(f64::MIN_POSITIVE);
+    // Kept while the window is open, for each range of values.
+    let id = Id::new(("level and width", min.to_bits(), max.to_bits()));
+    let first = document.state().scene.volume.presets.windows.first();
+    let ends = first.map_or([min, max], |window| [window.low, window.high]);
+    let usual = [f64::midpoint(ends[0], ends[1]), ends[1] - ends[0]];
+    let mut kept: [f64; 2] = ui.data(|data| data.get_temp(id)).unwrap_or(usual);
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let helps = ["Middle of a window of values.", "Width of a window of values."];
+        for ((value, name), help) in kept.iter_mut().zip(["Level", "Width"]).zip(helps) {
+            ui.label(name);
+            let least = if name == "Width" { 0.0 } else { f64::MIN };
+            let field = number(ui, value, places(span / 10.0), |drag| drag.speed(span / 500.0).range(least..=f64::MAX));
+            let value = *value;
+            field.widget_info(|| WidgetInfo::slider(true, value, format!("window: {name}")));
+            field.on_hover_text(help);
+        }
+        let [level, width] = kept;
+        let window = Window::new("window", level - width / 2.0, level + width / 2.0);
+        let layers = window.and_then(|window| of_window(&window, statistics, &document.state().scene.materials));
+        let button = ui.add_enabled(layers.is_some(), egui::Button::new("Apply window"));
+        let help = "Replaces the transfer function by three layers over this window of values; one undo reverts it.";
+        let button = button.on_hover_text(help).on_disabled_hover_text("No value lies in this window.");
+        if let (true, Some(layers)) = (button.clicked(), layers) {
+            asked.push(Action::Edit(Edit::Intervals(layers)));
+        }
+    });
+    ui.data_mut(|data| data.insert_temp(id, kept));
 }
 
 /// Menu of transfer presets.
@@ -136,8 +208,8 @@ struct Map {
 }
 
 impl Map {
-    fn new(ui: &mut Ui, statistics: &Statistics) -> Self {
-        let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT), Sense::hover());
+    fn new(ui: &mut Ui, statistics: &Statistics, height: f32) -> Self {
+        let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), height), Sense::hover());
         response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "histogram and intervals"));
         let span = statistics.max - statistics.min;
         let span = if span > 0.0 && span.is_finite() { span } else { 1.0 };
@@ -172,7 +244,7 @@ fn snapped(value: f64, span: f64) -> f64 {
 }
 
 /// Decimals that resolve a thousandth of `span`; negative for tens, hundreds and so on.
-fn places(span: f64) -> i32 {
+pub(super) fn places(span: f64) -> i32 {
     let digits = (span / PARTS).log10().floor();
     let decimals = i32::try_from(whole(digits.abs().min(400.0))).unwrap_or(0);
     if digits > 0.0 { -decimals } else { decimals }

@@ -1,8 +1,12 @@
 //! Actions of the panels and of scripts.
 
+use glam::DVec2;
+
 use super::Viewer;
 use crate::document::{Document, Edit};
+use crate::number::count;
 use crate::view::action::{Action, Leaving, Losing};
+use crate::view::layout::Arrange;
 use crate::view::tour::Tour;
 
 impl Viewer {
@@ -43,7 +47,9 @@ impl Viewer {
             Action::Tour(seconds) => self.tour(seconds),
             Action::SaveTour(path, frames) => self.begin_tour(path, frames),
             Action::Panels(shown) => self.panels.shown = Some(shown),
-            Action::Probe(place) => self.picture.prober.look(place),
+            Action::RulerAt(place) => self.measure_at(place),
+            Action::Arrange(change) => self.arrange(change),
+            Action::Probe(place) => self.look_at(place),
             Action::Measure(goal) => self.measure(goal),
             Action::Palette(shown) => self.panels.editing = shown,
             Action::Offer => self.offer(),
@@ -54,6 +60,23 @@ impl Viewer {
                     self.panels.notices.remove(index);
                 }
             }
+        }
+    }
+
+    /// Changes the layout. A probe follows the crosshair of the slices.
+    fn arrange(&mut self, change: Arrange) {
+        self.panels.layout.arrange(change);
+        let (Arrange::SliceAt(_), true) = (change, self.picture.prober.place().is_some()) else { return };
+        let Some(document) = &self.opened.document else { return };
+        let scene = &document.state().scene;
+        let (geometry, [width, height]) = (&scene.volume.geometry, self.record.report.size.map(count));
+        let point = geometry.world_from_index(self.panels.layout.slices.crosshair(geometry));
+        let view = scene.camera.view(geometry, width.max(1.0) / height.max(1.0));
+        let place = view.and_then(|view| view.place_of(point));
+        let inside = |place: &DVec2| place.cmpge(DVec2::ZERO).all() && place.cmple(DVec2::ONE).all();
+        if let Some(place) = place.filter(inside) {
+            self.picture.prober.look(Some(place));
+            self.picture.seeks = false;
         }
     }
 

@@ -10,6 +10,7 @@ use super::{ViewError, Viewer, beside};
 use crate::document::Document;
 use crate::number::{unsigned, whole};
 use crate::present::Frame;
+use crate::view::effort::Curve;
 use crate::view::engine::Engine;
 use crate::view::export::write_rgba;
 use crate::view::job::Job;
@@ -75,13 +76,20 @@ impl Viewer {
             several: Selection { resample: false, ..self.opened.selection.clone() } != Selection::default(),
             tour: self.tour.as_ref(),
             panels: self.panels.shown.unwrap_or(wide),
+            layout: &self.panels.layout,
+            recent: self.panels.recent.paths(),
             effort,
             design: Design {
                 shown: self.panels.editing,
                 running: solving,
                 conflicts: beside::conflicts(&self.tasks.verdicts, self.opened.document.as_ref()),
             },
-            probe: self.picture.prober.place().map(|place| (place, self.picture.prober.probe())),
+            probe: self
+                .picture
+                .prober
+                .place()
+                .filter(|_| !self.picture.measures)
+                .map(|place| (place, self.picture.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
         };
         self.panels.untold = false;
@@ -105,7 +113,7 @@ impl Viewer {
         let shown = self.engine.as_mut().map_or(Ok(false), Engine::show);
         self.made(shown)?;
         // The panels were laid out before a playing tour advanced; after its end they are laid out once more.
-        let news = self.probe()? | self.measured() | self.solved() | self.tour.is_some() | plays;
+        let news = self.probe()? | self.follow_probe() | self.measured() | self.solved() | self.tour.is_some() | plays;
         let failed = !self.written();
         self.save_tour(failed);
         self.save_pictures();
@@ -170,7 +178,9 @@ impl Viewer {
         let is_held = engine.is_some_and(|it| it.picture().is_some() && !it.is_finest()) && !self.hand_rests();
         Status {
             device: self.record.report.device.clone(),
+            shown: engine.and_then(Engine::resolution),
             size: self.record.report.size,
+            error: self.error(),
             marching: engine.and_then(Engine::progress),
             beside: match (&self.tasks.measuring, &self.tasks.solving, &self.loading.now) {
                 (_, _, Some(_)) => Some("opening"),
@@ -180,9 +190,28 @@ impl Viewer {
                 (None, None, None) => is_held.then_some("coarse while the input lasts"),
             },
             finest: engine.is_some_and(Engine::is_finest),
-            counts: self.counts(),
             frame_ms: self.record.drawn.last(),
         }
+    }
+
+    /// Error of the colours in words: as measured for this setting, otherwise that of the colour model.
+    fn error(&self) -> Option<String> {
+        let planned = self.engine.as_ref().map(Engine::planned)?;
+        let document = self.opened.document.as_ref()?;
+        let (scene, size) = (&document.state().scene, self.record.report.size);
+        let curve = self.tasks.curve.as_ref().filter(|curve| curve.is_of(scene, size));
+        let here =
+            |curve: &Curve| curve.settings.iter().find(|it| it.accuracy == scene.accuracy).map(|it| it.point.error.p95);
+        if let Some(error) = curve.and_then(here) {
+            return Some(format!("ΔE00 {error:.2} in 95 % of the pixels"));
+        }
+        Some(match &planned.model {
+            None => "relighting exact".to_owned(),
+            Some(model) => {
+                let worst = model.lights().iter().map(|(_, _, matrix)| matrix.worst().p95).fold(0.0, f64::max);
+                format!("colour model ΔE00 {worst:.2}")
+            }
+        })
     }
 
     /// Sets the window title, with a mark for unsaved changes.

@@ -9,6 +9,7 @@ use crate::render::{RenderError, Renderer};
 use crate::view::action::Leaving;
 use crate::view::engine::Engine;
 use crate::view::load::{LoadError, Loaded, Loading};
+use crate::view::ui;
 use crate::volume::Selection;
 use crate::vulkan::VulkanError;
 
@@ -152,8 +153,15 @@ impl Viewer {
             self.stop_tour();
             self.give_up_tour("Another file was opened");
             self.forget_waiting();
+            let before = self.opened.document.as_ref();
+            if !before.is_some_and(|before| before.has_grid_of(loaded.on_device.scene())) {
+                self.panels.layout.forget_volume();
+            }
             self.opened.document = Some(document.with_statistics(loaded.on_device.statistics().clone()));
             self.opened.source = loaded.source.clone();
+            if let Some(path) = self.opened.source.path.as_deref().filter(|_| !self.is_scripted()) {
+                self.panels.recent.add(path);
+            }
             self.opened.selection = loaded.on_device.scene().volume.selection.clone();
             self.opened.title = self.opened.source.title(&self.opened.selection);
             (self.tasks.curve, self.tasks.chosen) = (None, None);
@@ -202,6 +210,7 @@ impl Viewer {
         self.record.report.validation.extend(screen.renderer.device().validation_messages());
         self.record.before = self.counts();
         (self.engine, self.tasks.measuring) = (None, None);
+        ui::forget_slices(&self.panels.context);
         self.panels.textures.clear();
         let was_opening = self.loading.now.as_ref().map(|loading| loading.source().clone());
         self.give_up();

@@ -5,6 +5,8 @@ use egui::{Context, TexturesDelta};
 use super::Viewer;
 use super::report::keep;
 use crate::view::advice;
+use crate::view::layout::Layout;
+use crate::view::recent::Recent;
 use crate::view::ui::{Chooser, Notice};
 
 /// Largest number of notices kept.
@@ -17,6 +19,10 @@ pub(super) struct Panels {
     pub(super) textures: TexturesDelta,
     /// Whether the panels are shown, if that was asked for; by default where they have room.
     pub(super) shown: Option<bool>,
+    /// Docks and tabs, slices, annotations and the measuring line.
+    pub(super) layout: Layout,
+    /// Files opened last.
+    pub(super) recent: Recent,
     /// Dialog for the paths of files.
     pub(super) chooser: Chooser,
     /// Whether the palette editor is open.

@@ -10,6 +10,7 @@ use super::report::keep;
 use crate::number::{count, unsigned, whole};
 use crate::scene::Camera;
 use crate::view::engine::Reached;
+use crate::view::layout::Arrange;
 use crate::view::probe::Probe;
 use crate::view::prober::Prober;
 
@@ -22,6 +23,10 @@ pub(super) struct Picture {
     pub(super) place: Rect,
     /// Probe of the selected pixel.
     pub(super) prober: Prober,
+    /// Whether the crosshair of the slices goes to the depth of the probe, once that is known.
+    pub(super) seeks: bool,
+    /// Whether the probe finds the depth of an end of the measuring line; it is not shown then.
+    pub(super) measures: bool,
     /// World point kept under the probe while the picture's size changes, with its position in the picture and the
     /// camera.
     looked_at: Option<(DVec2, Camera, DVec3)>,
@@ -37,6 +42,8 @@ impl Picture {
         Self {
             place: Rect::ZERO,
             prober: Prober::default(),
+            seeks: false,
+            measures: false,
             looked_at: None,
             moved: begun,
             reached: Reached::default(),
@@ -45,6 +52,51 @@ impl Picture {
 }
 
 impl Viewer {
+    /// Probes the pixel at `place`; the crosshair of the slices follows to the depth of most of its light.
+    pub(super) fn look_at(&mut self, place: Option<DVec2>) {
+        (self.picture.seeks, self.picture.measures) = (place.is_some(), false);
+        self.picture.prober.look(place);
+    }
+
+    /// Probes the pixel at `place` for the depth of an end of the measuring line.
+    pub(super) fn measure_at(&mut self, place: DVec2) {
+        (self.picture.seeks, self.picture.measures) = (false, true);
+        self.picture.prober.look(None);
+        self.picture.prober.look(Some(place));
+    }
+
+    /// Takes the depth of a finished probe for the measuring line. Returns whether there was one.
+    fn measured_depth(&mut self) -> bool {
+        if !(self.picture.measures && self.picture.prober.is_done()) {
+            return false;
+        }
+        let found = self.picture.prober.probe().and_then(Probe::brightest).map(|stretch| stretch.place);
+        self.look_at(None);
+        match (found, &self.opened.document) {
+            (Some(index), Some(document)) => {
+                let end = document.state().scene.volume.geometry.world_from_index(index);
+                self.panels.layout.arrange(Arrange::RulerEnd(end));
+            }
+            _ => self.note("The measuring line has no end here: nothing is visible at this pixel.".to_owned()),
+        }
+        true
+    }
+
+    /// Puts the crosshair of the slices, or an end of the measuring line, at the depth of a new probe. Returns whether
+    /// one moved.
+    pub(super) fn follow_probe(&mut self) -> bool {
+        if self.measured_depth() {
+            return true;
+        }
+        if !(self.picture.seeks && self.picture.prober.is_done()) {
+            return false;
+        }
+        self.picture.seeks = false;
+        let found = self.picture.prober.probe().and_then(Probe::brightest).map(|stretch| stretch.place);
+        found.into_iter().for_each(|place| self.panels.layout.arrange(Arrange::SliceAt(place)));
+        found.is_some() && self.panels.layout.slices.shown
+    }
+
     /// Updates the picture from the document.
     pub(super) fn show_again(&mut self) {
         let (Some(document), Some(engine)) = (&self.opened.document, &mut self.engine) else { return };

@@ -40,6 +40,7 @@ impl Viewer {
             && self.tasks.measuring.is_none()
             && self.tasks.solving.is_none()
             && !self.is_saving()
+            && !self.picture.measures
     }
 
     /// Whether the script waits for all work to end.
@@ -137,13 +138,25 @@ impl Viewer {
                 if self.loading.now.is_none() {
                     self.open_document().map_err(|message| script.wrong(at, message))?;
                 }
-                self.picture.prober.look(Some(place));
+                if self.picture.prober.place() != Some(place) {
+                    self.look_at(Some(place));
+                }
                 if !(self.is_settled() && self.picture.prober.is_done()) {
                     return Ok(Vec::new());
                 }
                 if let (Some(probe), Some(document)) = (self.picture.prober.probe(), &self.opened.document) {
                     self.record.report.probes.push(probe.json(&document.state().scene));
                 }
+                Vec::new()
+            }
+            Command::Ruler(place) => {
+                if self.loading.now.is_none() {
+                    self.open_document().map_err(|message| script.wrong(at, message))?;
+                }
+                if !self.is_settled() || self.picture.measures {
+                    return Ok(Vec::new());
+                }
+                self.measure_at(place);
                 Vec::new()
             }
             Command::Input(Input::Drop(path)) => {

@@ -25,6 +25,10 @@ pub struct Report {
     pub curve: Vec<Measured>,
     /// Largest ΔE00 of each solved palette from its target colours.
     pub solved: Vec<f64>,
+    /// Slices at the end, if they are visible: crosshair in voxel indices, value there, and window.
+    pub slices: Option<serde_json::Value>,
+    /// Ends of the measuring line in world units, and its length if it has both.
+    pub ruler: serde_json::Value,
     /// Results of the script's `probe` commands.
     pub probes: Vec<serde_json::Value>,
     /// Time from the start to the first picture.

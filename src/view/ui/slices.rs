@@ -1,0 +1,410 @@
+//! Slices beside the picture: three planes through a common crosshair, with window and level, materials and labels.
+
+use std::sync::{Arc, Weak};
+
+use egui::emath::GuiRounding;
+use egui::{
+    Align2, Color32, ColorImage, Context, CursorIcon, Id, PointerButton, Rect, Sense, Stroke, StrokeKind,
+    TextureHandle, TextureOptions, Ui, UiBuilder, Vec2, WidgetInfo, WidgetType, pos2, vec2,
+};
+use glam::{DVec2, DVec3};
+
+use super::Shown;
+use super::annotations;
+use super::axes::COLOURS;
+use super::controls::number;
+use super::spectrum::narrow;
+use super::transfer::{colours, places};
+use crate::annotate::PixelLength;
+use crate::document::transfer_presets::ct_windows;
+use crate::document::{Document, State};
+use crate::number::{brief, count, whole};
+use crate::scene::Transfer;
+use crate::view::action::Action;
+use crate::view::layout::{Arrange, Ruler};
+use crate::view::slices::{Overlay, Painted, Plane, Slices, index_from_world, planes, voxel, window_of};
+use crate::volume::{Statistics, Volume, Window};
+
+/// Height of the controls below the slices, in points.
+const BAR: f32 = 26.0;
+/// Gap between the views.
+const GAP: f32 = 3.0;
+/// Smallest view in points that shows a slice.
+const LEAST: f32 = 16.0;
+/// Drag in points that doubles the width of the window, or moves its level by the width.
+const WINDOW_DRAG: f64 = 200.0;
+/// Points of a smooth scroll that turn one slice.
+const SCROLL: f32 = 24.0;
+
+/// Windows that the file asks for, and those of a CT.
+fn windows(document: &Document, statistics: &Statistics) -> Vec<Window> {
+    let stated = document.state().scene.volume.presets.windows.iter().cloned();
+    stated.chain(ct_windows(statistics)).collect()
+}
+
+/// Shows the slices in `rect` around the picture, and returns the rectangle left for the picture.
+pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) -> Rect {
+    let slices = &shown.layout.slices;
+    let (true, Some(document), None) = (slices.shown, shown.document, shown.loading) else {
+        forget(ui.ctx());
+        return rect;
+    };
+    let Some(statistics) = document.statistics() else { return rect };
+    let volume = &document.state().scene.volume;
+    let (views, bar) = rect.split_top_bottom_at_y((rect.bottom() - BAR).max(rect.top()));
+    let middle = views.center().round_to_pixels(ui.pixels_per_point());
+    let half = 0.5 * GAP;
+    let [left, right] = [views.left()..=middle.x - half, middle.x + half..=views.right()];
+    let [top, bottom] = [views.top()..=middle.y - half, middle.y + half..=views.bottom()];
+    let picture = Rect::from_x_y_ranges(right.clone(), top.clone());
+    let cells = [(left.clone(), top), (left, bottom.clone()), (right, bottom)];
+    let window = slices.window.unwrap_or_else(|| window_of(&windows(document, statistics), statistics));
+    ui.painter().rect_filled(bar, 0.0, ui.visuals().panel_fill);
+    for (plane, (x, y)) in planes(volume).iter().zip(cells) {
+        let cell = Rect::from_x_y_ranges(x, y);
+        if cell.size().min_elem() >= LEAST {
+            view(ui, document, statistics, (plane, cell, window), shown, asked);
+        }
+    }
+    let bar = &mut ui.new_child(UiBuilder::new().max_rect(bar.shrink2(vec2(8.0, 2.0))));
+    controls(bar, document, statistics, (slices, window), asked);
+    picture
+}
+
+/// One slice: its pixels, crosshair, letters and scale bar, and what the pointer does on it.
+fn view(
+    ui: &mut Ui,
+    document: &Document,
+    statistics: &Statistics,
+    (plane, cell, window): (&Plane, Rect, [f64; 2]),
+    shown: &Shown<'_>,
+    asked: &mut Vec<Action>,
+) {
+    let state = document.state();
+    let (volume, slices) = (&state.scene.volume, &shown.layout.slices);
+    let geometry = &volume.geometry;
+    let at = slices.crosshair(geometry);
+    let size = plane.size(geometry);
+    // World units of a point, so that the slice fits into the cell below its name.
+    let room = cell.shrink(4.0);
+    let units = (size.x / f64::from(room.width().max(1.0))).max(size.y / f64::from(room.height().max(1.0)));
+    let extent = vec2(narrow(size.x / units), narrow(size.y / units));
+    let image = Rect::from_center_size(room.center(), extent).round_to_pixels(ui.pixels_per_point());
+    let painter = ui.painter().with_clip_rect(cell);
+    painter.rect_filled(cell, 0.0, Color32::BLACK);
+    let index = voxel(at)[plane.normal];
+    if let Some(texture) = texture(ui, state, statistics, (plane, index, image, window), slices) {
+        let all = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        painter.image(texture.id(), image, all, Color32::WHITE);
+    }
+    let hand = ui.interact(cell, ui.id().with(("slice", plane.normal)), Sense::click_and_drag());
+    let last = geometry.dims[plane.normal] - 1;
+    let name = format!("{} {index} of 0 to {last}", plane.name);
+    hand.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, format!("slice: {}", plane.name)));
+
+    let screen = |index: DVec3| {
+        let place = plane.place_of(geometry, index);
+        image.min + vec2(narrow(place.x), narrow(place.y)) * image.size()
+    };
+    let cross = screen(at);
+    let faint = |axis: usize| Stroke::new(1.0, COLOURS[axis].gamma_multiply(0.75));
+    // Each line lies in the plane across its axis. A gap leaves the voxel at the crosshair visible.
+    for (from, to) in [(image.left(), cross.x - 7.0), (cross.x + 7.0, image.right())] {
+        if from < to {
+            painter.hline(from..=to, cross.y, faint(plane.down.0));
+        }
+    }
+    for (from, to) in [(image.top(), cross.y - 7.0), (cross.y + 7.0, image.bottom())] {
+        if from < to {
+            painter.vline(cross.x, from..=to, faint(plane.right.0));
+        }
+    }
+    painter.rect_stroke(image, 0.0, Stroke::new(1.0, Color32::from_gray(60)), StrokeKind::Outside);
+    annotations::text(&painter, cell.min + vec2(6.0, 4.0), Align2::LEFT_TOP, &name, 11.5, COLOURS[plane.normal]);
+    match &plane.edges {
+        Some(edges) => annotations::letters(&painter, cell, edges),
+        None => axes(&painter, cell, plane),
+    }
+    let point = PixelLength { units, exact: true };
+    annotations::scale_bar(&painter, cell, point, volume.unit);
+
+    ruler(&painter, volume, plane, index, shown.layout.ruler, &screen);
+    let ends_line = shown.layout.ruler.on && hand.clicked();
+    if let (true, Some(pointer)) =
+        (hand.clicked() || hand.dragged_by(PointerButton::Primary), hand.interact_pointer_pos())
+    {
+        let place = (pointer - image.min) / image.size();
+        let mut there = plane.index_at(geometry, DVec2::new(place.x.into(), place.y.into()), at);
+        if ends_line {
+            // In the middle of the voxels that the slice shows.
+            there[plane.normal] = count(index);
+            asked.push(Action::Arrange(Arrange::RulerEnd(geometry.world_from_index(there))));
+        } else {
+            asked.push(Action::Arrange(Arrange::SliceAt(there)));
+        }
+    }
+    let dragged = hand.drag_delta();
+    if hand.dragged_by(PointerButton::Secondary) && dragged != Vec2::ZERO {
+        asked.push(Action::Arrange(Arrange::Window(dragged_window(window, dragged, statistics))));
+    }
+    if let Some(by) = turned(ui, &hand, plane.normal) {
+        let mut next = at;
+        next[plane.normal] = (count(index) + by).clamp(0.0, count(last));
+        asked.push(Action::Arrange(Arrange::SliceAt(next)));
+    }
+    hand.on_hover_cursor(CursorIcon::Crosshair);
+}
+
+/// The measuring line, as far as it lies in the slice at `index`; faint if an end lies outside.
+fn ruler(
+    painter: &egui::Painter,
+    volume: &Volume,
+    plane: &Plane,
+    index: usize,
+    ruler: Ruler,
+    screen: &impl Fn(DVec3) -> egui::Pos2,
+) {
+    let ends = ruler.ends.map(|end| Some(index_from_world(&volume.geometry, end?)));
+    let is_inside = |end: &DVec3| (end[plane.normal] - count(index)).abs() <= 0.5 + 1e-9;
+    let inside = ends.iter().flatten().all(is_inside);
+    let places = ends.map(|end| end.map(screen).filter(|at| at.is_finite()));
+    annotations::line(painter, places, ruler.length().map(|length| (length, volume.unit)), inside);
+}
+
+/// Names of the axes at the right and the bottom of a slice of a volume without anatomical axes.
+fn axes(painter: &egui::Painter, cell: Rect, plane: &Plane) {
+    let name = |axis: usize| ["x", "y", "z"][axis];
+    let inner = cell.shrink(5.0);
+    let (down, ascends) = plane.down;
+    let (at, align) =
+        if ascends { (inner.center_bottom(), Align2::CENTER_BOTTOM) } else { (inner.center_top(), Align2::CENTER_TOP) };
+    annotations::text(painter, at, align, name(down), 13.0, COLOURS[down]);
+    let right = plane.right.0;
+    annotations::text(painter, inner.right_center(), Align2::RIGHT_CENTER, name(right), 13.0, COLOURS[right]);
+}
+
+/// The window after a drag: to the right wider, downwards brighter. It stays at least a thousandth of the values wide.
+fn dragged_window([low, high]: [f64; 2], by: Vec2, statistics: &Statistics) -> [f64; 2] {
+    let least = ((statistics.max - statistics.min) / 1000.0).max(f64::MIN_POSITIVE);
+    let width = ((high - low).max(least) * (f64::from(by.x) / WINDOW_DRAG).exp2()).max(least);
+    let level = f64::midpoint(low, high) - f64::from(by.y) / WINDOW_DRAG * width;
+    let level = level.clamp(statistics.min, statistics.max);
+    [level - width / 2.0, level + width / 2.0]
+}
+
+/// Slices to turn by the wheel over a view: one per line.
+fn turned(ui: &Ui, hand: &egui::Response, normal: usize) -> Option<f64> {
+    if !hand.hovered() {
+        return None;
+    }
+    let mut steps = 0.0;
+    let id = Id::new(("scrolled slices", normal));
+    let mut rest: f32 = ui.data(|data| data.get_temp(id)).unwrap_or(0.0);
+    ui.input(|input| {
+        for event in &input.events {
+            if let egui::Event::MouseWheel { unit, delta, .. } = event {
+                match unit {
+                    egui::MouseWheelUnit::Point => rest += delta.y / SCROLL,
+                    egui::MouseWheelUnit::Line | egui::MouseWheelUnit::Page => rest += delta.y,
+                }
+            }
+        }
+    });
+    if rest.abs() >= 1.0 {
+        steps = f64::from(rest.trunc());
+        rest = rest.fract();
+    }
+    ui.data_mut(|data| data.insert_temp(id, rest));
+    (steps != 0.0).then_some(steps)
+}
+
+/// Controls of the window and the overlays, and the value at the crosshair.
+fn controls(
+    ui: &mut Ui,
+    document: &Document,
+    statistics: &Statistics,
+    (slices, window): (&Slices, [f64; 2]),
+    asked: &mut Vec<Action>,
+) {
+    let mut ask = |change: Arrange| asked.push(Action::Arrange(change));
+    let scene = &document.state().scene;
+    ui.horizontal(|ui| {
+        let menu = ui.menu_button("Window", |ui| {
+            let all = Window::new("all values", statistics.min, statistics.max);
+            for Window { name, low, high } in windows(document, statistics).into_iter().chain(all) {
+                let help = format!("Values from {} (black) to {} (white).", brief(low), brief(high));
+                if ui.button(name).on_hover_text(help).clicked() {
+                    ask(Arrange::Window([low, high]));
+                    ui.close();
+                }
+            }
+        });
+        menu.response.on_hover_text(
+            "Values from black to white in the slices. Drag a slice with the right button: to the right for a wider \
+             window, downwards for a brighter one.",
+        );
+        let speed = (window[1] - window[0]).max(f64::MIN_POSITIVE) / 200.0;
+        let mut next = window;
+        for (end, name) in ["window: low", "window: high"].into_iter().enumerate() {
+            let field = number(ui, &mut next[end], places(statistics.max - statistics.min), |drag| drag.speed(speed));
+            let value = next[end];
+            field.widget_info(|| WidgetInfo::slider(true, value, name));
+            field.on_hover_text(["Value shown black.", "Value shown white."][end]);
+            if end == 0 {
+                ui.label("to");
+            }
+        }
+        if next.map(f64::to_bits) != window.map(f64::to_bits) && next[0] < next[1] {
+            ask(Arrange::Window(next));
+        }
+        let mut materials = slices.materials;
+        let help = "Materials of the transfer function over the values, in their colours under the present light. The \
+                    square root of the opacity covers the value, as in the graph.";
+        if ui.checkbox(&mut materials, "materials").on_hover_text(help).changed() {
+            ask(Arrange::SliceMaterials(materials));
+        }
+        let mut labels = slices.labels;
+        let there = scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty());
+        let tick = ui.add_enabled(there, egui::Checkbox::new(&mut labels, "labels"));
+        let help = "Labels over the values, in the colours of their materials under the present light.";
+        if tick.on_hover_text(help).on_disabled_hover_text("The scene declares no labels.").changed() {
+            ask(Arrange::SliceLabels(labels));
+        }
+        let text = told(&scene.volume, slices.crosshair(&scene.volume.geometry));
+        ui.add(egui::Label::new(egui::RichText::new(text).small()).truncate());
+    });
+}
+
+/// Value and position of the voxel at the crosshair.
+fn told(volume: &Volume, at: DVec3) -> String {
+    let voxel = voxel(at);
+    let value = volume.value(voxel).map_or_else(String::new, brief);
+    let [x, y, z] = volume.geometry.world_from_index(at).to_array().map(|along| format!("{:.1}", along + 0.0));
+    let unit = volume.unit.map_or_else(String::new, |unit| format!(" {unit}"));
+    let [i, j, k] = voxel;
+    format!("value {value} at voxel {i} {j} {k}: {x} {y} {z}{unit}")
+}
+
+/// Draws the crosshair of the slices into the picture in `rect`: short lines along the axes of the grid.
+pub(super) fn crosshair(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
+    const ARM: f64 = 0.06;
+    let (true, Some(document), None) = (shown.layout.slices.shown, shown.document, shown.loading) else { return };
+    let scene = &document.state().scene;
+    let geometry = &scene.volume.geometry;
+    let Some(view) = scene.camera.view(geometry, shown.aspect) else { return };
+    let at = shown.layout.slices.crosshair(geometry);
+    let arm = ARM * geometry.extent().max_element();
+    let painter = ui.painter().with_clip_rect(rect);
+    let place = |index: DVec3| {
+        let place = view.place_of(geometry.world_from_index(index))?;
+        let at = rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size();
+        Some(at).filter(|at| at.is_finite())
+    };
+    for (axis, colour) in DVec3::AXES.into_iter().zip(COLOURS) {
+        let along = axis * arm / geometry.spacing;
+        if let (Some(from), Some(to)) = (place(at - along), place(at + along)) {
+            painter.line_segment([from, to], Stroke::new(3.0, Color32::from_black_alpha(140)));
+            painter.line_segment([from, to], Stroke::new(1.5, colour));
+        }
+    }
+}
+
+/// Everything that the pixels of a slice depend on.
+#[derive(Clone)]
+struct Key {
+    volume: Weak<Volume>,
+    labels: Option<Weak<Volume>>,
+    plane: Plane,
+    index: usize,
+    size: [usize; 2],
+    window: [f64; 2],
+    /// Transfer function and colours of the materials, where they are shown.
+    materials: Option<(Transfer, Vec<Color32>)>,
+    label_materials: Vec<(u32, usize)>,
+    label_colours: Vec<Color32>,
+}
+
+impl PartialEq for Key {
+    fn eq(&self, other: &Self) -> bool {
+        let same_labels = match (&self.labels, &other.labels) {
+            (Some(one), Some(two)) => one.ptr_eq(two),
+            (None, None) => true,
+            _ => false,
+        };
+        same_labels
+            && self.volume.ptr_eq(&other.volume)
+            && self.plane == other.plane
+            && (self.index, self.size) == (other.index, other.size)
+            && self.window.map(f64::to_bits) == other.window.map(f64::to_bits)
+            && self.materials == other.materials
+            && self.label_materials == other.label_materials
+            && self.label_colours == other.label_colours
+    }
+}
+
+/// Id of the texture of the plane across an axis.
+fn texture_id(normal: usize) -> Id {
+    Id::new(("texture of a slice", normal))
+}
+
+/// Frees the textures: when the slices are hidden, or when the device that held them is lost.
+pub fn forget(context: &Context) {
+    context.data_mut(|data| (0..3).for_each(|normal| data.remove::<(Key, TextureHandle)>(texture_id(normal))));
+}
+
+/// Texture of a slice, drawn again if anything in it has changed.
+fn texture(
+    ui: &Ui,
+    state: &State,
+    statistics: &Statistics,
+    (plane, index, image, window): (&Plane, usize, Rect, [f64; 2]),
+    slices: &Slices,
+) -> Option<TextureHandle> {
+    let scene = &state.scene;
+    let scale = ui.pixels_per_point();
+    let most = ui.input(|input| input.max_texture_side);
+    let side = |points: f32| whole(f64::from((points * scale).round())).clamp(1, most);
+    let size = [side(image.width()), side(image.height())];
+    let labels = scene.labels.as_ref().filter(|_| slices.labels);
+    let shows_colours = slices.materials || labels.is_some();
+    let colours = if shows_colours { colours(state) } else { Vec::new() };
+    let key = Key {
+        volume: Arc::downgrade(&scene.volume),
+        labels: labels.map(|labels| Arc::downgrade(&labels.volume)),
+        plane: plane.clone(),
+        index,
+        size,
+        window,
+        materials: slices.materials.then(|| (scene.transfer.clone(), colours.clone())),
+        label_materials: labels.map_or_else(Vec::new, |labels| {
+            labels.declared.iter().map(|entry| (entry.label, entry.material)).collect()
+        }),
+        label_colours: if labels.is_some() { colours.clone() } else { Vec::new() },
+    };
+    let id = texture_id(plane.normal);
+    let known: Option<(Key, TextureHandle)> = ui.data(|data| data.get_temp(id));
+    if let Some((_, texture)) = known.as_ref().filter(|(of, _)| *of == key) {
+        return Some(texture.clone());
+    }
+    let codes: Vec<[f64; 3]> =
+        colours.iter().map(|colour| [colour.r(), colour.g(), colour.b()].map(|code| f64::from(code) / 255.0)).collect();
+    let overlay = slices.materials.then(|| Overlay::new(scene, statistics, &codes));
+    let painted = Painted {
+        volume: &scene.volume,
+        window,
+        overlay: overlay.as_ref(),
+        labels: labels.map(|labels| (labels, codes.as_slice())),
+    };
+    let pixels = painted.pixels(plane, index, size);
+    let pixels = pixels.into_iter().map(|[red, green, blue]| Color32::from_rgb(red, green, blue)).collect();
+    let picture = ColorImage::new(size, pixels);
+    let texture = match known {
+        Some((_, mut texture)) => {
+            texture.set(picture, TextureOptions::NEAREST);
+            texture
+        }
+        None => ui.ctx().load_texture(format!("slice {}", plane.normal), picture, TextureOptions::NEAREST),
+    };
+    ui.data_mut(|data| data.insert_temp(id, (key, texture.clone())));
+    Some(texture)
+}
