@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::open::beginning;
+use super::stream::beginning;
 use super::{Selection, Volume, VolumeError, dicom, foreign, stream};
 use crate::progress::Progress;
 
@@ -25,8 +25,11 @@ struct FolderFormat {
 }
 
 /// All formats of folders; the first that finds a file reads the folder. A new reader is a new entry.
-const FORMATS: [FolderFormat; 1] =
-    [FolderFormat { name: "DICOM", find: |folder| folder.recognised(dicom::recognises), read: dicom::read_folder }];
+const FORMATS: [FolderFormat; 1] = [FolderFormat {
+    name: "DICOM",
+    find: |folder| folder.recognised(dicom::recognises),
+    read: |folder, files, selection, progress| dicom::read_folder(&folder.path, files, selection, progress),
+}];
 
 /// A folder and its files.
 #[derive(Debug)]

@@ -9,6 +9,7 @@ mod fields;
 mod folder;
 mod foreign;
 mod geometry;
+mod guard;
 mod hint;
 mod layout;
 mod metaimage;

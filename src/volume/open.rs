@@ -1,11 +1,11 @@
 //! Selection of the reader for a volume file.
 
-use std::io::Read;
 use std::path::Path;
 
+use super::stream::beginning;
 use super::{
     PackedBlocks, RawLayout, Selection, Volume, VolumeError, dicom, folder, foreign, metaimage, mrc, nifti, nrrd,
-    numpy, raw, stream, vti, vtk,
+    numpy, raw, vti, vtk,
 };
 use crate::progress::Progress;
 
@@ -153,17 +153,6 @@ const FORMATS: [Format; 11] = [
 /// Extensions of the files that [`open`] may read, in lower case; a `.toml` may also be a scene.
 pub fn extensions() -> impl Iterator<Item = &'static str> {
     FORMATS.iter().flat_map(|format| format.extensions.iter().copied())
-}
-
-/// Number of bytes examined to recognise a file.
-pub(super) const BEGINNING: u64 = 4096;
-
-/// The first bytes of a file.
-pub(super) fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
-    let mut bytes = Vec::new();
-    let read = stream::open(path)?.take(BEGINNING).read_to_end(&mut bytes);
-    read.map_err(|source| VolumeError::Read { path: path.to_owned(), source })?;
-    Ok(bytes)
 }
 
 /// Reads the volume in a file or a folder. The extension of a file determines the format; for other extensions, the

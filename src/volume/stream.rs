@@ -149,6 +149,17 @@ pub(super) fn open(path: &Path) -> Result<File, VolumeError> {
     input::open(path).map_err(|source| VolumeError::Open { path: path.to_owned(), source })
 }
 
+/// Number of bytes examined to recognise a file.
+const BEGINNING: u64 = 4096;
+
+/// The first bytes of a file.
+pub(super) fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
+    let mut bytes = Vec::new();
+    let read = open(path)?.take(BEGINNING).read_to_end(&mut bytes);
+    read.map_err(|source| failed(path, source))?;
+    Ok(bytes)
+}
+
 /// Opens the bytes of `path` from offset `start` on.
 pub(super) fn at(path: &Path, start: u64) -> Result<BufReader<File>, VolumeError> {
     let mut stream = BufReader::with_capacity(1 << 16, open(path)?);

@@ -1,8 +1,6 @@
 //! Decoding of compressed frames: RLE, JPEG, JPEG-LS, JPEG 2000 (DICOM PS3.5, §8.2 and annexes A and G).
 
-use std::cell::Cell;
-use std::panic::{self, AssertUnwindSafe};
-use std::sync::Once;
+use std::io;
 
 use hayro_jpeg2000::{DecodeSettings, DecoderContext, Image as Jpeg2000};
 use jpeg_decoder::{CodingProcess, ColorTransform, Decoder, PixelFormat};
@@ -10,6 +8,7 @@ use jpegls::CodecError;
 
 use super::image::Layout;
 use super::syntax::Coding;
+use crate::volume::guard;
 
 /// Largest number of bytes of a decoded frame.
 const MOST_BYTES: u64 = 1 << 28;
@@ -71,29 +70,9 @@ pub(super) fn decode(coding: Coding, bytes: &[u8], layout: &Layout) -> Result<Nu
     }
 }
 
-thread_local! {
-    /// Whether a panic of this thread is an error about damaged data, and prints nothing.
-    static IS_GUARDED: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Runs a decoder of another crate, whose panics become errors. Damaged data may overflow an index or a sum in it.
+/// Runs a decoder of another crate, whose panics become errors.
 fn guarded(decode: impl FnOnce() -> Result<Numbers, String>) -> Result<Numbers, Failure> {
-    static SILENCED: Once = Once::new();
-    SILENCED.call_once(|| {
-        let tell = panic::take_hook();
-        panic::set_hook(Box::new(move |panic| {
-            if !IS_GUARDED.get() {
-                tell(panic);
-            }
-        }));
-    });
-    IS_GUARDED.set(true);
-    let decoded = panic::catch_unwind(AssertUnwindSafe(decode));
-    IS_GUARDED.set(false);
-    match decoded {
-        Ok(decoded) => decoded.map_err(Failure::from),
-        Err(_) => Err("the decoder failed on the data".to_owned().into()),
-    }
+    guard::guarded(|| decode().map_err(io::Error::other)).map_err(|error| Failure::Damaged(error.to_string()))
 }
 
 /// Decodes RLE: a segment for each byte of each sample, the most significant byte first.
