@@ -26,7 +26,11 @@ struct FolderFormat {
 
 /// All formats of folders; the first that finds a file reads the folder. A new reader is a new entry.
 const FORMATS: [FolderFormat; 2] = [
-    FolderFormat { name: "DICOM", find: |folder| folder.recognised(dicom::recognises), read: dicom::read_folder },
+    FolderFormat {
+        name: "DICOM",
+        find: |folder| folder.recognised(dicom::recognises),
+        read: |folder, files, selection, progress| dicom::read_folder(&folder.path, files, selection, progress),
+    },
     FolderFormat {
         name: "slices (.png, .jpg, .bmp, .pgm, .ppm, .tif)",
         find: |folder| slices::find(&folder.path, &folder.files),

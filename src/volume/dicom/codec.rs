@@ -72,7 +72,7 @@ pub(super) fn decode(coding: Coding, bytes: &[u8], layout: &Layout) -> Result<Nu
 
 /// Runs a decoder of another crate, whose panics become errors.
 fn decoded(decode: impl FnOnce() -> Result<Numbers, String>) -> Result<Numbers, Failure> {
-    guarded(|| decode().map_err(io::Error::other)).map_err(|error| error.to_string().into())
+    guarded(|| decode().map_err(io::Error::other)).map_err(|error| Failure::Damaged(error.to_string()))
 }
 
 /// Decodes RLE: a segment for each byte of each sample, the most significant byte first.

@@ -15,7 +15,6 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::folder::Folder;
 use super::geometry::{Lattice, Unit};
 use super::resample::Grid;
 use super::{Selection, Volume, VolumeError, Voxels, allocate, data, with_voxels};
@@ -40,14 +39,13 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     volume(&[image], path, Vec::new(), selection, progress)
 }
 
-/// Reads the series of the `files` of a folder.
+/// Reads the series of the `files` of the folder `source`.
 pub(super) fn read_folder(
-    folder: &Folder,
+    source: &Path,
     files: &[PathBuf],
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
-    let source = &folder.path;
     selection.no_level(&source.display().to_string())?;
     let read: Vec<Result<Option<Image>, VolumeError>> = files
         .par_iter()
@@ -80,7 +78,7 @@ pub(super) fn read_folder(
     if images.is_empty() {
         let (place, problem) =
             ("the folder".to_owned(), format!("{} DICOM files, none of which has pixels", files.len()));
-        return Err(VolumeError::Field { path: source.clone(), place, problem });
+        return Err(VolumeError::Field { path: source.to_owned(), place, problem });
     }
     volume(&images, source, notes, selection, progress)
 }
