@@ -928,7 +928,7 @@ fn an_animated_png_has_the_frames_of_the_numbered_pictures() {
     let path = ["relight", "acc.exr", "--loop", "--frames", "3", "--fps", "12"];
     folder.done(&[&path[..], &["-o", "l.apng"]].concat());
     let told = folder.done(&[&path[..], &["-o", "l.png"]].concat()).out;
-    assert!(told.contains("ffmpeg -framerate 12 -i \"l-%04d.png\""), "{told}");
+    assert!(told.contains("ffmpeg -framerate 12 -i \"l-%04d.png\" -vf \"pad=ceil(iw/2)*2:ceil(ih/2)*2\""), "{told}");
     let bytes = |name: &str| -> Vec<u8> {
         png(&folder.path(name)).1.into_iter().map(|sample| sample.try_into().unwrap()).collect()
     };
@@ -957,7 +957,14 @@ fn a_turntable_shows_the_volume_from_all_around() {
     assert!(!folder.names().contains(&"t-0005.png".to_owned()));
     folder.done(&[&turn[..], &["-o", "t.apng", "--fps", "12"]].concat());
     assert_eq!(animation(&folder.path("t.apng")).len(), 4);
+    // Linear pictures have neither backdrop nor annotations.
+    let dressed = ["--background", "#ffffff", "--annotate", "-o", "d.exr", "-o", "d.png"];
+    folder.done(&[&turn[..], &dressed].concat());
+    folder.done(&[&turn[..], &["-o", "e.exr"]].concat());
+    assert_eq!(Exr::read(&folder.path("d-0002.exr")).rgba(), Exr::read(&folder.path("e-0002.exr")).rgba());
+    assert_ne!(png(&folder.path("d-0002.png")).1, png(&folder.path("t-0002.png")).1);
     folder.refused(2, &[&turn[..], &["-o", "u.png", "--reference"]].concat(), &["--reference"]);
+    folder.refused(2, &[&scene[..], &["-o", "u.png", "--fps", "12"]].concat(), &["--fps", "--turntable"]);
 }
 
 #[test]

@@ -419,6 +419,13 @@ fn frames_of_an_enhanced_file_lie_where_their_groups_place_them() {
         .with(0x7fe0_0010, "OW", Written::Short((0..36).collect()));
     let volume = opened("v.dcm", &file(&enhanced, EXPLICIT)).unwrap();
     assert_eq!(stored(&volume), [from(12, 12), from(24, 12), from(0, 12)].concat());
+    // PS3.5, §6.2.2, note 2: an archive that does not know the sequence keeps it as implicit bytes.
+    let item = |z: f64| {
+        let item = place(z).bytes(true, false);
+        [&[0xfe, 0xff, 0x00, 0xe0][..], &u32::try_from(item.len()).unwrap().to_le_bytes(), &item].concat()
+    };
+    let unknown = enhanced.clone().with(0x5200_9230, "UN", Written::Bytes(heights.map(item).concat()));
+    assert_eq!(stored(&opened("v.dcm", &file(&unknown, EXPLICIT)).unwrap()), stored(&volume));
     let items = heights[..2].iter().map(|&z| place(z)).collect();
     let few = enhanced.items(0x5200_9230, items);
     refused(opened("v.dcm", &file(&few, EXPLICIT)), &["PerFrameFunctionalGroupsSequence", "2 items for 3 frames"]);
@@ -565,6 +572,17 @@ fn what_cannot_be_read_is_refused_by_name_with_the_numbers() {
     // A large frame in a few bytes.
     let large = one(&[0; 8]).short(0x0028_0010, &[9000]).short(0x0028_0011, &[9000]);
     refused(opened("v.dcm", &file(&large, RLE)), &["162000000 bytes", "at most 64"]);
+    // As many frames as a coding without a decoder may state.
+    let many = piece.text(0x0028_0008, "IS", "9000000");
+    refused(opened("v.dcm", &file(&many, "1.2.3")), &["9000000 frames", "1 to 1000000"]);
+    let part = base().text(0x0028_0008, "IS", "1.5");
+    refused(opened("v.dcm", &file(&part, EXPLICIT)), &["1.5 frames"]);
+    // A capture in colours of a palette, in a folder with a series.
+    let capture =
+        base().text(0x0028_0004, "CS", "PALETTE COLOR").text(0x0020_000e, "UI", "7.8").text(0x0020_0011, "IS", "9");
+    let all = [("a", slice(0.0, 0)), ("b", slice(2.0, 12)), ("c", capture)];
+    assert_eq!(series_of(&all, &series("5")).unwrap().geometry.dims, [4, 3, 2]);
+    refused(series_of(&all, &series("9")), &["palette"]);
     // Slices without a position.
     let lost = || slice(0.0, 0).without(0x0020_0032);
     refused(series_of(&[("a", lost()), ("b", lost())], &Selection::default()), &["2 of 2 slices state no position"]);

@@ -20,7 +20,13 @@ pub(super) fn sentence(error: &(dyn Error + 'static)) -> String {
 
 /// The sentences of `error` and of its causes.
 pub(super) fn sentences<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = String> + 'a {
-    std::iter::successors(Some(error), |&error| error.source()).map(sentence)
+    let mut of_labels = false;
+    std::iter::successors(Some(error), |&error| error.source()).map(move |error| {
+        // The flags choose a volume, not labels.
+        let told = if of_labels { error.to_string() } else { sentence(error) };
+        of_labels |= matches!(scene(error), Some(SceneError::Labels { .. }));
+        told
+    })
 }
 
 /// The error of a scene in `error`.

@@ -13,8 +13,15 @@ use super::files::{self, Bits};
 #[derive(Debug, Args)]
 pub(crate) struct SpeedArgs {
     /// Pictures per second of an animated PNG (.apng), and of the ffmpeg command that Relume prints for numbered ones.
-    #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u16).range(1..=240))]
-    fps: u16,
+    /// [default: 25]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=240))]
+    fps: Option<u16>,
+}
+
+/// A picture: linear RGBA, and what PNG files show if that differs.
+pub(crate) struct Frame {
+    pub(crate) linear: Vec<f32>,
+    pub(crate) shown: Option<Vec<f32>>,
 }
 
 /// The output files of a command: one picture each, or the frames of an animation.
@@ -25,6 +32,16 @@ pub(crate) struct Frames<'a> {
     fps: u16,
 }
 
+/// Pictures per second without `--fps`.
+const USUAL_FPS: u16 = 25;
+
+/// Says how many pictures an unfinished animation has written.
+fn warn_of_files(frames: usize, names: &[Vec<PathBuf>]) {
+    if let Some(last) = names[..frames].last().and_then(|paths| paths.last()) {
+        tracing::warn!("pictures up to {} are written; later ones are missing or older", last.display());
+    }
+}
+
 /// Whether `path` is an animated PNG.
 fn is_apng(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("apng"))
@@ -33,6 +50,9 @@ fn is_apng(path: &Path) -> bool {
 impl<'a> Frames<'a> {
     /// Refuses outputs of unknown kinds, an animated PNG of a still picture, and one beside other outputs.
     pub(crate) fn new(outputs: &'a [PathBuf], count: Option<u16>, speed: &SpeedArgs) -> Result<Self, CliError> {
+        if count.is_none() && speed.fps.is_some() {
+            return Err(CliError::Usage("--fps is for an animation: --turntable, --sweep or --loop".into()));
+        }
         for path in outputs {
             match (is_apng(path), count) {
                 (true, None) => {
@@ -47,7 +67,7 @@ impl<'a> Frames<'a> {
                 (false, _) => drop(files::picture_kind(path)?),
             }
         }
-        Ok(Self { outputs, count, fps: speed.fps })
+        Ok(Self { outputs, count, fps: speed.fps.unwrap_or(USUAL_FPS) })
     }
 
     /// The animated PNG, if that is the output.
@@ -77,22 +97,25 @@ impl<'a> Frames<'a> {
         files
     }
 
-    /// Writes all pictures; `frame` makes the linear RGBA of picture 0, 1, ….
+    /// Writes all pictures; `frame` makes picture 0, 1, ….
     pub(crate) fn write(
         &self,
         size: [usize; 2],
         bits: Bits,
         alpha: Alpha,
-        mut frame: impl FnMut(usize) -> Result<Vec<f32>, CliError>,
+        mut frame: impl FnMut(usize) -> Result<Frame, CliError>,
     ) -> Result<(), CliError> {
         if let Some(path) = self.apng() {
             let animation = Animation { frames: self.count().into(), per_second: self.fps };
-            return write_apng(path, size, animation, bits.depth(), alpha, frame);
+            let shown = |index| frame(index).map(|it| it.shown.unwrap_or(it.linear));
+            return write_apng(path, size, animation, bits.depth(), alpha, shown);
         }
-        for (index, paths) in self.names().iter().enumerate() {
-            let rgba = frame(index)?;
+        let names = self.names();
+        for (index, paths) in names.iter().enumerate() {
+            let Frame { linear, shown } = frame(index).inspect_err(|_| warn_of_files(index, &names))?;
             for path in paths {
-                files::write_linear(path, size, &rgba, bits, alpha)?;
+                let shown = shown.as_ref().filter(|_| PictureKind::of(path).is_ok_and(|kind| kind == PictureKind::Png));
+                files::write_linear(path, size, shown.unwrap_or(&linear), bits, alpha)?;
             }
         }
         Ok(())
@@ -105,9 +128,11 @@ impl<'a> Frames<'a> {
             (Some(_), [first, .., last]) => {
                 let film = |path: &PathBuf| {
                     let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
-                    let pattern = path.with_file_name(format!("{}-%04d.png", part(path.file_stem())));
+                    // ffmpeg counts by the pattern, and its film needs even sides.
+                    let (stem, ending) = (part(path.file_stem()).replace('%', "%%"), part(path.extension()));
+                    let pattern = path.with_file_name(format!("{stem}-%04d.{ending}"));
                     format!(
-                        "for a film: ffmpeg -framerate {} -i {:?} -pix_fmt yuv420p {:?}\n",
+                        "for a film: ffmpeg -framerate {} -i {:?} -vf \"pad=ceil(iw/2)*2:ceil(ih/2)*2\" -pix_fmt yuv420p {:?}\n",
                         self.fps,
                         pattern,
                         path.with_extension("mp4")

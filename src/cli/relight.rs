@@ -15,7 +15,7 @@ use relume::spectrum::observer::Observer;
 use super::accuracy::tolerance;
 use super::dial::DialArgs;
 use super::files::{self, Bits};
-use super::frames::{Frames, SpeedArgs};
+use super::frames::{Frame, Frames, SpeedArgs};
 use super::scene::LightArgs;
 use super::{CliError, Report, model};
 
@@ -150,7 +150,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let clock = Stopwatch::start();
         let rgba = saved.relight(&mixes[frame]);
         relighting += clock.read();
-        Ok(rgba)
+        Ok(Frame { linear: rgba, shown: None })
     })?;
     let written = whole.read() - relighting;
     relit += relighting;

@@ -13,7 +13,7 @@ use relume::scene::Mix;
 
 use super::CliError;
 use super::files::{Backdrop, Bits, dress};
-use super::frames::Frames;
+use super::frames::{Frame, Frames};
 
 /// Progress within a frame: not reported, since the frames are counted, but cancelled with them.
 struct WithinFrame<'a>(&'a dyn Progress);
@@ -60,10 +60,13 @@ pub(crate) fn write(
         let clock = Stopwatch::start();
         let relight = on_device.renderer().relight_linear(&film)?;
         relight.run(&matrices)?;
-        let mut rgba = relight.read::<f32>()?;
+        let linear = relight.read::<f32>()?;
         relighting += clock.read();
-        dress(&mut rgba, [width, height], backdrop, overlay.as_ref(), &cameras[index])?;
-        Ok(rgba)
+        let mut shown = (backdrop.is_some() || overlay.is_some()).then(|| linear.clone());
+        if let Some(shown) = &mut shown {
+            dress(shown, [width, height], backdrop, overlay.as_ref(), &cameras[index])?;
+        }
+        Ok(Frame { linear, shown })
     })?;
     let written = whole.read() - marching - relighting;
     Ok((vec![("march", marching), ("relight", relighting), ("write", written)], json!(cameras.len())))

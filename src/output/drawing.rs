@@ -1,9 +1,10 @@
 //! Rendering of SVG drawings to PNG.
 
 use std::path::Path;
+use std::sync::{Arc, LazyLock};
 
 use resvg::tiny_skia::{Pixmap, Transform};
-use resvg::usvg::{Options, Tree};
+use resvg::usvg::{Options, Tree, fontdb};
 
 use super::{OutputError, write_ready_png};
 use crate::spectrum::colour::decode_srgb;
@@ -57,10 +58,17 @@ fn linear(code: u8) -> f32 {
     decode_srgb(f64::from(code) / 255.0) as f32
 }
 
+/// The fonts of the system, read once.
+static FONTS: LazyLock<Arc<fontdb::Database>> = LazyLock::new(|| {
+    let mut fonts = fontdb::Database::new();
+    fonts.load_system_fonts();
+    Arc::new(fonts)
+});
+
 /// Renders `svg` for the file `path` with `scale` pixels per unit, and says whether there is a font for its text.
 fn rasterised(path: &Path, svg: &str, scale: f32) -> Result<(Pixmap, bool), OutputError> {
     let mut options = Options::default();
-    options.fontdb_mut().load_system_fonts();
+    options.fontdb = Arc::clone(&FONTS);
     let has_fonts = !options.fontdb.is_empty();
     if let Some(name) = family(&options) {
         options.fontdb_mut().set_sans_serif_family(name.clone());

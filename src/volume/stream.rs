@@ -15,6 +15,10 @@ use crate::input;
 /// Largest expansion by deflate: 1032 bytes per byte (a match of two bits yields 258 bytes).
 pub(super) const DEFLATE_LIMIT: u64 = 1032;
 
+/// Largest number of bytes that a byte of baseline JPEG yields: two bits yield at most a block of 64 bytes, and the colour of
+/// four of them.
+pub(super) const JPEG_LIMIT: u64 = 512;
+
 /// Largest expansion by bzip2: a block is longer than 24 bytes, and holds at most 900 000 · 255 / 5 bytes.
 const BZIP2_LIMIT: u64 = 1 << 21;
 

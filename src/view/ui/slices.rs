@@ -38,8 +38,10 @@ const SCROLL: f32 = 24.0;
 
 /// Windows that the file asks for, and those of a CT.
 fn windows(document: &Document, statistics: &Statistics) -> Vec<Window> {
-    let stated = document.state().scene.volume.presets.windows.iter().cloned();
-    stated.chain(ct_windows(statistics)).collect()
+    match &document.state().scene.volume.presets.windows[..] {
+        [] => ct_windows(statistics),
+        stated => stated.to_vec(),
+    }
 }
 
 /// Shows the slices in `rect` around the picture, and returns the rectangle left for the picture.

@@ -66,7 +66,9 @@ impl Viewer {
     /// Changes the layout. A probe follows the crosshair of the slices.
     fn arrange(&mut self, change: Arrange) {
         self.panels.layout.arrange(change);
-        let (Arrange::SliceAt(_), true) = (change, self.picture.prober.place().is_some()) else { return };
+        // The end of a measuring line stays where it was clicked.
+        let follows = self.picture.prober.place().is_some() && !self.picture.measures;
+        let (Arrange::SliceAt(_), true) = (change, follows) else { return };
         let Some(document) = &self.opened.document else { return };
         let scene = &document.state().scene;
         let (geometry, [width, height]) = (&scene.volume.geometry, self.record.report.size.map(count));

@@ -7,14 +7,8 @@ use jpeg_decoder::{CodingProcess, ColorTransform, Decoder, PixelFormat};
 use jpegls::CodecError;
 
 use super::image::Layout;
-use super::syntax::Coding;
+use super::syntax::{Coding, MOST_BYTES};
 use crate::volume::guard::guarded;
-
-/// Largest number of bytes of a decoded frame.
-const MOST_BYTES: u64 = 1 << 28;
-/// Largest number of pixels that a byte of JPEG-LS or JPEG 2000 stands for. Neither has a limit: an empty frame of any
-/// size takes a hundred bytes.
-const MOST_PIXELS: u64 = 1 << 16;
 
 /// Numbers of a decoded frame.
 #[derive(Debug)]
@@ -53,11 +47,7 @@ pub(super) fn decode(coding: Coding, bytes: &[u8], layout: &Layout) -> Result<Nu
     if wanted > MOST_BYTES {
         return Err(format!("a frame of {wanted} bytes; Relume decodes at most {MOST_BYTES}").into());
     }
-    let limit = match coding {
-        Coding::Rle => 64,
-        Coding::Jpeg => 256,
-        _ => MOST_PIXELS.saturating_mul(u64::from(layout.allocated).div_ceil(8)),
-    };
+    let limit = coding.packing(layout.allocated).unwrap_or(1);
     if u64::try_from(bytes.len()).unwrap_or(u64::MAX).saturating_mul(limit) < wanted {
         return Err(Failure::Incredible(limit));
     }

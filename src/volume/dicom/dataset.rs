@@ -423,10 +423,14 @@ impl Parser<'_> {
                 let problem = format!("{} states {stated} bytes, but only {left} bytes are left", named(tag));
                 return Err(self.wrong(problem));
             }
+            // The length of an inflated stream is unknown, so that skipping may take as long as a header says.
+            if self.stream.at.saturating_add(stated.into()) > LONGEST_HEADER {
+                return Err(self.wrong(format!("more than {LONGEST_HEADER} bytes before the pixel data")));
+            }
             match kind {
                 Some(VR::SQ) => {
                     let end = self.stream.at + u64::from(stated);
-                    self.push(&mut open, (tag, true), Some(end), limit, encoding, VR::SQ)?;
+                    self.push(&mut open, (tag, true), Some(end), limit, encoding, header.vr())?;
                 }
                 Some(kind) => {
                     let value = self.value(tag, (header.vr(), kind), stated, encoding)?;
@@ -561,6 +565,7 @@ impl Parser<'_> {
             return Err(self.wrong(format!("{} states {length} bytes, but the file ends", named(tag))));
         }
         let byte_order = match encoding {
+            _ if stated == VR::UN => ByteOrder::Little,
             Encoding::Implicit => ByteOrder::Little,
             Encoding::Explicit(byte_order) => byte_order,
         };

@@ -8,10 +8,13 @@ use dicom_encoding::text::{SpecificCharacterSet, TextCodec as _};
 use glam::DVec3;
 
 use super::dataset::{self, DataSet, Item, Pixels, named};
-use super::syntax::{Coding, Syntax};
+use super::syntax::{Coding, MOST_BYTES, Syntax};
 use crate::number::whole;
 use crate::volume::stream::{DEFLATE_LIMIT, count, failed};
 use crate::volume::{VolumeError, VoxelType, Window};
+
+/// Largest number of frames of a file.
+const MOST_FRAMES: f64 = 1e6;
 
 /// Layout of the stored numbers of a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -98,6 +101,19 @@ pub(super) struct Image {
 }
 
 impl Image {
+    /// Colours of the decoded samples.
+    pub(super) fn colours(&self) -> &str {
+        let stated = &*self.layout.photometric;
+        // The decoders turn the components of JPEG 2000 and of lossy JPEG into RGB.
+        let is_lossless = ["1.2.840.10008.1.2.4.57", "1.2.840.10008.1.2.4.70"].contains(&&*self.syntax.uid);
+        let is_converted = match self.syntax.coding {
+            Coding::Jpeg2000 => ["YBR_RCT", "YBR_ICT"].contains(&stated),
+            Coding::Jpeg => stated.starts_with("YBR") && !is_lossless,
+            _ => false,
+        };
+        if is_converted { "RGB" } else { stated }
+    }
+
     /// Reads the header of the file `path`; `None` if it is no image.
     ///
     /// # Errors
@@ -122,11 +138,16 @@ impl Image {
         let reading = Reading { path, root: &root, shared: first(&root, tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE) };
         let layout = reading.layout(pixels.tag)?;
         let stated = root.number(tags::NUMBER_OF_FRAMES).unwrap_or(1.0);
-        if !(1.0..=9e15).contains(&stated) {
-            return Err(reading.wrong(tags::NUMBER_OF_FRAMES, format!("{stated} frames")));
+        let wrong =
+            || reading.wrong(tags::NUMBER_OF_FRAMES, format!("{stated} frames; there must be 1 to {MOST_FRAMES}"));
+        if !(1.0..=9e15).contains(&stated) || stated.fract() != 0.0 {
+            return Err(wrong());
         }
         let count = whole(stated);
         reading.holds(&syntax, pixels, &layout, count)?;
+        if stated > MOST_FRAMES {
+            return Err(wrong());
+        }
         let frames = reading.frames(count)?;
         let padding = root.number(tags::PIXEL_PADDING_VALUE).map(|stated| signed(stated, &layout));
         Ok(Some(Self {
@@ -218,10 +239,6 @@ impl Reading<'_> {
         let side = |tag| self.whole(tag, [1, 65535], None).map(|side| whole(side.into()));
         let samples = self.whole(tags::SAMPLES_PER_PIXEL, [1, 4], Some(1))?;
         let photometric = self.root.word(tags::PHOTOMETRIC_INTERPRETATION).unwrap_or_default();
-        if photometric == "PALETTE COLOR" && self.root.word(tags::SEGMENTATION_TYPE).is_none() {
-            let problem = "Relume does not read colours of a palette".to_owned();
-            return Err(self.wrong(tags::PHOTOMETRIC_INTERPRETATION, problem));
-        }
         let floats = match pixels {
             tags::FLOAT_PIXEL_DATA => Some((32, VoxelType::F32)),
             tags::DOUBLE_FLOAT_PIXEL_DATA => Some((64, VoxelType::F64)),
@@ -290,7 +307,18 @@ impl Reading<'_> {
                 }
                 Ok(())
             }
-            (_, None) => {
+            (coding, None) => {
+                if let Some(limit) = coding.packing(layout.allocated) {
+                    let (one, compressed) = (layout.bytes(), length.saturating_sub(pixels.at));
+                    if one > MOST_BYTES {
+                        let problem = format!("a frame of {one} bytes; Relume decodes at most {}", MOST_BYTES);
+                        return Err(self.wrong(tags::ROWS, problem));
+                    }
+                    if compressed.saturating_mul(limit) < expected {
+                        let (path, encoding) = (path(), coding.name());
+                        return Err(VolumeError::Incredible { path, compressed, expected, encoding, limit });
+                    }
+                }
                 // A fragment has a header of 8 bytes.
                 let most = length.saturating_sub(pixels.at) / 8;
                 if count(frames) > most {

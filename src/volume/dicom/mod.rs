@@ -125,7 +125,7 @@ fn scalar(
     let first = &images[series.slices[0].image];
     let Stack { times, axis, lattice, is_anatomical, uneven, mut notes } = series::stacked(images, series, source)?;
     let components = first.layout.samples;
-    let component = selection.component(&source_name, components, &first.layout.photometric)?;
+    let component = selection.component(&source_name, components, first.colours())?;
     let time = selection.time(&source_name, times.len())?;
     let slices = &times[time];
     let lattice = match &uneven {

@@ -50,11 +50,13 @@ pub(super) struct Pixels<'a> {
 
 /// What the frames of images of several frames need together: read once.
 #[derive(Default)]
-struct Shared {
+pub(super) struct Shared {
     /// Fragments of each frame, of compressed images.
     fragments: HashMap<usize, Vec<Vec<Range>>>,
     /// Pixels of inflated images, which can only be read from their beginning.
     inflated: HashMap<usize, Buffer>,
+    /// Tables of values of images with several frames.
+    luts: HashMap<usize, Lut>,
 }
 
 /// Bytes of a fragment of compressed data, or of a frame.
@@ -100,16 +102,20 @@ impl Pixels<'_> {
     /// [`VolumeError::Field`] with the number of a frame that is damaged or whose coding has no decoder,
     /// [`VolumeError::Incredible`], [`VolumeError::Memory`], [`VolumeError::Cancelled`].
     pub(super) fn read(&self, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
+        self.read_with(&self.shared()?, progress)
+    }
+
+    /// [`Self::read`] with what the frames of a file share.
+    pub(super) fn read_with(&self, shared: &Shared, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
         let Some(first) = self.slices.first() else {
             return Err(VolumeError::Dims { source_name: self.name(), dims: "0".to_owned() });
         };
         let layout = &self.images[first.image].layout;
-        let shared = self.shared()?;
         with_type!(layout.voxel_type, T => match self.values {
-            Values::Stored => self.all(progress, |index, buffer, out: &mut [T]| self.slice(index, &shared, buffer, out)),
+            Values::Stored => self.all(progress, |index, buffer, out: &mut [T]| self.slice(index, shared, buffer, out)),
             Values::Scaled => self.all(progress, |index, buffer, out: &mut [f32]| {
                 let mut stored = vec![T::of(0); out.len()];
-                self.slice(index, &shared, buffer, &mut stored)?;
+                self.slice(index, shared, buffer, &mut stored)?;
                 let Slice { image, frame } = self.slices[index];
                 let frame = self.images[image].frame(frame);
                 for (value, number) in out.iter_mut().zip(stored) {
@@ -119,9 +125,16 @@ impl Pixels<'_> {
             }),
             Values::Looked => self.all(progress, |index, buffer, out: &mut [u16]| {
                 let mut stored = vec![T::of(0); out.len()];
-                self.slice(index, &shared, buffer, &mut stored)?;
-                let image = &self.images[self.slices[index].image];
-                let lut = Lut::read(&image.path, &image.layout)?;
+                self.slice(index, shared, buffer, &mut stored)?;
+                let number = self.slices[index].image;
+                let own;
+                let lut = match shared.luts.get(&number) {
+                    Some(lut) => lut,
+                    None => {
+                        own = Lut::read(&self.images[number].path, &self.images[number].layout)?;
+                        &own
+                    }
+                };
                 for (value, number) in out.iter_mut().zip(stored) {
                     let number = number.to_whole().and_then(|number| i64::try_from(number).ok()).unwrap_or(0);
                     *value = lut.value(number);
@@ -135,11 +148,15 @@ impl Pixels<'_> {
         self.source.display().to_string()
     }
 
-    fn shared(&self) -> Result<Shared, VolumeError> {
+    /// What the frames of each file share.
+    pub(super) fn shared(&self) -> Result<Shared, VolumeError> {
         let mut shared = Shared::default();
         for &Slice { image: number, .. } in self.slices {
             let image = &self.images[number];
             let is_deflated = image.syntax.coding == Coding::Deflated;
+            if self.values == Values::Looked && image.count > 1 && !shared.luts.contains_key(&number) {
+                shared.luts.insert(number, Lut::read(&image.path, &image.layout)?);
+            }
             if image.count == 1 || shared.fragments.contains_key(&number) || shared.inflated.contains_key(&number) {
                 continue;
             }
@@ -171,8 +188,11 @@ impl Pixels<'_> {
         let mut voxels: Vec<T> = if is_bounded { allocate::zeroed(self.source, wanted)? } else { Vec::new() };
         let done = AtomicU64::new(0);
         let bytes = |numbers: usize| count(numbers).saturating_mul(count(size_of::<T>()));
-        for start in (0..self.slices.len()).step_by(batch) {
-            let end = (start + batch).min(self.slices.len());
+        let mut start = 0;
+        while start < self.slices.len() {
+            // Memory is taken for further frames once the first one has been decoded.
+            let now = if start == 0 && !is_bounded { 1 } else { batch };
+            let end = (start + now).min(self.slices.len());
             if !is_bounded {
                 grow(&mut voxels, (end - start) * pixels, wanted, self.source)?;
             }
@@ -188,6 +208,7 @@ impl Pixels<'_> {
                 })
                 .collect();
             results.into_iter().collect::<Result<(), VolumeError>>()?;
+            start = end;
         }
         Ok(T::into_voxels(voxels))
     }
@@ -212,6 +233,10 @@ impl Pixels<'_> {
             let uid = &image.syntax.uid;
             let problem = format!("the pixels are coded as {name} ({uid}), which Relume does not decode");
             return Err(image.wrong(tags::TRANSFER_SYNTAX_UID, problem));
+        }
+        if layout.photometric == "PALETTE COLOR" && image.segmentation.is_empty() {
+            let problem = "Relume does not read colours of a palette".to_owned();
+            return Err(image.wrong(tags::PHOTOMETRIC_INTERPRETATION, problem));
         }
         if layout.photometric.ends_with("422") && matches!(image.syntax.coding, Coding::Plain | Coding::Deflated) {
             let problem = format!("Relume does not read {} without compression", layout.photometric);
@@ -254,7 +279,7 @@ impl Pixels<'_> {
             lay(buffer, layout, layout.allocated, layout.is_planar, &place, self.component, out);
             return Ok(());
         }
-        let encoding = name_of(image.syntax.coding);
+        let encoding = image.syntax.coding.name();
         let Numbers { bytes, allocated, is_planar, is_aligned } = codec::decode(image.syntax.coding, buffer, layout)
             .map_err(|failure| match failure {
                 Failure::Damaged(problem) => at_frame(format!("damaged {encoding} data: {problem}")),
@@ -269,19 +294,6 @@ impl Pixels<'_> {
         let place = Place { byte_order: ByteOrder::Little, is_aligned, first_bit: 0 };
         lay(&bytes, layout, allocated, is_planar, &place, self.component, out);
         Ok(())
-    }
-}
-
-/// Name of a coding in messages.
-fn name_of(coding: Coding) -> &'static str {
-    match coding {
-        Coding::Plain => "uncompressed",
-        Coding::Deflated => "deflate",
-        Coding::Rle => "RLE",
-        Coding::Jpeg => "JPEG",
-        Coding::JpegLs => "JPEG-LS",
-        Coding::Jpeg2000 => "JPEG 2000",
-        Coding::Foreign(name) => name,
     }
 }
 
@@ -303,17 +315,16 @@ fn grow<T: Voxel>(voxels: &mut Vec<T>, more: usize, all: usize, source: &Path) -
 fn plain(image: &Image, first: u64, length: u64, buffer: &mut Buffer) -> Result<(), VolumeError> {
     let path = &image.path;
     let at = image.pixels.at.saturating_add(first);
-    // The file is long enough, as its header was checked.
-    buffer.resize(usize::try_from(length).unwrap_or(usize::MAX), 0);
+    buffer.clear();
+    // Memory grows with the bytes that come.
     let there = if image.syntax.coding == Coding::Deflated {
-        let mut inflated = dataset::stream_from(path, &image.syntax, at)?;
-        read_fully(&mut inflated, buffer)
+        dataset::stream_from(path, &image.syntax, at)?.take(length).read_to_end(buffer)
     } else {
         let mut file = stream::open(path)?;
-        file.seek(SeekFrom::Start(at)).and_then(|_| read_fully(&mut file, buffer))
+        file.seek(SeekFrom::Start(at)).and_then(|_| file.take(length).read_to_end(buffer))
     };
     let there = there.map_err(|source| failed(path, source))?;
-    if there < buffer.len() {
+    if count(there) < length {
         return Err(VolumeError::Short { path: path.clone(), found: count(there), expected: length });
     }
     Ok(())

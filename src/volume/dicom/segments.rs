@@ -9,10 +9,13 @@ use super::dataset::{self, Item};
 use super::image::{Image, text};
 use super::pixels::{Pixels, Slice, Values};
 use super::series::Series;
-use crate::number::{count, whole};
+use crate::number::whole;
 use crate::progress::Progress;
 use crate::volume::geometry::Lattice;
 use crate::volume::{LabelPreset, Selection, Volume, VolumeError, Voxel, Voxels, allocate, with_voxels};
+
+/// Voxels between the frames of a file, whatever their number.
+const MOST_EMPTY: usize = 64 << 20;
 
 /// Frames decoded together.
 const BATCH: usize = 64;
@@ -202,8 +205,8 @@ fn merged<T: Label>(
     let pixels = image.layout.pixels();
     let depth = places.lattice.dims[2];
     // Absent slices are not in the file: a few frames far apart must not take all memory.
-    let most = count(series.slices.len()) * 1024.0 + 65536.0;
-    if count(depth) > most {
+    let most = (1024 * series.slices.len()).max(MOST_EMPTY / pixels.max(1));
+    if depth > most {
         let problem = format!("{depth} slices between the first and the last of {} frames", series.slices.len());
         return Err(image.wrong(tags::IMAGE_POSITION_PATIENT, problem));
     }
@@ -213,9 +216,11 @@ fn merged<T: Label>(
     let is_binary = image.segmentation == "BINARY";
     let mut overlap = 0_usize;
     let images = std::slice::from_ref(image);
+    let all = Pixels { images, slices: &series.slices, component: 0, values: Values::Stored, source };
+    let shared = all.shared()?;
     for batch in order.chunks(BATCH) {
         let slices: Vec<Slice> = batch.iter().map(|&index| Slice { image: 0, ..series.slices[index] }).collect();
-        let read = Pixels { images, slices: &slices, component: 0, values: Values::Stored, source }.read(progress)?;
+        let read = Pixels { slices: &slices, ..all }.read_with(&shared, progress)?;
         for (plane, &index) in batch.iter().enumerate() {
             let label = image.frame(series.slices[index].frame).segment.unwrap_or(0);
             let start = pixels * places.slices[index];

@@ -3,6 +3,13 @@
 use dicom_dictionary_std::uids;
 
 use crate::volume::ByteOrder;
+use crate::volume::stream::JPEG_LIMIT;
+
+/// Largest number of bytes of a decoded frame.
+pub(super) const MOST_BYTES: u64 = 1 << 28;
+/// Largest number of pixels that a byte of JPEG-LS or JPEG 2000 stands for. Neither has a limit: an empty frame of any
+/// size takes a hundred bytes.
+const MOST_PIXELS: u64 = 1 << 16;
 
 /// Explicit big endian, retired from the standard, but not from archives.
 const EXPLICIT_VR_BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
@@ -21,6 +28,32 @@ pub(super) enum Coding {
     Jpeg2000,
     /// A coding that Relume does not decode.
     Foreign(&'static str),
+}
+
+impl Coding {
+    /// Name in messages.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "uncompressed",
+            Self::Deflated => "deflate",
+            Self::Rle => "RLE",
+            Self::Jpeg => "JPEG",
+            Self::JpegLs => "JPEG-LS",
+            Self::Jpeg2000 => "JPEG 2000",
+            Self::Foreign(name) => name,
+        }
+    }
+
+    /// Largest number of bytes of pixels that a byte of compressed data stands for, for numbers of `allocated` bits; `None`
+    /// for pixels that are not compressed by frames.
+    pub(super) fn packing(self, allocated: u32) -> Option<u64> {
+        match self {
+            Self::Rle => Some(64),
+            Self::Jpeg => Some(JPEG_LIMIT),
+            Self::JpegLs | Self::Jpeg2000 => Some(MOST_PIXELS.saturating_mul(u64::from(allocated).div_ceil(8))),
+            Self::Plain | Self::Deflated | Self::Foreign(_) => None,
+        }
+    }
 }
 
 /// A transfer syntax.

@@ -8,7 +8,7 @@ use image::codecs::{bmp::BmpDecoder, jpeg::JpegDecoder, pnm::PnmDecoder};
 use image::{ColorType, ImageDecoder};
 
 use crate::volume::guard::guarded;
-use crate::volume::stream::{self, DEFLATE_LIMIT, count};
+use crate::volume::stream::{self, DEFLATE_LIMIT, JPEG_LIMIT, count};
 use crate::volume::tiff::{Picture, Sample, unpack_bits};
 use crate::volume::{VolumeError, VoxelType};
 
@@ -53,8 +53,7 @@ impl Format {
         match self {
             // Eight numbers in a byte, deflated.
             Self::Png => 8 * DEFLATE_LIMIT,
-            // Two bits yield at most a block of 64 bytes, and the colour of four of them.
-            Self::Jpeg => 512,
+            Self::Jpeg => JPEG_LIMIT,
             // Two bytes yield a run of at most 255.
             Self::Bmp => 128,
             Self::Pnm => 8,
@@ -182,16 +181,22 @@ fn png_picture(info: &png::Info<'_>) -> Picture {
     Picture { width: side(info.width), height: side(info.height), samples, sample, photometric }
 }
 
+/// Zeros for a picture; an error if there is no memory.
+fn zeros(bytes: usize) -> io::Result<Vec<u8>> {
+    let short = |()| io::Error::new(io::ErrorKind::OutOfMemory, format!("there is no memory for {bytes} bytes"));
+    bytemuck::try_zeroed_vec(bytes).map_err(short)
+}
+
 fn png_numbers(file: BufReader<File>) -> io::Result<Vec<u8>> {
     let mut reader = png_reader(file)?;
     let picture = png_picture(reader.info());
     let too_large = || io::Error::other("it is too large");
-    let mut numbers = vec![0; reader.output_buffer_size().ok_or_else(too_large)?];
+    let mut numbers = zeros(reader.output_buffer_size().ok_or_else(too_large)?)?;
     let frame = reader.next_frame(&mut numbers).map_err(io::Error::other)?;
     numbers.truncate(frame.buffer_size());
     match picture.sample {
         Sample::Bits(bits) => {
-            let mut all = vec![0; picture.width * picture.height];
+            let mut all = zeros(picture.width * picture.height)?;
             for (line, packed) in all.chunks_mut(picture.width.max(1)).zip(numbers.chunks(frame.line_size.max(1))) {
                 unpack_bits(packed, bits, (0, 1), line);
             }
@@ -241,7 +246,7 @@ fn of_decoder(decoder: &impl ImageDecoder, photometric: u64) -> io::Result<Pictu
 
 fn of_image(decoder: impl ImageDecoder) -> io::Result<Vec<u8>> {
     let bytes = usize::try_from(decoder.total_bytes()).map_err(io::Error::other)?;
-    let mut numbers = vec![0; bytes];
+    let mut numbers = zeros(bytes)?;
     decoder.read_image(&mut numbers).map_err(io::Error::other)?;
     Ok(numbers)
 }

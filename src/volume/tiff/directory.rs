@@ -98,6 +98,8 @@ pub(super) struct Tiff {
     here: Option<u64>,
     /// Bytes of all directories read so far.
     spent: u64,
+    /// Bytes of values that were read one by one.
+    values: u64,
 }
 
 /// Buffer of a file in bytes: a directory with some of its values.
@@ -117,6 +119,7 @@ impl Tiff {
             stream: BufReader::with_capacity(BUFFER, file),
             here: Some(0),
             spent: 0,
+            values: 0,
         };
         let mut header = [0; 16];
         let there = usize::try_from(length).unwrap_or(16).min(16);
@@ -254,6 +257,17 @@ impl Tiff {
         ];
         self.read(entry.at, &mut bytes)?;
         Ok(bytes)
+    }
+
+    /// Counts values that are read one by one, because many pages may share them.
+    pub(super) fn spend(&mut self, entry: Entry, place: &str) -> Result<(), VolumeError> {
+        self.values = self.values.saturating_add(self.inside(entry, place)?);
+        // A page may have one array for two of its tags.
+        if self.values <= self.length.saturating_mul(2) {
+            return Ok(());
+        }
+        let problem = format!("the values up to here have {} bytes, but the file only {}", self.values, self.length);
+        Err(self.wrong(place, problem))
     }
 
     /// Refuses values that are not in the file; returns their size in bytes.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::directory::{Directory, Entry, Tiff, tag};
 use crate::volume::data;
-use crate::volume::stream::{DEFLATE_LIMIT, count};
+use crate::volume::stream::{DEFLATE_LIMIT, JPEG_LIMIT, count};
 use crate::volume::{VolumeError, VoxelType};
 
 /// Type of the stored numbers.
@@ -142,8 +142,7 @@ impl Compression {
             Self::PackBits => 64,
             // A block of 4 bytes yields at most 128 KiB.
             Self::Zstd => 1 << 15,
-            // Two bits yield at most a block of 64 bytes, and the colour of four of them.
-            Self::Jpeg => 512,
+            Self::Jpeg => JPEG_LIMIT,
         }
     }
 }
@@ -314,6 +313,9 @@ impl Reading<'_> {
         let first = self.or(tag, name, otherwise)?;
         let Some(entry) = self.directory.find(tag) else { return Ok(first) };
         let place = self.place(name);
+        if entry.count.min(samples) > 1 {
+            self.tiff.spend(entry, &place)?;
+        }
         for index in 1..entry.count.min(samples) {
             let other = self.tiff.whole(entry, index, &place)?;
             if other != Some(first) {
