@@ -51,7 +51,8 @@ impl Storm {
         let mut storm = Self { random: Random::new(seed), named: true };
         let mut script = "settle\n".to_owned();
         let rest = |name: &str| {
-            let largest = "release\npanels off\nsize 700 600\nopen stained.toml\nsettle\n";
+            let largest =
+                "release\npanels off\nslices on\nsize 1400 900\nopen stained.toml\nsettle\nslices off\nsettle\n";
             format!("{largest}panels on\nsize 640 480\nopen scene.toml\nsettle\nsave session {name}\nframes 30\n")
         };
         for input in 0..inputs {

@@ -98,7 +98,7 @@ fn a_line_of_the_wheel_turns_one_slice_and_no_further_than_the_last() {
     };
     let first = turn(1.0);
     let steps = [turn(1.0), turn(-3.0)].map(|z| z - first);
-    assert_eq!(steps, [1.0, -2.0]);
+    assert_eq!(steps.to_vec(), [1.0, -2.0]);
     let last = turn(1000.0);
     let count = f64::from(u32::try_from(dims(&window)[2]).unwrap());
     assert!((last - (count - 1.0)).abs() < 1e-12);
