@@ -333,14 +333,14 @@ fn groups_of_one_number_are_told_apart_and_one_copied_file_counts_once() {
 }
 
 #[test]
-fn a_folder_is_read_two_levels_deep_and_says_what_it_skips() {
+fn a_folder_is_read_eight_levels_deep_and_says_what_it_skips() {
     let without_pixels = slice(0.0, 0).without(0x7fe0_0010).without(0x0028_0010);
     let files = [
         ("one/a", file(&slice(0.0, 0), EXPLICIT)),
-        ("two/b", file(&slice(2.0, 12), EXPLICIT)),
+        ("two/3/4/5/6/7/8/b", file(&slice(2.0, 12), EXPLICIT)),
         ("DICOMDIR", file(&without_pixels, EXPLICIT)),
         ("notes.txt", b"words".to_vec()),
-        ("two/deeper/c", file(&slice(4.0, 24), EXPLICIT)),
+        ("two/3/4/5/6/7/8/deeper/c", file(&slice(4.0, 24), EXPLICIT)),
     ];
     let volume = open(folder(&files).path(), &Selection::default()).unwrap();
     assert_eq!((volume.geometry.dims, volume.files.len()), ([4, 3, 2], 2));

@@ -363,3 +363,28 @@ fn a_definition_of_the_grid_is_seen_by_the_first_look() {
     assert_ne!(picture(&["flat.nrrd"]), halved);
     folder.refused(2, &["render", "flat.nrrd", "-o", "q.png", "-D", "volume.spacing=[1, 0, 1]"], &["volume.spacing"]);
 }
+
+#[test]
+fn labels_beside_a_volume_without_a_scene_are_shown_by_name() {
+    let header =
+        |kind: &str| format!("NRRD0004\ntype: {kind}\ndimension: 3\nsizes: 12 12 12\nencoding: raw\n{kind}:=x\n\n");
+    let inside = |index: usize, radius: usize| {
+        [index % 12, index / 12 % 12, index / 144].iter().all(|at| at.abs_diff(6) < radius)
+    };
+    let values: Vec<u8> = (0..12 * 12 * 12).map(|index| if inside(index, 5) { 180 } else { 0 }).collect();
+    let labels: Vec<u8> = (0..12 * 12 * 12).map(|index| if inside(index, 3) { 7 } else { 0 }).collect();
+    let segments = "Segment0_LabelValue:=7\nSegment0_Name:=the \"core\"\nSegment0_Color:=1 0 0\n\n";
+    let named = header("uint8").trim_end().to_owned() + "\n" + segments;
+    let folder = Folder::new()
+        .with("v.nrrd", [header("uint8").into_bytes(), values].concat())
+        .with("l.seg.nrrd", [named.into_bytes(), labels].concat());
+    let arguments = ["render", "v.nrrd", "--labels", "l.seg.nrrd", "--size", "16x16", "--save-scene", "s.toml", "-o"];
+    let err = folder.done(&[&arguments[..], &["p.png"]].concat()).err;
+    assert!(!err.contains("not used"), "{err}");
+    let scene = std::fs::read_to_string(folder.path("s.toml")).unwrap();
+    assert!(scene.contains("[labels.7]") && scene.contains("#ff0000") && scene.contains("the \"core\""), "{scene}");
+    folder.done(&["render", "v.nrrd", "--size", "16x16", "-o", "q.png"]);
+    assert_ne!(std::fs::read(folder.path("p.png")).unwrap(), std::fs::read(folder.path("q.png")).unwrap());
+    folder.done(&["render", "s.toml", "--size", "16x16", "-o", "again.png"]);
+    assert_eq!(std::fs::read(folder.path("p.png")).unwrap(), std::fs::read(folder.path("again.png")).unwrap());
+}

@@ -98,8 +98,8 @@ fn a_folder_without_a_volume_says_what_it_holds() {
         said.contains("this is a folder with 0 files, none of which") && said.contains("folders of DICOM"),
         "{said}"
     );
-    std::fs::create_dir_all(folder.path().join("a/b")).unwrap();
-    for name in ["words.txt", "a/words.txt", "a/b/deeper.txt", ".hidden"] {
+    std::fs::create_dir_all(folder.path().join("a/2/3/4/5/6/7/8")).unwrap();
+    for name in ["words.txt", "a/words.txt", "a/2/3/4/5/6/7/8/deeper.txt", ".hidden"] {
         std::fs::write(folder.path().join(name), "words").unwrap();
     }
     let said = refusal(folder.path());

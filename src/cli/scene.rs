@@ -17,7 +17,8 @@ use super::accuracy::AccuracyArgs;
 /// A scene and its changes.
 #[derive(Debug, Args)]
 pub(crate) struct SceneArgs {
-    /// Scene file (TOML; its keys are in docs/SCENE.md). Default: the built-in scene.
+    /// Scene file (TOML; its keys are in docs/SCENE.md), or a volume: a file or a folder of any format of docs/FORMATS.md.
+    /// Default: the built-in scene.
     pub(crate) scene: Option<PathBuf>,
     /// Volume in place of that of the scene: any format of docs/FORMATS.md, .raw (see below), or a .toml sidecar of a
     /// .raw. Without a scene, Relume makes one from the values.

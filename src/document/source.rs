@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::file::{parse_around, volume_alone};
-use super::first_look::{first_look, otsu};
+use super::first_look::{first_look, labels_text, otsu};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded};
 use crate::input;
 use crate::number::count;
@@ -212,7 +212,14 @@ impl Source {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let look = first_look(&name, &volume, &statistics, options.wish);
         volume.geometry = stored;
-        let read = parse_around(Some(volume), &whole_name, &look.text, Path::new(""), &options, progress);
+        let mut text = look.text;
+        if let Some(labels) = &options.labels {
+            // A label map that cannot be read is an error of the scene.
+            let labels = volume::open(labels, &Selection::default(), progress).ok();
+            let declared = labels.and_then(|labels| labels_text(&labels, &text)).unwrap_or_default();
+            text.push_str(&declared);
+        }
+        let read = parse_around(Some(volume), &whole_name, &text, Path::new(""), &options, progress);
         let file = read.map_err(of_volume)?;
         Ok((SceneFile { guess: Some(look.guess), ..file }, statistics))
     }

@@ -11,6 +11,8 @@ use crate::progress::Progress;
 
 /// Largest number of files and folders in a folder, together with those in its folders.
 const MOST: usize = 100_000;
+/// Levels of folders that are searched; exports of scanners have four.
+const DEEPEST: usize = 8;
 
 /// A function that reads the volume of some files of a folder.
 type Read = fn(&Folder, &[PathBuf], &Selection, &dyn Progress) -> Result<Volume, VolumeError>;
@@ -44,7 +46,7 @@ pub(super) struct Folder {
     pub(super) path: PathBuf,
     /// Files in the folder and in its folders, sorted by their names; names that begin with a dot are left out.
     pub(super) files: Vec<PathBuf>,
-    /// Number of folders two levels down, whose files are left out.
+    /// Number of folders below [`DEEPEST`] levels, whose files are left out.
     deeper: usize,
 }
 
@@ -58,10 +60,15 @@ impl Folder {
     pub(super) fn list(path: &Path) -> Result<Self, VolumeError> {
         let mut folder = Self { path: path.to_owned(), files: Vec::new(), deeper: 0 };
         let mut names = 0;
-        let inside = folder.list_one(path, &mut names)?;
-        for inner in inside {
-            folder.deeper += folder.list_one(&inner, &mut names)?.len();
+        let mut folders = vec![path.to_owned()];
+        for _ in 0..DEEPEST {
+            let mut inside = Vec::new();
+            for inner in &folders {
+                inside.extend(folder.list_one(inner, &mut names)?);
+            }
+            folders = inside;
         }
+        folder.deeper = folders.len();
         folder.files.sort_unstable();
         Ok(folder)
     }
@@ -115,7 +122,7 @@ impl Folder {
         }
         if self.deeper > 0 {
             notes.push(format!(
-                "{source}: {} folders are deeper than two levels, and are skipped; open them by themselves",
+                "{source}: {} folders are deeper than {DEEPEST} levels, and are skipped; open them by themselves",
                 self.deeper
             ));
         }

@@ -4,22 +4,26 @@ mod fit;
 mod sample;
 mod values;
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use glam::DVec3;
 use toml_edit::{DocumentMut, Item, TableLike};
 
+use values::MOST_LABELS;
 pub(in crate::document) use values::otsu;
 pub use values::{Kind, Peak, Values};
 
 use self::sample::Thinned;
 use super::moves::Side;
-use crate::number::{brief, count, rounded, whole};
+use crate::number::{brief, count, nearest, rounded, whole};
 use crate::scene::{Aim, Camera, Projection};
 use crate::volume::{Geometry, LabelPreset, Presets, Statistics, Volume, Window};
 
 /// Designed materials and lights of a first look.
 const DESIGN: &str = include_str!("../../../data/scenes/volume.toml");
+/// Opacity of labels of a label map, per voxel: a surface that shows what is in front of it.
+const LABEL_OPACITY: f64 = 0.5;
 /// Names of its materials, from the faintest to the most solid.
 const DESIGNED: [&str; 3] = ["faint", "middle", "solid"];
 
@@ -222,14 +226,16 @@ fn window_layers(window: &Window, most: f64) -> Vec<Layer> {
     (0..3).map(layer).collect()
 }
 
+/// `#rrggbb` of sRGB code values from 0 to 1.
+fn code([red, green, blue]: [f64; 3]) -> String {
+    let byte = |part: f64| whole((part.clamp(0.0, 1.0) * 255.0).round());
+    format!("#{:02x}{:02x}{:02x}", byte(red), byte(green), byte(blue))
+}
+
 /// Layers of a segmentation; a label that hides most of the others is like glass.
 fn label_layers(values: &Values, labels: &[f64], presets: &[LabelPreset], axis: usize) -> Vec<Layer> {
     let outer = outermost(&values.thinned, values.least, axis);
     let stated = |label: f64| presets.iter().find(|preset| brief(label) == preset.value.to_string());
-    let code = |[red, green, blue]: [f64; 3]| {
-        let byte = |part: f64| whole((part.clamp(0.0, 1.0) * 255.0).round());
-        format!("#{:02x}{:02x}{:02x}", byte(red), byte(green), byte(blue))
-    };
     let layer = |(index, &label): (usize, &f64)| Layer {
         name: format!("label_{}", brief(label)),
         colour: Colour::Code(
@@ -569,6 +575,42 @@ fn text(
         line("\n# No interpolation between labels.\n[accuracy]\ninterpolation = \"nearest\"");
     }
     text
+}
+
+/// Materials and declarations of the labels of a label map, to be appended to the text of a `scene`: names and colours of its
+/// file, or else numbers. `None` if it has no label, or more than are told apart.
+pub(super) fn labels_text(labels: &Volume, scene: &str) -> Option<String> {
+    let mut values = BTreeSet::new();
+    for index in 0..labels.voxels.len() {
+        let value = labels.voxels.value(index)?;
+        values.insert(nearest(value));
+        if values.len() > MOST_LABELS + 1 {
+            return None;
+        }
+    }
+    values.remove(&0);
+    let mut text = String::from("\n# Labels of the label map; their voxels do not follow the transfer function.\n");
+    for (index, &value) in values.iter().enumerate() {
+        let preset = labels.presets.labels.iter().find(|preset| preset.value == i64::from(value));
+        let name: String =
+            preset.map_or_else(String::new, |it| it.name.chars().filter(|it| !it.is_control()).collect());
+        let name = if name.is_empty() { format!("label_{value}") } else { name };
+        let is_taken = scene.contains(&format!("[materials.{}]", toml_edit::Key::new(&name).display_repr()))
+            || labels.presets.labels.iter().any(|other| other.name == name && other.value != i64::from(value));
+        let name = if is_taken { format!("{name} ({value})") } else { name };
+        let colour = preset
+            .and_then(|preset| preset.colour)
+            .map_or_else(|| LABEL_COLOURS[index % LABEL_COLOURS.len()].to_owned(), code);
+        let key = toml_edit::Key::new(&name);
+        let (key, quoted) = (key.display_repr().into_owned(), toml_edit::value(&name).to_string());
+        let _ = write!(
+            text,
+            "[materials.{key}]\nreflectance = {{ srgb = \"{colour}\" }}\n[labels.{value}]\nname = {q}\nmaterial = \
+             {q}\nopacity = {LABEL_OPACITY:?}\n",
+            q = quoted.trim()
+        );
+    }
+    (!values.is_empty()).then_some(text)
 }
 
 /// Direction towards a light at the upper left in front of the volume.

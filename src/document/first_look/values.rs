@@ -4,14 +4,14 @@ use serde::Serialize;
 
 use super::sample::Thinned;
 use crate::number::{brief, count, whole};
-use crate::volume::{Statistics, Volume, VoxelType};
+use crate::volume::{Statistics, Unit, Volume, VoxelType};
 
 /// Bins of the histogram between the 0.05th and the 99.95th percentile.
 const BINS: usize = 256;
 /// Values that are sorted for percentiles.
 const SORTED: usize = 400_000;
 /// Most labels of a volume that is taken for a segmentation.
-const MOST_LABELS: usize = 48;
+pub(super) const MOST_LABELS: usize = 48;
 
 /// Kind of data, as far as the values tell.
 #[derive(Clone, Debug, PartialEq)]
@@ -296,7 +296,9 @@ pub(in crate::document) fn otsu(bins: &[f64]) -> usize {
 }
 
 fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statistics) -> Kind {
-    if let Some(water) = water(sorted, statistics).filter(|_| !volume.has_labels) {
+    // Maps of microscopes may have the values of a CT, but not its unit.
+    let is_small = matches!(volume.unit, Some(Unit::Micrometre | Unit::Nanometre | Unit::Angstrom));
+    if let Some(water) = water(sorted, statistics).filter(|_| !volume.has_labels && !is_small) {
         return Kind::Ct { water };
     }
     let are_whole = !matches!(volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);

@@ -70,10 +70,8 @@ pub(super) fn read_folder(
     }
     let (images, copies) = series::without_copies(read.into_iter().flatten().collect());
     if copies > 0 {
-        notes.push(format!(
-            "{}: {copies} files are copies of others (equal SOPInstanceUID), and are skipped",
-            source.display()
-        ));
+        let are = if copies == 1 { "file is a copy of another" } else { "files are copies of others" };
+        notes.push(format!("{}: {copies} {are} (equal SOPInstanceUID); copies are skipped", source.display()));
     }
     if images.is_empty() {
         let (place, problem) =
