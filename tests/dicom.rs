@@ -329,7 +329,7 @@ fn groups_of_one_number_are_told_apart_and_one_copied_file_counts_once() {
     let files = [("a", named(0.0, 0, "1.1")), ("b", named(2.0, 12, "1.2")), ("copy of b", named(2.0, 12, "1.2"))];
     let volume = series_of(&files, &Selection::default()).unwrap();
     assert_eq!(volume.geometry.dims, [4, 3, 2]);
-    assert!(volume.notes.iter().any(|note| note.contains("1 files are copies")), "{:?}", volume.notes);
+    assert!(volume.notes.iter().any(|note| note.contains("1 file is a copy of another")), "{:?}", volume.notes);
 }
 
 #[test]

@@ -62,7 +62,10 @@ impl Overlay<'_> {
         };
         let mut top = 1.4 * letter;
         if let Some(title) = self.title {
-            text(width / 2.0, 1.9 * letter, "middle", " font-size=\"140%\" font-weight=\"bold\"", title);
+            // A letter of a bold font is some 0.7 of its size wide.
+            let size = (1.4 * letter).min(0.95 * width / (0.7 * count(title.chars().count().max(1))));
+            let style = format!(" font-size=\"{size}\" font-weight=\"bold\"");
+            text(width / 2.0, 1.9 * letter, "middle", &style, title);
             top += 2.0 * letter;
         }
         let geometry = &self.scene.volume.geometry;

@@ -120,7 +120,8 @@ fn a_scene_without_its_volume_is_shown_the_one_that_is_chosen() {
     let (scene, volume) = (window.state().folder.path("scene.toml"), window.state().folder.path("head.mhd"));
     let mut source = Source::of(&scene);
     window.state_mut().chooser.ask_volume(source.clone(), (&scene, false));
-    window.run();
+    // The dialog repaints until it has listed its folder.
+    window.step();
     until_listed(&mut window);
     assert!(is_painted(&window, "Which volume should scene.toml show?"));
     window.get_by_label_contains("head.mhd").click();
