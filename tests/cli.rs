@@ -915,7 +915,7 @@ fn animation(path: &Path) -> Vec<Vec<u8>> {
         let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
         reader.next_frame(&mut bytes).unwrap();
         let control = reader.info().frame_control().unwrap();
-        assert_eq!((control.delay_num, control.delay_den), (1, 12));
+        assert_eq!((control.delay_num, control.delay_den), (1, 12), "12 pictures per second");
         bytes
     };
     (0..control.num_frames).map(frame).collect()

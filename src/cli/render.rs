@@ -254,7 +254,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         times.extend(ready.times);
         let look = turntable::Look { mix: &mix, size: args.size, bits: args.bits, backdrop: args.background, overlay };
         let mut on_device = ready.on_device;
-        let (more, marches) = turntable::write(&mut on_device, &look, &frames, progress)?;
+        let more = turntable::write(&mut on_device, &look, &frames, progress)?;
         times.extend(more);
         save_scene()?;
         let text = format!("wrote {}{}\n", frames.told(), spent(&times));
@@ -264,7 +264,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             "device": super::info::device_json(on_device.renderer().device().info()),
             "plan": super::info::plan_json(&scene, &planned, &on_device.uploaded().storage, learnt),
             "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<Map<_, _>>(),
-            "marches": marches,
+            "marches": frames.count(),
             "peak_mb": peak_mb(),
         });
         return Ok(Report { text, json });

@@ -1,7 +1,5 @@
 //! `relume render --turntable`: pictures of a volume that turns once.
 
-use serde_json::{Value, json};
-
 use relume::document::moves::turntable;
 use relume::internal::annotate::Overlay;
 use relume::internal::number::count;
@@ -35,13 +33,13 @@ pub(crate) struct Look<'a> {
     pub(crate) overlay: Option<Overlay<'a>>,
 }
 
-/// Writes `frames` of a full turn of the scene on the device; returns the times and the number of marches.
+/// Writes `frames` of a full turn of the scene on the device; returns the times.
 pub(crate) fn write(
     on_device: &mut SceneRenderer,
     look: &Look<'_>,
     frames: &Frames<'_>,
     progress: &dyn Progress,
-) -> Result<(Vec<(&'static str, Timing)>, Value), CliError> {
+) -> Result<Vec<(&'static str, Timing)>, CliError> {
     let Look { mix, size: [width, height], bits, backdrop, overlay } = *look;
     let scene = on_device.scene();
     let aspect = count(width) / count(height);
@@ -69,5 +67,5 @@ pub(crate) fn write(
         Ok(Frame { linear, shown })
     })?;
     let written = whole.read() - marching - relighting;
-    Ok((vec![("march", marching), ("relight", relighting), ("write", written)], json!(cameras.len())))
+    Ok(vec![("march", marching), ("relight", relighting), ("write", written)])
 }

@@ -67,8 +67,7 @@ static FONTS: LazyLock<Arc<fontdb::Database>> = LazyLock::new(|| {
 
 /// Renders `svg` for the file `path` with `scale` pixels per unit, and says whether there is a font for its text.
 fn rasterised(path: &Path, svg: &str, scale: f32) -> Result<(Pixmap, bool), OutputError> {
-    let mut options = Options::default();
-    options.fontdb = Arc::clone(&FONTS);
+    let mut options = Options { fontdb: Arc::clone(&FONTS), ..Options::default() };
     let has_fonts = !options.fontdb.is_empty();
     if let Some(name) = family(&options) {
         options.fontdb_mut().set_sans_serif_family(name.clone());
