@@ -30,7 +30,7 @@ fn resampled() -> Selection {
     Selection { resample: true, ..Selection::default() }
 }
 
-/// What independent readers found in a shared file.
+/// Findings of independent readers about a shared file.
 fn expected(folder: &Path, name: &str) -> Value {
     let text = std::fs::read_to_string(folder.join("expected.json")).unwrap();
     let json: Value = serde_json::from_str(&text).unwrap();
@@ -190,24 +190,13 @@ fn one_file_of_a_series_is_one_slice() {
     assert!(volume.notes.iter().any(|note| note.contains("SliceThickness, 5 mm")), "{:?}", volume.notes);
 }
 
-/// A folder with these files.
-fn folder(files: &[(&str, Vec<u8>)]) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, bytes) in files {
-        let path = folder.path().join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, bytes).unwrap();
-    }
-    folder
-}
-
 fn opened(name: &str, bytes: &[u8]) -> Result<Volume, VolumeError> {
     volumes::opened(name, bytes, &Selection::default())
 }
 
 fn series_of(files: &[(&str, Elements)], selection: &Selection) -> Result<Volume, VolumeError> {
     let files: Vec<_> = files.iter().map(|(name, elements)| (*name, file(elements, EXPLICIT))).collect();
-    open(folder(&files).path(), selection)
+    open(volumes::folder(&files).path(), selection)
 }
 
 /// Stored numbers of a volume.
@@ -342,7 +331,7 @@ fn a_folder_is_read_eight_levels_deep_and_says_what_it_skips() {
         ("notes.txt", b"words".to_vec()),
         ("two/3/4/5/6/7/8/deeper/c", file(&slice(4.0, 24), EXPLICIT)),
     ];
-    let volume = open(folder(&files).path(), &Selection::default()).unwrap();
+    let volume = open(volumes::folder(&files).path(), &Selection::default()).unwrap();
     assert_eq!((volume.geometry.dims, volume.files.len()), ([4, 3, 2], 2));
     for words in ["file DICOMDIR has no pixels", "the file notes.txt is of another format", "1 folders are deeper"] {
         assert!(volume.notes.iter().any(|note| note.contains(words)), "{words}: {:?}", volume.notes);
@@ -350,7 +339,7 @@ fn a_folder_is_read_eight_levels_deep_and_says_what_it_skips() {
     // A damaged slice must not be missing without a word.
     let cut = file(&slice(4.0, 24), EXPLICIT)[..300].to_vec();
     let files = [("a", file(&slice(0.0, 0), EXPLICIT)), ("b", cut)];
-    refused(open(folder(&files).path(), &Selection::default()), &["b, byte"]);
+    refused(open(volumes::folder(&files).path(), &Selection::default()), &["b, byte"]);
 }
 
 #[test]

@@ -322,7 +322,7 @@ const LONG: u16 = 4;
 /// A little-endian TIFF file that grows at its end.
 struct Writer {
     bytes: Vec<u8>,
-    /// Where the offset of the next directory is to be written.
+    /// Position of the offset of the next directory.
     link: usize,
 }
 
@@ -358,7 +358,7 @@ impl Writer {
         self
     }
 
-    /// What a directory has for these values: the values, or their offset.
+    /// Entry of a directory for these values: the values, or their offset.
     fn values(&mut self, kind: u16, values: &[u32]) -> u32 {
         let size = match kind {
             SHORT => 2,
@@ -718,19 +718,8 @@ fn strips(at: u32) -> Vec<u32> {
 
 // Folders of slices.
 
-/// A folder with these files.
-fn folder(files: &[(&str, Vec<u8>)]) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, bytes) in files {
-        let path = folder.path().join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, bytes).unwrap();
-    }
-    folder
-}
-
 fn open_folder(files: &[(&str, Vec<u8>)], selection: &Selection) -> Result<Volume, VolumeError> {
-    volume::open(folder(files).path(), selection, &Quiet)
+    volume::open(volumes::folder(files).path(), selection, &Quiet)
 }
 
 /// A PNG of 4 × 3 pixels with these rows.
@@ -930,7 +919,7 @@ fn a_metaimage_header_places_slices_of_pictures() {
         format!("NDims = 3\nDimSize = {dims}\nElementSpacing = 1 2 3\nElementType = {kind}\nElementDataFile = s%d.png 9 10 1\n").into_bytes()
     };
     let open = |dims: &str, kind: &str| {
-        let files = folder(&[("s9.png", grey_png(0)), ("s10.png", grey_png(20)), ("v.mhd", header(dims, kind))]);
+        let files = volumes::folder(&[("s9.png", grey_png(0)), ("s10.png", grey_png(20)), ("v.mhd", header(dims, kind))]);
         volume::open(&files.path().join("v.mhd"), &Selection::default(), &Quiet)
     };
     let volume = open("4 3 2", "MET_UCHAR").unwrap();

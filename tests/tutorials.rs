@@ -196,7 +196,7 @@ fn ome_tiff() -> Vec<u8> {
             start
         })
         .collect();
-    // Where the offset of the next directory stands.
+    // Position of the offset of the next directory.
     let mut next = 4;
     for (page, plane) in planes.into_iter().enumerate() {
         let start = offset(&bytes);

@@ -803,7 +803,7 @@ fn slices_follow_the_probe_and_neither_march_nor_appear_in_saved_pictures() {
     assert_eq!([marches(1), marches(2)], [marches(0); 2], "slices march nothing");
     folder.done(&["render", "dial.toml", "-o", "rendered.png", "--size", &size(&report)]);
     assert_eq!(bytes(&folder, "shown.png"), bytes(&folder, "rendered.png"));
-    // Where most of the light of the probed ray comes from.
+    // Origin of most of the light of the probed ray.
     let slices = &report["slices"];
     assert_eq!(slices["window"].as_array().unwrap().len(), 2);
     assert!(slices["value"].is_number() && slices["at"] != serde_json::json!([10.0, 11.0, 12.0]), "{slices}");

@@ -21,7 +21,7 @@ const LEGEND: f64 = 0.7;
 /// Longest name in the legend, in letters.
 const LONGEST_NAME: usize = 28;
 
-/// What an overlay shows.
+/// Content of an overlay.
 #[derive(Clone, Copy, Debug)]
 pub struct Overlay<'a> {
     /// The scene of the picture.

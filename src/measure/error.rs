@@ -5,7 +5,7 @@ use super::ladder::LadderError;
 use crate::plan::PlanError;
 use crate::render::RenderError;
 
-/// Why settings could not be measured, or none was chosen.
+/// Failure of a measurement or a choice of settings.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeasureError {

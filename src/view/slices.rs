@@ -225,7 +225,7 @@ fn label_colours(labels: &Labels, colours: &[[f64; 3]]) -> Vec<Option<[f64; 3]>>
     found
 }
 
-/// What a slice shows.
+/// Content of a slice.
 #[derive(Debug)]
 pub struct Painted<'a> {
     /// The volume.

@@ -22,10 +22,10 @@ pub(super) struct Part<'a, P> {
     pub(super) path: &'a Path,
 }
 
-/// How parts are decoded.
+/// Decoder of parts.
 pub(super) trait Decode<P>: Sync {
     type Voxel: Voxel;
-    /// What one thread keeps from part to part.
+    /// State of a thread, kept from part to part.
     type Scratch;
 
     fn scratch(&self) -> Self::Scratch;

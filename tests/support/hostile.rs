@@ -30,6 +30,9 @@ pub struct Counting;
 thread_local! {
     static HELD: Cell<isize> = const { Cell::new(0) };
     static MOST: Cell<isize> = const { Cell::new(0) };
+    /// Parallel loops of the readers run on the thread that counts; those of another thread would not be counted.
+    static POOL: rayon::ThreadPool =
+        rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().expect("a pool of this thread");
 }
 
 fn count(more: usize, less: usize) {
@@ -67,11 +70,15 @@ unsafe impl GlobalAlloc for Counting {
 }
 
 /// Returns the result of `work` and the peak number of bytes this thread allocated for it.
-pub fn most_held<T>(work: impl FnOnce() -> T) -> (T, usize) {
-    let before = HELD.get();
-    MOST.set(before);
-    let answer = work();
-    (answer, (MOST.get() - before).unsigned_abs())
+pub fn most_held<T: Send>(work: impl FnOnce() -> T + Send) -> (T, usize) {
+    POOL.with(|pool| {
+        pool.install(|| {
+            let before = HELD.get();
+            MOST.set(before);
+            let answer = work();
+            (answer, (MOST.get() - before).unsigned_abs())
+        })
+    })
 }
 
 /// Reader of untrusted files.

@@ -51,6 +51,17 @@ pub fn opened(name: &str, bytes: &[u8], selection: &Selection) -> Result<Volume,
     volume::open(&path, selection, &Quiet)
 }
 
+/// A folder with these files.
+pub fn folder(files: &[(&str, Vec<u8>)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in files {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+    folder
+}
+
 /// A folder with a header and its data file `v.raw`.
 pub struct Files {
     pub folder: tempfile::TempDir,

@@ -109,7 +109,7 @@ fn bottom(ui: &mut Ui, shown: &Shown<'_>, document: &Document, asked: &mut Vec<A
     tab(&mut spectra, |ui| scrolled(ui, |ui| contents(ui, shown, document, Tab::Spectra, asked)));
 }
 
-/// What the controls of a tab make stale.
+/// Stage that the controls of a tab make stale.
 fn stale(shown: &Shown<'_>, tab: Tab) -> Stale {
     match tab {
         Tab::Camera | Tab::Crop => Stale::Accumulators,

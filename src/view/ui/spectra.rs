@@ -65,7 +65,7 @@ fn handles(ui: &mut Ui, index: usize, name: &str, now: &Spectrum, asked: &mut Ve
     }
 }
 
-/// What a spectrum makes stale: the march only where a colour model is fitted.
+/// Stage that a spectrum makes stale: the march only if a colour model is fitted.
 pub(super) fn stale(effort: Effort<'_>) -> Stale {
     let fitted = effort.planned.is_some_and(|planned| planned.model.is_some());
     if fitted { Stale::Tables } else { Stale::Picture }

@@ -22,7 +22,7 @@ pub(super) struct Numbers {
     pub(super) is_aligned: bool,
 }
 
-/// Why a frame cannot be decoded.
+/// Failure to decode a frame.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Failure {
     /// The data are damaged, or contradict the header.

@@ -1,4 +1,4 @@
-//! What the header of one file says of its pixels and of the places of its frames (DICOM PS3.3).
+//! Header of one file: layout of its pixels, and places of its frames (DICOM PS3.3).
 
 use std::path::{Path, PathBuf};
 
@@ -421,7 +421,7 @@ impl Reading<'_> {
     }
 }
 
-/// What is told of a series, but does not place it: read again from one of its files.
+/// Description of a series, without its places: read again from one of its files.
 #[derive(Debug, Default)]
 pub(super) struct About {
     pub(super) windows: Vec<Window>,

@@ -26,7 +26,7 @@ pub(super) struct Slice {
     pub(super) frame: usize,
 }
 
-/// What voxels are made of stored numbers.
+/// Conversion of stored numbers to voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Values {
     /// The stored numbers themselves.
@@ -48,7 +48,7 @@ pub(super) struct Pixels<'a> {
     pub(super) source: &'a Path,
 }
 
-/// What the frames of images of several frames need together: read once.
+/// Data that the frames of a file share, read once.
 #[derive(Default)]
 pub(super) struct Shared {
     /// Fragments of each frame, of compressed images.
@@ -148,7 +148,7 @@ impl Pixels<'_> {
         self.source.display().to_string()
     }
 
-    /// What the frames of each file share.
+    /// The data that the frames of each file share.
     pub(super) fn shared(&self) -> Result<Shared, VolumeError> {
         let mut shared = Shared::default();
         for &Slice { image: number, .. } in self.slices {
@@ -402,7 +402,7 @@ fn by_offsets(offsets: &[u64], fragments: &[Range]) -> Option<Vec<Vec<Range>>> {
     Some(starts.iter().zip(ends).map(|(&start, end)| fragments[start..end].to_vec()).collect())
 }
 
-/// How numbers lie in bytes.
+/// Layout of numbers in bytes.
 struct Place {
     byte_order: ByteOrder,
     /// Whether the lowest bit of a number is bit 0, whatever the header says of the highest one.

@@ -17,7 +17,7 @@ use crate::volume::several::Series as Entry;
 #[derive(Debug)]
 pub(super) struct Series {
     pub(super) slices: Vec<Slice>,
-    /// What the window and messages say of it.
+    /// Description in the window and in messages.
     pub(super) entry: Entry,
     /// Identifier of the series.
     pub(super) identifier: String,
@@ -159,7 +159,7 @@ fn clusters(ordered: &[(f64, Slice)], tolerance: f64) -> Vec<&[(f64, Slice)]> {
 pub(super) struct Stack {
     /// Slices of each time step, in the order of the z axis.
     pub(super) times: Vec<Vec<Slice>>,
-    /// What distinguishes the time steps, with their values; empty for one.
+    /// Attribute that distinguishes the time steps, with its values; empty for one time step.
     pub(super) axis: String,
     /// Grid, if the steps are even; otherwise with the median step.
     pub(super) lattice: Lattice,
@@ -262,7 +262,7 @@ pub(super) fn stacked(images: &[Image], series: &Series, source: &Path) -> Resul
     Ok(Stack { times, axis, lattice: lattice(depth, origin, step), is_anatomical, uneven, notes })
 }
 
-/// What is uneven about the distances between the slices; `None` if they are within 2 % or 0.1 mm of their median, as
+/// Description of uneven distances between the slices; `None` if they are within 2 % or 0.1 mm of their median, as
 /// rounded positions are.
 fn unevenness(images: &[Image], slices: &[Slice], steps: &[f64], median: f64) -> Option<String> {
     // Fine steps are not rounded to 0.1 mm.

@@ -157,7 +157,7 @@ pub(super) enum Predictor {
     Float,
 }
 
-/// How the numbers of a page are stored.
+/// Storage of the numbers of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Coding {
     pub(super) picture: Picture,
@@ -212,7 +212,7 @@ impl Coding {
     }
 }
 
-/// Where the strips or tiles of a page lie.
+/// Positions of the strips or tiles of a page.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Chunks {
     /// Values of tags: offsets, and bytes if they are stated.

@@ -1,4 +1,4 @@
-//! What a description states of the pages of a TIFF file.
+//! Description of the pages of a TIFF file: axes, names, spacing and unit.
 
 use crate::volume::{Unit, Window};
 
@@ -39,7 +39,7 @@ impl Stated {
     }
 }
 
-/// How many of a unit are a metre.
+/// Number of units in a metre.
 fn per_metre(unit: Unit) -> f64 {
     match unit {
         Unit::Centimetre => 1e2,

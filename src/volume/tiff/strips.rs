@@ -456,7 +456,7 @@ struct PackBits<'a> {
     run: Run,
 }
 
-/// What is left of a run.
+/// Rest of a run.
 #[derive(Clone, Copy)]
 enum Run {
     Copy(usize),
