@@ -11,6 +11,20 @@ pub trait Progress: Sync {
     }
 }
 
+/// Progress without reports, for one part of a work whose parts are counted; `progress` still cancels it.
+#[must_use]
+pub fn unreported(progress: &dyn Progress) -> impl Progress {
+    struct Unreported<'a>(&'a dyn Progress);
+    impl Progress for Unreported<'_> {
+        fn report(&self, _stage: &str, _done: u64, _total: u64) {}
+
+        fn cancelled(&self) -> bool {
+            self.0.cancelled()
+        }
+    }
+    Unreported(progress)
+}
+
 /// Ignores reports and never cancels.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Quiet;

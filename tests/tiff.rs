@@ -919,7 +919,8 @@ fn a_metaimage_header_places_slices_of_pictures() {
         format!("NDims = 3\nDimSize = {dims}\nElementSpacing = 1 2 3\nElementType = {kind}\nElementDataFile = s%d.png 9 10 1\n").into_bytes()
     };
     let open = |dims: &str, kind: &str| {
-        let files = volumes::folder(&[("s9.png", grey_png(0)), ("s10.png", grey_png(20)), ("v.mhd", header(dims, kind))]);
+        let files =
+            volumes::folder(&[("s9.png", grey_png(0)), ("s10.png", grey_png(20)), ("v.mhd", header(dims, kind))]);
         volume::open(&files.path().join("v.mhd"), &Selection::default(), &Quiet)
     };
     let volume = open("4 3 2", "MET_UCHAR").unwrap();

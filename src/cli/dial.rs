@@ -84,12 +84,11 @@ impl DialArgs {
         stated: &Mix,
         shown: impl Fn(&Mix) -> Vec<DVec3>,
     ) -> Result<Option<Hand>, CliError> {
-        let hand = self.hand_of(dial.clone(), self.frames.into())?;
         if self.steps == Steps::Hand {
-            return Ok(hand);
+            return self.hand_of(dial.clone(), self.frames.into());
         }
         let finer = (FINER * usize::from(self.frames)).min(FINEST);
-        let Some(mut path) = self.hand_of(dial.clone(), finer)? else { return Ok(hand) };
+        let Some(mut path) = self.hand_of(dial.clone(), finer)? else { return Ok(None) };
         if self.closed {
             path.places.extend(path.places.first().copied());
         }

@@ -86,22 +86,33 @@ impl Backdrop {
     }
 }
 
-/// Puts the backdrop behind linear RGBA of `size`, and draws the overlay of the picture by `camera` over it.
-pub(crate) fn dress(
-    rgba: &mut [f32],
+/// Opacity of the PNG files of pictures over `backdrop`.
+pub(crate) fn alpha(backdrop: Option<Backdrop>) -> Alpha {
+    if backdrop == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack }
+}
+
+/// Linear RGBA of `size` with the backdrop behind it, and the overlay of the picture by `camera` over it; `None` with
+/// neither of them.
+pub(crate) fn dressed(
+    linear: &[f32],
     size: [usize; 2],
     backdrop: Option<Backdrop>,
     overlay: Option<&Overlay<'_>>,
     camera: &Camera,
-) -> Result<(), CliError> {
-    if let Some(backdrop) = backdrop {
-        backdrop.behind(rgba);
+) -> Result<Option<Vec<f32>>, CliError> {
+    if backdrop.is_none() && overlay.is_none() {
+        return Ok(None);
     }
-    let Some(overlay) = overlay else { return Ok(()) };
-    if !draw_over(Path::new("annotations"), &overlay.svg(camera, size), size[0], rgba)? {
+    let mut rgba = linear.to_vec();
+    if let Some(backdrop) = backdrop {
+        backdrop.behind(&mut rgba);
+    }
+    if let Some(overlay) = overlay
+        && !draw_over(Path::new("annotations"), &overlay.svg(camera, size), size[0], &mut rgba)?
+    {
         tracing::warn!("this system has no fonts, so the annotations have no text; install fonts-dejavu-core");
     }
-    Ok(())
+    Ok(Some(rgba))
 }
 
 /// Writes linear RGBA to `path`; PNG files treat opacity by `alpha`.

@@ -47,6 +47,11 @@ fn is_apng(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("apng"))
 }
 
+/// Whether `path` is a PNG of one picture.
+fn is_png(path: &Path) -> bool {
+    PictureKind::of(path).is_ok_and(|kind| kind == PictureKind::Png)
+}
+
 impl<'a> Frames<'a> {
     /// Refuses outputs of unknown kinds, an animated PNG of a still picture, and one beside other outputs.
     pub(crate) fn new(outputs: &'a [PathBuf], count: Option<u16>, speed: &SpeedArgs) -> Result<Self, CliError> {
@@ -114,7 +119,7 @@ impl<'a> Frames<'a> {
         for (index, paths) in names.iter().enumerate() {
             let Frame { linear, shown } = frame(index).inspect_err(|_| warn_of_files(index, &names))?;
             for path in paths {
-                let shown = shown.as_ref().filter(|_| PictureKind::of(path).is_ok_and(|kind| kind == PictureKind::Png));
+                let shown = shown.as_ref().filter(|_| is_png(path));
                 files::write_linear(path, size, shown.unwrap_or(&linear), bits, alpha)?;
             }
         }
@@ -138,8 +143,7 @@ impl<'a> Frames<'a> {
                         path.with_extension("mp4")
                     )
                 };
-                let pngs =
-                    self.outputs.iter().filter(|path| PictureKind::of(path).is_ok_and(|it| it == PictureKind::Png));
+                let pngs = self.outputs.iter().filter(|path| is_png(path));
                 format!("{} to {}\n{}", first.display(), last.display(), pngs.map(film).collect::<String>())
             }
             (_, all) => {

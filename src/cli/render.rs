@@ -11,7 +11,7 @@ use relume::internal::annotate::Overlay;
 use relume::internal::memory;
 use relume::internal::number::readable;
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
-use relume::output::{Alpha, FilmFile, PictureKind, write_ready_png};
+use relume::output::{FilmFile, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
@@ -290,11 +290,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
 
     let clock = Stopwatch::start();
-    let mut shown = marched.linear.clone().filter(|_| args.background.is_some() || args.annotate);
-    if let Some(shown) = &mut shown {
-        files::dress(shown, args.size, args.background, overlay.as_ref(), &scene.camera)?;
-    }
-    let alpha = if args.background == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack };
+    let shown = match &marched.linear {
+        Some(linear) => files::dressed(linear, args.size, args.background, overlay.as_ref(), &scene.camera)?,
+        None => None,
+    };
+    let alpha = files::alpha(args.background);
     for path in &pictures {
         let kind = picture_kind(path)?;
         match (&marched.display, &marched.linear) {

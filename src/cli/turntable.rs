@@ -4,25 +4,13 @@ use relume::document::moves::turntable;
 use relume::internal::annotate::Overlay;
 use relume::internal::number::count;
 use relume::measure::{Stopwatch, Timing};
-use relume::output::Alpha;
-use relume::progress::Progress;
+use relume::progress::{Progress, unreported};
 use relume::render::SceneRenderer;
 use relume::scene::Mix;
 
 use super::CliError;
-use super::files::{Backdrop, Bits, dress};
+use super::files::{self, Backdrop, Bits};
 use super::frames::{Frame, Frames};
-
-/// Progress within a frame: not reported, since the frames are counted, but cancelled with them.
-struct WithinFrame<'a>(&'a dyn Progress);
-
-impl Progress for WithinFrame<'_> {
-    fn report(&self, _stage: &str, _done: u64, _total: u64) {}
-
-    fn cancelled(&self) -> bool {
-        self.0.cancelled()
-    }
-}
 
 /// Appearance of the pictures.
 pub(crate) struct Look<'a> {
@@ -46,24 +34,20 @@ pub(crate) fn write(
     let cameras = turntable(&scene.camera, &scene.volume.geometry, aspect, frames.count());
     let cameras = cameras.ok_or_else(|| CliError::Failed("the camera has no line of sight to turn about".into()))?;
     let matrices = on_device.matrices(mix);
-    let alpha = if backdrop == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack };
     let (mut marching, mut relighting) = (Timing::default(), Timing::default());
     let whole = Stopwatch::start();
-    frames.write([width, height], bits, alpha, |index| {
+    frames.write([width, height], bits, files::alpha(backdrop), |index| {
         progress.report("marching", index as u64, cameras.len() as u64);
         on_device.camera_mut().clone_from(&cameras[index]);
         let clock = Stopwatch::start();
-        let film = on_device.march([width, height], &WithinFrame(progress))?;
+        let film = on_device.march([width, height], &unreported(progress))?;
         marching += clock.read();
         let clock = Stopwatch::start();
         let relight = on_device.renderer().relight_linear(&film)?;
         relight.run(&matrices)?;
         let linear = relight.read::<f32>()?;
         relighting += clock.read();
-        let mut shown = (backdrop.is_some() || overlay.is_some()).then(|| linear.clone());
-        if let Some(shown) = &mut shown {
-            dress(shown, [width, height], backdrop, overlay.as_ref(), &cameras[index])?;
-        }
+        let shown = files::dressed(&linear, [width, height], backdrop, overlay.as_ref(), &cameras[index])?;
         Ok(Frame { linear, shown })
     })?;
     let written = whole.read() - marching - relighting;

@@ -14,7 +14,7 @@ use super::measured::{CloseUp, Cost, Frames, Measured, Run};
 use super::setting::Setting;
 use super::shown::{looked_up, picture};
 use crate::plan::{Planned, ScenePlan, plan};
-use crate::progress::Progress;
+use crate::progress::{Progress, unreported};
 use crate::render::{Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
 use crate::tables::TransferTable;
@@ -183,7 +183,7 @@ impl<'a> Survey<'a> {
     ///
     /// [`MeasureError`].
     pub fn measure(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Measured, MeasureError> {
-        let progress = &Unreported(progress);
+        let progress = &unreported(progress);
         let scene = setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
         let on_device = self.upload(scene, planned, WARM_UP, progress)?;
@@ -284,7 +284,7 @@ impl<'a> Survey<'a> {
             for (done, &index) in order.iter().enumerate() {
                 let stage = format!("timing all settings in turn, {} of {total}", turn + 1);
                 progress.report(&stage, done as u64, order.len() as u64);
-                self.time_once_more(index, &Unreported(progress))?;
+                self.time_once_more(index, &unreported(progress))?;
             }
             self.write_times(rows);
         }
@@ -323,7 +323,7 @@ impl<'a> Survey<'a> {
     /// [`MeasureError`].
     pub fn close_up(&mut self, row: &Measured, progress: &dyn Progress) -> Result<Option<CloseUp>, MeasureError> {
         let Some(worst) = row.error.at else { return Ok(None) };
-        let progress = &Unreported(progress);
+        let progress = &unreported(progress);
         let side = CLOSE_UP.min(self.options.size[0]).min(self.options.size[1]);
         let first: [usize; 2] =
             std::array::from_fn(|axis| worst[axis].saturating_sub(side / 2).min(self.options.size[axis] - side));
@@ -408,16 +408,5 @@ impl<'a> Survey<'a> {
         frames.relights.push(relit);
         frames.read_backs.push(read_back);
         Ok(())
-    }
-}
-
-/// Forwards cancellation but no reports; progress is reported per setting.
-struct Unreported<'a>(&'a dyn Progress);
-
-impl Progress for Unreported<'_> {
-    fn report(&self, _stage: &str, _done: u64, _total: u64) {}
-
-    fn cancelled(&self) -> bool {
-        self.0.cancelled()
     }
 }

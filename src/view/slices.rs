@@ -40,9 +40,7 @@ impl Slices {
         let at = self.at.unwrap_or(last / 2.0);
         DVec3::select(at.is_finite_mask(), at, last / 2.0).clamp(DVec3::ZERO, last)
     }
-}
 
-impl Slices {
     /// Crosshair in voxel indices, the value there, and the window if it was chosen, as JSON; `None` if hidden.
     #[must_use]
     pub fn json(&self, volume: &Volume) -> Option<Value> {
@@ -153,7 +151,8 @@ impl Plane {
     }
 }
 
-/// Values shown black and white before a choice: the first of `windows`, otherwise the values without half a percent of the voxels at either end.
+/// Values shown black and white before a choice: the first of `windows`, otherwise the values without half a percent of
+/// the voxels at either end.
 #[must_use]
 pub fn window_of(windows: &[Window], statistics: &Statistics) -> [f64; 2] {
     if let Some(first) = windows.first() {

@@ -24,7 +24,7 @@ use serde::{Serialize, Serializer};
 
 use super::rungs::{RungError, Rungs};
 use crate::document::{SceneError, chain};
-use crate::progress::Progress;
+use crate::progress::{Progress, unreported};
 use crate::render::{RenderError, Renderer};
 use crate::spectrum::SpectrumError;
 use crate::volume::VolumeError;
@@ -354,20 +354,11 @@ impl Extreme {
 /// the rows of the finished extremes.
 #[must_use]
 pub fn run(renderer: Option<&Renderer>, progress: &dyn Progress) -> (Vec<Row>, bool) {
-    /// Hides the progress within an extreme; passes on cancellation.
-    struct Within<'a>(&'a dyn Progress);
-    impl Progress for Within<'_> {
-        fn report(&self, _stage: &str, _done: u64, _total: u64) {}
-
-        fn cancelled(&self) -> bool {
-            self.0.cancelled()
-        }
-    }
     let extremes: Vec<Extreme> = Group::ALL.into_iter().flat_map(Group::extremes).collect();
     let mut rows = Vec::new();
     for (done, extreme) in extremes.iter().enumerate() {
         progress.report(extreme.group().name(), done as u64, extremes.len() as u64);
-        let found = extreme.rows(renderer, &Within(progress));
+        let found = extreme.rows(renderer, &unreported(progress));
         if progress.cancelled() {
             return (rows, false);
         }

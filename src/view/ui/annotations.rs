@@ -2,15 +2,17 @@
 //! none of them.
 
 use egui::{
-    Align2, Color32, FontId, Id, Painter, Pos2, Rect, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType,
-    pos2, vec2,
+    Align2, Color32, FontId, Id, Painter, Pos2, Rect, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType, vec2,
 };
+use glam::DVec3;
 
 use super::Shown;
 use super::spectrum::narrow;
 use super::transfer::colours;
 use crate::annotate::{Edges, PixelLength, ScaleBar, in_unit, pixel_length};
 use crate::document::Document;
+use crate::number::count;
+use crate::scene::View;
 use crate::view::layout::Note;
 use crate::volume::Unit;
 
@@ -59,7 +61,7 @@ pub(super) fn letters(painter: &Painter, rect: Rect, edges: &Edges) {
         (inner.center_top(), Align2::CENTER_TOP, &edges.top),
         (inner.center_bottom(), Align2::CENTER_BOTTOM, &edges.bottom),
     ] {
-        text(painter, pos2(at.x, at.y), align, letters, 13.0, Color32::from_rgb(255, 220, 120));
+        text(painter, at, align, letters, 13.0, Color32::from_rgb(255, 220, 120));
     }
 }
 
@@ -81,6 +83,13 @@ pub(super) fn line(painter: &Painter, ends: [Option<Pos2>; 2], length: Option<(f
     }
 }
 
+/// Point of the screen at which `view` shows a world point in the picture in `rect`; `None` behind the eye.
+pub(super) fn screen(view: &View, rect: Rect, world: DVec3) -> Option<Pos2> {
+    let place = view.place_of(world)?;
+    let at = rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size();
+    Some(at).filter(|at| at.is_finite())
+}
+
 /// Annotates the picture in `rect`.
 pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
     let (Some(document), None) = (shown.document, shown.loading) else { return };
@@ -100,13 +109,9 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
         let below = if shown.panels { 8.0 } else { 34.0 };
         legend(ui, document, rect.min + vec2(8.0, below), &painter);
     }
-    let place = |world| {
-        let place = view.place_of(world)?;
-        let at = rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size();
-        Some(at).filter(|at| at.is_finite())
-    };
     let ruler = layout.ruler;
-    line(&painter, ruler.ends.map(|end| end.and_then(place)), ruler.length().map(|length| (length, volume.unit)), true);
+    let ends = ruler.ends.map(|end| screen(&view, rect, end?));
+    line(&painter, ends, ruler.length().map(|length| (length, volume.unit)), true);
     if ruler.on {
         let told = match ruler.ends {
             [Some(_), None] => "Click the other end of the line",
@@ -131,7 +136,7 @@ fn legend(ui: &Ui, document: &Document, at: Pos2, painter: &Painter) {
     });
     let galleys: Vec<_> = galleys.collect();
     let width = galleys.iter().map(|galley| galley.size().x).fold(0.0, f32::max);
-    let lines = galleys.iter().fold(0.0, |height, _| height + LINE);
+    let lines = LINE * narrow(count(galleys.len()));
     let frame = Rect::from_min_size(at, vec2(width + 32.0, lines + 8.0));
     painter.rect_filled(frame, 3.0, Color32::from_black_alpha(170));
     let mut top = at + vec2(8.0, 4.0);

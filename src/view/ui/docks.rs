@@ -42,9 +42,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, docked: bool, frame: Frame, a
         let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE.x).max(WIDTH);
         Panel::left("column").frame(frame).default_size(WIDTH).size_range(WIDTH..=widest).show(ui, |ui| {
             scrolled(ui, |ui| {
-                lights::show(ui, document, asked);
-                dial::show(ui, document, asked);
-                dial_presets::show(ui, document, shown.tour, asked);
+                light(ui, shown, document, asked);
                 transfer::show(ui, document, asked);
                 for tab in [Tab::Display, Tab::Camera, Tab::Crop, Tab::Spectra, Tab::Accuracy] {
                     contents(ui, shown, document, tab, asked);
@@ -59,11 +57,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, docked: bool, frame: Frame, a
     if layout.is_open(Dock::Left) {
         let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE.x - other(Dock::Right)).max(WIDTH);
         Panel::left("left dock").frame(frame).default_size(WIDTH).size_range(WIDTH..=widest).show(ui, |ui| {
-            scrolled(ui, |ui| {
-                lights::show(ui, document, asked);
-                dial::show(ui, document, asked);
-                dial_presets::show(ui, document, shown.tour, asked);
-            });
+            scrolled(ui, |ui| light(ui, shown, document, asked));
         });
     }
     if layout.is_open(Dock::Right) {
@@ -81,6 +75,13 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, docked: bool, frame: Frame, a
             fixed(ui, |ui| bottom(ui, shown, document, asked));
         });
     }
+}
+
+/// Contents of the left dock.
+fn light(ui: &mut Ui, shown: &Shown<'_>, document: &Document, asked: &mut Vec<Action>) {
+    lights::show(ui, document, asked);
+    dial::show(ui, document, asked);
+    dial_presets::show(ui, document, shown.tour, asked);
 }
 
 /// Contents of the bottom dock.

@@ -16,10 +16,10 @@ use super::controls::number;
 use super::spectrum::narrow;
 use super::transfer::{colours, places};
 use crate::annotate::PixelLength;
+use crate::document::Document;
 use crate::document::transfer_presets::ct_windows;
-use crate::document::{Document, State};
 use crate::number::{brief, count, whole};
-use crate::scene::Transfer;
+use crate::scene::{Scene, Transfer};
 use crate::view::action::Action;
 use crate::view::layout::{Arrange, Ruler};
 use crate::view::slices::{Overlay, Painted, Plane, Slices, index_from_world, planes, voxel, window_of};
@@ -61,11 +61,13 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
     let picture = Rect::from_x_y_ranges(right.clone(), top.clone());
     let cells = [(left.clone(), top), (left, bottom.clone()), (right, bottom)];
     let window = slices.window.unwrap_or_else(|| window_of(&windows(document, statistics), statistics));
+    let shows_colours = slices.materials || slices.labels;
+    let colours = if shows_colours { colours(document.state()) } else { Vec::new() };
     ui.painter().rect_filled(bar, 0.0, ui.visuals().panel_fill);
     for (plane, (x, y)) in planes(volume).iter().zip(cells) {
         let cell = Rect::from_x_y_ranges(x, y);
         if cell.size().min_elem() >= LEAST {
-            view(ui, document, statistics, (plane, cell, window), shown, asked);
+            view(ui, document, statistics, (plane, cell, window), &colours, shown, asked);
         }
     }
     let bar = &mut ui.new_child(UiBuilder::new().max_rect(bar.shrink2(vec2(8.0, 2.0))));
@@ -79,11 +81,12 @@ fn view(
     document: &Document,
     statistics: &Statistics,
     (plane, cell, window): (&Plane, Rect, [f64; 2]),
+    colours: &[Color32],
     shown: &Shown<'_>,
     asked: &mut Vec<Action>,
 ) {
-    let state = document.state();
-    let (volume, slices) = (&state.scene.volume, &shown.layout.slices);
+    let scene = &document.state().scene;
+    let (volume, slices) = (&scene.volume, &shown.layout.slices);
     let geometry = &volume.geometry;
     let at = slices.crosshair(geometry);
     let size = plane.size(geometry);
@@ -95,7 +98,7 @@ fn view(
     let painter = ui.painter().with_clip_rect(cell);
     painter.rect_filled(cell, 0.0, Color32::BLACK);
     let index = voxel(at)[plane.normal];
-    if let Some(texture) = texture(ui, state, statistics, (plane, index, image, window), slices) {
+    if let Some(texture) = texture(ui, scene, statistics, (plane, index, image, window), slices, colours) {
         let all = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
         painter.image(texture.id(), image, all, Color32::WHITE);
     }
@@ -297,11 +300,7 @@ pub(super) fn crosshair(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
     let at = shown.layout.slices.crosshair(geometry);
     let arm = ARM * geometry.extent().max_element();
     let painter = ui.painter().with_clip_rect(rect);
-    let place = |index: DVec3| {
-        let place = view.place_of(geometry.world_from_index(index))?;
-        let at = rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size();
-        Some(at).filter(|at| at.is_finite())
-    };
+    let place = |index: DVec3| annotations::screen(&view, rect, geometry.world_from_index(index));
     for (axis, colour) in DVec3::AXES.into_iter().zip(COLOURS) {
         let along = axis * arm / geometry.spacing;
         if let (Some(from), Some(to)) = (place(at - along), place(at + along)) {
@@ -351,25 +350,50 @@ fn texture_id(normal: usize) -> Id {
 
 /// Frees the textures: when the slices are hidden, or when the device that held them is lost.
 pub fn forget(context: &Context) {
-    context.data_mut(|data| (0..3).for_each(|normal| data.remove::<(Key, TextureHandle)>(texture_id(normal))));
+    context.data_mut(|data| {
+        (0..3).for_each(|normal| data.remove::<(Key, TextureHandle)>(texture_id(normal)));
+        data.remove::<Covered>(covered_id());
+    });
+}
+
+/// Materials over the values, after the volume, the transfer function and the colours that they belong to.
+type Covered = (Weak<Volume>, (Transfer, Vec<Color32>), Arc<Overlay>);
+
+fn covered_id() -> Id {
+    Id::new("materials over the slices")
+}
+
+/// Materials over the values `of` a transfer function and colours, made again if these or the volume have changed.
+fn overlay(ui: &Ui, scene: &Scene, statistics: &Statistics, of: &(Transfer, Vec<Color32>)) -> Arc<Overlay> {
+    let volume = Arc::downgrade(&scene.volume);
+    let known: Option<Covered> = ui.data(|data| data.get_temp(covered_id()));
+    if let Some((.., overlay)) = known.filter(|(there, by, _)| there.ptr_eq(&volume) && by == of) {
+        return overlay;
+    }
+    let overlay = Arc::new(Overlay::new(scene, statistics, &codes(&of.1)));
+    ui.data_mut(|data| data.insert_temp(covered_id(), (volume, of.clone(), Arc::clone(&overlay))));
+    overlay
+}
+
+/// Codes of colours from 0 to 1.
+fn codes(colours: &[Color32]) -> Vec<[f64; 3]> {
+    colours.iter().map(|colour| [colour.r(), colour.g(), colour.b()].map(|code| f64::from(code) / 255.0)).collect()
 }
 
 /// Texture of a slice, drawn again if anything in it has changed.
 fn texture(
     ui: &Ui,
-    state: &State,
+    scene: &Scene,
     statistics: &Statistics,
     (plane, index, image, window): (&Plane, usize, Rect, [f64; 2]),
     slices: &Slices,
+    colours: &[Color32],
 ) -> Option<TextureHandle> {
-    let scene = &state.scene;
     let scale = ui.pixels_per_point();
     let most = ui.input(|input| input.max_texture_side);
     let side = |points: f32| whole(f64::from((points * scale).round())).clamp(1, most);
     let size = [side(image.width()), side(image.height())];
     let labels = scene.labels.as_ref().filter(|_| slices.labels);
-    let shows_colours = slices.materials || labels.is_some();
-    let colours = if shows_colours { colours(state) } else { Vec::new() };
     let key = Key {
         volume: Arc::downgrade(&scene.volume),
         labels: labels.map(|labels| Arc::downgrade(&labels.volume)),
@@ -377,24 +401,23 @@ fn texture(
         index,
         size,
         window,
-        materials: slices.materials.then(|| (scene.transfer.clone(), colours.clone())),
+        materials: slices.materials.then(|| (scene.transfer.clone(), colours.to_vec())),
         label_materials: labels.map_or_else(Vec::new, |labels| {
             labels.declared.iter().map(|entry| (entry.label, entry.material)).collect()
         }),
-        label_colours: if labels.is_some() { colours.clone() } else { Vec::new() },
+        label_colours: if labels.is_some() { colours.to_vec() } else { Vec::new() },
     };
     let id = texture_id(plane.normal);
     let known: Option<(Key, TextureHandle)> = ui.data(|data| data.get_temp(id));
     if let Some((_, texture)) = known.as_ref().filter(|(of, _)| *of == key) {
         return Some(texture.clone());
     }
-    let codes: Vec<[f64; 3]> =
-        colours.iter().map(|colour| [colour.r(), colour.g(), colour.b()].map(|code| f64::from(code) / 255.0)).collect();
-    let overlay = slices.materials.then(|| Overlay::new(scene, statistics, &codes));
+    let codes = codes(colours);
+    let overlay = key.materials.as_ref().map(|of| overlay(ui, scene, statistics, of));
     let painted = Painted {
         volume: &scene.volume,
         window,
-        overlay: overlay.as_ref(),
+        overlay: overlay.as_deref(),
         labels: labels.map(|labels| (labels, codes.as_slice())),
     };
     let pixels = painted.pixels(plane, index, size);

@@ -1,8 +1,7 @@
 //! Actions of the panels and of scripts.
 
-use glam::DVec2;
-
 use super::Viewer;
+use super::picture::place_inside;
 use crate::document::{Document, Edit};
 use crate::number::count;
 use crate::view::action::{Action, Leaving, Losing};
@@ -74,9 +73,7 @@ impl Viewer {
         let (geometry, [width, height]) = (&scene.volume.geometry, self.record.report.size.map(count));
         let point = geometry.world_from_index(self.panels.layout.slices.crosshair(geometry));
         let view = scene.camera.view(geometry, width.max(1.0) / height.max(1.0));
-        let place = view.and_then(|view| view.place_of(point));
-        let inside = |place: &DVec2| place.cmpge(DVec2::ZERO).all() && place.cmple(DVec2::ONE).all();
-        if let Some(place) = place.filter(inside) {
+        if let Some(place) = view.and_then(|view| place_inside(&view, point)) {
             self.picture.prober.look(Some(place));
             self.picture.seeks = false;
         }

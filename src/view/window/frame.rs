@@ -207,10 +207,7 @@ impl Viewer {
         }
         Some(match &planned.model {
             None => "relighting exact".to_owned(),
-            Some(model) => {
-                let worst = model.lights().iter().map(|(_, _, matrix)| matrix.worst().p95).fold(0.0, f64::max);
-                format!("colour model ΔE00 {worst:.2}")
-            }
+            Some(model) => format!("colour model ΔE00 {:.2}", model.worst().p95),
         })
     }
 

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use super::Viewer;
 use super::report::keep;
 use crate::number::{count, unsigned, whole};
-use crate::scene::Camera;
+use crate::scene::{Camera, View};
 use crate::view::engine::Reached;
 use crate::view::layout::Arrange;
 use crate::view::probe::Probe;
@@ -49,6 +49,11 @@ impl Picture {
             reached: Reached::default(),
         }
     }
+}
+
+/// Position of a world point in the picture of `view`, as fractions from the top left; `None` outside the picture.
+pub(super) fn place_inside(view: &View, point: DVec3) -> Option<DVec2> {
+    view.place_of(point).filter(|place| place.cmpge(DVec2::ZERO).all() && place.cmple(DVec2::ONE).all())
 }
 
 impl Viewer {
@@ -140,8 +145,7 @@ impl Viewer {
             (None, Some(stretch)) => at(stretch.place),
             (None, None) => was.point_at(place, middle),
         };
-        let inside = |place: &DVec2| place.cmpge(DVec2::ZERO).all() && place.cmple(DVec2::ONE).all();
-        let there = is.place_of(point).filter(inside);
+        let there = place_inside(&is, point);
         self.picture.looked_at = there.map(|there| (there, camera.clone(), point));
         self.picture.prober.look(there);
     }
