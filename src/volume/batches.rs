@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::data::{self, SLAB_BYTES};
 use super::stream::count;
-use super::{VolumeError, Voxel};
+use super::{VolumeError, Voxel, allocate};
 use crate::progress::Progress;
 
 /// Bytes of voxels that are allocated before anything is decoded. Later, as many as have been decoded.
@@ -56,7 +56,7 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
         let there = voxels.len();
         let budget = (BATCH / size).max(there);
         if first.voxels > budget && !are_there {
-            done.check(first.path)?;
+            data::check_cancelled(first.path, progress)?;
             decode.prove(&first.part)?;
         }
         let mut more = first.voxels;
@@ -66,13 +66,7 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
             more += part.voxels;
             batch.push(part);
         }
-        if voxels.capacity() < there + more {
-            let room = if are_there { all } else { more.max(there).min(all - there) };
-            voxels.try_reserve_exact(room).map_err(|_| VolumeError::Memory {
-                source_name: path.display().to_string(),
-                bytes: count(there + room).saturating_mul(count(size)),
-            })?;
-        }
+        allocate::reserve(&mut voxels, if are_there { all - there } else { more }, all, path)?;
         voxels.resize(there + more, bytemuck::Zeroable::zeroed());
         let mut rest = &mut voxels[there..];
         let mut places = Vec::with_capacity(batch.len());
@@ -82,7 +76,7 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
             places.push((part, place));
         }
         let one = |scratch: &mut D::Scratch, (part, place): (Part<'_, P>, &mut [D::Voxel])| {
-            done.check(part.path)?;
+            data::check_cancelled(part.path, progress)?;
             decode.decode(scratch, &part.part, place)?;
             done.add(part.path, size_of_val(place))
         };
@@ -100,13 +94,6 @@ struct Done<'a> {
 }
 
 impl Done<'_> {
-    fn check(&self, path: &Path) -> Result<(), VolumeError> {
-        if self.progress.cancelled() {
-            return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
-        }
-        Ok(())
-    }
-
     /// Adds `bytes`, and reports about once per [`SLAB_BYTES`].
     fn add(&self, path: &Path, bytes: usize) -> Result<(), VolumeError> {
         let before = self.bytes.fetch_add(count(bytes), Ordering::Relaxed);

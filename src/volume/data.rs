@@ -7,7 +7,7 @@ use super::layout::ByteOrder;
 use super::select::{Pick, next_run};
 use super::stream::{self, Encoding, Skip, Start, count, read_fully};
 use super::voxels::with_type;
-use super::{VolumeError, Voxel, VoxelType, Voxels};
+use super::{VolumeError, Voxel, VoxelType, Voxels, allocate};
 use crate::progress::Progress;
 
 /// Unwanted bytes before the numbers that are inflated at most.
@@ -249,7 +249,7 @@ impl<T: Voxel> Slabs<'_, T> {
         while self.at < end && self.voxels.len() < self.all {
             let length = (end - self.at).min(SLAB_BYTES / size_of::<T>());
             let there = self.voxels.len();
-            self.make_room(file, length.min(self.all - there))?;
+            allocate::reserve(&mut self.voxels, length.min(self.all - there), self.all, &file.path)?;
             if self.picks.is_empty() {
                 self.voxels.resize(there + length, T::zeroed());
                 decode(&mut self.voxels[there..], self.at - first)?;
@@ -307,19 +307,6 @@ impl<T: Voxel> Slabs<'_, T> {
             }
         }
         Ok(bytes_read)
-    }
-
-    /// Reserves room for `more` voxels. The capacity doubles as voxels arrive, up to that of all voxels.
-    fn make_room(&mut self, file: &DataFile, more: usize) -> Result<(), VolumeError> {
-        let there = self.voxels.len();
-        if self.voxels.capacity() - there < more {
-            let room = more.max(there).min(self.all - there);
-            self.voxels.try_reserve_exact(room).map_err(|_| VolumeError::Memory {
-                source_name: file.path.display().to_string(),
-                bytes: count(there + room) * count(size_of::<T>()),
-            })?;
-        }
-        Ok(())
     }
 
     fn report(&self, file: &DataFile) -> Result<(), VolumeError> {
@@ -386,6 +373,11 @@ impl<'a> Next<'a> {
 pub(super) fn report(path: &Path, done: u64, all: u64, progress: &dyn Progress) -> Result<(), VolumeError> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     progress.report(&format!("reading {name}"), done, all);
+    check_cancelled(path, progress)
+}
+
+/// Error if `progress` cancels the reading of `path`.
+pub(super) fn check_cancelled(path: &Path, progress: &dyn Progress) -> Result<(), VolumeError> {
     if progress.cancelled() {
         return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
     }

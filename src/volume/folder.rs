@@ -6,13 +6,16 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::stream::beginning;
-use super::{Selection, Volume, VolumeError, dicom, foreign, slices, stream};
+use super::{Selection, Volume, VolumeError, data, dicom, foreign, slices, stream};
 use crate::progress::Progress;
 
 /// Largest number of files and folders in a folder, together with those in its folders.
 const MOST: usize = 100_000;
 /// Levels of folders that are searched; exports of scanners have four.
 const DEEPEST: usize = 8;
+
+/// A function that finds the files of a format in a folder.
+type Find = fn(&Folder, &dyn Progress) -> Result<Vec<PathBuf>, VolumeError>;
 
 /// A function that reads the volume of some files of a folder.
 type Read = fn(&Folder, &[PathBuf], &Selection, &dyn Progress) -> Result<Volume, VolumeError>;
@@ -21,7 +24,7 @@ type Read = fn(&Folder, &[PathBuf], &Selection, &dyn Progress) -> Result<Volume,
 struct FolderFormat {
     name: &'static str,
     /// The files of the format, in the order of [`Folder::files`]; empty if the folder has another format.
-    find: fn(&Folder) -> Vec<PathBuf>,
+    find: Find,
     /// Reads the volume of these files.
     read: Read,
 }
@@ -30,12 +33,12 @@ struct FolderFormat {
 const FORMATS: [FolderFormat; 2] = [
     FolderFormat {
         name: "DICOM",
-        find: |folder| folder.recognised(dicom::recognises),
+        find: |folder, progress| folder.recognised(dicom::recognises, progress),
         read: |folder, files, selection, progress| dicom::read_folder(&folder.path, files, selection, progress),
     },
     FolderFormat {
         name: "slices (.png, .jpg, .bmp, .pgm, .ppm, .tif)",
-        find: |folder| slices::find(&folder.path, &folder.files),
+        find: |folder, _| Ok(slices::find(&folder.path, &folder.files)),
         read: |folder, _, selection, progress| slices::read(&folder.path, &folder.files, selection, progress),
     },
 ];
@@ -56,15 +59,15 @@ impl Folder {
     /// # Errors
     ///
     /// [`VolumeError::Read`] if a folder cannot be listed, [`VolumeError::FolderTooLarge`] if there are more than
-    /// 100 000 names.
-    pub(super) fn list(path: &Path) -> Result<Self, VolumeError> {
+    /// 100 000 names, [`VolumeError::Cancelled`].
+    pub(super) fn list(path: &Path, progress: &dyn Progress) -> Result<Self, VolumeError> {
         let mut folder = Self { path: path.to_owned(), files: Vec::new(), deeper: 0 };
         let mut names = 0;
         let mut folders = vec![path.to_owned()];
         for _ in 0..DEEPEST {
             let mut inside = Vec::new();
             for inner in &folders {
-                inside.extend(folder.list_one(inner, &mut names)?);
+                inside.extend(folder.list_one(inner, &mut names, progress)?);
             }
             folders = inside;
         }
@@ -74,10 +77,16 @@ impl Folder {
     }
 
     /// Appends the files of the folder `path`; returns its folders. `names` counts all of them.
-    fn list_one(&mut self, path: &Path, names: &mut usize) -> Result<Vec<PathBuf>, VolumeError> {
+    fn list_one(
+        &mut self,
+        path: &Path,
+        names: &mut usize,
+        progress: &dyn Progress,
+    ) -> Result<Vec<PathBuf>, VolumeError> {
         let failed = |source: io::Error| stream::failed(path, source);
         let mut folders = Vec::new();
         for entry in std::fs::read_dir(path).map_err(failed)? {
+            data::check_cancelled(&self.path, progress)?;
             let entry = entry.map_err(failed)?;
             *names += 1;
             if *names > MOST {
@@ -101,9 +110,16 @@ impl Folder {
     }
 
     /// The files whose first 4 KiB are those of a format; files that cannot be read are of none.
-    pub(super) fn recognised(&self, recognises: fn(&[u8]) -> bool) -> Vec<PathBuf> {
-        let is_one = |file: &&PathBuf| beginning(file).is_ok_and(|beginning| recognises(&beginning));
-        self.files.par_iter().filter(is_one).cloned().collect()
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Cancelled`].
+    fn recognised(&self, recognises: fn(&[u8]) -> bool, progress: &dyn Progress) -> Result<Vec<PathBuf>, VolumeError> {
+        let one = |file: &PathBuf| -> Result<Option<PathBuf>, VolumeError> {
+            data::check_cancelled(&self.path, progress)?;
+            Ok(beginning(file).is_ok_and(|beginning| recognises(&beginning)).then(|| file.clone()))
+        };
+        self.files.par_iter().filter_map(|file| one(file).transpose()).collect()
     }
 
     /// Sentences about what is left out if the files `read` are read.
@@ -139,9 +155,9 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     if let Some(what) = foreign::describe_folder(path) {
         return Err(unknown(path, what.to_owned()));
     }
-    let folder = Folder::list(path)?;
+    let folder = Folder::list(path, progress)?;
     for format in &FORMATS {
-        let files = (format.find)(&folder);
+        let files = (format.find)(&folder, progress)?;
         if !files.is_empty() {
             let mut volume = (format.read)(&folder, &files, selection, progress)?;
             volume.notes.extend(folder.notes(&files));

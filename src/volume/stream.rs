@@ -200,6 +200,72 @@ pub(super) fn count(number: usize) -> u64 {
     u64::try_from(number).unwrap_or(u64::MAX)
 }
 
+/// `PackBits`: runs of copied and of repeated bytes.
+pub(super) struct PackBits<'a> {
+    packed: &'a [u8],
+    run: Run,
+}
+
+/// Rest of a run.
+#[derive(Clone, Copy)]
+enum Run {
+    Copy(usize),
+    Repeat(u8, usize),
+}
+
+impl<'a> PackBits<'a> {
+    pub(super) fn new(packed: &'a [u8]) -> Self {
+        Self { packed, run: Run::Copy(0) }
+    }
+
+    /// Fills `bytes` until the runs end; returns the number of bytes.
+    pub(super) fn fill(&mut self, bytes: &mut [u8]) -> usize {
+        let mut filled = 0;
+        while filled < bytes.len() {
+            let room = bytes.len() - filled;
+            match self.run {
+                Run::Copy(0) | Run::Repeat(_, 0) => {
+                    let Some((&head, rest)) = self.packed.split_first() else { break };
+                    self.packed = rest;
+                    self.run = match head {
+                        0..=127 => Run::Copy(usize::from(head) + 1),
+                        128 => Run::Copy(0),
+                        129.. => {
+                            let Some((&byte, rest)) = self.packed.split_first() else { break };
+                            self.packed = rest;
+                            Run::Repeat(byte, 257 - usize::from(head))
+                        }
+                    };
+                }
+                Run::Copy(left) => {
+                    let part = left.min(room).min(self.packed.len());
+                    if part == 0 {
+                        break;
+                    }
+                    let (now, rest) = self.packed.split_at(part);
+                    bytes[filled..filled + part].copy_from_slice(now);
+                    self.packed = rest;
+                    self.run = Run::Copy(left - part);
+                    filled += part;
+                }
+                Run::Repeat(byte, left) => {
+                    let part = left.min(room);
+                    bytes[filled..filled + part].fill(byte);
+                    self.run = Run::Repeat(byte, left - part);
+                    filled += part;
+                }
+            }
+        }
+        filled
+    }
+}
+
+impl Read for PackBits<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        Ok(self.fill(bytes))
+    }
+}
+
 /// Fills `bytes` from pairs of hexadecimal digits, and ignores white space.
 fn read_hex(stream: &mut impl BufRead, bytes: &mut [u8]) -> io::Result<usize> {
     let (mut filled, mut high) = (0, None);

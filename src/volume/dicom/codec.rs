@@ -9,6 +9,7 @@ use jpegls::CodecError;
 use super::image::Layout;
 use super::syntax::{Coding, MOST_BYTES};
 use crate::volume::guard::guarded;
+use crate::volume::stream::{PackBits, count};
 
 /// Numbers of a decoded frame.
 #[derive(Debug)]
@@ -48,7 +49,7 @@ pub(super) fn decode(coding: Coding, bytes: &[u8], layout: &Layout) -> Result<Nu
         return Err(format!("a frame of {wanted} bytes; Relume decodes at most {MOST_BYTES}").into());
     }
     let limit = coding.packing(layout.allocated).unwrap_or(1);
-    if u64::try_from(bytes.len()).unwrap_or(u64::MAX).saturating_mul(limit) < wanted {
+    if count(bytes.len()).saturating_mul(limit) < wanted {
         return Err(Failure::Incredible(limit));
     }
     match coding {
@@ -83,6 +84,7 @@ fn rle(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
     }
     let pixels = layout.pixels();
     let mut decoded = vec![0; pixels * wanted];
+    let mut buffer = [0_u8; 4096];
     for segment in 0..segments {
         let start = word(1 + segment).unwrap_or(usize::MAX);
         let end = if segment + 1 < segments { word(2 + segment).unwrap_or(usize::MAX) } else { bytes.len() };
@@ -92,51 +94,23 @@ fn rle(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
         };
         let (sample, byte) = (segment / width, segment % width);
         let first = sample * pixels * width + (width - 1 - byte);
-        let out = &mut decoded[first..(sample + 1) * pixels * width];
-        let found = unpack(packed, out, width);
+        let mut runs = PackBits::new(packed);
+        let mut found = 0;
+        while found < pixels {
+            let part = (pixels - found).min(buffer.len());
+            let there = runs.fill(&mut buffer[..part]);
+            if there == 0 {
+                break;
+            }
+            let places = decoded[first + found * width..].iter_mut().step_by(width);
+            places.zip(&buffer[..there]).for_each(|(place, &byte)| *place = byte);
+            found += there;
+        }
         if found < pixels {
             return Err(format!("RLE segment {segment} has {found} bytes; {pixels} are needed"));
         }
     }
     Ok(Numbers { bytes: decoded, allocated: layout.allocated, is_planar: true, is_aligned: false })
-}
-
-/// Unpacks runs into every `step`-th byte of `out`; returns the number of bytes, at most as many as fit.
-fn unpack(mut packed: &[u8], out: &mut [u8], step: usize) -> usize {
-    let all = out.len().div_ceil(step);
-    let mut at = 0;
-    while at < all
-        && let Some((&head, rest)) = packed.split_first()
-    {
-        packed = rest;
-        match head {
-            0..=127 => {
-                let count = (usize::from(head) + 1).min(packed.len());
-                let there = count.min(all - at);
-                if step == 1 {
-                    out[at..at + there].copy_from_slice(&packed[..there]);
-                } else {
-                    let places = out[at * step..].iter_mut().step_by(step);
-                    places.zip(&packed[..there]).for_each(|(place, &byte)| *place = byte);
-                }
-                packed = &packed[count..];
-                at += there;
-            }
-            128 => {}
-            129..=255 => {
-                let Some((&byte, rest)) = packed.split_first() else { break };
-                packed = rest;
-                let there = (257 - usize::from(head)).min(all - at);
-                if step == 1 {
-                    out[at..at + there].fill(byte);
-                } else {
-                    out[at * step..].iter_mut().step_by(step).take(there).for_each(|place| *place = byte);
-                }
-                at += there;
-            }
-        }
-    }
-    at
 }
 
 /// Frame header of a JPEG or JPEG-LS codestream.

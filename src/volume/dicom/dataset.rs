@@ -197,6 +197,8 @@ pub(super) struct DataSet {
     pub(super) root: Item,
     /// `None` if the file has no pixels.
     pub(super) pixels: Option<Pixels>,
+    /// Size of the file in bytes.
+    pub(super) length: u64,
 }
 
 /// Bytes of a data set, inflated if need be.
@@ -319,6 +321,7 @@ struct Parser<'a> {
 /// [`VolumeError::Open`], [`VolumeError::Read`]; [`VolumeError::Field`] if the data set is damaged or exceeds a limit.
 pub(super) fn read(path: &Path) -> Result<DataSet, VolumeError> {
     let mut stream = Stream::open(path)?;
+    let length = stream.length.unwrap_or(0);
     stream.pass_preamble().map_err(|source| failed(path, source))?;
     let mut parser = Parser { path, stream, encoding: Encoding::Explicit(ByteOrder::Little), elements: 0 };
     let (meta, _) = parser.data_set(true)?;
@@ -335,7 +338,7 @@ pub(super) fn read(path: &Path) -> Result<DataSet, VolumeError> {
         parser.stream = parser.stream.inflated();
     }
     let (root, pixels) = parser.data_set(false)?;
-    Ok(DataSet { syntax, root, pixels })
+    Ok(DataSet { syntax, root, pixels, length })
 }
 
 /// A stream of the data set in the file `path` that begins at its offset `at`.

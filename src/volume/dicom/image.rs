@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::dataset::{self, DataSet, Item, Pixels, named};
 use super::syntax::{Coding, MOST_BYTES, Syntax};
 use crate::number::whole;
-use crate::volume::stream::{DEFLATE_LIMIT, count, failed};
+use crate::volume::stream::{DEFLATE_LIMIT, count};
 use crate::volume::{VolumeError, VoxelType, Window};
 
 /// Largest number of frames of a file.
@@ -121,7 +121,7 @@ impl Image {
     /// As [`dataset::read`]; [`VolumeError::Field`] if an attribute of the pixels is missing or wrong,
     /// [`VolumeError::Short`] and [`VolumeError::Incredible`] if the file cannot hold all frames.
     pub(super) fn read(path: &Path) -> Result<Option<Self>, VolumeError> {
-        let DataSet { syntax, root, pixels } = dataset::read(path)?;
+        let DataSet { syntax, root, pixels, length } = dataset::read(path)?;
         let Some(pixels) = pixels else {
             // Files of other kinds have no rows either, except spectra; a file that is cut has.
             let is_spectrum =
@@ -144,7 +144,7 @@ impl Image {
             return Err(wrong());
         }
         let count = whole(stated);
-        reading.holds(&syntax, pixels, &layout, count)?;
+        reading.holds(&syntax, (pixels, length), &layout, count)?;
         if stated > MOST_FRAMES {
             return Err(wrong());
         }
@@ -276,10 +276,15 @@ impl Reading<'_> {
         })
     }
 
-    /// Checks that the file can hold `frames` frames, before anything is allocated for them.
-    fn holds(&self, syntax: &Syntax, pixels: Pixels, layout: &Layout, frames: usize) -> Result<(), VolumeError> {
+    /// Checks that the file of `length` bytes can hold `frames` frames, before anything is allocated for them.
+    fn holds(
+        &self,
+        syntax: &Syntax,
+        (pixels, length): (Pixels, u64),
+        layout: &Layout,
+        frames: usize,
+    ) -> Result<(), VolumeError> {
         let path = || self.path.to_owned();
-        let length = std::fs::metadata(self.path).map_err(|source| failed(self.path, source))?.len();
         let expected = layout.bits().saturating_mul(count(frames)).div_ceil(8);
         match (syntax.coding, pixels.length) {
             (Coding::Deflated, stated) => {

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::geometry::{Lattice, Unit};
 use super::resample::Grid;
-use super::{Selection, Volume, VolumeError, Voxels, allocate, data, with_voxels};
+use super::{Selection, Volume, VolumeError, Voxel, Voxels, allocate, data, with_voxels};
 use crate::number::whole;
 use crate::progress::Progress;
 use image::{About, Image};
@@ -194,18 +194,11 @@ fn even(
     dims: [usize; 3],
     source: &Path,
 ) -> Result<Voxels, VolumeError> {
-    fn evened<T: super::Voxel>(
-        stored: &[T],
-        pixels: usize,
-        places: &[f64],
-        depth: usize,
-        source: &Path,
-    ) -> Result<Voxels, VolumeError> {
-        let mut out: Vec<T> = allocate::zeroed(source, pixels.saturating_mul(depth))?;
-        series::evened(stored, pixels, places, false, &mut out);
-        Ok(T::into_voxels(out))
-    }
-    with_voxels!(voxels, stored => evened(stored, pixels, places, dims[2], source))
+    with_voxels!(voxels, stored => {
+        let mut out = allocate::zeroed(source, pixels.saturating_mul(dims[2]))?;
+        series::evened(stored, pixels, places, &mut out);
+        Ok(Voxel::into_voxels(out))
+    })
 }
 
 /// Paths of the files of `slices`, each once.

@@ -194,7 +194,8 @@ impl Pixels<'_> {
             let now = if start == 0 && !is_bounded { 1 } else { batch };
             let end = (start + now).min(self.slices.len());
             if !is_bounded {
-                grow(&mut voxels, (end - start) * pixels, wanted, self.source)?;
+                allocate::reserve(&mut voxels, (end - start) * pixels, wanted, self.source)?;
+                voxels.resize(end * pixels, T::zeroed());
             }
             let results: Vec<Result<(), VolumeError>> = voxels[start * pixels..]
                 .par_chunks_mut(pixels)
@@ -295,20 +296,6 @@ impl Pixels<'_> {
         lay(&bytes, layout, allocated, is_planar, &place, self.component, out);
         Ok(())
     }
-}
-
-/// Appends `more` zeros; the capacity doubles as frames come, up to `all`.
-fn grow<T: Voxel>(voxels: &mut Vec<T>, more: usize, all: usize, source: &Path) -> Result<(), VolumeError> {
-    let there = voxels.len();
-    if voxels.capacity() - there < more {
-        let room = more.max(there).min(all - there);
-        voxels.try_reserve_exact(room).map_err(|_| VolumeError::Memory {
-            source_name: source.display().to_string(),
-            bytes: count(there + room).saturating_mul(count(size_of::<T>())),
-        })?;
-    }
-    voxels.resize(there + more, T::zeroed());
-    Ok(())
 }
 
 /// Reads `length` bytes of pixels, from byte `first` of the pixel data on.

@@ -351,15 +351,9 @@ pub(super) fn without_copies(images: Vec<Image>) -> (Vec<Image>, usize) {
     (kept, copies)
 }
 
-/// Interpolates the slices `voxels` of `pixels` voxels, which lie at `places` in steps of a lattice, at its whole steps:
-/// linearly between two neighbours, or the nearer one with `nearest`.
-pub(super) fn evened<T: crate::volume::Voxel>(
-    voxels: &[T],
-    pixels: usize,
-    places: &[f64],
-    nearest: bool,
-    out: &mut [T],
-) {
+/// Interpolates the slices `voxels` of `pixels` voxels, which lie at `places` in steps of a lattice, linearly at its whole
+/// steps.
+pub(super) fn evened<T: crate::volume::Voxel>(voxels: &[T], pixels: usize, places: &[f64], out: &mut [T]) {
     use rayon::prelude::*;
     let last = places.len() - 1;
     out.par_chunks_mut(pixels).enumerate().for_each(|(z, out)| {
@@ -369,7 +363,7 @@ pub(super) fn evened<T: crate::volume::Voxel>(
         let width = places[above] - places[below];
         let part = if width > 0.0 { ((place - places[below]) / width).clamp(0.0, 1.0) } else { 0.0 };
         let slice = |index: usize| &voxels[index * pixels..(index + 1) * pixels];
-        if nearest || part <= 0.0 || part >= 1.0 {
+        if part <= 0.0 || part >= 1.0 {
             out.copy_from_slice(slice(if part >= 0.5 { above } else { below }));
             return;
         }

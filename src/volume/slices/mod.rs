@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use super::batches::{self, Decode, Part};
 use super::several::{Series, Several};
 use super::tiff::{self, Picture, Sample, Stack};
-use super::voxels::{floats_of_halves, with_type};
-use super::{Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels};
+use super::voxels::with_type;
+use super::{Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, data};
 use crate::progress::Progress;
 
 /// Extensions of slices, in lower case.
@@ -74,11 +74,13 @@ pub(super) fn read(
 
 /// Whether the data files of a header are pictures, by their extensions.
 pub(super) fn are_pictures(paths: &[PathBuf]) -> bool {
-    let is_one = |path: &PathBuf| {
-        let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-        EXTENSIONS.contains(&extension.as_str())
-    };
-    !paths.is_empty() && paths.iter().all(is_one)
+    !paths.is_empty() && paths.iter().all(|path| extension(path).is_some())
+}
+
+/// The extension of a picture in lower case; `None` for other files.
+fn extension(path: &Path) -> Option<&'static str> {
+    let own = path.extension()?;
+    EXTENSIONS.into_iter().find(|extension| own.eq_ignore_ascii_case(extension))
 }
 
 /// Component `component` of the slices `paths` of the header `header`, which states `dims` voxels of `components` numbers of
@@ -147,13 +149,10 @@ fn runs(path: &Path, all: &[PathBuf]) -> Vec<Run> {
     // Names with equal texts between their numbers.
     let mut alike: BTreeMap<Texts, Vec<Numbered>> = BTreeMap::new();
     for file in all {
-        let extension = file.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-        if !EXTENSIONS.contains(&extension.as_str()) {
-            continue;
-        }
+        let Some(extension) = extension(file) else { continue };
         let stem = file.file_stem().unwrap_or_default().to_string_lossy();
         let (mut texts, numbers) = pieces(&stem);
-        texts.push(extension);
+        texts.push(extension.to_owned());
         let parent = file.parent().unwrap_or(Path::new("")).to_owned();
         alike.entry((parent, texts)).or_default().push((file.clone(), numbers));
     }
@@ -253,7 +252,7 @@ fn one(path: &Path) -> Result<Picture, VolumeError> {
 }
 
 fn is_tiff(path: &Path) -> bool {
-    path.extension().is_some_and(|it| it.eq_ignore_ascii_case("tif") || it.eq_ignore_ascii_case("tiff"))
+    matches!(extension(path), Some("tif" | "tiff"))
 }
 
 /// Slices of one size and type.
@@ -268,9 +267,7 @@ impl<'a> Slices<'a> {
     /// Reads the headers of all slices; refuses the first one that differs.
     fn open(paths: &'a [PathBuf], progress: &dyn Progress) -> Result<Self, VolumeError> {
         let read = |(index, path): (usize, &PathBuf)| {
-            if progress.cancelled() {
-                return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
-            }
+            data::check_cancelled(path, progress)?;
             if is_tiff(path) {
                 let page = tiff::slice(path, index)?;
                 Ok((*page.picture(), Some(page)))
@@ -291,13 +288,12 @@ impl<'a> Slices<'a> {
 
     /// Decodes component `component` of the slices.
     fn voxels(self, source_name: &str, component: usize, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
-        let voxels = if self.pages.is_empty() {
-            let voxel_type = self.picture.sample.voxel_type();
-            with_type!(voxel_type, T => T::into_voxels(self.read_as::<T>(component, progress)?))
-        } else {
-            Stack { paths: self.paths.to_vec(), pages: self.pages, sample: component }.read(progress)?
-        };
-        if self.picture.sample == Sample::Half { floats_of_halves(voxels, source_name) } else { Ok(voxels) }
+        if !self.pages.is_empty() {
+            let stack = Stack { paths: self.paths.to_vec(), pages: self.pages, sample: component };
+            return stack.read(source_name, progress);
+        }
+        let voxel_type = self.picture.sample.voxel_type();
+        with_type!(voxel_type, T => Ok(T::into_voxels(self.read_as::<T>(component, progress)?)))
     }
 
     fn read_as<T: Voxel>(&self, component: usize, progress: &dyn Progress) -> Result<Vec<T>, VolumeError> {

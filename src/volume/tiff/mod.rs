@@ -17,7 +17,6 @@ use glam::{DMat3, DVec3};
 use super::data;
 use super::several::{Series, Several};
 use super::stream::count;
-use super::voxels::floats_of_halves;
 use super::{Geometry, Selection, Volume, VolumeError};
 use crate::progress::{Progress, Quiet};
 pub(super) use directory::recognises;
@@ -155,10 +154,7 @@ fn volume(
     let spacing = DVec3::from_array(stated.spacing.map(|length| length.unwrap_or(1.0)));
     let geometry = Geometry::new(source_name, dims, spacing, DVec3::new(left, top, 0.0), DMat3::IDENTITY)?;
     let stack = Stack { paths, pages: chosen.pages, sample: chosen.sample };
-    let mut voxels = stack.read(progress)?;
-    if picture.sample == Sample::Half {
-        voxels = floats_of_halves(voxels, source_name)?;
-    }
+    let voxels = stack.read(source_name, progress)?;
     let mut volume = Volume::new(source_name, voxels, geometry)?;
     volume.unit = stated.unit;
     volume.components = chosen.components;
@@ -275,9 +271,7 @@ impl Contents {
         let mut contents =
             Self { pages: Vec::new(), all: 0, description: Description::None, resolution: ([None; 2], 1), length };
         tiff.directories(|tiff, directory| {
-            if progress.cancelled() {
-                return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
-            }
+            data::check_cancelled(path, progress)?;
             contents.all += 1;
             if contents.all == 1 {
                 if let Some(entry) = directory.find(tag::DESCRIPTION) {
@@ -437,7 +431,7 @@ impl Files<'_> {
     /// The page of a plane.
     fn page(&mut self, ome: &Ome, main: &Contents, (file, page): ome::Plane) -> Result<Page, VolumeError> {
         let contents = self.contents(ome, main, file)?;
-        let found = contents.pages.binary_search_by_key(&page.saturating_add(1), Page::number);
+        let found = contents.pages.binary_search_by_key(&page.saturating_add(1), |page| page.number);
         match found {
             Ok(index) => Ok(contents.pages[index].clone()),
             Err(_) => {

@@ -240,10 +240,6 @@ impl Page {
     pub(in crate::volume) fn picture(&self) -> &Picture {
         &self.coding.picture
     }
-
-    pub(super) fn number(&self) -> usize {
-        self.number
-    }
 }
 
 /// Reads what a page needs from its directory.

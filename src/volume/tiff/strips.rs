@@ -9,14 +9,14 @@ use jpeg_decoder::{ColorTransform, PixelFormat};
 use ruzstd::decoding::StreamingDecoder;
 use weezl::BitOrder;
 
-use super::directory::Tiff;
+use super::directory::{Entry, Tiff};
 use super::page::{Chunks, Coding, Compression, Page, Predictor, Sample};
 use crate::progress::Progress;
 use crate::volume::batches::{self, Decode, Part};
 use crate::volume::data::SLAB_BYTES;
 use crate::volume::guard::guarded;
-use crate::volume::stream::count;
-use crate::volume::voxels::with_type;
+use crate::volume::stream::{PackBits, count, read_fully};
+use crate::volume::voxels::{floats_of_halves, with_type};
 use crate::volume::{ByteOrder, VolumeError, Voxel, Voxels};
 
 /// Compressed bytes of a strip beyond twice its voxels that are read at most; more are a mistake.
@@ -40,12 +40,14 @@ struct Band {
 }
 
 impl Stack {
-    /// Decodes the voxels. Floats of 16 bits come as their bits.
+    /// Decodes the voxels of the file or folder `source_name`. Floats of 16 bits become those of 32.
     ///
     /// Memory is bounded by what the lengths of the files justify: it grows as strips are decoded.
-    pub(in crate::volume) fn read(&self, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
+    pub(in crate::volume) fn read(&self, source_name: &str, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
         let Some(first) = self.pages.first() else { return Ok(Voxels::U8(Vec::new())) };
-        with_type!(first.picture().sample.voxel_type(), T => Ok(T::into_voxels(self.read_as::<T>(progress)?)))
+        let sample = first.picture().sample;
+        let voxels = with_type!(sample.voxel_type(), T => T::into_voxels(self.read_as::<T>(progress)?));
+        if sample == Sample::Half { floats_of_halves(voxels, source_name) } else { Ok(voxels) }
     }
 
     /// Refuses pages of more bytes than their files can hold.
@@ -132,6 +134,8 @@ struct Worker<'a, T> {
     stack: &'a Stack,
     /// The file that was read last, with its index.
     open: Option<(usize, Tiff)>,
+    /// The JPEG tables that were read last, with the index of their file and their place in it.
+    tables: Option<(usize, Entry, Vec<u8>)>,
     packed: Vec<u8>,
     numbers: Vec<T>,
     row: Vec<u8>,
@@ -139,7 +143,7 @@ struct Worker<'a, T> {
 
 impl<'a, T: Voxel> Worker<'a, T> {
     fn new(stack: &'a Stack) -> Self {
-        Self { stack, open: None, packed: Vec::new(), numbers: Vec::new(), row: Vec::new() }
+        Self { stack, open: None, tables: None, packed: Vec::new(), numbers: Vec::new(), row: Vec::new() }
     }
 
     fn file(&mut self, file: usize) -> Result<&mut Tiff, VolumeError> {
@@ -161,7 +165,7 @@ impl<'a, T: Voxel> Worker<'a, T> {
             let mut left = chunk.wanted;
             while left > 0 {
                 let part = left.min(sink.len());
-                let got = fill(stream, &mut sink[..part])?;
+                let got = read_fully(stream, &mut sink[..part])?;
                 left -= got;
                 if got < part {
                     break;
@@ -181,7 +185,7 @@ impl<'a, T: Voxel> Worker<'a, T> {
             let chunk = self.chunk(band, column)?;
             if is_direct(coding) {
                 let wanted = chunk.wanted;
-                self.unpack(page, &chunk, |stream| fill(stream, &mut bytemuck::cast_slice_mut(out)[..wanted]))?;
+                self.unpack(page, &chunk, |stream| read_fully(stream, &mut bytemuck::cast_slice_mut(out)[..wanted]))?;
                 for row in out.chunks_mut(coding.picture.width) {
                     restore(row, coding, swaps, &mut Vec::new());
                 }
@@ -253,9 +257,16 @@ impl<'a, T: Voxel> Worker<'a, T> {
         let stated = usize::try_from(chunk.bytes.unwrap_or(0)).unwrap_or(usize::MAX);
         packed.resize(stated.min(chunk.wanted.saturating_mul(2).saturating_add(SLACK)), 0);
         tiff.fill(chunk.at, &mut packed).map_err(failed)?;
-        let tables = match page.tables.filter(|_| coding.compression == Compression::Jpeg) {
-            Some(tables) => tiff.bytes(tables, &format!("page {}, JPEGTables", page.number))?,
-            None => Vec::new(),
+        let wanted = page.tables.filter(|_| coding.compression == Compression::Jpeg);
+        let is_read =
+            |entry: Entry| matches!(&self.tables, Some((file, known, _)) if (*file, *known) == (page.file, entry));
+        if let Some(entry) = wanted.filter(|&entry| !is_read(entry)) {
+            let bytes = self.file(page.file)?.bytes(entry, &format!("page {}, JPEGTables", page.number))?;
+            self.tables = Some((page.file, entry, bytes));
+        }
+        let tables: &[u8] = match &self.tables {
+            Some((.., tables)) if wanted.is_some() => tables,
+            _ => &[],
         };
         let decoded = guarded(|| {
             let mut stream = decoder(coding, chunk, &packed, tables)?;
@@ -345,11 +356,6 @@ fn is_end(error: &io::Error) -> bool {
     error.kind() == io::ErrorKind::UnexpectedEof
 }
 
-/// Fills `bytes` until `stream` ends; returns the number of bytes read.
-fn fill(stream: &mut dyn Read, bytes: &mut [u8]) -> io::Result<usize> {
-    crate::volume::stream::read_fully(stream, bytes)
-}
-
 /// Reads `wanted` bytes into `numbers`, which grows as they come. Returns the number of bytes read.
 fn grow<T: Voxel>(stream: &mut dyn Read, numbers: &mut Vec<T>, wanted: usize) -> io::Result<usize> {
     let all = wanted / size_of::<T>();
@@ -358,7 +364,7 @@ fn grow<T: Voxel>(stream: &mut dyn Read, numbers: &mut Vec<T>, wanted: usize) ->
         let next = all.min((2 * there).max(SLAB_BYTES / size_of::<T>()));
         numbers.resize(next.max(numbers.len().min(all)), T::zeroed());
         let part = bytemuck::cast_slice_mut(&mut numbers[there..next]);
-        let got = fill(stream, part)?;
+        let got = read_fully(stream, part)?;
         if got < part.len() {
             return Ok(there * size_of::<T>() + got);
         }
@@ -369,7 +375,7 @@ fn grow<T: Voxel>(stream: &mut dyn Read, numbers: &mut Vec<T>, wanted: usize) ->
 }
 
 /// Stream of the decompressed bytes of a strip or tile.
-fn decoder<'a>(coding: &Coding, chunk: &Chunk, packed: &'a [u8], tables: Vec<u8>) -> io::Result<Box<dyn Read + 'a>> {
+fn decoder<'a>(coding: &Coding, chunk: &Chunk, packed: &'a [u8], tables: &[u8]) -> io::Result<Box<dyn Read + 'a>> {
     Ok(match coding.compression {
         Compression::None => Box::new(packed),
         Compression::Deflate => Box::new(ZlibDecoder::new(packed)),
@@ -379,23 +385,21 @@ fn decoder<'a>(coding: &Coding, chunk: &Chunk, packed: &'a [u8], tables: Vec<u8>
                 .build();
             Box::new(Lzw { decoder, packed })
         }
-        Compression::PackBits => Box::new(PackBits { packed, run: Run::Copy(0) }),
+        Compression::PackBits => Box::new(PackBits::new(packed)),
         Compression::Zstd => Box::new(StreamingDecoder::new(packed).map_err(io::Error::other)?),
         Compression::Jpeg => Box::new(Cursor::new(jpeg(coding, chunk, packed, tables)?)),
     })
 }
 
 /// Voxels of a JPEG stream, whose `tables` may be separate.
-fn jpeg(coding: &Coding, chunk: &Chunk, packed: &[u8], mut tables: Vec<u8>) -> io::Result<Vec<u8>> {
+fn jpeg(coding: &Coding, chunk: &Chunk, packed: &[u8], tables: &[u8]) -> io::Result<Vec<u8>> {
     // The tables are a stream without a picture: its end mark and the begin mark of the picture are omitted.
-    let picture = if tables.len() > 4 && packed.len() > 2 {
-        tables.truncate(tables.len() - 2);
-        &packed[2..]
+    let (tables, picture) = if tables.len() > 4 && packed.len() > 2 {
+        (&tables[..tables.len() - 2], &packed[2..])
     } else {
-        tables.clear();
-        packed
+        (&tables[..0], packed)
     };
-    let mut decoder = jpeg_decoder::Decoder::new(Cursor::new(tables).chain(picture));
+    let mut decoder = jpeg_decoder::Decoder::new(Read::chain(tables, picture));
     let samples = coding.interleaved();
     // Without a transform, the crate puts the samples of a row one behind the other.
     decoder.set_color_transform(match (coding.picture.photometric, samples) {
@@ -447,61 +451,6 @@ impl Read for Lzw<'_> {
                 return Ok(step.consumed_out);
             }
         }
-    }
-}
-
-/// `PackBits`: runs of copied and of repeated bytes.
-struct PackBits<'a> {
-    packed: &'a [u8],
-    run: Run,
-}
-
-/// Rest of a run.
-#[derive(Clone, Copy)]
-enum Run {
-    Copy(usize),
-    Repeat(u8, usize),
-}
-
-impl Read for PackBits<'_> {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let mut filled = 0;
-        while filled < bytes.len() {
-            let room = bytes.len() - filled;
-            match self.run {
-                Run::Copy(0) | Run::Repeat(_, 0) => {
-                    let Some((&head, rest)) = self.packed.split_first() else { break };
-                    self.packed = rest;
-                    self.run = match head {
-                        0..=127 => Run::Copy(usize::from(head) + 1),
-                        128 => Run::Copy(0),
-                        129.. => {
-                            let Some((&byte, rest)) = self.packed.split_first() else { break };
-                            self.packed = rest;
-                            Run::Repeat(byte, 257 - usize::from(head))
-                        }
-                    };
-                }
-                Run::Copy(left) => {
-                    let part = left.min(room).min(self.packed.len());
-                    if part == 0 {
-                        break;
-                    }
-                    let (now, rest) = self.packed.split_at(part);
-                    bytes[filled..filled + part].copy_from_slice(now);
-                    self.packed = rest;
-                    self.run = Run::Copy(left - part);
-                    filled += part;
-                }
-                Run::Repeat(byte, left) => {
-                    let part = left.min(room);
-                    bytes[filled..filled + part].fill(byte);
-                    self.run = Run::Repeat(byte, left - part);
-                    filled += part;
-                }
-            }
-        }
-        Ok(filled)
     }
 }
 
