@@ -143,6 +143,10 @@ impl Image {
         if !(1.0..=9e15).contains(&stated) || stated.fract() != 0.0 {
             return Err(wrong());
         }
+        // Too many to count their bits.
+        if layout.bits().checked_mul(count(whole(stated))).is_none() {
+            return Err(wrong());
+        }
         let count = whole(stated);
         reading.holds(&syntax, (pixels, length), &layout, count)?;
         if stated > MOST_FRAMES {
