@@ -24,7 +24,7 @@ fn host(criterion: &mut Criterion) {
     group.bench_function("statistics", |bencher| bencher.iter(|| scene.volume.statistics()));
     group.bench_function("store 16 slices", |bencher| bencher.iter(|| storage.slab(&scene.volume, black_box(60..76))));
     group.bench_function("cells", |bencher| bencher.iter(|| Cells::new(&scene.volume, &storage, None)));
-    group.bench_function("occupancy", |bencher| bencher.iter(|| cells.occupancy(black_box(&table))));
+    group.bench_function("occupancy", |bencher| bencher.iter(|| cells.occupancy(&black_box(&table).active_entries())));
     group.bench_function("transfer table", |bencher| {
         bencher.iter(|| TransferTable::new(&scene, &planned, black_box(storage.domain)));
     });

@@ -1,7 +1,9 @@
 // Marches rays through the volume front to back, and writes accumulators and transmittance. No light spectrum enters
 // them.
 // The reflected light of a step is in `weights.wgsl` or `spectral.wgsl`, its transmittance in `grey.wgsl`,
-// `coloured.wgsl` or `mixed.wgsl`, and the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`.
+// `coloured.wgsl` or `mixed.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, and the
+// integration of a run of steps in `samples.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or
+// `segments_coloured.wgsl`.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
 // resolved before the shader is compiled.
 
@@ -136,26 +138,6 @@ fn place_of(ray: Ray, n: u32) -> vec3f {
     return fma(vec3f(s), ray.direction, ray.base);
 }
 
-// Reads source and opacity at `coordinate` in the table.
-fn look_up(coordinate: f32, step: ptr<function, Step>) {
-    if (NEAREST_LOOKUP) {
-        let i = u32(coordinate + 0.5);
-        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            (*step).source[lane] = table_source[i * TABLE_LANES + lane];
-        }
-        (*step).opacity = opacity_at(i);
-    } else {
-        let i = min(u32(coordinate), u32(march.coordinate_last) - 1u);
-        let fraction = coordinate - f32(i);
-        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            let source = table_source[i * TABLE_LANES + lane];
-            let after = table_source[(i + 1u) * TABLE_LANES + lane];
-            (*step).source[lane] = fma(vec4f(fraction), after - source, source);
-        }
-        (*step).opacity = opacity_between(i, fraction);
-    }
-}
-
 // Texel of a voxel; voxels outside the grid are clamped to its faces.
 fn texel_at(voxel: vec3f) -> vec4f {
     let last = vec3f(textureDimensions(volume)) - 1.0;
@@ -238,54 +220,6 @@ fn central_difference(place: vec3f) -> vec3f {
     );
 }
 
-// Texel, table coordinate and label of a sample.
-struct Key {
-    texel: vec4f,
-    coordinate: f32,
-    // Row in the label table; 0 without a label.
-    row: u32,
-}
-
-fn key_at(place: vec3f) -> Key {
-    let texel = fetch(place);
-    var value = texel.x;
-    if (STORED_GRADIENT) {
-        value = texel.w;
-    }
-    let coordinate = clamp(fma(value, march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
-    var row = 0u;
-    if (LABELS) {
-        let dims = vec3f(textureDimensions(labels));
-        let voxel = vec3i(clamp(floor(place * dims), vec3f(), dims - 1.0));
-        row = textureLoad(labels, voxel, 0).x;
-    }
-    return Key(texel, coordinate, row);
-}
-
-// Whether the sample can be visible.
-fn is_active(key: Key) -> bool {
-    return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.row > 0u;
-}
-
-fn sample(place: vec3f, key: Key) -> Step {
-    var step: Step;
-    if (STORED_GRADIENT) {
-        step.normal = unit(key.texel.xyz * march.gradient_scale);
-    } else if (GRADIENT) {
-        step.normal = unit(central_difference(place) * march.gradient_scale);
-    }
-    look_up(key.coordinate, &step);
-    if (LABELS) {
-        if (key.row > 0u) {
-            for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-                step.source[lane] = label_source[key.row * TABLE_LANES + lane];
-            }
-            step.opacity = opacity_of_label(key.row);
-        }
-    }
-    return step;
-}
-
 // `base^exponent` by repeated squaring, lowest bit first. Unrolled, because a loop would count against the iterations
 // that some devices allow per invocation.
 fn power(base: f32, exponent: u32) -> f32 {
@@ -345,58 +279,6 @@ fn composite(
     }
 }
 
-// Adds the contribution of the sample at `place`; returns the transmittance after it.
-fn add_sample(
-    ray: Ray,
-    place: vec3f,
-    key: Key,
-    transmittance: Transmittance,
-    sums: ptr<function, array<vec4f, LAYERS>>,
-) -> Transmittance {
-    let step = sample(place, key);
-    for (var position = 0u; position < POSITIONS_USED; position += 1u) {
-        composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
-    }
-    return attenuate(transmittance, step.opacity);
-}
-
-// Marches the samples from `first` to before `end`, or until early termination; returns the transmittance.
-fn march_samples(
-    ray: Ray,
-    first: u32,
-    end: u32,
-    before: Transmittance,
-    sums: ptr<function, array<vec4f, LAYERS>>,
-) -> Transmittance {
-    var transmittance = before;
-    if (SKIP_INVISIBLE) {
-        var n = first;
-        loop {
-            // Advances to the next sample that can be visible, in a loop of its own: some devices branch only at the
-            // end of a loop, and would otherwise execute the code after an `if` in vain.
-            var key: Key;
-            var found = false;
-            loop {
-                if (n >= end) { break; }
-                key = key_at(place_of(ray, n));
-                n += 1u;
-                found = is_active(key);
-                if (found) { break; }
-            }
-            if (!found) { break; }
-            transmittance = add_sample(ray, place_of(ray, n - 1u), key, transmittance, sums);
-            if (brightest(transmittance) < march.termination) { break; }
-        }
-    } else {
-        for (var n = first; n < end; n += 1u) {
-            let place = place_of(ray, n);
-            transmittance = add_sample(ray, place, key_at(place), transmittance, sums);
-            if (brightest(transmittance) < march.termination) { break; }
-        }
-    }
-    return transmittance;
-}
-
 @compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     march = march_uniform;
@@ -438,11 +320,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             }
             if (n >= end) { break; }
             leave = min(leave, end);
-            transmittance = march_samples(ray, n, leave, transmittance, &sums);
+            transmittance = march_run(ray, n, leave, transmittance, &sums);
             n = select(leave, end, brightest(transmittance) < march.termination);
         }
     } else {
-        transmittance = march_samples(ray, n, end, transmittance, &sums);
+        transmittance = march_run(ray, n, end, transmittance, &sums);
     }
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
         textureStore(accumulators, pixel, layer, sums[layer]);

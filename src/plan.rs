@@ -16,14 +16,17 @@ pub use warning::PlanWarning;
 use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;
 use crate::scene::{
-    AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs,
-    positions,
+    AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lookup, Placement, Position, Scene, Shading,
+    StoreAs, VolumeAs, positions,
 };
 use crate::spectrum::Light;
 use crate::spectrum::observer::Observer;
 
 /// Numbers in a shader's vector, the unit of accumulators and tables.
 pub const LANE: usize = 4;
+
+/// Largest number of parts of a segment.
+pub const MOST_PARTS: f32 = 4.0;
 
 /// Fraction of the tolerance allowed to coefficients that replace exact weights: exactness is given up only for a small
 /// error.
@@ -47,6 +50,8 @@ pub struct ScenePlan {
     pub background: bool,
     /// Lookup in the transfer table.
     pub lookup: Lookup,
+    /// Integration along a ray.
+    pub integration: Integrate,
     /// Interpolation between voxels.
     pub interpolation: Interpolation,
     /// Storage of the volume.
@@ -57,6 +62,16 @@ pub struct ScenePlan {
     pub skipping: bool,
     /// Storage of finished accumulators.
     pub storage: StoreAs,
+}
+
+/// Integration along a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Integrate {
+    /// The medium at the middle of each step.
+    Samples,
+    /// Means of the medium over the values between the ends of a segment.
+    Segments,
 }
 
 /// Contents of pixels.
@@ -341,6 +356,12 @@ pub enum PlanError {
     /// The effect of 16-bit storage on matrices is not known.
     #[error("the model peercy keeps a transmittance matrix, which is not stored in 16 bits; take storage = \"f32\"")]
     HalfMatrix,
+    /// Segments are requested, but have no closed form.
+    #[error("integration = \"segments\" is not possible: {why}; use \"samples\" or \"auto\"")]
+    NoSegments {
+        /// The reason.
+        why: &'static str,
+    },
     /// No colour model meets the request.
     #[error("no colour model fits the scene")]
     Model(#[from] ModelError),
@@ -355,6 +376,7 @@ impl PlanError {
             Self::HalfPrecision { .. } => "half-imprecise",
             Self::HalfRange => "half-overflow",
             Self::HalfMatrix => "half-matrix",
+            Self::NoSegments { .. } => "segments-impossible",
             Self::Model(error) => error.code(),
         }
     }
@@ -377,6 +399,9 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
 pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let mut planned = chosen(scene, lights, progress)?;
     half::check(&planned, scene)?;
+    if let (Integration::Segments, Some(why)) = (scene.accuracy.integration, planned.no_segments()) {
+        return Err(PlanError::NoSegments { why });
+    }
     let observer = planned.be_seen_by(scene.display.observer, scene.accuracy.tolerance)?;
     planned.warnings.extend(observer);
     planned.warnings.extend(planned.unused(scene));
@@ -510,6 +535,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         labels: scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty()),
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
+        integration: Integrate::Samples,
         interpolation: scene.accuracy.interpolation,
         volume: scene.accuracy.volume,
         gradients: Gradients::Packed,
@@ -519,10 +545,35 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     if plan.gradient() {
         plan.gradients = scene.accuracy.gradients;
     }
+    if scene.accuracy.integration == Integration::Segments && no_segments(&plan, model.as_deref()).is_none() {
+        plan.integration = Integrate::Segments;
+    }
     Planned { plan, materials, positions, model, warnings: Vec::new() }
 }
 
+/// Why `plan` cannot integrate in segments, if it cannot: their closed form needs components that decay independently,
+/// and values that change continuously.
+fn no_segments(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static str> {
+    if plan.transmittance == Transmittance::Mixed {
+        Some("the model peercy multiplies matrices")
+    } else if plan.transmittance == Transmittance::Coloured
+        && model.is_some_and(|model| model.kind() == ModelKind::Sharpened(model::Order::Step))
+    {
+        Some("the model projects the transmittance of each step")
+    } else if plan.interpolation == Interpolation::Nearest {
+        Some("the values of nearest interpolation jump")
+    } else {
+        None
+    }
+}
+
 impl Planned {
+    /// Why this plan cannot integrate in segments, if it cannot.
+    #[must_use]
+    pub fn no_segments(&self) -> Option<&'static str> {
+        no_segments(&self.plan, self.model.as_deref())
+    }
+
     /// Fits the colour model, if any, to `observer`; pixels are the same for every observer. Returns a warning if the
     /// error exceeds the tolerance.
     fn be_seen_by(&mut self, observer: Observer, tolerance: f64) -> Result<Option<PlanWarning>, ModelError> {

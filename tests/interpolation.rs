@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 use relume::reference::{Samples, Step};
-use relume::scene::{Interpolation, Scene};
+use relume::scene::{Integration, Interpolation, Scene};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, float, of, sampled};
 use support::tolerance::DEVICE_MEAN;
@@ -116,9 +116,14 @@ fn every_interpolation_is_the_same_on_the_device() {
 
 #[test]
 fn empty_space_skipping_omits_nothing_of_any_interpolation() {
-    for interpolation in ALL {
+    let ways = ALL
+        .map(|interpolation| (interpolation, Integration::Samples))
+        .into_iter()
+        .chain(ALL.into_iter().skip(1).map(|interpolation| (interpolation, Integration::Segments)));
+    for (interpolation, integration) in ways {
         let march = |skipping: bool| {
             let mut scene = scenes::named("unshaded_three");
+            scene.accuracy.integration = integration;
             scene.accuracy.interpolation = interpolation;
             scene.accuracy.skipping = skipping;
             let rungs = Rungs::new(scene, SIZE);
@@ -126,6 +131,6 @@ fn empty_space_skipping_omits_nothing_of_any_interpolation() {
             with_renderer(|renderer| found = Some(rungs.gpu(renderer)));
             found
         };
-        assert_eq!(march(true), march(false), "{interpolation:?}");
+        assert_eq!(march(true), march(false), "{interpolation:?}, {integration:?}");
     }
 }

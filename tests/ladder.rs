@@ -9,7 +9,7 @@ mod support;
 use glam::DVec3;
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::number::Real;
-use relume::reference::{Samples, Step, Stored};
+use relume::reference::{End, Samples, Step, Stored};
 use relume::render::Renderer;
 use relume::scene::Lookup;
 use relume::spectrum::Spectrum;
@@ -431,6 +431,14 @@ impl Samples<f32> for EightBits<'_> {
     fn sample(&self, place: [f32; 3], step: &mut Step<f32>) {
         let places = self.1.map(|n| 256.0 * f32::from(u16::try_from(n).unwrap()));
         self.0.sample(std::array::from_fn(|axis| (place[axis] * places[axis]).round() / places[axis]), step);
+    }
+
+    fn end(&self, place: [f32; 3]) -> End<f32> {
+        self.0.end(place)
+    }
+
+    fn mean(&self, ends: [&End<f32>; 2], middle: [f32; 3], density: &mut Step<f32>) -> f32 {
+        self.0.mean(ends, middle, density)
     }
 }
 

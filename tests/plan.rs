@@ -4,7 +4,7 @@
 mod support;
 
 use glam::DVec3;
-use relume::plan::{Accumulate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan};
+use relume::plan::{Accumulate, Integrate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::scene::{AccumulateAs, Gradients, Interpolation, Lookup, Placement, Scene, Shading, StoreAs, VolumeAs};
 use relume::spectrum::{Reflectance, Spectrum};
@@ -21,6 +21,7 @@ fn least() -> ScenePlan {
         labels: false,
         background: false,
         lookup: Lookup::Linear,
+        integration: Integrate::Samples,
         interpolation: Interpolation::Linear,
         volume: VolumeAs::Auto,
         gradients: Gradients::Packed,
@@ -325,6 +326,7 @@ fn the_least_plan_and_the_fullest_show_the_same() {
         labels: true,
         background: true,
         lookup: Lookup::Linear,
+        integration: Integrate::Samples,
         interpolation: Interpolation::Linear,
         volume: VolumeAs::Auto,
         gradients: Gradients::Packed,

@@ -11,7 +11,7 @@ use relume::document::{SceneError, SceneOptions, parse};
 use relume::measure::{RungError, Rungs, Skipping, occupancy};
 use relume::plan::{Accumulate, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
 use relume::progress::{Progress, Quiet};
-use relume::reference::{Samples, Step, march};
+use relume::reference::{End, Samples, Step, march};
 use relume::render::{RenderError, Renderer, SceneRenderer, shaders_of};
 use relume::scene::{
     AccumulateAs, Gradients, Interpolation, LabelEntry, Labels, Lookup, Placement, Scene, SceneLight, Shading, StoreAs,
@@ -163,6 +163,15 @@ impl<S: Samples<f64>> Samples<f64> for Counting<'_, S> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         self.taken.fetch_add(1, Ordering::Relaxed);
         self.inner.sample(place, step);
+    }
+
+    fn end(&self, place: [f64; 3]) -> End<f64> {
+        self.taken.fetch_add(1, Ordering::Relaxed);
+        self.inner.end(place)
+    }
+
+    fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
+        self.inner.mean(ends, middle, density)
     }
 }
 

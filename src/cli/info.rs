@@ -530,6 +530,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "labels": plan.labels,
         "background": plan.background,
         "lookup": plan.lookup,
+        "integration": plan.integration,
         "interpolation": plan.interpolation,
         "skipping": plan.skipping,
         "storage": plan.storage,

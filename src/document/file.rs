@@ -460,6 +460,7 @@ impl Text<'_> {
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
         let termination =
             self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), usual.termination)?;
+        let variation = self.optional("variation", file.accuracy.variation.as_ref(), &(1e-6..=1.0), usual.variation)?;
         let tolerance =
             self.optional("tolerance", file.accuracy.tolerance.as_ref(), &(1e-3..=100.0), usual.tolerance)?;
         let dimension = match file.accuracy.k.as_ref().map(|k| (k, k.get_ref())) {
@@ -487,6 +488,8 @@ impl Text<'_> {
         let accuracy = Accuracy {
             step_length: step.unwrap_or(smallest),
             termination,
+            integration: file.accuracy.integration,
+            variation,
             skipping: file.accuracy.skipping.unwrap_or(usual.skipping),
             interpolation: file.accuracy.interpolation,
             volume: file.accuracy.volume,

@@ -12,7 +12,7 @@ use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlErr
 use super::design::{self, Side};
 use super::{Dial, LightState, Mixing, SceneFile, Source, State};
 use crate::output::{OutputError, write_atomically};
-use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Interval, Projection, Scene};
+use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Integration, Interval, Projection, Scene};
 use crate::spectrum::Spectrum;
 use crate::spectrum::observer::Observer;
 use crate::volume::ByteOrder;
@@ -333,6 +333,14 @@ fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Resu
     table.insert("step", value(now.step_length));
     table.insert("termination", value(now.termination));
     table.insert("tolerance", value(now.tolerance));
+    if now.integration != then.integration {
+        let integration = match now.integration {
+            Integration::Auto => "auto",
+            Integration::Segments => "segments",
+            Integration::Samples => "samples",
+        };
+        table.insert("integration", value(integration));
+    }
     let accumulate = match now.accumulate {
         AccumulateAs::Auto => "auto",
         AccumulateAs::Weights => "weights",

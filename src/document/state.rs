@@ -200,6 +200,7 @@ fn allowed(accuracy: &Accuracy, voxel: f64) -> Accuracy {
     Accuracy {
         step_length: within(accuracy.step_length, STEPS.map(|step| step * voxel), voxel),
         termination: within(accuracy.termination, [0.0, 0.5], 1e-4),
+        variation: within(accuracy.variation, [1e-6, 1.0], 1e-3),
         tolerance: within(accuracy.tolerance, [1e-3, 100.0], 1.0),
         dimension: accuracy.dimension.map(|k| k.clamp(1, LARGEST_DIMENSION)),
         ..accuracy.clone()

@@ -10,12 +10,12 @@ use super::skipping::{Skipping, occupancy};
 use crate::film::RelightMatrices;
 use crate::number::Real;
 use crate::number::{count, whole};
-use crate::plan::{Planned, ScenePlan, plan_full_spectrum};
+use crate::plan::{Integrate, Planned, ScenePlan, plan_full_spectrum};
 use crate::progress::Progress;
 use crate::reference::{Exact, ReferenceError, Stored, render_pixels};
-use crate::scene::{Interpolation, Mix, Scene, StoreAs};
+use crate::scene::{Accuracy, Integration, Interpolation, Mix, Scene, StoreAs};
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use crate::tables::{LabelMap, Occupancy, Storage, StoredVolume, TransferTable};
+use crate::tables::{LabelMap, Occupancy, SegmentTable, Storage, StoredVolume, TransferTable};
 use crate::volume::{Statistics, VolumeError};
 
 /// Cause of a difference from the truth: the difference between two rungs.
@@ -116,6 +116,20 @@ struct March {
     step_length: u64,
     termination: u64,
     interpolation: Interpolation,
+    integration: Integration,
+    variation: u64,
+}
+
+impl March {
+    fn of(accuracy: &Accuracy) -> Self {
+        Self {
+            step_length: accuracy.step_length.to_bits(),
+            termination: accuracy.termination.to_bits(),
+            interpolation: accuracy.interpolation,
+            integration: accuracy.integration,
+            variation: accuracy.variation.to_bits(),
+        }
+    }
 }
 
 /// The volume as a device would store it, and the plan that it is stored for.
@@ -183,7 +197,9 @@ impl<'a> Ladder<'a> {
         pixels: &[[usize; 2]],
         progress: &dyn Progress,
     ) -> Result<Vec<[usize; 2]>, LadderError> {
-        let found = self.march_exact(self.scene, &plan_full_spectrum(self.scene), pixels, progress)?;
+        let mut scene = self.scene.clone();
+        scene.accuracy.integration = Integration::Samples;
+        let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
         // The fractions of 81 bands in the light sum to 1 only up to rounding.
         let shows = |(colour, opacity): &(DVec3, f64)| {
             *opacity > ROUNDING || (*colour - self.background).abs().max_element() > ROUNDING
@@ -192,27 +208,32 @@ impl<'a> Ladder<'a> {
         Ok(shown.map(|(&pixel, _)| pixel).collect())
     }
 
-    /// The truth: full spectrum, exact samples, an eighth of the shortest Δs, no early ray termination.
+    /// The truth: full spectrum, point samples without tables, an eighth of the shortest Δs, no early ray termination.
     pub(super) fn truth(&mut self, progress: &dyn Progress) -> Result<Arc<Vec<DVec3>>, LadderError> {
-        self.full(self.finest / FINER, 0.0, self.scene.accuracy.interpolation, progress)
+        self.full(&self.true_accuracy(), progress)
     }
 
-    /// Full spectrum from exact samples, with the given step, termination and interpolation; cached.
+    fn true_accuracy(&self) -> Accuracy {
+        Accuracy {
+            step_length: self.finest / FINER,
+            termination: 0.0,
+            integration: Integration::Samples,
+            ..self.scene.accuracy.clone()
+        }
+    }
+
+    /// Full spectrum without tables, with the step, termination, interpolation and integration of `accuracy`; cached.
     pub(super) fn full(
         &mut self,
-        step_length: f64,
-        termination: f64,
-        interpolation: Interpolation,
+        accuracy: &Accuracy,
         progress: &dyn Progress,
     ) -> Result<Arc<Vec<DVec3>>, LadderError> {
-        let key = March { step_length: step_length.to_bits(), termination: termination.to_bits(), interpolation };
+        let key = March::of(accuracy);
         if let Some(known) = self.full.get(&key) {
             return Ok(Arc::clone(known));
         }
         let mut scene = self.scene.clone();
-        scene.accuracy.step_length = step_length;
-        scene.accuracy.termination = termination;
-        scene.accuracy.interpolation = interpolation;
+        scene.accuracy = accuracy.clone();
         let found = self.march_full(&scene, progress)?.into_iter().map(|(colour, _)| colour);
         let found = Arc::new(found.collect::<Vec<_>>());
         self.full.insert(key, Arc::clone(&found));
@@ -226,8 +247,7 @@ impl<'a> Ladder<'a> {
     /// The truth in other pixels.
     pub(super) fn truth_in(&self, pixels: &[[usize; 2]], progress: &dyn Progress) -> Result<Vec<DVec3>, LadderError> {
         let mut scene = self.scene.clone();
-        scene.accuracy.step_length = self.finest / FINER;
-        scene.accuracy.termination = 0.0;
+        scene.accuracy = self.true_accuracy();
         let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
         Ok(found.into_iter().map(|(colour, _)| colour).collect())
     }
@@ -276,7 +296,14 @@ impl<'a> Ladder<'a> {
         let Some(Kept { storage, volume, .. }) = &self.kept else { return Ok(Vec::new()) };
         let label_table = TransferTable::of_labels(scene, planned);
         let labels = self.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| (labels, &label_table));
-        let stored = Stored::<R>::new(planned, storage, volume, table, labels);
+        let mut stored = Stored::<R>::new(planned, storage, volume, table, labels);
+        let segments = (planned.plan.integration == Integrate::Segments).then(|| {
+            let table = SegmentTable::new(scene, planned, storage.domain);
+            (table, TransferTable::densities_of_labels(scene, planned))
+        });
+        if let Some((table, densities)) = &segments {
+            stored = stored.with_segments(storage, table, Some(densities));
+        }
         let matrices = self.matrices(scene, planned);
         let found = render_pixels(scene, planned, &stored, &matrices, self.size, &self.pixels, progress)?;
         Ok(found.into_iter().map(|(colour, _)| colour).collect())

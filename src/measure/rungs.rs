@@ -2,12 +2,12 @@
 
 use crate::film::{Film, RelightMatrices};
 use crate::number::Real;
-use crate::plan::{PlanError, Planned, plan, plan_full_spectrum};
+use crate::plan::{Integrate, PlanError, Planned, plan, plan_full_spectrum};
 use crate::progress::{Progress, Quiet};
 use crate::reference::{self, Exact, ReferenceError, Samples, Stored};
 use crate::render::{DeviceFilm, RenderError, Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
-use crate::tables::{LabelMap, Storage, StoredVolume, TransferTable};
+use crate::tables::{LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
 use crate::volume::VolumeError;
 
 /// A scene with all data that the rungs read.
@@ -25,6 +25,8 @@ pub struct Rungs {
     pub table: TransferTable,
     /// Table of the media of labels.
     pub label_table: TransferTable,
+    /// Table of segments, and the densities of labels, if the plan integrates in segments.
+    pub segments: Option<(SegmentTable, TransferTable)>,
     /// Label of every voxel, if the plan uses labels.
     pub labels: Option<LabelMap>,
     /// Mix of the scene's own lights.
@@ -88,6 +90,10 @@ impl Rungs {
             volume: StoredVolume::new(&scene.volume, &storage),
             table: TransferTable::new(&scene, &planned, storage.domain),
             label_table: TransferTable::of_labels(&scene, &planned),
+            segments: (planned.plan.integration == Integrate::Segments).then(|| {
+                let table = SegmentTable::new(&scene, &planned, storage.domain);
+                (table, TransferTable::densities_of_labels(&scene, &planned))
+            }),
             mix: Mix::of_scene(&scene),
             scene,
             planned,
@@ -116,7 +122,11 @@ impl Rungs {
     #[must_use]
     pub fn stored<R: Real>(&self) -> Stored<'_, R> {
         let labels = self.labels.as_ref().map(|labels| (labels, &self.label_table));
-        Stored::new(&self.planned, &self.storage, &self.volume, &self.table, labels)
+        let stored = Stored::new(&self.planned, &self.storage, &self.volume, &self.table, labels);
+        match &self.segments {
+            Some((table, densities)) => stored.with_segments(&self.storage, table, Some(densities)),
+            None => stored,
+        }
     }
 
     /// Marches `samples` with the reference.

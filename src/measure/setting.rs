@@ -8,7 +8,7 @@ use serde::{Serialize, Serializer};
 
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable, whole};
-use crate::scene::{AccumulateAs, Gradients, Interpolation, Lookup, Scene, StoreAs, VolumeAs};
+use crate::scene::{AccumulateAs, Gradients, Integration, Interpolation, Lookup, Scene, StoreAs, VolumeAs};
 
 /// An option that trades speed for accuracy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -25,6 +25,10 @@ pub enum Knob {
     Step,
     /// Transmittance at which a ray ends.
     Termination,
+    /// Integration along a ray: point samples or segments.
+    Integration,
+    /// Variation from which a segment is divided.
+    Variation,
     /// Interpolation between voxels.
     Interpolation,
     /// Storage of the volume.
@@ -65,13 +69,15 @@ pub(super) enum Growth {
 
 impl Knob {
     /// All knobs.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 15] = [
         Self::Model,
         Self::K,
         Self::Accumulate,
         Self::Storage,
         Self::Step,
         Self::Termination,
+        Self::Integration,
+        Self::Variation,
         Self::Interpolation,
         Self::Volume,
         Self::Gradients,
@@ -91,6 +97,8 @@ impl Knob {
             Self::Storage => "storage",
             Self::Step => "step",
             Self::Termination => "termination",
+            Self::Integration => "integration",
+            Self::Variation => "variation",
             Self::Interpolation => "interpolation",
             Self::Volume => "volume",
             Self::Gradients => "gradients",
@@ -111,6 +119,8 @@ impl Knob {
             Self::Storage => "bits of the stored numbers",
             Self::Step => "distance between two samples along a ray, in voxels",
             Self::Termination => "transmittance at which a ray ends",
+            Self::Integration => "samples of the medium, or segments between two values",
+            Self::Variation => "variation from which a segment is divided",
             Self::Interpolation => "interpolation between voxels",
             Self::Volume => "format of the stored voxels",
             Self::Gradients => "source of the gradients",
@@ -131,6 +141,8 @@ impl Knob {
             Self::Storage => Choices::Names(vec!["f32", "f16"]),
             Self::Step => numbers(1e-2..=1e3, false, Growth::Times(2.0)),
             Self::Termination => numbers(0.0..=0.5, false, Growth::Times(10.0)),
+            Self::Integration => Choices::Names(vec!["auto", "segments", "samples"]),
+            Self::Variation => numbers(1e-6..=1.0, false, Growth::Times(10.0)),
             Self::Interpolation => Choices::Names(vec!["nearest", "linear", "exact-linear", "cubic"]),
             Self::Volume => Choices::Names(vec!["auto", "f32", "u16"]),
             Self::Gradients => Choices::Names(vec!["packed", "central"]),
@@ -171,6 +183,14 @@ impl Knob {
                 accuracy.step_length = voxels * scene.volume.geometry.spacing.min_element();
             }
             (Self::Termination, Value::Number(share)) => accuracy.termination = share,
+            (Self::Integration, Value::Name(name)) => {
+                accuracy.integration = match name {
+                    "segments" => Integration::Segments,
+                    "samples" => Integration::Samples,
+                    _ => Integration::Auto,
+                };
+            }
+            (Self::Variation, Value::Number(variation)) => accuracy.variation = variation,
             (Self::Interpolation, Value::Name(name)) => {
                 accuracy.interpolation = match name {
                     "nearest" => Interpolation::Nearest,

@@ -5,9 +5,9 @@ use glam::DVec3;
 
 use crate::number::{count, whole};
 use crate::plan::{LANE, Planned};
-use crate::reference::{Samples, Step};
+use crate::reference::{End, Samples, Step};
 use crate::scene::Scene;
-use crate::tables::{CELL, Cells, LabelMap, Occupancy, Storage, TransferTable};
+use crate::tables::{CELL, Cells, LabelMap, Occupancy, Storage};
 
 /// Number of values across the data range at which the transfer function is evaluated, besides its bends.
 const PLACES: usize = 1 << 16;
@@ -57,6 +57,15 @@ impl<S: Samples<f64>> Samples<f64> for Skipping<'_, S> {
             self.inner.sample(place, step);
         }
     }
+
+    // A segment crosses from cell to cell, so its ends are read everywhere.
+    fn end(&self, place: [f64; 3]) -> End<f64> {
+        self.inner.end(place)
+    }
+
+    fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
+        self.inner.mean(ends, middle, density)
+    }
 }
 
 /// Occupancy of the macrocells of `scene`: whether its transfer function or a label scatters or absorbs there.
@@ -65,9 +74,9 @@ pub fn occupancy(scene: &Scene, storage: &Storage, labels: Option<&LabelMap>) ->
     Cells::new(&scene.volume, storage, labels).occupancy(&visible(scene, storage.domain))
 }
 
-/// Table of the values at which `scene` scatters or absorbs: opacity 1 there, and at both entries around a bend if it
-/// does so at the bend or right beside it.
-fn visible(scene: &Scene, [low, high]: [f64; 2]) -> TransferTable {
+/// Whether `scene` scatters or absorbs, at values from the lowest to the highest; also at both values around a bend, if
+/// it does so at the bend or right beside it.
+fn visible(scene: &Scene, [low, high]: [f64; 2]) -> Vec<bool> {
     let last = count(PLACES - 1);
     let shows = |value: f64| {
         let medium = scene.transfer.medium(value, scene.materials.len());
@@ -81,6 +90,5 @@ fn visible(scene: &Scene, [low, high]: [f64; 2]) -> TransferTable {
             active[(place + 1).min(PLACES - 1)] = true;
         }
     }
-    let opacity = active.iter().map(|&active| if active { 1.0 } else { 0.0 }).collect();
-    TransferTable { source: vec![[0.0; LANE]; PLACES], opacity, lanes: 1, opacity_numbers: 1 }
+    active
 }

@@ -16,7 +16,7 @@ use super::shown::{looked_up, picture};
 use crate::plan::{Planned, ScenePlan, plan};
 use crate::progress::{Progress, unreported};
 use crate::render::{Renderer, SceneRenderer};
-use crate::scene::{Mix, Scene};
+use crate::scene::{Accuracy, Mix, Scene};
 use crate::tables::TransferTable;
 use crate::vulkan::DeviceKind;
 
@@ -75,7 +75,7 @@ struct Same {
     plan: ScenePlan,
     carrier: String,
     /// Step length, termination and scale.
-    numbers: [f64; 3],
+    numbers: [f64; 4],
     /// Entries of the transfer table.
     entries: usize,
 }
@@ -193,7 +193,12 @@ impl<'a> Survey<'a> {
         let same = Same {
             plan: planned.plan.clone(),
             carrier: carrier(planned),
-            numbers: [scene.accuracy.step_length, scene.accuracy.termination, setting.scale()],
+            numbers: [
+                scene.accuracy.step_length,
+                scene.accuracy.termination,
+                scene.accuracy.variation,
+                setting.scale(),
+            ],
             entries: table.entries(),
         };
         if let Some(known) = self.known.iter_mut().find(|known| known.same == same) {
@@ -221,16 +226,17 @@ impl<'a> Survey<'a> {
         let mut climb = Climb::from(truth.to_vec(), self.ladder.pixels.clone());
         let accuracy = &scene.accuracy;
         let stated = self.scene.accuracy.interpolation;
-        let stepped = self.ladder.full(accuracy.step_length, 0.0, stated, progress)?;
-        let halved = self.ladder.full(accuracy.step_length / 2.0, 0.0, stated, progress)?;
+        let of_step =
+            |step_length: f64| Accuracy { step_length, termination: 0.0, interpolation: stated, ..accuracy.clone() };
+        let stepped = self.ladder.full(&of_step(accuracy.step_length), progress)?;
+        let halved = self.ladder.full(&of_step(accuracy.step_length / 2.0), progress)?;
         let order = order(&delta_e(&stepped, &truth), &delta_e(&halved, &truth));
         climb.to(Cause::Step, stepped.to_vec());
         if accuracy.interpolation != stated {
-            let other = self.ladder.full(accuracy.step_length, 0.0, accuracy.interpolation, progress)?;
+            let other = self.ladder.full(&Accuracy { termination: 0.0, ..accuracy.clone() }, progress)?;
             climb.to(Cause::Interpolation, other.to_vec());
         }
-        let ended = (accuracy.step_length, accuracy.termination, accuracy.interpolation);
-        climb.to(Cause::Termination, self.ladder.full(ended.0, ended.1, ended.2, progress)?.to_vec());
+        climb.to(Cause::Termination, self.ladder.full(accuracy, progress)?.to_vec());
         climb.to(Cause::Basis, self.ladder.model(scene, planned, progress)?);
         climb.to(Cause::Tables, self.ladder.stored::<f64>(scene, planned, &table, progress)?);
         climb.to(Cause::Rounding, self.ladder.stored::<f32>(scene, planned, &table, progress)?);

@@ -12,6 +12,8 @@ pub(super) fn written(scene: &Scene) -> Vec<(&'static str, &'static str, String)
     let stated = [
         ("step", readable(accuracy.step_length)),
         ("termination", readable(accuracy.termination)),
+        ("integration", toml(accuracy.integration)),
+        ("variation", readable(accuracy.variation)),
         ("interpolation", toml(accuracy.interpolation)),
         ("accumulate", toml(accuracy.accumulate)),
         ("model", toml(accuracy.model.name())),

@@ -28,6 +28,9 @@ pub trait Real:
     /// Square root √x.
     #[must_use]
     fn sqrt(self) -> Self;
+    /// eˣ − 1.
+    #[must_use]
+    fn exp_m1(self) -> Self;
     /// Absolute value |x|.
     #[must_use]
     fn abs(self) -> Self;
@@ -63,6 +66,9 @@ macro_rules! real {
             }
             fn sqrt(self) -> Self {
                 Self::sqrt(self)
+            }
+            fn exp_m1(self) -> Self {
+                Self::exp_m1(self)
             }
             fn abs(self) -> Self {
                 Self::abs(self)

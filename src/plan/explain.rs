@@ -1,6 +1,6 @@
 //! Explains plans in sentences, for people who know volumes but not this program.
 
-use super::{PlanWarning, Planned, Transmittance, narrower};
+use super::{Integrate, MOST_PARTS, PlanWarning, Planned, Transmittance, narrower};
 use crate::model::ModelKind;
 use crate::number::{brief, readable};
 use crate::scene::{AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Scene};
@@ -180,6 +180,12 @@ impl Planned {
             "to the end of the volume".to_owned()
         };
         let skipping = if plan.skipping { "skipped" } else { "sampled, too" };
+        if plan.integration == Integrate::Segments {
+            sentences.push(format!(
+                "Each step takes the mean of the medium over the values between its ends; it is divided, into {MOST_PARTS} parts at most, where opacity or shading change by more than {}.",
+                readable(scene.accuracy.variation)
+            ));
+        }
         sentences.push(format!(
             "Rays from the eye sample the volume in steps of {} (its own unit of length), {termination}; empty regions are {skipping}.",
             brief(scene.accuracy.step_length)

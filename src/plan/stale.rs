@@ -78,6 +78,7 @@ impl Stale {
             labels: _,
             background,
             lookup,
+            integration,
             interpolation: _,
             volume: _,
             gradients: _,
@@ -85,8 +86,14 @@ impl Stale {
             storage,
         } = *plan;
         let later = &after.plan;
-        let tables = (accumulate, transmittance, counts, shading, lookup)
-            != (later.accumulate, later.transmittance, later.positions, later.shading, later.lookup);
+        let tables = (accumulate, transmittance, counts, shading, (lookup, integration))
+            != (
+                later.accumulate,
+                later.transmittance,
+                later.positions,
+                later.shading,
+                (later.lookup, later.integration),
+            );
         if tables || *materials != after.materials || positions.len() != after.positions.len() {
             return Self::Tables;
         }
@@ -155,11 +162,13 @@ fn of_accuracy(before: &Accuracy, after: &Accuracy) -> Stale {
     let Accuracy {
         step_length,
         termination,
+        variation,
         accumulate,
         model,
         tolerance,
         dimension,
         // Compared in the plan.
+        integration: _,
         skipping: _,
         interpolation: _,
         volume: _,
@@ -170,7 +179,7 @@ fn of_accuracy(before: &Accuracy, after: &Accuracy) -> Stale {
         && tolerance.to_bits() == after.tolerance.to_bits();
     if !same_model || *step_length != after.step_length {
         Stale::Tables
-    } else if *termination != after.termination {
+    } else if (*termination, *variation) != (after.termination, after.variation) {
         Stale::Accumulators
     } else {
         Stale::Nothing

@@ -3,11 +3,11 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{ReferenceError, Samples, Step, store};
+use super::{End, ReferenceError, Samples, Step, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
 use crate::number::{Real, count, dot, power, unit};
-use crate::plan::{Accumulate, LANE, Planned, PositionCounts, Shares, Transmittance};
+use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, Planned, PositionCounts, Shares, Transmittance};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene};
 use crate::tables::{PositionTable, RayTable};
@@ -46,6 +46,7 @@ struct Frame<'a, R> {
     lights: Vec<[R; 3]>,
     step_length: R,
     termination: R,
+    variation: R,
     /// Specular exponents.
     exponents: Vec<u32>,
     size: [usize; 2],
@@ -65,6 +66,7 @@ impl<'a, R: Real> Frame<'a, R> {
             lights: lights.into_iter().map(|light| light.to_array().map(R::from_f64)).collect(),
             step_length: R::from_f64(rays.step_length),
             termination: R::from_f64(scene.accuracy.termination),
+            variation: R::from_f64(scene.accuracy.variation),
             exponents: planned.exponents(scene),
             size,
         })
@@ -115,6 +117,9 @@ impl<'a, R: Real> Frame<'a, R> {
         sums: &mut [R],
         mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
     ) -> Vec<R> {
+        if self.planned.plan.integration == Integrate::Segments {
+            return self.march_segments(samples, pixel, sums, seen);
+        }
         let ray = self.ray_through(pixel);
         let mixed = self.planned.plan.transmittance == Transmittance::Mixed;
         let mut transmittance = self.all_light();
@@ -150,6 +155,80 @@ impl<'a, R: Real> Frame<'a, R> {
             }
         }
         transmittance
+    }
+
+    /// [`Self::march_pixel`] in segments (docs/theory/segments.md): each step is a segment between two ends, divided
+    /// where the medium or the normal changes. A segment depends on the ray and the volume alone.
+    fn march_segments(
+        &self,
+        samples: &impl Samples<R>,
+        pixel: [usize; 2],
+        sums: &mut [R],
+        mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
+    ) -> Vec<R> {
+        let (zero, one, half) = (R::default(), R::from_f64(1.0), R::from_f64(0.5));
+        let ray = self.ray_through(pixel);
+        let place = |steps: R| -> [R; 3] {
+            let s = (steps + (ray.offset - half)).mul_add(self.step_length, ray.start);
+            std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]))
+        };
+        let mut transmittance = self.all_light();
+        let (mut density, mut step) = (Step::default(), Step::default());
+        let mut source = vec![zero; self.planned.plan.components()];
+        if ray.samples == 0 {
+            return transmittance;
+        }
+        let mut before = samples.end(place(zero));
+        for n in 0..ray.samples {
+            let first = R::from_f64(count(n));
+            let after = samples.end(place(first + one));
+            let varied = samples.mean([&before, &after], place(first + half), &mut density);
+            let parts = self.parts([&before, &after], varied, &density);
+            let (mut from, mut done) = (before, zero);
+            for part in 1..=parts.ceil().index() {
+                let reached = R::from_f64(count(part));
+                let (end, to) = if reached < parts {
+                    let end = reached / parts;
+                    (end, samples.end(place(first + end)))
+                } else {
+                    (one, after)
+                };
+                let middle = place(first + (done + end) * half);
+                samples.mean([&from, &to], middle, &mut density);
+                across(&density, end - done, self.planned.plan.lanes() * LANE, &mut step);
+                step.normal = unit(std::array::from_fn(|axis| (from.gradient[axis] + to.gradient[axis]) * half));
+                if !seen(&RaySample { index: n, place: middle, transmittance: &transmittance }) {
+                    return transmittance;
+                }
+                for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
+                    self.shade(position, &ray, middle, &step, &mut source);
+                    composite(sums, &source, &transmittance);
+                }
+                for (left, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
+                    *left = attenuate(*left, opacity);
+                }
+                if transmittance.iter().all(|&left| left.abs() < self.termination) {
+                    return transmittance;
+                }
+                (from, done) = (to, end);
+            }
+            before = after;
+        }
+        transmittance
+    }
+
+    /// Number of parts of a segment, 1 to [`MOST_PARTS`], not necessarily whole: the last part is shorter, so that a
+    /// picture depends continuously on the data. `density` is the segment's mean, and `varied` its variation.
+    fn parts(&self, [a, b]: [&End<R>; 2], varied: R, density: &Step<R>) -> R {
+        let mut variation = varied;
+        if self.planned.plan.gradient() {
+            let (one, other) = (unit(a.gradient), unit(b.gradient));
+            let turn: [R; 3] = std::array::from_fn(|axis| other[axis] - one[axis]);
+            let most = density.source.iter().fold(R::default(), |most, &number| most.max(number.abs()));
+            variation = dot(turn, turn).sqrt().mul_add(most, variation);
+        }
+        let one = R::from_f64(1.0);
+        (variation.min(one) / self.variation).sqrt().max(one).min(R::from_f64(MOST_PARTS.into()))
     }
 
     /// Initial transmittance: 1 per number, or the identity matrix.
@@ -263,6 +342,24 @@ impl<'a, R: Real> Frame<'a, R> {
     fn used(&self) -> impl Iterator<Item = &Material> {
         self.planned.materials.iter().filter_map(|&material| self.scene.materials.get(material))
     }
+}
+
+/// Sets `step` to the effect of a segment of `length`, in steps, with this mean density: α = 1 − e^(−τ·length), and the
+/// scattered light times α/τ. Component c of each `components` numbers of the source has opacity c, or the only one.
+fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &mut Step<R>) {
+    let zero = R::default();
+    step.opacity.clear();
+    step.opacity.extend(density.opacity.iter().map(|&depth| -(-(depth * length)).exp_m1()));
+    let gain = |component: usize| {
+        let component = if step.opacity.len() == 1 { 0 } else { component };
+        match density.opacity.get(component) {
+            Some(&depth) if depth > zero && length > zero => step.opacity[component] / depth,
+            _ => length,
+        }
+    };
+    let gains: Vec<R> = (0..components.max(1)).map(gain).collect();
+    step.source.clear();
+    step.source.extend(density.source.iter().enumerate().map(|(i, &lit)| lit * gains[i % gains.len()]));
 }
 
 /// A distance beyond any box.

@@ -1,9 +1,9 @@
 //! Samples of the volume: exact, or with the device's tables and textures.
 
 use crate::number::{Real, count, unit};
-use crate::plan::Planned;
+use crate::plan::{LANE, Planned};
 use crate::scene::{Interpolation, Lookup, Scene};
-use crate::tables::{self, LabelMap, Steps, Storage, StoredVolume, TransferTable};
+use crate::tables::{self, LabelMap, SegmentTable, Steps, Storage, StoredVolume, TransferTable};
 use crate::volume::Volume;
 
 /// Effect of one step at a sample, in the layout of a table entry.
@@ -25,10 +25,29 @@ impl<R: Real> Step<R> {
     }
 }
 
+/// The volume at an end of a segment.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct End<R> {
+    /// The value of the data, or its table coordinate.
+    pub value: R,
+    /// Gradient of the data in the volume's axes; 0 if the plan needs none.
+    pub gradient: [R; 3],
+    /// Row of the label; 0 without one.
+    pub row: usize,
+}
+
 /// A source of samples.
 pub trait Samples<R: Real>: Sync {
     /// Sets `step` to the effect of a step at `place`, in texture coordinates.
     fn sample(&self, place: [R; 3], step: &mut Step<R>);
+
+    /// The end of a segment at `place`, in texture coordinates.
+    fn end(&self, place: [R; 3]) -> End<R>;
+
+    /// Sets `density` to the mean density between two ends: light scattered per step length, and optical depth per step
+    /// length as its opacity. The label at `middle` takes precedence. Returns the variation of the density: the largest
+    /// sum over its numbers of the differences between the mean and both ends; 1 where a label begins or ends.
+    fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R;
 }
 
 /// The scene itself: transfer function without a table, volume without a texture.
@@ -40,6 +59,8 @@ pub struct Exact<'a> {
     labels: Option<&'a LabelMap>,
     steps: Steps<'a>,
     label_steps: Vec<tables::Step>,
+    label_densities: Vec<tables::Step>,
+    bends: Vec<f64>,
 }
 
 impl<'a> Exact<'a> {
@@ -48,7 +69,9 @@ impl<'a> Exact<'a> {
     pub fn new(scene: &'a Scene, planned: &'a Planned, storage: Storage, labels: Option<&'a LabelMap>) -> Self {
         let steps = Steps::new(scene, planned);
         let label_steps = steps.of_labels();
-        Self { scene, planned, storage, labels, steps, label_steps }
+        let label_densities = steps.densities_of_labels();
+        let bends = scene.transfer.bends();
+        Self { scene, planned, storage, labels, steps, label_steps, label_densities, bends }
     }
 
     /// Returns the data value at `place`, in texture coordinates, and the label that overrides it: its index among the
@@ -103,6 +126,52 @@ impl Samples<f64> for Exact<'_> {
             step.normal = unit(interpolate(place, dims, interpolation, |index| self.gradient(index)));
         }
     }
+
+    fn end(&self, place: [f64; 3]) -> End<f64> {
+        let (value, label) = self.at(place);
+        let dims = self.scene.volume.geometry.dims;
+        let gradient = if self.planned.plan.gradient() {
+            interpolate(place, dims, self.scene.accuracy.interpolation, |index| self.gradient(index))
+        } else {
+            [0.0; 3]
+        };
+        End { value, gradient, row: label.map_or(0, |label| label + 1) }
+    }
+
+    fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
+        let numbers = self.planned.plan.transmittance_numbers();
+        let row = self.labels.map_or(0, |map| usize::from(map.rows[nearest(middle, self.scene.volume.geometry.dims)]));
+        let mean = tables::mean_density(&self.steps, &self.bends, ends.map(|end| end.value));
+        let mut variation = variation(ends, || {
+            let at = ends.map(|end| self.steps.density(end.value));
+            let of =
+                |numbers: fn(&tables::Step) -> &[f64]| largest_difference(numbers(&mean), at.each_ref().map(numbers));
+            of(|density| &density.source).max(of(|density| &density.opacity))
+        });
+        let found = if row > 0 { &self.label_densities[row] } else { &mean };
+        density.source.clone_from(&found.source);
+        density.opacity.clone_from(&found.opacity);
+        density.opacity.truncate(numbers);
+        if row != ends[0].row {
+            variation = 1.0;
+        }
+        variation
+    }
+}
+
+/// The variation between two ends: 1 if their labels differ, 0 within a label, else `of_values()`.
+fn variation<R: Real>([a, b]: [&End<R>; 2], of_values: impl FnOnce() -> R) -> R {
+    match (a.row == b.row, a.row) {
+        (false, _) => R::from_f64(1.0),
+        (true, 0) => of_values(),
+        (true, _) => R::default(),
+    }
+}
+
+/// The largest sum of differences between `mean` and the numbers at both ends.
+fn largest_difference<R: Real>(mean: &[R], [a, b]: [&[R]; 2]) -> R {
+    let differences = mean.iter().zip(a).zip(b).map(|((&mean, &a), &b)| (mean - a).abs() + (b - mean).abs());
+    differences.fold(R::default(), Real::max)
 }
 
 /// Stored tables and volume, read as in the shader. Twin of `sample` in `shaders/march.wgsl`.
@@ -115,6 +184,16 @@ pub struct Stored<'a, R> {
     coordinate_scale: R,
     coordinate_offset: R,
     gradient_scale: [R; 3],
+    segments: Option<Segments<'a, R>>,
+}
+
+/// Table of segments, and the scale and offset from texels to its coordinates.
+#[derive(Debug)]
+struct Segments<'a, R> {
+    table: &'a SegmentTable,
+    labels: Option<&'a TransferTable>,
+    scale: R,
+    offset: R,
 }
 
 impl<'a, R: Real> Stored<'a, R> {
@@ -136,12 +215,25 @@ impl<'a, R: Real> Stored<'a, R> {
             coordinate_scale: R::from_f64(scale),
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
+            segments: None,
         }
     }
-}
 
-impl<R: Real> Samples<R> for Stored<'_, R> {
-    fn sample(&self, place: [R; 3], step: &mut Step<R>) {
+    /// The same with the tables of segments: of values, and the densities of labels.
+    #[must_use]
+    pub fn with_segments(
+        mut self,
+        storage: &Storage,
+        table: &'a SegmentTable,
+        labels: Option<&'a TransferTable>,
+    ) -> Self {
+        let [scale, offset] = table.coordinate_from_texel(storage).map(R::from_f64);
+        self.segments = Some(Segments { table, labels, scale, offset });
+        self
+    }
+
+    /// The texel at `place`, and the gradient of the data; 0 if the plan needs none.
+    fn fetch(&self, place: [R; 3]) -> (R, [R; 3]) {
         let volume = self.volume;
         let parts = if volume.has_gradient { 4 } else { 1 };
         let texel = |index| -> [R; 4] {
@@ -152,27 +244,116 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         };
         let fetched = interpolate(place, volume.dims, self.planned.plan.interpolation, texel);
         let value = fetched[if volume.has_gradient { 3 } else { 0 }];
-        if volume.has_gradient {
-            step.normal = unit(std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis]));
+        let gradient = if volume.has_gradient {
+            std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis])
         } else if self.planned.plan.gradient() {
             let at = |place| interpolate(place, volume.dims, self.planned.plan.interpolation, texel)[0];
-            step.normal = unit(std::array::from_fn(|axis| {
+            std::array::from_fn(|axis| {
                 let voxel = R::from_f64(1.0 / count(volume.dims[axis]));
                 let (mut before, mut after) = (place, place);
                 before[axis] = place[axis] - voxel;
                 after[axis] = place[axis] + voxel;
                 (at(after) - at(before)) * self.gradient_scale[axis]
-            }));
-        }
-        let row = self.labels.map_or(0, |(labels, _)| labels.rows[nearest(place, volume.dims)]);
+            })
+        } else {
+            [R::default(); 3]
+        };
+        (value, gradient)
+    }
+
+    /// Row of the label table at `place`; 0 without a label.
+    fn row(&self, place: [R; 3]) -> usize {
+        self.labels.map_or(0, |(labels, _)| usize::from(labels.rows[nearest(place, self.volume.dims)]))
+    }
+}
+
+impl<R: Real> Samples<R> for Stored<'_, R> {
+    fn sample(&self, place: [R; 3], step: &mut Step<R>) {
+        let (value, gradient) = self.fetch(place);
+        step.normal = unit(gradient);
+        let row = self.row(place);
         if let (Some((_, table)), true) = (self.labels, row > 0) {
-            entry(table, usize::from(row), step);
+            entry(table, row, step);
         } else {
             let last = R::from_f64(count(self.table.entries() - 1));
             let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
             self.look_up(coordinate, step);
         }
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
+    }
+
+    fn end(&self, place: [R; 3]) -> End<R> {
+        let (value, gradient) = self.fetch(place);
+        let value = self.segments.as_ref().map_or(value, |segments| {
+            let last = R::from_f64(count(segments.table.cells()));
+            value.mul_add(segments.scale, segments.offset).max(R::default()).min(last)
+        });
+        End { value, gradient, row: self.row(place) }
+    }
+
+    // Twin of `mean_between` in `shaders/segments.wgsl`.
+    fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R {
+        let Some(Segments { table, labels, .. }) = &self.segments else { return R::default() };
+        let [a, b] = ends.map(|end| Integrals::at(table, end.value));
+        let between = ends[1].value - ends[0].value;
+        let unit = R::from_f64(table.unit);
+        let mut most = R::default();
+        let mut number = |from: i32, to: i32, slopes: [R; 2]| {
+            let mean = if between.abs() < R::from_f64(CLOSE) {
+                (slopes[0] + slopes[1]) * R::from_f64(0.5)
+            } else {
+                let whole = R::from_f64(f64::from(to.wrapping_sub(from)));
+                (whole + (b.fraction.mul_add(slopes[1], -(a.fraction * slopes[0])))) / between
+            };
+            most = most.max(((mean - slopes[0]).abs() + (slopes[1] - mean).abs()) * unit);
+            mean * unit
+        };
+        density.source.clear();
+        density.opacity.clear();
+        for lane in 0..table.lanes {
+            for part in 0..LANE {
+                let at = |integrals: &Integrals<R>| {
+                    let here = table.source[integrals.cell * table.lanes + lane][part];
+                    let next = table.source[(integrals.cell + 1) * table.lanes + lane][part];
+                    (here, R::from_f64(f64::from(next.wrapping_sub(here))))
+                };
+                let ((from, before), (to, after)) = (at(&a), at(&b));
+                density.source.push(number(from, to, [before, after]));
+            }
+        }
+        for i in 0..self.planned.plan.transmittance_numbers() {
+            let at = |integrals: &Integrals<R>| {
+                let here = table.depth[integrals.cell * table.opacity_numbers + i];
+                let next = table.depth[(integrals.cell + 1) * table.opacity_numbers + i];
+                (here, R::from_f64(f64::from(next.wrapping_sub(here))))
+            };
+            let ((from, before), (to, after)) = (at(&a), at(&b));
+            density.opacity.push(number(from, to, [before, after]));
+        }
+        let row = self.row(middle);
+        if let (Some(labels), true) = (labels, row > 0) {
+            entry(labels, row, density);
+            density.opacity.truncate(self.planned.plan.transmittance_numbers());
+        }
+        if row == ends[0].row { variation(ends, || most) } else { R::from_f64(1.0) }
+    }
+}
+
+/// Distance of two table coordinates below which the mean between them is the mean of the densities at both: the
+/// difference of the integrals would lose its digits.
+const CLOSE: f64 = 0.0625;
+
+/// A place in a table of segments.
+#[derive(Clone, Copy, Debug)]
+struct Integrals<R> {
+    cell: usize,
+    fraction: R,
+}
+
+impl<R: Real> Integrals<R> {
+    fn at(table: &SegmentTable, coordinate: R) -> Self {
+        let cell = coordinate.floor().index().min(table.cells() - 1);
+        Self { cell, fraction: coordinate - R::from_f64(count(cell)) }
     }
 }
 

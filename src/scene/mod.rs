@@ -216,6 +216,20 @@ pub enum Interpolation {
     Cubic,
 }
 
+/// Integration of the medium along a ray.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Integration {
+    /// The plan chooses.
+    #[default]
+    Auto,
+    /// Segments between two values: means of the medium over the values in between, in closed form
+    /// (docs/theory/segments.md).
+    Segments,
+    /// Point samples, one in the middle of each step.
+    Samples,
+}
+
 /// Accuracy settings; each documents its cost and the error it affects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Accuracy {
@@ -225,6 +239,11 @@ pub struct Accuracy {
     /// this fraction of the brightest light behind (docs/theory/numerics.md): 1/10000 of white behind black is ΔE00
     /// 0.05. 0 marches every ray to its end.
     pub termination: f64,
+    /// Integration of the medium along a ray.
+    pub integration: Integration,
+    /// Variation of a segment: the largest change of a step's opacity, and of its shading, between the ends of a segment
+    /// that is not divided (docs/theory/segments.md). A smaller one divides more segments.
+    pub variation: f64,
     /// Empty-space skipping; exact, so it affects no error.
     pub skipping: bool,
     /// Interpolation between voxels.
@@ -253,6 +272,8 @@ impl Accuracy {
         Self {
             step_length,
             termination: 1e-4,
+            integration: Integration::default(),
+            variation: 1e-3,
             skipping: true,
             interpolation: Interpolation::default(),
             volume: VolumeAs::default(),

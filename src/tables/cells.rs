@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
-use super::{LabelMap, Storage, TransferTable};
+use super::{LabelMap, Storage};
 use crate::number::{count, rounded, whole};
 use crate::volume::{Volume, Voxel, with_voxels};
 
@@ -58,15 +58,15 @@ impl Cells {
         Self { dims, ranges, labelled }
     }
 
-    /// Returns the occupancy under `table`.
+    /// Returns the occupancy under a table whose entries, from the lowest value to the highest, are `active`.
     #[must_use]
-    pub fn occupancy(&self, table: &TransferTable) -> Occupancy {
-        let mut active_before = Vec::with_capacity(table.entries() + 1);
+    pub fn occupancy(&self, active: &[bool]) -> Occupancy {
+        let mut active_before = Vec::with_capacity(active.len() + 1);
         active_before.push(0_u32);
-        for entry in 0..table.entries() {
-            active_before.push(active_before[entry] + u32::from(table.is_active(entry)));
+        for (entry, &active) in active.iter().enumerate() {
+            active_before.push(active_before[entry] + u32::from(active));
         }
-        let last = table.entries() - 1;
+        let last = active.len() - 1;
         let mut words = vec![0_u32; self.ranges.len().div_ceil(32)];
         let mut occupied = 0;
         for (cell, range) in self.ranges.iter().enumerate() {
@@ -81,6 +81,27 @@ impl Cells {
             }
         }
         Occupancy { dims: self.dims, words, occupied }
+    }
+}
+
+impl Occupancy {
+    /// The occupancy of what lies within `reach` macrocells of an occupied one, along every axis.
+    #[must_use]
+    pub fn within(&self, reach: usize) -> Self {
+        let [width, height, depth] = self.dims;
+        let is_set = |i: usize| self.words.get(i / 32).is_some_and(|word| word >> (i % 32) & 1 == 1);
+        let near = |at: usize, n: usize| at.saturating_sub(reach)..(at + reach + 1).min(n);
+        let mut grown = Self { dims: self.dims, words: vec![0; self.words.len()], occupied: 0 };
+        for i in 0..width * height * depth {
+            let [x, y, z] = [i % width, i / width % height, i / (width * height)];
+            let found = near(z, depth)
+                .any(|z| near(y, height).any(|y| near(x, width).any(|x| is_set(x + width * (y + height * z)))));
+            if found {
+                grown.words[i / 32] |= 1 << (i % 32);
+                grown.occupied += 1;
+            }
+        }
+        grown
     }
 }
 

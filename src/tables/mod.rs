@@ -4,6 +4,7 @@ mod cells;
 mod lights;
 mod rays;
 mod reflected;
+mod segments;
 mod storage;
 mod transfer;
 
@@ -11,5 +12,7 @@ pub use cells::{CELL, Cells, Occupancy};
 pub use lights::{PositionTable, ShadingTable};
 pub use rays::{MOST_SAMPLES, RayTable};
 pub use reflected::Reflected;
+pub use segments::SegmentTable;
+pub(crate) use segments::mean_density;
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
-pub use transfer::{Step, Steps, TransferTable};
+pub use transfer::{LARGEST_DEPTH, Step, Steps, TransferTable};

@@ -16,6 +16,10 @@ const MOST: usize = 1 << 16;
 /// eighth of its width.
 const PER_FEATURE: f64 = 8.0;
 
+/// Largest optical depth per step length of a density: e⁻⁶⁴ of the light is left behind a step. The integral of a
+/// density is kept in 32 bits, so a limit of the largest density is one of the rounding of all others.
+pub const LARGEST_DEPTH: f64 = 64.0;
+
 /// Transfer table: entry `i` of `n` belongs to the value `low + i/(n−1)·(high − low)`.
 ///
 /// An entry describes a step Δs through the medium (docs/theory/march.md), in vectors laid out by the plan: the lost
@@ -59,6 +63,12 @@ impl TransferTable {
         Self::of_steps(planned, Steps::new(scene, planned).of_labels().into_iter())
     }
 
+    /// [`Self::of_labels`] with densities in place of steps: scattered light and optical depth per step length.
+    #[must_use]
+    pub fn densities_of_labels(scene: &Scene, planned: &Planned) -> Self {
+        Self::of_steps(planned, Steps::new(scene, planned).densities_of_labels().into_iter())
+    }
+
     fn of_steps(planned: &Planned, steps: impl Iterator<Item = Step>) -> Self {
         let (mut source, mut opacity) = (Vec::new(), Vec::new());
         for step in steps {
@@ -89,6 +99,12 @@ impl TransferTable {
         [first.map_or(f64::INFINITY, |i| count(i) - 1.0), last.map_or(f64::NEG_INFINITY, |i| count(i) + 1.0)]
     }
 
+    /// Whether each entry has a nonzero number.
+    #[must_use]
+    pub fn active_entries(&self) -> Vec<bool> {
+        (0..self.entries()).map(|i| self.is_active(i)).collect()
+    }
+
     /// Whether entry `i` has any nonzero number.
     pub(crate) fn is_active(&self, i: usize) -> bool {
         let source = &self.source[i * self.lanes..][..self.lanes];
@@ -98,7 +114,7 @@ impl TransferTable {
 }
 
 /// Numbers per entry of the opacity: one, or whole vectors.
-fn opacity_numbers(planned: &Planned) -> usize {
+pub(super) fn opacity_numbers(planned: &Planned) -> usize {
     match planned.plan.transmittance {
         Transmittance::Grey => 1,
         Transmittance::Coloured | Transmittance::Mixed => planned.plan.transmittance_lanes() * LANE,
@@ -158,9 +174,25 @@ impl<'a> Steps<'a> {
         self.of_medium(&self.scene.transfer.medium(value, self.scene.materials.len()))
     }
 
+    /// Returns the density at a data value.
+    #[must_use]
+    pub fn density(&self, value: f64) -> Step {
+        self.density_of(&self.scene.transfer.medium(value, self.scene.materials.len()))
+    }
+
     /// Returns the effects of a step at each declared label: label `i` of the scene at index `i + 1`, none at 0.
     #[must_use]
     pub fn of_labels(&self) -> Vec<Step> {
+        self.label_media().iter().map(|medium| self.of_medium(medium)).collect()
+    }
+
+    /// Returns the densities of each declared label: label `i` of the scene at index `i + 1`, 0 at 0.
+    #[must_use]
+    pub fn densities_of_labels(&self) -> Vec<Step> {
+        self.label_media().iter().map(|medium| self.density_of(medium)).collect()
+    }
+
+    fn label_media(&self) -> Vec<Medium> {
         let materials = self.scene.materials.len();
         let nothing = Medium { scattering: vec![0.0; materials], absorption: vec![0.0; materials] };
         let declared = self.scene.labels.iter().flat_map(|labels| &labels.declared);
@@ -172,15 +204,36 @@ impl<'a> Steps<'a> {
             }
             medium
         });
-        std::iter::once(nothing.clone()).chain(media).map(|medium| self.of_medium(&medium)).collect()
+        std::iter::once(nothing.clone()).chain(media).collect()
+    }
+
+    /// Returns the density of `medium`, in the layout of a step: the light that it scatters per step length, and its
+    /// optical depth per step length, at most [`LARGEST_DEPTH`]. Of a deeper medium, both are reduced by the same factor.
+    fn density_of(&self, medium: &Medium) -> Step {
+        let scene = self.scene;
+        let steps = scene.accuracy.step_length / scene.transfer.opacity_length;
+        let depths = self.depths(medium, self.occluding(medium), steps);
+        let gain = |component: usize| {
+            let depth = depths[component.min(depths.len() - 1)];
+            if depth > LARGEST_DEPTH { steps * (LARGEST_DEPTH / depth) } else { steps }
+        };
+        let source = self.source(medium, gain, |m, c, factor| factor * gain(c) * self.reflectances[m][c]);
+        let mut opacity: Vec<f64> = depths.iter().map(|depth| depth.min(LARGEST_DEPTH)).collect();
+        opacity.resize(opacity_numbers(self.planned), 0.0);
+        Step { source, opacity }
+    }
+
+    /// Scattering of the materials that occlude: optical depth per opacity length.
+    fn occluding(&self, medium: &Medium) -> f64 {
+        let occluding = self.scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
+        occluding.map(|(_, depth)| depth).sum()
     }
 
     /// Returns the effect of a step in `medium`.
     fn of_medium(&self, medium: &Medium) -> Step {
         let scene = self.scene;
         let steps = scene.accuracy.step_length / scene.transfer.opacity_length;
-        let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
-        let scattering: f64 = occluding.map(|(_, depth)| depth).sum();
+        let scattering = self.occluding(medium);
         if let Some(matrices) = &self.matrices {
             return self.mixed(matrices, medium, scattering, steps);
         }

@@ -7,6 +7,7 @@ use relume::internal::view::Action;
 use relume::internal::view::effort::Curve;
 use relume::measure::{Goal, Point, Preset, Setting};
 use relume::model::ErrorSummary;
+use relume::scene::{Accuracy, Integration};
 
 use crate::app::{App, document};
 
@@ -33,4 +34,19 @@ fn a_preset_asks_to_measure_and_a_point_of_the_curve_is_taken_by_a_click() {
     window.run();
     assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(finer.accuracy.clone()))));
     assert_eq!(window.state().document.as_ref().unwrap().state().scene.accuracy, finer.accuracy);
+}
+
+#[test]
+fn the_switch_of_segments_changes_the_integration_where_the_plan_has_them() {
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
+    window.run();
+    window.get_by_label("Segments").click();
+    window.run();
+    let accuracy = || document().state().scene.accuracy.clone();
+    let changed = Accuracy { integration: Integration::Segments, ..accuracy() };
+    assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(changed))));
+    window.get_by_label("Segments").click();
+    window.run();
+    let changed = Accuracy { integration: Integration::Samples, ..accuracy() };
+    assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(changed))));
 }

@@ -17,7 +17,7 @@ use glam::DVec3;
 use relume::film::Film;
 use relume::internal::number::Real;
 use relume::plan::{Accumulate, Planned, PositionCounts, ScenePlan, Shares, Transmittance};
-use relume::reference::{Samples, Step};
+use relume::reference::{End, Samples, Step};
 use relume::scene::{Lookup, Material, Placement, Position, View};
 use relume::tables::{RayTable, Steps, StoredVolume};
 
@@ -76,6 +76,14 @@ impl<F: Fn([f64; 3]) -> (Step<f64>, Difference) + Sync> Samples<f64> for Boundin
         }
         step.source.extend(&difference.opacity[..plan.transmittance_numbers()]);
         step.opacity = (0..components).chain(0..plan.transmittance_numbers()).map(|i| of(&found.opacity, i)).collect();
+    }
+
+    fn end(&self, _: [f64; 3]) -> End<f64> {
+        unreachable!("bounds are those of samples")
+    }
+
+    fn mean(&self, _: [&End<f64>; 2], _: [f64; 3], _: &mut Step<f64>) -> f64 {
+        unreachable!("bounds are those of samples")
     }
 }
 

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use relume::document::{SceneOptions, parse};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, LabelEntry, Labels, Scene};
+use relume::scene::{AccumulateAs, Integration, LabelEntry, Labels, Scene};
 use relume::spectrum::{Absorption, BANDS, Reflectance, Spectrum};
 use relume::volume::{Geometry, Volume, Voxels};
 
@@ -263,6 +263,22 @@ pub fn balls() -> Volume {
 /// Volume with one value.
 pub fn slab(dims: [usize; 3], value: u16) -> Volume {
     sampled(dims, |_| f64::from(value))
+}
+
+/// Returns `scene`, integrated in segments.
+pub fn in_segments(mut scene: Scene) -> Scene {
+    scene.accuracy.integration = Integration::Segments;
+    scene
+}
+
+/// Returns the scenes `names` of [`NAMES`], each integrated in samples and in segments, with a name for messages.
+pub fn both_ways(names: &[&str]) -> Vec<(String, Scene)> {
+    let both = |&name: &&str| {
+        let mut samples = named(name);
+        samples.accuracy.integration = Integration::Samples;
+        [(name.to_owned(), samples), (format!("{name} in segments"), in_segments(named(name)))]
+    };
+    names.iter().flat_map(both).collect()
 }
 
 /// Returns the scene `name` of [`NAMES`].

@@ -12,7 +12,7 @@ use toml::{Spanned, Value};
 use crate::document::Mixing;
 use crate::model::ModelKind;
 use crate::palette::PaletteFile;
-use crate::scene::{AccumulateAs, Gradients, Interpolation, Lookup, Shading, StoreAs, VolumeAs};
+use crate::scene::{AccumulateAs, Gradients, Integration, Interpolation, Lookup, Shading, StoreAs, VolumeAs};
 use crate::spectrum::SpectrumSource;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
@@ -262,6 +262,9 @@ pub(super) struct CropFile {
 pub(super) struct AccuracyFile {
     pub(super) step: Option<At<f64>>,
     pub(super) termination: Option<At<f64>>,
+    #[serde(default)]
+    pub(super) integration: Integration,
+    pub(super) variation: Option<At<f64>>,
     pub(super) skipping: Option<bool>,
     #[serde(default)]
     pub(super) interpolation: Interpolation,

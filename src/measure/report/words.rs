@@ -14,7 +14,7 @@ const fn word(name: &'static str, keys: &'static [&'static str], meaning: &'stat
 }
 
 /// Terms that are column heads of the table of all numbers also give the heads' tooltips.
-const WORDS: [Word; 40] = [
+const WORDS: [Word; 42] = [
     word(
         "ΔE00",
         &["ΔE00"],
@@ -79,6 +79,16 @@ const WORDS: [Word; 40] = [
         "termination",
         &["termination"],
         "a ray ends when its transmittance is below this value; as a cause: the rest of the ray is missed. With fewer coefficients than wavelengths, rays end elsewhere; this difference counts as basis",
+    ),
+    word(
+        "integration",
+        &["integration="],
+        "whether a step takes the medium at its middle (samples), or its mean over the values between its two ends (segments)",
+    ),
+    word(
+        "variation",
+        &["variation="],
+        "a segment whose opacity and shading change by more than this from end to end is divided",
     ),
     word(
         "interpolation",

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::dispatching::{Dispatching, SLICE};
 use crate::number::{count, unsigned, whole};
-use crate::plan::{Accumulate, ScenePlan, Transmittance};
+use crate::plan::{Accumulate, Integrate, ScenePlan, Transmittance};
 use crate::vulkan::DeviceKind;
 
 /// Target duration of a dispatch: short for responses to user input, and for the device's watchdog.
@@ -84,7 +84,12 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     };
     let through = if plan.transmittance == Transmittance::Mixed { plan.transmittance_numbers() } else { 0 };
     let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes) + through;
-    let per_sample = 4 + 2 * parts + coloured + plan.positions.total() * per_position;
+    let once = 2 * parts + coloured + plan.positions.total() * per_position;
+    let per_sample = match plan.integration {
+        Integrate::Samples => 4 + once,
+        // The most parts, each with a mean and a density more than a sample; and the same for the segment as a whole.
+        Integrate::Segments => 4 + 5 * (1 + once + 4 * parts + 2 * coloured),
+    };
     unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
 }
 

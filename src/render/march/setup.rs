@@ -9,11 +9,11 @@ use super::dispatching::{Dispatching, TableMemory};
 use super::schedule::{Schedule, Speed, longest_slice};
 use super::source::{UNIFORM_BYTES, VECTOR_BYTES, formats, source};
 use super::{DeviceFilm, March};
-use crate::number::{count, rounded, unsigned};
-use crate::plan::{LANE, Planned, Transmittance};
+use crate::number::{count, rounded, unsigned, whole};
+use crate::plan::{Integrate, LANE, Planned, Transmittance};
 use crate::render::{RenderError, Renderer, Uploaded};
 use crate::scene::{Interpolation, Scene, StoreAs};
-use crate::tables::{PositionTable, RayTable, ShadingTable, TransferTable};
+use crate::tables::{CELL, Occupancy, PositionTable, RayTable, SegmentTable, ShadingTable, TransferTable};
 use crate::vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
 /// Dimension of the largest matrices that are marched; larger ones would not stay in registers.
@@ -56,14 +56,74 @@ pub struct MarchUniform {
     pub active_high: f32,
 }
 
+/// Uniform of segments, in the layout of `shaders/segments.wgsl`; whole vectors.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+struct SegmentUniform {
+    unit: f32,
+    variation: f32,
+    unused: [f32; 2],
+}
+
+/// The table of the transfer function.
+enum Values {
+    /// Effects of steps.
+    Steps(TransferTable),
+    /// Integrals of densities.
+    Segments(SegmentTable),
+}
+
+impl Values {
+    /// Builds the tables of `scene`: of values, and of labels.
+    fn new(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> (Self, TransferTable) {
+        match planned.plan.integration {
+            Integrate::Samples => {
+                (Self::Steps(TransferTable::new(scene, planned, domain)), TransferTable::of_labels(scene, planned))
+            }
+            Integrate::Segments => (
+                Self::Segments(SegmentTable::new(scene, planned, domain)),
+                TransferTable::densities_of_labels(scene, planned),
+            ),
+        }
+    }
+
+    /// Source and opacity as bytes.
+    fn bytes(&self) -> [&[u8]; 2] {
+        match self {
+            Self::Steps(table) => [bytemuck::cast_slice(&table.source), bytemuck::cast_slice(&table.opacity)],
+            Self::Segments(table) => [bytemuck::cast_slice(&table.source), bytemuck::cast_slice(&table.depth)],
+        }
+    }
+}
+
+/// Occupancy of the macrocells of `uploaded` under the table `values`. A segment belongs to the macrocell of its middle,
+/// and reaches half a step beyond it.
+fn occupancy_of(scene: &Scene, uploaded: &Uploaded, values: &Values) -> Occupancy {
+    match values {
+        Values::Steps(table) => uploaded.cells.occupancy(&table.active_entries()),
+        Values::Segments(table) => {
+            let occupancy = uploaded.cells.occupancy(&table.active_entries());
+            let half = scene.accuracy.step_length / 2.0 / scene.volume.geometry.spacing.min_element();
+            // The range of a macrocell includes one voxel more on each side, of which the cubic filter reads one.
+            let spare = if scene.accuracy.interpolation == Interpolation::Cubic { 0.0 } else { 1.0 };
+            let reach = whole(((half - spare).max(0.0) / count(CELL)).ceil());
+            if reach > 0 { occupancy.within(reach) } else { occupancy }
+        }
+    }
+}
+
 /// Buffers of tables by their names in the shader.
 type Tables = [(&'static str, Buffer); 4];
 
 impl MarchUniform {
-    fn new(scene: &Scene, uploaded: &Uploaded, rays: &RayTable, table: &TransferTable, size: [usize; 2]) -> Self {
+    fn new(scene: &Scene, uploaded: &Uploaded, rays: &RayTable, values: &Values, size: [usize; 2]) -> Self {
         let vector = |vector: glam::DVec3| vector.to_array().map(rounded);
-        let [scale, offset] = table.coordinate_from_texel(&uploaded.storage);
-        let [active_low, active_high] = table.active();
+        let (coordinate_last, [scale, offset], [active_low, active_high]) = match values {
+            Values::Steps(table) => {
+                (table.entries() - 1, table.coordinate_from_texel(&uploaded.storage), table.active())
+            }
+            Values::Segments(table) => (table.cells(), table.coordinate_from_texel(&uploaded.storage), table.active()),
+        };
         Self {
             base: vector(rays.base),
             eye_distance: rounded(rays.eye_distance),
@@ -80,7 +140,7 @@ impl MarchUniform {
             low: vector(rays.low),
             coordinate_offset: rounded(offset),
             high: vector(rays.high),
-            coordinate_last: rounded(count(table.entries() - 1)),
+            coordinate_last: rounded(count(coordinate_last)),
             cell_scale: vector(rays.cell_scale),
             pixel_width: rounded(2.0 / count(size[0])),
             cell_offset: vector(rays.cell_offset),
@@ -125,8 +185,8 @@ impl Renderer {
         let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(RenderError::Camera)?;
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(RenderError::TooManySamples { step_length })?;
-        let table = TransferTable::new(scene, planned, uploaded.storage.domain);
-        let occupancy = uploaded.cells.occupancy(&table);
+        let (values, label_table) = Values::new(scene, planned, uploaded.storage.domain);
+        let occupancy = occupancy_of(scene, uploaded, &values);
         let extent = size.map(unsigned);
 
         let storage = |name: &str, bytes: &[u8]| -> Result<Buffer, RenderError> {
@@ -141,10 +201,16 @@ impl Renderer {
             buffer.write(0, bytes)?;
             Ok(buffer)
         };
-        let march = uniform("march", bytemuck::bytes_of(&MarchUniform::new(scene, uploaded, &rays, &table, size)))?;
+        let march = uniform("march", bytemuck::bytes_of(&MarchUniform::new(scene, uploaded, &rays, &values, size)))?;
         let shading = uniform("shading", &shading_bytes(scene, planned))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
-        let (tables, tabled) = self.tables(&table, &TransferTable::of_labels(scene, planned))?;
+        let unit = match &values {
+            Values::Steps(_) => 0.0,
+            Values::Segments(table) => rounded(table.unit),
+        };
+        let segments = SegmentUniform { unit, variation: rounded(scene.accuracy.variation), unused: [0.0; 2] };
+        let segments = uniform("segments", bytemuck::bytes_of(&segments))?;
+        let (tables, tabled) = self.tables(&values, &label_table)?;
         let filter = match plan.interpolation {
             Interpolation::Linear => Filter::Linear,
             // These fetch texels themselves.
@@ -160,6 +226,7 @@ impl Renderer {
             Some(match name {
                 "march_uniform" => Resource::Uniform(&march),
                 "shading_uniform" => Resource::Uniform(&shading),
+                "segments_uniform" => Resource::Uniform(&segments),
                 "volume" => Resource::Texture(&uploaded.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "occupancy" => Resource::Storage(&occupied),
@@ -193,10 +260,11 @@ impl Renderer {
     }
 
     /// Memory and buffers of the tables of values and labels, by their names in the shader.
-    fn tables(&self, values: &TransferTable, labels: &TransferTable) -> Result<(TableMemory, Tables), RenderError> {
+    fn tables(&self, values: &Values, labels: &TransferTable) -> Result<(TableMemory, Tables), RenderError> {
+        let [source, opacity] = values.bytes();
         let tables: [(&'static str, &[u8]); 4] = [
-            ("table_source", bytemuck::cast_slice(&values.source)),
-            ("table_opacity", bytemuck::cast_slice(&values.opacity)),
+            ("table_source", source),
+            ("table_opacity", opacity),
             ("label_source", bytemuck::cast_slice(&labels.source)),
             ("label_opacity", bytemuck::cast_slice(&labels.opacity)),
         ];

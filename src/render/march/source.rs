@@ -2,7 +2,7 @@
 
 use super::dispatching::{Dispatching, TableMemory};
 use crate::number::unsigned;
-use crate::plan::{Accumulate, LANE, ScenePlan, Shares, Transmittance};
+use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
 use crate::render::Source;
 use crate::scene::{Interpolation, Lookup, StoreAs};
 use crate::shader::Constants;
@@ -13,28 +13,37 @@ pub(super) const UNIFORM_BYTES: u32 = 65_536;
 /// Bytes of a table's vector.
 pub(super) const VECTOR_BYTES: u32 = 16;
 
-/// Shader texts by name: source, transmittance, memory of tables, and the march.
-fn parts(plan: &ScenePlan, tables: TableMemory) -> [(&'static str, &'static str); 4] {
-    [
+/// A shader text by its name.
+macro_rules! text {
+    ($name:literal) => {
+        (concat!("shaders/", $name), include_str!(concat!("../../../shaders/", $name)))
+    };
+}
+
+/// Shader texts by name: source, transmittance, memory of tables, the march, and its integration.
+fn parts(plan: &ScenePlan, tables: TableMemory) -> Vec<(&'static str, &'static str)> {
+    let mut parts = vec![
         match plan.accumulate {
-            Accumulate::Weights { .. } => ("shaders/weights.wgsl", include_str!("../../../shaders/weights.wgsl")),
-            Accumulate::Spectral { .. } => ("shaders/spectral.wgsl", include_str!("../../../shaders/spectral.wgsl")),
+            Accumulate::Weights { .. } => text!("weights.wgsl"),
+            Accumulate::Spectral { .. } => text!("spectral.wgsl"),
         },
         match plan.transmittance {
-            Transmittance::Grey => ("shaders/grey.wgsl", include_str!("../../../shaders/grey.wgsl")),
-            Transmittance::Coloured => ("shaders/coloured.wgsl", include_str!("../../../shaders/coloured.wgsl")),
-            Transmittance::Mixed => ("shaders/mixed.wgsl", include_str!("../../../shaders/mixed.wgsl")),
+            Transmittance::Grey => text!("grey.wgsl"),
+            Transmittance::Coloured => text!("coloured.wgsl"),
+            Transmittance::Mixed => text!("mixed.wgsl"),
         },
         match tables {
-            TableMemory::Storage => {
-                ("shaders/tables_storage.wgsl", include_str!("../../../shaders/tables_storage.wgsl"))
-            }
-            TableMemory::Uniform => {
-                ("shaders/tables_uniform.wgsl", include_str!("../../../shaders/tables_uniform.wgsl"))
-            }
+            TableMemory::Storage => text!("tables_storage.wgsl"),
+            TableMemory::Uniform => text!("tables_uniform.wgsl"),
         },
-        ("shaders/march.wgsl", include_str!("../../../shaders/march.wgsl")),
-    ]
+        text!("march.wgsl"),
+    ];
+    parts.extend(match (plan.integration, plan.transmittance) {
+        (Integrate::Samples, _) => vec![text!("samples.wgsl")],
+        (Integrate::Segments, Transmittance::Grey) => vec![text!("segments_grey.wgsl"), text!("segments.wgsl")],
+        (Integrate::Segments, _) => vec![text!("segments_coloured.wgsl"), text!("segments.wgsl")],
+    });
+    parts
 }
 
 /// Formats of accumulators and transmittance.
@@ -109,6 +118,7 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
+        .f32("MOST_PARTS", MOST_PARTS)
         .bool("SKIPPING", plan.skipping)
         .bool("SKIP_INVISIBLE", plan.skips_invisible())
         .u32("GROUP_WIDTH", group[0])
@@ -118,7 +128,7 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
 
 /// Source of the march shader of `plan`.
 pub(in crate::render) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
-    let parts = parts(plan, dispatching.tables).to_vec();
+    let parts = parts(plan, dispatching.tables);
     Source { name: "march", constants: constants(plan, dispatching.group), parts }
 }
 
@@ -138,6 +148,7 @@ mod tests {
             labels: false,
             background: false,
             lookup: Lookup::Nearest,
+            integration: Integrate::Samples,
             interpolation: Interpolation::Linear,
             volume: VolumeAs::Auto,
             gradients: Gradients::Packed,

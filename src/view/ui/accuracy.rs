@@ -1,7 +1,8 @@
 //! Accuracy panel: the computation, its error against the truth, and settings by measured cost.
 
 use egui::{
-    Align2, Button, Color32, FontId, Grid, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2,
+    Align2, Button, Checkbox, Color32, FontId, Grid, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType,
+    pos2, vec2,
 };
 
 use super::controls::{number, panel, remembered};
@@ -10,7 +11,7 @@ use crate::document::{Document, Edit, STEPS};
 use crate::measure::{Goal, Preset};
 use crate::plan::Planned;
 use crate::plan::Stale;
-use crate::scene::Accuracy;
+use crate::scene::{Accuracy, Integration};
 use crate::view::action::Action;
 use crate::view::effort::{Curve, Measured};
 
@@ -60,6 +61,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
                 asked.push(Action::Edit(Edit::Accuracy(accuracy)));
             }
         });
+        integration(ui, &scene.accuracy, effort.planned.and_then(Planned::no_segments), asked);
         match effort.running {
             Some((part, stage)) => {
                 let bar = part.map_or_else(|| ProgressBar::new(0.0), ProgressBar::new);
@@ -84,6 +86,18 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
             ui.label(RichText::new(of).small().weak());
         }
     });
+}
+
+/// Switch between samples and segments; disabled if the plan has no segments, for the reason `impossible`.
+fn integration(ui: &mut Ui, accuracy: &Accuracy, impossible: Option<&str>, asked: &mut Vec<Action>) {
+    let mut segments = accuracy.integration == Integration::Segments;
+    let switch = ui.add_enabled(segments || impossible.is_none(), Checkbox::new(&mut segments, "Segments"));
+    let help = "Each step takes the mean of the medium between its two ends, instead of the medium in its middle: better for narrow intervals of the transfer function; with wide ramps, shorter steps are faster.";
+    let why = impossible.map(|why| format!("Not here: {why}."));
+    if switch.on_hover_text(help).on_disabled_hover_text(why.as_deref().unwrap_or(help)).changed() {
+        let integration = if segments { Integration::Segments } else { Integration::Samples };
+        asked.push(Action::Edit(Edit::Accuracy(Accuracy { integration, ..accuracy.clone() })));
+    }
 }
 
 /// Colour errors of the colour model.

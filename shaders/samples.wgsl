@@ -1,0 +1,122 @@
+// Integration by point samples, one in the middle of each step. Twin of `reference::march` and `Samples::sample`. Part of
+// `march.wgsl`.
+
+// Reads source and opacity at `coordinate` in the table.
+fn look_up(coordinate: f32, step: ptr<function, Step>) {
+    if (NEAREST_LOOKUP) {
+        let i = u32(coordinate + 0.5);
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            (*step).source[lane] = table_source[i * TABLE_LANES + lane];
+        }
+        (*step).opacity = opacity_at(i);
+    } else {
+        let i = min(u32(coordinate), u32(march.coordinate_last) - 1u);
+        let fraction = coordinate - f32(i);
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            let source = table_source[i * TABLE_LANES + lane];
+            let after = table_source[(i + 1u) * TABLE_LANES + lane];
+            (*step).source[lane] = fma(vec4f(fraction), after - source, source);
+        }
+        (*step).opacity = opacity_between(i, fraction);
+    }
+}
+
+// Texel, table coordinate and label of a sample.
+struct Key {
+    texel: vec4f,
+    coordinate: f32,
+    // Row in the label table; 0 without a label.
+    row: u32,
+}
+
+fn key_at(place: vec3f) -> Key {
+    let texel = fetch(place);
+    var value = texel.x;
+    if (STORED_GRADIENT) {
+        value = texel.w;
+    }
+    let coordinate = clamp(fma(value, march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
+    var row = 0u;
+    if (LABELS) {
+        let dims = vec3f(textureDimensions(labels));
+        let voxel = vec3i(clamp(floor(place * dims), vec3f(), dims - 1.0));
+        row = textureLoad(labels, voxel, 0).x;
+    }
+    return Key(texel, coordinate, row);
+}
+
+// Whether the sample can be visible.
+fn is_active(key: Key) -> bool {
+    return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.row > 0u;
+}
+
+fn sample(place: vec3f, key: Key) -> Step {
+    var step: Step;
+    if (STORED_GRADIENT) {
+        step.normal = unit(key.texel.xyz * march.gradient_scale);
+    } else if (GRADIENT) {
+        step.normal = unit(central_difference(place) * march.gradient_scale);
+    }
+    look_up(key.coordinate, &step);
+    if (LABELS) {
+        if (key.row > 0u) {
+            for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+                step.source[lane] = label_source[key.row * TABLE_LANES + lane];
+            }
+            step.opacity = opacity_of_label(key.row);
+        }
+    }
+    return step;
+}
+
+// Adds the contribution of the sample at `place`; returns the transmittance after it.
+fn add_sample(
+    ray: Ray,
+    place: vec3f,
+    key: Key,
+    transmittance: Transmittance,
+    sums: ptr<function, array<vec4f, LAYERS>>,
+) -> Transmittance {
+    let step = sample(place, key);
+    for (var position = 0u; position < POSITIONS_USED; position += 1u) {
+        composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
+    }
+    return attenuate(transmittance, step.opacity);
+}
+
+// Marches the samples from `first` to before `end`, or until early termination; returns the transmittance.
+fn march_run(
+    ray: Ray,
+    first: u32,
+    end: u32,
+    before: Transmittance,
+    sums: ptr<function, array<vec4f, LAYERS>>,
+) -> Transmittance {
+    var transmittance = before;
+    if (SKIP_INVISIBLE) {
+        var n = first;
+        loop {
+            // Advances to the next sample that can be visible, in a loop of its own: some devices branch only at the
+            // end of a loop, and would otherwise execute the code after an `if` in vain.
+            var key: Key;
+            var found = false;
+            loop {
+                if (n >= end) { break; }
+                key = key_at(place_of(ray, n));
+                n += 1u;
+                found = is_active(key);
+                if (found) { break; }
+            }
+            if (!found) { break; }
+            transmittance = add_sample(ray, place_of(ray, n - 1u), key, transmittance, sums);
+            if (brightest(transmittance) < march.termination) { break; }
+        }
+    } else {
+        for (var n = first; n < end; n += 1u) {
+            let place = place_of(ray, n);
+            transmittance = add_sample(ray, place, key_at(place), transmittance, sums);
+            if (brightest(transmittance) < march.termination) { break; }
+        }
+    }
+    return transmittance;
+}

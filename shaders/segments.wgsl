@@ -1,0 +1,270 @@
+// Integration in segments: means of the medium over the values between the ends of a segment, in closed form
+// (docs/theory/segments.md). Twin of `reference::march` and `Samples::mean`. Part of `march.wgsl`.
+
+struct Segments {
+    // Unit of the table's integrals.
+    unit: f32,
+    // Variation from which a segment is divided.
+    variation: f32,
+}
+
+@group(0) @binding(12) var<uniform> segments_uniform: Segments;
+
+// The volume at an end of a segment.
+struct End {
+    texel: vec4f,
+    coordinate: f32,
+    // Row in the label table; 0 without a label.
+    row: u32,
+}
+
+// Integrals of the medium at a table coordinate: at the first bound of its cell, and their differences to the next.
+struct Integrals {
+    source: array<vec4i, TABLE_LANES>,
+    slope: array<vec4f, TABLE_LANES>,
+    depth: DepthIntegral,
+    depth_slope: Transmittance,
+    // Place within the cell, 0 to 1.
+    fraction: f32,
+}
+
+// Places of two ends in their cells, and the distance of their coordinates.
+struct Between {
+    fractions: vec2f,
+    distance: f32,
+}
+
+// Mean medium between two ends, per step length.
+struct Density {
+    source: array<vec4f, TABLE_LANES>,
+    depth: Transmittance,
+    variation: f32,
+}
+
+// Distance of two coordinates below which the difference of the integrals would lose its digits.
+const CLOSE: f32 = 0.0625;
+
+// 1 − e^(−depth), with the relative precision of f32 near 0: 2^f − 1 by its series, |f| ≤ ½.
+fn lost(depth: vec4f) -> vec4f {
+    let x = clamp(depth, vec4f(-80.0), vec4f(80.0)) * -1.4426950408889634;
+    let whole = round(x);
+    let f = x - whole;
+    var series = fma(f, vec4f(1.5252734e-5), vec4f(1.5403530e-4));
+    series = fma(f, series, vec4f(1.3333558e-3));
+    series = fma(f, series, vec4f(9.6181291e-3));
+    series = fma(f, series, vec4f(5.5504109e-2));
+    series = fma(f, series, vec4f(2.4022651e-1));
+    series = fma(f, series, vec4f(6.9314718e-1));
+    let scale = bitcast<vec4f>((vec4i(whole) + 127) << vec4u(23u));
+    return fma(-scale, f * series, 1.0 - scale);
+}
+
+fn place_at(ray: Ray, steps: f32) -> vec3f {
+    let s = fma(steps + (ray.offset - 0.5), march.step_length, ray.start);
+    return fma(vec3f(s), ray.direction, ray.base);
+}
+
+fn row_at(place: vec3f) -> u32 {
+    var row = 0u;
+    if (LABELS) {
+        let dims = vec3f(textureDimensions(labels));
+        let voxel = vec3i(clamp(floor(place * dims), vec3f(), dims - 1.0));
+        row = textureLoad(labels, voxel, 0).x;
+    }
+    return row;
+}
+
+fn end_at(place: vec3f) -> End {
+    let texel = fetch(place);
+    var value = texel.x;
+    if (STORED_GRADIENT) {
+        value = texel.w;
+    }
+    let coordinate = clamp(fma(value, march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
+    return End(texel, coordinate, row_at(place));
+}
+
+fn gradient_at(end: End, place: vec3f) -> vec3f {
+    var gradient = vec3f();
+    if (STORED_GRADIENT) {
+        gradient = end.texel.xyz * march.gradient_scale;
+    } else if (GRADIENT) {
+        gradient = central_difference(place) * march.gradient_scale;
+    }
+    return gradient;
+}
+
+fn integrals_at(coordinate: f32) -> Integrals {
+    let cell = min(u32(coordinate), u32(march.coordinate_last) - 1u);
+    var integrals: Integrals;
+    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+        let here = bitcast<vec4i>(table_source[cell * TABLE_LANES + lane]);
+        let next = bitcast<vec4i>(table_source[(cell + 1u) * TABLE_LANES + lane]);
+        integrals.source[lane] = here;
+        integrals.slope[lane] = vec4f(next - here);
+    }
+    integrals.depth = depth_integral_at(cell);
+    integrals.depth_slope = depth_difference(integrals.depth, depth_integral_at(cell + 1u));
+    integrals.fraction = coordinate - f32(cell);
+    return integrals;
+}
+
+// Mean between two places in the table: `whole` is the difference of the integrals at the bounds of their cells, `a` and
+// `b` are the differences over the cells.
+fn mean_of(whole: vec4f, a: vec4f, b: vec4f, between: Between) -> vec4f {
+    let far = (whole + fma(vec4f(between.fractions.y), b, -(between.fractions.x * a))) / between.distance;
+    return select(far, (a + b) * 0.5, abs(between.distance) < CLOSE);
+}
+
+fn mean_between(a: Integrals, b: Integrals, distance: f32) -> Density {
+    let between = Between(vec2f(a.fraction, b.fraction), distance);
+    let unit = segments_uniform.unit;
+    var density: Density;
+    var most = vec4f();
+    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+        let mean = mean_of(vec4f(b.source[lane] - a.source[lane]), a.slope[lane], b.slope[lane], between);
+        most = max(most, abs(mean - a.slope[lane]) + abs(b.slope[lane] - mean));
+        density.source[lane] = mean * unit;
+    }
+    let depth = mean_depth(depth_difference(a.depth, b.depth), a.depth_slope, b.depth_slope, between);
+    let of_depth = depth_variation(depth, a.depth_slope, b.depth_slope);
+    density.depth = scaled_depth(depth, unit);
+    density.variation = max(max(max(most.x, most.y), max(most.z, most.w)), of_depth) * unit;
+    return density;
+}
+
+// Largest number of the scattered light.
+fn most_scattered(density: Density) -> f32 {
+    var most = vec4f();
+    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+        most = max(most, abs(density.source[lane]));
+    }
+    return max(max(most.x, most.y), max(most.z, most.w));
+}
+
+// Effect of a segment of `length`, in steps.
+fn across(density: Density, length: f32) -> Step {
+    var step: Step;
+    step.opacity = lost_light(scaled_depth(density.depth, length));
+    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+        step.source[lane] = density.source[lane] * gain_of(step.opacity, density.depth, length, lane);
+    }
+    return step;
+}
+
+// Number of parts of the segment from `a` to `b`, which starts `start` steps along the ray: 1 to MOST_PARTS, not
+// necessarily whole.
+fn parts_between(ray: Ray, start: f32, a: End, b: End, turn: vec3f, density: Density) -> f32 {
+    var variation = density.variation;
+    if (LABELS) {
+        if (a.row != b.row || row_at(place_at(ray, start + 0.5)) != a.row) {
+            variation = 1.0;
+        } else if (a.row > 0u) {
+            variation = 0.0;
+        }
+    }
+    if (GRADIENT) {
+        variation = fma(sqrt(dot(turn, turn)), most_scattered(density), variation);
+    }
+    return clamp(sqrt(min(variation, 1.0) / segments_uniform.variation), 1.0, MOST_PARTS);
+}
+
+// Whether a value between two ends can be visible.
+fn is_active_between(a: End, b: End) -> bool {
+    return (max(a.coordinate, b.coordinate) > march.active_low && min(a.coordinate, b.coordinate) < march.active_high)
+        || LABELS;
+}
+
+// Marches the segments from `first` to before `end`, or until early termination; returns the transmittance.
+//
+// One loop for segments and their parts, with one fetch in each iteration: the first goes to the far end of the segment.
+// If that shows that the segment is to be divided, the iteration adds nothing (its length is 0), and the following ones
+// go from part to part. A software device would take twice as long for a loop of parts in a loop of segments.
+fn march_run(
+    ray: Ray,
+    first: u32,
+    end: u32,
+    before: Transmittance,
+    sums: ptr<function, array<vec4f, LAYERS>>,
+) -> Transmittance {
+    var transmittance = before;
+    var a = end_at(place_at(ray, f32(first)));
+    var gradient = gradient_at(a, place_at(ray, f32(first)));
+    var integrals = integrals_at(a.coordinate);
+    var n = first;
+    // Parts of segment n, or 0 before they are known; the next part, and where it begins.
+    var parts = 0.0;
+    var part = 1.0;
+    var done = 0.0;
+    loop {
+        var b: End;
+        var reach = 1.0;
+        if (SKIP_INVISIBLE) {
+            // Advances to the next segment that can be visible, in a loop of its own: some devices branch only at the end
+            // of a loop, and would otherwise execute the code after an `if` in vain.
+            var skipped = false;
+            loop {
+                if (n >= end) { break; }
+                reach = select(min(part / parts, 1.0), 1.0, parts == 0.0);
+                b = end_at(place_at(ray, f32(n) + reach));
+                if (parts > 0.0 || is_active_between(a, b)) { break; }
+                a = b;
+                skipped = true;
+                n += 1u;
+            }
+            if (skipped) {
+                gradient = gradient_at(a, place_at(ray, f32(n)));
+                integrals = integrals_at(a.coordinate);
+            }
+        } else {
+            reach = select(min(part / parts, 1.0), 1.0, parts == 0.0);
+            b = end_at(place_at(ray, f32(n) + reach));
+        }
+        if (n >= end) { break; }
+        let next = place_at(ray, f32(n) + reach);
+        let next_gradient = gradient_at(b, next);
+        let next_integrals = integrals_at(b.coordinate);
+        var density = mean_between(integrals, next_integrals, b.coordinate - a.coordinate);
+        var length = reach - done;
+        var wanted = 0.0;
+        if (parts == 0.0) {
+            wanted = parts_between(ray, f32(n), a, b, unit(next_gradient) - unit(gradient), density);
+            length = select(length, 0.0, wanted > 1.0);
+        }
+        let middle = place_at(ray, f32(n) + (done + reach) * 0.5);
+        if (LABELS) {
+            let row = row_at(middle);
+            if (row > 0u) {
+                for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+                    density.source[lane] = label_source[row * TABLE_LANES + lane];
+                }
+                density.depth = opacity_of_label(row);
+            }
+        }
+        var step = across(density, length);
+        if (GRADIENT) {
+            step.normal = unit((gradient + next_gradient) * 0.5);
+        }
+        for (var position = 0u; position < POSITIONS_USED; position += 1u) {
+            composite(sums, position * LANES, shade(position, ray, middle, step), transmittance);
+        }
+        transmittance = attenuate(transmittance, step.opacity);
+        if (brightest(transmittance) < march.termination) { break; }
+        if (wanted > 1.0) {
+            parts = wanted;
+            part = 1.0;
+        } else {
+            a = b;
+            gradient = next_gradient;
+            integrals = next_integrals;
+            done = reach;
+            part += 1.0;
+            if (reach >= 1.0) {
+                n += 1u;
+                parts = 0.0;
+                done = 0.0;
+            }
+        }
+    }
+    return transmittance;
+}
