@@ -19,6 +19,17 @@ fn opacity_of_label(row: u32) -> Transmittance {
     return label_opacity[row / 4u][row % 4u];
 }
 
+// Multiplies the extinction and the scattering of a step by `factor`.
+fn thin(step: ptr<function, Step>, factor: f32) {
+    if (factor < 1.0) {
+        let ratio = thinning(vec4f((*step).opacity), factor).x;
+        (*step).opacity *= ratio;
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            (*step).source[lane] *= ratio;
+        }
+    }
+}
+
 // Transmittance after a step, rounded once: `T *= 1 − α` drifts over a large number of equal steps.
 fn attenuate(transmittance: Transmittance, opacity: Transmittance) -> Transmittance {
     return fma(-transmittance, opacity, transmittance);

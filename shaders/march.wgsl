@@ -1,7 +1,8 @@
 // Marches rays through the volume front to back, and writes accumulators and transmittance. No light spectrum enters
 // them.
 // The reflected light of a step is in `weights.wgsl` or `spectral.wgsl`, its transmittance in `grey.wgsl`,
-// `coloured.wgsl` or `mixed.wgsl`, and the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`.
+// `coloured.wgsl` or `mixed.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, and the
+// factor on its opacity by the gradient magnitude in `gradient_opacity.wgsl`.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
 // resolved before the shader is compiled.
 
@@ -267,14 +268,32 @@ fn is_active(key: Key) -> bool {
     return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.row > 0u;
 }
 
+// Decoded differences along the volume's own axes.
+fn decoded_gradient(place: vec3f, key: Key) -> vec3f {
+    var difference: vec3f;
+    if (STORED_GRADIENT) {
+        difference = key.texel.xyz;
+    } else {
+        difference = central_difference(place);
+    }
+    return difference * march.gradient_scale;
+}
+
 fn sample(place: vec3f, key: Key) -> Step {
     var step: Step;
-    if (STORED_GRADIENT) {
-        step.normal = unit(key.texel.xyz * march.gradient_scale);
-    } else if (GRADIENT) {
-        step.normal = unit(central_difference(place) * march.gradient_scale);
+    if (GRADIENT_OPACITY) {
+        let gradient = decoded_gradient(place, key);
+        step.normal = unit(gradient);
+        look_up(key.coordinate, &step);
+        thin(&step, gradient_factor(gradient));
+    } else {
+        if (STORED_GRADIENT) {
+            step.normal = unit(key.texel.xyz * march.gradient_scale);
+        } else if (GRADIENT) {
+            step.normal = unit(central_difference(place) * march.gradient_scale);
+        }
+        look_up(key.coordinate, &step);
     }
-    look_up(key.coordinate, &step);
     if (LABELS) {
         if (key.row > 0u) {
             for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
@@ -322,13 +341,19 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
         }
     }
     var facing = 0.0;
-    if (GRADIENT) {
+    if (ONE_SIDED) {
+        facing = max(-dot(step.normal, light), 0.0);
+    } else if (GRADIENT) {
         facing = abs(dot(step.normal, light));
     }
     var source = reflect_light(step, facing);
     if (SPECULAR) {
         let halfway = unit(light + ray.view);
-        highlight(step, abs(dot(step.normal, halfway)), &source);
+        if (ONE_SIDED) {
+            highlight(step, select(0.0, max(-dot(step.normal, halfway), 0.0), facing > 0.0), &source);
+        } else {
+            highlight(step, abs(dot(step.normal, halfway)), &source);
+        }
     }
     return source;
 }

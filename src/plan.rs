@@ -16,8 +16,8 @@ pub use warning::PlanWarning;
 use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;
 use crate::scene::{
-    AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs,
-    positions,
+    AccumulateAs, Accuracy, Gradients, Interpolation, Lighting, Lookup, Placement, Position, Scene, Shading, StoreAs,
+    VolumeAs, positions,
 };
 use crate::spectrum::Light;
 use crate::spectrum::observer::Observer;
@@ -41,6 +41,8 @@ pub struct ScenePlan {
     pub positions: PositionCounts,
     /// Shading of directed lights; `None` if every light reaches every point equally.
     pub shading: Option<ShadingTerms>,
+    /// Points of the factor on the opacity by the gradient magnitude; 0 without such a factor.
+    pub gradient_opacity: usize,
     /// Whether labels take precedence over the transfer function.
     pub labels: bool,
     /// Whether the background is other than black.
@@ -107,7 +109,7 @@ pub struct Parts {
     pub unshaded: usize,
     /// Ambient part for a directed light.
     pub ambient: usize,
-    /// Diffuse part, which follows |n·l|.
+    /// Diffuse part, which follows |n·l| or max(n·l, 0).
     pub diffuse: usize,
     /// White of the highlights, one part per exponent.
     pub highlights: usize,
@@ -136,6 +138,8 @@ pub struct ShadingTerms {
     pub diffuse: bool,
     /// Some material has a specular part.
     pub specular: Option<Specular>,
+    /// Only surfaces that face the light are lit by these parts.
+    pub one_sided: bool,
 }
 
 /// Parameters of highlights.
@@ -273,6 +277,12 @@ impl ScenePlan {
     /// Whether the gradient of the data is needed.
     #[must_use]
     pub fn gradient(&self) -> bool {
+        self.gradient_opacity > 0 || self.shades_by_gradient()
+    }
+
+    /// Whether shading needs the gradient of the data.
+    #[must_use]
+    pub fn shades_by_gradient(&self) -> bool {
         self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
     }
 
@@ -338,6 +348,11 @@ pub enum PlanError {
         "storage = \"f16\" is not possible: a pixel may hold numbers above 65504, the largest 16-bit float; use storage = \"f32\""
     )]
     HalfRange,
+    /// A matrix of transmittance has no power by a factor that is known from the matrix alone.
+    #[error(
+        "the model peercy keeps a transmittance matrix, which transfer.gradient_opacity cannot scale; take another model, or remove gradient_opacity"
+    )]
+    GradientMatrix,
     /// The effect of 16-bit storage on matrices is not known.
     #[error("the model peercy keeps a transmittance matrix, which is not stored in 16 bits; take storage = \"f32\"")]
     HalfMatrix,
@@ -354,6 +369,7 @@ impl PlanError {
             Self::NotGrey { .. } => "weights-inexact",
             Self::HalfPrecision { .. } => "half-imprecise",
             Self::HalfRange => "half-overflow",
+            Self::GradientMatrix => "gradient-opacity-matrix",
             Self::HalfMatrix => "half-matrix",
             Self::Model(error) => error.code(),
         }
@@ -376,7 +392,7 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
 /// [`PlanError`].
 pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let mut planned = chosen(scene, lights, progress)?;
-    half::check(&planned, scene)?;
+    check(&planned, scene)?;
     let observer = planned.be_seen_by(scene.display.observer, scene.accuracy.tolerance)?;
     planned.warnings.extend(observer);
     planned.warnings.extend(planned.unused(scene));
@@ -387,7 +403,15 @@ pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progre
     Ok(planned)
 }
 
-/// The plan of `scene`, before the check of 16-bit storage.
+/// Refuses matrices with a factor by the gradient magnitude, and 16-bit storage with an error above the tolerance.
+fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
+    if planned.plan.gradient_opacity > 0 && planned.plan.transmittance == Transmittance::Mixed {
+        return Err(PlanError::GradientMatrix);
+    }
+    half::check(planned, scene)
+}
+
+/// The plan of `scene`, before its [`check`].
 fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let weights = planned(scene, None);
     if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
@@ -498,7 +522,9 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             }
         }
     };
-    let shading = directed.then_some(ShadingTerms { diffuse, specular });
+    let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some());
+    let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
+    let factors = &scene.transfer.gradient_opacity;
     let mut plan = ScenePlan {
         accumulate,
         transmittance: match (transmittance(scene), model.as_ref().map(|model| model.kind())) {
@@ -507,6 +533,8 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         },
         positions: counts,
         shading,
+        // A factor of 1 at all magnitudes has no effect.
+        gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },
         labels: scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty()),
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
@@ -539,7 +567,7 @@ impl Planned {
     }
 
     /// The plan of `scene` if it needs the same colour model as `before`, the scene of this plan. Equal to the result
-    /// of [`plan`], but immediate. `None` if a model has to be fitted, or 16-bit storage is refused.
+    /// of [`plan`], but immediate. `None` if a model has to be fitted, or the plan is refused.
     #[must_use]
     pub fn changed_to(&self, before: &Scene, scene: &Scene) -> Option<Self> {
         let [then, now] = [before, scene].map(|scene| planned(scene, None));
@@ -550,7 +578,7 @@ impl Planned {
         let alike = then.plan == now.plan
             && asked(before) == asked(scene)
             && then.ingredients(before) == now.ingredients(scene);
-        alike.then(|| self.seen_otherwise(scene)).filter(|planned| half::check(planned, scene).is_ok())
+        alike.then(|| self.seen_otherwise(scene)).filter(|planned| check(planned, scene).is_ok())
     }
 
     /// The largest change, in ΔE00, that 16-bit storage of finished accumulators makes to a colour of at most white's

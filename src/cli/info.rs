@@ -527,6 +527,8 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "materials": names,
         "diffuse": plan.shading.is_some_and(|terms| terms.diffuse),
         "specular": plan.specular().is_some(),
+        "one_sided": plan.shading.is_some_and(|terms| terms.one_sided),
+        "gradient_opacity": plan.gradient_opacity > 0,
         "labels": plan.labels,
         "background": plan.background,
         "lookup": plan.lookup,

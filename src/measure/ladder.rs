@@ -15,7 +15,7 @@ use crate::progress::Progress;
 use crate::reference::{Exact, ReferenceError, Stored, render_pixels};
 use crate::scene::{Interpolation, Mix, Scene, StoreAs};
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use crate::tables::{LabelMap, Occupancy, Storage, StoredVolume, TransferTable};
+use crate::tables::{GradientTable, LabelMap, Occupancy, Storage, StoredVolume, TransferTable};
 use crate::volume::{Statistics, VolumeError};
 
 /// Cause of a difference from the truth: the difference between two rungs.
@@ -276,7 +276,8 @@ impl<'a> Ladder<'a> {
         let Some(Kept { storage, volume, .. }) = &self.kept else { return Ok(Vec::new()) };
         let label_table = TransferTable::of_labels(scene, planned);
         let labels = self.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| (labels, &label_table));
-        let stored = Stored::<R>::new(planned, storage, volume, table, labels);
+        let gradients = GradientTable::new(scene, storage);
+        let stored = Stored::<R>::new(planned, storage, volume, table, labels, gradients);
         let matrices = self.matrices(scene, planned);
         let found = render_pixels(scene, planned, &stored, &matrices, self.size, &self.pixels, progress)?;
         Ok(found.into_iter().map(|(colour, _)| colour).collect())

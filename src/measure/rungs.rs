@@ -7,7 +7,7 @@ use crate::progress::{Progress, Quiet};
 use crate::reference::{self, Exact, ReferenceError, Samples, Stored};
 use crate::render::{DeviceFilm, RenderError, Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
-use crate::tables::{LabelMap, Storage, StoredVolume, TransferTable};
+use crate::tables::{GradientTable, LabelMap, Storage, StoredVolume, TransferTable};
 use crate::volume::VolumeError;
 
 /// A scene with all data that the rungs read.
@@ -116,7 +116,8 @@ impl Rungs {
     #[must_use]
     pub fn stored<R: Real>(&self) -> Stored<'_, R> {
         let labels = self.labels.as_ref().map(|labels| (labels, &self.label_table));
-        Stored::new(&self.planned, &self.storage, &self.volume, &self.table, labels)
+        let gradients = GradientTable::new(&self.scene, &self.storage);
+        Stored::new(&self.planned, &self.storage, &self.volume, &self.table, labels, gradients)
     }
 
     /// Marches `samples` with the reference.

@@ -188,11 +188,24 @@ impl<'a, R: Real> Frame<'a, R> {
             let local_scale = self.rays.local_scale.to_array().map(R::from_f64);
             unit(std::array::from_fn(|axis| self.lights[position][axis] - place[axis] * local_scale[axis]))
         };
-        self.reflect(step, dot(step.normal, light).abs(), source);
+        let facing = self.facing(dot(step.normal, light));
+        self.reflect(step, facing, source);
         if plan.specular().is_some() {
             let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
-            self.highlight(step, dot(step.normal, halfway).abs(), source);
+            let lit = facing > R::default();
+            let shine = self.facing(dot(step.normal, halfway));
+            self.highlight(step, if lit || !self.one_sided() { shine } else { R::default() }, source);
         }
+    }
+
+    /// Whether only the side towards lower values is lit.
+    fn one_sided(&self) -> bool {
+        self.planned.plan.shading.is_some_and(|terms| terms.one_sided)
+    }
+
+    /// |n·l|, or max(n·l, 0) with one-sided lighting, for `cosine` = ∇v·l/|∇v|.
+    fn facing(&self, cosine: R) -> R {
+        if self.one_sided() { (-cosine).max(R::default()) } else { cosine.abs() }
     }
 
     /// Number of components, without the white component of the highlights.

@@ -1,9 +1,10 @@
 //! Samples of the volume: exact, or with the device's tables and textures.
 
+use super::gradient::{exact_thinning, gradient_factor, thin, thinning};
 use crate::number::{Real, count, unit};
 use crate::plan::Planned;
 use crate::scene::{Interpolation, Lookup, Scene};
-use crate::tables::{self, LabelMap, Steps, Storage, StoredVolume, TransferTable};
+use crate::tables::{self, GradientTable, LabelMap, Steps, Storage, StoredVolume, TransferTable};
 use crate::volume::Volume;
 
 /// Effect of one step at a sample, in the layout of a table entry.
@@ -63,6 +64,23 @@ impl<'a> Exact<'a> {
         ((high - low).mul_add(normalised, low), usize::from(row).checked_sub(1))
     }
 
+    /// The factor on the medium at `place` by the gradient magnitude; 1 if the plan has none.
+    #[must_use]
+    pub fn gradient_factor(&self, place: [f64; 3]) -> f64 {
+        if self.planned.plan.gradient_opacity == 0 {
+            return 1.0;
+        }
+        let [low, high] = self.storage.domain;
+        let gradient = glam::DVec3::from_array(self.gradient_at(place));
+        self.scene.transfer.gradient_factor((high - low) * gradient.length())
+    }
+
+    /// Derivatives of the normalised value at `place`, per world unit.
+    fn gradient_at(&self, place: [f64; 3]) -> [f64; 3] {
+        let dims = self.scene.volume.geometry.dims;
+        interpolate(place, dims, self.scene.accuracy.interpolation, |index| self.gradient(index))
+    }
+
     /// Normalised value of a voxel; indices are clamped to the grid.
     fn voxel(&self, index: [i64; 3]) -> f64 {
         let volume: &Volume = &self.scene.volume;
@@ -98,9 +116,10 @@ impl Samples<f64> for Exact<'_> {
         step.opacity.clone_from(&found.opacity);
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
         if self.planned.plan.gradient() {
-            let dims = self.scene.volume.geometry.dims;
-            let interpolation = self.scene.accuracy.interpolation;
-            step.normal = unit(interpolate(place, dims, interpolation, |index| self.gradient(index)));
+            step.normal = unit(self.gradient_at(place));
+        }
+        if label.is_none() {
+            thin(step, &self.planned.plan, self.gradient_factor(place), exact_thinning);
         }
     }
 }
@@ -112,6 +131,7 @@ pub struct Stored<'a, R> {
     volume: &'a StoredVolume,
     table: &'a TransferTable,
     labels: Option<(&'a LabelMap, &'a TransferTable)>,
+    gradients: GradientTable,
     coordinate_scale: R,
     coordinate_offset: R,
     gradient_scale: [R; 3],
@@ -126,6 +146,7 @@ impl<'a, R: Real> Stored<'a, R> {
         volume: &'a StoredVolume,
         table: &'a TransferTable,
         labels: Option<(&'a LabelMap, &'a TransferTable)>,
+        gradients: GradientTable,
     ) -> Self {
         let [scale, offset] = table.coordinate_from_texel(storage);
         Self {
@@ -133,6 +154,7 @@ impl<'a, R: Real> Stored<'a, R> {
             volume,
             table,
             labels,
+            gradients,
             coordinate_scale: R::from_f64(scale),
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
@@ -152,18 +174,20 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         };
         let fetched = interpolate(place, volume.dims, self.planned.plan.interpolation, texel);
         let value = fetched[if volume.has_gradient { 3 } else { 0 }];
+        let mut gradient = [R::default(); 3];
         if volume.has_gradient {
-            step.normal = unit(std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis]));
+            gradient = std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis]);
         } else if self.planned.plan.gradient() {
             let at = |place| interpolate(place, volume.dims, self.planned.plan.interpolation, texel)[0];
-            step.normal = unit(std::array::from_fn(|axis| {
+            gradient = std::array::from_fn(|axis| {
                 let voxel = R::from_f64(1.0 / count(volume.dims[axis]));
                 let (mut before, mut after) = (place, place);
                 before[axis] = place[axis] - voxel;
                 after[axis] = place[axis] + voxel;
                 (at(after) - at(before)) * self.gradient_scale[axis]
-            }));
+            });
         }
+        step.normal = unit(gradient);
         let row = self.labels.map_or(0, |(labels, _)| labels.rows[nearest(place, volume.dims)]);
         if let (Some((_, table)), true) = (self.labels, row > 0) {
             entry(table, usize::from(row), step);
@@ -171,6 +195,9 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             let last = R::from_f64(count(self.table.entries() - 1));
             let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
             self.look_up(coordinate, step);
+            if self.planned.plan.gradient_opacity > 0 {
+                thin(step, &self.planned.plan, gradient_factor(&self.gradients, gradient), thinning);
+            }
         }
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use glam::DVec3;
 
-use super::{Camera, Projection, Scene, Shading};
+use super::{Camera, Lighting, Projection, Scene, Shading};
 use crate::spectrum::{Light, Spectrum};
 
 /// Range of factors of a light's spectrum.
@@ -73,7 +73,7 @@ fn canonical(scene: &Scene, placement: Placement) -> Placement {
         (Placement::Headlight, Some(forward)) => Placement::Directional(-forward),
         (placement, _) => placement,
     };
-    let opposite_is_equal = shown.all(|material| material.specular == 0.0);
+    let opposite_is_equal = scene.lighting == Lighting::TwoSided && shown.all(|material| material.specular == 0.0);
     match placement {
         Placement::Directional(direction) if opposite_is_equal && first_sign(direction) < 0.0 => {
             Placement::Directional(-direction)

@@ -223,3 +223,41 @@ fn a_window_of_values_by_level_and_width_makes_layers_above_its_low_end() {
     assert!(layers.len() == 3 && (foot - 30.0).abs() < 1e-9, "{layers:?}");
     assert!((layers[1].range[0] - layers[1].ramp / 2.0 - 50.0).abs() < 1e-9, "{layers:?}");
 }
+
+#[test]
+fn the_opacity_by_gradient_is_switched_edited_and_kept_while_it_is_off() {
+    let mut window = with_histogram();
+    window.run();
+    let points = |window: &Harness<'_, App>| {
+        window.state().document.as_ref().unwrap().state().scene.transfer.gradient_opacity.clone()
+    };
+    assert!(points(&window).is_empty() && window.query_by_label("gradient point 0: magnitude").is_none());
+    let switch = |window: &mut Harness<'_, App>| {
+        window.get_by_label("Opacity by gradient").click();
+        window.run();
+        window.run();
+        window.state_mut().document.as_mut().unwrap().rest();
+    };
+    switch(&mut window);
+    // The frog has the values 0 to 255 and spacing 1.
+    assert_eq!(points(&window), [(5.1, 0.0), (25.5, 1.0)]);
+    retype(&mut window, "gradient point 0: magnitude", "7");
+    retype(&mut window, "gradient point 1: factor", "0.5");
+    assert_eq!(points(&window), [(7.0, 0.0), (25.5, 0.5)]);
+    window.get_by_label("add point").click();
+    window.run();
+    window.run();
+    assert_eq!(points(&window).len(), 3);
+    window.get_by_label("remove gradient point 1").click();
+    window.run();
+    window.run();
+    let left = points(&window);
+    assert!(left.len() == 2 && left[0].1 <= 0.0 && left[1].0 > 25.5, "{left:?}");
+    switch(&mut window);
+    assert!(points(&window).is_empty());
+    switch(&mut window);
+    assert_eq!(points(&window), left, "as it was switched off");
+    window.get_by_label("Reset transfer").click();
+    window.run();
+    assert!(points(&window).is_empty());
+}

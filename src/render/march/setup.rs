@@ -13,7 +13,7 @@ use crate::number::{count, rounded, unsigned};
 use crate::plan::{LANE, Planned, Transmittance};
 use crate::render::{RenderError, Renderer, Uploaded};
 use crate::scene::{Interpolation, Scene, StoreAs};
-use crate::tables::{PositionTable, RayTable, ShadingTable, TransferTable};
+use crate::tables::{GradientTable, PositionTable, RayTable, ShadingTable, TransferTable};
 use crate::vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
 /// Dimension of the largest matrices that are marched; larger ones would not stay in registers.
@@ -143,6 +143,8 @@ impl Renderer {
         };
         let march = uniform("march", bytemuck::bytes_of(&MarchUniform::new(scene, uploaded, &rays, &table, size)))?;
         let shading = uniform("shading", &shading_bytes(scene, planned))?;
+        let gradients = GradientTable::new(scene, &uploaded.storage).0;
+        let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
         let (tables, tabled) = self.tables(&table, &TransferTable::of_labels(scene, planned))?;
         let filter = match plan.interpolation {
@@ -160,6 +162,7 @@ impl Renderer {
             Some(match name {
                 "march_uniform" => Resource::Uniform(&march),
                 "shading_uniform" => Resource::Uniform(&shading),
+                "gradient_table" => Resource::Uniform(&gradients),
                 "volume" => Resource::Texture(&uploaded.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "occupancy" => Resource::Storage(&occupied),

@@ -13,8 +13,8 @@ pub(super) const UNIFORM_BYTES: u32 = 65_536;
 /// Bytes of a table's vector.
 pub(super) const VECTOR_BYTES: u32 = 16;
 
-/// Shader texts by name: source, transmittance, memory of tables, and the march.
-fn parts(plan: &ScenePlan, tables: TableMemory) -> [(&'static str, &'static str); 4] {
+/// Shader texts by name: source, transmittance, memory of tables, factor on the opacity, and the march.
+fn parts(plan: &ScenePlan, tables: TableMemory) -> [(&'static str, &'static str); 5] {
     [
         match plan.accumulate {
             Accumulate::Weights { .. } => ("shaders/weights.wgsl", include_str!("../../../shaders/weights.wgsl")),
@@ -33,6 +33,7 @@ fn parts(plan: &ScenePlan, tables: TableMemory) -> [(&'static str, &'static str)
                 ("shaders/tables_uniform.wgsl", include_str!("../../../shaders/tables_uniform.wgsl"))
             }
         },
+        ("shaders/gradient_opacity.wgsl", include_str!("../../../shaders/gradient_opacity.wgsl")),
         ("shaders/march.wgsl", include_str!("../../../shaders/march.wgsl")),
     ]
 }
@@ -98,6 +99,9 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .bool("SHADED", plan.shading.is_some())
         .bool("GRADIENT", plan.gradient())
         .bool("STORED_GRADIENT", plan.stores_gradient())
+        .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
+        .u32("GRADIENT_VECTORS", unsigned(plan.gradient_opacity.max(1)))
+        .bool("ONE_SIDED", plan.shading.is_some_and(|terms| terms.one_sided))
         .bool("SPECULAR", specular.is_some())
         .bool("ONE_EXPONENT", one_exponent.is_some())
         .u32("ONE_EXPONENT_VALUE", one_exponent.unwrap_or(0))
@@ -134,7 +138,8 @@ mod tests {
             accumulate: Accumulate::Weights { materials },
             transmittance: Transmittance::Grey,
             positions: PositionCounts { directional: 1, ..PositionCounts::default() },
-            shading: Some(ShadingTerms { diffuse: true, specular: None }),
+            shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
+            gradient_opacity: 0,
             labels: false,
             background: false,
             lookup: Lookup::Nearest,
