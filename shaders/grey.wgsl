@@ -20,14 +20,16 @@ fn opacity_of_label(row: u32) -> Transmittance {
 }
 
 // Multiplies the extinction and the scattering of a step by `factor`.
-fn thin(step: ptr<function, Step>, factor: f32) {
+fn thin(step: Step, factor: f32) -> Step {
+    var thinner = step;
     if (factor < 1.0) {
-        let ratio = thinning(vec4f((*step).opacity), factor).x;
-        (*step).opacity *= ratio;
+        let ratio = thinning(vec4f(step.opacity), factor).x;
+        thinner.opacity *= ratio;
         for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            (*step).source[lane] *= ratio;
+            thinner.source[lane] *= ratio;
         }
     }
+    return thinner;
 }
 
 // Transmittance after a step, rounded once: `T *= 1 − α` drifts over a large number of equal steps.

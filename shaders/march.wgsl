@@ -41,7 +41,7 @@ struct March {
 
 // Light positions and the materials' shading coefficients, in lanes (`tables::ShadingTable`).
 struct Shading {
-    lights: array<vec4f, POSITIONS>,
+    lights: array<vec4f, LIGHT_VECTORS>,
     ambient: array<vec4f, SHADING_LANES>,
     diffuse: array<vec4f, SHADING_LANES>,
     specular: array<vec4f, SHADING_LANES>,
@@ -285,7 +285,7 @@ fn sample(place: vec3f, key: Key) -> Step {
         let gradient = decoded_gradient(place, key);
         step.normal = unit(gradient);
         look_up(key.coordinate, &step);
-        thin(&step, gradient_factor(gradient));
+        step = thin(step, gradient_factor(gradient));
     } else {
         if (STORED_GRADIENT) {
             step.normal = unit(key.texel.xyz * march.gradient_scale);
@@ -324,10 +324,49 @@ fn power(base: f32, exponent: u32) -> f32 {
     return result;
 }
 
+// |n·l|, or max(n·l, 0) with one-sided lighting, of a part ∇v·l/|∇v|.
+fn lit(part: f32) -> f32 {
+    var facing = abs(part);
+    if (ONE_SIDED) {
+        facing = max(-part, 0.0);
+    }
+    return facing;
+}
+
+// Light of a step towards the eye for the three directions of the light at `position`, and their weights.
+fn shade_three_point(position: u32, ray: Ray, step: Step) -> array<vec4f, LANES> {
+    var facing = 0.0;
+    for (var i = 0u; i < 3u; i += 1u) {
+        let light = shading.lights[position + i];
+        facing = fma(light.w, lit(dot(step.normal, light.xyz)), facing);
+    }
+    var source = reflect_light(step, facing);
+    if (SPECULAR) {
+        for (var i = 0u; i < 3u; i += 1u) {
+            let light = shading.lights[position + i];
+            var shine = lit(dot(step.normal, unit(light.xyz + ray.view)));
+            if (ONE_SIDED) {
+                shine = select(0.0, shine, dot(step.normal, light.xyz) < 0.0);
+            }
+            var white: array<vec4f, LANES>;
+            highlight(step, shine, &white);
+            for (var lane = 0u; lane < LANES; lane += 1u) {
+                source[lane] = fma(vec4f(light.w), white[lane], source[lane]);
+            }
+        }
+    }
+    return source;
+}
+
 // Light of a step towards the eye for light from `position`.
 fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANES> {
     if (position < AMBIENT) {
         return unshaded(step);
+    }
+    if (THREE_POINT > 0u) {
+        if (position >= AMBIENT + HEADLIGHT + DIRECTIONAL + POINT) {
+            return shade_three_point(position, ray, step);
+        }
     }
     var light = ray.view;
     if (DIRECTIONAL > 0u) {

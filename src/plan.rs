@@ -117,7 +117,8 @@ pub struct Parts {
     pub lanes: usize,
 }
 
-/// Number of light positions of each kind. Accumulators follow the order ambient, headlight, directional, point.
+/// Number of light positions of each kind. Accumulators follow the order ambient, headlight, directional, point,
+/// three-point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct PositionCounts {
     /// 0 or 1: all ambient lights share a position.
@@ -128,6 +129,8 @@ pub struct PositionCounts {
     pub directional: usize,
     /// Lights at a point.
     pub point: usize,
+    /// 0 or 1.
+    pub three_point: usize,
 }
 
 /// Shading terms of directed lights. Without diffuse and specular parts, only the materials' ambient factors remain,
@@ -170,7 +173,13 @@ impl PositionCounts {
     /// Number of light positions.
     #[must_use]
     pub fn total(&self) -> usize {
-        self.ambient + self.headlight + self.directional + self.point
+        self.ambient + self.headlight + self.directional + self.point + self.three_point
+    }
+
+    /// Number of vectors of the positions: three for a three-point light, otherwise one.
+    #[must_use]
+    pub fn vectors(&self) -> usize {
+        self.total() + 2 * self.three_point
     }
 }
 
@@ -500,6 +509,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         headlight: count(|placement| matches!(placement, Placement::Headlight)),
         directional: count(|placement| matches!(placement, Placement::Directional(_))),
         point: count(|placement| matches!(placement, Placement::Point(_))),
+        three_point: count(|placement| matches!(placement, Placement::ThreePoint)),
     };
     let used = || materials.iter().filter_map(|&material| scene.materials.get(material));
     let directed = scene.shading == Shading::Gradient && counts.total() > counts.ambient;

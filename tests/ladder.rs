@@ -660,3 +660,31 @@ fn scenes_thinned_by_their_gradients_agree_in_f64_and_f32_and_on_the_device() {
         assert!(moved.share > 1.0, "{name}: a hundredth of the factor: {moved:?}");
     }
 }
+
+#[test]
+fn a_three_point_light_shades_a_ramp_by_its_three_directions() {
+    let light = "[lights.studio]\nspectrum = \"D65\"\nkind = \"three_point\"\n";
+    let material = "ambient = 0.2\ndiffuse = 0.5\nspecular = 0.25\nexponent = 3";
+    let two_sided = ramp(material, light, "");
+    let view = two_sided.scene.camera.view(&two_sided.scene.volume.geometry, 1.0).unwrap();
+    // Parts towards the right, the top and the eye, and weights (docs/theory/first-look.md).
+    let lights = [([-0.5, 0.6, 1.0], 0.9), ([0.8, 0.1, 0.5], 0.1), ([0.4, 0.8, -0.3], 0.15)];
+    let shade = |part: &dyn Fn(f64) -> f64| {
+        let [mut facing, mut shine] = [0.0; 2];
+        for ([right, up, back], weight) in lights {
+            let light = (right * view.right + up * view.up - back * view.forward).normalize();
+            // Values rise along x, so the normal is -x.
+            facing += weight * part(-light.x);
+            let halfway = (light - view.forward).normalize();
+            shine += weight * if part(-light.x) > 0.0 { part(-halfway.x).powi(3) } else { 0.0 };
+        }
+        [0.2 + 0.5 * facing, 0.25 * shine]
+    };
+    let weight = 1.0 - (0.5 * (-0.2_f64).ln_1p() * ramp_length()).exp();
+    let expected = |shade: [f64; 2]| shade.map(|part| weight * part);
+    check_ramp("three-point", &two_sided, &expected(shade(&f64::abs)), &[1.0 - weight]);
+    let one_sided = ramp(material, light, "lighting = \"one_sided\"");
+    let expected_one = expected(shade(&|part| part.max(0.0)));
+    check_ramp("three-point, one-sided", &one_sided, &expected_one, &[1.0 - weight]);
+    assert!(expected_one[0] < expected(shade(&f64::abs))[0], "some of the three lie behind");
+}

@@ -138,7 +138,7 @@ fn highlights_of_one_exponent_and_of_several() {
     let specular = Some(Specular { one_exponent: None, exponent_bits: 6 });
     let expected = ScenePlan {
         accumulate: Accumulate::Weights { materials: 4 },
-        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1 },
+        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1, ..PositionCounts::default() },
         shading: Some(ShadingTerms { diffuse: true, specular, one_sided: false }),
         ..least()
     };
@@ -323,7 +323,7 @@ fn the_least_plan_and_the_fullest_show_the_same() {
     let expected = ScenePlan {
         accumulate: Accumulate::Weights { materials: 3 },
         transmittance: Transmittance::Grey,
-        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1 },
+        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1, ..PositionCounts::default() },
         shading: Some(ShadingTerms {
             diffuse: true,
             specular: Some(Specular { one_exponent: None, exponent_bits: 7 }),
@@ -409,4 +409,18 @@ fn one_sided_lighting_is_planned_where_a_material_shades() {
     };
     assert_eq!(opposite(Lighting::TwoSided).positions.total(), 1);
     assert_eq!(opposite(Lighting::OneSided).positions.total(), 2);
+}
+
+#[test]
+fn all_three_point_lights_share_one_position_with_three_vectors() {
+    let counts = changed("diffuse_one", |scene| {
+        scene.lights[0].placement = Placement::ThreePoint;
+        let other = scene.lights[0].clone();
+        scene.lights.push(other);
+    });
+    let positions = PositionCounts { three_point: 1, ..PositionCounts::default() };
+    assert_eq!(counts, ScenePlan { positions, shading: DIFFUSE, ..least() });
+    assert_eq!((positions.total(), positions.vectors()), (1, 3));
+    let flat = changed("unshaded_one", |scene| scene.lights[0].placement = Placement::ThreePoint);
+    assert_eq!(flat, least(), "unshaded");
 }

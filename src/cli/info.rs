@@ -398,6 +398,7 @@ fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Resul
                 Placement::Headlight => "from the eye".to_owned(),
                 Placement::Directional(direction) => format!("from the direction {}", list(direction)),
                 Placement::Point(point) => format!("from {}", list(point)),
+                Placement::ThreePoint => "from three points around the eye".to_owned(),
             };
             let off = if is_on(file, &light.name) { "" } else { ", off initially" };
             format!("{} ({place}, intensity {}{off})", light.name, light.intensity)
@@ -441,6 +442,7 @@ fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Resul
                     Placement::Headlight => ("headlight", None),
                     Placement::Directional(direction) => ("directional", Some(direction)),
                     Placement::Point(point) => ("point", Some(point)),
+                    Placement::ThreePoint => ("three_point", None),
                 };
                 let place = place.map(|place| place.to_array());
                 let on = is_on(file, &light.name);

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 pub use camera::{Aim, Camera, Projection, View};
 pub(crate) use camera::{centre, unit};
-pub(crate) use lights::INTENSITY;
-pub use lights::{Mix, MixLight, Placement, Position, positions};
+pub(crate) use lights::{INTENSITY, THREE_POINT_SUM};
+pub use lights::{Mix, MixLight, Placement, Position, positions, three_point};
 pub(crate) use transfer::depth_from_opacity;
 pub use transfer::{GRADIENT_POINTS, Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 

@@ -171,6 +171,7 @@ pub(super) enum LightKind {
     Headlight,
     Directional,
     Point,
+    ThreePoint,
 }
 
 #[derive(Default, Deserialize)]

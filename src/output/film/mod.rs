@@ -224,6 +224,8 @@ pub enum PositionKind {
     Directional([f64; 3]),
     /// From this point in world space.
     Point([f64; 3]),
+    /// From three directions that move with the camera.
+    ThreePoint,
 }
 
 /// Light of a picture.

@@ -85,7 +85,8 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     let through = if plan.transmittance == Transmittance::Mixed { plan.transmittance_numbers() } else { 0 };
     let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes) + through;
     let thinning = if plan.gradient_opacity > 0 { plan.gradient_opacity + lanes + parts } else { 0 };
-    let per_sample = 4 + 2 * parts + coloured + thinning + plan.positions.total() * per_position;
+    let three_point = plan.positions.three_point * (3 + 3 * (1 + 2 * lanes + exponents * (1 + lanes)));
+    let per_sample = three_point + 4 + 2 * parts + coloured + thinning + plan.positions.total() * per_position;
     unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
 }
 

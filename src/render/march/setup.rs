@@ -226,8 +226,7 @@ impl Renderer {
 /// Bytes of the shader's struct `Shading`: positions, then ambient, diffuse, specular and exponents of the materials.
 fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
     let positions = PositionTable::new(scene, planned).0;
-    let mut lights: Vec<[f32; LANE]> =
-        positions.iter().map(|light| [rounded(light.x), rounded(light.y), rounded(light.z), 0.0]).collect();
+    let mut lights: Vec<[f32; LANE]> = positions.iter().map(|light| light.to_array().map(rounded)).collect();
     lights.resize(lights.len().max(1), [0.0; LANE]);
     let mut table = ShadingTable::new(scene, planned);
     let lanes = table.ambient.len().max(1);
