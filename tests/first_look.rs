@@ -409,6 +409,10 @@ fn the_lights_of_a_first_look_are_three_point_lights_that_follow_the_camera() {
         let saved = ["render", "ball.nrrd", "--size", "40x40", "-o", "a.png", "--save-scene", "a.toml"];
         folder.done(&[&saved[..], look].concat());
         let json = folder.done(&["info", "a.toml", "--json"]).json();
+        let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+        folder.done(&["render", "a.toml", "--size", "40x40", "-o", "a.png", "--accumulators", "film.exr"]);
+        folder.done(&["relight", "film.exr", "-o", "again.png"]);
+        assert!(bytes("a.png") == bytes("again.png"), "{look:?}: relit from its film");
         let lights = json["lights"].as_array().unwrap();
         assert!(lights.iter().all(|light| light["kind"] == "three_point"), "{lights:?}");
         assert_eq!(json["plan"]["positions"].as_array().unwrap().len(), 1, "one accumulator: {}", json["plan"]);

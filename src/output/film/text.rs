@@ -91,7 +91,7 @@ struct PositionEntry {
 }
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "snake_case")]
 enum Kind {
     Ambient,
     Headlight,
