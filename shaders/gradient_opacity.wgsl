@@ -14,10 +14,6 @@ fn gradient_factor(gradient: vec3f) -> f32 {
     return factor;
 }
 
-fn root(part: vec4f) -> vec4f {
-    return part / (1.0 + sqrt(1.0 - part));
-}
-
 fn term(series: vec4f, part: vec4f, factor: f32, n: f32) -> vec4f {
     return fma(series * part, vec4f((n - factor) / (n + 1.0)), vec4f(1.0));
 }
@@ -28,7 +24,13 @@ fn square(thin: vec4f) -> vec4f {
 
 // α'/α for α' = 1 − (1 − α)^f, f from 0 to below 1. Without loops, like `power`.
 fn thinning(opacity: vec4f, factor: f32) -> vec4f {
-    let part = root(root(root(root(root(root(opacity))))));
+    var left = sqrt(1.0 - opacity);
+    var part = opacity / (1.0 + left);
+    left = sqrt(left); part /= 1.0 + left;
+    left = sqrt(left); part /= 1.0 + left;
+    left = sqrt(left); part /= 1.0 + left;
+    left = sqrt(left); part /= 1.0 + left;
+    left = sqrt(left); part /= 1.0 + left;
     var series = term(vec4f(1.0), part, factor, 7.0);
     series = term(series, part, factor, 6.0);
     series = term(series, part, factor, 5.0);

@@ -58,9 +58,10 @@ pub(super) fn thinning<R: Real>(opacity: R, factor: R) -> R {
     if opacity < R::from_f64(1e-30) {
         return factor;
     }
-    let mut part = opacity;
+    let (mut part, mut left) = (opacity, one - opacity);
     for _ in 0..ROOTS {
-        part = part / (one + (one - part).sqrt());
+        left = left.sqrt();
+        part = part / (one + left);
     }
     let mut series = one;
     for term in (1..TERMS).rev() {
@@ -103,7 +104,7 @@ mod tests {
         }
         // The ninth term at the largest opacity below 1 in f32, β = 0.23: 0.23^8/9.
         assert!(worst[0] <= 0.23_f64.powi(8) / 9.0, "the series is cut off: {worst:?}");
-        // Five roundings per root, two per square, three per term, four others, and the rounding of the factor.
+        // Three roundings per root, two per square, four per term, and some others.
         assert!(worst[1] <= 68.0 * 2.0_f64.powi(-24) + worst[0], "f32: {worst:?}");
     }
 
