@@ -35,6 +35,21 @@ fn opacity_of_label(row: u32) -> Transmittance {
     return opacity;
 }
 
+// Multiplies the extinction and the scattering of a step by `factor`.
+fn thin(step: Step, factor: f32) -> Step {
+    var thinner = step;
+    if (factor < 1.0) {
+        for (var lane = 0u; lane < LANES; lane += 1u) {
+            let ratio = thinning(step.opacity[lane], factor);
+            thinner.opacity[lane] *= ratio;
+            for (var part = lane; part < TABLE_LANES; part += LANES) {
+                thinner.source[part] *= ratio;
+            }
+        }
+    }
+    return thinner;
+}
+
 // Transmittance after a step, rounded once: `T *= 1 − α` drifts over a large number of equal steps.
 fn attenuate(transmittance: Transmittance, opacity: Transmittance) -> Transmittance {
     var left: Transmittance;

@@ -19,6 +19,19 @@ fn opacity_of_label(row: u32) -> Transmittance {
     return label_opacity[row / 4u][row % 4u];
 }
 
+// Multiplies the extinction and the scattering of a step by `factor`.
+fn thin(step: Step, factor: f32) -> Step {
+    var thinner = step;
+    if (factor < 1.0) {
+        let ratio = thinning(vec4f(step.opacity), factor).x;
+        thinner.opacity *= ratio;
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            thinner.source[lane] *= ratio;
+        }
+    }
+    return thinner;
+}
+
 // Transmittance after a step, rounded once: `T *= 1 − α` drifts over a large number of equal steps.
 fn attenuate(transmittance: Transmittance, opacity: Transmittance) -> Transmittance {
     return fma(-transmittance, opacity, transmittance);

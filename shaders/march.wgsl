@@ -2,8 +2,8 @@
 // them.
 // The reflected light of a step is in `weights.wgsl` or `spectral.wgsl`, its transmittance in `grey.wgsl`,
 // `coloured.wgsl` or `mixed.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, and the
-// integration of a run of steps in `samples.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or
-// `segments_coloured.wgsl`.
+// factor on its opacity by the gradient magnitude in `gradient_opacity.wgsl`, and the integration of a run of steps in
+// `samples.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or `segments_coloured.wgsl`.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
 // resolved before the shader is compiled.
 
@@ -42,7 +42,7 @@ struct March {
 
 // Light positions and the materials' shading coefficients, in lanes (`tables::ShadingTable`).
 struct Shading {
-    lights: array<vec4f, POSITIONS>,
+    lights: array<vec4f, LIGHT_VECTORS>,
     ambient: array<vec4f, SHADING_LANES>,
     diffuse: array<vec4f, SHADING_LANES>,
     specular: array<vec4f, SHADING_LANES>,
@@ -239,10 +239,49 @@ fn power(base: f32, exponent: u32) -> f32 {
     return result;
 }
 
+// |n·l|, or max(n·l, 0) with one-sided lighting, of a part ∇v·l/|∇v|.
+fn lit(part: f32) -> f32 {
+    var facing = abs(part);
+    if (ONE_SIDED) {
+        facing = max(-part, 0.0);
+    }
+    return facing;
+}
+
+// Light of a step towards the eye for the three directions of the light at `position`, and their weights.
+fn shade_three_point(position: u32, ray: Ray, step: Step) -> array<vec4f, LANES> {
+    var facing = 0.0;
+    for (var i = 0u; i < 3u; i += 1u) {
+        let light = shading.lights[position + i];
+        facing = fma(light.w, lit(dot(step.normal, light.xyz)), facing);
+    }
+    var source = reflect_light(step, facing);
+    if (SPECULAR) {
+        for (var i = 0u; i < 3u; i += 1u) {
+            let light = shading.lights[position + i];
+            var shine = lit(dot(step.normal, unit(light.xyz + ray.view)));
+            if (ONE_SIDED) {
+                shine = select(0.0, shine, dot(step.normal, light.xyz) < 0.0);
+            }
+            var white: array<vec4f, LANES>;
+            highlight(step, shine, &white);
+            for (var lane = 0u; lane < LANES; lane += 1u) {
+                source[lane] = fma(vec4f(light.w), white[lane], source[lane]);
+            }
+        }
+    }
+    return source;
+}
+
 // Light of a step towards the eye for light from `position`.
 fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANES> {
     if (position < AMBIENT) {
         return unshaded(step);
+    }
+    if (THREE_POINT > 0u) {
+        if (position >= AMBIENT + HEADLIGHT + DIRECTIONAL + POINT) {
+            return shade_three_point(position, ray, step);
+        }
     }
     var light = ray.view;
     if (DIRECTIONAL > 0u) {
@@ -256,13 +295,19 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
         }
     }
     var facing = 0.0;
-    if (GRADIENT) {
+    if (ONE_SIDED) {
+        facing = max(-dot(step.normal, light), 0.0);
+    } else if (GRADIENT) {
         facing = abs(dot(step.normal, light));
     }
     var source = reflect_light(step, facing);
     if (SPECULAR) {
         let halfway = unit(light + ray.view);
-        highlight(step, abs(dot(step.normal, halfway)), &source);
+        if (ONE_SIDED) {
+            highlight(step, select(0.0, max(-dot(step.normal, halfway), 0.0), facing > 0.0), &source);
+        } else {
+            highlight(step, abs(dot(step.normal, halfway)), &source);
+        }
     }
     return source;
 }

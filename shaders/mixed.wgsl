@@ -36,6 +36,11 @@ fn opacity_of_label(row: u32) -> Transmittance {
     return opacity;
 }
 
+// Plans refuse a factor on a matrix, so this is never called.
+fn thin(step: Step, factor: f32) -> Step {
+    return step;
+}
+
 // Transmittance after a step, T − T·A. Twin of `reference::march::attenuate_matrix`.
 fn attenuate(transmittance: Transmittance, opacity: Transmittance) -> Transmittance {
     var left = transmittance;

@@ -50,14 +50,32 @@ fn is_active(key: Key) -> bool {
     return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.row > 0u;
 }
 
+// Decoded differences along the volume's own axes.
+fn decoded_gradient(place: vec3f, key: Key) -> vec3f {
+    var difference: vec3f;
+    if (STORED_GRADIENT) {
+        difference = key.texel.xyz;
+    } else {
+        difference = central_difference(place);
+    }
+    return difference * march.gradient_scale;
+}
+
 fn sample(place: vec3f, key: Key) -> Step {
     var step: Step;
-    if (STORED_GRADIENT) {
-        step.normal = unit(key.texel.xyz * march.gradient_scale);
-    } else if (GRADIENT) {
-        step.normal = unit(central_difference(place) * march.gradient_scale);
+    if (GRADIENT_OPACITY) {
+        let gradient = decoded_gradient(place, key);
+        step.normal = unit(gradient);
+        look_up(key.coordinate, &step);
+        step = thin(step, gradient_factor(gradient));
+    } else {
+        if (STORED_GRADIENT) {
+            step.normal = unit(key.texel.xyz * march.gradient_scale);
+        } else if (GRADIENT) {
+            step.normal = unit(central_difference(place) * march.gradient_scale);
+        }
+        look_up(key.coordinate, &step);
     }
-    look_up(key.coordinate, &step);
     if (LABELS) {
         if (key.row > 0u) {
             for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {

@@ -8,7 +8,7 @@ struct Segments {
     variation: f32,
 }
 
-@group(0) @binding(12) var<uniform> segments_uniform: Segments;
+@group(0) @binding(13) var<uniform> segments_uniform: Segments;
 
 // The volume at an end of a segment.
 struct End {
@@ -225,6 +225,13 @@ fn march_run(
         let next_gradient = gradient_at(b, next);
         let next_integrals = integrals_at(b.coordinate);
         var density = mean_between(integrals, next_integrals, b.coordinate - a.coordinate);
+        if (GRADIENT_OPACITY) {
+            let factor = gradient_factor((gradient + next_gradient) * 0.5);
+            for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+                density.source[lane] *= factor;
+            }
+            density.depth = scaled_depth(density.depth, factor);
+        }
         var length = reach - done;
         var wanted = 0.0;
         if (parts == 0.0) {

@@ -16,8 +16,8 @@ pub use warning::PlanWarning;
 use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;
 use crate::scene::{
-    AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lookup, Placement, Position, Scene, Shading,
-    StoreAs, VolumeAs, positions,
+    AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lighting, Lookup, Placement, Position, Scene,
+    Shading, StoreAs, VolumeAs, positions,
 };
 use crate::spectrum::Light;
 use crate::spectrum::observer::Observer;
@@ -44,6 +44,8 @@ pub struct ScenePlan {
     pub positions: PositionCounts,
     /// Shading of directed lights; `None` if every light reaches every point equally.
     pub shading: Option<ShadingTerms>,
+    /// Points of the factor on the opacity by the gradient magnitude; 0 without such a factor.
+    pub gradient_opacity: usize,
     /// Whether labels take precedence over the transfer function.
     pub labels: bool,
     /// Whether the background is other than black.
@@ -122,7 +124,7 @@ pub struct Parts {
     pub unshaded: usize,
     /// Ambient part for a directed light.
     pub ambient: usize,
-    /// Diffuse part, which follows |n·l|.
+    /// Diffuse part, which follows |n·l| or max(n·l, 0).
     pub diffuse: usize,
     /// White of the highlights, one part per exponent.
     pub highlights: usize,
@@ -130,7 +132,8 @@ pub struct Parts {
     pub lanes: usize,
 }
 
-/// Number of light positions of each kind. Accumulators follow the order ambient, headlight, directional, point.
+/// Number of light positions of each kind. Accumulators follow the order ambient, headlight, directional, point,
+/// three-point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct PositionCounts {
     /// 0 or 1: all ambient lights share a position.
@@ -141,6 +144,8 @@ pub struct PositionCounts {
     pub directional: usize,
     /// Lights at a point.
     pub point: usize,
+    /// 0 or 1.
+    pub three_point: usize,
 }
 
 /// Shading terms of directed lights. Without diffuse and specular parts, only the materials' ambient factors remain,
@@ -151,6 +156,8 @@ pub struct ShadingTerms {
     pub diffuse: bool,
     /// Some material has a specular part.
     pub specular: Option<Specular>,
+    /// Only surfaces that face the light are lit by these parts.
+    pub one_sided: bool,
 }
 
 /// Parameters of highlights.
@@ -181,7 +188,13 @@ impl PositionCounts {
     /// Number of light positions.
     #[must_use]
     pub fn total(&self) -> usize {
-        self.ambient + self.headlight + self.directional + self.point
+        self.ambient + self.headlight + self.directional + self.point + self.three_point
+    }
+
+    /// Number of vectors of the positions: three for a three-point light, otherwise one.
+    #[must_use]
+    pub fn vectors(&self) -> usize {
+        self.total() + 2 * self.three_point
     }
 }
 
@@ -288,6 +301,12 @@ impl ScenePlan {
     /// Whether the gradient of the data is needed.
     #[must_use]
     pub fn gradient(&self) -> bool {
+        self.gradient_opacity > 0 || self.shades_by_gradient()
+    }
+
+    /// Whether shading needs the gradient of the data.
+    #[must_use]
+    pub fn shades_by_gradient(&self) -> bool {
         self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
     }
 
@@ -353,6 +372,11 @@ pub enum PlanError {
         "storage = \"f16\" is not possible: a pixel may hold numbers above 65504, the largest 16-bit float; use storage = \"f32\""
     )]
     HalfRange,
+    /// A matrix of transmittance has no power by a factor that is known from the matrix alone.
+    #[error(
+        "the model peercy keeps a transmittance matrix, which transfer.gradient_opacity cannot scale; take another model, or remove gradient_opacity"
+    )]
+    GradientMatrix,
     /// The effect of 16-bit storage on matrices is not known.
     #[error("the model peercy keeps a transmittance matrix, which is not stored in 16 bits; take storage = \"f32\"")]
     HalfMatrix,
@@ -375,6 +399,7 @@ impl PlanError {
             Self::NotGrey { .. } => "weights-inexact",
             Self::HalfPrecision { .. } => "half-imprecise",
             Self::HalfRange => "half-overflow",
+            Self::GradientMatrix => "gradient-opacity-matrix",
             Self::HalfMatrix => "half-matrix",
             Self::NoSegments { .. } => "segments-impossible",
             Self::Model(error) => error.code(),
@@ -398,10 +423,7 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
 /// [`PlanError`].
 pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let mut planned = chosen(scene, lights, progress)?;
-    half::check(&planned, scene)?;
-    if let (Integration::Segments, Some(why)) = (scene.accuracy.integration, planned.no_segments()) {
-        return Err(PlanError::NoSegments { why });
-    }
+    check(&planned, scene)?;
     let observer = planned.be_seen_by(scene.display.observer, scene.accuracy.tolerance)?;
     planned.warnings.extend(observer);
     planned.warnings.extend(planned.unused(scene));
@@ -412,7 +434,18 @@ pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progre
     Ok(planned)
 }
 
-/// The plan of `scene`, before the check of 16-bit storage.
+/// Refuses matrices with a factor by the gradient magnitude, and 16-bit storage with an error above the tolerance.
+fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
+    if planned.plan.gradient_opacity > 0 && planned.plan.transmittance == Transmittance::Mixed {
+        return Err(PlanError::GradientMatrix);
+    }
+    if let (Integration::Segments, Some(why)) = (scene.accuracy.integration, planned.no_segments()) {
+        return Err(PlanError::NoSegments { why });
+    }
+    half::check(planned, scene)
+}
+
+/// The plan of `scene`, before its [`check`].
 fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let weights = planned(scene, None);
     if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
@@ -501,6 +534,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         headlight: count(|placement| matches!(placement, Placement::Headlight)),
         directional: count(|placement| matches!(placement, Placement::Directional(_))),
         point: count(|placement| matches!(placement, Placement::Point(_))),
+        three_point: count(|placement| matches!(placement, Placement::ThreePoint)),
     };
     let used = || materials.iter().filter_map(|&material| scene.materials.get(material));
     let directed = scene.shading == Shading::Gradient && counts.total() > counts.ambient;
@@ -523,7 +557,9 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             }
         }
     };
-    let shading = directed.then_some(ShadingTerms { diffuse, specular });
+    let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some());
+    let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
+    let factors = &scene.transfer.gradient_opacity;
     let mut plan = ScenePlan {
         accumulate,
         transmittance: match (transmittance(scene), model.as_ref().map(|model| model.kind())) {
@@ -532,6 +568,8 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         },
         positions: counts,
         shading,
+        // A factor of 1 at all magnitudes has no effect.
+        gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },
         labels: scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty()),
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
@@ -590,7 +628,7 @@ impl Planned {
     }
 
     /// The plan of `scene` if it needs the same colour model as `before`, the scene of this plan. Equal to the result
-    /// of [`plan`], but immediate. `None` if a model has to be fitted, or 16-bit storage is refused.
+    /// of [`plan`], but immediate. `None` if a model has to be fitted, or the plan is refused.
     #[must_use]
     pub fn changed_to(&self, before: &Scene, scene: &Scene) -> Option<Self> {
         let [then, now] = [before, scene].map(|scene| planned(scene, None));
@@ -601,7 +639,7 @@ impl Planned {
         let alike = then.plan == now.plan
             && asked(before) == asked(scene)
             && then.ingredients(before) == now.ingredients(scene);
-        alike.then(|| self.seen_otherwise(scene)).filter(|planned| half::check(planned, scene).is_ok())
+        alike.then(|| self.seen_otherwise(scene)).filter(|planned| check(planned, scene).is_ok())
     }
 
     /// The largest change, in ΔE00, that 16-bit storage of finished accumulators makes to a colour of at most white's

@@ -162,6 +162,22 @@ fn an_xray_material_of_opacity_one_is_refused() {
 }
 
 #[test]
+fn points_of_the_opacity_by_gradient_and_kinds_of_lighting_that_do_not_exist_are_refused() {
+    definition_refused("transfer.gradient_opacity=[[5,0],[5,1]]", &["the value 5 follows 5"]);
+    definition_refused("transfer.gradient_opacity=[[-1,0],[5,1]]", &["starts at -1", "at least 0"]);
+    definition_refused("transfer.gradient_opacity=[[1,1.5]]", &["[1, 1.5]", "a factor from 0 to 1"]);
+    definition_refused("transfer.gradient_opacity=[]", &["at least one point"]);
+    let many: Vec<String> = (0..17).map(|magnitude| format!("[{magnitude},0]")).collect();
+    let many = format!("transfer.gradient_opacity=[{}]", many.join(","));
+    definition_refused(&many, &["17 points", "the limit is 16"]);
+    definition_refused("lighting=\"both\"", &["`both`", "`two_sided`", "`one_sided`"]);
+    definition_refused(
+        "lights.day={spectrum=\"D65\",kind=\"three_point\",direction=[1,0,0]}",
+        &["other lights neither"],
+    );
+}
+
+#[test]
 fn combinations_that_say_two_things_are_refused() {
     definition_refused("lights.day.kind=point", &["a point light a `position`"]);
     definition_refused("camera.position=[1,1,1]", &["`position`", "`target`"]);

@@ -388,3 +388,43 @@ fn labels_beside_a_volume_without_a_scene_are_shown_by_name() {
     folder.done(&["render", "s.toml", "--size", "16x16", "-o", "again.png"]);
     assert_eq!(std::fs::read(folder.path("p.png")).unwrap(), std::fs::read(folder.path("again.png")).unwrap());
 }
+
+/// Sums of the codes of the left and the right half of a picture.
+fn halves(path: &std::path::Path) -> [f64; 2] {
+    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+    let mut decoder = png::Decoder::new(file).read_info().unwrap();
+    let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
+    let width = usize::try_from(decoder.next_frame(&mut pixels).unwrap().width).unwrap();
+    let mut sums = [0.0; 2];
+    for (at, pixel) in pixels.chunks_exact(3).enumerate() {
+        sums[usize::from(at % width >= width / 2)] += pixel.iter().copied().map(f64::from).sum::<f64>();
+    }
+    sums
+}
+
+#[test]
+fn the_lights_of_a_first_look_are_three_point_lights_that_follow_the_camera() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    for look in [&[][..], &["--look", "grey"]] {
+        let saved = ["render", "ball.nrrd", "--size", "40x40", "-o", "a.png", "--save-scene", "a.toml"];
+        folder.done(&[&saved[..], look].concat());
+        let json = folder.done(&["info", "a.toml", "--json"]).json();
+        let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+        folder.done(&["render", "a.toml", "--size", "40x40", "-o", "a.png", "--accumulators", "film.exr"]);
+        folder.done(&["relight", "film.exr", "-o", "again.png"]);
+        assert!(bytes("a.png") == bytes("again.png"), "{look:?}: relit from its film");
+        let lights = json["lights"].as_array().unwrap();
+        assert!(lights.iter().all(|light| light["kind"] == "three_point"), "{lights:?}");
+        assert_eq!(json["plan"]["positions"].as_array().unwrap().len(), 1, "one accumulator: {}", json["plan"]);
+        // A ball has its left side towards the key, wherever the camera is.
+        let sides = [0, 120, 240].map(|azimuth| {
+            let turned = format!("camera.azimuth={azimuth}");
+            folder.done(&["render", "a.toml", "--size", "40x40", "-o", "b.png", "-D", &turned]);
+            halves(&folder.path("b.png"))
+        });
+        let ratios = sides.map(|[left, right]| left / right);
+        for ratio in ratios {
+            assert!(ratio > 1.03 && (ratio / ratios[0] - 1.0).abs() < 0.03, "{look:?}: {ratios:?}");
+        }
+    }
+}

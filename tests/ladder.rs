@@ -11,9 +11,10 @@ use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::number::Real;
 use relume::reference::{End, Samples, Step, Stored};
 use relume::render::Renderer;
-use relume::scene::Lookup;
+use relume::scene::{Gradients, Lighting, Lookup};
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, lab_from_xyz, xyz_of};
+use relume::volume::{Geometry, Volume, Voxels};
 use relume::vulkan::DeviceKind;
 use support::bounds::{longest, of_places, of_tables, places};
 use support::device::open;
@@ -506,4 +507,192 @@ ladder! {
     unshaded_one unshaded_three diffuse_one diffuse_three specular_one specular_three xray labels background orthographic
     inside negative cropped rotated nearest ambient_only coloured_one coloured_three coloured_labels coloured_background
     coloured_xray sharpened sharpened_semigroup
+}
+
+/// Values that rise by 1000 per voxel along x, 500 per world unit, seen along z by parallel rays: 24 units in steps of
+/// 0.7.
+fn ramp(materials: &str, absorption: &str, head: &str) -> Rungs {
+    let text = format!(
+        r#"
+        {head}
+        [materials.only]
+        reflectance = "orange"
+        {materials}
+        [transfer]
+        opacity_length = 1
+        gradient_opacity = [[300, 0.1], [700, 0.9]]
+        [[transfer.intervals]]
+        material = "only"
+        range = [-1e6, 1e6]
+        opacity = 0.2
+        {absorption}
+        [camera]
+        projection = "orthographic"
+        height = 4
+        position = [16, 4, -10]
+        target = [16, 4, 0]
+        [accuracy]
+        step = 0.7
+        termination = 0
+        "#
+    );
+    let voxels = (0..17 * 9 * 25).map(|voxel| u16::try_from(1000 * (voxel % 17)).unwrap()).collect();
+    let dims = [17, 9, 25];
+    let spacing = DVec3::new(2.0, 1.0, 1.0);
+    let geometry = Geometry::new("ramp", dims, spacing, DVec3::ZERO, glam::DMat3::IDENTITY).unwrap();
+    Rungs::new(scenes::of(&text, Volume::new("ramp", Voxels::U16(voxels), geometry).unwrap()), [8, 8])
+}
+
+/// Compares every number of every rung of a [`ramp`] with its closed form: accumulators, and transmittances, one number
+/// each.
+fn check_ramp(what: &str, rungs: &Rungs, accumulators: &[f64], transmittances: &[f64]) {
+    let check = |rung: &str, film: &Film<f64>, limit: f64| {
+        let pixels = 64;
+        for (found, expected) in [(&film.accumulators, accumulators), (&film.transmittance, transmittances)] {
+            assert_eq!(found.len(), pixels * expected.len(), "{what}: numbers of a pixel");
+            for (i, found) in found.iter().enumerate() {
+                let expected = expected[i / pixels];
+                let error = (found - expected).abs() / expected.abs().max(f64::from(f32::MIN_POSITIVE));
+                assert!(error <= limit, "{what}, {rung}: {found} for {expected}: {error:e} > {limit:e}");
+            }
+        }
+    };
+    let steps = longest(rungs);
+    check("reference f64", &rungs.march::<f64>(&rungs.exact()), 1e-12);
+    // The entry, the three numbers of a piece of the factor, and twelve within a step, of a factor of 0.5.
+    let tables = 2.0 * 16.0 * ROUNDING_UNIT;
+    check("stored f64", &rungs.march::<f64>(&rungs.stored::<f64>()), tables);
+    // 68 more within a step (`reference::gradient`).
+    let rounded = ROUNDINGS_PER_STEP * steps * ROUNDING_UNIT + 68.0 * ROUNDING_UNIT + tables;
+    check("stored f32", &rungs.march::<f32>(&rungs.stored::<f32>()).map(f64::from), rounded);
+    with_renderer(|renderer| check("device", &rungs.gpu(renderer).map(f64::from), 2.0 * rounded));
+}
+
+/// Length of the samples in a [`ramp`].
+fn ramp_length() -> f64 {
+    (24.0_f64 / 0.7 - 0.5).ceil() * 0.7
+}
+
+const DAY: &str = "[lights.day]\nspectrum = \"D65\"\nkind = \"ambient\"\n";
+
+#[test]
+fn a_ramp_is_thinned_by_its_gradient_as_in_its_closed_form_on_every_rung() {
+    // A gradient of 500 lies in the middle of 300 and 700: a factor of 0.5.
+    let scattering = -(-0.2_f64).ln_1p();
+    let left = (-0.5 * scattering * ramp_length()).exp();
+    for gradients in [Gradients::Packed, Gradients::Central] {
+        let mut rungs = ramp("", DAY, "").scene.clone();
+        rungs.accuracy.gradients = gradients;
+        check_ramp("grey", &Rungs::new(rungs, [8, 8]), &[1.0 - left], &[left]);
+    }
+    // An X-ray material adds σ·f per unit length and takes nothing.
+    check_ramp("X-ray", &ramp("xray = true", DAY, ""), &[0.5 * scattering * ramp_length()], &[1.0]);
+
+    let absorption = "absorption = { gaussian = [{ centre = 560, sigma = 50, height = 1.0 }], base = 0.05 }";
+    let rungs = ramp(absorption, &["absorption = 0.3\n", DAY].concat(), "");
+    let model = rungs.planned.model.as_ref().unwrap();
+    let material = &rungs.scene.materials[0];
+    let reflected = model.coefficients(material.reflectance.spectrum());
+    let absorbed = model.absorption_coefficients(material.absorption.as_ref().unwrap().spectrum());
+    let extinctions = absorbed.iter().map(|part| scattering + 0.3 * part);
+    let left: Vec<f64> = extinctions.clone().map(|extinction| (-0.5 * extinction * ramp_length()).exp()).collect();
+    let weights = extinctions.zip(&reflected).zip(&left);
+    let weights: Vec<f64> =
+        weights.map(|((extinction, part), left)| part * scattering / extinction * (1.0 - left)).collect();
+    check_ramp("coloured", &rungs, &weights, &left);
+}
+
+#[test]
+fn one_sided_lighting_leaves_the_back_of_a_ramp_in_its_ambient_light() {
+    // Values rise along x, so the normal is -x.
+    let light = |name: &str, x: f64| {
+        format!("[lights.{name}]\nspectrum = \"D65\"\nkind = \"directional\"\ndirection = [{x}, 0, -0.8]\n")
+    };
+    let lights = [light("back", 0.6), light("front", -0.6)].concat();
+    let material = "ambient = 0.2\ndiffuse = 0.5\nspecular = 0.25\nexponent = 3";
+    let weight = 1.0 - (0.5 * (-0.2_f64).ln_1p() * ramp_length()).exp();
+    let left = 1.0 - weight;
+    // The eye is at -z: the half-vector of (-0.6, 0, -0.8) and (0, 0, -1), and its part along -x.
+    let shine = 0.25 * (0.6 / (0.36_f64 + 1.8 * 1.8).sqrt()).powi(3);
+    let [dark, lit] = [0.2, 0.2 + 0.5 * 0.6];
+    let two = [weight * lit, weight * shine, weight * lit, weight * shine];
+    check_ramp("two-sided", &ramp(material, &lights, ""), &two, &[left]);
+    let one = [weight * dark, 0.0, weight * lit, weight * shine];
+    check_ramp("one-sided", &ramp(material, &lights, "lighting = \"one_sided\""), &one, &[left]);
+}
+
+#[test]
+fn scenes_thinned_by_their_gradients_agree_in_f64_and_f32_and_on_the_device() {
+    for (name, lighting) in [
+        ("unshaded_one", Lighting::TwoSided),
+        ("diffuse_three", Lighting::OneSided),
+        ("specular_three", Lighting::TwoSided),
+        ("labels", Lighting::OneSided),
+        ("xray", Lighting::TwoSided),
+        ("coloured_three", Lighting::TwoSided),
+        ("coloured_labels", Lighting::TwoSided),
+        ("sharpened", Lighting::TwoSided),
+    ] {
+        let mut scene = scenes::named(name);
+        scene.lighting = lighting;
+        let steep = if name.ends_with("labels") { 20.0 } else { 6000.0 };
+        let whole = Rungs::new(scene.clone(), SIZE);
+        scene.transfer.gradient_opacity = vec![(0.1 * steep, 0.0), (0.4 * steep, 0.5), (steep, 1.0)];
+        let rungs = Rungs::new(scene, SIZE);
+        let double = rungs.march::<f64>(&rungs.stored::<f64>());
+        let unthinned = whole.march::<f64>(&whole.stored::<f64>());
+        let all = vec![false; SIZE[0] * SIZE[1]];
+        let more = 68.0 / longest(&rungs);
+        let places = places(&rungs);
+        let bound = of_places(&rungs, &double, [places.error; 3], ROUNDINGS_PER_STEP + more);
+        assert!(accumulators(&unthinned, &double, &bound, &all).share > 100.0, "{name}: the factor shows");
+        let single = rungs.march::<f32>(&rungs.stored::<f32>());
+        let rounding = accumulators(&single, &double, &bound, &places.undecided);
+        assert!(rounding.share <= 1.0, "{name}: rounding: {rounding:?}");
+        with_renderer(|renderer| {
+            let gpu = rungs.gpu(renderer);
+            let reach = reach_of_device(&rungs, renderer);
+            let bound = of_places(&rungs, &single, reach, ROUNDINGS_PER_STEP_OF_TWO + 2.0 * more);
+            let device = accumulators(&gpu, &single, &bound, &places.undecided);
+            assert!(device.share <= 1.0, "{name}: device: {device:?}");
+            // Empty-space skipping leaps over nothing that a factor makes visible.
+            let mut scene = rungs.scene.clone();
+            scene.accuracy.skipping = false;
+            assert!(gpu == Rungs::new(scene, SIZE).gpu(renderer), "{name}: every sample");
+        });
+        // Another factor, which a table that is not renewed would keep.
+        let mut other = rungs.scene.clone();
+        other.transfer.gradient_opacity[1].1 = 0.51;
+        let other = Rungs::new(other, SIZE);
+        let moved = accumulators(&other.march::<f32>(&other.stored::<f32>()), &double, &bound, &places.undecided);
+        assert!(moved.share > 1.0, "{name}: a hundredth of the factor: {moved:?}");
+    }
+}
+
+#[test]
+fn a_three_point_light_shades_a_ramp_by_its_three_directions() {
+    let light = "[lights.studio]\nspectrum = \"D65\"\nkind = \"three_point\"\n";
+    let material = "ambient = 0.2\ndiffuse = 0.5\nspecular = 0.25\nexponent = 3";
+    let two_sided = ramp(material, light, "");
+    let view = two_sided.scene.camera.view(&two_sided.scene.volume.geometry, 1.0).unwrap();
+    // Parts towards the right, the top and the eye, and weights (docs/theory/first-look.md).
+    let lights = [([-0.5, 0.6, 1.0], 0.9), ([0.8, 0.1, 0.5], 0.1), ([0.4, 0.8, -0.3], 0.15)];
+    let shade = |part: &dyn Fn(f64) -> f64| {
+        let [mut facing, mut shine] = [0.0; 2];
+        for ([right, up, back], weight) in lights {
+            let light = (right * view.right + up * view.up - back * view.forward).normalize();
+            // Values rise along x, so the normal is -x.
+            facing += weight * part(-light.x);
+            let halfway = (light - view.forward).normalize();
+            shine += weight * if part(-light.x) > 0.0 { part(-halfway.x).powi(3) } else { 0.0 };
+        }
+        [0.2 + 0.5 * facing, 0.25 * shine]
+    };
+    let weight = 1.0 - (0.5 * (-0.2_f64).ln_1p() * ramp_length()).exp();
+    let expected = |shade: [f64; 2]| shade.map(|part| weight * part);
+    check_ramp("three-point", &two_sided, &expected(shade(&f64::abs)), &[1.0 - weight]);
+    let one_sided = ramp(material, light, "lighting = \"one_sided\"");
+    let expected_one = expected(shade(&|part| part.max(0.0)));
+    check_ramp("three-point, one-sided", &one_sided, &expected_one, &[1.0 - weight]);
+    assert!(expected_one[0] < expected(shade(&f64::abs))[0], "some of the three lie behind");
 }

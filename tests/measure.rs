@@ -587,3 +587,31 @@ fn knobs_have_names_and_settings_read_as_they_are_written() {
     assert_eq!((setting.get(Knob::K), setting.get(Knob::Model)), (Some(Value::Number(4.0)), None));
     assert_eq!(setting.to_string(), "k=4 step=0.5");
 }
+
+#[test]
+fn a_dimension_without_effect_is_neither_advised_nor_drawn_on_the_front() {
+    // Two materials and white: from three coefficients on, every k is as exact as the weights.
+    measured(&parsed(SCENE), &["k=4,6,7,8"], |survey, rows| {
+        for row in rows {
+            let [own, error] = [&rows[0], row].map(|row| row.error.delta_e.p95);
+            assert!((error - own).abs() <= 1e-3, "{}: {error} beside {own}", row.setting);
+        }
+        // Some are faster by chance, within the spread of the runs.
+        let times = [100.0, 97.0, 99.0, 96.0, 98.0];
+        let page = page(survey, rows, &times, 1.1);
+        let answers = page.split("<div class=\"short\">").nth(1).unwrap().split("</div>").next().unwrap();
+        let which = answers.split("<b>Which setting to use.</b>").nth(1).unwrap().split("</p>").next().unwrap();
+        assert!(which.contains("he scene's own") && !which.contains("k="), "{which}");
+        let matter = answers.split("<b>Which knobs matter.</b>").nth(1).unwrap().split("</p>").next().unwrap();
+        assert!(matter.contains("k changes p95 by less than"), "{matter}");
+        let table = section(&page, "Which setting to use");
+        assert!(!table.contains("<b>k="), "{table}");
+        let on_front = |times: &[f64]| trade(&timed(rows, times, 1.1)).matches("class=\"accent\"").count();
+        assert_eq!(on_front(&times), 1, "only the scene's own setting");
+        assert_eq!(on_front(&[100.0, 97.0, 99.0, 50.0, 98.0]), 1, "one that is faster for sure replaces it");
+    });
+    let outcome = Folder::new().done(&[&MEASURE[..], &["--sweep", "k=7,8"]].concat());
+    for text in [&outcome.out, &outcome.err] {
+        assert!(!text.contains("smaller error") && !text.contains("k = 7"), "{text}");
+    }
+}

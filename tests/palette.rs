@@ -884,8 +884,52 @@ fn design_tells_what_leans_on_the_edge_of_the_visible_range() {
     let worst = |value: &serde_json::Value| value["worst"].as_f64().unwrap();
     assert!(json["edges"][0]["above_690_nm"].as_f64().unwrap() > 0.25, "{json}");
     assert!(worst(&json["smoother"][2]) > worst(&json), "smoothness costs nothing: {json}");
-    let json = folder.done(&["design", "plain.toml", "--json"]).json();
+    let plain = |more: &[&str]| folder.done(&[&["design", "plain.toml", "--json"], more].concat()).json();
+    let json = plain(&[]);
     assert_eq!((json["edges"].as_array().unwrap().len(), json["smoother"].as_array().unwrap().len()), (0, 0));
+    let compared = plain(&["--compare-smoothness"])["smoother"].clone();
+    let names = compared.as_array().unwrap().iter().map(|one| one["name"].as_str().unwrap()).collect::<Vec<_>>();
+    assert_eq!(names, ["smooth", "smoother", "smoothest"]);
+    assert_eq!(plain(&["--smoothness", "smooth", "--compare-smoothness"])["smoother"].as_array().unwrap().len(), 2);
+    let text = folder.done(&["design", "plain.toml", "--smoothness", "1", "--compare-smoothness"]).out;
+    assert!(text.contains("No preset is smoother"), "{text}");
+}
+
+/// What is compared is what a preset gives: spectra that bend less, at a price.
+#[test]
+fn a_preset_of_smoothness_costs_what_the_comparison_says_and_bends_less() {
+    let folder = Folder::new().with(
+        "two.toml",
+        r##"version = 1
+        [lights.day]
+        spectrum = "D65"
+        [lights.lamp]
+        spectrum = "FL11"
+        [materials.one]
+        [cells.one]
+        day = "#c04040"
+        lamp = "#40c040""##,
+    );
+    let design = |more: &[&str]| folder.done(&[&["design", "two.toml", "--json"], more].concat()).json();
+    let compared = design(&["--compare-smoothness"])["smoother"].clone();
+    let bending = |json: &serde_json::Value| -> f64 {
+        let samples = json["materials"][0]["samples"].as_array().unwrap();
+        let samples: Vec<f64> = samples.iter().map(|sample| sample.as_f64().unwrap()).collect();
+        samples.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).powi(2)).sum()
+    };
+    let stated = design(&[]);
+    let (least, mut bent) = (stated["worst"].as_f64().unwrap(), bending(&stated));
+    for (index, name) in ["smooth", "smoother", "smoothest"].into_iter().enumerate() {
+        let json = design(&["--smoothness", name]);
+        let worst = json["worst"].as_f64().unwrap();
+        assert_eq!(compared[index]["worst"].as_f64(), Some(worst), "{name}");
+        assert!(bending(&json) < bent, "{name}: {} after {bent}", bending(&json));
+        assert!(name != "smoothest" || worst > least, "{name}: ΔE00 {worst}, {least} as stated");
+        bent = bending(&json);
+    }
+    let refused = folder.run(&["design", "two.toml", "--smoothness", "silky"]);
+    assert_eq!(refused.code, Some(2), "{}", refused.err);
+    assert!(refused.err.contains("smooth, smoother, smoothest, or a number"), "{}", refused.err);
 }
 
 #[test]

@@ -6,7 +6,9 @@ mod support;
 use glam::DVec3;
 use relume::plan::{Accumulate, Integrate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Gradients, Interpolation, Lookup, Placement, Scene, Shading, StoreAs, VolumeAs};
+use relume::scene::{
+    AccumulateAs, Gradients, Interpolation, Lighting, Lookup, Placement, Scene, Shading, StoreAs, VolumeAs,
+};
 use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
@@ -18,6 +20,7 @@ fn least() -> ScenePlan {
         transmittance: Transmittance::Grey,
         positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
         shading: None,
+        gradient_opacity: 0,
         labels: false,
         background: false,
         lookup: Lookup::Linear,
@@ -31,8 +34,8 @@ fn least() -> ScenePlan {
 }
 
 /// Directional light on materials with ambient coefficients only.
-const FLAT: Option<ShadingTerms> = Some(ShadingTerms { diffuse: false, specular: None });
-const DIFFUSE: Option<ShadingTerms> = Some(ShadingTerms { diffuse: true, specular: None });
+const FLAT: Option<ShadingTerms> = Some(ShadingTerms { diffuse: false, specular: None, one_sided: false });
+const DIFFUSE: Option<ShadingTerms> = Some(ShadingTerms { diffuse: true, specular: None, one_sided: false });
 
 fn directional() -> PositionCounts {
     PositionCounts { directional: 1, ..PositionCounts::default() }
@@ -123,18 +126,21 @@ fn ambient_light_alone_needs_no_gradient() {
 fn highlights_of_one_exponent_and_of_several() {
     let positions = PositionCounts { point: 1, ..PositionCounts::default() };
     let specular = Some(Specular { one_exponent: Some(20), exponent_bits: 5 });
-    let shading = Some(ShadingTerms { diffuse: true, specular });
+    let shading = Some(ShadingTerms { diffuse: true, specular, one_sided: false });
     assert_eq!(changed("specular_one", |_| {}), ScenePlan { positions, shading, ..least() });
     // A single exponent is compiled in: a pipeline for 20 does not serve 21.
     let other = changed("specular_one", |scene| scene.materials.iter_mut().for_each(|material| material.exponent = 21));
     let specular = Some(Specular { one_exponent: Some(21), exponent_bits: 5 });
-    assert_eq!(other, ScenePlan { positions, shading: Some(ShadingTerms { diffuse: true, specular }), ..least() });
+    assert_eq!(
+        other,
+        ScenePlan { positions, shading: Some(ShadingTerms { diffuse: true, specular, one_sided: false }), ..least() }
+    );
 
     let specular = Some(Specular { one_exponent: None, exponent_bits: 6 });
     let expected = ScenePlan {
         accumulate: Accumulate::Weights { materials: 4 },
-        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1 },
-        shading: Some(ShadingTerms { diffuse: true, specular }),
+        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1, ..PositionCounts::default() },
+        shading: Some(ShadingTerms { diffuse: true, specular, one_sided: false }),
         ..least()
     };
     assert_eq!(changed("specular_three", |_| {}), expected);
@@ -318,11 +324,13 @@ fn the_least_plan_and_the_fullest_show_the_same() {
     let expected = ScenePlan {
         accumulate: Accumulate::Weights { materials: 3 },
         transmittance: Transmittance::Grey,
-        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1 },
+        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1, ..PositionCounts::default() },
         shading: Some(ShadingTerms {
             diffuse: true,
             specular: Some(Specular { one_exponent: None, exponent_bits: 7 }),
+            one_sided: false,
         }),
+        gradient_opacity: 0,
         labels: true,
         background: true,
         lookup: Lookup::Linear,
@@ -354,4 +362,67 @@ fn the_least_plan_and_the_fullest_show_the_same() {
         }
         assert!(error <= limit, "{error} > {limit}, {} pixels", float(SIZE[0] * SIZE[1]));
     });
+}
+
+#[test]
+fn a_factor_by_the_gradient_needs_the_gradient_and_a_factor_of_one_needs_nothing() {
+    let factors = |points: &[(f64, f64)]| {
+        let points = points.to_vec();
+        changed("unshaded_one", |scene| scene.transfer.gradient_opacity = points)
+    };
+    assert_eq!(factors(&[(0.0, 0.0), (100.0, 1.0)]), ScenePlan { gradient_opacity: 2, ..least() });
+    assert!(factors(&[(0.0, 0.0), (100.0, 1.0)]).stores_gradient(), "stored with the values");
+    assert_eq!(factors(&[(0.0, 1.0), (100.0, 1.0)]), least(), "a factor of 1 has no effect");
+    let central = changed("unshaded_one", |scene| {
+        scene.transfer.gradient_opacity = vec![(50.0, 0.5)];
+        scene.accuracy.gradients = Gradients::Central;
+    });
+    assert_eq!(central, ScenePlan { gradient_opacity: 1, gradients: Gradients::Central, ..least() });
+}
+
+#[test]
+fn a_factor_by_the_gradient_is_refused_with_a_matrix_of_transmittance() {
+    let mut scene = scenes::named("coloured_one");
+    scene.accuracy.model = relume::model::ModelKind::Peercy;
+    scene.accuracy.dimension = Some(3);
+    assert!(plan(&scene, &Quiet).is_ok(), "the matrix alone");
+    scene.transfer.gradient_opacity = vec![(0.0, 0.0), (100.0, 1.0)];
+    let error = plan(&scene, &Quiet).unwrap_err();
+    assert_eq!(error.code(), "gradient-opacity-matrix");
+    assert!(error.to_string().contains("peercy") && error.to_string().contains("gradient_opacity"), "{error}");
+}
+
+#[test]
+fn one_sided_lighting_is_planned_where_a_material_shades() {
+    let one_sided = |scene: &mut Scene| scene.lighting = Lighting::OneSided;
+    let shading = Some(ShadingTerms { diffuse: true, specular: None, one_sided: true });
+    assert_eq!(changed("diffuse_one", one_sided), ScenePlan { positions: directional(), shading, ..least() });
+    assert_eq!(changed("unshaded_one", one_sided), least());
+    // Opposite directions shade alike on two sides only.
+    let opposite = |lighting| {
+        changed("diffuse_one", |scene| {
+            scene.lighting = lighting;
+            let mut other = scene.lights[0].clone();
+            if let Placement::Directional(direction) = &mut other.placement {
+                *direction = -*direction;
+            }
+            scene.lights.push(other);
+        })
+    };
+    assert_eq!(opposite(Lighting::TwoSided).positions.total(), 1);
+    assert_eq!(opposite(Lighting::OneSided).positions.total(), 2);
+}
+
+#[test]
+fn all_three_point_lights_share_one_position_with_three_vectors() {
+    let counts = changed("diffuse_one", |scene| {
+        scene.lights[0].placement = Placement::ThreePoint;
+        let other = scene.lights[0].clone();
+        scene.lights.push(other);
+    });
+    let positions = PositionCounts { three_point: 1, ..PositionCounts::default() };
+    assert_eq!(counts, ScenePlan { positions, shading: DIFFUSE, ..least() });
+    assert_eq!((positions.total(), positions.vectors()), (1, 3));
+    let flat = changed("unshaded_one", |scene| scene.lights[0].placement = Placement::ThreePoint);
+    assert_eq!(flat, least(), "unshaded");
 }

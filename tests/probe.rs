@@ -259,3 +259,25 @@ fn a_pixel_of_a_device_is_that_of_the_whole_picture() {
         }
     });
 }
+
+#[test]
+fn the_probe_of_a_medium_thinned_by_its_gradient_is_that_of_a_thinner_medium() {
+    let probed = |scene: &Scene| {
+        let statistics = scene.volume.statistics().unwrap();
+        Ray::march(scene, &statistics, [[1, 1], [0, 0]], &Quiet).unwrap()
+    };
+    let mut thinned = slab(0.04, "step = 0.0625");
+    thinned.transfer.gradient_opacity = vec![(0.0, 0.25)];
+    // A quarter of each optical depth.
+    let mut thinner = slab(0.04, "step = 0.0625");
+    thinner.transfer.opacity_length *= 4.0;
+    let [thinned, thinner] = [thinned, thinner].map(|scene| probed(&scene));
+    for (one, other) in thinned.seen.iter().chain(&thinned.absorbed).zip(thinner.seen.iter().chain(&thinner.absorbed)) {
+        near("light of a material", *one, *other, 1e-12);
+    }
+    for (one, other) in thinned.stretches.iter().zip(&thinner.stretches) {
+        near("transmittance", one.transmittance, other.transmittance, 1e-12);
+        near("scattering", one.scattering[0], other.scattering[0], 1e-12);
+        near("opacity", one.opacity, other.opacity, 1e-12);
+    }
+}

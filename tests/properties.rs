@@ -204,6 +204,7 @@ fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
             Placement::Headlight => PositionKind::Headlight,
             Placement::Directional(direction) => PositionKind::Directional(direction.to_array()),
             Placement::Point(point) => PositionKind::Point(point.to_array()),
+            Placement::ThreePoint => PositionKind::ThreePoint,
         },
     };
     FilmFile {

@@ -41,6 +41,7 @@ fn of_every_kind() -> Vec<(String, Scene)> {
     changed("cubic", |scene| scene.accuracy.interpolation = Interpolation::Cubic);
     changed("exact linear", |scene| scene.accuracy.interpolation = Interpolation::ExactLinear);
     changed("nearest lookup", |scene| scene.transfer.lookup = relume::scene::Lookup::Nearest);
+    changed("gradient opacity", |scene| scene.transfer.gradient_opacity = vec![(500.0, 0.1), (4000.0, 1.0)]);
     changed("without skipping", |scene| scene.accuracy.skipping = false);
     changed("long steps", |scene| scene.accuracy.step_length = 5.0);
     scenes

@@ -83,6 +83,7 @@ fn edits() -> Vec<Edit> {
         Edit::Camera(Move::Axis(Side::Top), 1.5),
         Edit::Interval(0, Interval { range: [31.7, 88.8], ..interval(1) }),
         Edit::AddInterval(interval(1)),
+        Edit::GradientOpacity(vec![(100.0, 0.1), (50.0, 2.0), (50.0, 0.4), (f64::NAN, 0.3)]),
         Edit::RemoveTerm(0),
         Edit::Crop(Some([DVec3::NAN, DVec3::splat(-1.0)])),
         Edit::Intervals(vec![interval(0), interval(1)]),

@@ -14,7 +14,7 @@ use relume::reference::{self, Stored};
 use relume::scene::{Mix, Scene};
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::standard;
-use relume::tables::{Storage, StoredVolume, TransferTable};
+use relume::tables::{GradientTable, Storage, StoredVolume, TransferTable};
 
 use super::model::ModelTableError;
 
@@ -125,7 +125,8 @@ fn march<R: Real>(
     let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
     let volume = StoredVolume::new(&scene.volume, &storage);
     let table = TransferTable::new(scene, planned, storage.domain);
-    let samples = Stored::<R>::new(planned, &storage, &volume, &table, None);
+    let gradients = GradientTable::new(scene, &storage);
+    let samples = Stored::<R>::new(planned, &storage, &volume, &table, None, gradients);
     Ok(reference::march(scene, planned, &samples, size, progress)?)
 }
 

@@ -282,7 +282,7 @@ fn needs() -> Vec<Need> {
             |plan| plan.accumulate = Accumulate::Weights { materials: 5 },
         ),
         need("a directional light, shaded", as_it_is, shaded, |plan| {
-            plan.shading = Some(ShadingTerms { diffuse: true, specular: None });
+            plan.shading = Some(ShadingTerms { diffuse: true, specular: None, one_sided: false });
             (plan.positions.ambient, plan.positions.directional) = (0, 1);
         }),
         need(
@@ -304,13 +304,13 @@ fn needs() -> Vec<Need> {
             |plan| plan.positions.ambient = 1,
         ),
         need("highlights", shaded, shine, |plan| {
-            plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(ONE_EXPONENT) });
+            plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(ONE_EXPONENT), one_sided: false });
         }),
         need(
             "highlights of several exponents",
             shining,
             |scene| scene.materials[0].exponent = 9,
-            |plan| plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(TWO_EXPONENTS) }),
+            |plan| plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(TWO_EXPONENTS), one_sided: false }),
         ),
         need(
             "different shading coefficients",

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use relume::measure::Stopwatch;
 use relume::output::{write_atomically, write_drawing};
-use relume::palette::{self, Facts, Member, Solution};
+use relume::palette::{self, Facts, Member, SmoothCost, Smoothing, Solution};
 use relume::progress::Progress;
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Xyz, d65_white, display_code, is_displayable, lab_from_xyz, linear_srgb_from_xyz};
@@ -18,6 +18,8 @@ const EXAMPLES: &str = "\
 Examples:
   relume design palette.toml                          the reached colours, and the targets in conflict
   relume design palette.toml -o solved.toml --report palette.html
+  relume design palette.toml --compare-smoothness     what smoother spectra cost
+  relume design palette.toml --smoothness smoother -o solved.toml
 
 The keys of a palette file are in docs/PALETTE.md; a scene takes its spectra from one with [palette] use = \"FILE\".";
 
@@ -34,6 +36,23 @@ pub(crate) struct Args {
     /// Draw a report: matrix of colours, spectra, and contrasts by colour vision (.html, .svg or .png; repeatable).
     #[arg(long, value_name = "FILE")]
     report: Vec<PathBuf>,
+    /// Smoothness of every open spectrum, in place of the palette's own: smooth (0.001), smoother (0.01), smoothest (0.1)
+    /// or a number. Smoother spectra reach their targets less exactly.
+    #[arg(long, value_name = "NAME|NUMBER", value_parser = smoothness)]
+    smoothness: Option<f64>,
+    /// Print the largest ΔE00 of the presets of --smoothness. Without this flag, they are printed only if a colour leans
+    /// on the edge of the visible range.
+    #[arg(long)]
+    compare_smoothness: bool,
+}
+
+/// Parses a preset or a number.
+fn smoothness(text: &str) -> Result<f64, String> {
+    if let Some(preset) = Smoothing::ALL.into_iter().find(|preset| preset.name() == text) {
+        return Ok(preset.smoothness());
+    }
+    let number = text.parse().ok().filter(|number: &f64| (1e-12..=1e6).contains(number));
+    number.ok_or_else(|| "it must be smooth, smoother, smoothest, or a number from 1e-12 to 1000000".to_owned())
 }
 
 /// Kind of a report.
@@ -58,7 +77,8 @@ fn kind(path: &Path) -> Result<Kind, CliError> {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let reports = args.report.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<Vec<_>, CliError>>()?;
-    let palette = palette::load(&args.palette)?;
+    let stated = palette::load(&args.palette)?;
+    let palette = args.smoothness.map_or_else(|| stated.clone(), |smoothness| stated.smoothed(smoothness));
     let outputs: Vec<&PathBuf> = args.output.iter().chain(&args.report).collect();
     let inputs: Vec<&Path> = palette.inputs.iter().chain([&args.palette]).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
@@ -66,7 +86,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let solution = palette::solve(&palette, progress)?;
     let times = clock.read();
     // Before any file is written, because it may be cancelled.
-    let smoother = smoother(&solution, progress)?;
+    let smoother = if args.compare_smoothness || !solution.edges().is_empty() {
+        palette::smoother(&solution.palette, progress)?
+    } else {
+        Vec::new()
+    };
     if let Some(path) = &args.output {
         write_text(path, &solution.to_toml())?;
     }
@@ -93,7 +117,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
     let written: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
     let mut text = text(&solution);
-    text.push_str(&edge_text(&solution, &smoother));
+    text.push_str(&edge_text(&solution));
+    text.push_str(&smoother_text(&smoother, args.compare_smoothness));
     text.push_str(&format!("solved in {:.2} s\n", times.wall_ms / 1e3));
     if !written.is_empty() {
         text.push_str(&format!("wrote {}\n", written.join(", ")));
@@ -117,7 +142,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         .iter()
         .map(|one| {
             json!({
-                "smoothness": one.smoothness, "worst": one.worst, "edge": one.edge,
+                "name": one.smoothing.name(),
+                "smoothness": one.smoothing.smoothness(),
+                "worst": one.worst,
+                "edge": one.edge,
             })
         })
         .collect();
@@ -125,40 +153,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     Ok(Report { text, json })
 }
 
-/// Result of a palette with a larger smoothness.
-struct Smoother {
-    smoothness: f64,
-    /// Largest ΔE00.
-    worst: f64,
-    /// Largest share of a colour from the ends of the visible range; 0 below the share that is reported.
-    edge: f64,
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share)
 }
 
-/// Largest share of a colour from the ends of the visible range.
-fn largest_edge(solution: &Solution) -> f64 {
-    solution.edges().iter().map(|edge| edge.shares[0] + edge.shares[1]).fold(0.0, f64::max)
-}
-
-/// Solves the palette with larger smoothness, if its colours lean on the ends of the visible range.
-fn smoother(solution: &Solution, progress: &dyn Progress) -> Result<Vec<Smoother>, CliError> {
-    const SMOOTHNESSES: [f64; 3] = [1e-3, 1e-2, 1e-1];
-    if solution.edges().is_empty() {
-        return Ok(Vec::new());
-    }
-    let solved = |smoothness: f64| {
-        let mut palette = solution.palette.clone();
-        for member in palette.materials.iter_mut().chain(&mut palette.lights) {
-            member.smoothness = member.smoothness.max(smoothness);
-        }
-        let solution = palette::solve(&palette, progress)?;
-        Ok(Smoother { smoothness, worst: solution.worst(), edge: largest_edge(&solution) })
-    };
-    SMOOTHNESSES.into_iter().map(solved).collect()
-}
-
-/// Says which colours lean on the ends of the visible range, and what smoother spectra cost.
-fn edge_text(solution: &Solution, smoother: &[Smoother]) -> String {
-    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+/// Says which colours lean on the ends of the visible range.
+fn edge_text(solution: &Solution) -> String {
     let mut text = String::new();
     for edge in solution.edges() {
         text.push_str(&format!(
@@ -169,14 +169,23 @@ fn edge_text(solution: &Solution, smoother: &[Smoother]) -> String {
             percent(edge.shares[1])
         ));
     }
-    if !smoother.is_empty() {
-        text.push_str("Smoother spectra, with this `smoothness` for every open one:\n");
-    }
+    text
+}
+
+/// Says what smoother spectra cost; `asked` also if nothing is smoother.
+fn smoother_text(smoother: &[SmoothCost], asked: bool) -> String {
+    let mut text = match (smoother.is_empty(), asked) {
+        (true, false) => return String::new(),
+        (true, true) => "No preset is smoother than the open spectra of this palette.\n".to_owned(),
+        (false, _) => "Smoother spectra, with this `smoothness` for every open one (--smoothness NAME):\n".to_owned(),
+    };
     for one in smoother {
         let edge = if one.edge > 0.0 { format!("up to {}", percent(one.edge)) } else { "below 25 %".to_owned() };
         text.push_str(&format!(
-            "  smoothness = {}: largest ΔE00 {:.3}; from the edge {edge}\n",
-            one.smoothness, one.worst
+            "  {:<9} smoothness = {}: largest ΔE00 {:.3}; from the edge {edge}\n",
+            one.smoothing.name(),
+            one.smoothing.smoothness(),
+            one.worst
         ));
     }
     text

@@ -398,6 +398,7 @@ fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Resul
                 Placement::Headlight => "from the eye".to_owned(),
                 Placement::Directional(direction) => format!("from the direction {}", list(direction)),
                 Placement::Point(point) => format!("from {}", list(point)),
+                Placement::ThreePoint => "from three points around the eye".to_owned(),
             };
             let off = if is_on(file, &light.name) { "" } else { ", off initially" };
             format!("{} ({place}, intensity {}{off})", light.name, light.intensity)
@@ -441,6 +442,7 @@ fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Resul
                     Placement::Headlight => ("headlight", None),
                     Placement::Directional(direction) => ("directional", Some(direction)),
                     Placement::Point(point) => ("point", Some(point)),
+                    Placement::ThreePoint => ("three_point", None),
                 };
                 let place = place.map(|place| place.to_array());
                 let on = is_on(file, &light.name);
@@ -527,6 +529,8 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "materials": names,
         "diffuse": plan.shading.is_some_and(|terms| terms.diffuse),
         "specular": plan.specular().is_some(),
+        "one_sided": plan.shading.is_some_and(|terms| terms.one_sided),
+        "gradient_opacity": plan.gradient_opacity > 0,
         "labels": plan.labels,
         "background": plan.background,
         "lookup": plan.lookup,

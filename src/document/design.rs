@@ -177,6 +177,9 @@ mod tests {
         assert_eq!(bounds.map(f64::to_bits), [-1.0, 2.0].map(f64::to_bits));
         let smooth = after(Step::Smoothness(Side::Light, 1, 1e9)).lights[1].smoothness;
         assert_eq!(smooth.to_bits(), 1e6_f64.to_bits(), "the largest that a file may say");
+        let all = after(Step::SmoothAll(1e9));
+        let open = all.materials.iter().map(|row| row.smoothness.to_bits());
+        assert!(open.eq([1e6_f64.to_bits(); 2]) && all.lights == palette.lights, "open ones alone: {all:?}");
         let term = after(Step::Model(Some(ModelTerm { dimension: 99, weight: 2.0 }))).model;
         assert_eq!(term, Some(ModelTerm { dimension: 31, weight: 2.0 }), "the largest that a file may say");
         let itself = Some(Target::Like { material: 0, light: 0 });
@@ -190,6 +193,7 @@ mod tests {
             Step::Bounds(Side::Material, 0, [f64::NAN, 1.0]),
             Step::Smoothness(Side::Material, 9, 1.0),
             Step::Smoothness(Side::Material, 0, f64::NAN),
+            Step::SmoothAll(f64::NAN),
         ] {
             assert_eq!(after(step.clone()), palette, "{step:?}");
         }

@@ -29,8 +29,8 @@ use crate::number::{brief, count, readable, unsigned};
 use crate::palette::{self, Member, Misplaced};
 use crate::progress::Progress;
 use crate::scene::{
-    Accuracy, Aim, Camera, Display, INTENSITY, LabelEntry, Labels, Material, MaterialCurve, OPAQUE_DEPTH, Placement,
-    Projection, Scene, SceneLight, Term, Transfer, unit,
+    Accuracy, Aim, Camera, Display, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, Material, MaterialCurve,
+    OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Term, Transfer, unit,
 };
 use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
 use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
@@ -528,6 +528,7 @@ impl Text<'_> {
             transfer,
             lights,
             shading: file.shading,
+            lighting: file.lighting,
             background,
             camera,
             crop,

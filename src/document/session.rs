@@ -354,7 +354,7 @@ fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Resu
     Ok(())
 }
 
-/// Writes the intervals, and keeps stated curves that have not been removed.
+/// Writes the intervals and the factor by the gradient magnitude, and keeps stated curves that have not been removed.
 fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError> {
     let found: Vec<Option<Interval>> = scene.transfer.terms.iter().map(Interval::of).collect();
     let curves = found.iter().filter(|interval| interval.is_none()).count();
@@ -382,6 +382,12 @@ fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError
     }
     intervals.set_trailing("\n");
     table.insert("intervals", value(intervals));
+    let factors = &scene.transfer.gradient_opacity;
+    let points = factors.iter().map(|&(magnitude, factor)| Value::Array(numbers([magnitude, factor])));
+    match factors.len() {
+        0 => table.remove("gradient_opacity"),
+        _ => table.insert("gradient_opacity", value(points.collect::<Array>())),
+    };
     Ok(())
 }
 

@@ -11,7 +11,7 @@ use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, a
 use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::Palette;
-use crate::scene::{Accuracy, Interval, LabelEntry, Mix, Scene};
+use crate::scene::{Accuracy, GRADIENT_POINTS, Interval, LabelEntry, Mix, Scene};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 
@@ -89,6 +89,8 @@ pub enum Edit {
     AddInterval(Interval),
     /// Removes a term of the transfer function, by its index.
     RemoveTerm(usize),
+    /// Points of the factor on the opacity by the gradient magnitude; none is a factor of 1.
+    GradientOpacity(Vec<(f64, f64)>),
     /// Material and opacity of a label, by its index among the declared labels.
     Label(usize, usize, f64),
     /// Restores the transfer function and the labels of the scene.
@@ -118,6 +120,7 @@ impl Edit {
             | Self::Interval(..)
             | Self::AddInterval(_)
             | Self::RemoveTerm(_)
+            | Self::GradientOpacity(_)
             | Self::Intervals(_)
             | Self::Crop(_)
             | Self::ResetCrop
@@ -207,6 +210,16 @@ fn allowed(accuracy: &Accuracy, voxel: f64) -> Accuracy {
     }
 }
 
+/// The nearest points that a scene may state as `gradient_opacity`.
+fn gradient_points(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let finite = points.iter().filter(|point| point.0.is_finite() && point.1.is_finite());
+    let mut points: Vec<_> = finite.map(|&(magnitude, factor)| (magnitude.max(0.0), factor.clamp(0.0, 1.0))).collect();
+    points.sort_by(|one, other| one.0.total_cmp(&other.0));
+    points.dedup_by(|next, one| next.0 <= one.0);
+    points.truncate(GRADIENT_POINTS);
+    points
+}
+
 fn finite(place: DVec2) -> DVec2 {
     if place.is_finite() { place.clamp(DVec2::splat(-1e6), DVec2::splat(1e6)) } else { DVec2::ZERO }
 }
@@ -288,6 +301,7 @@ impl State {
             transfer,
             lights,
             shading: _,
+            lighting: _,
             background,
             camera,
             crop,
@@ -435,6 +449,7 @@ impl State {
                     scene.transfer.terms.remove(index);
                 }
             }
+            Edit::GradientOpacity(ref points) => scene.transfer.gradient_opacity = gradient_points(points),
             Edit::Label(index, material, opacity) => {
                 let entry = scene.labels.as_mut().and_then(|labels| labels.declared.get_mut(index));
                 if let (Some(entry), Some(shown)) = (entry, scene.materials.get(material)) {

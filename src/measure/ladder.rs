@@ -15,7 +15,7 @@ use crate::progress::Progress;
 use crate::reference::{Exact, ReferenceError, Stored, render_pixels};
 use crate::scene::{Accuracy, Integration, Interpolation, Mix, Scene, StoreAs};
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use crate::tables::{LabelMap, Occupancy, SegmentTable, Storage, StoredVolume, TransferTable};
+use crate::tables::{GradientTable, LabelMap, Occupancy, SegmentTable, Storage, StoredVolume, TransferTable};
 use crate::volume::{Statistics, VolumeError};
 
 /// Cause of a difference from the truth: the difference between two rungs.
@@ -296,7 +296,8 @@ impl<'a> Ladder<'a> {
         let Some(Kept { storage, volume, .. }) = &self.kept else { return Ok(Vec::new()) };
         let label_table = TransferTable::of_labels(scene, planned);
         let labels = self.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| (labels, &label_table));
-        let mut stored = Stored::<R>::new(planned, storage, volume, table, labels);
+        let gradients = GradientTable::new(scene, storage);
+        let mut stored = Stored::<R>::new(planned, storage, volume, table, labels, gradients);
         let segments = (planned.plan.integration == Integrate::Segments).then(|| {
             let table = SegmentTable::new(scene, planned, storage.domain);
             (table, TransferTable::densities_of_labels(scene, planned))

@@ -7,7 +7,7 @@ use crate::progress::{Progress, Quiet};
 use crate::reference::{self, Exact, ReferenceError, Samples, Stored};
 use crate::render::{DeviceFilm, RenderError, Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
-use crate::tables::{LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
+use crate::tables::{GradientTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
 use crate::volume::VolumeError;
 
 /// A scene with all data that the rungs read.
@@ -122,7 +122,8 @@ impl Rungs {
     #[must_use]
     pub fn stored<R: Real>(&self) -> Stored<'_, R> {
         let labels = self.labels.as_ref().map(|labels| (labels, &self.label_table));
-        let stored = Stored::new(&self.planned, &self.storage, &self.volume, &self.table, labels);
+        let gradients = GradientTable::new(&self.scene, &self.storage);
+        let stored = Stored::new(&self.planned, &self.storage, &self.volume, &self.table, labels, gradients);
         match &self.segments {
             Some((table, densities)) => stored.with_segments(&self.storage, table, Some(densities)),
             None => stored,

@@ -10,6 +10,7 @@ mod edge;
 mod error;
 mod file;
 mod program;
+mod smoother;
 mod solution;
 mod solve;
 mod start;
@@ -24,6 +25,7 @@ pub use edge::Edge;
 pub use error::PaletteError;
 pub(crate) use file::{Misplaced, PaletteFile};
 pub use file::{load, of_scene, parse};
+pub use smoother::{SmoothCost, Smoothing, smoother};
 pub use solution::{CellColour, Facts, Merge, Solution};
 pub use solve::solve;
 

@@ -134,21 +134,25 @@ impl Planned {
                 listed(self.positions.iter().map(|position| position.name.as_str()))
             ),
         });
-        sentences.push(match plan.shading.filter(|_| plan.gradient()) {
+        sentences.push(match plan.shading.filter(|_| plan.shades_by_gradient()) {
             None => "Shading does not depend on the direction of surfaces.".to_owned(),
             Some(terms) => format!(
-                "Surfaces get their {} from the gradient of the values, which is {}.",
+                "Surfaces get their {} from the gradient of the values, which is {}{}.",
                 match (terms.diffuse, terms.specular) {
                     (true, None) => "shading",
                     (false, _) => "highlights",
                     (true, Some(_)) => "shading and highlights",
                 },
-                match plan.gradients {
-                    Gradients::Packed => "stored with each value",
-                    Gradients::Central => "computed from six values around each sample",
-                }
+                gradients(plan.gradients),
+                if terms.one_sided { "; only the side towards lower values is lit" } else { "" }
             ),
         });
+        if plan.gradient_opacity > 0 {
+            sentences.push(format!(
+                "The opacity follows the magnitude of the gradient, which is {}; labels are unaffected.",
+                gradients(plan.gradients)
+            ));
+        }
         if plan.labels {
             sentences.push(
                 "Labels determine the materials of voxels; a voxel without a label follows the transfer function."
@@ -218,6 +222,14 @@ impl Planned {
             )),
             _ => None,
         }
+    }
+}
+
+/// Source of the gradients, in words.
+fn gradients(source: Gradients) -> &'static str {
+    match source {
+        Gradients::Packed => "stored with each value",
+        Gradients::Central => "computed from six values around each sample",
     }
 }
 

@@ -1,7 +1,7 @@
 //! Colour errors of finished accumulators in 16-bit floats (docs/theory/numerics.md).
 
 use super::{PlanError, Planned, Transmittance, longest_way};
-use crate::scene::{Material, Scene, SceneLight, StoreAs, depth_from_opacity};
+use crate::scene::{Material, Scene, SceneLight, StoreAs, THREE_POINT_SUM, depth_from_opacity};
 use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 
 /// Largest relative rounding error: half of the last of 11 bits.
@@ -55,10 +55,11 @@ fn brightness(scene: &Scene, light: &SceneLight) -> f64 {
 
 /// Largest number in a pixel that shows only `material`.
 fn largest_number(planned: &Planned, material: &Material) -> f64 {
-    let shares = if planned.plan.shading.is_some() { material.ambient + material.diffuse } else { 1.0 };
+    let most = if planned.plan.positions.three_point > 0 { THREE_POINT_SUM } else { 1.0 };
+    let shares = if planned.plan.shading.is_some() { material.ambient + material.diffuse * most } else { 1.0 };
     let coefficients =
         planned.model.as_ref().map_or_else(|| vec![1.0], |model| model.coefficients(material.reflectance.spectrum()));
-    coefficients.iter().fold(0.0_f64, |most, part| most.max(part.abs())) * shares + material.specular
+    coefficients.iter().fold(0.0_f64, |most, part| most.max(part.abs())) * shares + material.specular * most
 }
 
 /// Largest sum of an X-ray material along the longest path.

@@ -39,6 +39,7 @@ impl Stale {
             lights,
             // Compared in the plan.
             shading: _,
+            lighting: _,
             background,
             camera,
             crop,
@@ -75,6 +76,7 @@ impl Stale {
             transmittance,
             positions: counts,
             shading,
+            gradient_opacity,
             labels: _,
             background,
             lookup,
@@ -86,12 +88,13 @@ impl Stale {
             storage,
         } = *plan;
         let later = &after.plan;
-        let tables = (accumulate, transmittance, counts, shading, (lookup, integration))
+        let tables = (accumulate, transmittance, counts, shading, gradient_opacity, (lookup, integration))
             != (
                 later.accumulate,
                 later.transmittance,
                 later.positions,
                 later.shading,
+                later.gradient_opacity,
                 (later.lookup, later.integration),
             );
         if tables || *materials != after.materials || positions.len() != after.positions.len() {

@@ -43,7 +43,8 @@ struct Frame<'a, R> {
     scene: &'a Scene,
     planned: &'a Planned,
     rays: RayTable,
-    lights: Vec<[R; 3]>,
+    /// Vectors of the positions, and their weights.
+    lights: Vec<([R; 3], R)>,
     step_length: R,
     termination: R,
     variation: R,
@@ -63,7 +64,10 @@ impl<'a, R: Real> Frame<'a, R> {
             scene,
             planned,
             rays,
-            lights: lights.into_iter().map(|light| light.to_array().map(R::from_f64)).collect(),
+            lights: lights
+                .into_iter()
+                .map(|light| (light.truncate().to_array().map(R::from_f64), R::from_f64(light.w)))
+                .collect(),
             step_length: R::from_f64(rays.step_length),
             termination: R::from_f64(scene.accuracy.termination),
             variation: R::from_f64(scene.accuracy.variation),
@@ -251,7 +255,7 @@ impl<'a, R: Real> Frame<'a, R> {
     /// for the highlights, or a spectrum.
     fn shade(&self, position: usize, ray: &Ray<R>, place: [R; 3], step: &Step<R>, source: &mut [R]) {
         let plan = &self.planned.plan;
-        let PositionCounts { ambient, headlight, directional, .. } = plan.positions;
+        let PositionCounts { ambient, headlight, directional, point, .. } = plan.positions;
         if position < ambient {
             source.fill(R::default());
             let first = plan.parts().unshaded * LANE;
@@ -259,19 +263,58 @@ impl<'a, R: Real> Frame<'a, R> {
             source[..parts].copy_from_slice(&step.source[first..first + parts]);
             return;
         }
+        if position >= ambient + headlight + directional + point {
+            self.shade_three_point(position, ray, step, source);
+            return;
+        }
         let light = if position < ambient + headlight {
             ray.view
         } else if position < ambient + headlight + directional {
-            self.lights[position]
+            self.lights[position].0
         } else {
             let local_scale = self.rays.local_scale.to_array().map(R::from_f64);
-            unit(std::array::from_fn(|axis| self.lights[position][axis] - place[axis] * local_scale[axis]))
+            unit(std::array::from_fn(|axis| self.lights[position].0[axis] - place[axis] * local_scale[axis]))
         };
-        self.reflect(step, dot(step.normal, light).abs(), source);
+        let facing = self.facing(dot(step.normal, light));
+        self.reflect(step, facing, source);
         if plan.specular().is_some() {
             let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
-            self.highlight(step, dot(step.normal, halfway).abs(), source);
+            let lit = facing > R::default();
+            let shine = self.facing(dot(step.normal, halfway));
+            self.highlight(step, if lit || !self.one_sided() { shine } else { R::default() }, source);
         }
+    }
+
+    /// As [`Self::shade`], for the three directions of the light at `position`, and their weights.
+    fn shade_three_point(&self, position: usize, ray: &Ray<R>, step: &Step<R>, source: &mut [R]) {
+        source.fill(R::default());
+        let lights = &self.lights[position..position + 3];
+        let facing = lights
+            .iter()
+            .fold(R::default(), |sum, &(light, weight)| weight.mul_add(self.facing(dot(step.normal, light)), sum));
+        self.reflect(step, facing, source);
+        if self.planned.plan.specular().is_some() {
+            for &(light, weight) in lights {
+                let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
+                let lit = !self.one_sided() || self.facing(dot(step.normal, light)) > R::default();
+                let shine = if lit { self.facing(dot(step.normal, halfway)) } else { R::default() };
+                let mut white = vec![R::default(); source.len()];
+                self.highlight(step, shine, &mut white);
+                for (part, white) in source.iter_mut().zip(white) {
+                    *part = weight.mul_add(white, *part);
+                }
+            }
+        }
+    }
+
+    /// Whether only the side towards lower values is lit.
+    fn one_sided(&self) -> bool {
+        self.planned.plan.shading.is_some_and(|terms| terms.one_sided)
+    }
+
+    /// |n·l|, or max(n·l, 0) with one-sided lighting, for `cosine` = ∇v·l/|∇v|.
+    fn facing(&self, cosine: R) -> R {
+        if self.one_sided() { (-cosine).max(R::default()) } else { cosine.abs() }
     }
 
     /// Number of components, without the white component of the highlights.

@@ -1,9 +1,10 @@
 //! Samples of the volume: exact, or with the device's tables and textures.
 
+use super::gradient::{exact_thinning, gradient_factor, thin, thinning};
 use crate::number::{Real, count, unit};
 use crate::plan::{LANE, Planned};
 use crate::scene::{Interpolation, Lookup, Scene};
-use crate::tables::{self, LabelMap, SegmentTable, Steps, Storage, StoredVolume, TransferTable};
+use crate::tables::{self, GradientTable, LabelMap, SegmentTable, Steps, Storage, StoredVolume, TransferTable};
 use crate::volume::Volume;
 
 /// Effect of one step at a sample, in the layout of a table entry.
@@ -86,6 +87,23 @@ impl<'a> Exact<'a> {
         ((high - low).mul_add(normalised, low), usize::from(row).checked_sub(1))
     }
 
+    /// The factor on the medium at `place` by the gradient magnitude; 1 if the plan has none.
+    #[must_use]
+    pub fn gradient_factor(&self, place: [f64; 3]) -> f64 {
+        if self.planned.plan.gradient_opacity == 0 {
+            return 1.0;
+        }
+        let [low, high] = self.storage.domain;
+        let gradient = glam::DVec3::from_array(self.gradient_at(place));
+        self.scene.transfer.gradient_factor((high - low) * gradient.length())
+    }
+
+    /// Derivatives of the normalised value at `place`, per world unit.
+    fn gradient_at(&self, place: [f64; 3]) -> [f64; 3] {
+        let dims = self.scene.volume.geometry.dims;
+        interpolate(place, dims, self.scene.accuracy.interpolation, |index| self.gradient(index))
+    }
+
     /// Normalised value of a voxel; indices are clamped to the grid.
     fn voxel(&self, index: [i64; 3]) -> f64 {
         let volume: &Volume = &self.scene.volume;
@@ -121,9 +139,10 @@ impl Samples<f64> for Exact<'_> {
         step.opacity.clone_from(&found.opacity);
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
         if self.planned.plan.gradient() {
-            let dims = self.scene.volume.geometry.dims;
-            let interpolation = self.scene.accuracy.interpolation;
-            step.normal = unit(interpolate(place, dims, interpolation, |index| self.gradient(index)));
+            step.normal = unit(self.gradient_at(place));
+        }
+        if label.is_none() {
+            thin(step, &self.planned.plan, self.gradient_factor(place), exact_thinning);
         }
     }
 
@@ -152,6 +171,11 @@ impl Samples<f64> for Exact<'_> {
         density.source.clone_from(&found.source);
         density.opacity.clone_from(&found.opacity);
         density.opacity.truncate(numbers);
+        if row == 0 && self.planned.plan.gradient_opacity > 0 {
+            let [low, high] = self.storage.domain;
+            let gradient = glam::DVec3::from_array(middle_of(ends));
+            scale(density, self.scene.transfer.gradient_factor((high - low) * gradient.length()));
+        }
         if row != ends[0].row {
             variation = 1.0;
         }
@@ -168,6 +192,16 @@ fn variation<R: Real>([a, b]: [&End<R>; 2], of_values: impl FnOnce() -> R) -> R 
     }
 }
 
+/// The mean of the gradients at both ends.
+fn middle_of<R: Real>([a, b]: [&End<R>; 2]) -> [R; 3] {
+    std::array::from_fn(|axis| (a.gradient[axis] + b.gradient[axis]) * R::from_f64(0.5))
+}
+
+/// Multiplies all numbers of a density by `factor`.
+fn scale<R: Real>(density: &mut Step<R>, factor: R) {
+    density.source.iter_mut().chain(&mut density.opacity).for_each(|number| *number = *number * factor);
+}
+
 /// The largest sum of differences between `mean` and the numbers at both ends.
 fn largest_difference<R: Real>(mean: &[R], [a, b]: [&[R]; 2]) -> R {
     let differences = mean.iter().zip(a).zip(b).map(|((&mean, &a), &b)| (mean - a).abs() + (b - mean).abs());
@@ -181,6 +215,7 @@ pub struct Stored<'a, R> {
     volume: &'a StoredVolume,
     table: &'a TransferTable,
     labels: Option<(&'a LabelMap, &'a TransferTable)>,
+    gradients: GradientTable,
     coordinate_scale: R,
     coordinate_offset: R,
     gradient_scale: [R; 3],
@@ -205,6 +240,7 @@ impl<'a, R: Real> Stored<'a, R> {
         volume: &'a StoredVolume,
         table: &'a TransferTable,
         labels: Option<(&'a LabelMap, &'a TransferTable)>,
+        gradients: GradientTable,
     ) -> Self {
         let [scale, offset] = table.coordinate_from_texel(storage);
         Self {
@@ -212,6 +248,7 @@ impl<'a, R: Real> Stored<'a, R> {
             volume,
             table,
             labels,
+            gradients,
             coordinate_scale: R::from_f64(scale),
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
@@ -278,6 +315,9 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             let last = R::from_f64(count(self.table.entries() - 1));
             let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
             self.look_up(coordinate, step);
+            if self.planned.plan.gradient_opacity > 0 {
+                thin(step, &self.planned.plan, gradient_factor(&self.gradients, gradient), thinning);
+            }
         }
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
@@ -329,6 +369,9 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             };
             let ((from, before), (to, after)) = (at(&a), at(&b));
             density.opacity.push(number(from, to, [before, after]));
+        }
+        if self.planned.plan.gradient_opacity > 0 {
+            scale(density, gradient_factor(&self.gradients, middle_of(ends)));
         }
         let row = self.row(middle);
         if let (Some(labels), true) = (labels, row > 0) {

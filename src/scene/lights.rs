@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use glam::DVec3;
 
-use super::{Camera, Projection, Scene, Shading};
+use super::{Camera, Lighting, Projection, Scene, Shading, View};
 use crate::spectrum::{Light, Spectrum};
 
 /// Range of factors of a light's spectrum.
@@ -21,6 +21,24 @@ pub enum Placement {
     Directional(DVec3),
     /// From a world point, without attenuation by distance.
     Point(DVec3),
+    /// From the three directions of [`three_point`], which move with the camera; they share an accumulator.
+    ThreePoint,
+}
+
+/// Directions of a three-point light, as parts towards the right and the top of the picture and towards the eye, and
+/// their weights: key, fill and rim (docs/decisions/rendering.md).
+const THREE_POINT: [([f64; 3], f64); 3] = [([-0.5, 0.6, 1.0], 0.9), ([0.8, 0.1, 0.5], 0.1), ([0.4, 0.8, -0.3], 0.15)];
+
+/// Sum of the weights of a three-point light: its largest diffuse and specular shade.
+pub(crate) const THREE_POINT_SUM: f64 = THREE_POINT[0].1 + THREE_POINT[1].1 + THREE_POINT[2].1;
+
+/// Unit vectors in world space towards the key, the fill and the rim of a three-point light seen in `view`, and their
+/// weights.
+#[must_use]
+pub fn three_point(view: &View) -> [(DVec3, f64); 3] {
+    THREE_POINT.map(|([right, up, back], weight)| {
+        ((right * view.right + up * view.up - back * view.forward).normalize_or_zero(), weight)
+    })
 }
 
 /// A light position that shading can distinguish from the others; it has an accumulator of its own.
@@ -34,7 +52,8 @@ pub struct Position {
     pub lights: Vec<usize>,
 }
 
-/// The positions of a scene: ambient first, then headlight, directional and point, each kind in the order of the scene.
+/// The positions of a scene: ambient first, then headlight, directional, point and three-point, each kind in the order of
+/// the scene.
 /// Lights whose shading no material can distinguish share a position, and an unshaded scene has at most one.
 #[must_use]
 pub fn positions(scene: &Scene) -> Vec<Position> {
@@ -51,6 +70,7 @@ pub fn positions(scene: &Scene) -> Vec<Position> {
         Placement::Headlight => 1,
         Placement::Directional(_) => 2,
         Placement::Point(_) => 3,
+        Placement::ThreePoint => 4,
     });
     positions
 }
@@ -73,7 +93,7 @@ fn canonical(scene: &Scene, placement: Placement) -> Placement {
         (Placement::Headlight, Some(forward)) => Placement::Directional(-forward),
         (placement, _) => placement,
     };
-    let opposite_is_equal = shown.all(|material| material.specular == 0.0);
+    let opposite_is_equal = scene.lighting == Lighting::TwoSided && shown.all(|material| material.specular == 0.0);
     match placement {
         Placement::Directional(direction) if opposite_is_equal && first_sign(direction) < 0.0 => {
             Placement::Directional(-direction)

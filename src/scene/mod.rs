@@ -8,10 +8,10 @@ use std::sync::Arc;
 
 pub use camera::{Aim, Camera, Projection, View};
 pub(crate) use camera::{centre, unit};
-pub(crate) use lights::INTENSITY;
-pub use lights::{Mix, MixLight, Placement, Position, positions};
+pub(crate) use lights::{INTENSITY, THREE_POINT_SUM};
+pub use lights::{Mix, MixLight, Placement, Position, positions, three_point};
 pub(crate) use transfer::depth_from_opacity;
-pub use transfer::{Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
+pub use transfer::{GRADIENT_POINTS, Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 
 use crate::model::ModelKind;
 use crate::spectrum::deficiency::Deficiency;
@@ -36,6 +36,8 @@ pub struct Scene {
     pub lights: Vec<SceneLight>,
     /// Whether lights shade by direction.
     pub shading: Shading,
+    /// Sides of a surface that directed lights shade.
+    pub lighting: Lighting,
     /// Background surface, lit by every light; `None` is black and costs nothing.
     pub background: Option<Reflectance>,
     /// Camera.
@@ -59,9 +61,16 @@ impl Scene {
             volume,
             labels: None,
             materials: Vec::new(),
-            transfer: Transfer { opacity_length: spacing, lookup: Lookup::default(), entries: None, terms: Vec::new() },
+            transfer: Transfer {
+                opacity_length: spacing,
+                lookup: Lookup::default(),
+                entries: None,
+                terms: Vec::new(),
+                gradient_opacity: Vec::new(),
+            },
             lights: Vec::new(),
             shading: Shading::default(),
+            lighting: Lighting::default(),
             background: None,
             camera: Camera::default(),
             crop: None,
@@ -111,7 +120,7 @@ pub struct Material {
     pub absorption: Option<Absorption>,
     /// Ambient factor of a directed light, 0 to 1.
     pub ambient: f64,
-    /// Diffuse factor, which multiplies |n·l|, 0 to 1.
+    /// Diffuse factor, which multiplies |n·l| or, with one-sided lighting, max(n·l, 0), 0 to 1.
     pub diffuse: f64,
     /// Specular factor, which multiplies |n·h|^exponent in the light's own colour, 0 to 1.
     pub specular: f64,
@@ -199,6 +208,17 @@ pub enum Shading {
     /// Ambient, diffuse and specular parts, by the gradient of the voxel values.
     #[default]
     Gradient,
+}
+
+/// Sides of a surface that directed lights shade. The normal n is −∇v/|∇v|: outward, if values fall outward.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Lighting {
+    /// Both sides alike: |n·l| and |n·h|.
+    #[default]
+    TwoSided,
+    /// The side towards lower values: max(n·l, 0), and max(n·h, 0) where n·l is positive.
+    OneSided,
 }
 
 /// Interpolation between voxels.

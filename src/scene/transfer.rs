@@ -31,7 +31,13 @@ pub struct Transfer {
     pub entries: Option<usize>,
     /// The terms, which are summed.
     pub terms: Vec<Term>,
+    /// Factor on scattering and absorption by the gradient magnitude |∇v|: points (data units per world unit, factor
+    /// from 0 to 1), magnitudes from 0 ascending; constant beyond the ends. Empty is a factor of 1. Labels ignore it.
+    pub gradient_opacity: Vec<(f64, f64)>,
 }
+
+/// Largest number of points of [`Transfer::gradient_opacity`].
+pub const GRADIENT_POINTS: usize = 16;
 
 /// A term: opacity, absorption and material as functions of the value.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,6 +85,12 @@ impl Transfer {
             }
         }
         medium
+    }
+
+    /// The factor on scattering and absorption where the gradient has this `magnitude`, in data units per world unit.
+    #[must_use]
+    pub fn gradient_factor(&self, magnitude: f64) -> f64 {
+        if self.gradient_opacity.is_empty() { 1.0 } else { height_at(&self.gradient_opacity, magnitude) }
     }
 
     /// Values at which the function has a corner or a jump, ascending.
@@ -246,8 +258,13 @@ mod tests {
     #[test]
     fn overlapping_terms_add_their_scattering() {
         let term = |material| Term::interval(material, [0.0, 10.0], [0.0, 0.0], 0.5, 0.0);
-        let transfer =
-            Transfer { opacity_length: 1.0, lookup: Lookup::Linear, entries: None, terms: vec![term(0), term(1)] };
+        let transfer = Transfer {
+            opacity_length: 1.0,
+            lookup: Lookup::Linear,
+            entries: None,
+            terms: vec![term(0), term(1)],
+            gradient_opacity: Vec::new(),
+        };
         let medium = transfer.medium(5.0, 2);
         assert!(medium.scattering.iter().all(|&depth| close(depth, std::f64::consts::LN_2)), "{medium:?}");
     }

@@ -1,16 +1,17 @@
 //! Light positions and shading coefficients of the march.
 
-use glam::DVec3;
+use glam::{DVec3, DVec4};
 
 use super::rays::unit_length;
 use crate::number::rounded;
 use crate::plan::{Accumulate, LANE, Planned};
-use crate::scene::{Material, Placement, Scene};
+use crate::scene::{Material, Placement, Scene, three_point};
 
 /// Vectors of the light positions, in the order of the plan and along the volume's own axes: unit vectors towards
-/// directional lights, coordinates of point lights (in units of length, from the texture's corner), zero for others.
+/// directional lights, coordinates of point lights (in units of length, from the texture's corner), zero for ambient
+/// lights and headlights. A three-point light has three unit vectors. The fourth number is a weight.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PositionTable(pub Vec<DVec3>);
+pub struct PositionTable(pub Vec<DVec4>);
 
 impl PositionTable {
     /// Builds the positions of `planned` relative to the volume of `scene`.
@@ -18,14 +19,21 @@ impl PositionTable {
     pub fn new(scene: &Scene, planned: &Planned) -> Self {
         let geometry = &scene.volume.geometry;
         let local_from_world = geometry.direction.inverse();
-        let vector = |placement: Placement| match placement {
-            Placement::Ambient | Placement::Headlight => DVec3::ZERO,
-            Placement::Directional(direction) => local_from_world * direction,
+        let one = |vector: DVec3| vec![vector.extend(1.0)];
+        let vectors = |placement: Placement| match placement {
+            Placement::Ambient | Placement::Headlight => one(DVec3::ZERO),
+            Placement::Directional(direction) => one(local_from_world * direction),
             Placement::Point(world) => {
-                (local_from_world * (world - geometry.origin) + geometry.spacing / 2.0) / unit_length(geometry)
+                one((local_from_world * (world - geometry.origin) + geometry.spacing / 2.0) / unit_length(geometry))
+            }
+            Placement::ThreePoint => {
+                // The direction of the picture does not depend on its shape. A march needs a line of sight.
+                let lights =
+                    scene.camera.view(geometry, 1.0).map_or([(DVec3::ZERO, 0.0); 3], |view| three_point(&view));
+                lights.map(|(direction, weight)| (local_from_world * direction).extend(weight)).to_vec()
             }
         };
-        Self(planned.positions.iter().map(|position| vector(position.placement)).collect())
+        Self(planned.positions.iter().flat_map(|position| vectors(position.placement)).collect())
     }
 }
 

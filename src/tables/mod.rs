@@ -1,6 +1,7 @@
 //! Scene data that the march reads, computed in f64 and rounded once.
 
 mod cells;
+mod gradient;
 mod lights;
 mod rays;
 mod reflected;
@@ -9,6 +10,7 @@ mod storage;
 mod transfer;
 
 pub use cells::{CELL, Cells, Occupancy};
+pub use gradient::GradientTable;
 pub use lights::{PositionTable, ShadingTable};
 pub use rays::{MOST_SAMPLES, RayTable};
 pub use reflected::Reflected;

@@ -64,6 +64,8 @@ pub struct Storage {
     difference_codes: [f64; 3],
     /// Factors from decoded differences to the gradient direction, which is then normalised.
     gradient_scale: [f64; 3],
+    /// Factor from the length of that direction to the gradient magnitude.
+    magnitude_scale: f64,
 }
 
 const UNORM16: f64 = 65535.0;
@@ -120,6 +122,7 @@ impl Storage {
             codes,
             difference_codes: [0.0; 3],
             gradient_scale: [0.0; 3],
+            magnitude_scale: 0.0,
         };
         if gradient {
             storage.scale_differences(volume);
@@ -127,6 +130,8 @@ impl Storage {
             // For differences between the values one voxel ahead and one voxel behind.
             let spacing = volume.geometry.spacing;
             storage.gradient_scale = (spacing.min_element() / spacing).to_array();
+            let [scale, _] = storage.normalised_from_texel();
+            storage.magnitude_scale = scale * (domain[1] - domain[0]) / (2.0 * spacing.min_element());
         }
         storage
     }
@@ -149,6 +154,7 @@ impl Storage {
             std::array::from_fn(|axis| if codes[axis] > 0.0 { full / codes[axis] / spacing[axis] } else { 0.0 });
         let largest = scale.iter().fold(f64::MIN_POSITIVE, |a: f64, &b| a.max(b));
         self.gradient_scale = scale.map(|scale| scale / largest);
+        self.magnitude_scale = largest * (self.domain[1] - self.domain[0]) / 2.0;
     }
 
     /// Normalises a stored value to 0–1 over the domain.
@@ -176,6 +182,13 @@ impl Storage {
     #[must_use]
     pub fn gradient_scale(&self) -> [f64; 3] {
         self.gradient_scale
+    }
+
+    /// Factor from the length of a decoded difference, times [`Self::gradient_scale`], to the gradient magnitude in data
+    /// units per world unit. Differences in the march halve it at the faces, where one of the two values is clamped.
+    #[must_use]
+    pub fn magnitude_scale(&self) -> f64 {
+        self.magnitude_scale
     }
 
     /// Describes the storage of a volume of `dims` voxels in a sentence.

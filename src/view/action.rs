@@ -112,6 +112,8 @@ pub enum Action {
     /// applies
     /// both together.
     Solve(Option<Step>),
+    /// Solves the palette with each preset of smoothness, to show what they cost. Changes no spectrum.
+    CompareSmoothness,
     /// Cancels the measurement and the palette solver.
     GiveUp,
     /// Dismisses the notice with this index.

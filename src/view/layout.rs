@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::sizes::DockSizes;
 use super::slices::Slices;
 
 /// A dock beside the picture.
@@ -78,6 +79,8 @@ pub enum Arrange {
     Slices(bool),
     /// Puts the crosshair of the slices at a voxel index.
     SliceAt(DVec3),
+    /// Enlarges the slices by a factor, around a voxel index in their middle.
+    SliceZoom(f64, DVec3),
     /// Values shown black and white in the slices.
     Window([f64; 2]),
     /// Shows or hides the materials over the slices.
@@ -139,10 +142,15 @@ impl Ruler {
     }
 }
 
+/// Largest factor by which slices are enlarged.
+pub const MOST_ZOOM: f64 = 64.0;
+
 /// Layout of the window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layout {
     open: [bool; Dock::ALL.len()],
+    /// Sizes of the docks when they open.
+    pub sizes: DockSizes,
     /// Tab of the right dock.
     pub right: Tab,
     /// Tab of the bottom dock, where it has no room for both.
@@ -163,6 +171,7 @@ impl Default for Layout {
     fn default() -> Self {
         Self {
             open: [true; Dock::ALL.len()],
+            sizes: [None; Dock::ALL.len()],
             right: Tab::Camera,
             bottom: Tab::Transfer,
             slices: Slices::default(),
@@ -190,6 +199,7 @@ impl Layout {
     /// Forgets the crosshair and the window of the slices and the measuring line, which belong to a volume.
     pub fn forget_volume(&mut self) {
         (self.slices.at, self.slices.window, self.ruler.ends) = (None, None, [None; 2]);
+        self.slices.zoom = None;
     }
 
     /// Applies a change.
@@ -201,6 +211,9 @@ impl Layout {
             }
             Arrange::Slices(shown) => self.slices.shown = shown,
             Arrange::SliceAt(at) => self.slices.at = Some(at),
+            Arrange::SliceZoom(zoom, middle) => {
+                self.slices.zoom = (zoom > 1.0).then_some((zoom.min(MOST_ZOOM), middle));
+            }
             Arrange::Window(window) => self.slices.window = Some(window),
             Arrange::SliceMaterials(shown) => self.slices.materials = shown,
             Arrange::SliceLabels(shown) => self.slices.labels = shown,

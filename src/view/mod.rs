@@ -21,6 +21,7 @@ pub mod recent;
 #[cfg(feature = "window")]
 mod screen;
 pub mod script;
+pub mod sizes;
 pub mod slices;
 pub mod tour;
 #[cfg(feature = "window")]

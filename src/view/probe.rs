@@ -385,7 +385,8 @@ impl Ray {
         let dims = DVec3::from_array(scene.volume.geometry.dims.map(count));
         let own = march_ray(scene, &planned, &exact, [size, place], progress, |sample: &RaySample<'_, f64>| {
             let place = DVec3::from_array(sample.place) * dims - 0.5;
-            profile.add(place, exact.at(sample.place), sample.transmittance);
+            let factor = exact.gradient_factor(sample.place);
+            profile.add(place, exact.at(sample.place), factor, sample.transmittance);
         })?;
         let mut finer = scene.clone();
         finer.accuracy.step_length /= FINER;
@@ -436,10 +437,9 @@ impl<'a> Profile<'a> {
         Self { scene, eye, per_stretch: 1, samples: 0, stretches: Vec::new(), seen: none.clone(), absorbed: none }
     }
 
-    /// Adds the next sample: its place, its value, the label that replaces the transfer function, and the transmittance
-    /// to
-    /// the eye.
-    fn add(&mut self, place: DVec3, (value, label): (f64, Option<usize>), transmittance: &[f64]) {
+    /// Adds the next sample: its place, its value, the label that replaces the transfer function, the factor on the
+    /// transfer function by the gradient magnitude, and the transmittance to the eye.
+    fn add(&mut self, place: DVec3, (value, label): (f64, Option<usize>), factor: f64, transmittance: &[f64]) {
         let scene = self.scene;
         let materials = scene.materials.len();
         let entry = label.and_then(|label| scene.labels.as_ref()?.declared.get(label));
@@ -452,7 +452,8 @@ impl<'a> Profile<'a> {
                 crate::scene::Medium { scattering, absorption: alone(entry.absorption) }
             }
         };
-        let lengths = scene.accuracy.step_length / scene.transfer.opacity_length;
+        let factor = if entry.is_some() { 1.0 } else { factor };
+        let lengths = factor * scene.accuracy.step_length / scene.transfer.opacity_length;
         let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
         let grey: f64 = occluding.map(|(_, depth)| depth * lengths).sum();
         let [scattering, absorption] = [medium.scattering, medium.absorption]

@@ -44,13 +44,18 @@ impl Recent {
         // A line holds one path; others are known until the window closes.
         let lines = self.paths.iter().filter_map(|path| path.to_str()).filter(|path| !path.contains('\n'));
         let text: String = lines.flat_map(|line| [line, "\n"]).collect();
-        let written = list.parent().map_or(Ok(()), std::fs::create_dir_all).map_err(|error| error.to_string());
-        let written = written.and_then(|()| {
-            write_atomically(list, |file| file.write_all(text.as_bytes())).map_err(|error| error.to_string())
-        });
-        if let Err(error) = written {
-            tracing::debug!("{}: {error}", list.display());
-        }
+        keep(list, &text);
+    }
+}
+
+/// Writes `text` to a file of the cache folder. A file that cannot be written stays as it is; only the log says so.
+pub(super) fn keep(file: &Path, text: &str) {
+    let written = file.parent().map_or(Ok(()), std::fs::create_dir_all).map_err(|error| error.to_string());
+    let written = written.and_then(|()| {
+        write_atomically(file, |sink| sink.write_all(text.as_bytes())).map_err(|error| error.to_string())
+    });
+    if let Err(error) = written {
+        tracing::debug!("{}: {error}", file.display());
     }
 }
 

@@ -263,6 +263,15 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             }
             [] => return Err("interval INDEX FROM TO RAMP OPACITY".to_owned()),
         },
+        "gradient" => match rest {
+            ["off"] => edit(Edit::GradientOpacity(Vec::new())),
+            points if !points.is_empty() && points.len().is_multiple_of(2) => {
+                let point =
+                    |pair: &[&str]| numbers(verb, pair).map(|[magnitude, factor]: [f64; 2]| (magnitude, factor));
+                edit(Edit::GradientOpacity(points.chunks_exact(2).map(point).collect::<Result<_, _>>()?))
+            }
+            _ => return Err("write gradient off, or gradient MAGNITUDE FACTOR once or more".to_owned()),
+        },
         "label" => {
             let (opacity, name) = rest.split_last().ok_or("label NAME OPACITY")?;
             Command::Named(About::LabelOpacity(numbers::<f64, 1>(verb, &[opacity])?[0]), name.join(" "))
@@ -385,11 +394,15 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
                 let window = Some([low, high]).filter(|_| low < high && low.is_finite() && high.is_finite());
                 Arrange::Window(window.ok_or_else(|| format!("slices window {low} {high} does not ascend"))?)
             }
+            ["zoom", numbers_of_it @ ..] => {
+                let [factor, x, y, z]: [f64; 4] = numbers("slices zoom", numbers_of_it)?;
+                Arrange::SliceZoom(factor, DVec3::new(x, y, z))
+            }
             ["materials", rest @ ..] => Arrange::SliceMaterials(switch("slices materials", rest)?),
             ["labels", rest @ ..] => Arrange::SliceLabels(switch("slices labels", rest)?),
             _ => {
-                let uses =
-                    "slices on, off, at X Y Z, window LOW HIGH, materials on, materials off, labels on, labels off";
+                let uses = "slices on, off, at X Y Z, zoom FACTOR X Y Z, window LOW HIGH, materials on, materials off, \
+                            labels on, labels off";
                 return Err(uses.to_owned());
             }
         })),
@@ -423,7 +436,7 @@ fn numbers<T: FromStr, const N: usize>(verb: &str, words: &[&str]) -> Result<[T;
 /// Parses the arguments of `palette`.
 fn design(words: &[&str]) -> Result<Step, String> {
     const USE: &str = "palette on, off, offer, target ROW COLUMN COLOUR, weight ROW COLUMN NUMBER, open SIDE INDEX, \
-                       given SIDE INDEX or bounds SIDE INDEX LOW HIGH; SIDE is material or light";
+                       given SIDE INDEX, bounds SIDE INDEX LOW HIGH or smooth NUMBER; SIDE is material or light";
     let side = |word: &str| match word {
         "material" => Ok(Side::Material),
         "light" => Ok(Side::Light),
@@ -445,6 +458,7 @@ fn design(words: &[&str]) -> Result<Step, String> {
             Step::Weight(index(row)?, index(column)?, numbers::<f64, 1>("palette weight", &[number])?[0])
         }
         [how @ ("open" | "given"), of, at] => Step::Open(side(of)?, index(at)?, *how == "open"),
+        ["smooth", number] => Step::SmoothAll(numbers::<f64, 1>("palette smooth", &[number])?[0]),
         ["bounds", of, at, low, high] => Step::Bounds(side(of)?, index(at)?, numbers("palette bounds", &[low, high])?),
         _ => return Err(USE.to_owned()),
     })

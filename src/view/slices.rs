@@ -26,6 +26,8 @@ pub struct Slices {
     pub at: Option<DVec3>,
     /// Values shown black and white; [`window_of`] before the first choice.
     pub window: Option<[f64; 2]>,
+    /// Factor of enlargement above 1, and the voxel index in the middle of the views; `None` shows whole slices.
+    pub zoom: Option<(f64, DVec3)>,
     /// Whether the materials lie over the values, in their colours under the present light.
     pub materials: bool,
     /// Whether the labels lie over the values.

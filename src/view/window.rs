@@ -26,6 +26,7 @@ use super::load::{LoadError, Loaded, Loading};
 use super::options::{Options, ViewError};
 use super::recent::Recent;
 use super::screen::Screen;
+use super::sizes::KeptSizes;
 use super::tour::Tour;
 use super::ui;
 use crate::document::Source;
@@ -176,6 +177,7 @@ impl Viewer {
         // A script sees the same window wherever it runs.
         if let Some(cache) = self.options.cache.as_deref().filter(|_| !self.is_scripted()) {
             self.panels.recent = Recent::read(cache);
+            (self.panels.sizes, self.panels.layout.sizes) = KeptSizes::read(cache);
         }
         let screen = Screen::open(events, &self.options, &self.panels.context, &self.proxy)?;
         self.record.report.device.clone_from(&screen.renderer.device().info().name);

@@ -19,7 +19,7 @@ use relume::internal::view::probe::{Pixel, Ray};
 use relume::internal::view::tour::Tour;
 use relume::internal::view::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use relume::internal::view::{Action, Probe};
-use relume::palette::Conflict;
+use relume::palette::{Conflict, SmoothCost};
 use relume::progress::Quiet;
 use relume::scene::{Interval, Mix};
 
@@ -46,6 +46,7 @@ pub(crate) struct App {
     pub(crate) curve: Option<Curve>,
     pub(crate) design: bool,
     pub(crate) conflicts: Vec<Conflict>,
+    pub(crate) smoother: Vec<SmoothCost>,
     pub(crate) notices: Vec<Notice>,
     pub(crate) tour: Option<Tour>,
     pub(crate) several: bool,
@@ -70,6 +71,7 @@ impl App {
             curve: None,
             design: false,
             conflicts: Vec::new(),
+            smoother: Vec::new(),
             notices: Vec::new(),
             tour: None,
             several: false,
@@ -97,7 +99,7 @@ impl App {
             panels: app.panels,
             layout: &app.layout,
             recent: &app.recent,
-            design: Design { shown: app.design, running: None, conflicts: &app.conflicts },
+            design: Design { shown: app.design, running: None, conflicts: &app.conflicts, smoother: &app.smoother },
             effort: Effort { curve: app.curve.as_ref().map(|curve| (curve, true)), ..Effort::default() },
             probe: app.probe.as_ref().map(|(place, probe)| (*place, probe.as_ref())),
             aspect: 1.5,

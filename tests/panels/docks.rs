@@ -180,3 +180,40 @@ fn a_click_beside_the_docks_still_probes() {
         assert!(matches!(window.state().asked.last(), Some(Action::Probe(Some(_)))), "{at}");
     }
 }
+
+#[test]
+fn docks_open_with_the_sizes_of_the_last_run_within_their_limits() {
+    let with = |sizes: [Option<f32>; 3]| {
+        let mut window = App::open(Vec2::new(1600.0, 900.0), Some(with_values()));
+        window.state_mut().layout.sizes = sizes;
+        // The first frames were laid out without the sizes.
+        window.ctx.data_mut(egui::util::IdTypeMap::clear);
+        window.run();
+        window.run();
+        window
+    };
+    let apart = |window: &Harness<'_, App>, expected: [f32; 3]| {
+        let sizes = ui::dock_sizes(&window.ctx).map(Option::unwrap);
+        sizes.iter().zip(expected).map(|(size, expected)| (size - expected).abs()).fold(0.0, f32::max)
+    };
+    let window = with([Some(345.0), Some(410.0), Some(300.0)]);
+    assert!(apart(&window, [345.0, 410.0, 300.0]) <= 1.0, "{:?}", ui::dock_sizes(&window.ctx));
+    assert!((window.state().place.left() - 345.0).abs() < 20.0, "{:?}", window.state().place);
+    let usual = with([None; 3]);
+    let sizes = ui::dock_sizes(&usual.ctx).map(Option::unwrap);
+    let damaged = with([Some(1.0), Some(1e9), Some(f32::MIN_POSITIVE)]);
+    let found = ui::dock_sizes(&damaged.ctx).map(Option::unwrap);
+    assert!((found[0] - sizes[0]).abs() <= 1.0 && (500.0..=540.0).contains(&found[1]), "{found:?}");
+    assert!((100.0..200.0).contains(&found[2]), "{found:?}");
+}
+
+#[test]
+fn a_dragged_edge_of_a_dock_changes_the_size_that_is_kept() {
+    let mut window = opened([1600.0, 900.0]);
+    let before = ui::dock_sizes(&window.ctx).map(Option::unwrap);
+    let edge = Pos2::new(window.state().place.left() - 1.0, 400.0);
+    drag_along(&mut window, &[edge, edge + Vec2::new(20.0, 0.0), edge + Vec2::new(40.0, 0.0)]);
+    window.run();
+    let after = ui::dock_sizes(&window.ctx).map(Option::unwrap);
+    assert!((after[0] - before[0] - 40.0).abs() < 3.0, "{before:?} to {after:?}");
+}

@@ -8,7 +8,7 @@ use glam::DVec3;
 use relume::document::design::{self, Spectra, Step};
 use relume::document::{Document, Edit};
 use relume::internal::view::Action;
-use relume::palette::{Conflict, WayOut};
+use relume::palette::{Conflict, SmoothCost, Smoothing, WayOut};
 use relume::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, bradford, d65_white, display_code, linear_srgb_from_xyz};
 use relume::spectrum::observer::{OBSERVER_1964, Observer};
 use relume::spectrum::{Spectrum, standard};
@@ -124,4 +124,23 @@ fn a_way_out_and_the_spectra_that_are_solved_by_it_are_one_step_back() {
     assert!(!is_open(&document) && lamp(&document) == before, "both");
     document.redo();
     assert!(is_open(&document) && lamp(&document) != before, "both again");
+}
+
+#[test]
+fn a_preset_of_smoothness_solves_again_and_shows_its_cost_after_a_comparison() {
+    let mut document = document();
+    document.edit(&offered(&document));
+    document.rest();
+    let mut window = wide(document);
+    window.state_mut().design = true;
+    window.run();
+    window.get_by_label("Compare").click_accesskit();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::CompareSmoothness));
+    window.state_mut().smoother = vec![SmoothCost { smoothing: Smoothing::Smoother, worst: 0.314, edge: 0.0 }];
+    window.run();
+    assert!(window.query_by_label("spectra: smooth").is_some(), "not compared");
+    window.get_by_label("spectra: smoother: ΔE00 0.31").click_accesskit();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Solve(Some(Step::SmoothAll(1e-2)))));
 }

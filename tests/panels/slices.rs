@@ -6,12 +6,12 @@ use egui::{Event, Key, Modifiers, MouseWheelUnit, PointerButton, Pos2, TouchPhas
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
-use relume::document::Document;
+use relume::document::{Document, Edit};
 use relume::internal::view::layout::Arrange;
 use relume::internal::view::script::Command;
 use relume::internal::view::{Action, Script};
 
-use crate::app::{App, click_at, document, is_painted};
+use crate::app::{App, click_at, document, drag_along, is_painted};
 
 const NAMES: [&str; 3] = ["slice: XY", "slice: XZ", "slice: YZ"];
 
@@ -171,5 +171,84 @@ fn scripts_set_everything_of_the_slices() {
     {
         let error = of(line).unwrap_err().to_string();
         assert!(error.contains(told), "{line}: {error}");
+    }
+}
+
+#[test]
+fn the_wheel_with_ctrl_enlarges_the_slices_around_the_pointer() {
+    let mut window = opened(false);
+    let at = centre(&window, NAMES[0]) + Vec2::new(40.0, 20.0);
+    click_at(&mut window, at);
+    let before = last_at(&window);
+    let mut turn = |lines: f32| {
+        window.event(Event::PointerMoved(at));
+        let (unit, delta, phase) = (MouseWheelUnit::Line, Vec2::new(0.0, lines), TouchPhase::Move);
+        window.event(Event::MouseWheel { unit, delta, phase, modifiers: Modifiers::COMMAND });
+        window.run_steps(20);
+        window.state().layout.slices.zoom.map(|(zoom, _)| zoom)
+    };
+    let zoom = turn(5.0).unwrap();
+    assert!((zoom - 1.2_f64.powi(5)).abs() < 1e-9, "{zoom}");
+    click_at(&mut window, at);
+    let same = last_at(&window);
+    assert!((same - before).abs().max_element() < 0.3, "the voxel below the pointer: {before} and {same}");
+    click_at(&mut window, at + Vec2::new(50.0, 0.0));
+    let near = last_at(&window).x - same.x;
+    window.get_by_label("whole slices").click();
+    window.run();
+    assert_eq!(window.state().layout.slices.zoom, None);
+    click_at(&mut window, at);
+    let here = last_at(&window).x;
+    click_at(&mut window, at + Vec2::new(50.0, 0.0));
+    let far = last_at(&window).x - here;
+    assert!((far / near - zoom).abs() < 0.1, "50 points are {near} voxels enlarged, {far} otherwise");
+    assert!(!window.state().asked.iter().any(|action| matches!(action, Action::Edit(_))), "the camera stays");
+}
+
+#[test]
+fn the_middle_button_moves_enlarged_slices() {
+    let mut window = opened(false);
+    let middle = DVec3::from_array(dims(&window).map(|n| f64::from(u32::try_from(n).unwrap()) - 1.0)) / 2.0;
+    window.state_mut().layout.arrange(Arrange::SliceZoom(4.0, middle));
+    window.run();
+    let at = centre(&window, NAMES[0]);
+    click_at(&mut window, at);
+    let before = last_at(&window);
+    let press = |pos, pressed| {
+        let button = PointerButton::Middle;
+        Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE }
+    };
+    let to = at + Vec2::new(60.0, 0.0);
+    for event in [Event::PointerMoved(at), press(at, true), Event::PointerMoved(to), press(to, false)] {
+        window.event(event);
+        window.run();
+    }
+    click_at(&mut window, to);
+    let after = last_at(&window);
+    assert!((after - before).abs().max_element() < 0.3, "the voxel follows the pointer: {before} and {after}");
+}
+
+#[test]
+fn a_side_of_the_crop_box_is_dragged_in_a_slice_and_the_others_stay() {
+    let mut window = opened(false);
+    let crop = [DVec3::splat(0.25), DVec3::splat(0.75)];
+    window.state_mut().document.as_mut().unwrap().edit(&Edit::Crop(Some(crop)));
+    window.run();
+    for (label, end, axis, by) in [
+        ("crop in XY: x to", 1, 0, Vec2::new(-20.0, 0.0)),
+        ("crop in XY: y from", 0, 1, Vec2::new(0.0, 20.0)),
+        ("crop in XZ: z from", 0, 2, Vec2::new(0.0, -20.0)),
+    ] {
+        let now = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().crop().unwrap();
+        let before = now(&window);
+        let side = window.get_by_label(label).rect().center();
+        drag_along(&mut window, &[side, side + by / 2.0, side + by]);
+        window.run();
+        let after = now(&window);
+        let moved = after[end][axis] - before[end][axis];
+        assert!(moved.abs() > 0.02 && (moved < 0.0) == (end == 1), "{label}: {before:?} to {after:?}");
+        let mut rest = after;
+        rest[end][axis] = before[end][axis];
+        assert_eq!(rest, before, "{label}");
     }
 }

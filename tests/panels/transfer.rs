@@ -223,3 +223,46 @@ fn a_window_of_values_by_level_and_width_makes_layers_above_its_low_end() {
     assert!(layers.len() == 3 && (foot - 30.0).abs() < 1e-9, "{layers:?}");
     assert!((layers[1].range[0] - layers[1].ramp / 2.0 - 50.0).abs() < 1e-9, "{layers:?}");
 }
+
+#[test]
+fn the_opacity_by_gradient_is_switched_edited_and_kept_while_it_is_off() {
+    let mut window = with_histogram();
+    window.run();
+    let points = |window: &Harness<'_, App>| {
+        window.state().document.as_ref().unwrap().state().scene.transfer.gradient_opacity.clone()
+    };
+    assert!(points(&window).is_empty() && window.query_by_label("gradient point 0: magnitude").is_none());
+    let switch = |window: &mut Harness<'_, App>| {
+        window.get_by_label("Opacity by gradient").click();
+        window.run();
+        window.run();
+        window.state_mut().document.as_mut().unwrap().rest();
+    };
+    switch(&mut window);
+    // Fiftieth and tenth of the largest change from one voxel to the next.
+    let statistics = window.state().document.as_ref().unwrap().statistics().cloned().unwrap();
+    let steepest = statistics.max - statistics.min;
+    let usual = points(&window);
+    for (&(magnitude, _), part) in usual.iter().zip([0.02, 0.1]) {
+        assert!((magnitude / steepest - part).abs() < 1e-3, "{usual:?} of {steepest}, at a spacing of 1");
+    }
+    retype(&mut window, "gradient point 0: magnitude", "7");
+    retype(&mut window, "gradient point 1: factor", "0.5");
+    assert_eq!(points(&window), [(7.0, 0.0), (usual[1].0, 0.5)]);
+    window.get_by_label("add point").click();
+    window.run();
+    window.run();
+    assert_eq!(points(&window).len(), 3);
+    window.get_by_label("remove gradient point 1").click();
+    window.run();
+    window.run();
+    let left = points(&window);
+    assert!(left.len() == 2 && left[0].1 <= 0.0 && left[1].0 > usual[1].0, "{left:?}");
+    switch(&mut window);
+    assert!(points(&window).is_empty());
+    switch(&mut window);
+    assert_eq!(points(&window), left, "as it was switched off");
+    window.get_by_label("Reset transfer").click();
+    window.run();
+    assert!(points(&window).is_empty());
+}

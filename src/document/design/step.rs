@@ -22,6 +22,8 @@ pub enum Step {
     Bounds(Side, usize, [f64; 2]),
     /// Weight of the squared second differences of an open spectrum, relative to squared ΔE00.
     Smoothness(Side, usize, f64),
+    /// The same for every open spectrum.
+    SmoothAll(f64),
     /// Colour model that is to reproduce the colours, if it is fixed before the spectra are solved.
     Model(Option<ModelTerm>),
 }
@@ -82,6 +84,11 @@ impl Step {
             Self::Smoothness(side, index, smoothness) => {
                 if let (Some(member), true) = (side.members(&mut palette).get_mut(index), smoothness.is_finite()) {
                     member.smoothness = smoothness.clamp(*SMOOTHNESSES.start(), *SMOOTHNESSES.end());
+                }
+            }
+            Self::SmoothAll(smoothness) => {
+                if smoothness.is_finite() {
+                    palette = palette.smoothed(smoothness.clamp(*SMOOTHNESSES.start(), *SMOOTHNESSES.end()));
                 }
             }
             Self::Model(term) => {

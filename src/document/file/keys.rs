@@ -12,7 +12,7 @@ use toml::{Spanned, Value};
 use crate::document::Mixing;
 use crate::model::ModelKind;
 use crate::palette::PaletteFile;
-use crate::scene::{AccumulateAs, Gradients, Integration, Interpolation, Lookup, Shading, StoreAs, VolumeAs};
+use crate::scene::{AccumulateAs, Gradients, Integration, Interpolation, Lighting, Lookup, Shading, StoreAs, VolumeAs};
 use crate::spectrum::SpectrumSource;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
@@ -28,6 +28,8 @@ pub(super) struct Root {
     pub(super) base: Option<PathBuf>,
     #[serde(default)]
     pub(super) shading: Shading,
+    #[serde(default)]
+    pub(super) lighting: Lighting,
     pub(super) background: Option<At<SpectrumSource>>,
     #[serde(default)]
     pub(super) volume: VolumeFile,
@@ -128,6 +130,7 @@ pub(super) struct TransferFile {
     pub(super) opacity: Option<At<Vec<[f64; 2]>>>,
     pub(super) absorption: Option<At<Vec<[f64; 2]>>>,
     pub(super) material: Option<At<Vec<(f64, String)>>>,
+    pub(super) gradient_opacity: Option<At<Vec<[f64; 2]>>>,
 }
 
 #[derive(Deserialize)]
@@ -168,6 +171,7 @@ pub(super) enum LightKind {
     Headlight,
     Directional,
     Point,
+    ThreePoint,
 }
 
 #[derive(Default, Deserialize)]

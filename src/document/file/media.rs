@@ -124,7 +124,32 @@ impl Text<'_> {
             }
         }
         let entries = file.entries.as_ref().map(|value| self.whole("entries", value, 2..=1 << 20)).transpose()?;
-        Ok(Transfer { opacity_length: 1.0, lookup: file.lookup, entries, terms })
+        let gradient_opacity =
+            file.gradient_opacity.as_ref().map(|stated| self.gradient_opacity(stated)).transpose()?;
+        Ok(Transfer {
+            opacity_length: 1.0,
+            lookup: file.lookup,
+            entries,
+            terms,
+            gradient_opacity: gradient_opacity.unwrap_or_default(),
+        })
+    }
+
+    /// Points of the factor on the opacity by the gradient magnitude.
+    fn gradient_opacity(&self, stated: &At<Vec<[f64; 2]>>) -> Result<Vec<(f64, f64)>, SceneError> {
+        let points = self.curve("a factor", stated, &UNIT)?;
+        if points.len() > GRADIENT_POINTS {
+            let message = format!("gradient_opacity has {} points; the limit is {GRADIENT_POINTS}", points.len());
+            return Err(self.invalid(stated, message));
+        }
+        if let Some(point) = points.first().filter(|point| point.0 < 0.0) {
+            let message = format!("gradient_opacity starts at {}; a magnitude is at least 0", readable(point.0));
+            return Err(self.invalid(stated, message));
+        }
+        match points.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
+            Some(pair) => Err(self.invalid(stated, descends(pair[0].0, pair[1].0))),
+            None => Ok(points),
+        }
     }
 
     /// Points of a curve of the transfer function, with heights in `range`.

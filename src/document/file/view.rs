@@ -28,6 +28,7 @@ impl Text<'_> {
                 let placement = match (file.kind, &file.direction, &file.position) {
                     (LightKind::Ambient, None, None) => Placement::Ambient,
                     (LightKind::Headlight, None, None) => Placement::Headlight,
+                    (LightKind::ThreePoint, None, None) => Placement::ThreePoint,
                     (LightKind::Directional, Some(direction), None) => {
                         Placement::Directional(self.direction(&format!("lights.{name}.direction"), direction)?)
                     }
@@ -35,7 +36,7 @@ impl Text<'_> {
                         Placement::Point(self.vector(&format!("lights.{name}.position"), position)?)
                     }
                     _ => {
-                        let message = format!("lights.{name}: a directional light has a `direction` (towards the light), a point light a `position`, ambient lights and headlights neither");
+                        let message = format!("lights.{name}: a directional light has a `direction` (towards the light), a point light a `position`, other lights neither");
                         return Err(self.invalid(stated, message));
                     }
                 };

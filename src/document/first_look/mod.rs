@@ -532,12 +532,11 @@ fn text(
         Shape::Ramp { layer, .. } => vec![layer.clone()],
     };
     let shines = matches!(shape, Shape::Ramp { shines: true, .. });
-    let direction = key_light(camera, geometry);
     if layers.iter().all(|layer| matches!(layer.colour, Colour::Designed(_))) {
         line(
             "\n# In daylight all materials are visible; each of the other lights shows one material and leaves the others black.",
         );
-        line(&designed(&layers, direction));
+        line(&designed(&layers));
     } else {
         for (index, layer) in layers.iter().enumerate() {
             let colour = match &layer.colour {
@@ -549,13 +548,8 @@ fn text(
                 line("ambient = 1\ndiffuse = 0\nxray = true");
             }
         }
-        let [x, y, z] = direction.to_array();
         line("\n[lights.day]\nspectrum = \"D65\"");
-        line(&if shines {
-            "kind = \"ambient\"".to_owned()
-        } else {
-            format!("kind = \"directional\"\ndirection = [{x:?}, {y:?}, {z:?}]")
-        });
+        line(if shines { "kind = \"ambient\"" } else { "kind = \"three_point\"" });
     }
     line("\n# The hand of the light dial is on the first light, daylight.\n[mix]\nby = \"dial\"\nhand = [0.0, 1.0]");
     if let Aim::Orbit { azimuth, elevation, fill, front, around } = camera.aim {
@@ -613,16 +607,8 @@ pub(super) fn labels_text(labels: &Volume, scene: &str) -> Option<String> {
     (!values.is_empty()).then_some(text)
 }
 
-/// Direction towards a light at the upper left in front of the volume.
-fn key_light(camera: &Camera, geometry: &Geometry) -> DVec3 {
-    let direction =
-        camera.view(geometry, 1.0).map_or(DVec3::Y, |view| 0.55 * view.up - 0.45 * view.right - view.forward);
-    // Three digits are enough, and readable.
-    direction.normalize_or(DVec3::Y).to_array().map(|part| (part * 1000.0).round() / 1000.0).into()
-}
-
 /// The designed materials and lights of `layers`.
-fn designed(layers: &[Layer], direction: DVec3) -> String {
+fn designed(layers: &[Layer]) -> String {
     let used = |role: usize| layers.iter().find(|layer| matches!(layer.colour, Colour::Designed(it) if it == role));
     let start = DESIGN.find("[palette]").unwrap_or_default();
     let end = DESIGN.find("[camera]").unwrap_or(DESIGN.len());
@@ -645,10 +631,7 @@ fn designed(layers: &[Layer], direction: DVec3) -> String {
             text = text.replace(name, &layer.name);
         }
     }
-    let [x, y, z] = direction.to_array();
-    text.replace("kind = \"headlight\"", &format!("kind = \"directional\"\ndirection = [{x:?}, {y:?}, {z:?}]"))
-        .trim_end()
-        .to_owned()
+    text.trim_end().to_owned()
 }
 
 /// Removes `key` from the table at `path`.

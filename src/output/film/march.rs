@@ -41,6 +41,7 @@ impl FilmFile {
                 Placement::Headlight => PositionKind::Headlight,
                 Placement::Directional(direction) => PositionKind::Directional(direction.to_array()),
                 Placement::Point(point) => PositionKind::Point(point.to_array()),
+                Placement::ThreePoint => PositionKind::ThreePoint,
             },
         });
         let stated = Mix::of_scene(scene);

@@ -19,7 +19,7 @@
 //! | `background` | 81 numbers: the reflectance behind the volume, lit by every light; black if absent |
 //! | `[[components]]` | with material weights: `name`; `spectrum`: 81 numbers, a reflectance (all 1 for `white`, the specular component) |
 //! | `[model]` | with a colour model: see below |
-//! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"` or `"point"`; `vector`, for the last two kinds only: three numbers in world space, the direction towards the light (or its opposite if no material is specular: surfaces are lit from both sides, so the two are one position), or the point |
+//! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"`, `"point"` or `"three_point"`; `vector`, for directional and point lights only: three numbers in world space, the direction towards the light (or its opposite if no material is specular: surfaces are lit from both sides, so the two are one position), or the point |
 //! | `[[lights]]` | `name`; `position`: name of a position; `weight`: weight in the scene; `shown`: weight in the picture, if different, 0 for a light that is off; `spectrum`: 81 numbers, normalised so that the perfect reflector has Y = 1; with a colour model also the keys below |
 //! | `[dial]` | light dial; if absent, the regular polygon of the lights with a luminance of 1. `normalise`: whether white keeps its luminance; `master`: that luminance, or else a factor on the weights; `nodes`, in order, each with `light`: name of a light, `place`: two numbers, and `on`: whether the node is on; `presets` (formerly `situations`): dial presets, each with `name`, `caption`, `hand`: two numbers, and `off` and `on`: names of lights whose nodes are off in addition to those of the dial, or on although the dial has them off |
 //!
@@ -224,6 +224,8 @@ pub enum PositionKind {
     Directional([f64; 3]),
     /// From this point in world space.
     Point([f64; 3]),
+    /// From three directions that move with the camera.
+    ThreePoint,
 }
 
 /// Light of a picture.

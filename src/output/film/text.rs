@@ -91,12 +91,13 @@ struct PositionEntry {
 }
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "snake_case")]
 enum Kind {
     Ambient,
     Headlight,
     Directional,
     Point,
+    ThreePoint,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -148,6 +149,7 @@ impl From<&FilmFile> for Document {
                 PositionKind::Headlight => (Kind::Headlight, None),
                 PositionKind::Directional(vector) => (Kind::Directional, Some(vector)),
                 PositionKind::Point(vector) => (Kind::Point, Some(vector)),
+                PositionKind::ThreePoint => (Kind::ThreePoint, None),
             };
             PositionEntry { name: position.name.clone(), kind, vector }
         };
@@ -290,7 +292,8 @@ fn position(entry: PositionEntry) -> Result<Position, String> {
         (Kind::Headlight, None) => PositionKind::Headlight,
         (Kind::Directional, Some(vector)) => PositionKind::Directional(vector),
         (Kind::Point, Some(vector)) => PositionKind::Point(vector),
-        (Kind::Ambient | Kind::Headlight, Some(_)) => {
+        (Kind::ThreePoint, None) => PositionKind::ThreePoint,
+        (Kind::Ambient | Kind::Headlight | Kind::ThreePoint, Some(_)) => {
             return Err(format!("the position {:?} has a `vector`, but its kind has none", entry.name));
         }
         (Kind::Directional | Kind::Point, None) => {

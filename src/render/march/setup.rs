@@ -13,7 +13,9 @@ use crate::number::{count, rounded, unsigned, whole};
 use crate::plan::{Integrate, LANE, Planned, Transmittance};
 use crate::render::{RenderError, Renderer, Uploaded};
 use crate::scene::{Interpolation, Scene, StoreAs};
-use crate::tables::{CELL, Occupancy, PositionTable, RayTable, SegmentTable, ShadingTable, TransferTable};
+use crate::tables::{
+    CELL, GradientTable, Occupancy, PositionTable, RayTable, SegmentTable, ShadingTable, TransferTable,
+};
 use crate::vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
 /// Dimension of the largest matrices that are marched; larger ones would not stay in registers.
@@ -203,6 +205,8 @@ impl Renderer {
         };
         let march = uniform("march", bytemuck::bytes_of(&MarchUniform::new(scene, uploaded, &rays, &values, size)))?;
         let shading = uniform("shading", &shading_bytes(scene, planned))?;
+        let gradients = GradientTable::new(scene, &uploaded.storage).0;
+        let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
         let unit = match &values {
             Values::Steps(_) => 0.0,
@@ -227,6 +231,7 @@ impl Renderer {
                 "march_uniform" => Resource::Uniform(&march),
                 "shading_uniform" => Resource::Uniform(&shading),
                 "segments_uniform" => Resource::Uniform(&segments),
+                "gradient_table" => Resource::Uniform(&gradients),
                 "volume" => Resource::Texture(&uploaded.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "occupancy" => Resource::Storage(&occupied),
@@ -291,8 +296,7 @@ impl Renderer {
 /// Bytes of the shader's struct `Shading`: positions, then ambient, diffuse, specular and exponents of the materials.
 fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
     let positions = PositionTable::new(scene, planned).0;
-    let mut lights: Vec<[f32; LANE]> =
-        positions.iter().map(|light| [rounded(light.x), rounded(light.y), rounded(light.z), 0.0]).collect();
+    let mut lights: Vec<[f32; LANE]> = positions.iter().map(|light| light.to_array().map(rounded)).collect();
     lights.resize(lights.len().max(1), [0.0; LANE]);
     let mut table = ShadingTable::new(scene, planned);
     let lanes = table.ambient.len().max(1);

@@ -20,7 +20,7 @@ macro_rules! text {
     };
 }
 
-/// Shader texts by name: source, transmittance, memory of tables, the march, and its integration.
+/// Shader texts by name: source, transmittance, memory of tables, factor on the opacity, the march, and its integration.
 fn parts(plan: &ScenePlan, tables: TableMemory) -> Vec<(&'static str, &'static str)> {
     let mut parts = vec![
         match plan.accumulate {
@@ -36,6 +36,7 @@ fn parts(plan: &ScenePlan, tables: TableMemory) -> Vec<(&'static str, &'static s
             TableMemory::Storage => text!("tables_storage.wgsl"),
             TableMemory::Uniform => text!("tables_uniform.wgsl"),
         },
+        text!("gradient_opacity.wgsl"),
         text!("march.wgsl"),
     ];
     parts.extend(match (plan.integration, plan.transmittance) {
@@ -98,15 +99,19 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("TRANSMITTANCE_NUMBERS", unsigned(plan.transmittance_numbers()))
         .u32("TRANSMITTANCE_LANES", unsigned(plan.transmittance_lanes()))
         .alias("TransmittanceImage", &transmittance)
-        .u32("POSITIONS", unsigned(plan.positions.total().max(1)))
         .u32("POSITIONS_USED", unsigned(if plan.layers() == 0 { 0 } else { plan.positions.total() }))
         .u32("AMBIENT", unsigned(plan.positions.ambient))
         .u32("HEADLIGHT", unsigned(plan.positions.headlight))
         .u32("DIRECTIONAL", unsigned(plan.positions.directional))
         .u32("POINT", unsigned(plan.positions.point))
+        .u32("THREE_POINT", unsigned(plan.positions.three_point))
+        .u32("LIGHT_VECTORS", unsigned(plan.positions.vectors().max(1)))
         .bool("SHADED", plan.shading.is_some())
         .bool("GRADIENT", plan.gradient())
         .bool("STORED_GRADIENT", plan.stores_gradient())
+        .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
+        .u32("GRADIENT_PIECES", unsigned(plan.gradient_opacity.saturating_sub(1)))
+        .bool("ONE_SIDED", plan.shading.is_some_and(|terms| terms.one_sided))
         .bool("SPECULAR", specular.is_some())
         .bool("ONE_EXPONENT", one_exponent.is_some())
         .u32("ONE_EXPONENT_VALUE", one_exponent.unwrap_or(0))
@@ -144,7 +149,8 @@ mod tests {
             accumulate: Accumulate::Weights { materials },
             transmittance: Transmittance::Grey,
             positions: PositionCounts { directional: 1, ..PositionCounts::default() },
-            shading: Some(ShadingTerms { diffuse: true, specular: None }),
+            shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
+            gradient_opacity: 0,
             labels: false,
             background: false,
             lookup: Lookup::Nearest,

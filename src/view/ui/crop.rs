@@ -1,7 +1,9 @@
 //! Crop box: the part of the volume that is shown, set by numbers and by handles on the picture.
 
-use egui::{Align2, Color32, FontId, Id, Pos2, Rect, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
-use glam::DVec3;
+use egui::{
+    Align2, Color32, CursorIcon, FontId, Id, Pos2, Rect, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2,
+};
+use glam::{DVec2, DVec3};
 
 use super::Shown;
 use super::axes::{COLOURS, patient_end};
@@ -13,6 +15,7 @@ use crate::number::count;
 use crate::plan::Stale;
 use crate::scene::View;
 use crate::view::action::Action;
+use crate::view::slices::Plane;
 use crate::volume::Geometry;
 
 /// Size of a handle and of its grab area in points.
@@ -24,6 +27,8 @@ const SHORTEST_WAY: f32 = 0.6;
 const THINNEST_SEEN: f32 = 2.0;
 /// Steps per volume length of a dragged handle.
 const PARTS: f64 = 1e4;
+/// Half the width in points of the grab area of a side in a slice.
+const SIDE: f32 = 4.0;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Text of a fraction of the volume along an axis, with its voxel index.
@@ -214,6 +219,71 @@ pub(super) fn thin_crop(document: &Document) -> Option<(String, Edit)> {
     let mut whole = crop;
     (whole[0][axis], whole[1][axis]) = (0.0, 1.0);
     Some((text, Edit::Crop(Some(whole))))
+}
+
+/// Shows the box in a slice, whose sides can be dragged; faint if the slice at the crosshair `at` lies outside the box.
+pub(super) fn in_slice(
+    ui: &Ui,
+    document: &Document,
+    (plane, at, image, cell): (&Plane, DVec3, Rect, Rect),
+    asked: &mut Vec<Action>,
+) {
+    let state = document.state();
+    let (Some(crop), false) = (state.crop(), ui.data(|data| data.get_temp(hidden())).unwrap_or(false)) else { return };
+    let geometry = &state.scene.volume.geometry;
+    let last = DVec3::from_array(geometry.dims.map(count)) - 1.0;
+    let place = |parts: DVec3| {
+        let place = plane.place_of(geometry, parts * last);
+        image.min + vec2(narrow(place.x), narrow(place.y)) * image.size()
+    };
+    let shown = Rect::from_two_pos(place(crop[0]), place(crop[1]));
+    let across = plane.normal;
+    let inside = (crop[0] * last)[across] - 0.5 <= at[across] && at[across] <= (crop[1] * last)[across] + 0.5;
+    let painter = ui.painter().with_clip_rect(cell);
+    let colour = if inside { Color32::WHITE } else { Color32::from_gray(110) };
+    painter.rect_stroke(shown, 0.0, Stroke::new(2.5, Color32::from_black_alpha(140)), egui::StrokeKind::Middle);
+    painter.rect_stroke(shown, 0.0, Stroke::new(1.0, colour), egui::StrokeKind::Middle);
+    for ((axis, ascends), along) in [(plane.right, 0), (plane.down, 1)] {
+        if geometry.dims[axis] < 2 {
+            continue;
+        }
+        for end in 0..2 {
+            // The low end lies at the left and at the top if indices ascend there.
+            let first = (end == 0) == ascends;
+            let caught = match (along, first) {
+                (0, true) => Rect::from_x_y_ranges(shown.left()..=shown.left(), shown.y_range()),
+                (0, false) => Rect::from_x_y_ranges(shown.right()..=shown.right(), shown.y_range()),
+                (_, true) => Rect::from_x_y_ranges(shown.x_range(), shown.top()..=shown.top()),
+                (_, false) => Rect::from_x_y_ranges(shown.x_range(), shown.bottom()..=shown.bottom()),
+            };
+            let caught = caught.expand(SIDE).intersect(cell);
+            if !caught.is_positive() {
+                continue;
+            }
+            let hand = ui.interact(caught, ui.id().with(("crop in slice", across, axis, end)), Sense::drag());
+            let (name, word) = (AXES[axis], ["from", "to"][end]);
+            let label = format!("crop in {}: {name} {word}", plane.name);
+            hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, label.clone()));
+            if let (true, Some(pointer)) = (hand.dragged(), hand.interact_pointer_pos()) {
+                let there = (pointer - image.min) / image.size();
+                let there = plane.index_at(geometry, DVec2::new(there.x.into(), there.y.into()), at);
+                let mut next = crop;
+                next[end][axis] = ((there / last)[axis].clamp(0.0, 1.0) * PARTS).round() / PARTS;
+                if next != crop {
+                    asked.push(Action::Edit(Edit::Crop(Some(ordered(next, crop)))));
+                }
+            }
+            if hand.hovered() || hand.dragged() {
+                painter.rect_stroke(
+                    caught.shrink(SIDE),
+                    0.0,
+                    Stroke::new(2.0, Color32::YELLOW),
+                    egui::StrokeKind::Middle,
+                );
+            }
+            hand.on_hover_cursor(if along == 0 { CursorIcon::ResizeHorizontal } else { CursorIcon::ResizeVertical });
+        }
+    }
 }
 
 /// Shows the box over the picture with a handle on each side.

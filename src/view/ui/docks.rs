@@ -1,11 +1,12 @@
 //! Docks beside the picture: lights on the left, tabs on the right, transfer function and spectra at the bottom. A
 //! small window has one column with all panels instead.
 
+use egui::panel::PanelState;
 use egui::scroll_area::ScrollBarVisibility;
 use egui::style::ScrollStyle;
 use egui::{
-    Frame, Panel, Rect, Response, ScrollArea, Sense, Stroke, StrokeKind, Ui, UiBuilder, Vec2, WidgetInfo, WidgetType,
-    vec2,
+    Context, Frame, Id, Panel, Rect, Response, ScrollArea, Sense, Stroke, StrokeKind, Ui, UiBuilder, Vec2, WidgetInfo,
+    WidgetType, vec2,
 };
 
 use super::controls::{is_tab, mark, tab, toggle};
@@ -14,6 +15,7 @@ use crate::document::Document;
 use crate::plan::Stale;
 use crate::view::action::Action;
 use crate::view::layout::{Arrange, Dock, Tab};
+use crate::view::sizes::DockSizes;
 
 /// Size of a window in points from which it has docks.
 const ROOM_FOR_DOCKS: Vec2 = vec2(1100.0, 480.0);
@@ -29,6 +31,18 @@ const LEAST_PICTURE: Vec2 = vec2(240.0, 160.0);
 const ROOM_FOR_BOTH: f32 = 900.0;
 /// Width of the spectra in the bottom dock, beside the transfer function.
 const SPECTRA: f32 = 300.0;
+
+/// Names of the docks' panels, in the order of [`Dock::ALL`].
+const PANELS: [&str; Dock::ALL.len()] = ["left dock", "right dock", "bottom dock"];
+
+/// Present sizes of the docks that have been shown, in points.
+pub fn dock_sizes(context: &Context) -> DockSizes {
+    let size = |dock: Dock| {
+        let size = PanelState::load(context, Id::new(PANELS[dock as usize]))?.size();
+        Some(if dock == Dock::Bottom { size.y } else { size.x })
+    };
+    Dock::ALL.map(size)
+}
 
 /// Whether a window of `size` has docks.
 pub(super) fn has_docks(size: Vec2) -> bool {
@@ -54,15 +68,21 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, docked: bool, frame: Frame, a
     let layout = shown.layout;
     // Each dock leaves the others their minimum size.
     let other = |dock: Dock| if layout.is_open(dock) { WIDTH } else { 0.0 };
+    let kept = |dock: Dock, [usual, most]: [f32; 2]| layout.sizes[dock as usize].unwrap_or(usual).min(most);
+    let panel = |dock: Dock| Id::new(PANELS[dock as usize]);
     if layout.is_open(Dock::Left) {
         let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE.x - other(Dock::Right)).max(WIDTH);
-        Panel::left("left dock").frame(frame).default_size(WIDTH).size_range(WIDTH..=widest).show(ui, |ui| {
+        let usual = kept(Dock::Left, [WIDTH, widest]).max(WIDTH);
+        let dock = Panel::left(panel(Dock::Left)).frame(frame).default_size(usual).size_range(WIDTH..=widest);
+        dock.show(ui, |ui| {
             scrolled(ui, |ui| light(ui, shown, document, asked));
         });
     }
     if layout.is_open(Dock::Right) {
         let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE.x).max(WIDTH);
-        Panel::right("right dock").frame(frame).default_size(WIDTH).size_range(WIDTH..=widest).show(ui, |ui| {
+        let usual = kept(Dock::Right, [WIDTH, widest]).max(WIDTH);
+        let dock = Panel::right(panel(Dock::Right)).frame(frame).default_size(usual).size_range(WIDTH..=widest);
+        dock.show(ui, |ui| {
             fixed(ui, |ui| {
                 tabs(ui, shown, &Tab::RIGHT, layout.right, asked);
                 tab(ui, |ui| scrolled(ui, |ui| contents(ui, shown, document, layout.right, asked)));
@@ -71,7 +91,9 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, docked: bool, frame: Frame, a
     }
     if layout.is_open(Dock::Bottom) {
         let highest = (ui.available_height() - LEAST_PICTURE.y).max(LOWEST);
-        Panel::bottom("bottom dock").frame(frame).default_size(HEIGHT).size_range(LOWEST..=highest).show(ui, |ui| {
+        let usual = kept(Dock::Bottom, [HEIGHT, highest]).max(LOWEST);
+        let dock = Panel::bottom(panel(Dock::Bottom)).frame(frame).default_size(usual).size_range(LOWEST..=highest);
+        dock.show(ui, |ui| {
             fixed(ui, |ui| bottom(ui, shown, document, asked));
         });
     }

@@ -13,7 +13,7 @@ use crate::document::design::{Look, Side, Step, look, spectrum};
 use crate::document::{Edit, State};
 use crate::model::LARGEST_DIMENSION;
 use crate::number::{capital, count};
-use crate::palette::{Conflict, Member, ModelTerm, NATURAL, Palette, Target, WayOut};
+use crate::palette::{Conflict, Member, ModelTerm, NATURAL, Palette, SmoothCost, Smoothing, Target, WayOut};
 use crate::scene::{Display, Scene};
 use crate::spectrum::colour::{Xyz, display_code, linear_srgb_from_xyz};
 use crate::spectrum::observer::Observer;
@@ -28,6 +28,8 @@ pub struct Design<'a> {
     pub running: Option<(Option<f32>, &'a str)>,
     /// Conflicts found in the last solution.
     pub conflicts: &'a [Conflict],
+    /// Costs of smoother spectra, if compared.
+    pub smoother: &'a [SmoothCost],
 }
 
 /// Width of a matrix cell in points.
@@ -70,6 +72,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, [picture, rect]: [Rect; 2], asked
                     ui.separator();
                     model(ui, palette, asked);
                     solve(ui, palette, shown.design, asked);
+                    smoother(ui, palette, shown.design, asked);
                     conflicts(ui, palette, shown.design, asked);
                 }
             }
@@ -385,6 +388,46 @@ fn solve(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Act
             .clicked()
         {
             asked.push(Action::Offer);
+        }
+    });
+}
+
+/// Presets of smoothness, each of which solves again, with their costs after a comparison.
+fn smoother(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Action>) {
+    let mut open =
+        palette.materials.iter().chain(&palette.lights).filter(|member| member.spectrum.is_none()).peekable();
+    if design.running.is_some() || open.peek().is_none() {
+        return;
+    }
+    let smoothness: Vec<f64> = open.map(|member| member.smoothness).collect();
+    ui.horizontal_wrapped(|ui| {
+        ui.label("Spectra").on_hover_text("Smoother spectra are easier to make, and reach their targets less exactly.");
+        for preset in Smoothing::ALL {
+            let cost = design.smoother.iter().find(|cost| cost.smoothing == preset);
+            let text = match cost {
+                Some(cost) => format!("{}: ΔE00 {:.2}", preset.name(), cost.worst),
+                None => preset.name().to_owned(),
+            };
+            let on = smoothness.iter().all(|own| own.to_bits() == preset.smoothness().to_bits());
+            let help = match cost {
+                Some(cost) if cost.edge > 0.0 => format!(
+                    "Largest ΔE00 {:.3}; up to {:.0} % of a colour come from the edge of the visible range.",
+                    cost.worst,
+                    100.0 * cost.edge
+                ),
+                Some(cost) => format!("Largest ΔE00 {:.3}.", cost.worst),
+                None => "Its cost is not known yet: Compare shows it.".to_owned(),
+            };
+            let button = toggle(ui, on, &text);
+            button.widget_info(|| WidgetInfo::selected(WidgetType::Button, true, on, format!("spectra: {text}")));
+            let help = format!("Smoothness {} for every open spectrum; solves again. {help}", preset.smoothness());
+            if button.on_hover_text(help).clicked() {
+                asked.push(Action::Solve(Some(Step::SmoothAll(preset.smoothness()))));
+            }
+        }
+        let help = "Solves with each of these, and shows the largest ΔE00 of each. No spectrum changes.";
+        if ui.small_button("Compare").on_hover_text(help).clicked() {
+            asked.push(Action::CompareSmoothness);
         }
     });
 }

@@ -4,7 +4,7 @@ use std::sync::{Arc, Weak};
 
 use egui::emath::GuiRounding;
 use egui::{
-    Align2, Color32, ColorImage, Context, CursorIcon, Id, PointerButton, Rect, Sense, Stroke, StrokeKind,
+    Align2, Color32, ColorImage, Context, CursorIcon, Id, PointerButton, Pos2, Rect, Sense, Stroke, StrokeKind,
     TextureHandle, TextureOptions, Ui, UiBuilder, Vec2, WidgetInfo, WidgetType, pos2, vec2,
 };
 use glam::{DVec2, DVec3};
@@ -13,6 +13,7 @@ use super::Shown;
 use super::annotations;
 use super::axes::COLOURS;
 use super::controls::number;
+use super::crop;
 use super::spectrum::narrow;
 use super::transfer::{colours, places};
 use crate::annotate::PixelLength;
@@ -21,7 +22,7 @@ use crate::document::transfer_presets::ct_windows;
 use crate::number::{brief, count, whole};
 use crate::scene::{Scene, Transfer};
 use crate::view::action::Action;
-use crate::view::layout::{Arrange, Ruler};
+use crate::view::layout::{Arrange, MOST_ZOOM, Ruler};
 use crate::view::slices::{Overlay, Painted, Plane, Slices, index_from_world, planes, voxel, window_of};
 use crate::volume::{Statistics, Volume, Window};
 
@@ -93,8 +94,10 @@ fn view(
     // World units of a point, so that the slice fits into the cell below its name.
     let room = cell.shrink(4.0);
     let units = (size.x / f64::from(room.width().max(1.0))).max(size.y / f64::from(room.height().max(1.0)));
+    let (zoom, middle) = slices.zoom.unwrap_or((1.0, at));
+    let units = units / zoom;
     let extent = vec2(narrow(size.x / units), narrow(size.y / units));
-    let image = Rect::from_center_size(room.center(), extent).round_to_pixels(ui.pixels_per_point());
+    let image = placed(room, extent, plane.place_of(geometry, middle)).round_to_pixels(ui.pixels_per_point());
     let painter = ui.painter().with_clip_rect(cell);
     painter.rect_filled(cell, 0.0, Color32::BLACK);
     let index = voxel(at)[plane.normal];
@@ -148,6 +151,20 @@ fn view(
             asked.push(Action::Arrange(Arrange::SliceAt(there)));
         }
     }
+    // Where the middle of the view lies in the slice.
+    let part =
+        |at: Pos2| DVec2::new(((at - image.min) / image.size()).x.into(), ((at - image.min) / image.size()).y.into());
+    let around = |place: DVec2| plane.index_at(geometry, place, middle);
+    if hand.dragged_by(PointerButton::Middle) && hand.drag_delta() != Vec2::ZERO && zoom > 1.0 {
+        asked.push(Action::Arrange(Arrange::SliceZoom(zoom, around(part(room.center() - hand.drag_delta())))));
+    }
+    if let (Some(factor), Some(pointer)) = (zoomed(ui, &hand), hand.hover_pos()) {
+        let next = (zoom * factor).clamp(1.0, MOST_ZOOM);
+        // What lies below the pointer stays there.
+        let (here, middle) = (part(pointer), part(room.center()));
+        asked.push(Action::Arrange(Arrange::SliceZoom(next, around(here + (middle - here) * (zoom / next)))));
+    }
+    crop::in_slice(ui, document, (plane, at, image, cell), asked);
     let dragged = hand.drag_delta();
     if hand.dragged_by(PointerButton::Secondary) && dragged != Vec2::ZERO {
         asked.push(Action::Arrange(Arrange::Window(dragged_window(window, dragged, statistics))));
@@ -160,6 +177,22 @@ fn view(
     hand.on_hover_cursor(CursorIcon::Crosshair);
 }
 
+/// The rectangle of a slice of `extent` points with `middle`, a fraction of it, in the middle of `room`: without gaps at
+/// the edges, and centred where it is smaller.
+fn placed(room: Rect, extent: Vec2, middle: DVec2) -> Rect {
+    let along = |low: f32, high: f32, extent: f32, middle: f64| {
+        let centre = f32::midpoint(low, high);
+        if extent <= high - low {
+            centre - extent / 2.0
+        } else {
+            (centre - narrow(middle) * extent).clamp(high - extent, low)
+        }
+    };
+    let left = along(room.left(), room.right(), extent.x, middle.x);
+    let top = along(room.top(), room.bottom(), extent.y, middle.y);
+    Rect::from_min_size(pos2(left, top), extent)
+}
+
 /// The measuring line, as far as it lies in the slice at `index`; faint if an end lies outside.
 fn ruler(
     painter: &egui::Painter,
@@ -167,7 +200,7 @@ fn ruler(
     plane: &Plane,
     index: usize,
     ruler: Ruler,
-    screen: &impl Fn(DVec3) -> egui::Pos2,
+    screen: &impl Fn(DVec3) -> Pos2,
 ) {
     let ends = ruler.ends.map(|end| Some(index_from_world(&volume.geometry, end?)));
     let is_inside = |end: &DVec3| (end[plane.normal] - count(index)).abs() <= 0.5 + 1e-9;
@@ -207,7 +240,9 @@ fn turned(ui: &Ui, hand: &egui::Response, normal: usize) -> Option<f64> {
     let mut rest: f32 = ui.data(|data| data.get_temp(id)).unwrap_or(0.0);
     ui.input(|input| {
         for event in &input.events {
-            if let egui::Event::MouseWheel { unit, delta, .. } = event {
+            if let egui::Event::MouseWheel { unit, delta, modifiers, .. } = event
+                && !modifiers.command
+            {
                 match unit {
                     egui::MouseWheelUnit::Point => rest += delta.y / SCROLL,
                     egui::MouseWheelUnit::Line | egui::MouseWheelUnit::Page => rest += delta.y,
@@ -221,6 +256,24 @@ fn turned(ui: &Ui, hand: &egui::Response, normal: usize) -> Option<f64> {
     }
     ui.data_mut(|data| data.insert_temp(id, rest));
     (steps != 0.0).then_some(steps)
+}
+
+/// Factor by which the wheel with Ctrl enlarges a view: 1.2 for a line.
+fn zoomed(ui: &Ui, hand: &egui::Response) -> Option<f64> {
+    if !hand.hovered() {
+        return None;
+    }
+    let mut lines = 0.0;
+    ui.input(|input| {
+        for event in &input.events {
+            if let egui::Event::MouseWheel { unit, delta, modifiers, .. } = event
+                && modifiers.command
+            {
+                lines += if *unit == egui::MouseWheelUnit::Point { delta.y / SCROLL } else { delta.y };
+            }
+        }
+    });
+    (lines != 0.0).then(|| 1.2_f64.powf(lines.into()))
 }
 
 /// Controls of the window and the overlays, and the value at the crosshair.
@@ -274,6 +327,15 @@ fn controls(
         let help = "Labels over the values, in the colours of their materials under the present light.";
         if tick.on_hover_text(help).on_disabled_hover_text("The scene declares no labels.").changed() {
             ask(Arrange::SliceLabels(labels));
+        }
+        if let Some((zoom, middle)) = slices.zoom {
+            let button = ui.small_button(format!("× {zoom:.1}"));
+            let help = "Enlargement of the slices; a click shows them whole. Turn the wheel with Ctrl to enlarge, drag with \
+                        the middle button to move.";
+            button.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, "whole slices"));
+            if button.on_hover_text(help).clicked() {
+                ask(Arrange::SliceZoom(1.0, middle));
+            }
         }
         let text = told(&scene.volume, slices.crosshair(&scene.volume.geometry));
         ui.add(egui::Label::new(egui::RichText::new(text).small()).truncate());
@@ -391,8 +453,12 @@ fn texture(
 ) -> Option<TextureHandle> {
     let scale = ui.pixels_per_point();
     let most = ui.input(|input| input.max_texture_side);
-    let side = |points: f32| whole(f64::from((points * scale).round())).clamp(1, most);
-    let size = [side(image.width()), side(image.height())];
+    // An enlarged slice takes no more texels than it has voxels.
+    let side = |points: f32, (axis, _): (usize, bool)| {
+        let voxels = if slices.zoom.is_some() { scene.volume.geometry.dims[axis] } else { usize::MAX };
+        whole(f64::from((points * scale).round())).clamp(1, most).min(voxels)
+    };
+    let size = [side(image.width(), plane.right), side(image.height(), plane.down)];
     let labels = scene.labels.as_ref().filter(|_| slices.labels);
     let key = Key {
         volume: Arc::downgrade(&scene.volume),

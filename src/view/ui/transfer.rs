@@ -16,7 +16,7 @@ use crate::document::{Document, Edit, State};
 use crate::number::{brief, count, whole};
 use crate::plan::Stale;
 use crate::plan::is_constant;
-use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term};
+use crate::scene::{GRADIENT_POINTS, Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term};
 use crate::spectrum::colour::display_code;
 use crate::view::action::Action;
 use crate::volume::{Statistics, Window};
@@ -42,6 +42,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         rows(ui, document, &colours, asked);
         buttons(ui, document, asked);
         window(ui, document, asked);
+        gradient(ui, document, asked);
         labels(ui, document.state(), &colours, asked);
     });
 }
@@ -60,6 +61,7 @@ pub(super) fn wide(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     right.spacing_mut().scroll = ScrollStyle::solid();
     ScrollArea::vertical().id_salt("intervals").auto_shrink(false).show(right, |ui| {
         rows(ui, document, &colours, asked);
+        gradient(ui, document, asked);
         labels(ui, document.state(), &colours, asked);
     });
 }
@@ -147,6 +149,65 @@ fn window(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         }
     });
     ui.data_mut(|data| data.insert_temp(id, kept));
+}
+
+/// The factor on the opacity by the gradient magnitude: a switch, and its points in ascending order.
+fn gradient(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    let scene = &document.state().scene;
+    let points = &scene.transfer.gradient_opacity;
+    // Points that were switched off, kept while the window is open.
+    let id = Id::new("gradient opacity");
+    let mut next = points.clone();
+    let mut on = !points.is_empty();
+    let steepest = document.statistics().map_or(1.0, |it| (it.max - it.min).max(f64::MIN_POSITIVE))
+        / scene.volume.geometry.spacing.min_element();
+    let help = "Multiplies the opacity by a factor that depends on how fast the values change: noise and the inside of \
+        materials disappear, and boundaries stay.";
+    ui.horizontal_wrapped(|ui| {
+        let switch = ui.checkbox(&mut on, "Opacity by gradient").on_hover_text(help);
+        if switch.changed() && on {
+            // A boundary between two materials takes a few voxels, over which the values change by much of their range.
+            let usual =
+                || [(0.02, 0.0), (0.1, 1.0)].map(|(part, it)| (snapped(part * steepest, steepest), it)).to_vec();
+            next = ui.data(|data| data.get_temp(id)).unwrap_or_else(usual);
+        } else if switch.changed() {
+            ui.data_mut(|data| data.insert_temp(id, std::mem::take(&mut next)));
+        }
+        let room = !points.is_empty() && points.len() < GRADIENT_POINTS;
+        if room && ui.small_button("add point").on_hover_text("Adds a point beyond the last one.").clicked() {
+            let last = points.last().map_or(0.0, |point| point.0);
+            next.push((snapped(last + 0.05 * steepest, steepest), 1.0));
+        }
+    });
+    let mut removed = None;
+    for (index, (magnitude, factor)) in next.iter_mut().enumerate().take(points.len()) {
+        ui.horizontal_wrapped(|ui| {
+            ui.spacing_mut().item_spacing.x = 4.0;
+            let field = |ui: &mut Ui, value: &mut f64, decimals, speed, most, name: &str, help: &str| {
+                let dragged = number(ui, value, decimals, |drag| drag.speed(speed).range(0.0..=most));
+                let value = *value;
+                dragged.widget_info(|| WidgetInfo::slider(true, value, format!("gradient point {index}: {name}")));
+                dragged.on_hover_text(help);
+            };
+            ui.label("at");
+            let help = "Change of the value per unit of length.";
+            field(ui, magnitude, places(steepest / 10.0), steepest / 500.0, f64::MAX, "magnitude", help);
+            ui.label("×");
+            let help = "Factor on the opacity, 0 to 1; linear between the points.";
+            field(ui, factor, 3, 0.005, 1.0, "factor", help);
+            let remove = ui.small_button("remove");
+            remove.widget_info(|| {
+                WidgetInfo::labeled(WidgetType::Button, true, format!("remove gradient point {index}"))
+            });
+            removed = removed.or(remove.clicked().then_some(index));
+        });
+    }
+    if let Some(index) = removed {
+        next.remove(index);
+    }
+    if next != *points {
+        asked.push(Action::Edit(Edit::GradientOpacity(next)));
+    }
 }
 
 /// Menu of transfer presets.

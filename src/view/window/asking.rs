@@ -53,6 +53,7 @@ impl Viewer {
             Action::Palette(shown) => self.panels.editing = shown,
             Action::Offer => self.offer(),
             Action::Solve(step) => self.solve(step),
+            Action::CompareSmoothness => self.compare_smoothness(),
             Action::GiveUp => (self.tasks.measuring, self.tasks.solving) = (None, None),
             Action::Dismiss(index) => {
                 if index < self.panels.notices.len() {

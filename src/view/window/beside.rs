@@ -7,7 +7,7 @@ use super::{Viewer, Woken};
 use crate::document::design::{self, Spectra, Step};
 use crate::document::{Document, Edit};
 use crate::measure::{Choice, Goal, MeasureError};
-use crate::palette::{self, Conflict, Palette, PaletteError, Solution};
+use crate::palette::{self, Conflict, Palette, PaletteError, SMOOTHNESS, SmoothCost, Solution};
 use crate::progress::Progress;
 use crate::render::RenderError;
 use crate::scene::Accuracy;
@@ -42,6 +42,8 @@ pub(super) enum Solved {
         /// Step applied to the palette together with the solution.
         step: Option<Step>,
     },
+    /// Costs of smoother spectra for a palette.
+    Compared(Arc<Palette>, Vec<SmoothCost>),
 }
 
 /// Conflicts of a solved palette.
@@ -58,6 +60,16 @@ pub(super) struct Tasks {
     pub(super) solving: Option<Job<Result<Solved, PaletteError>>>,
     /// Conflicts of the solved palettes.
     pub(super) verdicts: Vec<Verdict>,
+    /// Last costs of smoother spectra, and their palette.
+    pub(super) smoother: Option<(Arc<Palette>, Vec<SmoothCost>)>,
+}
+
+/// Returns the costs of smoother spectra for `document`'s palette, if they are known for it with any smoothness.
+pub(super) fn smoother<'a>(tasks: &'a Tasks, document: Option<&Document>) -> &'a [SmoothCost] {
+    let plain = |palette: &Palette| palette.smoothed(SMOOTHNESS);
+    let now = document.and_then(|document| document.state().palette.as_ref());
+    let (Some((of, costs)), Some(now)) = (&tasks.smoother, now) else { return &[] };
+    if plain(of) == plain(now) { costs } else { &[] }
 }
 
 /// Returns the conflicts of `document`'s palette if it was solved before, possibly before an undo.
@@ -166,6 +178,17 @@ impl Viewer {
         });
     }
 
+    /// Solves the palette with each preset of smoothness; cancels a solver in progress.
+    pub(super) fn compare_smoothness(&mut self) {
+        let palette = self.opened.document.as_ref().and_then(|document| document.state().palette.clone());
+        let Some(palette) = palette else { return };
+        self.begin_to_solve(move |progress| {
+            // Of the default smoothness, so that all presets are compared.
+            let costs = palette::smoother(&palette.smoothed(SMOOTHNESS), progress)?;
+            Ok(Solved::Compared(palette, costs))
+        });
+    }
+
     fn begin_to_solve(&mut self, solve: impl FnOnce(&dyn Progress) -> Result<Solved, PaletteError> + Send + 'static) {
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
@@ -180,6 +203,7 @@ impl Viewer {
             (Err(PaletteError::Cancelled), _) | (_, None) => {}
             (Err(error), _) => self.tell(&error),
             (Ok(Solved::Offered(palette)), _) => self.ask(Action::Edit(Edit::Design(Step::Take(Arc::new(palette))))),
+            (Ok(Solved::Compared(palette, costs)), _) => self.tasks.smoother = Some((palette, costs)),
             (Ok(Solved::Found { palette, solution, step }), Some(document)) => {
                 let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));

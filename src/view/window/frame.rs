@@ -83,6 +83,7 @@ impl Viewer {
                 shown: self.panels.editing,
                 running: solving,
                 conflicts: beside::conflicts(&self.tasks.verdicts, self.opened.document.as_ref()),
+                smoother: beside::smoother(&self.tasks, self.opened.document.as_ref()),
             },
             probe: self
                 .picture
@@ -105,6 +106,7 @@ impl Viewer {
         let [red, green, blue, _] = self.panels.context.global_style().visuals.panel_fill.to_array();
         let background = [red, green, blue].map(|part| f32::from(part) / 255.0);
         asked.into_iter().for_each(|action| self.ask(action));
+        self.panels.keep_sizes();
         let plays = self.go_on_tour();
         if !self.panels.context.input(|input| input.pointer.any_down()) {
             self.opened.document.iter_mut().for_each(if plays { Document::rest_during_tour } else { Document::rest });

@@ -7,7 +7,8 @@ use super::report::keep;
 use crate::view::advice;
 use crate::view::layout::Layout;
 use crate::view::recent::Recent;
-use crate::view::ui::{Chooser, Notice};
+use crate::view::sizes::KeptSizes;
+use crate::view::ui::{self, Chooser, Notice};
 
 /// Largest number of notices kept.
 const MOST_NOTICES: usize = 4;
@@ -23,6 +24,8 @@ pub(super) struct Panels {
     pub(super) layout: Layout,
     /// Files opened last.
     pub(super) recent: Recent,
+    /// File of the sizes of the docks.
+    pub(super) sizes: KeptSizes,
     /// Dialog for the paths of files.
     pub(super) chooser: Chooser,
     /// Whether the palette editor is open.
@@ -30,6 +33,26 @@ pub(super) struct Panels {
     pub(super) notices: Vec<Notice>,
     /// Whether a notice was added after the last layout of the panels.
     pub(super) untold: bool,
+}
+
+impl Panels {
+    /// Keeps the sizes of the docks after a drag, for the next run.
+    pub(super) fn keep_sizes(&mut self) {
+        // The window's own size also limits its docks, so only the end of a drag counts.
+        if !self.context.input(|input| input.pointer.any_released()) {
+            return;
+        }
+        let now = ui::dock_sizes(&self.context);
+        let changed = |(now, kept): (&Option<f32>, &Option<f32>)| {
+            now.is_some_and(|now| kept.is_none_or(|kept| (now - kept).abs() >= 0.5))
+        };
+        if now.iter().zip(&self.layout.sizes).any(changed) {
+            for (kept, now) in self.layout.sizes.iter_mut().zip(now) {
+                *kept = now.or(*kept);
+            }
+            self.sizes.write(&self.layout.sizes);
+        }
+    }
 }
 
 impl Viewer {
