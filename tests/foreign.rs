@@ -79,15 +79,11 @@ fn a_name_that_promises_what_is_not_there_is_no_proof() {
 #[test]
 fn folders_that_are_data_sets_are_named() {
     let folder = tempfile::tempdir().unwrap();
-    for (name, inside, what) in
-        [("a.zarr", ".zgroup", "Zarr"), ("b", "zarr.json", "Zarr"), ("c.vti", "index.json", "vtk.js")]
-    {
-        let path = folder.path().join(name);
-        std::fs::create_dir(&path).unwrap();
-        std::fs::write(path.join(inside), "{}").unwrap();
-        let said = refusal(&path);
-        assert!(said.contains(what), "{said}");
-    }
+    let path = folder.path().join("c.vti");
+    std::fs::create_dir(&path).unwrap();
+    std::fs::write(path.join("index.json"), "{}").unwrap();
+    let said = refusal(&path);
+    assert!(said.contains("vtk.js"), "{said}");
 }
 
 #[test]
@@ -122,8 +118,7 @@ fn every_shared_file_is_read_or_refused_in_one_sentence() {
         ("tif", ""),
         ("tiff", ""),
         ("nii", ""),
-        ("json", "a JSON file"),
-        ("zarr", "Zarr"),
+        ("zarr", ""),
         ("zraw", "zlib data"),
         ("plist", "an XML file"),
         ("v3draw", "Vaa3D"),
@@ -143,8 +138,13 @@ fn every_shared_file_is_read_or_refused_in_one_sentence() {
                     "nrrd", "nhdr", "mha", "mhd", "vti", "nii", "hdr", "img", "gz", "vtk", "npy", "npz", "mrc", "map",
                     "dcm", "", "tif", "tiff",
                 ];
+                // Metadata and chunks open their store.
+                let is_in_store = path.components().any(|part| part.as_os_str().to_string_lossy().ends_with(".zarr"));
                 assert!(
-                    read.contains(&extension.as_str()) || path.ends_with("slices") || path.ends_with("png8"),
+                    is_in_store
+                        || read.contains(&extension.as_str())
+                        || path.ends_with("slices")
+                        || path.ends_with("png8"),
                     "{}",
                     path.display()
                 );

@@ -186,6 +186,16 @@ fn a_tiff_file_of_anything_is_read_or_refused() {
 }
 
 #[test]
+fn a_zarr_store_of_anything_is_read_or_refused() {
+    let place = Place::new(Reader::Zarr, RARELY);
+    // Some need a choice of series, or have more files than a test has time for.
+    let is_short = |seed: &Vec<u8>| seed.len() < 6000;
+    let sound: Vec<_> = seeds("zarr").into_iter().filter(is_short).filter(|seed| place.read(seed)).collect();
+    assert!(sound.len() > 30, "{} stores", sound.len());
+    withstands(Reader::Zarr, &sound, 4000);
+}
+
+#[test]
 fn a_slice_of_anything_is_read_or_refused() {
     withstands(Reader::Slices, &seeds("hostile/slices"), 8000);
 }

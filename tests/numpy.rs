@@ -130,7 +130,7 @@ fn pictures_lines_and_axes_of_one_voxel_are_volumes_and_four_axes_are_refused() 
         let volume = open(&npy(1, &header("'|u1'", "False", shape), &TWELVE)).unwrap();
         assert_eq!((volume.geometry.dims, volume.voxels.bytes()), (dims, &TWELVE[..]), "{shape}");
     }
-    refused(&npy(1, &header("'|u1'", "False", "(2, 1, 2, 3, 2)"), &[0; 24]), &["(2, 1, 2, 3, 2)", "4 axes"]);
+    refused(&npy(1, &header("'|u1'", "False", "(2, 1, 2, 3, 2)"), &[0; 24]), &["2×1×2×3×2", "state the axes"]);
     refused(&npy(1, &header("'|u1'", "False", "()"), &[0]), &["shape is ()"]);
     refused(&npy(1, &header("'|u1'", "False", "(2, 0, 3)"), &TWELVE), &["(2, 0, 3)"]);
 }

@@ -32,7 +32,7 @@ Examples:
   relume info scene.toml                        the contents of a scene, and the cost of a picture";
 
 const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.dcm, .mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .tif, .vti, .vtk, .raw, \
-                         a folder of DICOM files or of slices). \
+                         a folder of DICOM files or of slices, a Zarr store). \
                         Without one, the Vulkan devices";
 
 /// Arguments of `relume info`.
@@ -57,6 +57,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                 "--array",
                 "--series",
                 "--pyramid-level",
+                "--axes",
                 "--dims",
                 "--voxel",
             ];
@@ -117,6 +118,7 @@ impl Args {
             ("--array", selection.array.is_some()),
             ("--series", selection.series.is_some()),
             ("--pyramid-level", selection.level.is_some()),
+            ("--axes", selection.axes.is_some()),
             ("-D", !self.scene.define.is_empty()),
             ("--labels", self.scene.labels.is_some()),
             ("--downsample", self.scene.downsample.is_some()),

@@ -79,9 +79,14 @@ pub(crate) struct SelectionArgs {
     /// run of slices of a folder.
     #[arg(long, help_heading = SEVERAL, value_name = "N|UID")]
     series: Option<String>,
-    /// Read this level of resolution of a pyramid; 0 is the finest, and the default.
+    /// Read this level of resolution of a pyramid; 0 is the finest, and the default. Of a Zarr store, the default is the
+    /// finest that fits the memory.
     #[arg(long, help_heading = SEVERAL, value_name = "N")]
     pyramid_level: Option<usize>,
+    /// Axes of an array of NumPy, Zarr or HDF5 that does not name them, slowest first, such as czyx: x, y, z, c (component) and
+    /// t (time).
+    #[arg(long, help_heading = SEVERAL, value_name = "LETTERS")]
+    axes: Option<String>,
     /// Resample a sheared volume (as after gantry tilt) to an orthogonal grid: values trilinearly, labels by the nearest
     /// voxel. Without this flag, Relume refuses such a volume.
     #[arg(long, help_heading = SEVERAL)]
@@ -96,6 +101,7 @@ impl SelectionArgs {
             array: self.array.clone(),
             series: self.series.clone(),
             level: self.pyramid_level,
+            axes: self.axes.clone(),
             asks: false,
             resample: self.resample,
         }

@@ -196,7 +196,7 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
         }
     }
     if volume.is_some() || options.selection.asks {
-        for key in ["component", "time", "array", "series", "level", "resample"] {
+        for key in ["component", "time", "array", "series", "level", "axes", "resample"] {
             table.remove(key);
         }
     }
@@ -212,6 +212,9 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
     }
     if let Some(series) = &options.selection.series {
         table.insert("series", value(series));
+    }
+    if let Some(axes) = &options.selection.axes {
+        table.insert("axes", value(axes));
     }
     if options.selection.resample {
         table.insert("resample", value(true));

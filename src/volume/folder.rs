@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::stream::beginning;
-use super::{Selection, Volume, VolumeError, data, dicom, foreign, slices, stream};
+use super::{Selection, Volume, VolumeError, data, dicom, foreign, slices, stream, zarr};
 use crate::progress::Progress;
 
 /// Largest number of files and folders in a folder, together with those in its folders.
-const MOST: usize = 100_000;
+pub(super) const MOST: usize = 100_000;
 /// Levels of folders that are searched; exports of scanners have four.
 const DEEPEST: usize = 8;
 
@@ -152,9 +152,14 @@ impl Folder {
 ///
 /// As [`open`](super::open()).
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    // A store may have millions of files, which nobody lists.
+    if zarr::is_node(path) {
+        return zarr::read(path, selection, progress);
+    }
     if let Some(what) = foreign::describe_folder(path) {
         return Err(unknown(path, what.to_owned()));
     }
+    selection.no_axes(&path.display().to_string())?;
     let folder = Folder::list(path, progress)?;
     for format in &FORMATS {
         let files = (format.find)(&folder, progress)?;
@@ -175,6 +180,6 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
 /// The error for the folder `path`, which `what` describes.
 fn unknown(path: &Path, what: String) -> VolumeError {
     let known = FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(", ");
-    let known = format!("folders of {known}");
+    let known = format!("folders of {known}, and Zarr stores");
     VolumeError::UnknownFormat { path: path.to_owned(), what, is_known: true, known }
 }

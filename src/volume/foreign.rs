@@ -80,11 +80,7 @@ fn name(beginning: &[u8]) -> Option<&'static str> {
 
 /// Describes a folder that some programs treat as one file, of a format without a reader.
 pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
-    let has = |name: &str| path.join(name).exists();
-    if [".zarray", ".zgroup", "zarr.json"].iter().any(|name| has(name)) {
-        return Some("this folder is a Zarr store");
-    }
-    has("index.json").then_some("this folder is a vtk.js data set")
+    path.join("index.json").exists().then_some("this folder is a vtk.js data set")
 }
 
 /// UTF-8 without control characters other than white space; the last character may be truncated.

@@ -1,6 +1,7 @@
 //! Volumes: voxels and their geometry, file readers, statistics, resampling and phantoms.
 
 mod allocate;
+mod axes;
 mod batches;
 mod binary;
 mod data;
@@ -13,6 +14,7 @@ mod geometry;
 mod guard;
 mod hint;
 mod layout;
+mod lengths;
 mod metaimage;
 mod mrc;
 mod nifti;
@@ -35,6 +37,7 @@ mod voxel_type;
 mod voxels;
 mod vti;
 mod vtk;
+mod zarr;
 
 pub use error::VolumeError;
 pub use geometry::{Geometry, Unit};

@@ -97,6 +97,7 @@ pub(super) struct VolumeFile {
     #[serde(default, deserialize_with = "number_or_text")]
     pub(super) series: Option<String>,
     pub(super) level: Option<usize>,
+    pub(super) axes: Option<String>,
     #[serde(default)]
     pub(super) resample: bool,
 }

@@ -178,6 +178,7 @@ impl VolumeFile {
             array: self.array.clone(),
             series: self.series.clone(),
             level: self.level,
+            axes: self.axes.clone(),
             asks: false,
             resample: self.resample,
         };
