@@ -1,5 +1,5 @@
-//! Arrays in chunks: Zarr and OME-Zarr. Files of the shared folder, and files written by independent libraries
-//! (`tests/tools/make_zarr.py`); invalid files.
+//! Arrays in chunks: Zarr, OME-Zarr, HDF5, NetCDF. Files of the shared folder, and files written by independent libraries
+//! (`tests/tools/make_zarr.py`, `tests/tools/make_hdf5.py`); invalid files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 #![expect(clippy::cast_possible_truncation, reason = "numbers are made to fit their types")]
@@ -386,4 +386,169 @@ fn damaged_chunks_are_refused_with_their_names() {
     let store = Store::written("v3_sharded");
     let bytes = std::fs::read(store.path("c/1/1/1")).unwrap();
     refused(store.with("c/1/1/1", &bytes[bytes.len() - 5..]).open(), &["5 bytes, but its index has 132"]);
+}
+
+// HDF5 and NetCDF.
+
+fn hdf5(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5").join(name)
+}
+
+fn array(name: &str) -> Selection {
+    Selection { array: Some(name.to_owned()), ..Selection::default() }
+}
+
+fn open_hdf5(name: &str, selection: &Selection) -> Result<Volume, VolumeError> {
+    volume::open(&hdf5(name), selection, &Quiet)
+}
+
+#[test]
+fn every_shared_hdf5_file_reads_as_an_independent_reader_found_it() {
+    volumes::check_below("hdf5/", 1);
+    let Some(folder) = volumes::shared() else { return };
+    let volume = volume::open(&folder.join("hdf5/chunked.h5"), &Selection::default(), &Quiet).unwrap();
+    assert_eq!(volume.unit, Some(Unit::Micrometre));
+}
+
+#[test]
+fn every_type_of_hdf5_is_read_in_both_byte_orders() {
+    for name in [
+        "bool", "uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float16", "float32",
+        "float64",
+    ] {
+        for order in ["little", "big"] {
+            if (name, order) == ("bool", "big") {
+                continue;
+            }
+            let volume = open_hdf5("types.h5", &array(&format!("/{order}/{name}"))).unwrap();
+            assert!(volume.voxels == voxels(name, &numbers(DIMS, 1, 0, 0)), "{order} {name}");
+            assert_eq!((volume.geometry.dims, volume.has_labels), (DIMS, name == "bool"));
+        }
+    }
+    // The slash at the beginning may be left out; arrays of one axis and texts are no volumes.
+    assert!(open_hdf5("types.h5", &array("little/uint8")).is_ok());
+    let error =
+        refused(open_hdf5("types.h5", &Selection::default()), &["the arrays /big/float16, ", "choose one of them"]);
+    assert!(!error.to_string().contains("line") && !error.to_string().contains("words"), "{error}");
+    refused(open_hdf5("types.h5", &array("/line")), &["the array /line does not exist"]);
+}
+
+#[test]
+fn every_coding_of_hdf5_is_read() {
+    for file in ["codings.h5", "codings_latest.h5"] {
+        for name in ["gzip", "lzf", "lzf_shuffle", "scaleoffset", "chunked", "unlimited"] {
+            let volume = open_hdf5(file, &array(name)).unwrap_or_else(|error| panic!("{file} {name}: {error:?}"));
+            assert!(volume.voxels == voxels("uint16", &numbers(DIMS, 1, 0, 0)), "{file} {name}");
+        }
+        let mut expected = numbers(DIMS, 1, 0, 0);
+        expected[..3 * 9 * 10].fill(77);
+        assert!(open_hdf5(file, &array("sparse")).unwrap().voxels == voxels("uint16", &expected), "{file}");
+    }
+}
+
+#[test]
+fn an_array_of_four_axes_is_read_once_they_are_stated() {
+    refused(open_hdf5("four.h5", &Selection::default()), &["four.h5", "2×7×10×9", "state the axes"]);
+    for channel in [0, 1] {
+        let selection = Selection { axes: Some("czyx".to_owned()), ..component(channel) };
+        let volume = open_hdf5("four.h5", &selection).unwrap();
+        assert!(volume.voxels == voxels("uint16", &numbers(DIMS, 1, channel, 0)));
+        assert_eq!(volume.components, 2);
+    }
+    // Another order of the same axes: x and z are exchanged.
+    let turned = Selection { axes: Some("cxyz".to_owned()), ..component(1) };
+    let volume = open_hdf5("four.h5", &turned).unwrap();
+    assert_eq!(volume.geometry.dims, [7, 10, 9]);
+    assert_eq!(volume.value([2, 3, 4]), Some(f64::from(4 * 4 + 7 * 3 + 40 * 2 + 300)));
+}
+
+#[test]
+fn sizes_of_elements_and_coordinates_are_spacings() {
+    let volume = open_hdf5("single.h5", &Selection::default()).unwrap();
+    assert!(volume.voxels == voxels("uint8", &numbers(DIMS, 1, 0, 0)));
+    assert_eq!((volume.geometry.spacing, volume.unit), (DVec3::new(0.25, 0.5, 2.0), Some(Unit::Micrometre)));
+    assert!(volume.metadata.contains(&("long_name".to_owned(), "nuclei".to_owned())));
+    for file in ["netcdf4.nc", "netcdf3.nc", "netcdf3_offset64.nc", "netcdf3_data64.nc"] {
+        refused(open_hdf5(file, &Selection::default()), &["the arrays /kelvin, /wind"]);
+        refused(open_hdf5(file, &array("kelvin")), &["2 time steps"]);
+        let selection = Selection { time: Some(1), ..array("kelvin") };
+        let kelvin = open_hdf5(file, &selection).unwrap();
+        assert!(kelvin.voxels == voxels("int16", &numbers(DIMS, 1, 0, 1)), "{file}");
+        assert_eq!((kelvin.slope, kelvin.intercept), (0.25, 200.0));
+        // depth falls by 2000 µm from 40 µm; all axes take the unit of x.
+        let grid = kelvin.geometry;
+        assert!(grid.spacing.abs_diff_eq(DVec3::new(0.5, 1.5, 2.0), 1e-9), "{file}: {}", grid.spacing);
+        assert!(grid.origin.abs_diff_eq(DVec3::new(-3.0, 5.0, 0.04), 1e-9), "{file}: {}", grid.origin);
+        assert_eq!((grid.direction.z_axis, kelvin.unit), (DVec3::NEG_Z, Some(Unit::Millimetre)), "{file}");
+        let wind = open_hdf5(file, &array("wind")).unwrap();
+        assert!(wind.value([0, 0, 0]).unwrap().is_nan(), "{file}");
+        assert_eq!(wind.value([1, 0, 0]), Some(0.125));
+        assert!(wind.notes.join(" ").contains("1 voxels have the fill value -999"), "{file}: {:?}", wind.notes);
+    }
+}
+
+#[test]
+fn the_world_of_minc_is_turned_to_that_of_dicom() {
+    let volume = open_hdf5("minc.mnc", &Selection::default()).unwrap();
+    assert!(volume.voxels == voxels("uint16", &numbers(DIMS, 1, 0, 0)));
+    let grid = volume.geometry;
+    assert!(volume.anatomical && volume.unit == Some(Unit::Millimetre));
+    assert!(grid.spacing.abs_diff_eq(DVec3::new(1.5, 2.0, 3.0), 1e-12), "{}", grid.spacing);
+    // World RAS = Σ cosines · (start + step · index); x and y are negated for LPS.
+    let world = |index: DVec3| {
+        let along = [
+            DVec3::new(0.8, 0.6, 0.0) * (-10.0 + 1.5 * index.x),
+            DVec3::new(-0.6, 0.8, 0.0) * (20.0 - 2.0 * index.y),
+            DVec3::Z * (30.0 + 3.0 * index.z),
+        ];
+        (along[0] + along[1] + along[2]) * DVec3::new(-1.0, -1.0, 1.0)
+    };
+    for index in [DVec3::ZERO, DVec3::new(8.0, 2.0, 5.0)] {
+        assert!(grid.world_from_index(index).abs_diff_eq(world(index), 1e-9), "{index}");
+    }
+}
+
+#[test]
+fn an_imaris_file_has_channels_times_and_levels() {
+    let one = |channel, time, level| {
+        let selection = Selection { time: Some(time), level: Some(level), ..component(channel) };
+        open_hdf5("imaris.ims", &selection).unwrap()
+    };
+    for (channel, time) in [(0, 0), (1, 0), (1, 1)] {
+        let volume = one(channel, time, 0);
+        assert!(volume.voxels == voxels("uint16", &numbers(DIMS, 1, channel, time)), "channel {channel}, time {time}");
+        assert!(one(channel, time, 1).voxels == voxels("uint16", &numbers([5, 5, 4], 2, channel, time)));
+        assert_eq!(volume.component_names, ["DAPI", "GFP"]);
+        let title = ["DAPI", "GFP"][channel];
+        assert_eq!(volume.presets.windows, [Window::new(title, 10.0, 250.0).unwrap()]);
+        // The box of the image is that of the outer faces of its voxels.
+        let grid = volume.geometry;
+        assert!(grid.spacing.abs_diff_eq(DVec3::new(0.5, 0.5, 1.0), 1e-12), "{}", grid.spacing);
+        assert!(grid.origin.abs_diff_eq(DVec3::new(-0.75, 0.25, 4.5), 1e-12), "{}", grid.origin);
+        assert_eq!(volume.unit, Some(Unit::Micrometre));
+        assert!(
+            volume.metadata.contains(&("colour of channel 0".to_owned(), "#0000ff".to_owned())),
+            "{:?}",
+            volume.metadata
+        );
+    }
+    refused(open_hdf5("imaris.ims", &Selection::default()), &["2 components per voxel (DAPI, GFP)"]);
+    refused(open_hdf5("imaris.ims", &component(0)), &["2 time steps"]);
+}
+
+#[test]
+fn damaged_hdf5_and_netcdf_files_are_refused_with_a_place() {
+    let bytes = |name: &str| std::fs::read(hdf5(name)).unwrap();
+    let single = bytes("single.h5");
+    refused(volumes::opened("v.h5", &single[..single.len() / 2], &Selection::default()), &["v.h5"]);
+    refused(volumes::opened("v.h5", b"words", &Selection::default()), &["v.h5"]);
+    let netcdf = bytes("netcdf3.nc");
+    refused(volumes::opened("v.nc", &netcdf[..netcdf.len() - 100], &array("wind")), &["v.nc"]);
+    // A gzip chunk: any byte of it counts, and Adler-32 notices.
+    let mut damaged = bytes("codings.h5");
+    let at = damaged.windows(2).position(|pair| pair == [0x78, 0x5e]).unwrap();
+    damaged[at + 20] ^= 0x55;
+    let error = [("gzip"), ("unlimited")].iter().find_map(|name| volumes::opened("v.h5", &damaged, &array(name)).err());
+    let message = volumes::whole_message(&error.unwrap());
+    assert!(message.contains("v.h5, array /") && message.contains("block from ["), "{message}");
 }

@@ -196,6 +196,23 @@ fn a_zarr_store_of_anything_is_read_or_refused() {
 }
 
 #[test]
+fn an_hdf5_file_of_anything_is_read_or_refused() {
+    let is_netcdf = |seed: &Vec<u8>| seed.starts_with(b"CDF");
+    let place = Place::new(Reader::Hdf5, RARELY);
+    // Some need a choice of axes.
+    let all = seeds("hdf5").into_iter().filter(|seed| !is_netcdf(seed) && place.read(seed));
+    let sound: Vec<_> = all.collect();
+    assert!(sound.len() >= 5, "{} files", sound.len());
+    withstands(Reader::Hdf5, &sound, 4000);
+}
+
+#[test]
+fn a_netcdf_file_of_anything_is_read_or_refused() {
+    let netcdf: Vec<_> = seeds("hdf5").into_iter().filter(|seed| seed.starts_with(b"CDF")).collect();
+    withstands(Reader::NetCdf, &netcdf, 8000);
+}
+
+#[test]
 fn a_slice_of_anything_is_read_or_refused() {
     withstands(Reader::Slices, &seeds("hostile/slices"), 8000);
 }

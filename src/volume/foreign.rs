@@ -15,9 +15,7 @@ struct Foreign {
 }
 
 /// Known formats; the first that recognises a file names it.
-const FOREIGN: [Foreign; 12] = [
-    Foreign { name: "an HDF5 file", extensions: &["h5", "hdf5", "mnc"], recognises: |b| b.starts_with(b"\x89HDF\r\n") },
-    Foreign { name: "a NetCDF file", extensions: &["nc"], recognises: |b| b.starts_with(b"CDF") },
+const FOREIGN: [Foreign; 10] = [
     Foreign {
         name: "a Vaa3D raw file",
         extensions: &["v3draw"],

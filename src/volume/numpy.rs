@@ -170,6 +170,7 @@ impl Place<'_> {
         volume.has_labels = header.is_boolean;
         volume.files = data.paths();
         notes.push(format!("{source_name}: NumPy files have no spacing; Relume uses 1 1 1"));
+        volume.assumed_spacing = notes.last().cloned();
         volume.notes = notes;
         Ok(volume)
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::stream::beginning;
 use super::{
-    PackedBlocks, RawLayout, Selection, Volume, VolumeError, dicom, folder, foreign, metaimage, mrc, nifti, nrrd,
+    PackedBlocks, RawLayout, Selection, Volume, VolumeError, dicom, folder, foreign, hdf5, metaimage, mrc, nifti, nrrd,
     numpy, raw, tiff, vti, vtk, zarr,
 };
 use crate::progress::Progress;
@@ -64,7 +64,7 @@ impl Format {
 }
 
 /// All formats; a new reader is a new line.
-const FORMATS: [Format; 12] = [
+const FORMATS: [Format; 14] = [
     Format {
         name: "DICOM",
         extensions: &["dcm", "dicom", "ima"],
@@ -144,6 +144,22 @@ const FORMATS: [Format; 12] = [
         is_another: ALONE,
         further: NOTHING,
         read: vti::read,
+    },
+    Format {
+        name: "HDF5",
+        extensions: &["h5", "hdf5", "he5", "ims", "mnc", "nc4"],
+        recognises: hdf5::recognises,
+        is_another: ALONE,
+        further: Further { levels: true, axes: true, ..NOTHING },
+        read: hdf5::read,
+    },
+    Format {
+        name: "NetCDF",
+        extensions: &["nc", "cdf"],
+        recognises: hdf5::recognises_netcdf,
+        is_another: ALONE,
+        further: Further { levels: true, axes: true, ..NOTHING },
+        read: hdf5::read,
     },
     Format {
         name: "raw with a sidecar",

@@ -15,7 +15,7 @@ use relume::palette::{self, Palette};
 use relume::plan;
 use relume::progress::{Progress, Quiet};
 use relume::spectrum::{Column, SpectrumSource};
-use relume::volume::{self, Selection, VolumeError};
+use relume::volume::{self, Selection, Several, VolumeError};
 
 /// Largest number of bytes a reader may hold; alternatively, twice the size of its result.
 const ALLOWED: usize = 64 << 20;
@@ -96,6 +96,8 @@ pub enum Reader {
     Tiff,
     Slices,
     Zarr,
+    Hdf5,
+    NetCdf,
     Sidecar,
     Scene,
     Palette,
@@ -121,6 +123,8 @@ impl Reader {
             Self::Slices => "s1.png",
             // A folder, whose files are in one.
             Self::Zarr => "v.bundle",
+            Self::Hdf5 => "v.h5",
+            Self::NetCdf => "v.nc",
             Self::Sidecar => "v.raw.toml",
             Self::Scene => "scene.toml",
             Self::Palette => "palette.toml",
@@ -204,6 +208,8 @@ impl Place {
             | Reader::Dicom
             | Reader::Tiff
             | Reader::Slices
+            | Reader::Hdf5
+            | Reader::NetCdf
             | Reader::Sidecar => self.volume(),
             Reader::Zarr => self.store(bytes),
             Reader::Scene => self.scene(bytes),
@@ -259,6 +265,9 @@ impl Place {
         let open = |selection: &Selection| volume::open(path, selection, &Quiet);
         let first = Selection { component: Some(0), time: Some(0), resample: true, ..Selection::default() };
         let opened = match open(&Selection::default()) {
+            Err(VolumeError::Choose { there: Several::Arrays(names), .. }) => {
+                open(&Selection { array: names.first().cloned(), ..first })
+            }
             Err(
                 VolumeError::Choose { .. }
                 | VolumeError::Lean { .. }

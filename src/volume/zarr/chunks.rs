@@ -12,8 +12,9 @@ use super::array::Array;
 use super::codecs::{self, Decoder};
 use super::node::wrong;
 use crate::progress::Progress;
-use crate::volume::axes::{Arranged, Axis};
+use crate::volume::axes::Arranged;
 use crate::volume::stream::{self, DEFLATE_LIMIT, count};
+use crate::volume::tiles::{self, Block, Grid};
 use crate::volume::voxels::with_type;
 use crate::volume::{VolumeError, Voxel, Voxels, allocate, data, folder};
 
@@ -32,16 +33,11 @@ pub(super) fn read(
     source: &Path,
     progress: &dyn Progress,
 ) -> Result<(Voxels, u64), VolumeError> {
-    let [channel, time] = chosen;
-    let region = arranged.axes.iter().zip(&arranged.shape).map(|(axis, &length)| match axis {
-        Some(Axis::Channel) => [channel, channel + 1],
-        Some(Axis::Time) => [time, time + 1],
-        _ => [0, length],
-    });
+    let region = tiles::region(arranged, chosen);
     let unit = array.shard.as_ref().map_or(&array.chunks, |shard| &shard.chunks);
     let decoder = Decoder::new(&array.coding, unit, array.voxel_type)
         .map_err(|error| wrong(&array.file, "codecs", error.to_string()))?;
-    let reading = Reading { array, arranged, region: region.collect(), unit, decoder, source, progress };
+    let reading = Reading { array, arranged, region, unit, decoder, source, progress };
     with_type!(array.voxel_type, T => {
         let (voxels, missing) = reading.read::<T>()?;
         Ok((T::into_voxels(voxels), missing))
@@ -87,7 +83,7 @@ impl Reading<'_> {
         let solid = there.iter().fold(0_u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
         // Few or very dense chunks may hold less than they state: then all of them are decoded before the allocation.
         if bytes > UNPROVEN.max(solid.saturating_mul(2)) {
-            self.each(&grid, &there, |_, _| Ok(()))?;
+            self.each(&grid, &there, |_| Ok(()))?;
         }
         let mut volume = allocate::zeroed::<T>(self.source, voxels)?;
         let fill = bytemuck::pod_read_unaligned::<T>(&self.array.fill);
@@ -95,9 +91,9 @@ impl Reading<'_> {
             volume.fill(fill);
         }
         let done = AtomicU64::new(0);
-        let missing = self.each(&grid, &there, |coded, decoded| {
-            self.lay(coded, decoded, &mut volume);
-            let now = done.fetch_add(decoded.iter().map(|part| count(part.len())).sum(), Ordering::Relaxed);
+        let missing = self.each(&grid, &there, |blocks| {
+            tiles::lay(self.arranged, &self.region, blocks, &mut volume);
+            let now = done.fetch_add(blocks.iter().map(|block| count(block.bytes.len())).sum(), Ordering::Relaxed);
             data::report(self.source, now.min(bytes), bytes, self.progress)
         })?;
         data::report(self.source, bytes, bytes, self.progress)?;
@@ -143,15 +139,13 @@ impl Reading<'_> {
         &self,
         grid: &Grid,
         there: &[(u64, u64)],
-        mut take: impl FnMut(&[Coded], &[Vec<u8>]) -> Result<(), VolumeError>,
+        mut take: impl FnMut(&[Block]) -> Result<(), VolumeError>,
     ) -> Result<u64, VolumeError> {
         let at_once = rayon::current_num_threads().max(WAITING / self.decoder.bytes().max(1)).max(1);
         let (mut waiting, mut missing) = (Vec::new(), 0);
         let mut decode = |waiting: &mut Vec<Coded>| {
-            let decoded: Vec<Result<Vec<u8>, VolumeError>> =
-                waiting.par_iter().map(|coded| self.decoded(coded)).collect();
-            let decoded = decoded.into_iter().collect::<Result<Vec<_>, _>>()?;
-            take(waiting, &decoded)?;
+            let blocks: Vec<Result<Block, VolumeError>> = waiting.par_iter().map(|coded| self.decoded(coded)).collect();
+            take(&blocks.into_iter().collect::<Result<Vec<_>, _>>()?)?;
             waiting.clear();
             data::check_cancelled(self.source, self.progress)
         };
@@ -227,7 +221,7 @@ impl Reading<'_> {
     }
 
     /// The numbers of a chunk.
-    fn decoded(&self, coded: &Coded) -> Result<Vec<u8>, VolumeError> {
+    fn decoded(&self, coded: &Coded) -> Result<Block, VolumeError> {
         data::check_cancelled(self.source, self.progress)?;
         let mut file = stream::open(&coded.path)?;
         let failed = |source| stream::failed(&coded.path, source);
@@ -239,86 +233,8 @@ impl Reading<'_> {
             return Err(coded.damaged(encoding, io::Error::other(problem)));
         }
         let bytes = part(&mut file, part_of).map_err(failed)?;
-        self.decoder.decode(bytes).map_err(|source| coded.damaged(encoding, source))
-    }
-
-    /// Lays decoded chunks into the volume.
-    fn lay<T: Voxel>(&self, coded: &[Coded], decoded: &[Vec<u8>], volume: &mut [T]) {
-        let [nx, ny, _] = self.arranged.dims();
-        let places = [Axis::X, Axis::Y, Axis::Z].map(|axis| self.arranged.place(axis));
-        let steps = |axis: usize| self.unit[axis + 1..].iter().product::<usize>();
-        // Voxels of a chunk along x, y and z: first voxel in the volume, first in the chunk, their number, step in the
-        // chunk.
-        let spans = |start: &[usize]| {
-            places.map(|place| match place {
-                Some(axis) => {
-                    let length = self.unit[axis].min(self.arranged.shape[axis] - start[axis]);
-                    (start[axis], length, steps(axis))
-                }
-                None => (0, 1, 0),
-            })
-        };
-        let fixed = |start: &[usize]| -> usize {
-            let fixed = (0..start.len()).filter(|&axis| !places.contains(&Some(axis)));
-            fixed.map(|axis| (self.region[axis][0] - start[axis]) * steps(axis)).sum()
-        };
-        volume.par_chunks_mut(nx * ny).enumerate().for_each(|(z, plane)| {
-            for (coded, decoded) in coded.iter().zip(decoded) {
-                let [x, y, depth] = spans(&coded.start);
-                if z < depth.0 || z >= depth.0 + depth.1 {
-                    continue;
-                }
-                let from = fixed(&coded.start) + (z - depth.0) * depth.2;
-                for row in 0..y.1 {
-                    let out = &mut plane[(y.0 + row) * nx + x.0..][..x.1];
-                    let from = from + row * y.2;
-                    if x.2 == 1 || x.1 == 1 {
-                        let bytes = &decoded[from * size_of::<T>()..][..size_of_val(out)];
-                        bytemuck::cast_slice_mut(out).copy_from_slice(bytes);
-                        continue;
-                    }
-                    for (index, voxel) in out.iter_mut().enumerate() {
-                        let at = (from + index * x.2) * size_of::<T>();
-                        *voxel = bytemuck::pod_read_unaligned(&decoded[at..at + size_of::<T>()]);
-                    }
-                }
-            }
-        });
-    }
-}
-
-/// Chunks over a part of an array.
-struct Grid {
-    /// First chunk along each axis.
-    first: Vec<usize>,
-    /// Number of chunks along each axis.
-    sides: Vec<usize>,
-}
-
-impl Grid {
-    /// The chunks of these lengths over `region`.
-    fn over(region: &[[usize; 2]], lengths: &[usize]) -> Self {
-        let first = region.iter().zip(lengths).map(|(&[first, _], length)| first / length);
-        let ends = region.iter().zip(lengths).map(|(&[_, end], length)| end.div_ceil(*length));
-        let first: Vec<usize> = first.collect();
-        let sides = ends.zip(&first).map(|(end, first)| end.saturating_sub(*first)).collect();
-        Self { first, sides }
-    }
-
-    /// Number of chunks.
-    fn len(&self) -> u64 {
-        self.sides.iter().fold(1, |all, &side| all.saturating_mul(count(side)))
-    }
-
-    /// Indices of chunk `number` in the array; the last axis is the fastest.
-    fn indices(&self, mut number: u64) -> Vec<usize> {
-        let mut indices = self.first.clone();
-        for (index, &side) in indices.iter_mut().zip(&self.sides).rev() {
-            let side = count(side).max(1);
-            *index += usize::try_from(number % side).unwrap_or(0);
-            number /= side;
-        }
-        indices
+        let bytes = self.decoder.decode(bytes).map_err(|source| coded.damaged(encoding, source))?;
+        Ok(Block { start: coded.start.clone(), lengths: self.unit.to_vec(), bytes })
     }
 }
 

@@ -244,16 +244,19 @@ impl Reading<'_> {
             .filter(|&axis| dims[axis] > 1 && level.spacing[axis].is_none())
             .map(|axis| ["x", "y", "z"][axis])
             .collect();
-        if level.spacing == [None; 3] {
-            notes.push("the store states no spacing; Relume uses 1 1 1".to_owned());
-        } else if !unknown.is_empty() {
-            notes.push(format!("the store states no spacing along {}; Relume uses 1", unknown.join(" and ")));
-        }
+        let assumed = if level.spacing == [None; 3] {
+            Some("the store states no spacing; Relume uses 1 1 1".to_owned())
+        } else {
+            let along = (!unknown.is_empty()).then(|| unknown.join(" and "));
+            along.map(|along| format!("the store states no spacing along {along}; Relume uses 1"))
+        };
+        notes.extend(assumed.clone());
         if missing > 0 {
             let are = if missing == 1 { "chunk is" } else { "chunks are" };
             notes.push(format!("{missing} {are} not there; their voxels have the fill value"));
         }
         volume.notes = notes.into_iter().map(|note| format!("{source}: {note}")).collect();
+        volume.assumed_spacing = assumed.map(|note| format!("{source}: {note}"));
         if number > 0 {
             volume.selection.level = Some(number);
         }
