@@ -83,7 +83,7 @@ pub(crate) struct SelectionArgs {
     /// finest that fits the memory.
     #[arg(long, help_heading = SEVERAL, value_name = "N")]
     pyramid_level: Option<usize>,
-    /// Axes of an array of NumPy, Zarr or HDF5 that does not name them, slowest first, such as czyx: x, y, z, c (component) and
+    /// Axes of an array (.npy, Zarr, HDF5) that does not name them, slowest first, such as czyx: x, y, z, c (component) and
     /// t (time).
     #[arg(long, help_heading = SEVERAL, value_name = "LETTERS")]
     axes: Option<String>,

@@ -1,4 +1,4 @@
-//! Arrays of an HDF5 or NetCDF file with their attributes, through the crates `hdf5-reader` and `netcdf-reader`.
+//! Arrays of an HDF5 or `NetCDF` file with their attributes, through the crates `hdf5-reader` and `netcdf-reader`.
 
 use std::collections::HashSet;
 use std::io;
@@ -68,7 +68,7 @@ pub(super) struct Array {
     /// Names of the axes; empty if there are none.
     pub(super) dimensions: Vec<String>,
     pub(super) attributes: Attributes,
-    /// `None` for a variable of NetCDF-3.
+    /// `None` for a variable of `NetCDF`-3.
     dataset: Option<Dataset>,
 }
 
@@ -259,7 +259,7 @@ impl File {
         Ok(arrays)
     }
 
-    /// Names the axes of the arrays of a NetCDF-4 file.
+    /// Names the axes of the arrays of a `NetCDF`-4 file.
     fn name_dimensions(&self, arrays: &mut [Array]) {
         let Ok(file) = stream::open(&self.path) else { return };
         let opened = of_netcdf(|| {
@@ -397,7 +397,7 @@ fn of_dataset(name: &str, dataset: Dataset) -> Option<Array> {
     })
 }
 
-/// An array of a variable of NetCDF-3; `None` unless it has numbers and at least one axis.
+/// An array of a variable of `NetCDF`-3; `None` unless it has numbers and at least one axis.
 fn of_variable(variable: &netcdf_reader::NcVariable) -> Option<Array> {
     let voxel_type = match variable.dtype() {
         NcType::Byte => VoxelType::I8,

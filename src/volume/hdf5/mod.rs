@@ -1,4 +1,4 @@
-//! HDF5 and NetCDF, with the conventions of MINC-2, Imaris and ilastik.
+//! HDF5 and `NetCDF`, with the conventions of MINC-2, Imaris and ilastik.
 
 mod file;
 mod placing;
@@ -32,7 +32,7 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
     [0, 512, 1024, 2048].iter().any(|&at| beginning.get(at..).is_some_and(|rest| rest.starts_with(mark)))
 }
 
-/// Whether the first bytes of a file identify NetCDF-3.
+/// Whether the first bytes of a file identify `NetCDF`-3.
 pub(super) fn recognises_netcdf(beginning: &[u8]) -> bool {
     matches!(beginning, [b'C', b'D', b'F', 1 | 2 | 5, ..])
 }
@@ -220,34 +220,40 @@ impl Reading<'_> {
         if memory::available_bytes().is_some_and(|free| bytes > free) {
             return Err(VolumeError::Memory { source_name: self.source.clone(), bytes });
         }
-        let grid = Grid::over(region, unit);
-        let decode = |mut take: Box<dyn FnMut(&[Block]) -> Result<(), VolumeError> + '_>| -> Result<(), VolumeError> {
-            let size = unit.iter().product::<usize>().saturating_mul(size_of::<T>()).max(1);
-            let at_once = count(rayon::current_num_threads().max(WAITING / size));
-            let mut next = 0;
-            while next < grid.len() {
-                let end = grid.len().min(next + at_once);
-                let blocks: Vec<Result<Block, VolumeError>> = (next..end)
-                    .into_par_iter()
-                    .map(|number| self.block(array, region, unit, &grid.indices(number)))
-                    .collect();
-                take(&blocks.into_iter().collect::<Result<Vec<_>, _>>()?)?;
-                next = end;
-            }
-            Ok(())
-        };
         // A short file may hold less than it states: then all blocks are decoded before the allocation.
         if bytes > length.saturating_mul(16).max(UNPROVEN) {
-            decode(Box::new(|_| Ok(())))?;
+            self.each(array, region, unit, |_| Ok(()))?;
         }
         let mut volume = allocate::zeroed::<T>(path, voxels)?;
         let mut done = 0;
-        decode(Box::new(|blocks| {
+        self.each(array, region, unit, |blocks| {
             tiles::lay(arranged, region, blocks, &mut volume);
             done += blocks.iter().map(|block| count(block.bytes.len())).sum::<u64>();
             data::report(path, done.min(bytes), bytes, self.progress)
-        }))?;
+        })?;
         Ok(volume)
+    }
+
+    /// Decodes the blocks of the region, some at a time, and hands them on.
+    fn each(
+        &self,
+        array: &Array,
+        region: &[[usize; 2]],
+        unit: &[usize],
+        mut take: impl FnMut(&[Block]) -> Result<(), VolumeError>,
+    ) -> Result<(), VolumeError> {
+        let grid = Grid::over(region, unit);
+        let size = unit.iter().product::<usize>().saturating_mul(array.voxel_type.bytes()).max(1);
+        let at_once = count(rayon::current_num_threads().max(WAITING / size));
+        let mut next = 0;
+        while next < grid.len() {
+            let end = grid.len().min(next + at_once);
+            let one = |number: u64| self.block(array, region, unit, &grid.indices(number));
+            let blocks: Vec<Result<Block, VolumeError>> = (next..end).into_par_iter().map(one).collect();
+            take(&blocks.into_iter().collect::<Result<Vec<_>, _>>()?)?;
+            next = end;
+        }
+        Ok(())
     }
 
     /// The block with these indices, as far as it is in the region.

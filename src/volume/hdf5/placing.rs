@@ -125,7 +125,7 @@ fn named(names: &[String], shape: &[usize]) -> Option<Vec<Option<Axis>>> {
     Some(ordered)
 }
 
-/// The placing by coordinate variables of NetCDF: arrays with the names of the axes.
+/// The placing by coordinate variables of `NetCDF`: arrays with the names of the axes.
 fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
     let mut placed = Placed { axes: named(&array.dimensions, &array.shape), ..Placed::default() };
     let Some(axes) = &placed.axes else { return placed };

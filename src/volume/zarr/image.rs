@@ -41,6 +41,9 @@ struct Placing {
     translation: Vec<f64>,
 }
 
+/// Meaning and unit of an axis.
+type Named = (Option<Axis>, Option<String>);
+
 /// The images that `node` describes; empty if it describes none.
 pub(super) fn multiscales(node: &Node) -> Result<Vec<Image>, VolumeError> {
     let list = node.attributes.get("multiscales").and_then(Value::as_array);
@@ -84,12 +87,7 @@ fn image(node: &Node, multiscale: &Value, place: &str) -> Result<Image, VolumeEr
 }
 
 /// Meaning and unit of every axis of `array`, slowest first.
-fn named_axes(
-    node: &Node,
-    multiscale: &Value,
-    array: &Array,
-    place: &str,
-) -> Result<Vec<(Option<Axis>, Option<String>)>, VolumeError> {
+fn named_axes(node: &Node, multiscale: &Value, array: &Array, place: &str) -> Result<Vec<Named>, VolumeError> {
     let rank = array.shape.len();
     let Some(list) = multiscale.get("axes").and_then(Value::as_array) else {
         // Versions 0.1 and 0.2 have five axes of one order.
@@ -157,7 +155,7 @@ impl Placing {
 
 impl Image {
     /// Spacing and origin of a level, in the unit of x.
-    fn place(&mut self, level: &mut Level, placing: &Placing, named: &[(Option<Axis>, Option<String>)]) {
+    fn place(&mut self, level: &mut Level, placing: &Placing, named: &[Named]) {
         let places = [Axis::X, Axis::Y, Axis::Z].map(|axis| level.arranged.place(axis));
         for (axis, place) in places.into_iter().enumerate() {
             let Some(place) = place else { continue };
@@ -178,13 +176,13 @@ impl Image {
     fn space_by_dims(&mut self) {
         let Some((fine, coarse)) = self.levels.split_first_mut() else { return };
         for level in coarse {
-            let dims = [fine.arranged.dims(), level.arranged.dims()];
-            for axis in 0..3 {
-                let [fine, own] = [dims[0][axis], dims[1][axis]].map(crate::number::count);
+            let sides = fine.arranged.dims().into_iter().zip(level.arranged.dims());
+            for (axis, (fine, own)) in sides.enumerate() {
                 if level.spacing[axis].is_none() && fine != own {
-                    level.spacing[axis] = Some(fine / own);
+                    let step = crate::number::count(fine) / crate::number::count(own);
+                    level.spacing[axis] = Some(step);
                     // A coarse voxel lies at the centre of the fine ones.
-                    level.origin[axis] = (fine / own - 1.0) / 2.0;
+                    level.origin[axis] = (step - 1.0) / 2.0;
                 }
             }
         }

@@ -64,7 +64,7 @@ pub(super) struct Node {
 /// Description of an array.
 #[derive(Debug)]
 pub(super) enum Description {
-    V2(V2),
+    V2(Box<V2>),
     V3(Box<V3>),
 }
 
@@ -153,7 +153,7 @@ impl Node {
         if file.is_file() {
             let array: V2 = json(&file)?;
             of_version(&file, array.zarr_format)?;
-            let array = Some(Description::V2(array));
+            let array = Some(Description::V2(Box::new(array)));
             return Ok(Self { path: path.to_owned(), file, array, attributes, attributes_file });
         }
         let file = path.join(".zgroup");
