@@ -205,6 +205,11 @@ fn minc(file: &File, array: &Array) -> Option<Placed> {
         placed.steps[axis] = Some(along * step * turn);
         origin += along * dimension.number("start").unwrap_or(0.0) * turn;
     }
+    if file.array_or_scalar(&array.name.replace("/image/0/image", "/image/0/image-max")).is_some() {
+        placed
+            .notes
+            .push("the scales image-min and image-max are not applied; the voxels are the stored numbers".to_owned());
+    }
     placed.origin = origin;
     placed.unit = Some(Unit::Millimetre);
     placed.is_anatomical = true;
