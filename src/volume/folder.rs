@@ -10,7 +10,7 @@ use super::{Selection, Volume, VolumeError, data, dicom, foreign, slices, stream
 use crate::progress::Progress;
 
 /// Largest number of files and folders in a folder, together with those in its folders.
-pub(super) const MOST: usize = 100_000;
+const MOST: usize = 100_000;
 /// Levels of folders that are searched; exports of scanners have four.
 const DEEPEST: usize = 8;
 

@@ -16,7 +16,7 @@ use crate::volume::axes::Arranged;
 use crate::volume::stream::{self, DEFLATE_LIMIT, count};
 use crate::volume::tiles::{self, Block, Grid};
 use crate::volume::voxels::with_type;
-use crate::volume::{VolumeError, Voxel, Voxels, allocate, data, folder};
+use crate::volume::{VolumeError, Voxel, Voxels, allocate, data};
 
 /// Bytes of decoded chunks that wait for their place in the volume.
 const WAITING: usize = 16 << 20;
@@ -260,7 +260,7 @@ fn files_below(path: &Path) -> Result<usize, VolumeError> {
                 files += 1;
             }
             // So many suffice for every array.
-            if files > folder::MOST {
+            if files > super::MOST_NAMES {
                 return Ok(usize::MAX);
             }
         }

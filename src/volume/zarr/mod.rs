@@ -32,6 +32,8 @@ pub(super) use node::{is_node, node_of};
 
 /// Most arrays or images of a group.
 const MOST: usize = 1000;
+/// Most names of a folder that are looked at.
+const MOST_NAMES: usize = 100_000;
 
 /// Reads the volume of the node in the folder `path`: an image, a level of one, an array, or a group with one of them.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
@@ -333,7 +335,7 @@ fn texts<'a>(values: impl Iterator<Item = &'a Value>) -> Vec<String> {
 fn inside(group: &Node) -> Result<Vec<String>, VolumeError> {
     let failed = |source| super::stream::failed(&group.path, source);
     let mut names = Vec::new();
-    for entry in std::fs::read_dir(&group.path).map_err(failed)?.take(super::folder::MOST) {
+    for entry in std::fs::read_dir(&group.path).map_err(failed)?.take(MOST_NAMES) {
         let entry = entry.map_err(failed)?;
         let Ok(name) = entry.file_name().into_string() else { continue };
         if names.len() < MOST && is_node(&entry.path()) {
