@@ -134,8 +134,16 @@ fn info_of_a_volume_has_the_promised_keys() {
 fn channels_are_listed_by_their_names() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");
     let folder = Folder::new();
+    // A listing, as of the series of a folder, and no error.
+    let listed = folder.done(&["info", file]).out;
+    for words in ["2 components per voxel (DAPI, GFP)", "0 DAPI", "1 GFP", "--component N"] {
+        assert!(listed.contains(words), "no {words:?} in {listed}");
+    }
+    let json = folder.done(&["info", file, "--json"]).json();
+    assert_eq!((&json["components"], &json["component_names"]), (&2.into(), &serde_json::json!(["DAPI", "GFP"])));
+    folder.refused(2, &["info", file, "--voxel", "0,0,0"], &["--voxel has no effect", "--component N"]);
     let words = ["2 components per voxel (DAPI, GFP)", "choose a component from 0 to 1 with --component N"];
-    folder.refused(1, &["info", file], &words);
+    folder.refused(1, &["render", file, "-o", "c.png"], &words);
     assert!(folder.done(&["info", file, "--component", "1"]).out.contains("2 (DAPI, GFP), one of which is read"));
     let json = folder.done(&["info", file, "--component", "1", "--json"]).json();
     assert_eq!((&json["component_names"], &json["unit"]), (&serde_json::json!(["DAPI", "GFP"]), &"nm".into()));
@@ -151,7 +159,7 @@ fn a_component_is_chosen_by_flag_or_by_the_scene() {
         .with("rgb.toml", "version = 1\n[volume]\nfile = \"rgb.nrrd\"\ncomponent = 2\n");
     folder.refused(
         1,
-        &["info", "rgb.nrrd"],
+        &["convert", "rgb.nrrd", "one.nrrd"],
         &["3 components per voxel (rgb-color)", "choose a component from 0 to 2 with --component N"],
     );
     folder.refused(1, &["info", "rgb.nrrd", "--component", "3"], &["--component 3", "3 components"]);
@@ -1022,4 +1030,39 @@ fn annotations_lie_over_the_picture_and_leave_the_rest_as_it_is() {
     let linear = |name: &str| Exr::read(&folder.path(name)).rgba();
     assert!(linear("a.exr") == linear("plain.exr"), "a linear picture is annotated");
     folder.refused(2, &[&sized[..], &["--title", "t", "-o", "t.png"]].concat(), &["--annotate"]);
+}
+
+#[test]
+fn times_and_arrays_are_listed_by_info() {
+    let header =
+        "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 2 2 1 3\nkinds: space space space time\nencoding: raw\n\n";
+    let folder = Folder::new().with("beat.nrrd", [header.as_bytes(), &[7; 12]].concat());
+    let listed = folder.done(&["info", "beat.nrrd"]).out;
+    assert!(listed.contains("3 time steps") && listed.contains("0 to 2") && listed.contains("--time N"), "{listed}");
+    assert_eq!(folder.done(&["info", "beat.nrrd", "--json"]).json()["times"], 3);
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/hdf5/netcdf3.nc");
+    let listed = folder.done(&["info", file]).out;
+    assert!(listed.contains("/kelvin\n") && listed.contains("/wind\n") && listed.contains("--array NAME"), "{listed}");
+    assert_eq!(folder.done(&["info", file, "--json"]).json()["arrays"], serde_json::json!(["/kelvin", "/wind"]));
+}
+
+#[test]
+fn a_spacing_that_is_given_needs_no_warning() {
+    let header = b"\x93NUMPY\x01\0\x4b\0{'descr': '|u1', 'fortran_order': False, 'shape': (2, 2, 3), }            \n";
+    let folder = Folder::new()
+        .with("v.npy", [&header[..], &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]].concat())
+        .with("v.toml", "version = 1\n[volume]\nfile = \"v.npy\"\nspacing = [2, 2, 3]\nunit = \"nm\"\n");
+    let said = folder.done(&["info", "v.npy"]);
+    assert!(said.err.contains("NumPy files have no spacing"), "{}", said.err);
+    let said = folder.done(&["info", "v.npy", "--spacing", "0.2x0.2x0.6um"]);
+    assert!(said.out.contains("0.2 × 0.2 × 0.6 µm") && !said.err.contains("spacing"), "{}{}", said.out, said.err);
+    let said = folder.done(&["info", "v.toml"]);
+    assert!(!said.err.contains("no spacing"), "{}", said.err);
+    // The spacing is that of the voxels of the file, before they are averaged.
+    let arguments = ["convert", "v.npy", "v.nrrd", "--spacing", "1x2x4mm", "--downsample", "1x2x2"];
+    assert!(!folder.done(&arguments).err.contains("no spacing"));
+    let json = folder.done(&["info", "v.nrrd", "--json"]).json();
+    assert_eq!((&json["spacing"], &json["unit"]), (&serde_json::json!([1.0, 4.0, 8.0]), &"mm".into()));
+    folder.refused(2, &["info", "v.npy", "--spacing", "1x1x1furlong"], &["furlong is no unit", "um"]);
+    folder.refused(2, &["info", "--spacing", "1x1x1"], &["--spacing has no effect"]);
 }

@@ -343,6 +343,48 @@ fn a_folder_is_read_eight_levels_deep_and_says_what_it_skips() {
 }
 
 #[test]
+fn a_damaged_file_of_another_series_is_skipped_with_a_warning() {
+    let of = |series: &str, number: &str, place: f64, from: u16| {
+        slice(place, from).text(0x0020_000e, "UI", series).text(0x0020_0011, "IS", number)
+    };
+    let whole = |series: &str, number: &str, place: f64, from: u16| file(&of(series, number, place, from), EXPLICIT);
+    let cut = |bytes: Vec<u8>| bytes[..bytes.len() - 8].to_vec();
+    let files = [
+        ("a1", whole("1.2.3", "3", 0.0, 0)),
+        ("a2", whole("1.2.3", "3", 2.0, 12)),
+        ("b1", whole("1.2.34", "4", 0.0, 0)),
+        ("b2", cut(whole("1.2.34", "4", 2.0, 12))),
+    ];
+    let folder = volumes::folder(&files);
+    let series = |key: &str| Selection { series: Some(key.to_owned()), ..Selection::default() };
+    let volume = open(folder.path(), &series("3")).unwrap();
+    assert_eq!(volume.geometry.dims, [4, 3, 2]);
+    let notes = volume.notes.join(" ");
+    assert!(notes.contains("1 damaged DICOM file is not of this series, and skipped; it is b2 ("), "{notes}");
+    // A damaged slice must not be missing without a word.
+    refused(open(folder.path(), &series("4")), &["b2"]);
+    // All series are listed.
+    refused(open(folder.path(), &Selection::default()), &["2 series", "choose one of them"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_folder_that_cannot_be_listed_is_skipped_with_a_warning() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = volumes::folder(&[("a", file(&slice(0.0, 0), EXPLICIT)), ("private/b", b"words".to_vec())]);
+    let private = folder.path().join("private");
+    std::fs::set_permissions(&private, std::fs::Permissions::from_mode(0)).unwrap();
+    if std::fs::read_dir(&private).is_ok() {
+        eprintln!("this user lists every folder, this test ran on nothing");
+        return;
+    }
+    let volume = open(folder.path(), &Selection::default()).unwrap();
+    std::fs::set_permissions(&private, std::fs::Permissions::from_mode(0o700)).unwrap();
+    let notes = volume.notes.join(" ");
+    assert!(notes.contains("the folder private (") && notes.contains("cannot be listed, and is skipped"), "{notes}");
+}
+
+#[test]
 fn frames_without_positions_are_times_and_colours_are_components() {
     let frames = slice(0.0, 0).text(0x0028_0008, "IS", "3").without(0x0020_0032).with(
         0x7fe0_0010,

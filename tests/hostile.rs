@@ -186,6 +186,33 @@ fn a_tiff_file_of_anything_is_read_or_refused() {
 }
 
 #[test]
+fn a_zarr_store_of_anything_is_read_or_refused() {
+    let place = Place::new(Reader::Zarr, RARELY);
+    // Some need a choice of series, or have more files than a test has time for.
+    let is_short = |seed: &Vec<u8>| seed.len() < 6000;
+    let sound: Vec<_> = seeds("zarr").into_iter().filter(is_short).filter(|seed| place.read(seed)).collect();
+    assert!(sound.len() > 30, "{} stores", sound.len());
+    withstands(Reader::Zarr, &sound, 4000);
+}
+
+#[test]
+fn an_hdf5_file_of_anything_is_read_or_refused() {
+    let is_netcdf = |seed: &Vec<u8>| seed.starts_with(b"CDF");
+    let place = Place::new(Reader::Hdf5, RARELY);
+    // Some need a choice of axes.
+    let all = seeds("hdf5").into_iter().filter(|seed| !is_netcdf(seed) && place.read(seed));
+    let sound: Vec<_> = all.collect();
+    assert!(sound.len() >= 5, "{} files", sound.len());
+    withstands(Reader::Hdf5, &sound, 4000);
+}
+
+#[test]
+fn a_netcdf_file_of_anything_is_read_or_refused() {
+    let netcdf: Vec<_> = seeds("hdf5").into_iter().filter(|seed| seed.starts_with(b"CDF")).collect();
+    withstands(Reader::NetCdf, &netcdf, 8000);
+}
+
+#[test]
 fn a_slice_of_anything_is_read_or_refused() {
     withstands(Reader::Slices, &seeds("hostile/slices"), 8000);
 }

@@ -120,6 +120,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("tracing", &["cli", "document", "measure", "spectrum", "view", "vulkan"]),
     ("clarabel", &["palette"]),
     ("exr", &["output"]),
+    ("zarrs", &["volume"]),
 ];
 
 /// Words that modules must not use.

@@ -119,6 +119,44 @@ fn the_last_index_is_x_whichever_order_the_numbers_have() {
 }
 
 #[test]
+fn more_axes_are_components_and_times_once_they_are_stated() {
+    // a[t, c, z, y, x] = 100 t + 50 c + 20 z + 5 y + x.
+    let sides = [2, 2, 2, 3, 4];
+    let value = |[t, c, z, y, x]: [usize; 5]| (100 * t + 50 * c + 20 * z + 5 * y + x) as u8;
+    let index = |mut number: usize, order: [usize; 5]| {
+        let mut index = [0; 5];
+        for axis in order {
+            (index[axis], number) = (number % sides[axis], number / sides[axis]);
+        }
+        index
+    };
+    let all = |order| (0..96).map(|number| value(index(number, order))).collect::<Vec<u8>>();
+    for (order, data) in [("False", all([4, 3, 2, 1, 0])), ("True", all([0, 1, 2, 3, 4]))] {
+        let bytes = npy(1, &header("'|u1'", order, "(2, 2, 2, 3, 4)"), &data);
+        let select = |component, time| {
+            let axes = Some("tczyx".to_owned());
+            open_named("v.npy", &bytes, &Selection { component, time, axes, ..Selection::default() })
+        };
+        for (t, c) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let volume = select(Some(c), Some(t)).unwrap();
+            assert_eq!((volume.geometry.dims, volume.components), ([4, 3, 2], 2));
+            for [x, y, z] in [[0, 0, 0], [3, 0, 0], [0, 2, 0], [0, 0, 1], [2, 1, 1]] {
+                assert_eq!(volume.value([x, y, z]), Some(f64::from(value([t, c, z, y, x]))), "{order}: {t}, {c}");
+            }
+        }
+        volumes::refused(select(None, Some(0)), &["2 components"]);
+        volumes::refused(select(Some(0), None), &["2 time steps"]);
+    }
+    let three = npy(1, &header("'|u1'", "False", "(2, 2, 3)"), &TWELVE);
+    for (letters, words) in
+        [("czyx", "the axes czyx are 4, but the array has 3"), ("zqx", "letter q"), ("zzx", "axis 1")]
+    {
+        let selection = Selection { axes: Some(letters.to_owned()), ..Selection::default() };
+        volumes::refused(open_named("v.npy", &three, &selection), &["v.npy", words]);
+    }
+}
+
+#[test]
 fn pictures_lines_and_axes_of_one_voxel_are_volumes_and_four_axes_are_refused() {
     for (shape, dims) in [
         ("(3, 4)", [4, 3, 1]),
@@ -130,7 +168,7 @@ fn pictures_lines_and_axes_of_one_voxel_are_volumes_and_four_axes_are_refused() 
         let volume = open(&npy(1, &header("'|u1'", "False", shape), &TWELVE)).unwrap();
         assert_eq!((volume.geometry.dims, volume.voxels.bytes()), (dims, &TWELVE[..]), "{shape}");
     }
-    refused(&npy(1, &header("'|u1'", "False", "(2, 1, 2, 3, 2)"), &[0; 24]), &["(2, 1, 2, 3, 2)", "4 axes"]);
+    refused(&npy(1, &header("'|u1'", "False", "(2, 1, 2, 3, 2)"), &[0; 24]), &["2×1×2×3×2", "state the axes"]);
     refused(&npy(1, &header("'|u1'", "False", "()"), &[0]), &["shape is ()"]);
     refused(&npy(1, &header("'|u1'", "False", "(2, 0, 3)"), &TWELVE), &["(2, 0, 3)"]);
 }

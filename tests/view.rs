@@ -601,15 +601,15 @@ settle
 
 #[test]
 fn a_file_that_is_no_scene_is_told_of_as_info_does() {
-    let hdf5 = b"\x89HDF\r\n\x1a\n".to_vec();
-    let folder = folder().with("head.h5", &hdf5).with("head", hdf5);
-    for name in ["head.h5", "head"] {
-        folder.refused(1, &["info", name], &["this is an HDF5 file"]);
-        folder.refused(1, &["render", name, "-o", "head.png"], &["this is an HDF5 file", "NRRD"]);
+    let vaa3d = b"raw_image_stack_by_hpengL".to_vec();
+    let folder = folder().with("head.v3draw", &vaa3d).with("head", vaa3d);
+    for name in ["head.v3draw", "head"] {
+        folder.refused(1, &["info", name], &["this is a Vaa3D raw file"]);
+        folder.refused(1, &["render", name, "-o", "head.png"], &["this is a Vaa3D raw file", "NRRD"]);
     }
     let Some(screen) = Screen::new() else { return };
-    let report = screen.script(&folder, "scene.toml", "size 320 300\nsettle\ndrop head.h5\nsettle\n");
-    assert!(report["notices"][0].as_str().unwrap().contains("this is an HDF5 file"), "{}", report["notices"]);
+    let report = screen.script(&folder, "scene.toml", "size 320 300\nsettle\ndrop head.v3draw\nsettle\n");
+    assert!(report["notices"][0].as_str().unwrap().contains("this is a Vaa3D raw file"), "{}", report["notices"]);
 }
 
 #[test]

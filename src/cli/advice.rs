@@ -97,6 +97,7 @@ fn of_volume(error: &VolumeError) -> Option<String> {
         }
         VolumeError::NoLayout { guess: None, .. } => Some("; --dims and --type give them".to_owned()),
         VolumeError::HasHeader { .. } => Some(": omit --dims and --type".to_owned()),
+        VolumeError::AxesUnknown { .. } => Some(" with --axes".to_owned()),
         VolumeError::Lean { .. } | VolumeError::Uneven { .. } => Some("; --resample does it".to_owned()),
         VolumeError::Choose { there, .. } => Some(match there {
             Several::Components { .. } => " with --component N".to_owned(),
@@ -118,6 +119,7 @@ fn chosen(asked: &Asked) -> String {
         Asked::Array(name) => format!("--array {name}"),
         Asked::Series(key) => format!("--series {key}"),
         Asked::Level(level) => format!("--pyramid-level {level}"),
+        Asked::Axes(axes) => format!("--axes {axes}"),
     }
 }
 

@@ -39,7 +39,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     VolumeKind::of(&args.output).map_err(|error| CliError::Usage(error.to_string()))?;
     check_outputs(&[&args.output], &[&args.input])?;
     let selection = args.selection.selection();
-    let mut volume = volume::open_by(&args.input, args.raw.layout().as_ref(), &selection, progress)?;
+    let volume = volume::open_by(&args.input, args.raw.layout().as_ref(), &selection, progress)?;
+    let mut volume = args.raw.spaced(volume)?;
     // Data files of a header are inputs, too.
     check_outputs(&[&args.output], &volume.files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     if let Some(blocks) = args.downsample {

@@ -31,8 +31,8 @@ Examples:
   relume info scans                             the series of a folder of DICOM files
   relume info scene.toml                        the contents of a scene, and the cost of a picture";
 
-const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.dcm, .mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .tif, .vti, .vtk, .raw, \
-                         a folder of DICOM files or of slices). \
+const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.dcm, .mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .h5, .nc, .tif, .vti, .vtk, .raw, \
+                         a folder of DICOM files or of slices, a Zarr store). \
                         Without one, the Vulkan devices";
 
 /// Arguments of `relume info`.
@@ -57,14 +57,16 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                 "--array",
                 "--series",
                 "--pyramid-level",
+                "--axes",
                 "--dims",
+                "--spacing",
                 "--voxel",
             ];
             args.refuse(&all, "it needs a scene or a volume")?;
             of_devices()
         }
         (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
-            let flags = ["-D", "--labels", "--downsample", "--dims", "--voxel"];
+            let flags = ["-D", "--labels", "--downsample", "--dims", "--spacing", "--voxel"];
             let why = format!("{} is a film file; the flag is for scenes and volumes", path.display());
             args.refuse(&flags, &why)?;
             args.refuse_accuracy(&why)?;
@@ -77,11 +79,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let selection = args.scene.selection.selection();
             let opened = volume::open_by(path, args.scene.raw.layout().as_ref(), &selection, progress);
             let volume = match opened {
-                Err(VolumeError::Choose { source_name, there: Several::Series(all) }) if selection.series.is_none() => {
-                    args.refuse(&["--voxel", "--downsample"], "it needs one series; choose it with --series")?;
-                    return Ok(of_series(&source_name, &all));
+                Err(VolumeError::Choose { source_name, there }) => {
+                    let why = format!("it needs one volume; choose {}", choosing(&there));
+                    args.refuse(&["--voxel", "--downsample"], &why)?;
+                    return Ok(of_several(&source_name, &there));
                 }
-                opened => opened?,
+                opened => args.scene.raw.spaced(opened?)?,
             };
             let volume = match args.scene.downsample {
                 Some(blocks) => volume.downsample(blocks)?,
@@ -117,10 +120,12 @@ impl Args {
             ("--array", selection.array.is_some()),
             ("--series", selection.series.is_some()),
             ("--pyramid-level", selection.level.is_some()),
+            ("--axes", selection.axes.is_some()),
             ("-D", !self.scene.define.is_empty()),
             ("--labels", self.scene.labels.is_some()),
             ("--downsample", self.scene.downsample.is_some()),
             ("--dims", self.scene.raw.layout().is_some()),
+            ("--spacing", self.scene.raw.spacing().is_some()),
             ("--voxel", !self.voxel.is_empty()),
         ];
         match given.iter().find(|(flag, given)| *given && flags.contains(flag)) {
@@ -128,6 +133,50 @@ impl Args {
             None => Ok(()),
         }
     }
+}
+
+/// The flag that chooses one of several volumes.
+fn choosing(there: &Several) -> &'static str {
+    match there {
+        Several::Components { .. } => "it with --component N",
+        Several::Times(_) => "it with --time N",
+        Several::Series(_) => "it with --series N",
+        Several::Levels(_) => "it with --pyramid-level N",
+        _ => "it with --array NAME",
+    }
+}
+
+/// The volumes of a file or folder that holds several.
+fn of_several(source: &str, there: &Several) -> Report {
+    let (lines, json) = match there {
+        Several::Series(all) => return of_series(source, all),
+        Several::Components { count, names, .. } => {
+            let name = |index: usize| {
+                names.get(index).filter(|name| !name.is_empty()).map_or_else(String::new, |name| format!(" {name}"))
+            };
+            let lines = (0..*count).map(|index| format!("{:<10} {index}{}", "component", name(index))).collect();
+            (lines, json!({"components": count, "component_names": names}))
+        }
+        Several::Times(count) => {
+            (vec![format!("{:<10} 0 to {}", "times", count.saturating_sub(1))], json!({"times": count}))
+        }
+        Several::Arrays(names) => {
+            (names.iter().map(|name| format!("{:<10} {name}", "array")).collect::<Vec<_>>(), json!({"arrays": names}))
+        }
+        Several::Levels(all) => {
+            let lines = all.iter().enumerate().map(|(level, dims)| format!("{:<10} {level} {}", "level", by(dims)));
+            (lines.collect(), json!({"levels": all}))
+        }
+        other => (vec![other.to_string()], json!({})),
+    };
+    let mut text = format!("{source}: {there}\n");
+    for line in lines {
+        let _ = writeln!(text, "  {line}");
+    }
+    let _ = writeln!(text, "  {:<10} choose {}", "", choosing(there));
+    let mut json = json;
+    json["source"] = json!(source);
+    Report { text, json }
 }
 
 /// The series of a folder or file.

@@ -256,7 +256,7 @@ pub(crate) fn main() -> ExitCode {
             };
             terminal::complain(&error);
             if cli.json {
-                terminal::print(&format!("{:#}\n", error_json(&error, code, &terminal.warnings())));
+                terminal::print(&format!("{:#}\n", sorted(error_json(&error, code, &terminal.warnings()))));
             }
             ExitCode::from(code)
         }
@@ -284,6 +284,21 @@ pub(crate) struct Report {
 
 impl Report {
     fn json_text(&self) -> String {
-        format!("{:#}\n", self.json)
+        format!("{:#}\n", sorted(self.json.clone()))
+    }
+}
+
+/// `json` with the keys of its objects in alphabetical order; a feature of `serde_json`, which a dependency may turn on, keeps
+/// the order in which they were inserted.
+fn sorted(json: serde_json::Value) -> serde_json::Value {
+    use serde_json::Value;
+    match json {
+        Value::Object(map) => {
+            let mut entries: Vec<(String, Value)> = map.into_iter().map(|(key, value)| (key, sorted(value))).collect();
+            entries.sort_by(|(one, _), (other, _)| one.cmp(other));
+            Value::Object(entries.into_iter().collect())
+        }
+        Value::Array(list) => Value::Array(list.into_iter().map(sorted).collect()),
+        other => other,
     }
 }

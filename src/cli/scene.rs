@@ -9,7 +9,7 @@ use relume::document::{Definition, LightRequest, Look, SceneFile, SceneOptions, 
 use relume::internal::number::readable;
 use relume::progress::Progress;
 use relume::scene::Mix;
-use relume::volume::{ByteOrder, RawLayout, Selection, Statistics, VoxelType};
+use relume::volume::{ByteOrder, RawLayout, Selection, Statistics, Unit, Volume, VoxelType};
 
 use super::CliError;
 use super::accuracy::AccuracyArgs;
@@ -79,9 +79,14 @@ pub(crate) struct SelectionArgs {
     /// run of slices of a folder.
     #[arg(long, help_heading = SEVERAL, value_name = "N|UID")]
     series: Option<String>,
-    /// Read this level of resolution of a pyramid; 0 is the finest, and the default.
+    /// Read this level of resolution of a pyramid; 0 is the finest, and the default. Of a Zarr store, the default is the
+    /// finest that fits the memory.
     #[arg(long, help_heading = SEVERAL, value_name = "N")]
     pyramid_level: Option<usize>,
+    /// Axes of an array (.npy, Zarr, HDF5) that does not name them, slowest first, such as czyx: x, y, z, c (component) and
+    /// t (time).
+    #[arg(long, help_heading = SEVERAL, value_name = "LETTERS")]
+    axes: Option<String>,
     /// Resample a sheared volume (as after gantry tilt) to an orthogonal grid: values trilinearly, labels by the nearest
     /// voxel. Without this flag, Relume refuses such a volume.
     #[arg(long, help_heading = SEVERAL)]
@@ -96,6 +101,7 @@ impl SelectionArgs {
             array: self.array.clone(),
             series: self.series.clone(),
             level: self.pyramid_level,
+            axes: self.axes.clone(),
             asks: false,
             resample: self.resample,
         }
@@ -120,10 +126,14 @@ pub(crate) struct RawArgs {
     /// Bytes to skip at the beginning of the file.
     #[arg(long, help_heading = RAW, value_name = "BYTES", default_value_t = 0, requires = "dims")]
     header_bytes: u64,
-    /// World units between voxels along x, y and z; default 1x1x1.
-    #[arg(long, help_heading = RAW, value_name = "SXxSYxSZ", value_parser = three_numbers, requires = "dims")]
-    spacing: Option<[f64; 3]>,
+    /// Distance of neighbouring voxels along x, y and z, for any volume: in place of that of its file, for example
+    /// 0.2x0.2x0.6um. Units are cm, mm, um, nm and angstrom. Default of raw voxels: 1x1x1.
+    #[arg(long, help_heading = SEVERAL, value_name = "SXxSYxSZ[UNIT]", value_parser = lengths)]
+    spacing: Option<Lengths>,
 }
+
+/// Lengths along x, y and z with an optional unit.
+type Lengths = ([f64; 3], Option<Unit>);
 
 impl RawArgs {
     /// The layout, if flags give one.
@@ -132,9 +142,22 @@ impl RawArgs {
         Some(RawLayout {
             byte_order: if self.big_endian { ByteOrder::Big } else { ByteOrder::Little },
             header_bytes: self.header_bytes,
-            spacing: self.spacing.unwrap_or(plain.spacing),
+            spacing: self.spacing.map_or(plain.spacing, |(lengths, _)| lengths),
             ..plain
         })
+    }
+
+    /// The spacing and its unit, if the flag gives them.
+    pub(crate) fn spacing(&self) -> Option<Lengths> {
+        self.spacing
+    }
+
+    /// `volume` with the spacing that the flag gives.
+    pub(crate) fn spaced(&self, volume: Volume) -> Result<Volume, CliError> {
+        let Some((lengths, unit)) = self.spacing else { return Ok(volume) };
+        let mut volume = volume.with_spacing(lengths.into())?;
+        volume.unit = unit.or(volume.unit);
+        Ok(volume)
     }
 }
 
@@ -194,6 +217,7 @@ impl SceneArgs {
             raw: self.raw.layout(),
             selection: self.selection.selection(),
             labels: self.labels.clone(),
+            spacing: self.raw.spacing(),
             downsample: self.downsample,
             definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),
             wish: Wish::default(),
@@ -261,10 +285,17 @@ pub(crate) fn three(text: &str) -> Result<[usize; 3], String> {
     numbers.ok_or_else(|| "write three whole numbers of at least 1, such as 2x2x1".to_owned())
 }
 
-/// Parses `AxBxC`, positive numbers.
-fn three_numbers(text: &str) -> Result<[f64; 3], String> {
-    let numbers = split(text, |part| part.parse().ok().filter(|&n: &f64| n > 0.0 && n.is_finite()));
-    numbers.ok_or_else(|| "write three positive numbers, such as 1x1x1.5".to_owned())
+/// Parses `AxBxC`, positive numbers, and a unit.
+fn lengths(text: &str) -> Result<Lengths, String> {
+    let (numbers, name) =
+        text.split_at(text.rfind(|letter: char| letter.is_ascii_digit() || letter == '.').map_or(0, |at| at + 1));
+    let unit = match name.trim() {
+        "" => None,
+        name => Some(Unit::named(name).ok_or_else(|| format!("{name} is no unit; write cm, mm, um, nm or angstrom"))?),
+    };
+    let numbers = split(numbers, |part| part.parse().ok().filter(|&n: &f64| n > 0.0 && n.is_finite()));
+    let numbers = numbers.ok_or_else(|| "write three positive numbers, such as 1x1x1.5 or 0.2x0.2x0.6um".to_owned())?;
+    Ok((numbers, unit))
 }
 
 /// Parses `x,y,z`.

@@ -33,7 +33,7 @@ use crate::scene::{
     OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Term, Transfer, unit,
 };
 use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
-use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
+use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Unit, Volume, VolumeError};
 use crate::written::{place, with_suggestion};
 
 /// The scene for a program start without a file.
@@ -52,6 +52,8 @@ pub struct SceneOptions {
     pub selection: Selection,
     /// Labels in place of the scene's.
     pub labels: Option<PathBuf>,
+    /// Spacing of the voxels of the file, in place of that of the file and the scene, and its unit, if it is stated.
+    pub spacing: Option<([f64; 3], Option<Unit>)>,
     /// Block size in place of the scene's `downsample`.
     pub downsample: Option<[usize; 3]>,
     /// Changed values, in the order in which they apply.

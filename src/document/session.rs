@@ -196,13 +196,13 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
         }
     }
     if volume.is_some() || options.selection.asks {
-        for key in ["component", "time", "array", "series", "level", "resample"] {
+        for key in ["component", "time", "array", "series", "level", "axes", "resample"] {
             table.remove(key);
         }
     }
     let selection = &options.selection;
-    let numbers = [("component", selection.component), ("time", selection.time), ("level", selection.level)];
-    for (key, number) in numbers {
+    let chosen = [("component", selection.component), ("time", selection.time), ("level", selection.level)];
+    for (key, number) in chosen {
         if let Some(number) = number {
             table.insert(key, value(i64::try_from(number).unwrap_or(i64::MAX)));
         }
@@ -213,11 +213,27 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
     if let Some(series) = &options.selection.series {
         table.insert("series", value(series));
     }
+    if let Some(axes) = &options.selection.axes {
+        table.insert("axes", value(axes));
+    }
     if options.selection.resample {
         table.insert("resample", value(true));
     }
     if let Some(labels) = &options.labels {
         table.insert("labels", value(utf8(&place(labels)?)?));
+    }
+    if let Some((lengths, unit)) = options.spacing {
+        // The key is the spacing of averaged blocks.
+        let stated = table.get("downsample").and_then(|item| item.as_array());
+        let stated = |axis: usize| {
+            stated.and_then(|blocks| blocks.get(axis)?.as_integer()).and_then(|it| usize::try_from(it).ok())
+        };
+        let block = |axis: usize| options.downsample.map(|blocks| blocks[axis]).or(stated(axis)).unwrap_or(1);
+        let spacing = [0, 1, 2].map(|axis| lengths[axis] * crate::number::count(block(axis)));
+        table.insert("spacing", value(numbers(spacing)));
+        if let Some(unit) = unit {
+            table.insert("unit", value(unit.to_string()));
+        }
     }
     if let Some(blocks) = options.downsample {
         if table.contains_key("phantom") {

@@ -146,6 +146,18 @@ pub enum VolumeError {
         /// The dimensions as given.
         dims: String,
     },
+    /// An array does not say which of its axes are x, y and z.
+    #[error(
+        "{}: the shape is {shape}, slowest axis first; more than three axes are longer than 1, and the file does not say \
+         which are z, y and x; state the axes, as in czyx",
+        path.display()
+    )]
+    AxesUnknown {
+        /// The file.
+        path: PathBuf,
+        /// Lengths of the axes.
+        shape: String,
+    },
     /// A spacing is not a positive number.
     #[error(
         "{source_name}: the spacing is {} {} {}; each number must be positive (to mirror an axis, change the direction)",
@@ -388,6 +400,7 @@ impl VolumeError {
             Self::UnknownType { .. } => "voxel-type-unknown",
             Self::Dims { .. } => "volume-dims-invalid",
             Self::TooManyAxes { .. } => "volume-axes-too-many",
+            Self::AxesUnknown { .. } => "volume-axes-unknown",
             Self::Spacing { .. } => "volume-spacing-invalid",
             Self::Origin { .. } => "volume-origin-invalid",
             Self::Direction { .. } => "volume-direction-invalid",

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::stream::beginning;
-use super::{Selection, Volume, VolumeError, data, dicom, foreign, slices, stream};
+use super::{Selection, Volume, VolumeError, data, dicom, foreign, slices, stream, zarr};
 use crate::progress::Progress;
 
 /// Largest number of files and folders in a folder, together with those in its folders.
@@ -51,6 +51,8 @@ pub(super) struct Folder {
     pub(super) files: Vec<PathBuf>,
     /// Number of folders below [`DEEPEST`] levels, whose files are left out.
     deeper: usize,
+    /// Folders inside that cannot be listed, with the reason; their files are left out.
+    unlisted: Vec<String>,
 }
 
 impl Folder {
@@ -61,7 +63,7 @@ impl Folder {
     /// [`VolumeError::Read`] if a folder cannot be listed, [`VolumeError::FolderTooLarge`] if there are more than
     /// 100 000 names, [`VolumeError::Cancelled`].
     pub(super) fn list(path: &Path, progress: &dyn Progress) -> Result<Self, VolumeError> {
-        let mut folder = Self { path: path.to_owned(), files: Vec::new(), deeper: 0 };
+        let mut folder = Self { path: path.to_owned(), files: Vec::new(), deeper: 0, unlisted: Vec::new() };
         let mut names = 0;
         let mut folders = vec![path.to_owned()];
         for _ in 0..DEEPEST {
@@ -85,7 +87,15 @@ impl Folder {
     ) -> Result<Vec<PathBuf>, VolumeError> {
         let failed = |source: io::Error| stream::failed(path, source);
         let mut folders = Vec::new();
-        for entry in std::fs::read_dir(path).map_err(failed)? {
+        let entries = match std::fs::read_dir(path) {
+            Ok(entries) => entries,
+            Err(source) if path != self.path => {
+                self.unlisted.push(format!("{} ({source})", path.strip_prefix(&self.path).unwrap_or(path).display()));
+                return Ok(folders);
+            }
+            Err(source) => return Err(failed(source)),
+        };
+        for entry in entries {
             data::check_cancelled(&self.path, progress)?;
             let entry = entry.map_err(failed)?;
             *names += 1;
@@ -127,6 +137,20 @@ impl Folder {
         let source = self.path.display();
         let others: Vec<_> = self.files.iter().filter(|file| read.binary_search(file).is_err()).collect();
         let mut notes = Vec::new();
+        let (unread, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|file| stream::open(file).is_err());
+        if let Some(first) = unread.first() {
+            let first = first.strip_prefix(&self.path).unwrap_or(first).display();
+            notes.push(match unread.len() {
+                1 => format!("{source}: the file {first} cannot be read, and is skipped"),
+                count => format!("{source}: {count} files cannot be read, and are skipped; the first is {first}"),
+            });
+        }
+        if let Some(first) = self.unlisted.first() {
+            notes.push(match self.unlisted.len() {
+                1 => format!("{source}: the folder {first} cannot be listed, and is skipped"),
+                count => format!("{source}: {count} folders cannot be listed, and are skipped; the first is {first}"),
+            });
+        }
         if let Some(first) = others.first() {
             let first = first.strip_prefix(&self.path).unwrap_or(first).display();
             notes.push(match others.len() {
@@ -152,9 +176,14 @@ impl Folder {
 ///
 /// As [`open`](super::open()).
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    // A store may have millions of files, which nobody lists.
+    if zarr::is_node(path) {
+        return zarr::read(path, selection, progress);
+    }
     if let Some(what) = foreign::describe_folder(path) {
         return Err(unknown(path, what.to_owned()));
     }
+    selection.no_axes(&path.display().to_string())?;
     let folder = Folder::list(path, progress)?;
     for format in &FORMATS {
         let files = (format.find)(&folder, progress)?;
@@ -175,6 +204,6 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
 /// The error for the folder `path`, which `what` describes.
 fn unknown(path: &Path, what: String) -> VolumeError {
     let known = FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(", ");
-    let known = format!("folders of {known}");
+    let known = format!("folders of {known}, and Zarr stores");
     VolumeError::UnknownFormat { path: path.to_owned(), what, is_known: true, known }
 }

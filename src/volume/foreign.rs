@@ -15,9 +15,7 @@ struct Foreign {
 }
 
 /// Known formats; the first that recognises a file names it.
-const FOREIGN: [Foreign; 12] = [
-    Foreign { name: "an HDF5 file", extensions: &["h5", "hdf5", "mnc"], recognises: |b| b.starts_with(b"\x89HDF\r\n") },
-    Foreign { name: "a NetCDF file", extensions: &["nc"], recognises: |b| b.starts_with(b"CDF") },
+const FOREIGN: [Foreign; 10] = [
     Foreign {
         name: "a Vaa3D raw file",
         extensions: &["v3draw"],
@@ -80,11 +78,7 @@ fn name(beginning: &[u8]) -> Option<&'static str> {
 
 /// Describes a folder that some programs treat as one file, of a format without a reader.
 pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
-    let has = |name: &str| path.join(name).exists();
-    if [".zarray", ".zgroup", "zarr.json"].iter().any(|name| has(name)) {
-        return Some("this folder is a Zarr store");
-    }
-    has("index.json").then_some("this folder is a vtk.js data set")
+    path.join("index.json").exists().then_some("this folder is a vtk.js data set")
 }
 
 /// UTF-8 without control characters other than white space; the last character may be truncated.

@@ -1,6 +1,7 @@
 //! Volumes: voxels and their geometry, file readers, statistics, resampling and phantoms.
 
 mod allocate;
+mod axes;
 mod batches;
 mod binary;
 mod data;
@@ -11,8 +12,10 @@ mod folder;
 mod foreign;
 mod geometry;
 mod guard;
+mod hdf5;
 mod hint;
 mod layout;
+mod lengths;
 mod metaimage;
 mod mrc;
 mod nifti;
@@ -31,10 +34,12 @@ mod slices;
 mod statistics;
 mod stream;
 mod tiff;
+mod tiles;
 mod voxel_type;
 mod voxels;
 mod vti;
 mod vtk;
+mod zarr;
 
 pub use error::VolumeError;
 pub use geometry::{Geometry, Unit};
@@ -88,6 +93,8 @@ pub struct Volume {
     pub files: Vec<PathBuf>,
     /// Further keys and values of the file, kept but not interpreted.
     pub metadata: Vec<(String, String)>,
+    /// The sentence of `notes` about a spacing that the file does not state; [`Self::with_spacing`] removes it.
+    pub assumed_spacing: Option<String>,
     /// Sentences about oddities and losses in reading; the caller reports them as warnings.
     pub notes: Vec<String>,
 }
@@ -119,6 +126,7 @@ impl Volume {
             source: source.to_owned(),
             files: Vec::new(),
             metadata: Vec::new(),
+            assumed_spacing: None,
             notes: Vec::new(),
         })
     }
@@ -138,6 +146,9 @@ impl Volume {
     pub fn with_spacing(mut self, spacing: glam::DVec3) -> Result<Self, VolumeError> {
         let Geometry { dims, origin, direction, .. } = self.geometry;
         self.geometry = Geometry::new(&self.source, dims, spacing, origin, direction)?;
+        if let Some(assumed) = self.assumed_spacing.take() {
+            self.notes.retain(|note| *note != assumed);
+        }
         Ok(self)
     }
 }

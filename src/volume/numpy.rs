@@ -6,14 +6,13 @@
 use std::io::Read as _;
 use std::path::Path;
 
-use rayon::prelude::*;
 use zip::{CompressionMethod, ZipArchive};
 
-use super::allocate;
+use super::axes::{self, Arranged, Axis};
 use super::data::{self, Data, DataFile};
 use super::stream::{self, Encoding, Skip, Start, count};
 use super::voxels::floats_of_halves;
-use super::{ByteOrder, Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, with_voxels};
+use super::{ByteOrder, Geometry, Selection, Volume, VolumeError, VoxelType, with_voxels};
 use crate::progress::Progress;
 
 /// Longest header in bytes.
@@ -134,12 +133,14 @@ impl Place<'_> {
     fn volume(&self, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
         let source_name = self.path.display().to_string();
         let header = self.header()?;
-        selection.component(&source_name, 1, "")?;
-        selection.time(&source_name, 1)?;
-        let dims = self.dims(&header)?;
-        data::check_size(&source_name, &dims)?;
-        let geometry = Geometry::unit(&source_name, dims)?;
-        let numbers = geometry.voxels();
+        let arranged = self.arranged(&header.shape, selection)?;
+        let components = arranged.length(Axis::Channel);
+        let component = selection.component(&source_name, components, "")?;
+        let time = selection.time(&source_name, arranged.length(Axis::Time))?;
+        data::check_size(&source_name, &header.shape)?;
+        let geometry = Geometry::unit(&source_name, arranged.dims())?;
+        let stored = if header.is_fortran { arranged.reversed() } else { arranged };
+        let numbers = header.shape.iter().product();
         let expected = count(numbers).saturating_mul(count(header.voxel_type.bytes()));
         let found = self.bytes.saturating_sub(header.length);
         if found < expected {
@@ -155,21 +156,21 @@ impl Place<'_> {
             encoding: self.encoding,
             voxel_type: header.voxel_type,
             byte_order: header.byte_order,
-            picks: Vec::new(),
+            picks: stored.picks(component, time),
             alone: self.alone,
         };
         let mut notes = Vec::new();
-        let mut voxels = data.read(progress, &mut notes)?;
-        if header.is_fortran {
-            voxels = with_voxels!(&voxels, stored => transposed(&source_name, stored, dims)?);
-        }
+        let voxels = data.read(progress, &mut notes)?;
+        let mut voxels = with_voxels!(voxels, numbers => stored.straightened(&source_name, numbers)?);
         if header.is_half {
             voxels = floats_of_halves(voxels, &source_name)?;
         }
         let mut volume = Volume::new(&source_name, voxels, geometry)?;
+        volume.components = components;
         volume.has_labels = header.is_boolean;
         volume.files = data.paths();
         notes.push(format!("{source_name}: NumPy files have no spacing; Relume uses 1 1 1"));
+        volume.assumed_spacing = notes.last().cloned();
         volume.notes = notes;
         Ok(volume)
     }
@@ -282,26 +283,18 @@ impl Place<'_> {
         Ok((voxel_type, order, kind))
     }
 
-    /// Voxels along x, y and z. The shape is slowest first; axes of one voxel may be anywhere.
-    fn dims(&self, header: &Header) -> Result<[usize; 3], VolumeError> {
-        let shape = &header.shape;
-        let text = || shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    /// The axes of an array of this shape.
+    fn arranged(&self, shape: &[usize], selection: &Selection) -> Result<Arranged, VolumeError> {
         if shape.contains(&0) || shape.is_empty() {
-            return Err(self.wrong(format!("shape is ({}); every axis needs at least one voxel", text())));
+            let text = shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+            return Err(self.wrong(format!("shape is ({text}); every axis needs at least one voxel")));
         }
-        let long: Vec<usize> = shape.iter().copied().filter(|&side| side > 1).collect();
-        let sides = if shape.len() <= 3 { shape } else { &long };
-        let mut dims = [1; 3];
-        match sides.len() {
-            0..=3 => {
-                dims.iter_mut().zip(sides.iter().rev()).for_each(|(dim, &side)| *dim = side);
-                Ok(dims)
-            }
-            axes => Err(self.wrong(format!(
-                "shape is ({}): {axes} axes are longer than 1, and the file does not say which of them are z, y and x; save one volume with at most 3 axes",
-                text()
-            ))),
-        }
+        let axes = match &selection.axes {
+            Some(letters) => axes::stated(letters, shape).map_err(|problem| self.wrong(problem))?,
+            None => axes::unnamed(shape)
+                .ok_or_else(|| VolumeError::AxesUnknown { path: self.path.to_owned(), shape: axes::by(shape) })?,
+        };
+        Arranged::new(shape, axes).map_err(|problem| self.wrong(problem))
     }
 }
 
@@ -355,16 +348,4 @@ fn fields(text: &str) -> Option<Vec<(&str, &str)>> {
         rest = after[end..].trim_start_matches(',').trim_start();
     }
     Some(fields)
-}
-
-/// Voxels with x fastest, from voxels with z fastest.
-fn transposed<T: Voxel>(source: &str, stored: &[T], [nx, ny, nz]: [usize; 3]) -> Result<Voxels, VolumeError> {
-    let mut voxels = allocate::zeroed::<T>(Path::new(source), stored.len())?;
-    voxels.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
-        let (y, z) = (row % ny, row / ny);
-        for (x, voxel) in out.iter_mut().enumerate() {
-            *voxel = stored[z + nz * (y + ny * x)];
-        }
-    });
-    Ok(T::into_voxels(voxels))
 }

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::stream::beginning;
 use super::{
-    PackedBlocks, RawLayout, Selection, Volume, VolumeError, dicom, folder, foreign, metaimage, mrc, nifti, nrrd,
-    numpy, raw, tiff, vti, vtk,
+    PackedBlocks, RawLayout, Selection, Volume, VolumeError, dicom, folder, foreign, hdf5, metaimage, mrc, nifti, nrrd,
+    numpy, raw, tiff, vti, vtk, zarr,
 };
 use crate::progress::Progress;
 
@@ -28,10 +28,12 @@ struct Format {
 struct Further {
     series: bool,
     levels: bool,
+    /// Axes of an array that does not name them.
+    axes: bool,
 }
 
-/// A file has one series, and one level of resolution.
-const NOTHING: Further = Further { series: false, levels: false };
+/// A file has one series, one level of resolution and axes of its own.
+const NOTHING: Further = Further { series: false, levels: false, axes: false };
 
 /// For a format whose extensions no other has.
 const ALONE: fn(&Path) -> Result<bool, VolumeError> = |_| Ok(false);
@@ -54,12 +56,15 @@ impl Format {
         if !self.further.levels {
             selection.no_level(&source)?;
         }
+        if !self.further.axes {
+            selection.no_axes(&source)?;
+        }
         (self.read)(path, selection, progress)
     }
 }
 
 /// All formats; a new reader is a new line.
-const FORMATS: [Format; 12] = [
+const FORMATS: [Format; 14] = [
     Format {
         name: "DICOM",
         extensions: &["dcm", "dicom", "ima"],
@@ -105,7 +110,7 @@ const FORMATS: [Format; 12] = [
         extensions: &["npy"],
         recognises: numpy::recognises,
         is_another: ALONE,
-        further: NOTHING,
+        further: Further { axes: true, ..NOTHING },
         read: numpy::read,
     },
     Format {
@@ -113,7 +118,7 @@ const FORMATS: [Format; 12] = [
         extensions: &["npz"],
         recognises: numpy::recognises_archive,
         is_another: ALONE,
-        further: NOTHING,
+        further: Further { axes: true, ..NOTHING },
         read: numpy::read_archive,
     },
     Format {
@@ -121,7 +126,7 @@ const FORMATS: [Format; 12] = [
         extensions: &["tif", "tiff", "btf", "tf2", "tf8"],
         recognises: tiff::recognises,
         is_another: ALONE,
-        further: Further { series: true, levels: true },
+        further: Further { series: true, levels: true, ..NOTHING },
         read: tiff::read,
     },
     Format {
@@ -139,6 +144,22 @@ const FORMATS: [Format; 12] = [
         is_another: ALONE,
         further: NOTHING,
         read: vti::read,
+    },
+    Format {
+        name: "HDF5",
+        extensions: &["h5", "hdf5", "he5", "ims", "mnc", "nc4"],
+        recognises: hdf5::recognises,
+        is_another: ALONE,
+        further: Further { levels: true, axes: true, ..NOTHING },
+        read: hdf5::read,
+    },
+    Format {
+        name: "NetCDF",
+        extensions: &["nc", "cdf"],
+        recognises: hdf5::recognises_netcdf,
+        is_another: ALONE,
+        further: Further { levels: true, axes: true, ..NOTHING },
+        read: hdf5::read,
     },
     Format {
         name: "raw with a sidecar",
@@ -184,8 +205,11 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
         return format.open(path, selection, progress);
     }
     let beginning = beginning(path)?;
-    match FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
-        Some(format) => format.open(path, selection, progress),
+    if let Some(format) = FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
+        return format.open(path, selection, progress);
+    }
+    match zarr::node_of(path) {
+        Some(store) => zarr::read(&store, selection, progress),
         None => Err(unknown(path, foreign::describe(path, &beginning), foreign::is_known(&beginning))),
     }
 }
@@ -218,12 +242,13 @@ fn unknown(path: &Path, what: String, is_known: bool) -> VolumeError {
 /// can only be a volume.
 pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
     let named = |format: &Format| !format.extensions.contains(&"toml") && format.names(path);
-    path.is_dir() || FORMATS.iter().any(|format| named(format) || (format.recognises)(beginning))
+    let is_known = |format: &Format| named(format) || (format.recognises)(beginning);
+    path.is_dir() || FORMATS.iter().any(is_known) || zarr::node_of(path).is_some()
 }
 
 /// The error of [`open`] for a file whose content identifies a format without a reader; otherwise `None`.
 pub(crate) fn refusal(path: &Path) -> Option<VolumeError> {
-    let beginning = beginning(path).ok().filter(|it| foreign::is_known(it))?;
+    let beginning = beginning(path).ok().filter(|it| foreign::is_known(it) && zarr::node_of(path).is_none())?;
     Some(unknown(path, foreign::describe(path, &beginning), true))
 }
 

@@ -98,7 +98,7 @@ impl Volume {
     }
 
     fn resampled(&self, voxels: Voxels, geometry: Geometry, block: [usize; 3]) -> Self {
-        let mut notes = self.notes.clone();
+        let (mut notes, assumed_spacing) = (self.notes.clone(), self.assumed_spacing.clone());
         let dims = self.geometry.dims;
         let dropped: [usize; 3] = std::array::from_fn(|axis| dims[axis] % block[axis]);
         if dropped != [0; 3] {
@@ -112,7 +112,20 @@ impl Volume {
         let (source, files, metadata, presets) = (source.clone(), files.clone(), metadata.clone(), presets.clone());
         let blocks = std::array::from_fn(|axis| self.blocks[axis] * block[axis]);
         let (selection, component_names) = (self.selection.clone(), self.component_names.clone());
-        Self { voxels, geometry, selection, component_names, presets, blocks, source, files, metadata, notes, ..*self }
+        Self {
+            voxels,
+            geometry,
+            selection,
+            component_names,
+            presets,
+            blocks,
+            source,
+            files,
+            metadata,
+            assumed_spacing,
+            notes,
+            ..*self
+        }
     }
 }
 

@@ -37,6 +37,8 @@ pub struct Selection {
     pub series: Option<String>,
     /// Level of resolution; 0, the finest, unless it is chosen.
     pub level: Option<usize>,
+    /// Axes of an array whose file does not name them, slowest first, as in `czyx`.
+    pub axes: Option<String>,
     /// Whether an unspecified choice among several is an error, even if the file marks a default array or the scene
     /// states a choice.
     pub asks: bool,
@@ -54,6 +56,7 @@ impl Selection {
             array: self.array.clone().or_else(|| otherwise.array.clone()),
             series: self.series.clone().or_else(|| otherwise.series.clone()),
             level: self.level.or(otherwise.level),
+            axes: self.axes.clone().or_else(|| otherwise.axes.clone()),
             asks: self.asks || otherwise.asks,
             resample: self.resample || otherwise.resample,
         }
@@ -148,12 +151,25 @@ impl Selection {
         }
     }
 
+    /// Refuses axes for the file `source`, whose format states them.
+    pub(super) fn no_axes(&self, source: &str) -> Result<(), VolumeError> {
+        match &self.axes {
+            None => Ok(()),
+            Some(axes) => Err(VolumeError::NoSuch {
+                source_name: source.to_owned(),
+                asked: Asked::Axes(axes.clone()),
+                there: "axes that it states itself".to_owned(),
+            }),
+        }
+    }
+
     /// Refuses any choice but the only scalar volume of `source`.
     pub(crate) fn only(&self, source: &str) -> Result<(), VolumeError> {
         self.component(source, 1, "")?;
         self.time(source, 1)?;
         self.no_array(source)?;
         self.no_series(source)?;
+        self.no_axes(source)?;
         self.no_level(source)
     }
 }

@@ -118,6 +118,8 @@ pub enum Asked {
     Series(String),
     /// A level of resolution, from 0.
     Level(usize),
+    /// Axes of an array, slowest first.
+    Axes(String),
 }
 
 impl fmt::Display for Asked {
@@ -128,6 +130,7 @@ impl fmt::Display for Asked {
             Self::Array(name) => write!(formatter, "the array {name}"),
             Self::Series(key) => write!(formatter, "series {key}"),
             Self::Level(level) => write!(formatter, "level {level}"),
+            Self::Axes(axes) => write!(formatter, "an array of axes {axes}"),
         }
     }
 }

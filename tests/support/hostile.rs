@@ -15,7 +15,7 @@ use relume::palette::{self, Palette};
 use relume::plan;
 use relume::progress::{Progress, Quiet};
 use relume::spectrum::{Column, SpectrumSource};
-use relume::volume::{self, Selection, VolumeError};
+use relume::volume::{self, Selection, Several, VolumeError};
 
 /// Largest number of bytes a reader may hold; alternatively, twice the size of its result.
 const ALLOWED: usize = 64 << 20;
@@ -95,6 +95,9 @@ pub enum Reader {
     Dicom,
     Tiff,
     Slices,
+    Zarr,
+    Hdf5,
+    NetCdf,
     Sidecar,
     Scene,
     Palette,
@@ -118,6 +121,10 @@ impl Reader {
             Self::Tiff => "v.tif",
             // The content tells the formats of slices apart.
             Self::Slices => "s1.png",
+            // A folder, whose files are in one.
+            Self::Zarr => "v.bundle",
+            Self::Hdf5 => "v.h5",
+            Self::NetCdf => "v.nc",
             Self::Sidecar => "v.raw.toml",
             Self::Scene => "scene.toml",
             Self::Palette => "palette.toml",
@@ -201,7 +208,10 @@ impl Place {
             | Reader::Dicom
             | Reader::Tiff
             | Reader::Slices
+            | Reader::Hdf5
+            | Reader::NetCdf
             | Reader::Sidecar => self.volume(),
+            Reader::Zarr => self.store(bytes),
             Reader::Scene => self.scene(bytes),
             Reader::Palette => self.palette(bytes),
             Reader::Spectrum => self.spectrum(),
@@ -214,6 +224,29 @@ impl Place {
         size.is_some()
     }
 
+    /// Returns the number of voxel bytes of the store whose files `bytes` list: length of the name (1 byte), name, length of
+    /// the content (4 bytes, little-endian), content.
+    fn store(&self, mut bytes: &[u8]) -> Option<usize> {
+        let store = self.folder.path().join("v.zarr");
+        drop(std::fs::remove_dir_all(&store));
+        std::fs::create_dir(&store).expect("a folder");
+        while let Some((&length, rest)) = bytes.split_first() {
+            let (name, rest) = rest.split_at_checked(usize::from(length))?;
+            let (length, rest) = rest.split_at_checked(4)?;
+            let length = u32::from_le_bytes(length.try_into().ok()?).try_into().unwrap_or(usize::MAX);
+            let (content, rest) = rest.split_at(length.min(rest.len()));
+            let name = std::str::from_utf8(name).ok()?;
+            let is_inside = Path::new(name).components().all(|part| matches!(part, std::path::Component::Normal(_)));
+            let path = store.join(name);
+            if is_inside && std::fs::create_dir_all(path.parent()?).is_ok() {
+                // A damaged name may be that of a folder, or too long.
+                drop(std::fs::write(path, content));
+            }
+            bytes = rest;
+        }
+        self.opened(&store)
+    }
+
     /// Whether the expensive work is done for `bytes`.
     fn is_chosen(&self, bytes: &[u8]) -> bool {
         // FNV-1a hash.
@@ -224,10 +257,17 @@ impl Place {
 
     /// Returns the number of voxel bytes.
     fn volume(&self) -> Option<usize> {
-        let path = if matches!(self.reader, Reader::Slices) { self.folder.path() } else { &self.path };
+        self.opened(if matches!(self.reader, Reader::Slices) { self.folder.path() } else { &self.path })
+    }
+
+    /// Returns the number of voxel bytes of the file or folder `path`.
+    fn opened(&self, path: &Path) -> Option<usize> {
         let open = |selection: &Selection| volume::open(path, selection, &Quiet);
         let first = Selection { component: Some(0), time: Some(0), resample: true, ..Selection::default() };
         let opened = match open(&Selection::default()) {
+            Err(VolumeError::Choose { there: Several::Arrays(names), .. }) => {
+                open(&Selection { array: names.first().cloned(), ..first })
+            }
             Err(
                 VolumeError::Choose { .. }
                 | VolumeError::Lean { .. }

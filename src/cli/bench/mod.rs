@@ -219,6 +219,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         ("--array", selection.array.is_some()),
         ("--series", selection.series.is_some()),
         ("--pyramid-level", selection.level.is_some()),
+        ("--axes", selection.axes.is_some()),
     ];
     if let Some((flag, _)) = of_volumes.iter().find(|(_, given)| *given)
         && !args.workloads.iter().any(Workload::takes_volume)

@@ -85,6 +85,7 @@ pub(super) struct VolumeFile {
     pub(super) downsample: Option<[NonZeroUsize; 3]>,
     pub(super) dims: Option<[NonZeroUsize; 3]>,
     pub(super) spacing: Option<At<[f64; 3]>>,
+    pub(super) unit: Option<At<String>>,
     pub(super) origin: Option<At<[f64; 3]>>,
     pub(super) direction: Option<At<[f64; 9]>>,
     pub(super) r#type: Option<At<String>>,
@@ -99,6 +100,7 @@ pub(super) struct VolumeFile {
     #[serde(default, deserialize_with = "number_or_text")]
     pub(super) series: Option<String>,
     pub(super) level: Option<usize>,
+    pub(super) axes: Option<String>,
     #[serde(default)]
     pub(super) resample: bool,
 }

@@ -47,12 +47,21 @@ impl Text<'_> {
             }
             (None, None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
         };
+        if let Some((lengths, unit)) = options.spacing.filter(|_| !is_read) {
+            volume = volume.with_spacing(DVec3::from_array(lengths)).map_err(fail)?;
+            volume.unit = unit.or(volume.unit);
+        }
         if let Some(blocks) = file.blocks(options).filter(|_| !is_read) {
             volume = volume.downsample(blocks).map_err(fail)?;
         }
         volume.selection = Selection { asks: false, ..selection.or(&volume.selection) };
         let stored = volume.geometry;
-        if let Some(spacing) = &file.spacing {
+        if let Some(unit) = file.unit.as_ref().filter(|_| options.spacing.is_none_or(|(_, unit)| unit.is_none())) {
+            let known = Unit::named(unit.get_ref());
+            let known = known.ok_or_else(|| self.invalid(unit, "volume.unit: the units are cm, mm, µm, nm and Å"))?;
+            volume.unit = Some(known);
+        }
+        if let Some(spacing) = file.spacing.as_ref().filter(|_| options.spacing.is_none()) {
             let changed = volume.with_spacing(DVec3::from_array(*spacing.get_ref()));
             volume = changed.map_err(|error| self.invalid(spacing, error.to_string()))?;
         }
@@ -178,6 +187,7 @@ impl VolumeFile {
             array: self.array.clone(),
             series: self.series.clone(),
             level: self.level,
+            axes: self.axes.clone(),
             asks: false,
             resample: self.resample,
         };

@@ -36,7 +36,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
         let problem = "the file has no pixels; open the folder of the images that it refers to".to_owned();
         return Err(VolumeError::Field { path: path.to_owned(), place: "PixelData (7FE0,0010)".to_owned(), problem });
     };
-    volume(&[image], path, Vec::new(), selection, progress)
+    volume(&[image], Vec::new(), path, Vec::new(), selection, progress)
 }
 
 /// Reads the series of the `files` of the folder `source`.
@@ -54,10 +54,15 @@ pub(super) fn read_folder(
             Image::read(file)
         })
         .collect();
-    let read = read.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let mut notes = Vec::new();
-    let without: Vec<&PathBuf> =
-        files.iter().zip(&read).filter(|(_, image)| image.is_none()).map(|(file, _)| file).collect();
+    let (mut images, mut without, mut damaged, mut notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for (file, read) in files.iter().zip(read) {
+        match read {
+            Ok(Some(image)) => images.push(image),
+            Ok(None) => without.push(file),
+            Err(error @ VolumeError::Cancelled { .. }) => return Err(error),
+            Err(error) => damaged.push(Damaged { file, error }),
+        }
+    }
     if let Some(first) = without.first() {
         let (count, name) = (without.len(), first.strip_prefix(source).unwrap_or(first).display().to_string());
         notes.push(match count {
@@ -68,22 +73,54 @@ pub(super) fn read_folder(
             ),
         });
     }
-    let (images, copies) = series::without_copies(read.into_iter().flatten().collect());
+    let (images, copies) = series::without_copies(images);
     if copies > 0 {
         let are = if copies == 1 { "file is a copy of another" } else { "files are copies of others" };
         notes.push(format!("{}: {copies} {are} (equal SOPInstanceUID); copies are skipped", source.display()));
+    }
+    if images.is_empty()
+        && let Some(Damaged { error, .. }) = damaged.pop()
+    {
+        return Err(error);
     }
     if images.is_empty() {
         let (place, problem) =
             ("the folder".to_owned(), format!("{} DICOM files, none of which has pixels", files.len()));
         return Err(VolumeError::Field { path: source.to_owned(), place, problem });
     }
-    volume(&images, source, notes, selection, progress)
+    volume(&images, damaged, source, notes, selection, progress)
+}
+
+/// A file that cannot be read.
+struct Damaged<'a> {
+    file: &'a Path,
+    error: VolumeError,
+}
+
+impl Damaged<'_> {
+    /// The index of the file's series among those with these identifiers, if its beginning tells it: `Some(None)` for
+    /// another series.
+    fn series(&self, identifiers: &[&str]) -> Option<Option<usize>> {
+        const LONGEST: u64 = 1 << 20;
+        let beginning = crate::input::read(self.file, LONGEST).ok()?;
+        let has = |text: &[u8]| memchr::memmem::find(&beginning, text);
+        let ends = |at: usize, text: &str| {
+            beginning.get(at + text.len()).is_none_or(|&next| !matches!(next, b'0'..=b'9' | b'.'))
+        };
+        let is_of = |text: &&str| has(text.as_bytes()).is_some_and(|at| ends(at, text));
+        if let Some(index) = identifiers.iter().position(|text| !text.is_empty() && is_of(text)) {
+            return Some(Some(index));
+        }
+        // The tag of SeriesInstanceUID in both byte orders.
+        let has_series = [&[0x20, 0, 0x0e, 0], &[0, 0x20, 0, 0x0e]].iter().any(|tag| has(&tag[..]).is_some());
+        has_series.then_some(None)
+    }
 }
 
 /// The volume of `images`, which are those of the file or folder `source`.
 fn volume(
     images: &[Image],
+    damaged: Vec<Damaged<'_>>,
     source: &Path,
     mut notes: Vec<String>,
     selection: &Selection,
@@ -95,6 +132,22 @@ fn volume(
     let identifiers: Vec<&str> = all.iter().map(|series| series.identifier.as_str()).collect();
     let chosen = selection.series(&source_name, &entries, &identifiers)?;
     let series = &all[chosen];
+    let mut skipped = Vec::new();
+    for damaged in damaged {
+        // Its series may not be told; then it is the only one, if there is only one.
+        if damaged.series(&identifiers).unwrap_or((all.len() == 1).then_some(chosen)) == Some(chosen) {
+            return Err(damaged.error);
+        }
+        skipped.push(damaged);
+    }
+    if let Some(Damaged { file, error }) = skipped.first() {
+        let (are, name) = match skipped.len() {
+            1 => ("1 damaged DICOM file is".to_owned(), "it is"),
+            count => (format!("{count} damaged DICOM files are"), "the first is"),
+        };
+        let file = file.strip_prefix(source).unwrap_or(file).display();
+        notes.push(format!("{}: {are} not of this series, and skipped; {name} {file} ({error})", source.display()));
+    }
     let first = &images[series.slices[0].image];
     let mut volume = if first.segmentation.is_empty() {
         selection.no_array(&source_name)?;

@@ -68,6 +68,7 @@ pub(super) fn read(
         notes.push("the voxels are indices into a colour map, which is not applied".to_owned());
     }
     volume.notes = notes.into_iter().map(|note| format!("{source_name}: {note}")).collect();
+    volume.assumed_spacing = volume.notes.first().cloned();
     volume.files = run.files;
     Ok(volume)
 }

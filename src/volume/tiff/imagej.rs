@@ -3,7 +3,8 @@
 //! Meanings follow `ij.io.FileSaver`, `ij.io.FileOpener` and `ij.io.TiffEncoder` of `ImageJ` 1.
 
 use super::directory::{Directory, Tiff, tag};
-use super::stated::{Stated, printable, unit};
+use super::stated::Stated;
+use crate::volume::lengths::{printable, unit};
 use crate::volume::{Unit, VolumeError, Window};
 
 /// Bytes of a description that are interpreted.

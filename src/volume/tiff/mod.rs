@@ -172,15 +172,18 @@ fn volume(
         .filter(|&axis| dims[axis] > 1 && stated.spacing[axis].is_none())
         .map(|axis| ["x", "y", "z"][axis])
         .collect();
-    if stated.spacing == [None; 3] {
-        stated.notes.push("the file states no spacing; Relume uses 1 1 1".to_owned());
-    } else if !unknown.is_empty() {
-        stated.notes.push(format!("the file states no spacing along {}; Relume uses 1", unknown.join(" and ")));
-    }
+    let assumed = if stated.spacing == [None; 3] {
+        Some("the file states no spacing; Relume uses 1 1 1".to_owned())
+    } else {
+        let along = (!unknown.is_empty()).then(|| unknown.join(" and "));
+        along.map(|along| format!("the file states no spacing along {along}; Relume uses 1"))
+    };
+    stated.notes.extend(assumed.clone());
     if picture.photometric == 3 {
         stated.notes.push("the voxels are indices into a colour map, which is not applied".to_owned());
     }
     volume.notes = stated.notes.into_iter().map(|note| format!("{source_name}: {note}")).collect();
+    volume.assumed_spacing = assumed.map(|note| format!("{source_name}: {note}"));
     let mut used: Vec<bool> = vec![false; stack.paths.len()];
     stack.pages.iter().for_each(|page| used[page.file] = true);
     // The file that was asked for has the description.

@@ -10,7 +10,8 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
 use super::directory::MOST_PAGES;
-use super::stated::{Stated, printable, unit};
+use super::stated::Stated;
+use crate::volume::lengths::{printable, unit};
 use crate::volume::several::Series;
 
 /// Whether a description is OME-XML.

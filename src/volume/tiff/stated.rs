@@ -1,5 +1,6 @@
 //! Description of the pages of a TIFF file: axes, names, spacing and unit.
 
+use crate::volume::lengths::converted;
 use crate::volume::{Unit, Window};
 
 /// Axes, units and names of the pages.
@@ -34,53 +35,14 @@ impl Stated {
             return;
         };
         let own = *self.unit.get_or_insert(unit);
-        // One division, so that whole numbers stay whole.
-        self.spacing[axis] = Some(length * factor * per_metre(own) / per_metre(unit));
+        self.spacing[axis] = Some(converted(length, (unit, factor), own));
     }
-}
-
-/// Number of units in a metre.
-fn per_metre(unit: Unit) -> f64 {
-    match unit {
-        Unit::Centimetre => 1e2,
-        Unit::Millimetre => 1e3,
-        Unit::Micrometre => 1e6,
-        Unit::Nanometre => 1e9,
-        Unit::Angstrom => 1e10,
-    }
-}
-
-/// The unit that `name` is a multiple of, and the factor; `None` if it is no unit of length.
-pub(super) fn unit(name: &str) -> Option<(Unit, f64)> {
-    let name = name.trim();
-    if let Some(unit) = Unit::named(name) {
-        return Some((unit, 1.0));
-    }
-    Some(match name {
-        "m" | "meter" | "metre" => (Unit::Millimetre, 1e3),
-        "dm" => (Unit::Millimetre, 1e2),
-        "km" => (Unit::Millimetre, 1e6),
-        "pm" => (Unit::Angstrom, 1e-2),
-        "in" | "inch" | "inches" | "\"" => (Unit::Millimetre, 25.4),
-        "ft" | "foot" | "feet" => (Unit::Millimetre, 304.8),
-        _ => return None,
-    })
-}
-
-/// A text of a file for one line of a message: without control characters, and shortened.
-pub(super) fn printable(text: &str) -> String {
-    const LONGEST: usize = 80;
-    let mut line: String = text.trim().chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect();
-    if let Some((end, _)) = line.char_indices().nth(LONGEST) {
-        line.truncate(end);
-        line.push('…');
-    }
-    line
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::volume::lengths::unit;
 
     #[test]
     fn all_axes_take_the_unit_of_x() {

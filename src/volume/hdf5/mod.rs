@@ -1,0 +1,307 @@
+//! HDF5 and `NetCDF`, with the conventions of MINC-2, Imaris and ilastik.
+
+mod file;
+mod placing;
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::axes::{self, Arranged, Axis};
+use super::lengths::printable;
+use super::several::Several;
+use super::stream::{DEFLATE_LIMIT, count};
+use super::tiles::{self, Block, Grid};
+use super::voxels::{floats_of_halves, with_type};
+use super::{Selection, Volume, VolumeError, Voxel, Voxels, allocate, data};
+use crate::memory;
+use crate::progress::Progress;
+use file::{Array, File, Kind, LARGEST_CHUNK};
+use placing::Placed;
+
+/// Bytes of decoded blocks that wait for their place in the volume.
+const WAITING: usize = 16 << 20;
+/// Bytes of a block of an array without chunks.
+const SLAB: usize = 4 << 20;
+/// Bytes of voxels that are allocated before a block has been decoded.
+const UNPROVEN: u64 = 32 << 20;
+
+/// Whether the first bytes of a file identify HDF5; a user block may precede it.
+pub(super) fn recognises(beginning: &[u8]) -> bool {
+    let mark = b"\x89HDF\r\n\x1a\n";
+    [0, 512, 1024, 2048].iter().any(|&at| beginning.get(at..).is_some_and(|rest| rest.starts_with(mark)))
+}
+
+/// Whether the first bytes of a file identify `NetCDF`-3.
+pub(super) fn recognises_netcdf(beginning: &[u8]) -> bool {
+    matches!(beginning, [b'C', b'D', b'F', 1 | 2 | 5, ..])
+}
+
+/// Reads an array of the file `path`.
+pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let file = File::open(path)?;
+    let reading = Reading { file: &file, source: path.display().to_string(), selection, progress };
+    if let Some(volume) = reading.imaris()? {
+        return Ok(volume);
+    }
+    selection.no_level(&reading.source)?;
+    let all = file.arrays()?;
+    let of_rank = |ranks: std::ops::RangeInclusive<usize>| -> Vec<usize> {
+        (0..all.len()).filter(|&index| ranks.contains(&all[index].shape.len())).collect()
+    };
+    let candidates = Some(of_rank(3..=5)).filter(|found| !found.is_empty()).unwrap_or_else(|| of_rank(2..=2));
+    if candidates.is_empty() {
+        let problem = format!("{} arrays of numbers, none of which has 2 to 5 axes", all.len());
+        return Err(VolumeError::Field { path: path.to_owned(), place: "the file".to_owned(), problem });
+    }
+    let names: Vec<&str> = candidates.iter().map(|&index| all[index].name.as_str()).collect();
+    let slashed = selection.array.as_ref().map(|name| format!("/{}", name.trim_start_matches('/')));
+    let chosen = Selection { array: slashed, ..selection.clone() }.array(&reading.source, &names)?;
+    let array = &all[candidates[chosen]];
+    let mut volume = reading.array(array, placing::of(&file, array, &all)?)?;
+    volume.selection.array = (names.len() > 1).then(|| array.name.clone());
+    Ok(volume)
+}
+
+/// What is read.
+struct Reading<'a> {
+    file: &'a File,
+    source: String,
+    selection: &'a Selection,
+    progress: &'a dyn Progress,
+}
+
+impl Reading<'_> {
+    fn wrong(&self, place: &str, problem: String) -> VolumeError {
+        VolumeError::Field { path: self.file.path.clone(), place: place.to_owned(), problem }
+    }
+
+    /// The volume of an array with this placing.
+    fn array(&self, array: &Array, placed: Placed) -> Result<Volume, VolumeError> {
+        let place = format!("array {}", printable(&array.name));
+        if array.shape.contains(&0) {
+            return Err(
+                self.wrong(&place, format!("the shape is {}; every axis needs an entry", axes::by(&array.shape)))
+            );
+        }
+        let axes = match (&self.selection.axes, placed.axes.clone()) {
+            (Some(letters), _) => axes::stated(letters, &array.shape).map_err(|problem| self.wrong(&place, problem))?,
+            (None, Some(axes)) => axes,
+            (None, None) => axes::unnamed(&array.shape).ok_or_else(|| VolumeError::AxesUnknown {
+                path: self.file.path.clone(),
+                shape: axes::by(&array.shape),
+            })?,
+        };
+        let arranged = Arranged::new(&array.shape, axes).map_err(|problem| self.wrong(&place, problem))?;
+        let components = arranged.length(Axis::Channel);
+        let component = self.selection.component(&self.source, components, "")?;
+        let time = self.selection.time(&self.source, arranged.length(Axis::Time))?;
+        let mut volume = self.placed(array, &arranged, [component, time], placed)?;
+        volume.components = components;
+        Ok(volume)
+    }
+
+    /// The volume of the channel and time `chosen` of an array.
+    fn placed(
+        &self,
+        array: &Array,
+        arranged: &Arranged,
+        chosen: [usize; 2],
+        placed: Placed,
+    ) -> Result<Volume, VolumeError> {
+        data::check_size(&self.source, &array.shape)?;
+        let geometry = placed.geometry(&self.source, arranged)?;
+        let voxels = self.voxels(array, arranged, chosen)?;
+        let mut voxels = if array.kind == Kind::Half { floats_of_halves(voxels, &self.source)? } else { voxels };
+        let assumed = placed.assumed();
+        let mut notes = placed.notes;
+        notes.extend(assumed.clone());
+        if let Some(empty) = placed.empty {
+            let cleared = cleared(&mut voxels, empty);
+            if cleared > 0 {
+                notes.push(format!("{cleared} voxels have the fill value {empty}, and are NaN"));
+            }
+        }
+        let mut volume = Volume::new(&self.source, voxels, geometry)?;
+        (volume.slope, volume.intercept) = placed.scale;
+        volume.unit = placed.unit;
+        volume.anatomical = placed.is_anatomical;
+        volume.has_labels = array.kind == Kind::Named;
+        volume.metadata = placed.metadata;
+        volume.files = vec![self.file.path.clone()];
+        volume.notes = notes.into_iter().map(|note| format!("{}: {note}", self.source)).collect();
+        volume.assumed_spacing = assumed.map(|note| format!("{}: {note}", self.source));
+        Ok(volume)
+    }
+
+    /// A channel, time and level of an Imaris file; `None` for other files.
+    fn imaris(&self) -> Result<Option<Volume>, VolumeError> {
+        if !self.file.has_group("DataSet/ResolutionLevel 0/TimePoint 0") || !self.file.has_group("DataSetInfo/Image") {
+            return Ok(None);
+        }
+        self.selection.no_array(&self.source)?;
+        self.selection.no_axes(&self.source)?;
+        let imaris = placing::Imaris::of(self.file).map_err(|problem| self.wrong("Imaris", problem))?;
+        let there = Several::Components { count: imaris.channels.len(), kind: String::new(), names: imaris.names() };
+        let component = self.selection.component_of(&self.source, there)?;
+        let time = self.selection.time(&self.source, imaris.times)?;
+        let level = self.selection.level(&self.source, &imaris.levels)?;
+        let name = format!("/DataSet/ResolutionLevel {level}/TimePoint {time}/Channel {component}/Data");
+        let array = self.file.array(&name).filter(|array| array.shape.len() == 3);
+        let array = array.ok_or_else(|| self.wrong(&name, "there is no array of 3 axes".to_owned()))?;
+        // The array is padded to whole chunks.
+        let dims = imaris.levels[level];
+        let shape: Vec<usize> = dims.iter().rev().copied().collect();
+        if shape.iter().zip(&array.shape).any(|(own, padded)| own > padded || *own == 0) {
+            let problem = format!("the shape is {}, but the image has {}", axes::by(&array.shape), axes::by(&shape));
+            return Err(self.wrong(&name, problem));
+        }
+        let axes = vec![Some(Axis::Z), Some(Axis::Y), Some(Axis::X)];
+        let arranged = Arranged::new(&shape, axes).map_err(|problem| self.wrong(&name, problem))?;
+        let mut volume = self.placed(&array, &arranged, [0, 0], imaris.placed(dims))?;
+        volume.components = imaris.channels.len();
+        volume.component_names = imaris.names();
+        volume.presets.windows.extend(imaris.channels[component].window.clone());
+        if imaris.levels.len() > 1 {
+            volume.metadata.push(("pyramid".to_owned(), Several::Levels(imaris.levels).to_string()));
+        }
+        Ok(Some(volume))
+    }
+
+    /// The voxels of the channel and time `chosen`: block by block, some at a time.
+    fn voxels(&self, array: &Array, arranged: &Arranged, chosen: [usize; 2]) -> Result<Voxels, VolumeError> {
+        let region = tiles::region(arranged, chosen);
+        let unit = self.unit(array, &region)?;
+        with_type!(array.voxel_type, T => Ok(T::into_voxels(self.blocks::<T>(array, arranged, &region, &unit)?)))
+    }
+
+    /// Lengths of the blocks that are decoded: those of chunks, or of a few slices.
+    fn unit(&self, array: &Array, region: &[[usize; 2]]) -> Result<Vec<usize>, VolumeError> {
+        let size = array.voxel_type.bytes();
+        let Some(chunks) = &array.chunks else {
+            // As many entries of the slowest axes as fit.
+            let mut unit: Vec<usize> = vec![1; array.shape.len()];
+            let mut bytes = size;
+            for axis in (0..unit.len()).rev() {
+                let [first, end] = region[axis];
+                unit[axis] = (end - first).min((SLAB / bytes.max(1)).max(1));
+                bytes = bytes.saturating_mul(unit[axis]);
+                if unit[axis] < end - first {
+                    break;
+                }
+            }
+            return Ok(unit);
+        };
+        let bytes = chunks.iter().fold(size, |bytes, &side| bytes.saturating_mul(side));
+        if bytes > LARGEST_CHUNK {
+            let place = format!("array {}", printable(&array.name));
+            let chunks = axes::by(chunks);
+            let problem = format!("chunks of {chunks} are {bytes} bytes; Relume reads chunks of up to {LARGEST_CHUNK}");
+            return Err(self.wrong(&place, problem));
+        }
+        Ok(chunks.clone())
+    }
+
+    fn blocks<T: Voxel>(
+        &self,
+        array: &Array,
+        arranged: &Arranged,
+        region: &[[usize; 2]],
+        unit: &[usize],
+    ) -> Result<Vec<T>, VolumeError> {
+        let path = &self.file.path;
+        let voxels: usize = arranged.dims().iter().product();
+        let bytes = count(voxels).saturating_mul(count(size_of::<T>()));
+        let (length, limit) = (self.file.length, if array.chunks.is_some() { DEFLATE_LIMIT } else { 1 });
+        if bytes > length.saturating_mul(limit).max(UNPROVEN) {
+            let (path, encoding) = (path.clone(), "HDF5");
+            return Err(VolumeError::Incredible { path, compressed: length, expected: bytes, encoding, limit });
+        }
+        if memory::available_bytes().is_some_and(|free| bytes > free) {
+            return Err(VolumeError::Memory { source_name: self.source.clone(), bytes });
+        }
+        // A short file may hold less than it states: then all blocks are decoded before the allocation.
+        if bytes > length.saturating_mul(16).max(UNPROVEN) {
+            self.each(array, region, unit, |_| Ok(()))?;
+        }
+        let mut volume = allocate::zeroed::<T>(path, voxels)?;
+        let mut done = 0;
+        self.each(array, region, unit, |blocks| {
+            tiles::lay(arranged, region, blocks, &mut volume);
+            done += blocks.iter().map(|block| count(block.bytes.len())).sum::<u64>();
+            data::report(path, done.min(bytes), bytes, self.progress)
+        })?;
+        Ok(volume)
+    }
+
+    /// Decodes the blocks of the region, some at a time, and hands them on.
+    fn each(
+        &self,
+        array: &Array,
+        region: &[[usize; 2]],
+        unit: &[usize],
+        mut take: impl FnMut(&[Block]) -> Result<(), VolumeError>,
+    ) -> Result<(), VolumeError> {
+        let grid = Grid::over(region, unit);
+        let size = unit.iter().product::<usize>().saturating_mul(array.voxel_type.bytes()).max(1);
+        let at_once = count(rayon::current_num_threads().max(WAITING / size));
+        let mut next = 0;
+        while next < grid.len() {
+            let end = grid.len().min(next + at_once);
+            let one = |number: u64| self.block(array, region, unit, &grid.indices(number));
+            let blocks: Vec<Result<Block, VolumeError>> = (next..end).into_par_iter().map(one).collect();
+            take(&blocks.into_iter().collect::<Result<Vec<_>, _>>()?)?;
+            next = end;
+        }
+        Ok(())
+    }
+
+    /// The block with these indices, as far as it is in the region.
+    fn block(
+        &self,
+        array: &Array,
+        region: &[[usize; 2]],
+        unit: &[usize],
+        indices: &[usize],
+    ) -> Result<Block, VolumeError> {
+        data::check_cancelled(&self.file.path, self.progress)?;
+        let start: Vec<usize> = indices
+            .iter()
+            .zip(unit)
+            .zip(region)
+            .map(|((index, side), [first, _])| (index * side).max(*first))
+            .collect();
+        let end = indices.iter().zip(unit).zip(region).map(|((index, side), [_, end])| ((index + 1) * side).min(*end));
+        let lengths: Vec<usize> = end.zip(&start).map(|(end, start)| end - start).collect();
+        let read = self.file.block(array, &start, &lengths);
+        let bytes = read.map_err(|source| {
+            let place = format!("array {}, block from {start:?} (slowest axis first)", printable(&array.name));
+            if source.kind() == std::io::ErrorKind::Unsupported {
+                let known = "Relume reads deflate, shuffle, Fletcher-32, LZF, szip, n-bit and scale-offset";
+                return self.wrong(&place, format!("{source}; {known}"));
+            }
+            VolumeError::DamagedPart { path: self.file.path.clone(), place, encoding: "HDF5", source }
+        })?;
+        Ok(Block { start, lengths, bytes })
+    }
+}
+
+/// Replaces floats equal to `empty` by NaN; returns their number.
+fn cleared(voxels: &mut Voxels, empty: f64) -> usize {
+    fn clear<T: Voxel>(voxels: &mut [T], empty: T, not_a_number: T) -> usize {
+        let mut cleared = 0;
+        for voxel in voxels {
+            if *voxel == empty {
+                *voxel = not_a_number;
+                cleared += 1;
+            }
+        }
+        cleared
+    }
+    match voxels {
+        Voxels::F32(voxels) => clear(voxels, f32::nearest(empty), f32::NAN),
+        Voxels::F64(voxels) => clear(voxels, empty, f64::NAN),
+        // Whole numbers have no value for none.
+        _ => 0,
+    }
+}

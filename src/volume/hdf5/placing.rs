@@ -1,0 +1,307 @@
+//! Placing of arrays in space, by the attributes of several conventions.
+
+use glam::{DMat3, DVec3};
+
+use super::file::{Array, File};
+use crate::number;
+use crate::volume::axes::{Arranged, Axis};
+use crate::volume::geometry::Lattice;
+use crate::volume::lengths::{converted, printable, unit};
+use crate::volume::voxels::with_type;
+use crate::volume::{Geometry, Unit, VolumeError, Voxel, Window};
+
+/// Longest list of coordinates.
+const LONGEST: usize = 1 << 20;
+/// Largest deviation of even coordinates, in steps: they may be rounded.
+const EVEN: f64 = 0.01;
+
+/// Axes and place of an array.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    /// Meaning of its axes, slowest first, if the file states it.
+    pub(super) axes: Option<Vec<Option<Axis>>>,
+    /// Steps along x, y and z, as vectors of the world; `None` where none is stated.
+    steps: [Option<DVec3>; 3],
+    /// Position of voxel (0, 0, 0).
+    origin: DVec3,
+    pub(super) unit: Option<Unit>,
+    pub(super) is_anatomical: bool,
+    /// Slope and intercept of the values.
+    pub(super) scale: (f64, f64),
+    /// Value of voxels without a value.
+    pub(super) empty: Option<f64>,
+    pub(super) metadata: Vec<(String, String)>,
+    /// Sentences about oddities, without the name of the file.
+    pub(super) notes: Vec<String>,
+}
+
+impl Default for Placed {
+    fn default() -> Self {
+        Self {
+            axes: None,
+            steps: [None; 3],
+            origin: DVec3::ZERO,
+            unit: None,
+            is_anatomical: false,
+            scale: (1.0, 0.0),
+            empty: None,
+            metadata: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+}
+
+impl Placed {
+    /// The grid of an array with these axes.
+    pub(super) fn geometry(&self, source: &str, arranged: &Arranged) -> Result<Geometry, VolumeError> {
+        let unit = [DVec3::X, DVec3::Y, DVec3::Z];
+        let [x, y, z] = [0, 1, 2].map(|axis| self.steps[axis].unwrap_or(unit[axis]));
+        Lattice { dims: arranged.dims(), origin: self.origin, steps: DMat3::from_cols(x, y, z) }.geometry(source)
+    }
+
+    /// The sentence about axes without a step, if there are any.
+    pub(super) fn assumed(&self) -> Option<String> {
+        if self.steps == [None; 3] {
+            return Some("the file states no spacing; Relume uses 1 1 1".to_owned());
+        }
+        let unknown = (0..3).filter(|&axis| self.steps[axis].is_none()).map(|axis| ["x", "y", "z"][axis]);
+        let unknown: Vec<&str> = unknown.collect();
+        let along = (!unknown.is_empty()).then(|| unknown.join(" and "));
+        along.map(|along| format!("the file states no spacing along {along}; Relume uses 1"))
+    }
+}
+
+/// The placing of `array`, one of the arrays `all` of the file.
+pub(super) fn of(file: &File, array: &Array, all: &[Array]) -> Result<Placed, VolumeError> {
+    let mut placed = match minc(file, array) {
+        Some(placed) => placed,
+        None => by_coordinates(file, array, all),
+    };
+    if let Some([z, y, x]) =
+        array.attributes.numbers("element_size_um").and_then(|sizes| <[f64; 3]>::try_from(sizes).ok())
+    {
+        placed.steps = [Some(DVec3::X * x), Some(DVec3::Y * y), Some(DVec3::Z * z)];
+        placed.unit = Some(Unit::Micrometre);
+    }
+    let number = |name: &str| array.attributes.number(name);
+    placed.scale = (number("scale_factor").unwrap_or(placed.scale.0), number("add_offset").unwrap_or(placed.scale.1));
+    placed.empty = number("_FillValue").or(number("missing_value"));
+    if let Some(empty) = placed.empty {
+        placed.metadata.push(("fill value".to_owned(), number::readable(empty)));
+    }
+    for key in ["long_name", "units"] {
+        if let Some(text) = array.attributes.text(key) {
+            placed.metadata.push((key.to_owned(), printable(text)));
+        }
+    }
+    Ok(placed)
+}
+
+/// Meaning of axes with these names: x, y, z by their names or their order.
+fn named(names: &[String], shape: &[usize]) -> Option<Vec<Option<Axis>>> {
+    if names.len() != shape.len() {
+        return None;
+    }
+    let of = |name: &str| match name.to_ascii_lowercase().as_str() {
+        "lon" | "longitude" | "xspace" => Some(Axis::X),
+        "lat" | "latitude" | "yspace" => Some(Axis::Y),
+        "lev" | "level" | "depth" | "height" | "altitude" | "plev" | "zspace" => Some(Axis::Z),
+        name => Axis::named(name),
+    };
+    let axes: Vec<Option<Axis>> = names.iter().map(|name| of(name)).collect();
+    let is_complete = axes.iter().zip(shape).all(|(axis, &length)| axis.is_some() || length == 1);
+    if is_complete && axes.contains(&Some(Axis::X)) && axes.contains(&Some(Axis::Y)) {
+        return Some(axes);
+    }
+    // The order z, y, x beside channels and times.
+    let spatial: Vec<usize> =
+        (0..axes.len()).filter(|&at| !matches!(axes[at], Some(Axis::Channel | Axis::Time))).collect();
+    let mut ordered = axes;
+    let order = [Axis::Z, Axis::Y, Axis::X];
+    let order = order.get(3_usize.checked_sub(spatial.len())?..)?;
+    for (&at, &axis) in spatial.iter().zip(order) {
+        ordered[at] = Some(axis);
+    }
+    Some(ordered)
+}
+
+/// The placing by coordinate variables of `NetCDF`: arrays with the names of the axes.
+fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
+    let mut placed = Placed { axes: named(&array.dimensions, &array.shape), ..Placed::default() };
+    let Some(axes) = &placed.axes else { return placed };
+    let group = array.name.rsplit_once('/').map_or("", |(group, _)| group);
+    let mut lines: [Option<Line>; 3] = [None, None, None];
+    for (at, axis) in axes.iter().enumerate() {
+        let place = match axis {
+            Some(Axis::X) => 0,
+            Some(Axis::Y) => 1,
+            Some(Axis::Z) => 2,
+            _ => continue,
+        };
+        let name = &array.dimensions[at];
+        let is_it = |other: &&Array| other.shape == [array.shape[at]] && other.name == format!("{group}/{name}");
+        let Some(coordinates) = all.iter().find(is_it).filter(|found| found.shape[0] > 1) else { continue };
+        match line(file, coordinates) {
+            Some(line) => lines[place] = Some(line),
+            None => placed.notes.push(format!("the coordinates {} are not even, and are not used", printable(name))),
+        }
+    }
+    placed.unit = lines.iter().flatten().find_map(|line| line.unit).map(|(unit, _)| unit);
+    for (axis, line) in lines.iter().enumerate() {
+        let Some(line) = line else { continue };
+        let own = |length: f64| match (line.unit, placed.unit) {
+            (Some(stated), Some(unit)) => converted(length, stated, unit),
+            _ => length,
+        };
+        placed.steps[axis] = Some([DVec3::X, DVec3::Y, DVec3::Z][axis] * own(line.step));
+        placed.origin[axis] = own(line.first);
+    }
+    placed
+}
+
+/// Even coordinates.
+struct Line {
+    first: f64,
+    step: f64,
+    unit: Option<(Unit, f64)>,
+}
+
+/// The coordinates of an array of one axis; `None` if they are not even.
+fn line(file: &File, array: &Array) -> Option<Line> {
+    let length = array.shape[0];
+    if length > LONGEST {
+        return None;
+    }
+    let bytes = file.block(array, &[0], &[length]).ok()?;
+    let size = array.voxel_type.bytes();
+    let values: Vec<f64> = with_type!(array.voxel_type, T => {
+        bytes.chunks_exact(size).map(|bytes| Voxel::to_f64(bytemuck::pod_read_unaligned::<T>(bytes))).collect()
+    });
+    let (first, last) = (*values.first()?, *values.last()?);
+    let step = (last - first) / number::count(length - 1);
+    let is_even = values
+        .iter()
+        .enumerate()
+        .all(|(index, value)| (value - number::count(index).mul_add(step, first)).abs() <= EVEN * step.abs());
+    let unit = array.attributes.text("units").and_then(unit);
+    (is_even && step != 0.0 && step.is_finite()).then_some(Line { first, step, unit })
+}
+
+/// The placing of an image of MINC-2; `None` for other arrays.
+fn minc(file: &File, array: &Array) -> Option<Placed> {
+    let root = array.name.strip_suffix("/image")?.split_once("/image/")?.0;
+    let order = array.attributes.text("dimorder")?;
+    let names: Vec<String> = order.split(',').map(|name| name.trim().to_owned()).collect();
+    let mut placed = Placed { axes: named(&names, &array.shape), ..Placed::default() };
+    let mut origin = DVec3::ZERO;
+    for (axis, name) in ["xspace", "yspace", "zspace"].into_iter().enumerate() {
+        let Some(dimension) = file.array_or_scalar(&format!("{root}/dimensions/{name}")) else { continue };
+        let step = dimension.number("step").filter(|&step| step != 0.0).unwrap_or(1.0);
+        let cosines = dimension.numbers("direction_cosines").and_then(|it| <[f64; 3]>::try_from(it).ok());
+        let along = cosines.map_or([DVec3::X, DVec3::Y, DVec3::Z][axis], DVec3::from_array);
+        let along = along.try_normalize().unwrap_or([DVec3::X, DVec3::Y, DVec3::Z][axis]);
+        // The file's world is right-anterior-superior.
+        let turn = DVec3::new(-1.0, -1.0, 1.0);
+        placed.steps[axis] = Some(along * step * turn);
+        origin += along * dimension.number("start").unwrap_or(0.0) * turn;
+    }
+    if file.array_or_scalar(&array.name.replace("/image/0/image", "/image/0/image-max")).is_some() {
+        placed
+            .notes
+            .push("the scales image-min and image-max are not applied; the voxels are the stored numbers".to_owned());
+    }
+    placed.origin = origin;
+    placed.unit = Some(Unit::Millimetre);
+    placed.is_anatomical = true;
+    Some(placed)
+}
+
+/// An Imaris file.
+pub(super) struct Imaris {
+    /// Voxels along x, y and z of each level of resolution.
+    pub(super) levels: Vec<[usize; 3]>,
+    pub(super) times: usize,
+    pub(super) channels: Vec<Channel>,
+    /// First and last corner of the image.
+    corners: [DVec3; 2],
+    unit: Option<Unit>,
+}
+
+/// A channel of an Imaris file.
+pub(super) struct Channel {
+    name: String,
+    colour: Option<String>,
+    pub(super) window: Option<Window>,
+}
+
+impl Imaris {
+    /// The description in `file`. The error is a sentence.
+    pub(super) fn of(file: &File) -> Result<Self, String> {
+        const MOST: usize = 10_000;
+        let image = file.group("DataSetInfo/Image");
+        let number = |key: &str| image.number(key).ok_or_else(|| format!("DataSetInfo/Image has no number {key}"));
+        let corner = |end: &str| -> Result<DVec3, String> {
+            let part = |axis: usize| number(&format!("{end}{axis}"));
+            Ok(DVec3::new(part(0)?, part(1)?, part(2)?))
+        };
+        let corners = [corner("ExtMin")?, corner("ExtMax")?];
+        let base = "DataSet/ResolutionLevel";
+        let times = (0..MOST).take_while(|time| file.has_group(&format!("{base} 0/TimePoint {time}"))).count();
+        let is_channel = |index: &usize| file.has_group(&format!("{base} 0/TimePoint 0/Channel {index}"));
+        let channels: Vec<Channel> = (0..MOST).take_while(is_channel).map(|index| Channel::of(file, index)).collect();
+        if channels.is_empty() {
+            return Err("there is no channel".to_owned());
+        }
+        let levels = (0..64).take_while(|level| file.has_group(&format!("{base} {level}/TimePoint 0/Channel 0")));
+        let dims = |level: usize| -> Result<[usize; 3], String> {
+            let sizes = file.group(&format!("{base} {level}/TimePoint 0/Channel 0"));
+            let side = |key: &str, of_image: &str| {
+                let stated = sizes.number(key).or(image.number(of_image).filter(|_| level == 0));
+                let side = stated.filter(|side| (1.0..=1e9).contains(side)).map(number::whole);
+                side.ok_or_else(|| format!("level {level} has no size {key}"))
+            };
+            Ok([side("ImageSizeX", "X")?, side("ImageSizeY", "Y")?, side("ImageSizeZ", "Z")?])
+        };
+        let levels = levels.map(dims).collect::<Result<_, _>>()?;
+        let unit =
+            image.text("Unit").and_then(unit).filter(|(_, factor)| (factor - 1.0).abs() < 1e-9).map(|(unit, _)| unit);
+        Ok(Self { levels, times, channels, corners, unit })
+    }
+
+    pub(super) fn names(&self) -> Vec<String> {
+        let is_named = self.channels.len() > 1 && self.channels.iter().any(|channel| !channel.name.is_empty());
+        if is_named { self.channels.iter().map(|channel| channel.name.clone()).collect() } else { Vec::new() }
+    }
+
+    /// The placing of a level: its voxels fill the box between the corners.
+    pub(super) fn placed(&self, dims: [usize; 3]) -> Placed {
+        let [low, high] = self.corners;
+        let mut placed = Placed { unit: self.unit, ..Placed::default() };
+        for axis in 0..3 {
+            let step = (high[axis] - low[axis]) / number::count(dims[axis]);
+            if step > 0.0 && step.is_finite() {
+                placed.steps[axis] = Some([DVec3::X, DVec3::Y, DVec3::Z][axis] * step);
+                placed.origin[axis] = low[axis] + step / 2.0;
+            }
+        }
+        for (index, channel) in self.channels.iter().enumerate() {
+            let colour = channel.colour.clone();
+            placed.metadata.extend(colour.map(|colour| (format!("colour of channel {index}"), colour)));
+        }
+        placed
+    }
+}
+
+impl Channel {
+    fn of(file: &File, index: usize) -> Self {
+        let about = file.group(&format!("DataSetInfo/Channel {index}"));
+        let name = about.text("Name").map(printable).unwrap_or_default();
+        let colour = about.numbers("Color").and_then(|parts| <[f64; 3]>::try_from(parts).ok());
+        let colour = colour.filter(|parts| parts.iter().all(|part| (0.0..=1.0).contains(part)));
+        let hex = |part: f64| format!("{:02x}", number::whole((part * 255.0).round()));
+        let range = about.numbers("ColorRange").and_then(|ends| <[f64; 2]>::try_from(ends).ok());
+        let title = if name.is_empty() { "Imaris" } else { &name };
+        let window = range.and_then(|[low, high]| Window::new(title, low, high));
+        Self { colour: colour.map(|parts| format!("#{}", parts.map(hex).concat())), window, name }
+    }
+}

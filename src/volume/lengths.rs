@@ -1,0 +1,48 @@
+//! Units of length and other texts of files.
+
+use super::Unit;
+
+/// Number of units in a metre.
+fn per_metre(unit: Unit) -> f64 {
+    match unit {
+        Unit::Centimetre => 1e2,
+        Unit::Millimetre => 1e3,
+        Unit::Micrometre => 1e6,
+        Unit::Nanometre => 1e9,
+        Unit::Angstrom => 1e10,
+    }
+}
+
+/// A length of `factor` times `unit`, in `own` units.
+pub(super) fn converted(length: f64, (unit, factor): (Unit, f64), own: Unit) -> f64 {
+    // One division, so that whole numbers stay whole.
+    length * factor * per_metre(own) / per_metre(unit)
+}
+
+/// The unit that `name` is a multiple of, and the factor; `None` if it is no unit of length.
+pub(super) fn unit(name: &str) -> Option<(Unit, f64)> {
+    let name = name.trim();
+    if let Some(unit) = Unit::named(name) {
+        return Some((unit, 1.0));
+    }
+    Some(match name {
+        "m" | "meter" | "metre" => (Unit::Millimetre, 1e3),
+        "dm" => (Unit::Millimetre, 1e2),
+        "km" => (Unit::Millimetre, 1e6),
+        "pm" => (Unit::Angstrom, 1e-2),
+        "in" | "inch" | "inches" | "\"" => (Unit::Millimetre, 25.4),
+        "ft" | "foot" | "feet" => (Unit::Millimetre, 304.8),
+        _ => return None,
+    })
+}
+
+/// A text of a file for one line of a message: without control characters, and shortened.
+pub(super) fn printable(text: &str) -> String {
+    const LONGEST: usize = 80;
+    let mut line: String = text.trim().chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect();
+    if let Some((end, _)) = line.char_indices().nth(LONGEST) {
+        line.truncate(end);
+        line.push('…');
+    }
+    line
+}

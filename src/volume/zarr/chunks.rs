@@ -1,0 +1,269 @@
+//! Voxels of an array: its chunks, decoded in parallel, and laid into the volume.
+
+use std::fs::File;
+use std::io::{self, Read as _, Seek as _, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use super::array::Array;
+use super::codecs::{self, Decoder};
+use super::node::wrong;
+use crate::progress::Progress;
+use crate::volume::axes::Arranged;
+use crate::volume::stream::{self, DEFLATE_LIMIT, count};
+use crate::volume::tiles::{self, Block, Grid};
+use crate::volume::voxels::with_type;
+use crate::volume::{VolumeError, Voxel, Voxels, allocate, data};
+
+/// Bytes of decoded chunks that wait for their place in the volume.
+const WAITING: usize = 16 << 20;
+/// Bytes of voxels that are allocated before a chunk has been decoded.
+const UNPROVEN: u64 = 32 << 20;
+/// Chunks per file of a store, at most: a store with fewer files is incomplete.
+const SPARSEST: u64 = 4096;
+
+/// Reads the voxels of the channel and time `chosen`. Also returns the number of chunks that are not there.
+pub(super) fn read(
+    array: &Array,
+    arranged: &Arranged,
+    chosen: [usize; 2],
+    source: &Path,
+    progress: &dyn Progress,
+) -> Result<(Voxels, u64), VolumeError> {
+    let region = tiles::region(arranged, chosen);
+    let unit = array.shard.as_ref().map_or(&array.chunks, |shard| &shard.chunks);
+    let decoder = Decoder::new(&array.coding, unit, array.voxel_type)
+        .map_err(|error| wrong(&array.file, "codecs", error.to_string()))?;
+    let reading = Reading { array, arranged, region, unit, decoder, source, progress };
+    with_type!(array.voxel_type, T => {
+        let (voxels, missing) = reading.read::<T>()?;
+        Ok((T::into_voxels(voxels), missing))
+    })
+}
+
+/// The numbers that are read of an array.
+struct Reading<'a> {
+    array: &'a Array,
+    arranged: &'a Arranged,
+    /// First and end index along each axis of the array.
+    region: Vec<[usize; 2]>,
+    /// Lengths of the chunks that are decoded: chunks, or those inside shards.
+    unit: &'a [usize],
+    decoder: Decoder,
+    source: &'a Path,
+    progress: &'a dyn Progress,
+}
+
+/// A coded chunk.
+struct Coded {
+    path: Arc<PathBuf>,
+    /// Its part of the file, if it is in a shard.
+    part: Option<(u64, u64)>,
+    /// Index of its first number along each axis.
+    start: Vec<usize>,
+}
+
+impl Coded {
+    fn damaged(&self, encoding: &'static str, source: io::Error) -> VolumeError {
+        let place = format!("chunk from voxel {:?} (slowest axis first)", self.start);
+        VolumeError::DamagedPart { path: self.path.to_path_buf(), place, encoding, source }
+    }
+}
+
+impl Reading<'_> {
+    fn read<T: Voxel>(&self) -> Result<(Vec<T>, u64), VolumeError> {
+        let grid = Grid::over(&self.region, &self.array.chunks);
+        let there = self.there(&grid)?;
+        let dims = self.arranged.dims();
+        let voxels: usize = dims.iter().product();
+        let bytes = count(voxels).saturating_mul(count(size_of::<T>()));
+        let solid = there.iter().fold(0_u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
+        // Few or very dense chunks may hold less than they state: then all of them are decoded before the allocation.
+        if bytes > UNPROVEN.max(solid.saturating_mul(2)) {
+            self.each(&grid, &there, |_| Ok(()))?;
+        }
+        let mut volume = allocate::zeroed::<T>(self.source, voxels)?;
+        let fill = bytemuck::pod_read_unaligned::<T>(&self.array.fill);
+        if self.array.fill.iter().any(|&byte| byte != 0) {
+            volume.fill(fill);
+        }
+        let done = AtomicU64::new(0);
+        let missing = self.each(&grid, &there, |blocks| {
+            tiles::lay(self.arranged, &self.region, blocks, &mut volume);
+            let now = done.fetch_add(blocks.iter().map(|block| count(block.bytes.len())).sum(), Ordering::Relaxed);
+            data::report(self.source, now.min(bytes), bytes, self.progress)
+        })?;
+        data::report(self.source, bytes, bytes, self.progress)?;
+        Ok((volume, missing + (grid.len() - count(there.len()))))
+    }
+
+    fn chunk(&self, indices: &[usize]) -> PathBuf {
+        self.array.path.join(self.array.keys.name(indices))
+    }
+
+    /// Numbers of the chunks that are there, in the order of `grid`, with the bytes of voxels they may hold.
+    fn there(&self, grid: &Grid) -> Result<Vec<(u64, u64)>, VolumeError> {
+        let all = grid.len();
+        if all > SPARSEST {
+            let files = count(files_below(&self.array.path)?);
+            if all / SPARSEST > files {
+                let problem =
+                    format!("{files} files are there, but the array has {all} chunks; the store is incomplete");
+                return Err(wrong(&self.array.path, "chunks", problem));
+            }
+        }
+        let most = self
+            .array
+            .chunks
+            .iter()
+            .fold(count(self.array.voxel_type.bytes()), |bytes, &side| bytes.saturating_mul(count(side)));
+        let one = |number: u64| {
+            let check = || data::check_cancelled(self.source, self.progress);
+            if let Err(error) = check() {
+                return Some(Err(error));
+            }
+            let metadata = std::fs::metadata(self.chunk(&grid.indices(number))).ok()?;
+            let held =
+                metadata.len().saturating_mul(if self.array.coding.packed.is_empty() { 1 } else { DEFLATE_LIMIT });
+            Some(Ok((number, held.min(most))))
+        };
+        (0..all).into_par_iter().filter_map(one).collect()
+    }
+
+    /// Decodes the chunks `there`, some at a time, and hands them on. Returns the number of chunks that are not in their
+    /// shards.
+    fn each(
+        &self,
+        grid: &Grid,
+        there: &[(u64, u64)],
+        mut take: impl FnMut(&[Block]) -> Result<(), VolumeError>,
+    ) -> Result<u64, VolumeError> {
+        let at_once = rayon::current_num_threads().max(WAITING / self.decoder.bytes().max(1)).max(1);
+        let (mut waiting, mut missing) = (Vec::new(), 0);
+        let mut decode = |waiting: &mut Vec<Coded>| {
+            let blocks: Vec<Result<Block, VolumeError>> = waiting.par_iter().map(|coded| self.decoded(coded)).collect();
+            take(&blocks.into_iter().collect::<Result<Vec<_>, _>>()?)?;
+            waiting.clear();
+            data::check_cancelled(self.source, self.progress)
+        };
+        for &(number, _) in there {
+            let indices = grid.indices(number);
+            let path = Arc::new(self.chunk(&indices));
+            let start: Vec<usize> =
+                indices.iter().zip(&self.array.chunks).map(|(index, length)| index * length).collect();
+            if self.array.shard.is_none() {
+                waiting.push(Coded { path, part: None, start });
+            } else {
+                missing += self.parts(&path, &start, |coded| {
+                    waiting.push(coded);
+                    if waiting.len() >= at_once { decode(&mut waiting) } else { Ok(()) }
+                })?;
+            }
+            if waiting.len() >= at_once {
+                decode(&mut waiting)?;
+            }
+        }
+        decode(&mut waiting)?;
+        Ok(missing)
+    }
+
+    /// Hands on the chunks of the shard `path` that are read; returns the number of those that are not there.
+    fn parts(
+        &self,
+        path: &Arc<PathBuf>,
+        start: &[usize],
+        mut take: impl FnMut(Coded) -> Result<(), VolumeError>,
+    ) -> Result<u64, VolumeError> {
+        let Some(shard) = &self.array.shard else { return Ok(0) };
+        let sides: Vec<usize> = self.array.chunks.iter().zip(self.unit).map(|(outer, inner)| outer / inner).collect();
+        let chunks = sides.iter().product();
+        let damaged = |source| {
+            let place = "index of the shard".to_owned();
+            VolumeError::DamagedPart { path: path.to_path_buf(), place, encoding: "sharding_indexed", source }
+        };
+        let mut file = stream::open(path)?;
+        let length = file.metadata().map_err(|source| stream::failed(path, source))?.len();
+        let bytes = codecs::index_bytes(shard, chunks);
+        let Some(at_end) = length.checked_sub(bytes) else {
+            return Err(damaged(io::Error::other(format!("the file has {length} bytes, but its index has {bytes}"))));
+        };
+        let at = if shard.index_is_first { 0 } else { at_end };
+        let coded = part(&mut file, (at, bytes)).map_err(|source| stream::failed(path, source))?;
+        let entries = crate::volume::guard::guarded(|| codecs::index(shard, chunks, coded)).map_err(damaged)?;
+        // The part of the shard that is read.
+        let region: Vec<[usize; 2]> = self
+            .region
+            .iter()
+            .zip(start)
+            .zip(&self.array.chunks)
+            .map(|((&[first, end], &start), &length)| [first.saturating_sub(start), (end - start.min(end)).min(length)])
+            .collect();
+        let (grid, mut missing) = (Grid::over(&region, self.unit), 0);
+        for number in 0..grid.len() {
+            let indices = grid.indices(number);
+            let linear = indices.iter().zip(&sides).fold(0, |linear, (index, side)| linear * side + index);
+            match entries[linear] {
+                None => missing += 1,
+                Some((offset, bytes)) if offset.checked_add(bytes).is_some_and(|end| end <= length) => {
+                    let start = (0..start.len()).map(|axis| start[axis] + indices[axis] * self.unit[axis]).collect();
+                    take(Coded { path: path.clone(), part: Some((offset, bytes)), start })?;
+                }
+                Some((offset, bytes)) => {
+                    let problem = format!("{bytes} bytes from byte {offset} are beyond the {length} bytes of the file");
+                    return Err(damaged(io::Error::other(problem)));
+                }
+            }
+        }
+        Ok(missing)
+    }
+
+    /// The numbers of a chunk.
+    fn decoded(&self, coded: &Coded) -> Result<Block, VolumeError> {
+        data::check_cancelled(self.source, self.progress)?;
+        let mut file = stream::open(&coded.path)?;
+        let failed = |source| stream::failed(&coded.path, source);
+        let length = file.metadata().map_err(failed)?.len();
+        let part_of = coded.part.unwrap_or((0, length));
+        let (encoding, most) = (self.decoder.name(), self.decoder.most_coded());
+        if part_of.1 > most {
+            let problem = format!("{} coded bytes for the {} bytes of a chunk", part_of.1, self.decoder.bytes());
+            return Err(coded.damaged(encoding, io::Error::other(problem)));
+        }
+        let bytes = part(&mut file, part_of).map_err(failed)?;
+        let bytes = self.decoder.decode(bytes).map_err(|source| coded.damaged(encoding, source))?;
+        Ok(Block { start: coded.start.clone(), lengths: self.unit.to_vec(), bytes })
+    }
+}
+
+/// Reads `part` of a file: offset and length, which are within the file.
+fn part(file: &mut File, (offset, length): (u64, u64)) -> io::Result<Vec<u8>> {
+    file.seek(SeekFrom::Start(offset))?;
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))?;
+    file.take(length).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Number of files in a folder and in those below, at most as many as a folder may have.
+fn files_below(path: &Path) -> Result<usize, VolumeError> {
+    let (mut files, mut folders) = (0, vec![path.to_owned()]);
+    while let Some(folder) = folders.pop() {
+        let failed = |source| stream::failed(&folder, source);
+        for entry in std::fs::read_dir(&folder).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            if entry.file_type().map_err(failed)?.is_dir() {
+                folders.push(entry.path());
+            } else {
+                files += 1;
+            }
+            // So many suffice for every array.
+            if files > super::MOST_NAMES {
+                return Ok(usize::MAX);
+            }
+        }
+    }
+    Ok(files)
+}
