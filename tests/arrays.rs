@@ -1,4 +1,4 @@
-//! Arrays in chunks: Zarr, OME-Zarr, HDF5, NetCDF. Files of the shared folder, and files written by independent libraries
+//! Arrays in chunks: Zarr, OME-Zarr, HDF5, `NetCDF`. Files of the shared folder, and files written by independent libraries
 //! (`tests/tools/make_zarr.py`, `tests/tools/make_hdf5.py`); invalid files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a test that cannot run says so")]

@@ -373,7 +373,7 @@ fn a_folder_that_cannot_be_listed_is_skipped_with_a_warning() {
     use std::os::unix::fs::PermissionsExt as _;
     let folder = volumes::folder(&[("a", file(&slice(0.0, 0), EXPLICIT)), ("private/b", b"words".to_vec())]);
     let private = folder.path().join("private");
-    std::fs::set_permissions(&private, std::fs::Permissions::from_mode(0)).unwrap();
+    std::fs::set_permissions(&private, std::fs::Permissions::from_mode(0o000)).unwrap();
     if std::fs::read_dir(&private).is_ok() {
         eprintln!("this user lists every folder, this test ran on nothing");
         return;
