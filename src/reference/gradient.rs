@@ -1,6 +1,5 @@
 //! Factor on the opacity by the gradient magnitude. Twin of `shaders/gradient_opacity.wgsl`.
 
-use super::Step;
 use crate::number::{Real, count, dot};
 use crate::plan::{LANE, ScenePlan, Transmittance};
 use crate::tables::GradientTable;
@@ -22,23 +21,28 @@ pub(super) fn gradient_factor<R: Real>(table: &GradientTable, gradient: [R; 3]) 
     factor
 }
 
-/// Multiplies the extinction and the scattering of a step by `factor`: each number of its opacity becomes
+/// Multiplies extinction and scattering of a step, given by its source and opacity, by `factor`: each opacity becomes
 /// α·[`thinning`], and the source of its component is scaled alike. `thinning(α, factor)` is called only for factors
 /// below 1.
-pub(super) fn thin<R: Real>(step: &mut Step<R>, plan: &ScenePlan, factor: R, thinning: impl Fn(R, R) -> R) {
+pub(super) fn thin<R: Real>(
+    [source, opacity]: [&mut [R]; 2],
+    plan: &ScenePlan,
+    factor: R,
+    thinning: impl Fn(R, R) -> R,
+) {
     if factor >= R::from_f64(1.0) {
         return;
     }
-    let ratios: Vec<R> = step.opacity.iter().map(|&opacity| thinning(opacity, factor)).collect();
+    let ratios: Vec<R> = opacity.iter().map(|&opacity| thinning(opacity, factor)).collect();
     let lanes = match plan.transmittance {
         Transmittance::Grey => 1,
         Transmittance::Coloured | Transmittance::Mixed => plan.transmittance_lanes() * LANE,
     };
-    for (i, number) in step.source.iter_mut().enumerate() {
+    for (i, number) in source.iter_mut().enumerate() {
         // Numbers of a lane beyond the components are 0.
         *number = *number * ratios.get(i % lanes).copied().unwrap_or_default();
     }
-    for (opacity, ratio) in step.opacity.iter_mut().zip(ratios) {
+    for (opacity, ratio) in opacity.iter_mut().zip(ratios) {
         *opacity = *opacity * ratio;
     }
 }

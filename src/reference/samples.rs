@@ -142,7 +142,12 @@ impl Samples<f64> for Exact<'_> {
             step.normal = unit(self.gradient_at(place));
         }
         if label.is_none() {
-            thin(step, &self.planned.plan, self.gradient_factor(place), exact_thinning);
+            thin(
+                [&mut step.source, &mut step.opacity],
+                &self.planned.plan,
+                self.gradient_factor(place),
+                exact_thinning,
+            );
         }
     }
 
@@ -316,7 +321,12 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
             self.look_up(coordinate, step);
             if self.planned.plan.gradient_opacity > 0 {
-                thin(step, &self.planned.plan, gradient_factor(&self.gradients, gradient), thinning);
+                thin(
+                    [&mut step.source, &mut step.opacity],
+                    &self.planned.plan,
+                    gradient_factor(&self.gradients, gradient),
+                    thinning,
+                );
             }
         }
         step.opacity.truncate(self.planned.plan.transmittance_numbers());

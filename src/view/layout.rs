@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 
-use super::sizes::DockSizes;
 use super::slices::Slices;
 
 /// A dock beside the picture.
@@ -30,6 +29,9 @@ impl Dock {
         }
     }
 }
+
+/// Size of each dock in points, across for the docks at the sides; `None` before the first change.
+pub type DockSizes = [Option<f32>; Dock::ALL.len()];
 
 /// A tab of the right or the bottom dock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,12 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::layout::Dock;
+use super::layout::{Dock, DockSizes};
 use super::recent;
 use crate::input;
-
-/// Size of each dock in points, across for the docks at the sides; `None` before the first change.
-pub type DockSizes = [Option<f32>; Dock::ALL.len()];
 
 /// Largest size of the file in bytes.
 const LARGEST: u64 = 1 << 10;

@@ -14,8 +14,7 @@ use super::{Shown, accuracy, crop, dial, dial_presets, display, lights, picture,
 use crate::document::Document;
 use crate::plan::Stale;
 use crate::view::action::Action;
-use crate::view::layout::{Arrange, Dock, Tab};
-use crate::view::sizes::DockSizes;
+use crate::view::layout::{Arrange, Dock, DockSizes, Tab};
 
 /// Size of a window in points from which it has docks.
 const ROOM_FOR_DOCKS: Vec2 = vec2(1100.0, 480.0);
