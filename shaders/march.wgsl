@@ -1,7 +1,7 @@
 // Marches rays through the volume front to back, and writes accumulators and transmittance. No light spectrum enters
 // them.
 // The reflected light of a step is in `weights.wgsl` or `spectral.wgsl`, its transmittance in `grey.wgsl`,
-// `coloured.wgsl` or `mixed.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, and the
+// `coloured.wgsl` or `mixed.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, the
 // factor on its opacity by the gradient magnitude in `gradient_opacity.wgsl`, and the integration of a run of steps in
 // `samples.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or `segments_coloured.wgsl`.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are

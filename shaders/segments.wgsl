@@ -171,7 +171,7 @@ fn parts_between(ray: Ray, start: f32, a: End, b: End, turn: vec3f, density: Den
 
 // Whether a value between two ends can be visible.
 fn is_active_between(a: End, b: End) -> bool {
-    return (max(a.coordinate, b.coordinate) > march.active_low && min(a.coordinate, b.coordinate) < march.active_high)
+    return (max(a.coordinate, b.coordinate) >= march.active_low && min(a.coordinate, b.coordinate) <= march.active_high)
         || LABELS;
 }
 
@@ -232,12 +232,6 @@ fn march_run(
             }
             density.depth = scaled_depth(density.depth, factor);
         }
-        var length = reach - done;
-        var wanted = 0.0;
-        if (parts == 0.0) {
-            wanted = parts_between(ray, f32(n), a, b, unit(next_gradient) - unit(gradient), density);
-            length = select(length, 0.0, wanted > 1.0);
-        }
         let middle = place_at(ray, f32(n) + (done + reach) * 0.5);
         if (LABELS) {
             let row = row_at(middle);
@@ -247,6 +241,12 @@ fn march_run(
                 }
                 density.depth = opacity_of_label(row);
             }
+        }
+        var length = reach - done;
+        var wanted = 0.0;
+        if (parts == 0.0) {
+            wanted = parts_between(ray, f32(n), a, b, unit(next_gradient) - unit(gradient), density);
+            length = select(length, 0.0, wanted > 1.0);
         }
         var step = across(density, length);
         if (GRADIENT) {

@@ -1,4 +1,4 @@
-//! Integration in segments: closed forms, the device against the reference, and what must not change a byte.
+//! Integration in segments: closed forms, the device against the reference, and empty-space skipping.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -6,7 +6,7 @@ mod support;
 use glam::DVec3;
 use relume::plan::{Integrate, PlanError, plan};
 use relume::progress::Quiet;
-use relume::scene::{Gradients, Integration, Interpolation, Scene};
+use relume::scene::{Gradients, Integration, Interpolation, Scene, Term};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::tables::CELL;
 use support::rungs::{Rungs, with_renderer};
@@ -188,6 +188,28 @@ fn skipping_keeps_what_a_segment_reaches_beyond_its_macrocell() {
             let [skipping, everywhere] = [scene, everywhere].map(|scene| Rungs::new(scene, SIZE).gpu(renderer));
             assert!(everywhere.transmittance.iter().any(|&transmitted| transmitted < 1.0), "step {step}: it is seen");
             assert!(skipping == everywhere, "step {step}");
+        }
+    });
+}
+
+/// The largest and the smallest value lie on the bounds of the table.
+#[test]
+fn regions_of_the_largest_and_the_smallest_value_are_not_taken_for_invisible() {
+    with_renderer(|renderer| {
+        for [low, high] in [[60_000.0, 70_000.0], [-70_000.0, 5000.0]] {
+            let mut scene = in_segments(scenes::named("diffuse_one"));
+            scene.volume =
+                std::sync::Arc::new(sampled([17, 17, 17], |place| if place.x > 0.0 { 65_535.0 } else { 0.0 }));
+            scene.transfer.terms = vec![Term::interval(0, [low, high], [1000.0; 2], 0.3, 0.0)];
+            // Seven fetches of a sample: the plan looks for the next visible one first.
+            scene.accuracy.gradients = Gradients::Central;
+            let mut everywhere = scene.clone();
+            everywhere.accuracy.skipping = false;
+            let [skipping, everywhere] = [scene, everywhere].map(|scene| Rungs::new(scene, SIZE));
+            assert!(skipping.planned.plan.skips_invisible() && !everywhere.planned.plan.skips_invisible());
+            let [skipping, everywhere] = [skipping, everywhere].map(|rungs| rungs.gpu(renderer));
+            assert!(everywhere.transmittance.iter().any(|&left| left < 0.1), "{low} to {high}: it is seen");
+            assert!(skipping == everywhere, "{low} to {high}");
         }
     });
 }

@@ -357,6 +357,9 @@ fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Resu
         };
         table.insert("integration", value(integration));
     }
+    if now.variation.to_bits() != then.variation.to_bits() {
+        table.insert("variation", value(now.variation));
+    }
     let accumulate = match now.accumulate {
         AccumulateAs::Auto => "auto",
         AccumulateAs::Weights => "weights",

@@ -74,7 +74,7 @@ pub struct Survey<'a> {
 struct Same {
     plan: ScenePlan,
     carrier: String,
-    /// Step length, termination and scale.
+    /// Step length, termination, variation and scale.
     numbers: [f64; 4],
     /// Entries of the transfer table.
     entries: usize,

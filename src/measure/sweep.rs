@@ -4,12 +4,13 @@ use super::setting::{Choices, Growth, Knob, Setting, Value};
 use crate::number::readable;
 
 /// Default sweeps: each knob by itself, starting from the scene's own setting.
-const USUAL: [&str; 12] = [
+const USUAL: [&str; 13] = [
     "k=3,4,6,8,12",
     "model=nodes,sharpened,sharpened-semigroup,bands,rgb-naive,rgb-prefiltered,rgb-fitted",
     "storage=f16",
     "step=0.25..4",
     "termination=0,0.001,0.01,0.1",
+    "integration=segments",
     "interpolation=nearest,exact-linear,cubic",
     "volume=f32",
     "gradients=central",
@@ -202,10 +203,11 @@ mod tests {
     }
 
     #[test]
-    fn the_usual_sweep_turns_every_knob_but_one_at_a_time() {
+    fn the_usual_sweep_turns_every_knob_but_two_one_at_a_time() {
         let usual = settings(&[]).unwrap();
         assert!(usual.iter().all(|setting| setting.knobs().count() <= 1), "{usual:?}");
-        for knob in Knob::ALL.into_iter().filter(|&knob| knob != Knob::Accumulate) {
+        // Without segments, the variation has no effect.
+        for knob in Knob::ALL.into_iter().filter(|knob| ![Knob::Accumulate, Knob::Variation].contains(knob)) {
             assert!(usual.iter().any(|setting| setting.get(knob).is_some()), "{knob}");
         }
     }

@@ -1,4 +1,4 @@
-//! Front-to-back march along rays. Twin of `shaders/march.wgsl`: same names, same order.
+//! Front-to-back march along rays. Twin of `shaders/march.wgsl`, with the runs of `samples.wgsl` and `segments.wgsl`.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -34,6 +34,8 @@ pub struct RaySample<'a, R> {
     pub index: usize,
     /// Position in texture coordinates.
     pub place: [R; 3],
+    /// Length in steps: 1 for a point sample, at most 1 for a part of a segment.
+    pub length: R,
     /// Transmittance from the sample to the eye.
     pub transmittance: &'a [R],
 }
@@ -133,7 +135,7 @@ impl<'a, R: Real> Frame<'a, R> {
             let s = (R::from_f64(count(n)) + ray.offset).mul_add(self.step_length, ray.start);
             let place = std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]));
             samples.sample(place, &mut step);
-            if !seen(&RaySample { index: n, place, transmittance: &transmittance }) {
+            if !seen(&RaySample { index: n, place, length: R::from_f64(1.0), transmittance: &transmittance }) {
                 break;
             }
             if step.does_nothing() {
@@ -201,7 +203,7 @@ impl<'a, R: Real> Frame<'a, R> {
                 samples.mean([&from, &to], middle, &mut density);
                 across(&density, end - done, self.planned.plan.lanes() * LANE, &mut step);
                 step.normal = unit(std::array::from_fn(|axis| (from.gradient[axis] + to.gradient[axis]) * half));
-                if !seen(&RaySample { index: n, place: middle, transmittance: &transmittance }) {
+                if !seen(&RaySample { index: n, place: middle, length: end - done, transmittance: &transmittance }) {
                     return transmittance;
                 }
                 for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {

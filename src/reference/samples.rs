@@ -153,12 +153,7 @@ impl Samples<f64> for Exact<'_> {
 
     fn end(&self, place: [f64; 3]) -> End<f64> {
         let (value, label) = self.at(place);
-        let dims = self.scene.volume.geometry.dims;
-        let gradient = if self.planned.plan.gradient() {
-            interpolate(place, dims, self.scene.accuracy.interpolation, |index| self.gradient(index))
-        } else {
-            [0.0; 3]
-        };
+        let gradient = if self.planned.plan.gradient() { self.gradient_at(place) } else { [0.0; 3] };
         End { value, gradient, row: label.map_or(0, |label| label + 1) }
     }
 
@@ -213,7 +208,8 @@ fn largest_difference<R: Real>(mean: &[R], [a, b]: [&[R]; 2]) -> R {
     differences.fold(R::default(), Real::max)
 }
 
-/// Stored tables and volume, read as in the shader. Twin of `sample` in `shaders/march.wgsl`.
+/// Stored tables and volume, read as in the shader. Twin of `sample` in `shaders/samples.wgsl` and `mean_between` in
+/// `shaders/segments.wgsl`.
 #[derive(Debug)]
 pub struct Stored<'a, R> {
     planned: &'a Planned,
@@ -411,7 +407,7 @@ impl<R: Real> Integrals<R> {
 }
 
 impl<R: Real> Stored<'_, R> {
-    /// Reads the table at `coordinate`. Twin of `look_up` in `shaders/march.wgsl`.
+    /// Reads the table at `coordinate`. Twin of `look_up` in `shaders/samples.wgsl`.
     fn look_up(&self, coordinate: R, step: &mut Step<R>) {
         match self.planned.plan.lookup {
             Lookup::Nearest => entry(self.table, (coordinate + R::from_f64(0.5)).floor().index(), step),

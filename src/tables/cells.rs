@@ -85,21 +85,25 @@ impl Cells {
 }
 
 impl Occupancy {
-    /// The occupancy of what lies within `reach` macrocells of an occupied one, along every axis.
+    /// The occupancy grown by `reach` macrocells along every axis.
     #[must_use]
     pub fn within(&self, reach: usize) -> Self {
         let [width, height, depth] = self.dims;
         let is_set = |i: usize| self.words.get(i / 32).is_some_and(|word| word >> (i % 32) & 1 == 1);
-        let near = |at: usize, n: usize| at.saturating_sub(reach)..(at + reach + 1).min(n);
+        let mut near: Vec<bool> = (0..width * height * depth).map(is_set).collect();
+        // Axis by axis: a search of the whole box would take minutes for steps of hundreds of voxels.
+        for (stride, n) in [(1, width), (width, height), (width * height, depth)] {
+            let is_near = |i: usize| {
+                let at = i / stride % n;
+                let mut places = at.saturating_sub(reach)..(at + reach + 1).min(n);
+                places.any(|place| near[i - at * stride + place * stride])
+            };
+            near = (0..near.len()).map(is_near).collect();
+        }
         let mut grown = Self { dims: self.dims, words: vec![0; self.words.len()], occupied: 0 };
-        for i in 0..width * height * depth {
-            let [x, y, z] = [i % width, i / width % height, i / (width * height)];
-            let found = near(z, depth)
-                .any(|z| near(y, height).any(|y| near(x, width).any(|x| is_set(x + width * (y + height * z)))));
-            if found {
-                grown.words[i / 32] |= 1 << (i % 32);
-                grown.occupied += 1;
-            }
+        for (i, _) in near.iter().enumerate().filter(|(_, near)| **near) {
+            grown.words[i / 32] |= 1 << (i % 32);
+            grown.occupied += 1;
         }
         grown
     }

@@ -67,8 +67,13 @@ impl SegmentTable {
             let before = &sums[cell];
             sums.push(before.iter().zip(density.source.iter().chain(&density.opacity)).map(|(a, b)| a + b).collect());
         }
-        let largest = sums.iter().flatten().fold(0.0_f64, |most, sum| most.max(sum.abs()));
-        let unit = if largest > 0.0 { largest / f64::from(i32::MAX) } else { 1.0 };
+        // The difference of any two integrals fits; negative reflectances lower an integral that others raise.
+        let range = |number: usize| {
+            let of_number = sums.iter().map(|sum| sum[number]);
+            of_number.clone().fold(0.0_f64, f64::max) - of_number.fold(0.0_f64, f64::min)
+        };
+        let largest = (0..sums[0].len()).map(range).fold(0.0_f64, f64::max);
+        let unit = if largest > 0.0 { largest / f64::from(i32::MAX - 1) } else { 1.0 };
         let whole = |sum: f64| to_i32((sum / unit).round());
         let (mut source, mut depth) = (Vec::new(), Vec::new());
         for sum in sums {
@@ -97,7 +102,7 @@ impl SegmentTable {
         }
     }
 
-    /// Open interval of table coordinates outside which every density is 0.
+    /// Closed interval of table coordinates outside which every density is 0: an end still reads the cell beside it.
     #[must_use]
     pub fn active(&self) -> [f64; 2] {
         let first = (0..self.cells()).find(|&cell| self.is_active(cell));
@@ -137,7 +142,7 @@ fn cells(scene: &Scene, [low, high]: [f64; 2], lanes: usize, centred: bool) -> u
     }
     let bends: Vec<f64> = scene.transfer.bends().into_iter().filter(|bend| (low..=high).contains(bend)).collect();
     let narrowest = bends.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
-    let mut cells = VECTORS / lanes.max(1) - 1;
+    let mut cells = (VECTORS / lanes.max(1)).saturating_sub(1).max(1);
     while cells < MOST && narrowest / (high - low) * count(cells) < PER_FEATURE {
         cells = (2 * cells).min(MOST);
     }

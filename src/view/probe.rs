@@ -386,7 +386,7 @@ impl Ray {
         let own = march_ray(scene, &planned, &exact, [size, place], progress, |sample: &RaySample<'_, f64>| {
             let place = DVec3::from_array(sample.place) * dims - 0.5;
             let factor = exact.gradient_factor(sample.place);
-            profile.add(place, exact.at(sample.place), factor, sample.transmittance);
+            profile.add(place, exact.at(sample.place), [factor, sample.length], sample.transmittance);
         })?;
         let mut finer = scene.clone();
         finer.accuracy.step_length /= FINER;
@@ -418,6 +418,8 @@ struct Profile<'a> {
     /// Samples per segment; doubled when there are too many segments.
     per_stretch: usize,
     samples: usize,
+    /// Length of the ray so far, in steps.
+    travelled: f64,
     stretches: Vec<Stretch>,
     seen: Vec<f64>,
     absorbed: Vec<f64>,
@@ -434,12 +436,27 @@ impl<'a> Profile<'a> {
             }
         };
         let none = vec![0.0; scene.materials.len()];
-        Self { scene, eye, per_stretch: 1, samples: 0, stretches: Vec::new(), seen: none.clone(), absorbed: none }
+        Self {
+            scene,
+            eye,
+            per_stretch: 1,
+            samples: 0,
+            travelled: 0.0,
+            stretches: Vec::new(),
+            seen: none.clone(),
+            absorbed: none,
+        }
     }
 
     /// Adds the next sample: its place, its value, the label that replaces the transfer function, the factor on the
-    /// transfer function by the gradient magnitude, and the transmittance to the eye.
-    fn add(&mut self, place: DVec3, (value, label): (f64, Option<usize>), factor: f64, transmittance: &[f64]) {
+    /// transfer function by the gradient magnitude and the length in steps, and the transmittance to the eye.
+    fn add(
+        &mut self,
+        place: DVec3,
+        (value, label): (f64, Option<usize>),
+        [factor, length]: [f64; 2],
+        transmittance: &[f64],
+    ) {
         let scene = self.scene;
         let materials = scene.materials.len();
         let entry = label.and_then(|label| scene.labels.as_ref()?.declared.get(label));
@@ -453,7 +470,7 @@ impl<'a> Profile<'a> {
             }
         };
         let factor = if entry.is_some() { 1.0 } else { factor };
-        let lengths = factor * scene.accuracy.step_length / scene.transfer.opacity_length;
+        let lengths = factor * length * scene.accuracy.step_length / scene.transfer.opacity_length;
         let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
         let grey: f64 = occluding.map(|(_, depth)| depth * lengths).sum();
         let [scattering, absorption] = [medium.scattering, medium.absorption]
@@ -477,7 +494,8 @@ impl<'a> Profile<'a> {
         for (seen, depth) in self.seen.iter_mut().zip(&scattering) {
             *seen += gain * depth;
         }
-        let at = scene.accuracy.step_length * (count(self.samples) + 0.5);
+        let at = scene.accuracy.step_length * (self.travelled + length / 2.0);
+        self.travelled += length;
         if self.samples.is_multiple_of(self.per_stretch) {
             if self.stretches.len() == STRETCHES {
                 self.halve();

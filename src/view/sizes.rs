@@ -14,7 +14,7 @@ const LARGEST: u64 = 1 << 10;
 pub struct KeptSizes(Option<PathBuf>);
 
 impl KeptSizes {
-    /// The file in `folder`, and its sizes. What cannot be read counts as unknown.
+    /// The file in `folder`, and its sizes. Unreadable sizes count as unknown.
     #[must_use]
     pub fn read(folder: &Path) -> (Self, DockSizes) {
         let file = folder.join("docks.txt");

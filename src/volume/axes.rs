@@ -45,6 +45,32 @@ pub(super) fn unnamed(shape: &[usize]) -> Option<Vec<Option<Axis>>> {
     Some(axes)
 }
 
+/// Axes of an array with these names, slowest first. Axes with other names take the meanings that are left, in the order
+/// z, y, x. `None` if there are too many of them, or not one name per axis.
+pub(super) fn named(names: &[impl AsRef<str>], shape: &[usize]) -> Option<Vec<Option<Axis>>> {
+    if names.len() != shape.len() {
+        return None;
+    }
+    let of = |name: &str| match name.to_ascii_lowercase().as_str() {
+        "lon" | "longitude" | "xspace" => Some(Axis::X),
+        "lat" | "latitude" | "yspace" => Some(Axis::Y),
+        "lev" | "level" | "depth" | "height" | "altitude" | "plev" | "zspace" => Some(Axis::Z),
+        name => Axis::named(name),
+    };
+    let mut axes: Vec<Option<Axis>> = names.iter().map(|name| of(name.as_ref())).collect();
+    let is_complete = axes.iter().zip(shape).all(|(axis, &length)| axis.is_some() || length == 1);
+    if is_complete && axes.contains(&Some(Axis::X)) && axes.contains(&Some(Axis::Y)) {
+        return Some(axes);
+    }
+    let left: Vec<Axis> = [Axis::Z, Axis::Y, Axis::X].into_iter().filter(|&axis| !axes.contains(&Some(axis))).collect();
+    let open: Vec<usize> = (0..axes.len()).filter(|&at| axes[at].is_none()).collect();
+    let first = left.len().checked_sub(open.len())?;
+    for (&at, &axis) in open.iter().zip(&left[first..]) {
+        axes[at] = Some(axis);
+    }
+    Some(axes)
+}
+
 /// The axes that a user states as letters, slowest first, as in `czyx`, for an array of this shape.
 ///
 /// The error is a sentence.
@@ -194,5 +220,17 @@ mod tests {
         assert_eq!(straight, Voxels::U8(vec![1, 5, 2, 6, 3, 7, 4, 8]));
         let twice = stated("zzyx", &[2, 4, 5, 6]).unwrap();
         assert!(Arranged::new(&[2, 4, 5, 6], twice).unwrap_err().contains("axis 1"));
+    }
+
+    #[test]
+    fn named_axes_keep_their_meaning_and_others_take_those_left() {
+        use Axis::{Time, X, Y, Z};
+        let named = |names: &[&str]| named(names, &[12, 64, 128, 5][..names.len()]);
+        let all = |axes: &[Axis]| Some(axes.iter().copied().map(Some).collect::<Vec<_>>());
+        assert_eq!(named(&["time", "lat", "lon"]), all(&[Time, Y, X]), "no time becomes z");
+        assert_eq!(named(&["x", "y", "layer"]), all(&[X, Y, Z]), "the order does not override names");
+        assert_eq!(named(&["time", "level", "south", "west"]), all(&[Time, Z, Y, X]));
+        assert_eq!(named(&["rows", "columns"]), all(&[Y, X]));
+        assert_eq!(named(&["a", "b", "d", "e"]), None, "four without a meaning");
     }
 }

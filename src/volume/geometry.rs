@@ -32,8 +32,10 @@ impl Unit {
         Some(match name.trim().to_lowercase().as_str() {
             "cm" | "centimeter" | "centimetre" | "centimeters" | "centimetres" => Self::Centimetre,
             "mm" | "millimeter" | "millimetre" | "millimeters" | "millimetres" => Self::Millimetre,
-            "µm" | "μm" | "um" | "micron" | "microns" | "micrometer" | "micrometre" => Self::Micrometre,
-            "nm" | "nanometer" | "nanometre" => Self::Nanometre,
+            "µm" | "μm" | "um" | "micron" | "microns" | "micrometer" | "micrometre" | "micrometers" => {
+                Self::Micrometre
+            }
+            "nm" | "nanometer" | "nanometre" | "nanometers" => Self::Nanometre,
             // The letter, and the sign of the unit.
             "å" | "\u{212b}" | "angstrom" | "angstroms" => Self::Angstrom,
             _ => return None,

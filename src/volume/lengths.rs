@@ -26,10 +26,10 @@ pub(super) fn unit(name: &str) -> Option<(Unit, f64)> {
         return Some((unit, 1.0));
     }
     Some(match name {
-        "m" | "meter" | "metre" => (Unit::Millimetre, 1e3),
-        "dm" => (Unit::Millimetre, 1e2),
-        "km" => (Unit::Millimetre, 1e6),
-        "pm" => (Unit::Angstrom, 1e-2),
+        "m" | "meter" | "metre" | "meters" | "metres" => (Unit::Millimetre, 1e3),
+        "dm" | "decimeter" => (Unit::Millimetre, 1e2),
+        "km" | "kilometer" | "kilometers" => (Unit::Millimetre, 1e6),
+        "pm" | "picometer" => (Unit::Angstrom, 1e-2),
         "in" | "inch" | "inches" | "\"" => (Unit::Millimetre, 25.4),
         "ft" | "foot" | "feet" => (Unit::Millimetre, 304.8),
         _ => return None,

@@ -35,6 +35,7 @@ mod statistics;
 mod stream;
 mod tiff;
 mod tiles;
+mod type_string;
 mod voxel_type;
 mod voxels;
 mod vti;

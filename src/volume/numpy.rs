@@ -11,6 +11,7 @@ use zip::{CompressionMethod, ZipArchive};
 use super::axes::{self, Arranged, Axis};
 use super::data::{self, Data, DataFile};
 use super::stream::{self, Encoding, Skip, Start, count};
+use super::type_string::{self, Kind};
 use super::voxels::floats_of_halves;
 use super::{ByteOrder, Geometry, Selection, Volume, VolumeError, VoxelType, with_voxels};
 use crate::progress::Progress;
@@ -244,43 +245,22 @@ impl Place<'_> {
     /// Type of the stored numbers.
     fn stored(&self, descr: &str) -> Result<(VoxelType, ByteOrder, Kind), VolumeError> {
         let name = descr.trim_matches(['\'', '"']);
-        let (order, code) = match name.split_at_checked(1) {
-            Some(("<" | "|", code)) => (ByteOrder::Little, code),
-            Some((">", code)) => (ByteOrder::Big, code),
-            Some(("=", code)) => (ByteOrder::NATIVE, code),
-            _ => (ByteOrder::Little, name),
+        if let Some(stored) = type_string::of(name) {
+            return Ok(stored);
+        }
+        let code = name.trim_start_matches(['<', '>', '|', '=']);
+        let what = match code.chars().next() {
+            Some('O') => "objects, which cannot be read without running their code",
+            Some('S' | 'U' | 'a') => "strings",
+            Some('V' | '[') => "structures",
+            Some('c') => "complex numbers",
+            Some('M' | 'm') => "times",
+            Some('f') => "floats of another size than 2, 4 or 8 bytes",
+            _ => "not a number type",
         };
-        let (voxel_type, kind) = match code {
-            "b1" => (VoxelType::U8, Kind::Boolean),
-            "u1" => (VoxelType::U8, Kind::Number),
-            "i1" => (VoxelType::I8, Kind::Number),
-            "u2" => (VoxelType::U16, Kind::Number),
-            "i2" => (VoxelType::I16, Kind::Number),
-            "u4" => (VoxelType::U32, Kind::Number),
-            "i4" => (VoxelType::I32, Kind::Number),
-            "u8" => (VoxelType::U64, Kind::Number),
-            "i8" => (VoxelType::I64, Kind::Number),
-            "f2" => (VoxelType::U16, Kind::Half),
-            "f4" => (VoxelType::F32, Kind::Number),
-            "f8" => (VoxelType::F64, Kind::Number),
-            _ => {
-                let what = match code.chars().next() {
-                    Some('O') => "objects, which cannot be read without running their code",
-                    Some('S' | 'U' | 'a') => "strings",
-                    Some('V' | '[') => "structures",
-                    Some('c') => "complex numbers",
-                    Some('M' | 'm') => "times",
-                    Some('f') => "floats of another size than 2, 4 or 8 bytes",
-                    _ => "not a number type",
-                };
-                let what = if descr.starts_with(['[', '(']) { "structures" } else { what };
-                let start: String = descr.chars().take(40).collect();
-                return Err(
-                    self.wrong(format!("descr is {start}: {what}; Relume reads booleans, whole numbers and floats"))
-                );
-            }
-        };
-        Ok((voxel_type, order, kind))
+        let what = if descr.starts_with(['[', '(']) { "structures" } else { what };
+        let start: String = descr.chars().take(40).collect();
+        Err(self.wrong(format!("descr is {start}: {what}; Relume reads booleans, whole numbers and floats")))
     }
 
     /// The axes of an array of this shape.
@@ -296,14 +276,6 @@ impl Place<'_> {
         };
         Arranged::new(shape, axes).map_err(|problem| self.wrong(problem))
     }
-}
-
-/// Kind of a number beside its type.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Number,
-    Half,
-    Boolean,
 }
 
 /// Fields of a header.

@@ -47,15 +47,17 @@ impl Text<'_> {
             }
             (None, None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
         };
-        if let Some((lengths, unit)) = options.spacing.filter(|_| !is_read) {
-            volume = volume.with_spacing(DVec3::from_array(lengths)).map_err(fail)?;
-            volume.unit = unit.or(volume.unit);
-        }
         if let Some(blocks) = file.blocks(options).filter(|_| !is_read) {
             volume = volume.downsample(blocks).map_err(fail)?;
         }
         volume.selection = Selection { asks: false, ..selection.or(&volume.selection) };
         let stored = volume.geometry;
+        if let Some((lengths, unit)) = options.spacing.filter(|_| !is_read) {
+            // Voxels are averaged blocks, as for the key `spacing` in a session.
+            let sides = DVec3::from_array(file.blocks(options).unwrap_or([1; 3]).map(count));
+            volume = volume.with_spacing(DVec3::from_array(lengths) * sides).map_err(fail)?;
+            volume.unit = unit.or(volume.unit);
+        }
         if let Some(unit) = file.unit.as_ref().filter(|_| options.spacing.is_none_or(|(_, unit)| unit.is_none())) {
             let known = Unit::named(unit.get_ref());
             let known = known.ok_or_else(|| self.invalid(unit, "volume.unit: the units are cm, mm, µm, nm and Å"))?;

@@ -160,7 +160,7 @@ fn view(
     }
     if let (Some(factor), Some(pointer)) = (zoomed(ui, &hand), hand.hover_pos()) {
         let next = (zoom * factor).clamp(1.0, MOST_ZOOM);
-        // What lies below the pointer stays there.
+        // The voxel below the pointer stays there.
         let (here, middle) = (part(pointer), part(room.center()));
         asked.push(Action::Arrange(Arrange::SliceZoom(next, around(here + (middle - here) * (zoom / next)))));
     }

@@ -107,7 +107,8 @@ impl Damaged<'_> {
         let ends = |at: usize, text: &str| {
             beginning.get(at + text.len()).is_none_or(|&next| !matches!(next, b'0'..=b'9' | b'.'))
         };
-        let is_of = |text: &&str| has(text.as_bytes()).is_some_and(|at| ends(at, text));
+        // Identifiers of instances often begin with that of the series, and come first.
+        let is_of = |text: &&str| memchr::memmem::find_iter(&beginning, text.as_bytes()).any(|at| ends(at, text));
         if let Some(index) = identifiers.iter().position(|text| !text.is_empty() && is_of(text)) {
             return Some(Some(index));
         }
@@ -135,7 +136,9 @@ fn volume(
     let mut skipped = Vec::new();
     for damaged in damaged {
         // Its series may not be told; then it is the only one, if there is only one.
-        if damaged.series(&identifiers).unwrap_or((all.len() == 1).then_some(chosen)) == Some(chosen) {
+        let own = damaged.series(&identifiers).unwrap_or((all.len() == 1).then_some(chosen));
+        // Images of one identifier may be several series here, such as of two sizes.
+        if own.is_some_and(|own| identifiers[own] == identifiers[chosen]) {
             return Err(damaged.error);
         }
         skipped.push(damaged);

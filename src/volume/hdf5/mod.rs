@@ -1,4 +1,4 @@
-//! HDF5 and `NetCDF`, with the conventions of MINC-2, Imaris and ilastik.
+//! HDF5 and `NetCDF`, with the conventions of MINC-2 and Imaris.
 
 mod file;
 mod placing;

@@ -2,9 +2,9 @@
 
 use glam::{DMat3, DVec3};
 
-use super::file::{Array, File};
+use super::file::{Array, File, Kind};
 use crate::number;
-use crate::volume::axes::{Arranged, Axis};
+use crate::volume::axes::{self, Arranged, Axis};
 use crate::volume::geometry::Lattice;
 use crate::volume::lengths::{converted, printable, unit};
 use crate::volume::voxels::with_type;
@@ -97,37 +97,9 @@ pub(super) fn of(file: &File, array: &Array, all: &[Array]) -> Result<Placed, Vo
     Ok(placed)
 }
 
-/// Meaning of axes with these names: x, y, z by their names or their order.
-fn named(names: &[String], shape: &[usize]) -> Option<Vec<Option<Axis>>> {
-    if names.len() != shape.len() {
-        return None;
-    }
-    let of = |name: &str| match name.to_ascii_lowercase().as_str() {
-        "lon" | "longitude" | "xspace" => Some(Axis::X),
-        "lat" | "latitude" | "yspace" => Some(Axis::Y),
-        "lev" | "level" | "depth" | "height" | "altitude" | "plev" | "zspace" => Some(Axis::Z),
-        name => Axis::named(name),
-    };
-    let axes: Vec<Option<Axis>> = names.iter().map(|name| of(name)).collect();
-    let is_complete = axes.iter().zip(shape).all(|(axis, &length)| axis.is_some() || length == 1);
-    if is_complete && axes.contains(&Some(Axis::X)) && axes.contains(&Some(Axis::Y)) {
-        return Some(axes);
-    }
-    // The order z, y, x beside channels and times.
-    let spatial: Vec<usize> =
-        (0..axes.len()).filter(|&at| !matches!(axes[at], Some(Axis::Channel | Axis::Time))).collect();
-    let mut ordered = axes;
-    let order = [Axis::Z, Axis::Y, Axis::X];
-    let order = order.get(3_usize.checked_sub(spatial.len())?..)?;
-    for (&at, &axis) in spatial.iter().zip(order) {
-        ordered[at] = Some(axis);
-    }
-    Some(ordered)
-}
-
 /// The placing by coordinate variables of `NetCDF`: arrays with the names of the axes.
 fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
-    let mut placed = Placed { axes: named(&array.dimensions, &array.shape), ..Placed::default() };
+    let mut placed = Placed { axes: axes::named(&array.dimensions, &array.shape), ..Placed::default() };
     let Some(axes) = &placed.axes else { return placed };
     let group = array.name.rsplit_once('/').map_or("", |(group, _)| group);
     let mut lines: [Option<Line>; 3] = [None, None, None];
@@ -146,7 +118,12 @@ fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
             None => placed.notes.push(format!("the coordinates {} are not even, and are not used", printable(name))),
         }
     }
-    placed.unit = lines.iter().flatten().find_map(|line| line.unit).map(|(unit, _)| unit);
+    let unit = lines.iter().flatten().find_map(|line| line.unit).map(|(unit, _)| unit);
+    // Degrees beside metres have no common unit.
+    placed.unit = unit.filter(|_| lines.iter().flatten().all(|line| line.unit.is_some()));
+    if unit.is_some() && placed.unit.is_none() {
+        placed.notes.push("not all coordinates are lengths; the spacing has their numbers, and no unit".to_owned());
+    }
     for (axis, line) in lines.iter().enumerate() {
         let Some(line) = line else { continue };
         let own = |length: f64| match (line.unit, placed.unit) {
@@ -169,7 +146,8 @@ struct Line {
 /// The coordinates of an array of one axis; `None` if they are not even.
 fn line(file: &File, array: &Array) -> Option<Line> {
     let length = array.shape[0];
-    if length > LONGEST {
+    // Halves and enumerations come as bits.
+    if length > LONGEST || array.kind != Kind::Number {
         return None;
     }
     let bytes = file.block(array, &[0], &[length]).ok()?;
@@ -192,11 +170,15 @@ fn minc(file: &File, array: &Array) -> Option<Placed> {
     let root = array.name.strip_suffix("/image")?.split_once("/image/")?.0;
     let order = array.attributes.text("dimorder")?;
     let names: Vec<String> = order.split(',').map(|name| name.trim().to_owned()).collect();
-    let mut placed = Placed { axes: named(&names, &array.shape), ..Placed::default() };
+    let mut placed = Placed { axes: axes::named(&names, &array.shape), ..Placed::default() };
     let mut origin = DVec3::ZERO;
     for (axis, name) in ["xspace", "yspace", "zspace"].into_iter().enumerate() {
         let Some(dimension) = file.array_or_scalar(&format!("{root}/dimensions/{name}")) else { continue };
-        let step = dimension.number("step").filter(|&step| step != 0.0).unwrap_or(1.0);
+        let step = dimension.number("step").filter(|&step| step != 0.0);
+        if step.is_none() {
+            placed.notes.push(format!("{name} has no step; Relume uses 1 mm"));
+        }
+        let step = step.unwrap_or(1.0);
         let cosines = dimension.numbers("direction_cosines").and_then(|it| <[f64; 3]>::try_from(it).ok());
         let along = cosines.map_or([DVec3::X, DVec3::Y, DVec3::Z][axis], DVec3::from_array);
         let along = along.try_normalize().unwrap_or([DVec3::X, DVec3::Y, DVec3::Z][axis]);

@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use super::node::{Description, Node, V2, V3, wrong};
 use crate::volume::lengths::printable;
+use crate::volume::type_string::{self, Kind};
 use crate::volume::{ByteOrder, VolumeError, VoxelType};
 
 /// Largest number of bytes of a chunk, decoded.
@@ -36,15 +37,6 @@ pub(super) struct Array {
     pub(super) shard: Option<Shard>,
     /// Names of the axes, as far as they are stated.
     pub(super) names: Vec<Option<String>>,
-}
-
-/// Kind of the numbers beside their type.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Number,
-    /// Floats of 16 bits, in `uint16`.
-    Half,
-    Boolean,
 }
 
 /// Names of the files of chunks.
@@ -146,33 +138,14 @@ impl Array {
         let Some(name) = dtype.as_str() else {
             return Err(wrong("dtype", format!("{} is a structure; Relume reads numbers and booleans", shown(dtype))));
         };
-        let (byte_order, code) = match name.split_at_checked(1) {
-            Some(("<" | "|", code)) => (ByteOrder::Little, code),
-            Some((">", code)) => (ByteOrder::Big, code),
-            _ => (ByteOrder::Little, name),
-        };
-        let (voxel_type, kind) = match code {
-            "b1" => (VoxelType::U8, Kind::Boolean),
-            "u1" => (VoxelType::U8, Kind::Number),
-            "i1" => (VoxelType::I8, Kind::Number),
-            "u2" => (VoxelType::U16, Kind::Number),
-            "i2" => (VoxelType::I16, Kind::Number),
-            "u4" => (VoxelType::U32, Kind::Number),
-            "i4" => (VoxelType::I32, Kind::Number),
-            "u8" => (VoxelType::U64, Kind::Number),
-            "i8" => (VoxelType::I64, Kind::Number),
-            "f2" => (VoxelType::U16, Kind::Half),
-            "f4" => (VoxelType::F32, Kind::Number),
-            "f8" => (VoxelType::F64, Kind::Number),
-            _ => {
-                return Err(wrong(
-                    "dtype",
-                    format!(
-                        "{} is none of the types that Relume reads: booleans, whole numbers of 1 to 8 bytes, floats of 2, 4 and 8",
-                        shown(dtype)
-                    ),
-                ));
-            }
+        let Some((voxel_type, byte_order, kind)) = type_string::of(name) else {
+            return Err(wrong(
+                "dtype",
+                format!(
+                    "{} is none of the types that Relume reads: booleans, whole numbers of 1 to 8 bytes, floats of 2, 4 and 8",
+                    shown(dtype)
+                ),
+            ));
         };
         if let Some(filter) = filters.iter().flatten().next() {
             let id = shown(filter.get("id").unwrap_or(filter));

@@ -125,7 +125,12 @@ impl Reading<'_> {
             if let Err(error) = check() {
                 return Some(Err(error));
             }
-            let metadata = std::fs::metadata(self.chunk(&grid.indices(number))).ok()?;
+            let path = self.chunk(&grid.indices(number));
+            let metadata = match std::fs::metadata(&path) {
+                Ok(metadata) => metadata,
+                Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
+                Err(source) => return Some(Err(stream::failed(&path, source))),
+            };
             let held =
                 metadata.len().saturating_mul(if self.array.coding.packed.is_empty() { 1 } else { DEFLATE_LIMIT });
             Some(Ok((number, held.min(most))))

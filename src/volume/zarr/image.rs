@@ -51,11 +51,14 @@ pub(super) fn multiscales(node: &Node) -> Result<Vec<Image>, VolumeError> {
     list.map(|(index, multiscale)| image(node, multiscale, &format!("multiscales {index}"))).collect()
 }
 
-/// Paths of the levels of the images that `node` describes.
-pub(super) fn paths(node: &Node) -> Vec<String> {
+/// Paths of the levels of each image that `node` describes.
+pub(super) fn paths(node: &Node) -> Vec<Vec<String>> {
     let list = node.attributes.get("multiscales").and_then(Value::as_array).into_iter().flatten();
-    let datasets = list.filter_map(|multiscale| multiscale.get("datasets")?.as_array()).flatten();
-    datasets.filter_map(|dataset| Some(dataset.get("path")?.as_str()?.to_owned())).take(MOST).collect()
+    let of = |multiscale: &Value| -> Vec<String> {
+        let datasets = multiscale.get("datasets").and_then(Value::as_array).into_iter().flatten();
+        datasets.filter_map(|dataset| Some(dataset.get("path")?.as_str()?.to_owned())).take(MOST).collect()
+    };
+    list.take(MOST).map(of).collect()
 }
 
 fn image(node: &Node, multiscale: &Value, place: &str) -> Result<Image, VolumeError> {
@@ -192,13 +195,9 @@ impl Image {
 /// The image of an array without OME metadata. `letters` are the axes that a user states.
 pub(super) fn plain(array: Array, letters: Option<&str>) -> Result<Image, VolumeError> {
     let wrong = |problem: String| super::node::wrong(&array.file, "shape", problem);
-    let named: Option<Vec<Option<Axis>>> = (array.names.len() == array.shape.len())
-        .then(|| array.names.iter().map(|name| name.as_deref().and_then(Axis::named)).collect());
-    // Names such as `latitude` are those of no axis.
-    let named = named.filter(|axes| {
-        let are_named = axes.iter().zip(&array.shape).all(|(axis, &length)| axis.is_some() || length == 1);
-        are_named && axes.contains(&Some(Axis::X))
-    });
+    let names: Vec<&str> = array.names.iter().map(|name| name.as_deref().unwrap_or_default()).collect();
+    let is_named = names.iter().any(|name| !name.is_empty());
+    let named = if is_named { axes::named(&names, &array.shape) } else { None };
     let unknown = || VolumeError::AxesUnknown { path: array.path.clone(), shape: axes::by(&array.shape) };
     let axes = match (letters, named) {
         (Some(letters), _) => axes::stated(letters, &array.shape).map_err(wrong)?,

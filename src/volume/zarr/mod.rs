@@ -21,11 +21,12 @@ use serde_json::Value;
 use super::axes::Axis;
 use super::several::{Asked, Series, Several};
 use super::stream::count;
+use super::type_string::Kind;
 use super::voxels::floats_of_halves;
 use super::{Geometry, Selection, Volume, VolumeError, Voxels};
 use crate::memory;
 use crate::progress::Progress;
-use array::{Array, Kind};
+use array::Array;
 use image::{Image, Level};
 use node::Node;
 pub(super) use node::{is_node, node_of};
@@ -66,8 +67,7 @@ fn image_of_level(node: &Node) -> Result<Option<(Node, usize)>, VolumeError> {
         }
         let group = Node::read(folder)?;
         let is_it = |path: &String| folder.join(path).canonicalize().is_ok_and(|path| path == real);
-        // Of several images, the first has the levels that are counted.
-        if let Some(level) = image::paths(&group).iter().position(is_it) {
+        if let Some(level) = image::paths(&group).iter().find_map(|levels| levels.iter().position(is_it)) {
             return Ok(Some((group, level)));
         }
     }

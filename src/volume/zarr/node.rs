@@ -26,18 +26,17 @@ pub(in crate::volume) fn node_of(path: &Path) -> Option<PathBuf> {
     const DEEPEST: usize = 9;
     let name = path.file_name()?.to_str()?;
     if FILES.contains(&name) {
-        return Some(folder_of(path));
+        return path.parent().map(or_here);
     }
     let is_key = |name: &str| !name.is_empty() && name.chars().all(|letter| letter.is_ascii_digit() || letter == '.');
     let is_chunk = is_key(name) || name.strip_prefix("c.").is_some_and(is_key);
     let mut folders = path.ancestors().skip(1).take(DEEPEST);
     if is_chunk { folders.find(|folder| folder.join(".zarray").is_file() || is_array(folder)) } else { None }
-        .map(Path::to_owned)
+        .map(or_here)
 }
 
-/// The folder of a file.
-fn folder_of(path: &Path) -> PathBuf {
-    let folder = path.parent().unwrap_or(Path::new(""));
+/// The folder, or the current one for an empty path.
+fn or_here(folder: &Path) -> PathBuf {
     if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder.to_owned() }
 }
 
