@@ -895,7 +895,7 @@ fn design_tells_what_leans_on_the_edge_of_the_visible_range() {
     assert!(text.contains("No preset is smoother"), "{text}");
 }
 
-/// What is compared is what a preset gives: spectra that bend less, at a price.
+/// Compares presets: smoother spectra, and their price.
 #[test]
 fn a_preset_of_smoothness_costs_what_the_comparison_says_and_bends_less() {
     let folder = Folder::new().with(

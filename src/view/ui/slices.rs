@@ -151,7 +151,7 @@ fn view(
             asked.push(Action::Arrange(Arrange::SliceAt(there)));
         }
     }
-    // Where the middle of the view lies in the slice.
+    // Place of the middle of the view in the slice.
     let part =
         |at: Pos2| DVec2::new(((at - image.min) / image.size()).x.into(), ((at - image.min) / image.size()).y.into());
     let around = |place: DVec2| plane.index_at(geometry, place, middle);

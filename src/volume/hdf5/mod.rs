@@ -63,7 +63,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     Ok(volume)
 }
 
-/// What is read.
+/// The part of the file to read.
 struct Reading<'a> {
     file: &'a File,
     source: String,

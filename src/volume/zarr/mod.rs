@@ -74,7 +74,7 @@ fn image_of_level(node: &Node) -> Result<Option<(Node, usize)>, VolumeError> {
     Ok(None)
 }
 
-/// What is read.
+/// The part of the file to read.
 #[derive(Clone, Copy)]
 struct Reading<'a> {
     /// The path that was asked for.
