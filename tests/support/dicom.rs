@@ -1,5 +1,4 @@
 //! DICOM files of a few pixels, for tests.
-#![allow(dead_code, unreachable_pub, reason = "each test program uses a part of it, and has it to itself")]
 
 use std::io::Write as _;
 

@@ -3,6 +3,7 @@
 
 pub mod bounds;
 pub mod device;
+pub mod dicom;
 pub mod exr;
 pub mod golden;
 pub mod program;
@@ -10,3 +11,4 @@ pub mod rungs;
 pub mod scenes;
 pub mod screen;
 pub mod tolerance;
+pub mod volumes;

@@ -1,5 +1,4 @@
 //! Comparison of real volumes in the shared folder with the results of independent readers.
-#![allow(dead_code, unreachable_pub, reason = "each test program uses a part of it, and has it to itself")]
 
 use std::path::{Path, PathBuf};
 

@@ -2,7 +2,7 @@
 python3 make_tiff.py tests/data/tiff tests/data/hostile/slices (needs tifffile, imagecodecs, Pillow and numpy).
 
 Every voxel has the number n = x² + 7y + 40z + 300c, c its component; `number` maps it into the type. Pages have 21 × 17
-voxels, there are 3 slices. tests/tiff.rs has the same formula."""
+voxels, there are 3 slices. tests/readers/tiff.rs has the same formula."""
 
 import sys
 from pathlib import Path

@@ -1,7 +1,7 @@
 //! Extremes: scenes with very large, very small or missing inputs, checked on every rung.
 //!
 //! Each extreme is defined once: its scenes, its answer (a closed form, or the error where a limit is reached) and its
-//! bound. The test `tests/stability.rs` and the command `relume measure --extremes` evaluate the same [`Row`]s.
+//! bound. The test `tests/render/stability.rs` and the command `relume measure --extremes` evaluate the same [`Row`]s.
 
 mod bound;
 mod half;

@@ -1,0 +1,11 @@
+//! Spectra, colour models and palettes on the host.
+
+mod colour;
+mod dial;
+mod models;
+mod observer;
+mod palette;
+mod palette_pictures;
+mod spectrum;
+#[path = "../support/mod.rs"]
+mod support;

@@ -1,0 +1,4 @@
+//! The repository itself: dependencies of modules, vocabulary, citations.
+
+mod citations;
+mod layers;

@@ -1,0 +1,430 @@
+//! A volume without a scene: its picture, its scene, and the words about it.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use crate::support;
+
+use support::program::{Folder, SCENE};
+
+const RENDER: [&str; 6] = ["render", "scene.toml", "--size", "8x8", "-o", "p.png"];
+
+#[test]
+fn a_misspelt_light_of_the_scene_is_suggested_before_any_standard() {
+    let folder = Folder::new().with("scene.toml", SCENE.replace("lights.day", "lights.key"));
+    let outcome =
+        folder.refused(2, &[&RENDER[..], &["--light", "kee"]].concat(), &["did you mean \"key\" of the scene?"]);
+    assert!(outcome.err.find("\"key\"") < outcome.err.find("standard"), "{}", outcome.err);
+}
+
+#[test]
+fn a_body_without_gradient_and_without_ambient_light_is_said_to_be_black() {
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\n";
+    let voxels: Vec<u8> = header.bytes().chain([50; 64]).collect();
+    let scene = SCENE.replace("phantom = \"frog\"\ndims = [32, 30, 18]", "file = \"v.nrrd\"");
+    let scene = scene.replace("kind = \"ambient\"", "kind = \"headlight\"");
+    let dark = scene.replace("specular = 0.2", "ambient = 0");
+    let folder = Folder::new().with("v.nrrd", voxels).with("scene.toml", &dark);
+    let err = folder.done(&RENDER).err;
+    assert!(err.contains("all voxels have the value 50") && err.contains("ambient"), "{err}");
+    assert_eq!(folder.with("scene.toml", scene).done(&RENDER).err, "");
+}
+
+#[test]
+fn a_number_with_a_unit_is_told_what_to_write() {
+    let scene = SCENE.replace("dims = [32, 30, 18]", "spacing = \"0.957 mm\"");
+    let folder = Folder::new().with("scene.toml", scene);
+    folder.refused(1, &RENDER, &["\"0.957 mm\"", "three numbers in brackets without a unit, such as [1, 1, 2]"]);
+}
+
+#[test]
+fn quiet_commands_that_write_files_print_nothing() {
+    let folder = Folder::new();
+    let outcome = folder.done(&[&RENDER[..], &["-q", "--accumulators", "film.exr"]].concat());
+    assert_eq!((&*outcome.out, &*outcome.err), ("", ""));
+    assert_eq!(folder.done(&["relight", "film.exr", "-o", "q.png", "-q"]).out, "");
+    assert!(folder.done(&[&RENDER[..], &["-q", "--json"]].concat()).out.starts_with('{'), "JSON is asked for");
+    assert!(folder.done(&["info", "scene.toml", "-q"]).out.contains("materials"), "a description is the result");
+}
+
+#[test]
+fn the_search_for_a_setting_is_not_booked_as_loading() {
+    let folder = Folder::new();
+    let mut command = folder.command(&["render", "scene.toml", "--size", "16x16", "-o", "p.png", "--max-error", "8"]);
+    let outcome = support::program::Outcome::of(command.env("XDG_CACHE_HOME", folder.path("cache")));
+    let number = |stage: &str| -> f64 {
+        let rest = outcome.out.split(&format!("{stage} ")).nth(1).unwrap_or_else(|| panic!("{}", outcome.out));
+        rest.split(' ').next().unwrap().parse().unwrap()
+    };
+    assert!(number("search") > number("load"), "{}", outcome.out);
+    assert!(outcome.out.contains("measurements are kept in"), "{}", outcome.out);
+}
+
+#[test]
+fn a_sweep_between_two_lights_has_no_third_unless_the_scene_arranges_the_dial() {
+    let more = "[lights.night]\nspectrum = \"E\"\nkind = \"headlight\"\nintensity = 0\n";
+    let folder = Folder::new().with("scene.toml", format!("{SCENE}{more}"));
+    let lights = |folder: &Folder| {
+        folder.done(&[&RENDER[..], &["--accumulators", "film.exr"]].concat());
+        let json =
+            folder.done(&["relight", "film.exr", "--sweep", "day..lamp", "--frames", "3", "-o", "s.png", "--json"]);
+        json.json()["frames"][1]["lights"].as_array().unwrap().len()
+    };
+    assert_eq!(lights(&folder), 2);
+    let placed = format!("{SCENE}{more}[dial.nodes]\nday = [0, 1]\nlamp = [0, -1]\nnight = [0.5, 0]\n");
+    assert_eq!(lights(&folder.with("scene.toml", placed)), 3);
+}
+
+#[test]
+fn a_scene_with_headerless_voxels_is_not_told_of_a_header() {
+    let voxels = "file = \"v.raw\"\ntype = \"uint8\"\ndims = [4, 4, 5]";
+    let scene = SCENE.replace("phantom = \"frog\"\ndims = [32, 30, 18]", voxels);
+    let folder = Folder::new().with("v.raw", [0; 64]).with("scene.toml", scene);
+    let err = folder.refused(1, &RENDER, &["the volume of scene.toml", "64 bytes", "dims and type require 80"]).err;
+    assert!(!err.contains("header"), "{err}");
+}
+
+/// A smooth body of 16-bit voxels, x fastest.
+fn body([nx, ny, nz]: [usize; 3]) -> Vec<u8> {
+    let value = |at: usize| {
+        let part = |index: usize, of: usize| {
+            f64::from(u32::try_from(index).unwrap()) / f64::from(u32::try_from(of).unwrap()) - 0.5
+        };
+        let [x, y, z] = [part(at % nx, nx), part(at / nx % ny, ny), part(at / nx / ny, nz)];
+        let height = 1.0 - 3.0 * (x * x + 2.0 * y * y + z * z);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3000")]
+        let value = (3000.0 * height.max(0.0)) as u16;
+        value
+    };
+    (0..nx * ny * nz).flat_map(|at| value(at).to_be_bytes()).collect()
+}
+
+#[test]
+fn wrong_dimensions_of_the_right_size_are_doubted_and_unknown_ones_are_guessed() {
+    let folder = Folder::new().with("body.raw", body([40, 56, 36]));
+    let layout = ["--type", "uint16", "--big-endian"];
+    let wrong = folder.done(&[&["info", "body.raw", "--dims", "56x40x36"][..], &layout].concat());
+    assert!(wrong.err.contains("dims 40×56×36"), "{}", wrong.err);
+    assert_eq!(folder.done(&[&["info", "body.raw", "--dims", "40x56x36"][..], &layout].concat()).err, "");
+    folder.refused(1, &["info", "body.raw"], &["--dims 40x56x36 --type uint16 --big-endian"]);
+}
+
+/// An NRRD file of bytes.
+fn nrrd([nx, ny, nz]: [usize; 3], more: &str, value: impl Fn([i32; 3]) -> u8) -> Vec<u8> {
+    let header = format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: {nx} {ny} {nz}\nencoding: raw\n{more}\n");
+    let at = |index: usize| [index % nx, index / nx % ny, index / nx / ny].map(|at| i32::try_from(at).unwrap());
+    header.bytes().chain((0..nx * ny * nz).map(|index| value(at(index)))).collect()
+}
+
+/// A ball with a core away from the middle of a volume, in air.
+fn ball() -> Vec<u8> {
+    nrrd([48, 40, 36], "", |[x, y, z]| {
+        let [x, y, z] = [x - 30, y - 18, z - 15];
+        match x * x + y * y + z * z {
+            0..20 => 220,
+            20..150 => 110,
+            _ => u8::try_from((x + 2 * y + 3 * z).rem_euclid(7)).unwrap(),
+        }
+    })
+}
+
+/// Fractions of width and height that pixels brighter than black span, and the middle of each.
+fn spans(path: &std::path::Path) -> [[f64; 2]; 2] {
+    let mut decoder =
+        png::Decoder::new(std::io::BufReader::new(std::fs::File::open(path).unwrap())).read_info().unwrap();
+    let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
+    let info = decoder.next_frame(&mut pixels).unwrap();
+    let width = usize::try_from(info.width).unwrap();
+    let lit: Vec<usize> = pixels
+        .chunks_exact(3)
+        .enumerate()
+        .filter(|(_, it)| it.iter().any(|&code| code > 8))
+        .map(|(at, _)| at)
+        .collect();
+    let side = f64::from(info.width);
+    [0, 1].map(|axis| {
+        let places = || lit.iter().map(|at| [at % width, at / width][axis]);
+        let [low, high] = [places().min().unwrap(), places().max().unwrap() + 1];
+        let [low, high] = [low, high].map(|place| f64::from(u32::try_from(place).unwrap()) / side);
+        [high - low, f64::midpoint(low, high)]
+    })
+}
+
+#[cfg(feature = "window")]
+#[test]
+fn render_of_a_volume_is_the_picture_of_the_window_to_the_bit() {
+    let Some(screen) = support::screen::Screen::new() else { return };
+    let folder = Folder::new().with("ball.nrrd", ball());
+    let report =
+        screen.script(&folder, "ball.nrrd", "size 640 480\nsettle\npicture window.png\nsave session again.toml\n");
+    let size = format!("{}x{}", report["size"][0], report["size"][1]);
+    folder.done(&["render", "ball.nrrd", "--size", &size, "-o", "render.png"]);
+    folder.done(&["render", "--volume", "ball.nrrd", "--size", &size, "-o", "flag.png"]);
+    folder.done(&["render", "again.toml", "--size", &size, "-o", "session.png"]);
+    let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+    for name in ["render.png", "flag.png", "session.png"] {
+        assert!(bytes(name) == bytes("window.png"), "{name} differs from the window");
+    }
+}
+
+#[test]
+fn the_scene_of_a_volume_is_saved_with_comments_and_renders_the_same() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    for look in [&[][..], &["--look", "bone"], &["--look", "grey"], &["--look", "fluorescence"], &["--look", "vessel"]]
+    {
+        let shown =
+            [&["render", "ball.nrrd", "--size", "40x40", "-o", "a.png", "--save-scene", "a.toml"][..], look].concat();
+        let outcome = folder.done(&shown);
+        let notes: Vec<&str> = outcome.err.lines().collect();
+        assert_eq!(notes.len(), 2, "two sentences: {}", outcome.err);
+        assert!(notes[0].contains("ball.nrrd has no scene") && notes[1].contains("--look"), "{}", outcome.err);
+        folder.done(&["render", "a.toml", "--size", "40x40", "-o", "b.png"]);
+        let [a, b] = ["a.png", "b.png"].map(|name| std::fs::read(folder.path(name)).unwrap());
+        assert!(a == b, "{look:?}");
+        let text = std::fs::read_to_string(folder.path("a.toml")).unwrap();
+        assert!(text.starts_with("# First look at ball.nrrd") && text.contains("# Opacity is"), "{text}");
+    }
+    let window = ["--window", "100", "--level", "110"];
+    folder.done(&[&["render", "ball.nrrd", "--size", "40x40", "-o", "a.png"][..], &window].concat());
+    folder.refused(2, &["render", "ball.nrrd", "--window", "100"], &["--level"]);
+    folder.refused(2, &[&RENDER[..], &window].concat(), &["--look, --window and --level are for a volume"]);
+    folder.refused(2, &["render", "ball.nrrd", "--look", "skin"], &["tissue, bone, vessel, grey, fluorescence"]);
+}
+
+#[test]
+fn a_picture_without_a_name_takes_the_volumes_and_keeps_what_is_there() {
+    let folder = Folder::new().with("ball.nrrd", ball()).with("ball.png", b"mine");
+    let outcome = folder.done(&["render", "ball.nrrd", "--size", "8x8"]);
+    assert!(outcome.out.starts_with("wrote ball-2.png"), "{}", outcome.out);
+    assert_eq!(std::fs::read(folder.path("ball.png")).unwrap(), b"mine");
+    folder.refused(2, &["render", "scene.toml"], &["no output"]);
+}
+
+#[test]
+fn the_camera_fits_what_is_visible_and_not_the_box_of_the_volume() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    folder.done(&["render", "ball.nrrd", "--size", "300x300", "-o", "p.png"]);
+    let spans = spans(&folder.path("p.png"));
+    let larger = spans[0][0].max(spans[1][0]);
+    assert!((larger - 0.9).abs() <= 0.02, "{spans:?}");
+    assert!(spans.iter().all(|[_, middle]| (middle - 0.5).abs() <= 0.02), "{spans:?}");
+}
+
+#[test]
+fn a_patient_stands_upright_and_a_stack_has_z_up() {
+    // A tall body with a small bright head at the upper end of z, which the file may call inferior.
+    let body = |[x, y, z]: [i32; 3]| {
+        let wide = if z < 24 { 6 } else { 2 };
+        if (x - 10).abs() <= wide && (y - 10).abs() <= 3 && (3..37).contains(&z) { 200 } else { 0 }
+    };
+    let axes = "space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,-1)\n";
+    let stack = nrrd([20, 20, 40], "", body);
+    let patient = nrrd([20, 20, 40], axes, body);
+    let folder = Folder::new().with("stack.nrrd", stack).with("patient.nrrd", patient);
+    for (name, head_is_up) in [("stack.nrrd", true), ("patient.nrrd", false)] {
+        folder.done(&["render", name, "--size", "100x100", "-o", "p.png", "--save-scene", "p.toml"]);
+        let mut decoder =
+            png::Decoder::new(std::io::BufReader::new(std::fs::File::open(folder.path("p.png")).unwrap()))
+                .read_info()
+                .unwrap();
+        let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
+        decoder.next_frame(&mut pixels).unwrap();
+        let lit =
+            |row: usize| pixels[300 * row..300 * (row + 1)].chunks(3).filter(|it| it.iter().any(|&c| c > 8)).count();
+        assert_eq!(lit(15) < lit(80), head_is_up, "{name}: {} above, {} below", lit(15), lit(80));
+    }
+}
+
+#[test]
+fn a_ct_is_recognised_by_its_values_and_info_names_them() {
+    // Air, a body of water with a bone.
+    let value = |[x, y, z]: [i32; 3]| {
+        let far = |at: i32| (x - at) * (x - at) + (y - 16) * (y - 16) + (z - 16) * (z - 16);
+        if far(12) < 12 {
+            24
+        } else if far(16) < 150 {
+            10 + u8::from((x + y + z) % 2 == 0)
+        } else {
+            0
+        }
+    };
+    // A byte is a hundred units: the slope of MetaImage is not read, and so the values are written as int16.
+    let bytes: Vec<u8> = nrrd([32, 32, 32], "", value);
+    let voxels = bytes[bytes.len() - 32 * 32 * 32..].iter().flat_map(|&it| (i16::from(it) * 100 - 1000).to_le_bytes());
+    let header = "NRRD0004\ntype: int16\ndimension: 3\nsizes: 32 32 32\nencoding: raw\nendian: little\n\n";
+    let folder = Folder::new().with("ct.nrrd", header.bytes().chain(voxels).collect::<Vec<u8>>());
+    let outcome = folder.done(&["render", "ct.nrrd", "--size", "8x8", "--save-scene", "ct.toml", "-o", "p.png"]);
+    assert!(
+        outcome.err.contains("a CT in Hounsfield units") && outcome.err.contains("bone from 220"),
+        "{}",
+        outcome.err
+    );
+    let info = folder.done(&["info", "ct.nrrd"]).out;
+    for words in ["bone 250 to 3000", "percentile", "-1000", "1400"] {
+        assert!(info.contains(words), "no {words}: {info}");
+    }
+    let json = folder.done(&["info", "ct.nrrd", "--json"]).json();
+    assert_eq!(json["kind"], "ct");
+    assert_eq!(json["percentiles"][0]["value"], -1000.0);
+}
+
+#[test]
+fn labels_have_colours_that_can_be_told_apart() {
+    let value = |[x, y, z]: [i32; 3]| {
+        if (4..28).contains(&y) && (4..28).contains(&z) { [0, 1, 5, 9][usize::try_from(x).unwrap() / 8] } else { 0 }
+    };
+    let folder = Folder::new().with("tissues.nrrd", nrrd([32, 32, 32], "", value));
+    let outcome = folder.done(&["render", "tissues.nrrd", "--size", "64x64", "-o", "p.png", "--save-scene", "s.toml"]);
+    assert!(outcome.err.contains("a segmentation with 3 labels"), "{}", outcome.err);
+    let text = std::fs::read_to_string(folder.path("s.toml")).unwrap();
+    assert!(
+        ["label_1", "label_5", "label_9"].iter().all(|name| text.contains(&format!("[materials.{name}]"))),
+        "{text}"
+    );
+    assert!(text.contains("interpolation = \"nearest\""), "{text}");
+}
+
+#[test]
+fn a_head_whose_slices_begin_at_the_top_is_turned_over() {
+    // A ball of water with a bone at its middle, on a neck that the last slice cuts off.
+    let value = |[x, y, z]: [i32; 3]| {
+        let across = (x - 16) * (x - 16) + (y - 16) * (y - 16);
+        let far = across + (z - 13) * (z - 13);
+        if far < 20 {
+            24
+        } else if far < 110 || (across < 60 && z > 13) {
+            10
+        } else {
+            0
+        }
+    };
+    let bytes: Vec<u8> = nrrd([32, 32, 32], "", value);
+    let voxels = bytes[bytes.len() - 32 * 32 * 32..].iter().flat_map(|&it| (i16::from(it) * 100 - 1000).to_le_bytes());
+    let header = "NRRD0004\ntype: int16\ndimension: 3\nsizes: 32 32 32\nencoding: raw\nendian: little\n\n";
+    let folder = Folder::new().with("head.nrrd", header.bytes().chain(voxels).collect::<Vec<u8>>());
+    folder.done(&["render", "head.nrrd", "--size", "8x8", "--save-scene", "head.toml", "-o", "p.png"]);
+    let text = std::fs::read_to_string(folder.path("head.toml")).unwrap();
+    assert!(text.contains("up = [0.0, 0.0, -1.0]"), "{text}");
+}
+
+#[test]
+fn a_picture_has_any_background_or_none() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    let corner = |background: &str| {
+        folder.done(&["render", "ball.nrrd", "--size", "32x32", "-o", "p.png", "--background", background]);
+        let file = std::io::BufReader::new(std::fs::File::open(folder.path("p.png")).unwrap());
+        let mut decoder = png::Decoder::new(file).read_info().unwrap();
+        let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
+        let info = decoder.next_frame(&mut pixels).unwrap();
+        let samples = info.color_type.samples();
+        let middle = samples * (16 * 32 + 16);
+        (pixels[..samples].to_vec(), pixels[middle..middle + samples].to_vec())
+    };
+    let (outside, inside) = corner("transparent");
+    assert_eq!((outside.len(), outside[3]), (4, 0), "nothing is behind");
+    assert!(inside[3] > 200, "{inside:?}");
+    assert_eq!(corner("#20c0ff").0, [0x20, 0xc0, 0xff]);
+    folder.refused(2, &["render", "ball.nrrd", "-o", "p.png", "--background", "white"], &["#ffffff"]);
+}
+
+/// Names of materials are whole numbers of at most seven digits.
+#[test]
+fn volumes_of_odd_numbers_open_without_being_taken_for_labels() {
+    let blocks = |values: [i32; 2]| {
+        let voxel = |place: usize| if place % 16 < 8 { values[0] } else { values[1] };
+        (0..16 * 16 * 16).flat_map(|place| voxel(place).to_le_bytes()).collect::<Vec<u8>>()
+    };
+    let header = "NRRD0004\ntype: int32\ndimension: 3\nsizes: 16 16 16\nencoding: raw\nendian: little\n\n";
+    let file = |values| header.bytes().chain(blocks(values)).collect::<Vec<u8>>();
+    let folder = Folder::new().with("large.nrrd", file([10_000_001, 10_000_002])).with("small.nrrd", file([0, 7]));
+    folder.done(&["render", "large.nrrd", "--size", "8x8", "-o", "p.png"]);
+    let labels = folder.done(&["render", "small.nrrd", "--size", "8x8", "-o", "p.png"]);
+    assert!(labels.err.contains("a segmentation with 1 label"), "{}", labels.err);
+}
+
+#[test]
+fn a_definition_of_the_grid_is_seen_by_the_first_look() {
+    let header = |spacings: &str| {
+        format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 12 10 8\n{spacings}encoding: raw\n\n").into_bytes()
+    };
+    let ball = |index: i32| {
+        let [x, y, z] = [index % 12 - 6, index / 12 % 10 - 5, index / 120 - 4];
+        u8::try_from(200 - 5 * (x * x + y * y + z * z)).unwrap_or(0)
+    };
+    let voxels: Vec<u8> = (0..12 * 10 * 8).map(ball).collect();
+    let folder = Folder::new()
+        .with("flat.nrrd", [header(""), voxels.clone()].concat())
+        .with("tall.nrrd", [header("spacings: 1 1 3\n"), voxels].concat());
+    let picture = |arguments: &[&str]| {
+        folder.done(&[&["render", "--size", "24x24", "-o", "p.png"], arguments].concat());
+        std::fs::read(folder.path("p.png")).unwrap()
+    };
+    assert_eq!(picture(&["flat.nrrd", "-D", "volume.spacing=[1, 1, 3]"]), picture(&["tall.nrrd"]));
+    let halved = picture(&["flat.nrrd", "--downsample", "2x2x2"]);
+    assert_eq!(picture(&["flat.nrrd", "-D", "volume.downsample=[2, 2, 2]"]), halved);
+    assert_ne!(picture(&["flat.nrrd"]), halved);
+    folder.refused(2, &["render", "flat.nrrd", "-o", "q.png", "-D", "volume.spacing=[1, 0, 1]"], &["volume.spacing"]);
+}
+
+#[test]
+fn labels_beside_a_volume_without_a_scene_are_shown_by_name() {
+    let header =
+        |kind: &str| format!("NRRD0004\ntype: {kind}\ndimension: 3\nsizes: 12 12 12\nencoding: raw\n{kind}:=x\n\n");
+    let inside = |index: usize, radius: usize| {
+        [index % 12, index / 12 % 12, index / 144].iter().all(|at| at.abs_diff(6) < radius)
+    };
+    let values: Vec<u8> = (0..12 * 12 * 12).map(|index| if inside(index, 5) { 180 } else { 0 }).collect();
+    let labels: Vec<u8> = (0..12 * 12 * 12).map(|index| if inside(index, 3) { 7 } else { 0 }).collect();
+    let segments = "Segment0_LabelValue:=7\nSegment0_Name:=the \"core\"\nSegment0_Color:=1 0 0\n\n";
+    let named = header("uint8").trim_end().to_owned() + "\n" + segments;
+    let folder = Folder::new()
+        .with("v.nrrd", [header("uint8").into_bytes(), values].concat())
+        .with("l.seg.nrrd", [named.into_bytes(), labels].concat());
+    let arguments = ["render", "v.nrrd", "--labels", "l.seg.nrrd", "--size", "16x16", "--save-scene", "s.toml", "-o"];
+    let err = folder.done(&[&arguments[..], &["p.png"]].concat()).err;
+    assert!(!err.contains("not used"), "{err}");
+    let scene = std::fs::read_to_string(folder.path("s.toml")).unwrap();
+    assert!(scene.contains("[labels.7]") && scene.contains("#ff0000") && scene.contains("the \"core\""), "{scene}");
+    folder.done(&["render", "v.nrrd", "--size", "16x16", "-o", "q.png"]);
+    assert_ne!(std::fs::read(folder.path("p.png")).unwrap(), std::fs::read(folder.path("q.png")).unwrap());
+    folder.done(&["render", "s.toml", "--size", "16x16", "-o", "again.png"]);
+    assert_eq!(std::fs::read(folder.path("p.png")).unwrap(), std::fs::read(folder.path("again.png")).unwrap());
+}
+
+/// Sums of the codes of the left and the right half of a picture.
+fn halves(path: &std::path::Path) -> [f64; 2] {
+    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+    let mut decoder = png::Decoder::new(file).read_info().unwrap();
+    let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
+    let width = usize::try_from(decoder.next_frame(&mut pixels).unwrap().width).unwrap();
+    let mut sums = [0.0; 2];
+    for (at, pixel) in pixels.chunks_exact(3).enumerate() {
+        sums[usize::from(at % width >= width / 2)] += pixel.iter().copied().map(f64::from).sum::<f64>();
+    }
+    sums
+}
+
+#[test]
+fn the_lights_of_a_first_look_are_three_point_lights_that_follow_the_camera() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    for look in [&[][..], &["--look", "grey"]] {
+        let saved = ["render", "ball.nrrd", "--size", "40x40", "-o", "a.png", "--save-scene", "a.toml"];
+        folder.done(&[&saved[..], look].concat());
+        let json = folder.done(&["info", "a.toml", "--json"]).json();
+        let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+        folder.done(&["render", "a.toml", "--size", "40x40", "-o", "a.png", "--accumulators", "film.exr"]);
+        folder.done(&["relight", "film.exr", "-o", "again.png"]);
+        assert!(bytes("a.png") == bytes("again.png"), "{look:?}: relit from its film");
+        let lights = json["lights"].as_array().unwrap();
+        assert!(lights.iter().all(|light| light["kind"] == "three_point"), "{lights:?}");
+        assert_eq!(json["plan"]["positions"].as_array().unwrap().len(), 1, "one accumulator: {}", json["plan"]);
+        // A ball has its left side towards the key, wherever the camera is.
+        let sides = [0, 120, 240].map(|azimuth| {
+            let turned = format!("camera.azimuth={azimuth}");
+            folder.done(&["render", "a.toml", "--size", "40x40", "-o", "b.png", "-D", &turned]);
+            halves(&folder.path("b.png"))
+        });
+        let ratios = sides.map(|[left, right]| left / right);
+        for ratio in ratios {
+            assert!(ratio > 1.03 && (ratio / ratios[0] - 1.0).abs() < 0.03, "{look:?}: {ratios:?}");
+        }
+    }
+}

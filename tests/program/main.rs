@@ -1,0 +1,19 @@
+//! The program as its users run it: commands, files and messages.
+
+mod accuracy;
+mod bad_input;
+mod bench;
+mod choice;
+mod cli;
+mod compatibility;
+mod examples;
+mod failures;
+mod figures;
+mod first_look;
+mod measure;
+mod model_files;
+mod output;
+mod session;
+#[path = "../support/mod.rs"]
+mod support;
+mod tutorials;

@@ -1,0 +1,18 @@
+//! Pictures of every scene, on the host and on a device.
+
+mod harness;
+mod interpolation;
+mod ladder;
+mod peercy;
+mod plan;
+mod probe;
+mod properties;
+mod scenes;
+mod segments;
+mod shader;
+mod spectral;
+mod stability;
+mod store;
+#[path = "../support/mod.rs"]
+mod support;
+mod texture;

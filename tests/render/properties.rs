@@ -1,0 +1,392 @@
+//! Properties of every scene: linearity in light, independence of order and slicing, and equality of equal media.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use crate::support;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use relume::film::{Components, Film, RelightMatrices};
+use relume::output::film::{Component, Components as FileComponents, FilmFile, Position, PositionKind};
+use relume::render::{Dispatching, Renderer, TableMemory};
+use relume::scene::{Mix, Placement, Scene, SceneLight};
+use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
+use relume::spectrum::observer::Observer;
+use relume::spectrum::{Light, Spectrum};
+use support::device::open;
+use support::rungs::{Rungs, magnitudes, with_renderer};
+use support::scenes::{self, SIZE};
+use support::tolerance::{LINEARITY, RELIT_ABSOLUTE, RELIT_RELATIVE, STEP_INVARIANCE};
+
+/// The device's linear picture of `rungs` under `mix`.
+fn lit(renderer: &Renderer, marched: &relume::render::DeviceFilm, rungs: &Rungs, mix: &Mix) -> Vec<DVec3> {
+    let relight = renderer.relight_linear(marched).unwrap();
+    relight.run(&rungs.matrices_under(mix)).unwrap();
+    relight.read::<[f32; 4]>().unwrap().iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from).into()).collect()
+}
+
+/// Mix of light `i` alone, scaled by `factor`.
+fn single(mix: &Mix, i: usize, factor: f64) -> Mix {
+    let mut light = mix.0[i].clone();
+    light.weight *= factor;
+    Mix(vec![light])
+}
+
+/// Empty pixels are relit once.
+#[test]
+fn a_picture_that_is_lit_again_is_the_one_that_is_lit_once() {
+    with_renderer(|renderer| {
+        for (name, scene) in scenes::both_ways(&["diffuse_three", "background", "coloured_three"]) {
+            let rungs = Rungs::new(scene, SIZE);
+            let marched = rungs.gpu_accumulators(renderer);
+            let (dark, lit) = (rungs.matrices_under(&Mix(Vec::new())), rungs.matrices());
+            let picture = |matrices: &[&RelightMatrices]| {
+                let relight = renderer.relight_display(&marched).unwrap();
+                for matrices in matrices {
+                    relight.run(matrices).unwrap();
+                }
+                relight.read::<[u8; 4]>().unwrap()
+            };
+            let (once, off) = (picture(&[&lit]), picture(&[&dark]));
+            assert!(picture(&[&dark, &lit]) == once, "{name}: lit after dark");
+            assert!(picture(&[&dark, &lit, &lit]) == once, "{name}: lit twice");
+            assert!(picture(&[&lit, &dark]) == off, "{name}: dark after light");
+            if name.starts_with("diffuse_three") {
+                let black = once.iter().filter(|&&pixel| pixel == [0, 0, 0, 255]).count();
+                assert!((1..once.len()).contains(&black), "{name}: {black} of {} pixels show nothing", once.len());
+            }
+        }
+    });
+}
+
+/// docs/theory/acceptance.md C12.
+#[test]
+fn a_mix_is_the_sum_of_its_lights() {
+    with_renderer(|renderer| {
+        for (name, scene) in scenes::both_ways(&["diffuse_three", "specular_three", "background", "coloured_three"]) {
+            let rungs = Rungs::new(scene, SIZE);
+            let marched = rungs.gpu_accumulators(renderer);
+            let together = lit(renderer, &marched, &rungs, &rungs.mix);
+            let alone = (0..rungs.mix.0.len()).map(|i| lit(renderer, &marched, &rungs, &single(&rungs.mix, i, 1.0)));
+            let sum = alone.reduce(|sum, one| sum.iter().zip(one).map(|(a, b)| *a + b).collect()).unwrap();
+            let scale = magnitudes(&renderer.read(&marched).unwrap(), &rungs.matrices());
+            for ((together, sum), scale) in together.iter().zip(&sum).zip(&scale) {
+                let error = (*together - *sum).abs();
+                assert!(error.cmple(LINEARITY * *scale).all(), "{name}: {together} for {sum}");
+            }
+        }
+    });
+}
+
+/// docs/theory/acceptance.md C12.
+#[test]
+fn light_scales_over_twelve_magnitudes() {
+    with_renderer(|renderer| {
+        for (name, scene) in scenes::both_ways(&["specular_three", "coloured_three"]) {
+            let rungs = Rungs::new(scene, SIZE);
+            let marched = rungs.gpu_accumulators(renderer);
+            let once = lit(renderer, &marched, &rungs, &rungs.mix);
+            let scale = magnitudes(&renderer.read(&marched).unwrap(), &rungs.matrices());
+            for intensity in [1e-6, 1e-3, 1e3, 1e6] {
+                let mut mix = rungs.mix.clone();
+                mix.0.iter_mut().for_each(|light| light.weight *= intensity);
+                for ((scaled, once), scale) in lit(renderer, &marched, &rungs, &mix).iter().zip(&once).zip(&scale) {
+                    let error = (*scaled / intensity - *once).abs();
+                    assert!(error.cmple(LINEARITY * *scale).all(), "{name}, {intensity}: {scaled} for {once}");
+                }
+            }
+        }
+    });
+}
+
+/// Film of `rungs` from the f32 reference and, if available, the device.
+fn marched(rungs: &Rungs) -> Vec<(&'static str, Film<f32>)> {
+    let mut all = vec![("reference f32", rungs.march::<f32>(&rungs.stored::<f32>()))];
+    with_renderer(|renderer| all.push(("GPU", rungs.gpu(renderer))));
+    all
+}
+
+#[test]
+fn the_order_of_lights_is_the_order_of_their_accumulators_and_nothing_else() {
+    let scene = scenes::named("diffuse_three");
+    let mut turned = scene.clone();
+    turned.lights.reverse();
+    let more = |scene: &mut Scene| {
+        // Two directional lights keep the order of the scene.
+        let mut light = scene.lights.iter().find(|light| light.name == "key").unwrap().clone();
+        light.name = "second".into();
+        light.placement = Placement::Directional(DVec3::new(0.3, 0.5, -0.8).normalize());
+        light
+    };
+    let (mut scene, mut turned) = (scene, turned);
+    let light = more(&mut scene);
+    scene.lights.push(light.clone());
+    turned.lights.insert(0, light);
+    let (one, other) = (Rungs::new(scene, SIZE), Rungs::new(turned, SIZE));
+    let names = |rungs: &Rungs| rungs.planned.positions.iter().map(|place| place.name.clone()).collect::<Vec<_>>();
+    assert_ne!(names(&one), names(&other), "something changed places");
+    assert_eq!(one.planned.plan, other.planned.plan);
+    let length = one.planned.plan.components() * SIZE[0] * SIZE[1];
+    for ((rung, one_marched), (_, other_marched)) in marched(&one).iter().zip(&marched(&other)) {
+        assert_eq!(one_marched.transmittance, other_marched.transmittance, "{rung}");
+        for (position, name) in names(&one).iter().enumerate() {
+            let there = names(&other).iter().position(|other| other == name).unwrap();
+            let part = |sums: &[f32], position: usize| sums[position * length..][..length].to_vec();
+            let same = part(&one_marched.accumulators, position) == part(&other_marched.accumulators, there);
+            assert!(same, "{rung}: {name}");
+        }
+    }
+}
+
+#[test]
+fn the_order_of_materials_is_the_order_of_their_weights_and_nothing_else() {
+    let scene = scenes::named("diffuse_one");
+    let mut turned = scene.clone();
+    turned.materials.reverse();
+    let last = scene.materials.len() - 1;
+    for term in &mut turned.transfer.terms {
+        term.material.0.iter_mut().for_each(|point| point.1 = last - point.1);
+    }
+    let (one, other) = (Rungs::new(scene, SIZE), Rungs::new(turned, SIZE));
+    let pixels = SIZE[0] * SIZE[1];
+    for ((rung, one), (_, other)) in marched(&one).iter().zip(&marched(&other)) {
+        assert_eq!(one.transmittance, other.transmittance, "{rung}");
+        for material in 0..=last {
+            let plane = |sums: &Film<f32>, material: usize| sums.accumulators[material * pixels..][..pixels].to_vec();
+            assert!(plane(one, material) == plane(other, last - material), "{rung}: material {material}");
+        }
+    }
+}
+
+fn slab(step: f64, material: &str) -> Rungs {
+    Rungs::new(scenes::slab_straight_on(step, 0.08, material), [8, 8])
+}
+
+/// docs/theory/acceptance.md C13 in grey; `spectral.rs` tests it in colour.
+#[test]
+fn halving_the_step_leaves_a_slab_as_it_is() {
+    for material in ["", "xray = true"] {
+        let (whole, half) = (slab(1.0, material), slab(0.5, material));
+        for ((rung, whole), (_, half)) in marched(&whole).iter().zip(&marched(&half)) {
+            let pairs = whole.accumulators.iter().zip(&half.accumulators);
+            for (&one, &other) in pairs.chain(whole.transmittance.iter().zip(&half.transmittance)) {
+                let error = f64::from(one - other).abs() / f64::from(one);
+                assert!(error <= STEP_INVARIANCE, "{rung}: {material:?}: {one} and {other}");
+            }
+        }
+    }
+}
+
+#[test]
+fn an_xray_slab_adds_up_and_hides_nothing() {
+    let rungs = slab(1.0, "xray = true");
+    // 24 steps of −ln(1 − 0.08) each.
+    let expected = -24.0 * (-0.08_f64).ln_1p();
+    for (rung, sums) in marched(&rungs) {
+        assert!(sums.transmittance.iter().all(|&transmitted| (transmitted - 1.0).abs() <= 0.0), "{rung}");
+        for &weight in &sums.accumulators {
+            let error = (f64::from(weight) - expected).abs() / expected;
+            assert!(error <= STEP_INVARIANCE, "{rung}: {weight} for {expected}");
+        }
+    }
+}
+
+/// Film file of `sums`.
+fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
+    let (scene, planned) = (&rungs.scene, &rungs.planned);
+    let Components::Surfaces(spectra) = Components::new(scene, planned) else { panic!("planned by weights") };
+    let name = |i: usize| planned.materials.get(i).map_or("white", |&m| scene.materials[m].name.as_str()).to_owned();
+    let component = |(i, spectrum): (usize, &Spectrum)| Component { name: name(i), spectrum: *spectrum.samples() };
+    let position = |place: &relume::scene::Position| Position {
+        name: place.name.clone(),
+        kind: match place.placement {
+            Placement::Ambient => PositionKind::Ambient,
+            Placement::Headlight => PositionKind::Headlight,
+            Placement::Directional(direction) => PositionKind::Directional(direction.to_array()),
+            Placement::Point(point) => PositionKind::Point(point.to_array()),
+            Placement::ThreePoint => PositionKind::ThreePoint,
+        },
+    };
+    FilmFile {
+        width: SIZE[0],
+        height: SIZE[1],
+        components: FileComponents::Surfaces(spectra.iter().enumerate().map(component).collect()),
+        positions: planned.positions.iter().map(position).collect(),
+        lights: Vec::new(),
+        background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
+        exposure: 1.0,
+        adapt: false,
+        observer: Observer::default(),
+        dial: None,
+        accumulators: sums.accumulators,
+        transmittance: sums.transmittance,
+    }
+}
+
+/// docs/theory/acceptance.md C11 with weights; `spectral.rs` tests it with coefficients.
+#[test]
+fn stored_accumulators_relight_to_a_fresh_render() {
+    let folder = tempfile::tempdir().unwrap();
+    with_renderer(|renderer| {
+        for (name, scene) in scenes::both_ways(&["diffuse_three", "specular_three", "background", "unshaded_one"]) {
+            let rungs = Rungs::new(scene, SIZE);
+            let path = folder.path().join("sums.exr");
+            file_of(&rungs, rungs.gpu(renderer)).write(&path).unwrap();
+            let file = FilmFile::read(&path).unwrap();
+            let stored = Film {
+                size: SIZE,
+                components: file.components.len(),
+                accumulators: file.accumulators,
+                transmittance: file.transmittance,
+            };
+            // A light outside the scene at the position of one of its lights.
+            let positions = &rungs.planned.positions;
+            // Without gradients, segments are divided otherwise (docs/theory/segments.md): there, a directed light.
+            let suits =
+                |place: usize| !name.ends_with("in segments") || positions[place].placement != Placement::Ambient;
+            let chosen = rungs.mix.0.iter().position(|light| suits(light.position)).unwrap_or(0);
+            let place = rungs.mix.0[chosen].position;
+            let spectrum = Light::new(Spectrum::gaussian(540.0, 25.0, 1.0).unwrap()).unwrap();
+            let mut mix = single(&rungs.mix, chosen, 1.0);
+            (mix.0[0].spectrum, mix.0[0].weight) = (spectrum.clone(), 1.7);
+            let relit = stored.relight(&rungs.matrices_under(&mix));
+
+            let mut scene = rungs.scene.clone();
+            let placement = rungs.planned.positions[place].placement;
+            scene.lights = vec![SceneLight { name: "new".into(), spectrum, intensity: 1.7, placement }];
+            let fresh = Rungs::new(scene, SIZE);
+            let fresh = lit(renderer, &fresh.gpu_accumulators(renderer), &fresh, &fresh.mix);
+            for (relit, fresh) in relit.iter().zip(&fresh) {
+                let [relit, fresh] = [relit, fresh].map(|&rgb| *XYZ_FROM_LINEAR_SRGB * rgb);
+                let limit = RELIT_RELATIVE * fresh.abs().max_element() + RELIT_ABSOLUTE;
+                assert!((relit - fresh).abs().max_element() <= limit, "{name}: {relit} for {fresh}");
+            }
+        }
+    });
+}
+
+/// Bits of the film, which include the sign of 0 and NaN.
+fn bits(sums: &Film<f32>) -> Vec<u32> {
+    sums.accumulators.iter().chain(&sums.transmittance).map(|weight| weight.to_bits()).collect()
+}
+
+#[test]
+fn empty_space_skipping_changes_no_byte() {
+    with_renderer(|renderer| {
+        for name in scenes::NAMES {
+            let mut scene = scenes::named(name);
+            let skipping = Rungs::new(scene.clone(), SIZE);
+            assert!(skipping.planned.plan.skipping, "{name}");
+            let accumulators = skipping.gpu_accumulators(renderer);
+            let [occupied, cells] = accumulators.occupied;
+            scene.accuracy.skipping = false;
+            let walking = Rungs::new(scene, SIZE);
+            let same = bits(&renderer.read(&accumulators).unwrap()) == bits(&walking.gpu(renderer));
+            assert!(same, "{name}: {occupied} of {cells} cells hold something");
+        }
+        // A small object in a large void, so that much is skipped, off the macrocells' borders.
+        let mut scene = scenes::named("rotated");
+        scene.volume = Arc::new(scenes::sampled([61, 53, 47], |p| {
+            60000.0 * (-(p - DVec3::new(0.4, -0.3, 0.2)).length_squared() / 0.01).exp()
+        }));
+        let skipping = Rungs::new(scene.clone(), SIZE);
+        let accumulators = skipping.gpu_accumulators(renderer);
+        let [occupied, cells] = accumulators.occupied;
+        assert!(occupied * 10 <= cells && occupied > 0, "{occupied} of {cells} cells hold something");
+        scene.accuracy.skipping = false;
+        let walking = Rungs::new(scene, SIZE);
+        assert!(bits(&renderer.read(&accumulators).unwrap()) == bits(&walking.gpu(renderer)));
+    });
+}
+
+#[test]
+fn bands_slices_workgroups_and_where_tables_are_change_no_byte() {
+    let usual = Dispatching::default();
+    let ways = [
+        Dispatching { samples: Some(1), slice: 7, ..usual },
+        Dispatching { samples: Some(3000), slice: 64, ..usual },
+        Dispatching { group: [16, 4], ..usual },
+        Dispatching { group: [1, 64], ..usual },
+        Dispatching { group: [64, 1], samples: Some(1), slice: 31, ..usual },
+        Dispatching { tables: TableMemory::Storage, ..usual },
+        Dispatching { tables: TableMemory::Uniform, ..usual },
+    ];
+    for (name, mut scene) in scenes::both_ways(&["specular_three", "labels", "inside", "xray", "coloured_three"]) {
+        scene.accuracy.termination = 1e-3;
+        for skipping in [true, false] {
+            scene.accuracy.skipping = skipping;
+            let rungs = Rungs::new(scene.clone(), SIZE);
+            let Some(device) = open() else { return };
+            let mut renderer = Renderer::new(device);
+            let whole = rungs.gpu_accumulators(&renderer);
+            // Segments have more iterations, of which a dispatch has a limited number.
+            assert!(whole.dispatches == 1 || name.ends_with("in segments"), "{name}: small enough for one");
+            let whole = bits(&renderer.read(&whole).unwrap());
+            for way in ways {
+                renderer = renderer.with_dispatching(way);
+                let cut = rungs.gpu_accumulators(&renderer);
+                let dispatches = cut.dispatches;
+                assert!(dispatches > 1 || way.samples.is_none(), "{name}: {way:?}: {dispatches} dispatches");
+                assert!(bits(&renderer.read(&cut).unwrap()) == whole, "{name}: {way:?}: {dispatches} dispatches");
+            }
+            let messages = renderer.device().validation_messages();
+            assert!(messages.is_empty(), "the validation layer says:\n{}", messages.join("\n"));
+        }
+    }
+}
+
+/// The crop box selects samples of the whole volume and moves none (docs/theory/march.md), so films of the two sides of a
+/// plane composite to the film of the whole.
+#[test]
+fn a_march_cut_anywhere_is_the_front_part_over_the_back_part() {
+    let mixed = scenes::parsed(&scenes::GLASS.replace("[accuracy]", "[accuracy]\nmodel = \"peercy\"\nk = 4"));
+    let scenes = [
+        ("grey", scenes::named("diffuse_three")),
+        ("coloured", scenes::named("coloured_three")),
+        ("labels", scenes::named("coloured_labels")),
+        ("mixed", mixed),
+        ("segments", scenes::in_segments(scenes::named("diffuse_three"))),
+        ("coloured segments", scenes::in_segments(scenes::named("coloured_labels"))),
+    ];
+    for (name, mut scene) in scenes {
+        scene.accuracy.termination = 0.0;
+        let whole = Rungs::new(scene.clone(), SIZE);
+        let geometry = &scene.volume.geometry;
+        let forward = geometry.direction.inverse() * scene.camera.view(geometry, 1.0).unwrap().forward;
+        let axis = forward.abs().max_position();
+        let last = DVec3::from_array(geometry.dims.map(|n| f64::from(u32::try_from(n).unwrap()))) - 1.0;
+        for cut in [0.21, 0.5, 0.83] {
+            let (mut low, mut high) = ([DVec3::ZERO, last], [DVec3::ZERO, last]);
+            (low[1][axis], high[0][axis]) = (cut * last[axis], cut * last[axis]);
+            let parts = if forward[axis] > 0.0 { [low, high] } else { [high, low] };
+            let parts = parts.map(|crop| {
+                let scene = Scene { crop: Some(crop), ..scene.clone() };
+                Rungs::planned(scene, whole.planned.clone(), SIZE)
+            });
+            let exact = |rungs: &Rungs| rungs.march::<f64>(&rungs.exact());
+            let what = format!("{name}, cut at {cut}");
+            same_film(&what, &exact(&parts[0]).over(&exact(&parts[1])).unwrap(), &exact(&whole), 1e-13);
+            with_renderer(|renderer| {
+                let [front, back] = parts.each_ref().map(|part| part.gpu(renderer));
+                let what = format!("{what}, on the device");
+                same_film(&what, &front.over(&back).unwrap(), &whole.gpu(renderer), 2e-6);
+            });
+        }
+    }
+    let film = Film { size: [1, 1], components: 1, accumulators: vec![0.5_f64], transmittance: vec![0.5] };
+    assert_eq!(film.over(&Film { size: [2, 1], ..film.clone() }), None, "films of different sizes");
+}
+
+/// Numbers of both films differ by `limit` of the largest at most.
+fn same_film<R: relume::internal::number::Real>(what: &str, found: &Film<R>, expected: &Film<R>, limit: f64) {
+    let numbers = |film: &Film<R>| -> [Vec<f64>; 2] {
+        [&film.accumulators, &film.transmittance].map(|numbers| numbers.iter().map(|number| number.to_f64()).collect())
+    };
+    for (found, expected) in numbers(found).iter().zip(&numbers(expected)) {
+        assert_eq!(found.len(), expected.len(), "{what}");
+        let largest = expected.iter().fold(0.0_f64, |most, number| most.max(number.abs()));
+        assert!(largest > 0.0, "{what}: nothing shows");
+        let worst = found.iter().zip(expected).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max);
+        assert!(worst <= limit * largest, "{what}: {worst} of {largest}");
+    }
+}
