@@ -113,14 +113,7 @@ impl Args {
 
     /// Refuses any of `flags` that is given.
     fn refuse(&self, flags: &[&str], why: &str) -> Result<(), CliError> {
-        let selection = self.scene.selection.selection();
-        let given = [
-            ("--component", selection.component.is_some()),
-            ("--time", selection.time.is_some()),
-            ("--array", selection.array.is_some()),
-            ("--series", selection.series.is_some()),
-            ("--pyramid-level", selection.level.is_some()),
-            ("--axes", selection.axes.is_some()),
+        let others = [
             ("-D", !self.scene.define.is_empty()),
             ("--labels", self.scene.labels.is_some()),
             ("--downsample", self.scene.downsample.is_some()),
@@ -128,7 +121,8 @@ impl Args {
             ("--spacing", self.scene.raw.spacing().is_some()),
             ("--voxel", !self.voxel.is_empty()),
         ];
-        match given.iter().find(|(flag, given)| *given && flags.contains(flag)) {
+        let mut given = self.scene.selection.choices().into_iter().chain(others);
+        match given.find(|(flag, given)| *given && flags.contains(flag)) {
             Some((flag, _)) => Err(CliError::Usage(format!("{flag} has no effect: {why}"))),
             None => Ok(()),
         }

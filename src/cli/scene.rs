@@ -106,6 +106,18 @@ impl SelectionArgs {
             resample: self.resample,
         }
     }
+
+    /// Flags that choose a part of a file, and whether each is given.
+    pub(crate) fn choices(&self) -> [(&'static str, bool); 6] {
+        [
+            ("--component", self.component.is_some()),
+            ("--time", self.time.is_some()),
+            ("--array", self.array.is_some()),
+            ("--series", self.series.is_some()),
+            ("--pyramid-level", self.pyramid_level.is_some()),
+            ("--axes", self.axes.is_some()),
+        ]
+    }
 }
 
 /// Heading in `--help`. `next_help_heading` would also apply to all later arguments.

@@ -14,7 +14,7 @@ use relume::document::design::{self, Step};
 use relume::document::{Document, Edit, SceneFile};
 use relume::internal::view::action::Losing;
 use relume::internal::view::effort::Curve;
-use relume::internal::view::layout::Layout;
+use relume::internal::view::layout::{Dock, Layout};
 use relume::internal::view::probe::{Pixel, Ray};
 use relume::internal::view::tour::Tour;
 use relume::internal::view::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
@@ -57,6 +57,8 @@ pub(crate) struct App {
     pub(crate) folder: Folder,
     /// Rectangle of the picture.
     pub(crate) place: Rect,
+    /// Docks whose edges were dragged, and their sizes.
+    pub(crate) resized: Vec<(Dock, f32)>,
 }
 
 impl App {
@@ -80,6 +82,7 @@ impl App {
             chooser: Chooser::default(),
             folder: Folder::new(),
             place: Rect::ZERO,
+            resized: Vec::new(),
         };
         Harness::builder().with_size(size).build_ui_state(Self::show, app)
     }
@@ -105,6 +108,7 @@ impl App {
             aspect: 1.5,
         };
         app.place = ui::show(ui, &shown, &mut asked);
+        app.resized.extend(ui::resized_dock(ui.ctx()));
         asked.extend(app.chooser.show(ui.ctx(), app.losing));
         for action in &asked {
             match (action, &mut app.document) {

@@ -216,4 +216,11 @@ fn a_dragged_edge_of_a_dock_changes_the_size_that_is_kept() {
     window.run();
     let after = ui::dock_sizes(&window.ctx).map(Option::unwrap);
     assert!((after[0] - before[0] - 40.0).abs() < 3.0, "{before:?} to {after:?}");
+    let [(Dock::Left, size)] = window.state().resized[..] else { panic!("{:?}", window.state().resized) };
+    assert!((size - after[0]).abs() < 3.0, "{size}, {after:?}");
+    // Other clicks and drags leave the sizes as they are, in a window that is too small for them, too.
+    let middle = window.state().place.center();
+    click_at(&mut window, middle);
+    drag_along(&mut window, &[middle, middle + Vec2::new(20.0, 0.0), middle + Vec2::new(40.0, 0.0)]);
+    assert_eq!(window.state().resized.len(), 1, "{:?}", window.state().resized);
 }

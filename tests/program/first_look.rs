@@ -306,6 +306,79 @@ fn a_head_whose_slices_begin_at_the_top_is_turned_over() {
 }
 
 #[test]
+fn a_skull_whose_crown_is_cut_off_at_the_lower_end_is_turned_over() {
+    // From below: the crown, a bony shell around the brain, then a neck with a spine.
+    let value = |[x, y, z]: [i32; 3]| {
+        let across = (x - 16) * (x - 16) + (y - 16) * (y - 16);
+        match z {
+            ..20 if across < 100 => 10,
+            ..20 if across < 140 => 24,
+            20.. if across < 9 => 24,
+            20.. if across < 60 => 10,
+            _ => 0,
+        }
+    };
+    let up = |flipped: bool| {
+        let bytes: Vec<u8> = nrrd([32, 32, 32], "", |[x, y, z]| value([x, y, if flipped { 31 - z } else { z }]));
+        let voxels = &bytes[bytes.len() - 32 * 32 * 32..];
+        let voxels = voxels.iter().flat_map(|&it| (i16::from(it) * 100 - 1000).to_le_bytes());
+        let header = "NRRD0004\ntype: int16\ndimension: 3\nsizes: 32 32 32\nencoding: raw\nendian: little\n\n";
+        let folder = Folder::new().with("head.nrrd", header.bytes().chain(voxels).collect::<Vec<u8>>());
+        folder.done(&["render", "head.nrrd", "--size", "8x8", "--save-scene", "head.toml", "-o", "p.png"]);
+        let text = std::fs::read_to_string(folder.path("head.toml")).unwrap();
+        text.lines().find(|line| line.starts_with("up = ")).unwrap().to_owned()
+    };
+    assert_eq!(up(false), "up = [0.0, 0.0, -1.0]");
+    assert_eq!(up(true), "up = [0.0, 0.0, 1.0]");
+}
+
+/// The scene of a first look at 32³ voxels.
+fn scene_of(value: impl Fn([i32; 3]) -> u8) -> toml::Table {
+    let folder = Folder::new().with("v.nrrd", nrrd([32, 32, 32], "", value));
+    folder.done(&["render", "v.nrrd", "--size", "8x8", "--save-scene", "s.toml", "-o", "p.png"]);
+    std::fs::read_to_string(folder.path("s.toml")).unwrap().parse().unwrap()
+}
+
+#[test]
+fn the_outer_layer_is_a_surface_around_a_ragged_core_and_glass_around_a_compact_one() {
+    let far = |[x, y, z]: [i32; 3]| (x - 16) * (x - 16) + (y - 16) * (y - 16) + (z - 16) * (z - 16);
+    let is_odd = |[x, y, z]: [i32; 3]| (x / 2 + y / 2 + z / 2) % 2 == 0;
+    let outer = |core: &dyn Fn([i32; 3]) -> bool| {
+        // Noise, so that the values are not labels.
+        let noise = |[x, y, z]: [i32; 3]| u8::try_from((7 * x + 13 * y + 29 * z) % 9).unwrap();
+        let scene = scene_of(|at| {
+            let value = if core(at) {
+                200
+            } else if far(at) < 144 {
+                100
+            } else {
+                0
+            };
+            value + noise(at)
+        });
+        let layer = scene["transfer"]["intervals"][0].clone();
+        (layer["opacity"].as_float().unwrap(), layer["range"][0].as_float().unwrap())
+    };
+    let (ragged, ragged_from) = outer(&|at| far(at) < 90 && is_odd(at));
+    let (compact, compact_from) = outer(&|at| far(at) < 36);
+    assert!((ragged - 0.148).abs() < 1e-9, "an optical depth of 0.16 a voxel: {ragged}");
+    assert!(compact < 0.06, "{compact}");
+    assert!(ragged_from < 0.75 * compact_from, "fainter values belong to a surface: {ragged_from}, {compact_from}");
+}
+
+#[test]
+fn a_shallow_object_is_seen_from_higher_up() {
+    let elevation = |height: i32| {
+        let scene = scene_of(|[x, y, z]| {
+            u8::from((4..28).contains(&x) && (4..28).contains(&y) && (4..4 + height).contains(&z)) * 200
+        });
+        scene["camera"]["elevation"].as_float().unwrap()
+    };
+    assert!((elevation(24) - 20.0).abs() < 1e-9);
+    assert!((elevation(8) - 45.0).abs() < 1e-9);
+}
+
+#[test]
 fn a_picture_has_any_background_or_none() {
     let folder = Folder::new().with("ball.nrrd", ball());
     let corner = |background: &str| {

@@ -28,7 +28,7 @@ fn numbers([nx, ny, nz]: [usize; 3], step: usize, channel: usize, time: usize) -
     (0..nx * ny * nz).map(n).collect()
 }
 
-/// The voxels of these numbers in a type; see `numbers` of `make_zarr.py`.
+/// The voxels of these numbers in a type; see `numbers` of `tests/tools/arrays.py`.
 fn voxels(dtype: &str, numbers: &[u64]) -> Voxels {
     macro_rules! of {
         ($variant:ident $type:ident, $map:expr) => {

@@ -211,17 +211,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     if !args.define.is_empty() && args.workloads.iter().all(|workload| !workload.makes_frames()) {
         return Err(CliError::Usage("-D has no effect: these workloads have no scene".to_owned()));
     }
-    let selection = args.selection.selection();
-    let of_volumes = [
-        ("--volume", args.volume.is_some()),
-        ("--component", selection.component.is_some()),
-        ("--time", selection.time.is_some()),
-        ("--array", selection.array.is_some()),
-        ("--series", selection.series.is_some()),
-        ("--pyramid-level", selection.level.is_some()),
-        ("--axes", selection.axes.is_some()),
-    ];
-    if let Some((flag, _)) = of_volumes.iter().find(|(_, given)| *given)
+    let mut of_volumes = std::iter::once(("--volume", args.volume.is_some())).chain(args.selection.choices());
+    if let Some((flag, _)) = of_volumes.find(|(_, given)| *given)
         && !args.workloads.iter().any(Workload::takes_volume)
     {
         return Err(CliError::Usage(format!("{flag} has no effect: these workloads have volumes of their own")));
@@ -247,7 +238,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     }
     let whole = reports.iter().all(|report: &Report| report.json["interrupted"] != true);
     if whole && args.workloads.contains(&Workload::Load) {
-        reports.push(load::run(args.volume.as_deref(), &selection, args.frames, progress)?);
+        reports.push(load::run(args.volume.as_deref(), &args.selection.selection(), args.frames, progress)?);
     }
     let mut all = Report { text: String::new(), json: json!({}) };
     for report in reports {

@@ -93,10 +93,18 @@ struct Layer {
     colour: Colour,
     range: [f64; 2],
     ramp: f64,
-    /// Optical depth of the layer along a typical ray.
-    depth: f64,
+    depth: Depth,
     /// Its description, for a comment.
     what: String,
+}
+
+/// Optical depth of a layer.
+#[derive(Clone, Copy, Debug)]
+enum Depth {
+    /// Along a typical ray: glass if it is below 1, solid from about 8.
+    Ray(f64),
+    /// Along one voxel: a surface that hides what lies several voxels behind it, however thick the layer is.
+    Voxel(f64),
 }
 
 #[derive(Clone, Debug)]
@@ -131,7 +139,7 @@ fn ct_layers(look: Look, water: f64, most: f64) -> Vec<Layer> {
         colour: Colour::Designed(role),
         range: [range[0], range[1].max(range[0])],
         ramp,
-        depth,
+        depth: Depth::Ray(depth),
         what: what.to_owned(),
     };
     let bone = |from: f64, depth| {
@@ -155,6 +163,9 @@ fn ct_layers(look: Look, water: f64, most: f64) -> Vec<Layer> {
 fn layers(values: &Values) -> Vec<Layer> {
     /// Peaks with less than this share of the objects' voxels are noise, or values that a converter has cut off.
     const SHARE: f64 = 0.03;
+    /// Ratio of the roughness of the inner layers to that of the object from which its surface shows more than its
+    /// inside.
+    const RAGGED: f64 = 1.75;
     let from = values.objects_from;
     let objects = values.share([from, f64::MAX]);
     let upper = values.most.max(from);
@@ -183,13 +194,19 @@ fn layers(values: &Values) -> Vec<Layer> {
         _ => &[0, 1, 2],
     };
     let number = cuts.len() - 1;
+    let thinned = &values.thinned;
+    let has_ragged_core = number > 1 && thinned.roughness(cuts[1]) > RAGGED * thinned.roughness(from);
+    if has_ragged_core {
+        cuts[0] = values.surface_from;
+    }
     let layer = |(index, pair): (usize, &[f64])| {
         let [low, high] = [pair[0], pair[1]];
         let ramp = (0.02 * span).min((high - low) / 2.0).max(0.0);
         let depth = match number - 1 - index {
-            0 => 8.0,
-            1 => 0.8,
-            _ => 0.4,
+            0 => Depth::Ray(8.0),
+            _ if has_ragged_core && index == 0 => Depth::Voxel(0.16),
+            1 => Depth::Ray(0.8),
+            _ => Depth::Ray(0.4),
         };
         let role = roles[index.min(roles.len() - 1)];
         Layer {
@@ -219,7 +236,7 @@ fn window_layers(window: &Window, most: f64) -> Vec<Layer> {
             colour: Colour::Designed(role),
             range: [low, high],
             ramp,
-            depth: [0.4, 0.8, 8.0][role],
+            depth: Depth::Ray([0.4, 0.8, 8.0][role]),
             what: if role == 0 { format!("the window {:?} of the file", window.name) } else { String::new() },
         }
     };
@@ -245,7 +262,11 @@ fn label_layers(values: &Values, labels: &[f64], presets: &[LabelPreset], axis: 
         ),
         range: [label - 0.5, label + 0.5],
         ramp: 0.0,
-        depth: if labels.len() > 1 && outer.is_some_and(|outer| (outer - label).abs() < 0.5) { 0.6 } else { 12.0 },
+        depth: Depth::Ray(if labels.len() > 1 && outer.is_some_and(|outer| (outer - label).abs() < 0.5) {
+            0.6
+        } else {
+            12.0
+        }),
         // A name of a file may have any character but those that end a comment.
         what: stated(label)
             .map_or_else(String::new, |preset| preset.name.chars().filter(|it| !it.is_control()).collect()),
@@ -314,11 +335,13 @@ fn flat_side(geometry: &Geometry) -> Option<Side> {
     (extent.max_element() >= FLAT * extent[thin]).then(|| [Side::Left, Side::Front, Side::Bottom][normal])
 }
 
-/// Whether the body of a CT is cut off at the upper end of z and lies in air at the lower end, as a head whose slices
-/// begin at the top.
+/// Whether a CT is a head whose slices begin at the top: its body is cut off at the upper end of z and lies in air at
+/// the lower end, or bone encloses the soft tissue, as in a skull, at the lower end alone.
 fn is_upside_down(volume: &Volume, values: &Values) -> bool {
     /// Fraction of a slice that the cut body covers at least.
     const CUT: f64 = 0.03;
+    /// Fraction of the soft tissue of a slice that bone encloses in a skull, and nowhere else.
+    const SKULL: f64 = 0.5;
     let Kind::Ct { water } = values.kind else { return false };
     let vertical = volume.geometry.direction.z_axis.z;
     if vertical.abs() < 0.7 {
@@ -326,14 +349,54 @@ fn is_upside_down(volume: &Volume, values: &Values) -> bool {
     }
     let thinned = &values.thinned;
     let [nx, ny, nz] = thinned.dims;
-    let slice = nx * ny;
-    let body = |z: usize| {
-        let slice = thinned.values.get(z * slice..(z + 1) * slice).unwrap_or_default();
-        count(slice.iter().filter(|&&value| f64::from(value) > water - 100.0).count()) / count(slice.len().max(1))
-    };
-    let [first, last] = [body(0), body(nz - 1)];
-    let [low, high] = if vertical < 0.0 { [last, first] } else { [first, last] };
-    high > CUT && low < high / 3.0
+    let slice = |z: usize| thinned.values.get(z * nx * ny..(z + 1) * nx * ny).unwrap_or_default();
+    let ends = if vertical < 0.0 { [nz - 1, 0] } else { [0, nz - 1] };
+    let [low, high] = ends.map(|z| {
+        let body = slice(z).iter().filter(|&&value| f64::from(value) > water - 100.0).count();
+        count(body) / count(nx * ny)
+    });
+    let [enclosed_low, enclosed_high] = ends.map(|z| enclosed(slice(z), nx, water));
+    (high > CUT && low < high / 3.0) || (enclosed_low > SKULL && enclosed_high < SKULL / 2.0)
+}
+
+/// Fraction of the soft tissue of a slice of a CT with bone on all four sides, in its row and in its column.
+fn enclosed(slice: &[f32], width: usize, water: f64) -> f64 {
+    let height = slice.len() / width.max(1);
+    let is_bone = |value: f32| f64::from(value) > water + 250.0;
+    // First and last bone of each row and of each column.
+    let (mut rows, mut columns) = (vec![[usize::MAX, 0]; height], vec![[usize::MAX, 0]; width]);
+    for (place, _) in slice.iter().enumerate().filter(|&(_, &value)| is_bone(value)) {
+        let (x, y) = (place % width, place / width);
+        rows[y] = [rows[y][0].min(x), rows[y][1].max(x)];
+        columns[x] = [columns[x][0].min(y), columns[x][1].max(y)];
+    }
+    let (mut soft, mut inside) = (0, 0);
+    for (place, _) in slice.iter().enumerate().filter(|&(_, &it)| f64::from(it) > water - 100.0 && !is_bone(it)) {
+        let (x, y) = (place % width, place / width);
+        let is_within = |[first, last]: [usize; 2], at: usize| first < at && at < last;
+        soft += 1;
+        inside += usize::from(is_within(rows[y], x) && is_within(columns[x], y));
+    }
+    count(inside) / count(soft.max(1))
+}
+
+/// Elevation of the camera in degrees, where no axis is known.
+const ELEVATION: f64 = 20.0;
+
+/// `camera` from higher up, if the object of these points is shallow: its top then shows more than its front.
+fn raised(camera: Camera, outline: &[DVec3]) -> Camera {
+    /// Elevation for shallow objects, in degrees.
+    const RAISED: f64 = 45.0;
+    /// Ratio of depth to height of a shallow object.
+    const SHALLOW: f64 = 1.3;
+    let ends = outline.iter().copied().reduce(DVec3::min).zip(outline.iter().copied().reduce(DVec3::max));
+    let is_shallow = ends.is_some_and(|(low, high)| (high - low).y > SHALLOW * (high - low).z);
+    match camera.aim {
+        Aim::Orbit { azimuth, elevation, fill, front, around } if elevation > 0.0 && is_shallow => {
+            Camera { aim: Aim::Orbit { azimuth, elevation: RAISED, fill, front, around }, ..camera }
+        }
+        _ => camera,
+    }
 }
 
 /// Direction of the camera: sheets face on, patients from the front, and all else a little from the side, z up. Heads
@@ -342,7 +405,7 @@ fn directions(volume: &Volume, values: &Values) -> Camera {
     let (side, azimuth, elevation) = match flat_side(&volume.geometry) {
         Some(side) => (side, 0.0, 0.0),
         None if volume.anatomical => (Side::Front, 0.0, 0.0),
-        None => (Side::Front, -25.0, 20.0),
+        None => (Side::Front, -25.0, ELEVATION),
     };
     let front = side.outward();
     let up = match side {
@@ -393,7 +456,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         _ => None,
     };
     let outline = fit::outline(volume, values.thinned.stride, crop, |value| is_flat || shows(rounded(value)));
-    let camera = fit::fitted(&camera, &outline, geometry);
+    let camera = fit::fitted(&raised(camera, &outline), &outline, geometry);
     let alone = if crop.is_some() { "; only the largest connected part is shown" } else { "" };
     let guess = format!("{name} has no scene, so Relume made one: {guess}{alone}.");
     let text = text(name, &guess, &shape, thickness, &camera, crop, geometry);
@@ -407,7 +470,7 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape,
         colour,
         range,
         ramp: 0.0,
-        depth,
+        depth: Depth::Ray(depth),
         what: String::new(),
     };
     let high = values.percentile(0.999).max(values.objects_from);
@@ -472,9 +535,13 @@ fn brief_of(number: f64) -> String {
     brief(format!("{number:.3e}").parse().unwrap_or(number))
 }
 
-/// Opacity of an opacity length for an optical depth over this many of them.
-fn opacity(depth: f64, thickness: f64) -> f64 {
-    let opacity = -(-depth / thickness).exp_m1();
+/// Opacity of an opacity length of a layer that is this many of them thick.
+fn opacity(depth: Depth, thickness: f64) -> f64 {
+    let depth = match depth {
+        Depth::Ray(depth) => depth / thickness,
+        Depth::Voxel(depth) => depth,
+    };
+    let opacity = -(-depth).exp_m1();
     // Three digits are enough, and readable.
     format!("{:.2e}", opacity.clamp(1e-3, 0.95)).parse().unwrap_or(opacity)
 }
@@ -489,7 +556,7 @@ fn text(
     geometry: &Geometry,
 ) -> String {
     // A single slice has no gradient across it to shade.
-    let shading = if flat_side(geometry).is_some() { "shading = \"none\"\n" } else { "" };
+    let shading = if flat_side(geometry).is_some() { "shading = \"none\"\n" } else { "lighting = \"one_sided\"\n" };
     let mut text = format!(
         "# First look at {name}: Relume made this scene from the values. docs/SCENE.md describes the keys.\n# {guess}\n\
          version = 1\n{shading}\n[volume]\n"
@@ -564,7 +631,7 @@ fn text(
         line("\n# The box of the largest connected part. Parts outside it, such as a table, are cropped.\n[crop]");
         line(&format!("min = {:?}\nmax = {:?}", low.map(count), high.map(count)));
     }
-    line("\n[display]\nexposure = 1.4");
+    line("\n[display]\nexposure = 1.3");
     if matches!(shape, Shape::Layers(layers) if layers.iter().any(|it| matches!(it.colour, Colour::Code(_)))) {
         line("\n# No interpolation between labels.\n[accuracy]\ninterpolation = \"nearest\"");
     }

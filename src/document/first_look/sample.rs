@@ -82,6 +82,32 @@ impl Thinned {
         (x * x + y * y + z * z).sqrt()
     }
 
+    /// Faces between voxels from `threshold` on and smaller ones, over the number of the former to the power of 2/3: 6
+    /// for a cube, whatever its size.
+    pub(super) fn roughness(&self, threshold: f64) -> f64 {
+        let [nx, ny, _] = self.dims;
+        let is_inside = |value: f32| f64::from(value) >= threshold;
+        let (voxels, faces) = self
+            .values
+            .par_chunks(nx * ny)
+            .enumerate()
+            .map(|(z, slice)| {
+                let next = self.values.get((z + 1) * nx * ny..(z + 2) * nx * ny).unwrap_or_default();
+                let mut found = (0, 0);
+                for (place, &value) in slice.iter().enumerate() {
+                    let inside = is_inside(value);
+                    let differs = |other: Option<&f32>| other.is_some_and(|&it| is_inside(it) != inside);
+                    let right = if place % nx + 1 < nx { slice.get(place + 1) } else { None };
+                    let below = slice.get(place + nx);
+                    found.0 += usize::from(inside);
+                    found.1 += [right, below, next.get(place)].into_iter().filter(|&it| differs(it)).count();
+                }
+                found
+            })
+            .reduce(|| (0, 0), |one, other| (one.0 + other.0, one.1 + other.1));
+        count(faces) / count(voxels.max(1)).powf(2.0 / 3.0)
+    }
+
     /// Values on the faces of the volume, up to some thousands.
     pub(super) fn border(&self) -> Vec<f32> {
         let on_face = |place: &usize| {

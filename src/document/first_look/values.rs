@@ -80,6 +80,9 @@ pub struct Values {
     pub peaks: Vec<Peak>,
     /// Values from which voxels are objects and not their surroundings.
     pub objects_from: f64,
+    /// Values from which fainter voxels may be the surface of an object: halfway from the surroundings, above their
+    /// noise.
+    pub(super) surface_from: f64,
     pub(super) sorted: Vec<f32>,
     pub(super) thinned: Thinned,
     pub(super) least: f64,
@@ -96,10 +99,11 @@ impl Values {
         sorted.sort_unstable_by(f32::total_cmp);
         let (least, most) = (statistics.min, statistics.max);
         let kind = kind(volume, &thinned, &sorted, statistics);
-        let mut values = Self { kind, peaks: Vec::new(), objects_from: least, sorted, thinned, least, most };
+        let peaks = Vec::new();
+        let mut values = Self { kind, peaks, objects_from: least, surface_from: least, sorted, thinned, least, most };
         let histogram = Histogram::of(&values);
         values.peaks = histogram.peaks();
-        values.objects_from = values.boundary(&histogram);
+        [values.surface_from, values.objects_from] = values.boundaries(&histogram);
         values
     }
 
@@ -168,9 +172,9 @@ impl Values {
         count(within.saturating_sub(below)) / count(self.sorted.len().max(1))
     }
 
-    /// Value between the surroundings and the objects: where the voxels with large gradients, which lie on boundaries,
-    /// fall apart into two classes (docs/theory/first-look.md).
-    fn boundary(&self, histogram: &Histogram) -> f64 {
+    /// Values from which on voxels may be the surface of an object, and from which on they are objects: where the voxels
+    /// with large gradients, which lie on boundaries, fall apart into two classes (docs/theory/first-look.md).
+    fn boundaries(&self, histogram: &Histogram) -> [f64; 2] {
         let mut border = self.thinned.border();
         border.sort_unstable_by(f32::total_cmp);
         let at =
@@ -184,7 +188,9 @@ impl Values {
         let all = histogram.value(otsu(&histogram.counts));
         let of_edges = histogram.value(otsu(&edges));
         let cut = of_edges.min(all);
-        if surrounded { cut.max(high + 0.02 * span) } else { cut }
+        let [level, noise] = if surrounded { [middle, high + 0.02 * span] } else { [low_end, low_end] };
+        let from = cut.max(noise);
+        [f64::midpoint(level, from).max(noise), from]
     }
 }
 

@@ -43,6 +43,15 @@ pub fn dock_sizes(context: &Context) -> DockSizes {
     Dock::ALL.map(size)
 }
 
+/// The dock whose edge has just been released after a drag, and its size in points.
+pub fn resized_dock(context: &Context) -> Option<(Dock, f32)> {
+    // The identity that egui gives to the edge of a panel.
+    let edge = |dock: &Dock| Id::new(PANELS[*dock as usize]).with("__resize");
+    let released = context.drag_stopped_id()?;
+    let dock = Dock::ALL.into_iter().find(|dock| edge(dock) == released)?;
+    dock_sizes(context)[dock as usize].map(|size| (dock, size))
+}
+
 /// Whether a window of `size` has docks.
 pub(super) fn has_docks(size: Vec2) -> bool {
     size.x >= ROOM_FOR_DOCKS.x && size.y >= ROOM_FOR_DOCKS.y

@@ -31,7 +31,7 @@ use egui::{CentralPanel, Color32, Context, Frame, Id, Order, Panel, Popup, Pos2,
 pub use accuracy::Effort;
 pub use chooser::Chooser;
 pub use dial::{node_places, show as show_dial};
-pub use docks::dock_sizes;
+pub use docks::{dock_sizes, resized_dock};
 pub use lights::show as show_lights;
 pub use notices::Notice;
 pub use palette::Design;

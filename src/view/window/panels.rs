@@ -38,18 +38,9 @@ pub(super) struct Panels {
 impl Panels {
     /// Keeps the sizes of the docks after a drag, for the next run.
     pub(super) fn keep_sizes(&mut self) {
-        // The window's own size also limits its docks, so only the end of a drag counts.
-        if !self.context.input(|input| input.pointer.any_released()) {
-            return;
-        }
-        let now = ui::dock_sizes(&self.context);
-        let changed = |(now, kept): (&Option<f32>, &Option<f32>)| {
-            now.is_some_and(|now| kept.is_none_or(|kept| (now - kept).abs() >= 0.5))
-        };
-        if now.iter().zip(&self.layout.sizes).any(changed) {
-            for (kept, now) in self.layout.sizes.iter_mut().zip(now) {
-                *kept = now.or(*kept);
-            }
+        // The window's own size also limits its docks, so only a dragged edge counts.
+        if let Some((dock, size)) = ui::resized_dock(&self.context) {
+            self.layout.sizes[dock as usize] = Some(size);
             self.sizes.write(&self.layout.sizes);
         }
     }
