@@ -36,6 +36,17 @@ pub(super) fn unit(name: &str) -> Option<(Unit, f64)> {
     })
 }
 
+/// The sentence about axes x, y and z of which `holder` states no spacing; `None` if it states all of them.
+pub(super) fn assumed_spacing(holder: &str, unknown: [bool; 3]) -> Option<String> {
+    if unknown == [true; 3] {
+        return Some(format!("{holder} states no spacing; Relume uses 1 1 1"));
+    }
+    let unknown: Vec<&str> =
+        ["x", "y", "z"].into_iter().zip(unknown).filter(|(_, it)| *it).map(|(axis, _)| axis).collect();
+    let along = (!unknown.is_empty()).then(|| unknown.join(" and "));
+    along.map(|along| format!("{holder} states no spacing along {along}; Relume uses 1"))
+}
+
 /// A text of a file for one line of a message: without control characters, and shortened.
 pub(super) fn printable(text: &str) -> String {
     const LONGEST: usize = 80;

@@ -244,6 +244,17 @@ fn an_image_has_levels_channels_times_units_and_labels() {
 }
 
 #[test]
+fn an_unknown_unit_of_an_axis_is_noted() {
+    let store = Store::written("image");
+    let text = std::fs::read_to_string(store.path(".zattrs")).unwrap();
+    assert!(text.contains("\"nanometer\""), "{text}");
+    let store = store.changed(".zattrs", "\"nanometer\"", "\"parsec\"");
+    let chosen = Selection { component: Some(0), time: Some(0), ..Selection::default() };
+    let notes = store.select(&chosen).unwrap().notes.join(" ");
+    assert!(notes.contains("the unit parsec is no unit of length"), "{notes}");
+}
+
+#[test]
 fn a_file_inside_a_store_opens_the_store() {
     let store = Store::written("image");
     let chosen = Selection { component: Some(1), time: Some(1), ..Selection::default() };
@@ -459,6 +470,15 @@ fn an_array_of_four_axes_is_read_once_they_are_stated() {
     let volume = open_hdf5("four.h5", &turned).unwrap();
     assert_eq!(volume.geometry.dims, [7, 10, 9]);
     assert_eq!(volume.value([2, 3, 4]), Some(f64::from(4 * 4 + 7 * 3 + 40 * 2 + 300)));
+}
+
+#[test]
+fn axes_that_ilastik_states_are_used() {
+    for channel in [0, 1] {
+        let volume = open_hdf5("ilastik.h5", &component(channel)).unwrap();
+        assert!(volume.voxels == voxels("uint16", &numbers(DIMS, 1, channel, 0)), "{channel}");
+        assert_eq!((volume.components, volume.geometry.dims), (2, DIMS));
+    }
 }
 
 #[test]

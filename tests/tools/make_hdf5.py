@@ -6,6 +6,7 @@ The number of voxel (x, y, z) in channel c at time t is n = x*x + 7*y + 40*z + 3
 n % 251 (8 bits), n (16 to 64 bits), n / 8 (floats), n % 3 == 0 (bool).
 """
 
+import json
 import shutil
 import sys
 from pathlib import Path
@@ -56,6 +57,14 @@ def single(path):
 def four(path):
     with h5py.File(path, "w") as file:
         file.create_dataset("a", data=numbers("uint16", (2,) + SHAPE), chunks=(1, 3, 4, 5), compression="lzf")
+
+
+def ilastik(path):
+    with h5py.File(path, "w") as file:
+        image = file.create_dataset("exported_data", data=np.moveaxis(numbers("uint16", (2,) + SHAPE), 0, -1))
+        image.attrs["axistags"] = json.dumps(
+            {"axes": [{"key": key, "typeFlags": 2, "resolution": 0, "description": ""} for key in "zyxc"]}
+        )
 
 
 def netcdf(path, format):
@@ -130,6 +139,7 @@ def main():
     codings(out / "codings_latest.h5", "latest")
     single(out / "single.h5")
     four(out / "four.h5")
+    ilastik(out / "ilastik.h5")
     netcdf(out / "netcdf4.nc", "NETCDF4")
     netcdf(out / "netcdf3.nc", "NETCDF3_CLASSIC")
     netcdf(out / "netcdf3_offset64.nc", "NETCDF3_64BIT_OFFSET")

@@ -383,14 +383,20 @@ fn enclosed(slice: &[f32], width: usize, water: f64) -> f64 {
 /// Elevation of the camera in degrees, where no axis is known.
 const ELEVATION: f64 = 20.0;
 
-/// `camera` from higher up, if the object of these points is shallow: its top then shows more than its front.
+/// `camera` from higher up, if the object of these points is shallow or elongated along the line of sight: its top then
+/// shows more than its front.
 fn raised(camera: Camera, outline: &[DVec3]) -> Camera {
     /// Elevation for shallow objects, in degrees.
     const RAISED: f64 = 45.0;
     /// Ratio of depth to height of a shallow object.
-    const SHALLOW: f64 = 1.3;
+    const SHALLOW: f64 = 1.9;
+    /// Ratio of depth to width and to height of an elongated one.
+    const ELONGATED: f64 = 1.45;
     let ends = outline.iter().copied().reduce(DVec3::min).zip(outline.iter().copied().reduce(DVec3::max));
-    let is_shallow = ends.is_some_and(|(low, high)| (high - low).y > SHALLOW * (high - low).z);
+    let is_shallow = ends.is_some_and(|(low, high)| {
+        let DVec3 { x: width, y: depth, z: height } = high - low;
+        depth > SHALLOW * height || depth > ELONGATED * width.max(height)
+    });
     match camera.aim {
         Aim::Orbit { azimuth, elevation, fill, front, around } if elevation > 0.0 && is_shallow => {
             Camera { aim: Aim::Orbit { azimuth, elevation: RAISED, fill, front, around }, ..camera }
@@ -456,7 +462,9 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         _ => None,
     };
     let outline = fit::outline(volume, values.thinned.stride, crop, |value| is_flat || shows(rounded(value)));
-    let camera = fit::fitted(&raised(camera, &outline), &outline, geometry);
+    // A body is known to be upright.
+    let camera = if matches!(values.kind, Kind::Ct { .. }) { camera } else { raised(camera, &outline) };
+    let camera = fit::fitted(&camera, &outline, geometry);
     let alone = if crop.is_some() { "; only the largest connected part is shown" } else { "" };
     let guess = format!("{name} has no scene, so Relume made one: {guess}{alone}.");
     let text = text(name, &guess, &shape, thickness, &camera, crop, geometry);

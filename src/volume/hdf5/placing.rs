@@ -6,7 +6,7 @@ use super::file::{Array, File, Kind};
 use crate::number;
 use crate::volume::axes::{self, Arranged, Axis};
 use crate::volume::geometry::Lattice;
-use crate::volume::lengths::{converted, printable, unit};
+use crate::volume::lengths::{assumed_spacing, converted, printable, unit};
 use crate::volume::voxels::with_type;
 use crate::volume::{Geometry, Unit, VolumeError, Voxel, Window};
 
@@ -61,13 +61,7 @@ impl Placed {
 
     /// The sentence about axes without a step, if there are any.
     pub(super) fn assumed(&self) -> Option<String> {
-        if self.steps == [None; 3] {
-            return Some("the file states no spacing; Relume uses 1 1 1".to_owned());
-        }
-        let unknown = (0..3).filter(|&axis| self.steps[axis].is_none()).map(|axis| ["x", "y", "z"][axis]);
-        let unknown: Vec<&str> = unknown.collect();
-        let along = (!unknown.is_empty()).then(|| unknown.join(" and "));
-        along.map(|along| format!("the file states no spacing along {along}; Relume uses 1"))
+        assumed_spacing("the file", self.steps.map(|step| step.is_none()))
     }
 }
 
@@ -99,7 +93,8 @@ pub(super) fn of(file: &File, array: &Array, all: &[Array]) -> Result<Placed, Vo
 
 /// The placing by coordinate variables of `NetCDF`: arrays with the names of the axes.
 fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
-    let mut placed = Placed { axes: axes::named(&array.dimensions, &array.shape), ..Placed::default() };
+    let names = axis_tags(array).unwrap_or_else(|| array.dimensions.clone());
+    let mut placed = Placed { axes: axes::named(&names, &array.shape), ..Placed::default() };
     let Some(axes) = &placed.axes else { return placed };
     let group = array.name.rsplit_once('/').map_or("", |(group, _)| group);
     let mut lines: [Option<Line>; 3] = [None, None, None];
@@ -110,7 +105,7 @@ fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
             Some(Axis::Z) => 2,
             _ => continue,
         };
-        let name = &array.dimensions[at];
+        let Some(name) = array.dimensions.get(at) else { continue };
         let is_it = |other: &&Array| other.shape == [array.shape[at]] && other.name == format!("{group}/{name}");
         let Some(coordinates) = all.iter().find(is_it).filter(|found| found.shape[0] > 1) else { continue };
         match line(file, coordinates) {
@@ -134,6 +129,13 @@ fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
         placed.origin[axis] = own(line.first);
     }
     placed
+}
+
+/// Names of the axes by the attribute of vigra and ilastik, slowest first.
+fn axis_tags(array: &Array) -> Option<Vec<String>> {
+    let tags: serde_json::Value = serde_json::from_str(array.attributes.text("axistags")?).ok()?;
+    let key = |tag: &serde_json::Value| Some(tag.get("key")?.as_str()?.to_owned());
+    tags.get("axes")?.as_array()?.iter().map(key).collect()
 }
 
 /// Even coordinates.

@@ -21,6 +21,8 @@ pub(super) struct Image {
     /// Its levels, the finest first.
     pub(super) levels: Vec<Level>,
     pub(super) unit: Option<Unit>,
+    /// Sentences about oddities, without the name of the store.
+    pub(super) notes: Vec<String>,
 }
 
 /// A level of resolution.
@@ -68,6 +70,7 @@ fn image(node: &Node, multiscale: &Value, place: &str) -> Result<Image, VolumeEr
         name: multiscale.get("name").and_then(Value::as_str).map(printable).unwrap_or_default(),
         levels: Vec::new(),
         unit: None,
+        notes: Vec::new(),
     };
     for (index, dataset) in datasets.iter().take(MOST).enumerate() {
         let place = format!("{place}, dataset {index}");
@@ -162,7 +165,12 @@ impl Image {
         let places = [Axis::X, Axis::Y, Axis::Z].map(|axis| level.arranged.place(axis));
         for (axis, place) in places.into_iter().enumerate() {
             let Some(place) = place else { continue };
-            let stated = named[place].1.as_deref().and_then(unit);
+            let name = named[place].1.as_deref();
+            let stated = name.and_then(unit);
+            let unknown = name.filter(|_| stated.is_none()).map(printable);
+            let note =
+                unknown.map(|name| format!("the unit {name} is no unit of length that Relume knows, and is ignored"));
+            self.notes.extend(note.filter(|note| !self.notes.contains(note)));
             if let Some((unit, _)) = stated {
                 self.unit.get_or_insert(unit);
             }
@@ -206,7 +214,7 @@ pub(super) fn plain(array: Array, letters: Option<&str>) -> Result<Image, Volume
     };
     let arranged = Arranged::new(&array.shape, axes).map_err(wrong)?;
     let level = Level { array, arranged, spacing: [None; 3], origin: [0.0; 3] };
-    Ok(Image { name: String::new(), levels: vec![level], unit: None })
+    Ok(Image { name: String::new(), levels: vec![level], unit: None, notes: Vec::new() })
 }
 
 /// A channel.

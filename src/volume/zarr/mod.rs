@@ -19,6 +19,7 @@ use glam::{DMat3, DVec3};
 use serde_json::Value;
 
 use super::axes::Axis;
+use super::lengths::assumed_spacing;
 use super::several::{Asked, Series, Several};
 use super::stream::count;
 use super::type_string::Kind;
@@ -242,16 +243,10 @@ impl Reading<'_> {
             let labels = texts(labels.iter());
             volume.metadata.extend(labels.into_iter().map(|name| ("label image".to_owned(), format!("labels/{name}"))));
         }
-        let unknown: Vec<&str> = (0..3)
-            .filter(|&axis| dims[axis] > 1 && level.spacing[axis].is_none())
-            .map(|axis| ["x", "y", "z"][axis])
-            .collect();
-        let assumed = if level.spacing == [None; 3] {
-            Some("the store states no spacing; Relume uses 1 1 1".to_owned())
-        } else {
-            let along = (!unknown.is_empty()).then(|| unknown.join(" and "));
-            along.map(|along| format!("the store states no spacing along {along}; Relume uses 1"))
-        };
+        let is_stated = level.spacing.map(|spacing| spacing.is_some());
+        let unknown = std::array::from_fn(|axis| !is_stated[axis] && (dims[axis] > 1 || is_stated == [false; 3]));
+        let assumed = assumed_spacing("the store", unknown);
+        notes.extend(image.notes.iter().cloned());
         notes.extend(assumed.clone());
         if missing > 0 {
             let are = if missing == 1 { "chunk is" } else { "chunks are" };
