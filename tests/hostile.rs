@@ -313,6 +313,7 @@ fn accumulators_to_damage() {
     let dial = FilmFile {
         lights: vec![lamp("day"), lamp("lamp")],
         dial: Some(Dial {
+            hand: None,
             normalise: true,
             master: 1.5,
             nodes: vec![node("day", true), node("lamp", false)],

@@ -50,6 +50,11 @@ impl AccuracyArgs {
         definitions
     }
 
+    /// The value of `--tolerance`.
+    pub(crate) fn tolerance(&self) -> Option<f64> {
+        self.tolerance
+    }
+
     /// Names of the given flags.
     pub(crate) fn given(&self) -> Vec<&'static str> {
         let given = [

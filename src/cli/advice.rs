@@ -5,6 +5,7 @@ use std::error::Error;
 use relume::document::SceneError;
 use relume::measure::{Goal, LadderError, MeasureError};
 use relume::model::{ModelError, ModelKind};
+use relume::output::page::PageError;
 use relume::render::RenderError;
 use relume::volume::{Asked, ByteOrder, RawLayout, Several, VolumeError};
 
@@ -45,6 +46,7 @@ fn flags(error: &(dyn Error + 'static)) -> Option<String> {
             CliError::Volume(error) => flags(error),
             CliError::Render(error) => flags(error),
             CliError::Plan(error) => flags(error),
+            CliError::Page(error) => of_page(error),
             CliError::Measure(error) => flags(error),
             CliError::Check(error) => flags(error),
             _ => None,
@@ -138,6 +140,16 @@ fn of_render(error: &RenderError) -> Option<String> {
         RenderError::PictureMemory { .. } => {
             Some(": take a smaller --size, fewer light positions, or --downsample".to_owned())
         }
+        _ => None,
+    }
+}
+
+fn of_page(error: &PageError) -> Option<String> {
+    match error {
+        PageError::TooLarge { .. } => {
+            Some("; take a smaller --size, fewer --views, a larger --tolerance, or a larger --max-bytes".to_owned())
+        }
+        PageError::Tolerance { kept, .. } if kept.is_finite() => Some(format!(": --tolerance {:.3}", 1.001 * kept)),
         _ => None,
     }
 }

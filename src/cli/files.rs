@@ -1,7 +1,6 @@
 //! Films and pictures in files.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use clap::ValueEnum;
 use glam::{DVec2, DVec3};
@@ -17,10 +16,9 @@ use relume::output::film::{
 use relume::output::{
     Alpha, Depth, FilmFile as File, Picture, PictureKind, check_writable, draw_over, write_exr, write_png,
 };
-use relume::plan::Transmittance;
-use relume::scene::{Camera, Display, Mix, MixLight};
+use relume::scene::{Camera, Display, Mix};
 use relume::spectrum::colour::decode_srgb;
-use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
+use relume::spectrum::{BANDS, Reflectance};
 use relume::tables::Reflected;
 
 use super::CliError;
@@ -180,10 +178,10 @@ impl Saved {
 
 /// Reads the film file `path`.
 pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
-    let file = File::read(path)?;
-    let dial = match file.dial {
+    let mut file = File::read(path)?;
+    let dial = match file.dial.take() {
         None => Dial::regular(file.lights.iter().map(|light| light.name.as_str())),
-        Some(FileDial { normalise, master, nodes, presets }) => {
+        Some(FileDial { hand: _, normalise, master, nodes, presets }) => {
             let node = |FileNode { light, place, on }| DialNode { light, place: DVec2::from_array(place), on };
             let preset = |FilePreset { name, caption, hand, off, on }| DialPreset {
                 name,
@@ -196,42 +194,19 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
             Dial { normalise, master, nodes: nodes.collect(), presets: presets.collect() }
         }
     };
-    let bad = |error: relume::spectrum::SpectrumError| CliError::Failed(format!("{}: {error}", path.display()));
-    let shown: Vec<Option<f64>> = file.lights.iter().map(|light| light.shown).collect();
-    let lights = file.lights.into_iter().map(|light| {
-        let spectrum = Light::new(Spectrum::from_samples(light.spectrum)).map_err(bad)?;
-        Ok(MixLight { name: light.name, spectrum, weight: light.weight, position: light.position })
-    });
-    let background = file.background.map(|samples| Reflectance::new(Spectrum::from_samples(samples)).map_err(bad));
-    let (components, tolerance) = match file.components {
-        FileComponents::Surfaces(surfaces) => {
-            let spectra = surfaces.iter().map(|surface| Spectrum::from_samples(surface.spectrum));
-            (Components::Surfaces(spectra.collect()), f64::INFINITY)
-        }
-        FileComponents::Model(Stored { model, coloured, tolerance }) => {
-            let transmittance = if coloured { Transmittance::Coloured } else { Transmittance::Grey };
-            (Components::Model(Arc::new(model), transmittance), tolerance)
-        }
-    };
-    let mix = Mix(lights.collect::<Result<_, CliError>>()?);
-    let lit = mix.0.iter().zip(shown).filter(|(_, shown)| *shown != Some(0.0));
-    let lit = lit.map(|(light, shown)| MixLight { weight: shown.unwrap_or(light.weight), ..light.clone() });
-    let shown = Mix(lit.collect());
-    let accumulation = Film {
-        size: [file.width, file.height],
-        components: components.len(),
-        accumulators: file.accumulators,
-        transmittance: file.transmittance,
+    let tolerance = match &file.components {
+        FileComponents::Surfaces(_) => f64::INFINITY,
+        FileComponents::Model(Stored { tolerance, .. }) => *tolerance,
     };
     Ok(Saved {
-        components,
-        positions: file.positions.into_iter().map(|position| position.name).collect(),
-        mix,
-        shown,
-        background: background.transpose()?,
-        display: Display { exposure: file.exposure, adapt: file.adapt, observer: file.observer, deficiency: None },
+        components: file.spectra(),
+        positions: file.positions.iter().map(|position| position.name.clone()).collect(),
+        mix: file.stated()?,
+        shown: file.opening()?,
+        background: file.behind()?,
+        display: file.display(),
         dial,
-        accumulation,
+        accumulation: file.take_film(),
         tolerance,
     })
 }

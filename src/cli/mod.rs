@@ -14,6 +14,7 @@ mod goal;
 mod info;
 mod measure;
 mod model;
+mod page;
 mod relight;
 mod render;
 mod scene;
@@ -30,6 +31,7 @@ use relume::document::{OpenError, SceneError};
 use relume::measure::{LadderError, MeasureError};
 use relume::model::ModelError;
 use relume::output::OutputError;
+use relume::output::page::PageError;
 use relume::palette::PaletteError;
 use relume::plan::PlanError;
 use relume::progress::Progress;
@@ -60,6 +62,7 @@ Examples:
   relume info head.mhd                                the contents of a volume
   relume render scene.toml -o day.png --accumulators acc.exr
   relume relight acc.exr --light A -o evening.png     the same view under a light bulb
+  relume page scene.toml -o picture.html              a page that relights in a browser, to send or publish
   relume design palette.toml --report palette.html    spectra for the target colours of a palette
 
 The keys of a scene file are in docs/SCENE.md. `relume help COMMAND` describes a command.
@@ -73,6 +76,8 @@ enum Command {
     View(view::Args),
     /// Relight a saved film: no volume, no march, no GPU.
     Relight(relight::Args),
+    /// Write a film or a scene as one HTML file that anyone can relight in a browser.
+    Page(page::Args),
     /// Solve a palette for spectra with its target colours, and report conflicts.
     Design(design::Args),
     /// Render the figures of the paper.
@@ -109,6 +114,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Output(#[from] OutputError),
     #[error(transparent)]
+    Page(#[from] PageError),
+    #[error(transparent)]
     Measure(#[from] MeasureError),
     #[error(transparent)]
     Check(#[from] LadderError),
@@ -142,6 +149,7 @@ impl CliError {
             Self::Plan(error) => error.code(),
             Self::Reference(error) => error.code(),
             Self::Output(error) => error.code(),
+            Self::Page(error) => error.code(),
             Self::Measure(error) => error.code(),
             Self::Check(error) => error.code(),
             Self::Lights(error) => error.code(),
@@ -213,6 +221,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Render(args) => render::run(args, &terminal),
         Command::View(args) => view::run(args),
         Command::Relight(args) => relight::run(args, &terminal),
+        Command::Page(args) => page::run(args, &terminal),
         Command::Design(args) => design::run(args, &terminal),
         Command::Figures(args) => figures::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
@@ -237,7 +246,10 @@ pub(crate) fn main() -> ExitCode {
             let interrupted = report.json["interrupted"] == true;
             let missed = report.json["holds"] == false;
             // The result of these commands is files.
-            let writes = matches!(cli.command, Command::Render(_) | Command::Relight(_) | Command::Figures(_));
+            let writes = matches!(
+                cli.command,
+                Command::Render(_) | Command::Relight(_) | Command::Page(_) | Command::Figures(_)
+            );
             if cli.json {
                 terminal::print(&report.json_text());
             } else if !(cli.quiet && writes) {

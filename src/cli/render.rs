@@ -220,8 +220,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let learnt = learn(&scene, &mut planned, &mix)?;
         (planned, learnt)
     };
-    let film_file =
-        |film: Film<f32>| FilmFile::of_march(&scene, &planned, &file.opening_mix(), (&file.dial).into(), film);
+    let film_file = |film: Film<f32>| {
+        FilmFile::of_march(&scene, &planned, &file.opening_mix(), file.light.dial_of_film(&file.dial), film)
+    };
     if let Some(path) = &args.accumulators {
         let pixels = Film { size: args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
         let refused = |why: String| CliError::Failed(format!("--accumulators {}: {why}", path.display()));

@@ -236,6 +236,29 @@ impl SceneArgs {
         }
     }
 
+    /// A flag that changes the scene or its volume, if one is given; `--tolerance` is not counted.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let selection = &self.selection;
+        let flags = [
+            ("--volume", self.volume.is_some()),
+            ("--labels", self.labels.is_some()),
+            ("--downsample", self.downsample.is_some()),
+            ("--define", !self.define.is_empty()),
+            ("--component", selection.component.is_some()),
+            ("--time", selection.time.is_some()),
+            ("--array", selection.array.is_some()),
+            ("--series", selection.series.is_some()),
+            ("--pyramid-level", selection.pyramid_level.is_some()),
+            ("--axes", selection.axes.is_some()),
+            ("--resample", selection.resample),
+            ("--dims", self.raw.dims.is_some()),
+            ("--spacing", self.raw.spacing.is_some()),
+        ];
+        let given = flags.into_iter().filter(|(_, given)| *given).map(|(flag, _)| flag);
+        let of_colour = self.accuracy.given().into_iter().filter(|flag| *flag != "--tolerance");
+        given.chain(of_colour).next()
+    }
+
     pub(crate) fn load(&self, progress: &dyn Progress) -> Result<SceneFile, CliError> {
         self.load_as(Wish::default(), progress).map(|(file, _)| file)
     }

@@ -238,6 +238,7 @@ impl From<&Dial> for film::Dial {
             on: preset.on.clone(),
         };
         Self {
+            hand: None,
             normalise: dial.normalise,
             master: dial.master,
             nodes: dial.nodes.iter().map(node).collect(),

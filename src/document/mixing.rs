@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use super::Dial;
+use crate::output::film;
 use crate::scene::{Mix, SceneLight};
 
 /// State of the mix of a scene's lights.
@@ -72,6 +73,13 @@ impl LightState {
         }
         mix.0.retain(|light| light.weight > 0.0);
         mix.mastered(self.normalise, self.master)
+    }
+
+    /// The dial of a film file of a picture in this state.
+    #[must_use]
+    pub fn dial_of_film(&self, dial: &Dial) -> film::Dial {
+        let hand = (self.mixing == Mixing::Dial).then(|| self.hand.to_array());
+        film::Dial { hand, ..dial.into() }
     }
 
     /// Weight of a light's slider; 0 if it is off, or if another light is solo.

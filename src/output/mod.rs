@@ -5,6 +5,7 @@ mod channels;
 mod drawing;
 mod exr;
 pub mod film;
+pub mod page;
 mod picture;
 mod png;
 mod spectral;

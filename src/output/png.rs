@@ -160,6 +160,24 @@ pub fn ready_png(width: usize, height: usize, samples: &[u8]) -> Result<Vec<u8>,
     Ok(bytes)
 }
 
+/// Encodes linear RGB as an 8-bit PNG in memory, as small as the encoder can make it.
+///
+/// # Errors
+///
+/// [`OutputError::Size`] and [`OutputError::Shape`].
+pub(super) fn small_png(width: usize, height: usize, samples: &[f32]) -> Result<Vec<u8>, OutputError> {
+    let data = encoded(&Picture::new(width, height, samples)?, Depth::Eight, Alpha::OverBlack);
+    let mut bytes = Vec::new();
+    let refused = |_| OutputError::Size { width, height, largest: Picture::LARGEST_SIDE };
+    let mut encoder = encoder(&mut bytes, sides(width, height)?, Depth::Eight, false).map_err(refused)?;
+    encoder.set_compression(png::Compression::High);
+    encoder.set_filter(png::Filter::Adaptive);
+    let mut writer = encoder.write_header().map_err(|_| refused(io::Error::other("")))?;
+    writer.write_image_data(&data).map_err(|_| refused(io::Error::other("")))?;
+    writer.finish().map_err(|_| refused(io::Error::other("")))?;
+    Ok(bytes)
+}
+
 /// Writes encoded pixel data as a PNG file.
 fn write_data(
     path: &Path,

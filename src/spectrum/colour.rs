@@ -148,16 +148,24 @@ pub fn ciede2000(one: Lab, two: Lab) -> f64 {
     if square < 0.0 { 0.0 } else { square.sqrt() }
 }
 
+/// Cone responses of the Bradford adaptation from XYZ.
+const CONES_FROM_XYZ: DMat3 = DMat3::from_cols_array(&[
+    // Lam 1985, as in the ICC profile format; listed by columns.
+    0.8951, -0.7502, 0.0389, //
+    0.2664, 1.7135, -0.0685, //
+    -0.1614, 0.0367, 1.0296,
+]);
+
+/// Matrix from XYZ to the cone responses of [`bradford`].
+#[must_use]
+pub const fn bradford_cones() -> DMat3 {
+    CONES_FROM_XYZ
+}
+
 /// Matrix of the Bradford adaptation on XYZ from `from_white` to `to_white`.
 ///
 /// Both whites must have positive cone responses, like the whites of real lights; otherwise the matrix is not finite.
 pub fn bradford(from_white: Xyz, to_white: Xyz) -> DMat3 {
-    // Lam 1985, as in the ICC profile format; listed by columns.
-    const CONES_FROM_XYZ: DMat3 = DMat3::from_cols_array(&[
-        0.8951, -0.7502, 0.0389, //
-        0.2664, 1.7135, -0.0685, //
-        -0.1614, 0.0367, 1.0296,
-    ]);
     let cones = |white: Xyz| CONES_FROM_XYZ * DVec3::from(white.0);
     CONES_FROM_XYZ.inverse() * DMat3::from_diagonal(cones(to_white) / cones(from_white)) * CONES_FROM_XYZ
 }

@@ -76,8 +76,8 @@ impl Snapshot {
         PictureKind::require_exr(path)?;
         let accumulation = self.renderer.read(&self.accumulators)?;
         let planned = &self.accumulators.planned;
-        Ok(output::FilmFile::of_march(&state.scene, planned, &state.mix(), (&state.dial).into(), accumulation)?
-            .write(path)?)
+        let dial = state.light.dial_of_film(&state.dial);
+        Ok(output::FilmFile::of_march(&state.scene, planned, &state.mix(), dial, accumulation)?.write(path)?)
     }
 }
 

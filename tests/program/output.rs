@@ -320,6 +320,7 @@ fn example() -> FilmFile {
         adapt: true,
         observer: Observer::default(),
         dial: Some(Dial {
+            hand: Some([0.25, -1.5]),
             normalise: false,
             master: 2.5,
             nodes: vec![Node { light: "A".to_owned(), place: [0.1, -1e3], on: false }],

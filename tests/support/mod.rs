@@ -2,6 +2,7 @@
 #![allow(dead_code, unreachable_pub, reason = "each test program uses a part of it, and has it to itself")]
 
 pub mod bounds;
+pub mod browser;
 pub mod device;
 pub mod dicom;
 pub mod exr;

@@ -21,7 +21,7 @@
 //! | `[model]` | with a colour model: see below |
 //! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"`, `"point"` or `"three_point"`; `vector`, for directional and point lights only: three numbers in world space, the direction towards the light (or its opposite if no material is specular: surfaces are lit from both sides, so the two are one position), or the point |
 //! | `[[lights]]` | `name`; `position`: name of a position; `weight`: weight in the scene; `shown`: weight in the picture, if different, 0 for a light that is off; `spectrum`: 81 numbers, normalised so that the perfect reflector has Y = 1; with a colour model also the keys below |
-//! | `[dial]` | light dial; if absent, the regular polygon of the lights with a luminance of 1. `normalise`: whether white keeps its luminance; `master`: that luminance, or else a factor on the weights; `nodes`, in order, each with `light`: name of a light, `place`: two numbers, and `on`: whether the node is on; `presets` (formerly `situations`): dial presets, each with `name`, `caption`, `hand`: two numbers, and `off` and `on`: names of lights whose nodes are off in addition to those of the dial, or on although the dial has them off |
+//! | `[dial]` | light dial; if absent, the regular polygon of the lights with a luminance of 1. `hand`, only where the dial mixed the lights of the picture (otherwise sliders did): two numbers; `normalise`: whether white keeps its luminance; `master`: that luminance, or else a factor on the weights; `nodes`, in order, each with `light`: name of a light, `place`: two numbers, and `on`: whether the node is on; `presets` (formerly `situations`): dial presets, each with `name`, `caption`, `hand`: two numbers, and `off` and `on`: names of lights whose nodes are off in addition to those of the dial, or on although the dial has them off |
 //!
 //! Channels are 32-bit or 16-bit float in any order, with finite values only. There are no other channels.
 //!
@@ -82,6 +82,7 @@
 
 mod march;
 mod read;
+mod relit;
 mod rules;
 mod text;
 
@@ -247,6 +248,9 @@ pub struct Light {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dial {
+    /// Position of the hand, if the dial mixed the lights of the picture; otherwise sliders did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hand: Option<[f64; 2]>,
     /// Whether mixes keep the luminance of white.
     pub normalise: bool,
     /// That luminance, or else a factor on the weights.

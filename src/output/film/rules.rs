@@ -81,6 +81,7 @@ impl FilmFile {
         if let Some(dial) = &self.dial {
             check_names("node of the dial", dial.nodes.iter().map(|node| &*node.light))?;
             check_finite("the dial's ", "master", &[dial.master])?;
+            check_finite("the dial's ", "hand", dial.hand.as_ref().map_or(&[], |hand| hand))?;
             for node in &dial.nodes {
                 check_finite("the dial's node ", &node.light, &node.place)?;
                 if !self.lights.iter().any(|light| light.name == node.light) {

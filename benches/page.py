@@ -1,0 +1,110 @@
+#!/usr/bin/env python3
+"""Measures pages of `relume page`, and prints benches/results/page.md.
+
+    benches/page.py [RELUME [FOLDER]]
+
+RELUME is the program (default: target/release/relume). FOLDER has the Whole Frog (frog.mhd, frogtissue.mhd); without it, the
+row of its 17 materials is left out. Needs Chromium. Times in the browser are those of the page's own script in V8: unpacking a
+view, turning its groups back (for JavaScript only), and one relight in JavaScript.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+SCENES = ROOT / "data/scenes"
+
+MEASURE = """(async () => {
+    const script = document.querySelector('script[type=module]').textContent;
+    const code = script.replace(/^export default.*$/m, '').replace(/^export /gm, '').replace(/openPage\\(\\);\\s*$/, '');
+    const { unpack, plain, matrices } = (0, eval)(`(() => { ${code}; return { unpack, plain, matrices }; })()`);
+    const text = (id) => document.getElementById(id).textContent, page = JSON.parse(text('relume-page'));
+    const bytes = Uint8Array.from(atob(text(`relume-view-${page.first}`)), (letter) => letter.charCodeAt(0));
+    const median = (all) => all.sort((a, b) => a - b)[all.length >> 1];
+    const timed = async (times, act) => { const all = []; for (let i = 0; i < times; i++) { const began = performance.now(); await act(i); all.push(performance.now() - began); } return median(all); };
+    let planes;
+    const unpacking = await timed(5, async () => { planes = await unpack(page, bytes); });
+    const canvas = document.createElement('canvas');
+    [canvas.width, canvas.height] = page.size;
+    const drawer = plain(page, canvas);
+    const turning = await timed(3, () => drawer.load(planes));
+    const mix = page.lights.map((light) => ({ position: light.position, weight: light.weight, light }));
+    const relight = await timed(24, (i) => drawer.draw(matrices(page, mix, { observer: '1931', adapt: false, vision: '', exposure: 1 + i / 24 })));
+    return [unpacking, page.groups.length ? turning : 0, relight];
+})()"""
+
+
+class Chromium:
+    """Chromium, driven over its remote debugging pipe."""
+
+    def __init__(self, folder):
+        options = ["--headless", "--no-sandbox", "--no-first-run", "--remote-debugging-pipe", f"--user-data-dir={folder}"]
+        command = ["sh", "-c", 'exec chromium "$@" 3<&0 4>&1', "chromium", *options, "about:blank"]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        self.number = 0
+
+    def send(self, method, parameters, session=None):
+        self.number += 1
+        message = {"id": self.number, "method": method, "params": parameters, **({"sessionId": session} if session else {})}
+        self.process.stdin.write(json.dumps(message).encode() + b"\0")
+        self.process.stdin.flush()
+        while True:
+            text = b""
+            while not text.endswith(b"\0"):
+                text += self.process.stdout.read1(1) or sys.exit("page.py: Chromium ended")
+            answer = json.loads(text[:-1])
+            if answer.get("id") == self.number:
+                return answer["result"]
+
+    def times(self, page):
+        target = self.send("Target.createTarget", {"url": "about:blank"})["targetId"]
+        session = self.send("Target.attachToTarget", {"targetId": target, "flatten": True})["sessionId"]
+        self.send("Page.enable", {}, session)
+        self.send("Page.setBypassCSP", {"enabled": True}, session)
+        self.send("Page.navigate", {"url": f"{page.as_uri()}#draw=cpu"}, session)
+        wait = "(async () => { while (!document.getElementById('relume')?.dataset.ready) await new Promise((go) => setTimeout(go, 50)); })()"
+        for expression in (wait, MEASURE):
+            options = {"expression": expression, "awaitPromise": True, "returnByValue": True}
+            result = self.send("Runtime.evaluate", options, session)
+        self.send("Target.closeTarget", {"targetId": target})
+        return result["result"]["value"]
+
+
+def main():
+    relume = sys.argv[1] if len(sys.argv) > 1 else str(ROOT / "target/release/relume")
+    frog = Path(sys.argv[2]) if len(sys.argv) > 2 else None
+    cases = [
+        ("built-in scene, 6 materials", []),
+        ("stained frog, k = 8", [str(SCENES / "stained_frog.toml"), "--k", "8"]),
+        ("engine", [str(SCENES / "engine.toml")]),
+        ("figure 6, designed lights", [str(ROOT / "data/figures/fig6.toml")]),
+        ("built-in scene, 24 views of 400×400", ["--views", "24", "--size", "400x400"]),
+    ]
+    if frog:
+        labelled = [str(SCENES / "frog.toml"), "--volume", str(frog / "frog.mhd"), "--labels", str(frog / "frogtissue.mhd")]
+        cases.insert(1, ("labelled frog, 17 materials", labelled))
+    print("# Pages\n")
+    print("`benches/page.py` prints this page. 800×800 pixels and tolerance 0.5, unless stated; CPU times of all cores.\n")
+    print("| film | channels | page, MB | packed, MB | largest ΔE00 | packing, CPU ms | unpacking, ms | turning back, ms | relight in JavaScript, ms |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        browser = Chromium(Path(folder, "profile"))
+        for name, arguments in cases:
+            page = Path(folder, "page.html")
+            command = [relume, "page", *arguments, "-o", str(page), "--json"]
+            told = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout)
+            kept, spent = told["page"], told["times"]["pack"]["cpu_ms"]
+            unpacking, turning, relight = browser.times(page)
+            numbers = [kept["channels"], f"{kept['bytes'] / 1e6:.2f}", f"{kept['packed_bytes'] / 1e6:.2f}", f"{kept['largest_error']:.2f}"]
+            numbers += [f"{spent:.0f}", f"{unpacking:.0f}", f"{turning:.0f}" if turning else "–", f"{relight:.0f}"]
+            print(f"| {name} | {' | '.join(map(str, numbers))} |", flush=True)
+        browser.process.terminate()
+    script = os.path.getsize(ROOT / "src/output/page/relume.js")
+    print(f"\nThe script has {script} bytes, the style {os.path.getsize(ROOT / 'src/output/page/style.css')}.")
+
+
+main()

@@ -1,0 +1,298 @@
+//! `relume page`: a film or a scene as one HTML file that relights in a browser.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use relume::document::SceneFile;
+use relume::document::moves::{Move, moved, turntable};
+use relume::film::Film;
+use relume::internal::memory;
+use relume::internal::number::count;
+use relume::measure::{Stopwatch, Timing, peak_mb};
+use relume::output::FilmFile;
+use relume::output::page::Page;
+use relume::plan::{PlanError, Planned, plan_for};
+use relume::progress::{Progress, unreported};
+use relume::render::{Renderer, SceneRenderer};
+use relume::scene::{AccumulateAs, Aim, Camera, Mix, Projection, Scene, positions};
+use relume::volume::Statistics;
+use relume::vulkan::{Device, DeviceChoice, Validation};
+
+use super::files;
+use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
+use super::{CliError, Report};
+
+const EXAMPLES: &str = "\
+Examples:
+  relume page -o frog.html                                   the built-in scene
+  relume page acc.exr -o frog.html --title \"A frog\"          a film from `relume render --accumulators`
+  relume page scene.toml -o turntable.html --size 400x400 --views 24
+  relume page acc.exr -o small.html --tolerance 1
+
+Open the file in a browser: it needs no server, no network and no Relume. docs/PAGE.md describes it.";
+
+/// Tolerance of packing without `--tolerance`, in ΔE00.
+const USUAL_TOLERANCE: f64 = 0.5;
+
+/// Degrees between the rows of a turntable.
+const ROW_DEGREES: f64 = 25.0;
+
+/// What the flag does here: for a colour model it is also the tolerance of the scene.
+const TOLERANCE_HELP: &str = "Largest ΔE00 that packing adds to any pixel under any light of the page (1 is just visible). \
+For a scene with a colour model, also the tolerance of that model. [default: 0.5, and that of the scene]";
+
+/// Arguments of `relume page`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+#[command(mut_arg("scene", |arg| arg.value_name("FILM.exr|SCENE").help("Film file from `relume render --accumulators`, a scene file, or a volume. Default: the built-in scene")))]
+#[command(mut_arg("tolerance", |arg| arg.help(TOLERANCE_HELP).long_help(TOLERANCE_HELP).help_heading(None::<&str>)))]
+pub(crate) struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
+    look: LookArgs,
+    #[command(flatten)]
+    lights: LightArgs,
+    /// Page to write.
+    #[arg(short, long, value_name = "FILE.html", required = true)]
+    output: PathBuf,
+    /// Title of the page. The page names no file and no person; the title is all that it says of its origin.
+    #[arg(long, value_name = "TEXT", default_value = "Relight this picture")]
+    title: String,
+    /// Largest size of the page in bytes; many mail servers refuse more than 25 MB.
+    #[arg(long, value_name = "BYTES", default_value_t = 25_000_000)]
+    max_bytes: usize,
+    /// Turn the volume once about the up direction of the camera in N views, which the page shows one at a time.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=360))]
+    views: Option<u16>,
+    /// Rows of views at N elevations, 25° apart, around that of the camera.
+    #[arg(long, value_name = "N", requires = "views", value_parser = clap::value_parser!(u16).range(1..=7))]
+    elevations: Option<u16>,
+    /// Width and height of the picture in pixels. [default: 800x800]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[usize; 2]>,
+    /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
+    #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
+    device: DeviceChoice,
+}
+
+/// Films of all views, with the header of the first.
+struct Films {
+    header: FilmFile,
+    views: Vec<Film<f32>>,
+    columns: usize,
+    times: Vec<(&'static str, Timing)>,
+}
+
+pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    if !args
+        .output
+        .extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("html") || ending.eq_ignore_ascii_case("htm"))
+    {
+        return Err(CliError::Usage(format!("{}: the name of a page must end in .html", args.output.display())));
+    }
+    let film =
+        args.scene.scene.as_deref().filter(|path| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("exr")));
+    let lights = args.lights.files();
+    let given = [&args.scene.scene, &args.scene.volume, &args.scene.labels].into_iter().flatten();
+    let inputs: Vec<&Path> = given.chain(&lights).map(PathBuf::as_path).collect();
+    files::check_outputs(&[&args.output], &inputs)?;
+    let Films { header, views, columns, mut times } = match film {
+        Some(path) => saved(args, path)?,
+        None => rendered(args, progress)?,
+    };
+    let tolerance = args.scene.accuracy.tolerance().unwrap_or(USUAL_TOLERANCE);
+    let clock = Stopwatch::start();
+    let page = Page { film: &header, views: &views, columns, title: &args.title, tolerance };
+    let packed = page.packed(progress)?;
+    packed.check_size(args.max_bytes)?;
+    times.push(("pack", clock.read()));
+    let clock = Stopwatch::start();
+    packed.write(&args.output)?;
+    times.push(("write", clock.read()));
+    let summary = &packed.summary;
+    let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
+    let of_views = if views.len() > 1 { format!(", {} views", views.len()) } else { String::new() };
+    let text = format!(
+        "wrote {}: {:.2} MB{of_views}; packing adds at most ΔE00 {:.2} under any light of the page\n{}\n",
+        args.output.display(),
+        count(summary.bytes) / 1e6,
+        summary.largest_error,
+        spent.join(", ")
+    );
+    let json = json!({
+        "outputs": [args.output.display().to_string()],
+        "size": views.first().map(|view| view.size),
+        "page": summary,
+        "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<serde_json::Map<_, _>>(),
+        "peak_mb": peak_mb(),
+    });
+    Ok(Report { text, json })
+}
+
+/// The film in the file `path`.
+fn saved(args: &Args, path: &Path) -> Result<Films, CliError> {
+    let unused = args.scene.given().or_else(|| {
+        let flags = [
+            ("--look", !args.look.wish().is_none()),
+            ("--views", args.views.is_some()),
+            ("--size", args.size.is_some()),
+            ("--device", args.device != DeviceChoice::Auto),
+        ];
+        flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+    });
+    if let Some(flag) = unused {
+        let file = path.display();
+        return Err(CliError::Usage(format!("{flag} is for a scene: the film {file} is already rendered")));
+    }
+    let clock = Stopwatch::start();
+    let mut header = FilmFile::read(path)?;
+    let film = header.take_film();
+    light(args, &mut header)?;
+    Ok(Films { header, views: vec![film], columns: 1, times: vec![("load", clock.read())] })
+}
+
+/// Opens the page with the lights of `--light`.
+fn light(args: &Args, header: &mut FilmFile) -> Result<(), CliError> {
+    if args.lights.lights.is_empty() {
+        return Ok(());
+    }
+    let positions: Vec<String> = header.positions.iter().map(|position| position.name.clone()).collect();
+    let mix = args.lights.mix(header.stated()?, &positions)?;
+    header.open_with(&mix);
+    if let Some(dial) = &mut header.dial {
+        // Sliders mix these lights.
+        dial.hand = None;
+    }
+    Ok(())
+}
+
+/// The film of each view of the scene.
+fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
+    let clock = Stopwatch::start();
+    let (file, statistics) = args.scene.load_as(args.look.wish(), progress)?;
+    let inputs: Vec<&Path> = file.inputs.iter().map(PathBuf::as_path).collect();
+    files::check_outputs(&[&args.output], &inputs)?;
+    warn_of_odd_values(&statistics);
+    if file.scene.volume.anatomical {
+        tracing::info!("a page of a head shows a face: send it only where the person agrees");
+    }
+    let names: Vec<String> = positions(&file.scene).into_iter().map(|position| position.name).collect();
+    let mix = args.lights.mix(Mix::of_scene(&file.scene), &names)?;
+    let (scene, planned) = planned(&file, &mix, progress)?;
+    let size = args.size.unwrap_or([800, 800]);
+    let (cameras, columns) = cameras(args, &scene, size)?;
+    check_memory(&planned, size, cameras.len())?;
+    let mut times = vec![("load", clock.read())];
+    let clock = Stopwatch::start();
+    let views = marched(args, &scene, &planned, &statistics, (&cameras, size), progress)?;
+    times.push(("march", clock.read()));
+    let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
+    let dial = file.light.dial_of_film(&file.dial);
+    let mut header = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, empty)?;
+    light(args, &mut header)?;
+    Ok(Films { header, views, columns, times })
+}
+
+/// The plan with material weights, where absorption is grey and the scene does not ask for anything else: they are exact
+/// under every light.
+fn planned(file: &SceneFile, mix: &Mix, progress: &dyn Progress) -> Result<(Scene, Planned), CliError> {
+    let lights: Vec<_> = mix.0.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect();
+    let scene = &file.scene;
+    if scene.accuracy.accumulate == AccumulateAs::Auto && scene.accuracy.dimension.is_none() {
+        let mut exact = scene.clone();
+        exact.accuracy.accumulate = AccumulateAs::Weights;
+        match plan_for(&exact, &lights, progress) {
+            Err(PlanError::NotGrey { .. }) => {}
+            planned => {
+                let planned = planned?;
+                super::model::warn_of_plan(&planned);
+                return Ok((exact, planned));
+            }
+        }
+    }
+    let planned = plan_for(scene, &lights, progress)?;
+    super::model::warn_of_plan(&planned);
+    Ok((scene.clone(), planned))
+}
+
+/// Cameras of the views, row by row from the top, and the number of views in a row. All see the volume at one size.
+fn cameras(args: &Args, scene: &Scene, size: [usize; 2]) -> Result<(Vec<Camera>, usize), CliError> {
+    let Some(columns) = args.views.filter(|&views| views > 1 || args.elevations.is_some()) else {
+        return Ok((vec![scene.camera.clone()], 1));
+    };
+    let rows = args.elevations.unwrap_or(1);
+    let (geometry, aspect) = (&scene.volume.geometry, count(size[0]) / count(size[1]));
+    let row = |row: u16| {
+        let up = ROW_DEGREES * (f64::from(rows / 2) - f64::from(row));
+        let raised = match row == rows / 2 {
+            true => scene.camera.clone(),
+            false => moved(&scene.camera, &scene.camera, geometry, aspect, Move::Orbit { right: 0.0, up }),
+        };
+        turntable(&raised, geometry, aspect, columns)
+    };
+    let no_line = || CliError::Failed("the camera has no line of sight to turn about".into());
+    let mut all: Vec<Camera> = (0..rows).map(row).collect::<Option<Vec<_>>>().ok_or_else(no_line)?.concat();
+    let distance = |camera: &Camera| match camera.aim {
+        Aim::LookAt { position, target } => position.distance(target),
+        Aim::Orbit { .. } => 0.0,
+    };
+    let far = all.iter().map(distance).fold(0.0, f64::max);
+    let tall = all.iter().filter_map(|camera| match camera.projection {
+        Projection::Orthographic { height } => height,
+        Projection::Perspective { .. } => None,
+    });
+    let tall = tall.fold(0.0, f64::max);
+    for camera in &mut all {
+        if let Aim::LookAt { position, target } = &mut camera.aim {
+            *position = *target + (*position - *target).normalize_or_zero() * far;
+        }
+        if let Projection::Orthographic { height } = &mut camera.projection {
+            *height = height.map(|_| tall);
+        }
+    }
+    Ok((all, columns.into()))
+}
+
+/// Refuses views that exceed the free memory.
+fn check_memory(planned: &Planned, [width, height]: [usize; 2], views: usize) -> Result<(), CliError> {
+    let plan = &planned.plan;
+    let numbers = plan.components() * plan.positions.total() + plan.transmittance_numbers();
+    // The numbers of all views; rotated, packed and compared numbers of one.
+    let bytes = width.saturating_mul(height).saturating_mul(4 * numbers).saturating_mul(views.saturating_add(4));
+    match memory::available_bytes() {
+        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
+            "{views} views of {width}×{height} pixels need {bytes} bytes of memory, and {available} are free; use a smaller --size or fewer --views"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Marches every view on the device.
+fn marched(
+    args: &Args,
+    scene: &Scene,
+    planned: &Planned,
+    statistics: &Statistics,
+    (cameras, size): (&[Camera], [usize; 2]),
+    progress: &dyn Progress,
+) -> Result<Vec<Film<f32>>, CliError> {
+    let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    renderer.check_picture(&planned.plan, size, 0)?;
+    let mut on_device =
+        SceneRenderer::with_plan(&renderer, scene.clone(), planned.clone(), statistics.clone(), progress)?;
+    let mut views = Vec::new();
+    for (index, camera) in cameras.iter().enumerate() {
+        progress.report("marching", index as u64, cameras.len() as u64);
+        on_device.camera_mut().clone_from(camera);
+        let film = if cameras.len() > 1 {
+            on_device.march(size, &unreported(progress))?
+        } else {
+            on_device.march(size, progress)?
+        };
+        views.push(renderer.read(&film)?);
+    }
+    Ok(views)
+}

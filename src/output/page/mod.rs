@@ -1,0 +1,330 @@
+//! Pages: films as one HTML file that relights in a browser, without a server or a network.
+//!
+//! A page holds the accumulators of one or more views as whole numbers ([`Page::packed`] searches the coarsest ones that
+//! keep a tolerance under every light of the page for both observers), the spectra of lights and components, and a script
+//! that unpacks, relights and shows them. docs/theory/page.md has the encoding and its measurements.
+
+mod check;
+mod lights;
+mod packing;
+mod text;
+
+use std::path::Path;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::film::FilmFile;
+use super::picture::check_size;
+use super::{OutputError, write_atomically};
+use crate::film::{Film, RelightMatrices};
+use crate::number::{count, rounded, whole};
+use crate::progress::Progress;
+use crate::scene::Mix;
+use crate::spectrum::observer::Observer;
+
+use check::Found;
+use lights::Lights;
+use packing::{Channel, Channels};
+
+/// Script of a page, a JavaScript module; also a widget of anywidget.
+pub const SCRIPT: &str = include_str!("relume.js");
+
+/// Style of a page.
+pub const STYLE: &str = include_str!("style.css");
+
+/// Longer side of the picture that a page shows without JavaScript, in pixels.
+const STILL: usize = 300;
+
+/// A picture or a turntable to write as a page.
+#[derive(Debug)]
+pub struct Page<'a> {
+    /// Lights, components, dial and display; its own pixels are not used.
+    pub film: &'a FilmFile,
+    /// Pixels of each view, rows of the turntable from the top; all of one size.
+    pub views: &'a [Film<f32>],
+    /// Views in a row of the turntable; 1 for a picture.
+    pub columns: usize,
+    /// Title.
+    pub title: &'a str,
+    /// Largest ΔE00 that packing adds to a pixel under any light of the page, for either observer.
+    pub tolerance: f64,
+}
+
+/// Reason why a page was not made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PageError {
+    /// The numbers of the film span too much for two bytes at the tolerance.
+    #[error(
+        "the film cannot be packed within ΔE00 {tolerance}: two bytes per number keep ΔE00 {kept:.3}; allow a larger tolerance"
+    )]
+    Tolerance {
+        /// Requested tolerance.
+        tolerance: f64,
+        /// Smallest ΔE00 that can be kept.
+        kept: f64,
+    },
+    /// There are no pixels, or views of different sizes.
+    #[error("a page needs views of one size and of one kind: {detail}")]
+    Views {
+        /// Offending item and number.
+        detail: String,
+    },
+    /// The page is larger than allowed.
+    #[error("the page would have {bytes} bytes, and the limit is {limit}; {ways}")]
+    TooLarge {
+        /// Bytes of the page.
+        bytes: usize,
+        /// Largest number of bytes.
+        limit: usize,
+        /// What smaller requests would come to.
+        ways: String,
+    },
+    /// The work was cancelled.
+    #[error("the page was cancelled")]
+    Cancelled,
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+impl PageError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Tolerance { .. } => "page-tolerance-unreachable",
+            Self::Views { .. } => "page-views-differ",
+            Self::TooLarge { .. } => "page-too-large",
+            Self::Cancelled => "cancelled",
+            Self::Output(error) => error.code(),
+        }
+    }
+}
+
+/// A finished page.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackedPage {
+    /// The HTML text.
+    pub html: String,
+    /// Bytes of the parts, and the accuracy.
+    pub summary: Summary,
+}
+
+/// Size and accuracy of a page.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Summary {
+    /// Bytes of the page.
+    pub bytes: usize,
+    /// Packed bytes of all views, before base64.
+    pub packed_bytes: usize,
+    /// Bytes of the spectra, names and dial.
+    pub text_bytes: usize,
+    /// Bytes of the picture without JavaScript, before base64.
+    pub still_bytes: usize,
+    /// Number of views.
+    pub views: usize,
+    /// Numbers per pixel.
+    pub channels: usize,
+    /// Codes per unit of a root.
+    pub step: f64,
+    /// Largest ΔE00 that packing adds to any pixel, under any light of the page for either observer.
+    pub largest_error: f64,
+    /// Tolerance of the search.
+    pub tolerance: f64,
+}
+
+/// Packed views and how to unpack them.
+struct Planes {
+    channels: Channels,
+    kept: Vec<Channel>,
+    found: Found,
+    views: Vec<Vec<u8>>,
+}
+
+impl Page<'_> {
+    /// Packs the views and writes the text. The packed numbers are unpacked and compared with the film first.
+    ///
+    /// # Errors
+    ///
+    /// [`PageError`].
+    pub fn packed(&self, progress: &dyn Progress) -> Result<PackedPage, PageError> {
+        let lights = self.checked()?;
+        let planes = self.planes(&lights, progress)?;
+        let still = self.still(&lights)?;
+        let (html, text_bytes) = text::page(self, &lights, &planes, &still);
+        let summary = Summary {
+            bytes: html.len(),
+            packed_bytes: planes.views.iter().map(Vec::len).sum(),
+            text_bytes,
+            still_bytes: still.len(),
+            views: self.views.len(),
+            channels: planes.kept.len(),
+            step: planes.found.step,
+            largest_error: planes.found.largest,
+            tolerance: self.tolerance,
+        };
+        Ok(PackedPage { html, summary })
+    }
+
+    /// Index of the view with which the page opens: the first of the middle row.
+    fn first(&self) -> usize {
+        self.views.len() / self.columns / 2 * self.columns
+    }
+
+    /// The lights of the page, if its views are alike.
+    fn checked(&self) -> Result<Lights, PageError> {
+        let lights = Lights::new(self.film)?;
+        let wrong = |detail: String| Err(PageError::Views { detail });
+        let Some(first) = self.views.first() else { return wrong("there is no view".to_owned()) };
+        check_size(first.size[0], first.size[1])?;
+        if self.columns == 0 || !self.views.len().is_multiple_of(self.columns) {
+            return wrong(format!("{} views are no rows of {}", self.views.len(), self.columns));
+        }
+        let accumulators = lights.of_position() * lights.positions;
+        for (index, view) in self.views.iter().enumerate() {
+            let numbers = [view.accumulators.len(), view.transmittance.len()];
+            let expected = [accumulators * first.pixels(), lights.behind() * first.pixels()];
+            if view.size != first.size || numbers[0] != expected[0] || numbers[1] < expected[1] {
+                return wrong(format!(
+                    "view {index} is {}×{} with {numbers:?} numbers, not {}×{} with {expected:?}",
+                    view.size[0], view.size[1], first.size[0], first.size[1]
+                ));
+            }
+            if let Some(number) = view.accumulators.iter().chain(&view.transmittance).find(|number| !number.is_finite())
+            {
+                return wrong(format!("view {index} holds {number}, which is not a finite number"));
+            }
+        }
+        Ok(lights)
+    }
+
+    /// Searches the step, and packs all views with it.
+    fn planes(&self, lights: &Lights, progress: &dyn Progress) -> Result<Planes, PageError> {
+        let total = self.views.len() as u64 + 1;
+        let report = |done: usize| {
+            progress.report("packing", done as u64, total);
+            if progress.cancelled() { Err(PageError::Cancelled) } else { Ok(()) }
+        };
+        report(0)?;
+        let conditions = lights.conditions();
+        let channels = Channels::new(self.views, lights, gains(&conditions, lights.planes()));
+        let found = check::search(self.views, lights, &channels, &conditions, self.tolerance)
+            .map_err(|kept| PageError::Tolerance { tolerance: self.tolerance, kept })?;
+        let refused = |what: &str| OutputError::Inconsistent { detail: what.to_owned() };
+        let kept = channels.at(found.step).ok_or_else(|| refused("its numbers span too much"))?;
+        let mut views = Vec::new();
+        for (index, view) in self.views.iter().enumerate() {
+            report(index + 1)?;
+            let codes = channels.codes(&packing::planes(view, lights), &kept, found.step);
+            let failed = |error: std::io::Error| refused(&error.to_string());
+            let bytes = packing::packed(&codes, &kept, view.size[0]).map_err(failed)?;
+            // The codes were compared with the film in the search.
+            if packing::unpacked(&bytes, &kept, view.size[0], view.pixels()).map_err(failed)? != codes {
+                return Err(refused("its packed numbers do not come back").into());
+            }
+            views.push(bytes);
+        }
+        Ok(Planes { channels, kept, found, views })
+    }
+
+    /// The picture as it opens, at most [`STILL`] pixels wide and high, as a PNG.
+    fn still(&self, lights: &Lights) -> Result<Vec<u8>, PageError> {
+        let film = &self.views[self.first()];
+        let [width, height] = film.size;
+        let shrink = (count(STILL) / count(width.max(height))).min(1.0);
+        let size = [width, height].map(|side| whole((count(side) * shrink).round()).max(1));
+        let linear = film.relight(&lights.matrices(&lights.opening, lights.seen()));
+        let mean = |index: usize| {
+            let (x, y) = (index % size[0], index / size[0]);
+            let span =
+                |at: usize, of: usize, whole: usize| at * whole / of..((at + 1) * whole / of).max(at * whole / of + 1);
+            let (columns, rows) = (span(x, size[0], width), span(y, size[1], height));
+            let parts = rows.clone().flat_map(|row| columns.clone().map(move |column| row * width + column));
+            let sum: DVec3 = parts.map(|pixel| linear[pixel].clamp(DVec3::ZERO, DVec3::ONE)).sum();
+            (sum / count(rows.len() * columns.len())).to_array().map(rounded)
+        };
+        let shown: Vec<[f32; 3]> = (0..size[0] * size[1]).into_par_iter().map(mean).collect();
+        Ok(super::png::small_png(size[0], size[1], shown.as_flattened())?)
+    }
+
+    /// Relight matrices of the page under each mix for its observer, as its script must compute them.
+    ///
+    /// # Errors
+    ///
+    /// [`PageError`] as in [`Self::packed`].
+    pub fn matrices(&self, mixes: &[(Mix, Observer)]) -> Result<Vec<RelightMatrices>, PageError> {
+        let lights = self.checked()?;
+        let of = |(mix, observer): &(Mix, Observer)| {
+            lights.matrices(mix, Observer::ALL.iter().position(|one| one == observer).unwrap_or(0))
+        };
+        Ok(mixes.iter().map(of).collect())
+    }
+
+    /// The films that the packed views stand for.
+    ///
+    /// # Errors
+    ///
+    /// [`PageError`] as in [`Self::packed`].
+    pub fn shown(&self, progress: &dyn Progress) -> Result<Vec<Film<f32>>, PageError> {
+        let lights = self.checked()?;
+        let Planes { channels, kept, found, views } = self.planes(&lights, progress)?;
+        let accumulators = lights.of_position() * lights.positions;
+        let view = |(bytes, film): (&Vec<u8>, &Film<f32>)| {
+            let codes = packing::unpacked(bytes, &kept, film.size[0], film.pixels());
+            let codes = codes.map_err(|error| OutputError::Inconsistent { detail: error.to_string() })?;
+            let mut planes = channels.values(&codes, &kept, found.step);
+            let behind = planes.split_off(accumulators.min(planes.len()));
+            let transmittance = if behind.is_empty() { film.transmittance.clone() } else { behind.concat() };
+            Ok(Film { accumulators: planes.concat(), transmittance, ..film.clone() })
+        };
+        views.iter().zip(self.views).map(view).collect()
+    }
+}
+
+/// Square root of the largest linear RGB of a unit of each plane under `conditions`, which are XYZ.
+fn gains(conditions: &[Vec<DVec3>], planes: usize) -> Vec<f64> {
+    use crate::spectrum::colour::LINEAR_SRGB_FROM_XYZ;
+    let largest = |plane: usize| {
+        let colours = conditions.iter().filter_map(|colours| colours.get(plane));
+        colours.map(|&colour| (*LINEAR_SRGB_FROM_XYZ * colour).abs().max_element()).fold(0.0, f64::max).sqrt()
+    };
+    (0..planes).map(largest).collect()
+}
+
+impl PackedPage {
+    /// Refuses a page of more than `limit` bytes, and says what smaller requests would come to.
+    ///
+    /// # Errors
+    ///
+    /// [`PageError::TooLarge`].
+    pub fn check_size(&self, limit: usize) -> Result<(), PageError> {
+        let Summary { bytes, packed_bytes, views, .. } = self.summary;
+        if bytes <= limit {
+            return Ok(());
+        }
+        let encoded = count(packed_bytes) * 4.0 / 3.0;
+        let room = count(limit) - (count(bytes) - encoded);
+        let share = room / encoded;
+        let ways = if share <= 0.0 {
+            "no size or number of views is small enough".to_owned()
+        } else if views > 1 {
+            let fewer = whole(count(views) * share);
+            let side = whole(100.0 * share.sqrt());
+            format!("{fewer} views would fit, or pictures of {side} % of the width and height")
+        } else {
+            format!("a picture of {} % of the width and height would fit", whole(100.0 * share.sqrt()))
+        };
+        Err(PageError::TooLarge { bytes, limit, ways })
+    }
+
+    /// Writes the page to `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`PageError::Output`]; `path` is then unchanged.
+    pub fn write(&self, path: &Path) -> Result<(), PageError> {
+        Ok(write_atomically(path, |sink| sink.write_all(self.html.as_bytes()))?)
+    }
+}

@@ -1,0 +1,788 @@
+// Relume's page: unpacks the accumulators of a rendered volume, mixes its lights, and draws the picture.
+// docs/theory/page.md of Relume derives the encoding; docs/PAGE.md describes the page. No library, no network.
+
+// ---- colour: the twins of film::RelightMatrices and of document::Dial, in f64 ----
+
+const BANDS = 81;
+const apply = (m, v) => m.map((row) => row[0] * v[0] + row[1] * v[1] + row[2] * v[2]);
+const product = (a, b) => a.map((row) => [0, 1, 2].map((j) => row[0] * b[0][j] + row[1] * b[1][j] + row[2] * b[2][j]));
+const dot = (a, b) => a.reduce((sum, value, i) => sum + value * b[i], 0);
+const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+
+function inverse(m) {
+  const minor = (i, j) => {
+    const [a, b] = [0, 1, 2].filter((n) => n !== i), [c, d] = [0, 1, 2].filter((n) => n !== j);
+    return (m[a][c] * m[b][d] - m[a][d] * m[b][c]) * ((i + j) % 2 ? -1 : 1);
+  };
+  const whole = m[0][0] * minor(0, 0) + m[0][1] * minor(0, 1) + m[0][2] * minor(0, 2);
+  return [0, 1, 2].map((i) => [0, 1, 2].map((j) => minor(j, i) / whole));
+}
+
+/** A light of relative powers, scaled so that a perfect reflector has Y = 1. */
+export function lightOf(page, powers) {
+  const luminance = dot(page.observers[0][1], powers);
+  return { spectrum: luminance > 0 ? powers.map((power) => power / luminance) : powers };
+}
+
+/** Planck's law at 380, 385, … 780 nm, relative to 560 nm. */
+export function blackBody(kelvin) {
+  const exponent = (nm) => 1.438776877e7 / (nm * kelvin);
+  return Array.from({ length: BANDS }, (_, band) => {
+    const nm = 380 + 5 * band;
+    return (560 / nm) ** 5 * Math.exp(exponent(560) - exponent(nm)) * Math.expm1(-exponent(560)) / Math.expm1(-exponent(nm));
+  });
+}
+
+/** XYZ of the components, of the background and of white under a light of weight 1, for observer 0 (1931) or 1 (1964). */
+function coloursOf(page, light, seen) {
+  light.known ??= [];
+  if (!light.known[seen]) {
+    const xyz = (surface) => page.observers[seen].map((matching) => {
+      let sum = 0;
+      for (let band = 0; band < BANDS; band++) sum += matching[band] * light.spectrum[band] * (surface ? surface[band] : 1);
+      return sum;
+    });
+    const fitted = light.matrices?.[seen];
+    const spectra = page.model ? page.model.spectra : page.components.map((one) => one.spectrum);
+    const components = spectra.map((spectrum, i) => fitted ? fitted.slice(3 * i, 3 * i + 3) : xyz(spectrum));
+    light.known[seen] = { components, behind: page.background ? xyz(page.background) : [0, 0, 0], white: xyz() };
+  }
+  return light.known[seen];
+}
+
+/** Linear sRGB of each plane under `mix`: lights with `position`, `weight`, and `light`. */
+export function matrices(page, mix, display) {
+  const seen = display.observer === "1964" ? 1 : 0, k = (page.model ? page.model.spectra : page.components).length;
+  const planes = page.channels.map(() => [0, 0, 0]), everywhere = Array.from({ length: k }, () => [0, 0, 0]);
+  const white = [0, 0, 0], first = k * page.positions.length;
+  const add = (sum, weight, xyz) => xyz.forEach((part, axis) => { sum[axis] += weight * part; });
+  for (const { position, weight, light } of mix) {
+    const colours = coloursOf(page, light, seen);
+    colours.components.forEach((xyz, i) => { add(planes[position * k + i], weight, xyz); add(everywhere[i], weight, xyz); });
+    if (page.background && !page.behind) add(planes[first], weight, colours.behind);
+    add(white, weight, colours.white);
+  }
+  page.behind?.forEach((part, i) => add(planes[first + i], part, everywhere[i]));
+  let shown = page.srgb;
+  if (display.adapt && white[1] > 0) {
+    const to = apply(page.cones, page.white), from = apply(page.cones, white.map((part) => part / white[1]));
+    const scaled = page.cones.map((row, i) => row.map((part) => part * to[i] / from[i]));
+    shown = product(shown, product(inverse(page.cones), scaled));
+  }
+  const vision = page.deficiencies.find((one) => one.name === display.vision);
+  if (vision) shown = product(vision.matrix, shown);
+  return planes.map((xyz) => apply(shown, xyz).map((part) => part * display.exposure));
+}
+
+/** Weights of the nodes of the dial: 1/distance from the hand, normalised over the nodes that are on. */
+export function dialWeights(nodes, hand) {
+  const far = nodes.map(({ place }) => Math.hypot(place[0] - hand[0], place[1] - hand[1])).map((d) => d < 1e-9 ? 0 : d);
+  const nearest = Math.min(Infinity, ...far.filter((_, i) => nodes[i].on));
+  const near = far.map((d, i) => !nodes[i].on ? 0 : d <= nearest ? 1 : nearest / d);
+  const sum = near.reduce((a, b) => a + b, 0);
+  return near.map((part) => sum > 0 ? part / sum : 0);
+}
+
+/** `mix` times `master`, or with the luminance `master` on white. */
+function mastered(page, mix, normalise, master) {
+  const whole = normalise ? mix.reduce((sum, { weight, light }) => sum + weight * dot(page.observers[0][1], light.spectrum), 0) : 1;
+  return mix.map((light) => ({ ...light, weight: light.weight * master / (whole > 0 ? whole : 1) }));
+}
+
+const encoded = (linear) => linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055;
+const css = (rgb) => `rgb(${rgb.map((part) => Math.round(255 * encoded(clamp(part, 0, 1)))).join(" ")})`;
+
+/** Colour of a light itself, as bright as the screen can show it. */
+function swatch(page, light) {
+  const rgb = apply(page.srgb, coloursOf(page, light, 0).white).map((part) => Math.max(part, 0));
+  return css(rgb.map((part) => part / Math.max(...rgb, 1e-9)));
+}
+
+// ---- unpacking ----
+
+const breath = () => new Promise((go) => { const { port1, port2 } = new MessageChannel(); port1.onmessage = () => { port1.close(); go(); }; port2.postMessage(0); });
+
+/** Inflates exactly `length` bytes. */
+async function inflated(bytes, length) {
+  const reader = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw")).getReader();
+  const all = new Uint8Array(length);
+  for (let at = 0; ;) {
+    const { value, done } = await reader.read();
+    if (done) {
+      if (at !== length) throw new Error(`the picture has ${at} bytes, not ${length}`);
+      return all;
+    }
+    if (at + value.length > length) throw new Error(`the picture has more than ${length} bytes`);
+    all.set(value, at);
+    at += value.length;
+  }
+}
+
+/** Adds the predictions (left + above − corner, within their range) to rows `first` to `last` of residuals, in place. */
+export function unpredict(plane, width, first, last, mask) {
+  for (let y = first; y < last; y++) {
+    let at = y * width;
+    const end = at + width;
+    let above = y ? plane[at - width] : 0, left = plane[at] = (plane[at] + above) & mask, corner = above;
+    for (at++; at < end; at++) {
+      if (y) {
+        above = plane[at - width];
+        const low = left < above ? left : above, high = left < above ? above : left;
+        left = plane[at] = (plane[at] + (corner >= high ? low : corner <= low ? high : left + above - corner)) & mask;
+        corner = above;
+      } else left = plane[at] = (plane[at] + left) & mask;
+    }
+  }
+}
+
+/** Planes of codes of a packed view, decoded in slices between which the page is heard. */
+export async function unpack(page, bytes) {
+  const [width, height] = page.size, pixels = width * height, { channels } = page;
+  const wide = channels.filter((channel) => channel.wide).length;
+  const all = await inflated(bytes, (channels.length + wide) * pixels);
+  let high = channels.length * pixels, began = performance.now();
+  const planes = [];
+  for (const [index, channel] of channels.entries()) {
+    let plane = all.subarray(index * pixels, (index + 1) * pixels);
+    if (channel.wide) {
+      const low = plane;
+      plane = new Uint16Array(pixels);
+      for (let i = 0; i < pixels; i++) {
+        const folded = low[i] | all[high + i] << 8;
+        plane[i] = folded >> 1 ^ -(folded & 1);
+      }
+      high += pixels;
+    }
+    for (let y = 0; y < height; y += 64) {
+      unpredict(plane, width, y, Math.min(y + 64, height), channel.wide ? 65535 : 255);
+      if (performance.now() - began > 12) { await breath(); began = performance.now(); }
+    }
+    planes.push(plane);
+  }
+  return planes;
+}
+
+/** Numbers whose signed squares are those of the film: codes without their zero, with the groups turned back. */
+async function turned(page, planes) {
+  if (!page.groups.length) return planes.map((codes, i) => ({ codes, zero: page.channels[i].zero }));
+  const pixels = planes[0].length, out = planes.map(() => new Float32Array(pixels));
+  let began = performance.now();
+  for (const { first, matrix } of page.groups) {
+    const k = matrix.length, zeros = matrix.map((_, i) => page.channels[first + i].zero), rows = Float64Array.from(matrix.flat());
+    const q = new Float64Array(k), from = planes.slice(first, first + k), to = out.slice(first, first + k);
+    for (let at = 0; at < pixels; at++) {
+      let any = 0;
+      for (let i = 0; i < k; i++) { const code = from[i][at] - zeros[i]; q[i] = code; any |= code; }
+      if (any) {
+        for (let j = 0; j < k; j++) {
+          let sum = 0;
+          for (let i = 0; i < k; i++) sum += rows[i * k + j] * q[i];
+          to[j][at] = sum;
+        }
+      }
+      if (!(at & 4095) && performance.now() - began > 12) { await breath(); began = performance.now(); }
+    }
+  }
+  return out.map((codes) => ({ codes, zero: 0 }));
+}
+
+// ---- drawing: WebGL2 where a GPU is, and the same sums in JavaScript ----
+
+let contexts = 0;
+
+function codesTable() {
+  const table = new Uint8Array(65536);
+  for (let i = 0; i < 65536; i++) table[i] = Math.round(255 * encoded(i / 65535));
+  return table;
+}
+
+/** Draws on a canvas by JavaScript. */
+export function plain(page, canvas) {
+  const [width, height] = page.size, context = canvas.getContext("2d", { alpha: false });
+  const image = context.createImageData(width, height), out = new Uint32Array(image.data.buffer), table = codesTable();
+  const BLOCK = 4096, red = new Float32Array(BLOCK), green = new Float32Array(BLOCK), blue = new Float32Array(BLOCK);
+  let shown = [];
+  return {
+    name: "JavaScript",
+    async load(planes) { shown = await turned(page, planes); },
+    draw(colours) {
+      const level = (value) => value <= 0 ? 0 : value >= 1 ? 65535 : (value * 65535 + 0.5) | 0;
+      for (let first = 0; first < out.length; first += BLOCK) {
+        const count = Math.min(BLOCK, out.length - first);
+        red.fill(0); green.fill(0); blue.fill(0);
+        for (let c = 0; c < shown.length; c++) {
+          const { codes, zero } = shown[c], [r, g, b] = colours[c].map((part) => part * page.channels[c].scale);
+          if (r === 0 && g === 0 && b === 0) continue;
+          for (let i = 0; i < count; i++) {
+            const q = codes[first + i] - zero;
+            if (q !== 0) {
+              const v = q > 0 ? q * q : -q * q;
+              red[i] += v * r; green[i] += v * g; blue[i] += v * b;
+            }
+          }
+        }
+        for (let i = 0; i < count; i++) out[first + i] = 0xff000000 | table[level(blue[i])] << 16 | table[level(green[i])] << 8 | table[level(red[i])];
+      }
+      context.putImageData(image, 0, 0);
+    },
+    end() {},
+  };
+}
+
+/** Draws on a canvas by WebGL2; `null` where there is none, or its limits are too low. `forced` takes slow ones too. */
+export function accelerated(page, canvas, forced) {
+  const gl = contexts < 8 && canvas.getContext("webgl2", {
+    alpha: false, antialias: false, depth: false, preserveDrawingBuffer: true, failIfMajorPerformanceCaveat: !forced,
+  });
+  if (!gl) return null;
+  // Four channels a layer; groups begin with a layer of their own.
+  const slots = [];
+  const groups = page.groups.map(({ first, matrix }) => {
+    const layer = slots.length / 4, layers = Math.ceil(matrix.length / 4);
+    for (let i = 0; i < 4 * layers; i++) slots.push(i < matrix.length ? first + i : -1);
+    return { layer, layers, matrix };
+  });
+  const grouped = new Set(slots);
+  page.channels.forEach((_, i) => { if (!grouped.has(i)) slots.push(i); });
+  while (slots.length % 4) slots.push(-1);
+  const [width, height] = page.size, layers = slots.length / 4, wide = page.channels.some((channel) => channel.wide);
+  const turns = groups.flatMap(({ layers: n, matrix }) => {
+    const blocks = [];
+    for (let to = 0; to < n; to++) for (let from = 0; from < n; from++) {
+      for (let c = 0; c < 4; c++) for (let r = 0; r < 4; r++) blocks.push(matrix[4 * from + c]?.[4 * to + r] ?? 0);
+    }
+    return blocks;
+  });
+  const limit = (name) => gl.getParameter(gl[name]);
+  if (Math.max(width, height) > limit("MAX_TEXTURE_SIZE") || layers > limit("MAX_ARRAY_TEXTURE_LAYERS")
+    || 4 * layers + turns.length / 4 + 2 > limit("MAX_FRAGMENT_UNIFORM_VECTORS")) return null;
+  let turn = 0;
+  const add = (layer, root) => `{ vec4 u = ${root}; vec4 v = u * abs(u); sum += vec3(dot(v, red[${layer}]), dot(v, green[${layer}]), dot(v, blue[${layer}])); }\n`;
+  const code = (layer) => `(vec4(texelFetch(planes, ivec3(at, ${layer}), 0)) - zeros[${layer}])`;
+  let body = groups.map(({ layer, layers: n }) => {
+    let text = "";
+    for (let i = 0; i < n; i++) text += `vec4 q${layer + i} = ${code(layer + i)};\n`;
+    for (let to = 0; to < n; to++) text += add(layer + to, Array.from({ length: n }, (_, from) => `turn[${turn++}] * q${layer + from}`).join(" + "));
+    return text;
+  }).join("");
+  for (let layer = groups.reduce((sum, group) => sum + group.layers, 0); layer < layers; layer++) body += add(layer, code(layer));
+  const fragment = `#version 300 es
+precision highp float; precision highp int; precision highp usampler2DArray;
+uniform usampler2DArray planes;
+uniform vec4 zeros[${layers}], red[${layers}], green[${layers}], blue[${layers}];
+${turn ? `uniform mat4 turn[${turn}];` : ""}
+out vec4 pixel;
+void main() {
+ivec2 at = ivec2(int(gl_FragCoord.x), ${height - 1} - int(gl_FragCoord.y));
+vec3 sum = vec3(0);
+${body}sum = clamp(sum, 0.0, 1.0);
+pixel = vec4(mix(12.92 * sum, 1.055 * pow(sum, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, sum)), 1);
+}`;
+  const program = gl.createProgram();
+  for (const [kind, text] of [["VERTEX", "#version 300 es\nvoid main() { gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1); }"], ["FRAGMENT", fragment]]) {
+    const shader = gl.createShader(gl[`${kind}_SHADER`]);
+    gl.shaderSource(shader, text);
+    gl.compileShader(shader);
+    gl.attachShader(program, shader);
+  }
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) return null;
+  contexts++;
+  gl.useProgram(program);
+  const place = (name) => gl.getUniformLocation(program, name);
+  const places = ["red", "green", "blue"].map(place);
+  gl.uniform4fv(place("zeros"), slots.map((slot) => page.channels[slot]?.zero ?? 0));
+  if (turn) gl.uniformMatrix4fv(place("turn"), false, turns);
+  gl.viewport(0, 0, width, height);
+  gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+  gl.bindTexture(gl.TEXTURE_2D_ARRAY, gl.createTexture());
+  gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, wide ? gl.RGBA16UI : gl.RGBA8UI, width, height, layers);
+  for (const side of ["MIN", "MAG"]) gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl[`TEXTURE_${side}_FILTER`], gl.NEAREST);
+  return {
+    name: "WebGL",
+    gl,
+    async load(planes) {
+      const texels = new (wide ? Uint16Array : Uint8Array)(4 * width * height);
+      for (let layer = 0; layer < layers; layer++) {
+        for (let part = 0; part < 4; part++) {
+          const plane = planes[slots[4 * layer + part]];
+          for (let i = 0, at = part; i < width * height; i++, at += 4) texels[at] = plane ? plane[i] : 0;
+        }
+        gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, width, height, 1, gl.RGBA_INTEGER, wide ? gl.UNSIGNED_SHORT : gl.UNSIGNED_BYTE, texels);
+        await breath();
+      }
+    },
+    draw(colours) {
+      places.forEach((at, axis) => gl.uniform4fv(at, slots.map((slot) => slot < 0 ? 0 : colours[slot][axis] * page.channels[slot].scale)));
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    },
+    end() { contexts--; gl.getExtension("WEBGL_lose_context")?.loseContext(); },
+  };
+}
+
+// ---- the page ----
+
+const SVG = "http://www.w3.org/2000/svg";
+let roots = 0;
+
+/** An element: attributes, `on…` listeners, and children, which are text unless they are nodes. */
+function el(tag, attributes = {}, ...children) {
+  const made = /^(svg|path|line|circle|text|title|g|linearGradient|stop|polygon)$/.test(tag) ? document.createElementNS(SVG, tag) : document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (value !== false && value != null) made.setAttribute(name, value === true ? "" : value);
+  }
+  made.append(...children.filter((child) => child != null));
+  return made;
+}
+
+const percent = (part) => `${Math.round(100 * part)} %`;
+const short = (text, most = 16) => { const letters = [...text]; return letters.length > most ? `${letters.slice(0, most - 1).join("")}…` : text; };
+const quoted = (text) => `'${text.replaceAll("'", "'\\''")}'`;
+const HELP = "Tab reaches every control. Dial: arrows move the hand (Shift: farther), Home centres it; on a light, Enter shows it alone, Space switches it, arrows move it. Picture: comma and full stop (or arrows) turn it, P picks a pixel, arrows then move it. Escape ends a tour.";
+
+/**
+ * Builds the page in `root`. `bytes(view)` returns a packed view as a Uint8Array. Options: `draw` ("gl", "cpu"),
+ * `address` (keeps the state in the page's address), `changed(state)`. Returns the state, `set`, and `end`.
+ */
+export function mount(root, page, bytes, options = {}) {
+  if (page.format !== 1) throw new Error(`this page has the format ${page.format}, and its script reads 1`);
+  const id = `relume-${++roots}`, [width, height] = page.size, columns = page.columns;
+  const many = page.lights.length > 1, still = matchMedia("(prefers-reduced-motion: reduce)");
+  const corner = (i, n) => [Math.sin(2 * Math.PI * i / n), Math.cos(2 * Math.PI * i / n)];
+  const dial = page.dial ?? { normalise: true, master: 1, presets: [], nodes: page.lights.map((light, i) => ({ light: light.name, place: corner(i, page.lights.length), on: true })) };
+  const opened = () => ({
+    by: page.dial?.hand && many ? "dial" : "sliders", hand: [...dial.hand ?? [0, 0]],
+    nodes: dial.nodes.map((node) => ({ ...node, place: [...node.place] })), keep: [false, dial.normalise], master: [1, dial.master], solo: -1,
+    lights: page.lights.map((light) => ({ on: light.shown !== 0, value: light.weight && light.shown ? light.shown / light.weight : 1, source: "", kelvin: 3000, curve: null })),
+    stops: 0, adapt: page.adapt, observer: page.observer, vision: "", view: page.first, pixel: null,
+  });
+  let state = opened();
+  const onDial = () => state.by === "dial", mode = () => +onDial();
+
+  // Lights as they are mixed now.
+  const made = new Map();
+  const remembered = (key, make) => { if (!made.has(key)) { if (made.size > 200) made.clear(); made.set(key, make()); } return made.get(key); };
+  const standard = (name) => page.standards.find((one) => one.name === name);
+  const sourceOf = (i) => {
+    const { source, kelvin, curve } = state.lights[i];
+    if (source === "black body") return remembered(kelvin, () => lightOf(page, blackBody(kelvin)));
+    if (source === "drawn") return remembered(curve.join(), () => lightOf(page, curve));
+    return standard(source) ?? page.lights[i];
+  };
+  const shares = () => {
+    if (!onDial()) return state.lights.map(({ on, value }, i) => on && (state.solo < 0 || state.solo === i) ? value : 0);
+    const weights = dialWeights(state.nodes, state.hand);
+    return page.lights.map((light) => state.nodes.reduce((sum, node, n) => sum + (node.light === light.name ? weights[n] : 0), 0));
+  };
+  const mixed = () => {
+    const parts = shares();
+    const mix = page.lights.map((light, i) => ({ position: light.position, weight: light.weight * parts[i], light: sourceOf(i) }));
+    return mastered(page, mix.filter((light) => light.weight !== 0), state.keep[mode()], state.master[mode()]);
+  };
+  const coloursNow = () => matrices(page, mixed(), { ...state, exposure: page.exposure * 2 ** state.stops });
+  const inWords = () => shares().map((part, i) => `${page.lights[i].name} ${part ? percent(part) : "off"}${state.lights[i].source ? ` as ${state.lights[i].source}` : ""}`).join(", ");
+
+  const label = () => `${page.title}. Light: ${inWords()}`;
+
+  // The picture.
+  const status = el("p", { class: "status", role: "status" }, "unpacking…"), live = el("p", { class: "unseen", "aria-live": "polite" });
+  const cross = el("span", { class: "cross", hidden: true }), frame = el("div", { class: "frame", tabindex: 0, role: "group", "aria-label": "Picture" }, cross);
+  frame.style.setProperty("--aspect", width / height);
+  const views = page.views > 1 && el("input", { type: "range", min: 0, max: columns - 1, "aria-label": "View around the volume", oninput: () => change({ view: Math.floor(state.view / columns) * columns + +views.value }) });
+  let canvas, drawer, planes, losses = 0, waiting = false, shownView = -1, ended = false;
+  const packed = new Map();
+  const start = async (software) => {
+    drawer?.end();
+    const fresh = () => { canvas?.remove(); canvas = el("canvas", { width, height, role: "img", "aria-label": label() }); frame.prepend(canvas); };
+    fresh();
+    drawer = software ? null : accelerated(page, canvas, options.draw === "gl");
+    if (!drawer) { fresh(); drawer = plain(page, canvas); }
+    canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); if (!ended) start(++losses > 1); });
+    shownView = -1;
+    await look();
+    if (drawer.gl && options.draw !== "gl") {
+      const began = performance.now();
+      drawer.draw(coloursNow());
+      drawer.gl.readPixels(0, 0, 1, 1, drawer.gl.RGBA, drawer.gl.UNSIGNED_BYTE, new Uint8Array(4));
+      if (performance.now() - began > 50) await start(true);
+    }
+  };
+  const look = async () => {
+    const { view } = state, mine = drawer;
+    try {
+      if (!packed.has(view)) packed.set(view, await unpack(page, bytes(view)));
+      while (packed.size > 10) packed.delete([...packed.keys()].sort((a, b) => Math.abs(b - view) - Math.abs(a - view))[0]);
+      if (view !== state.view || mine !== drawer) return;
+      planes = packed.get(view);
+      await mine.load(planes);
+      if (mine !== drawer) return;
+      shownView = view;
+      status.textContent = "";
+      root.dataset.ready = drawer.name;
+      draw();
+      // Neighbours are unpacked while this view is looked at.
+      for (const step of [1, -1]) {
+        const next = turnedBy(view, step);
+        if (!ended && next !== view && !packed.has(next)) packed.set(next, await unpack(page, bytes(next)));
+      }
+      if (state.view !== shownView && !ended) await look();
+    } catch (error) { status.textContent = `The picture cannot be unpacked: ${error.message}`; }
+  };
+  const turnedBy = (view, step, rows = 0) => {
+    const row = clamp(Math.floor(view / columns) + rows, 0, page.views / columns - 1);
+    return row * columns + (view % columns + step + columns) % columns;
+  };
+  const draw = () => {
+    if (waiting || shownView < 0) return;
+    waiting = true;
+    requestAnimationFrame(() => { waiting = false; if (!ended && shownView >= 0) { drawer.draw(coloursNow()); probe(); } });
+  };
+
+  // The dial.
+  // Names are below the nodes.
+  const SIDE = 320, MIDDLE = SIDE / 2 - 16, places = state.nodes.map((node) => node.place).concat([[0, 0]], dial.presets.map((preset) => preset.hand));
+  const span = (axis) => [Math.min(...places.map((place) => place[axis])), Math.max(...places.map((place) => place[axis]))];
+  const [[left, right], [bottom, top]] = [span(0), span(1)], size = Math.max(right - left, top - bottom, 1e-6), scale = (SIDE - 110) / size;
+  const onScreen = ([x, y]) => [SIDE / 2 + (x - (left + right) / 2) * scale, MIDDLE - (y - (bottom + top) / 2) * scale];
+  const onPlane = (event) => {
+    const box = svg.getBoundingClientRect(), at = [event.clientX - box.left, event.clientY - box.top].map((part) => clamp(part * SIDE / box.width, 8, SIDE - 8));
+    return [(at[0] - SIDE / 2) / scale + (left + right) / 2, (MIDDLE - at[1]) / scale + (bottom + top) / 2];
+  };
+  const rays = el("g"), svg = el("svg", { viewBox: `0 0 ${SIDE} ${SIDE}`, class: "dial", role: "group", "aria-label": "Light dial" }, rays);
+  const nodeOf = (light) => state.nodes.find((node) => node.light === light);
+  const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+  const step = (event, place) => {
+    const arrow = arrows[event.key];
+    if (!arrow) return null;
+    event.preventDefault();
+    return place.map((part, axis) => part + arrow[axis] * size * (event.shiftKey ? 0.1 : 0.02));
+  };
+  const marks = state.nodes.map((node, n) => {
+    const mark = el("g", { class: "node", role: "checkbox", tabindex: 0, onkeydown: (event) => {
+      const here = state.nodes[n], to = step(event, here.place);
+      if (to) { here.place = to; change({}); }
+      if (event.key === "Enter") { here.on = true; change({ by: "dial", hand: [...here.place] }); }
+      if (event.key === " ") { event.preventDefault(); here.on = !here.on; change({ by: "dial" }); }
+    } }, el("circle", { r: 24, class: "reach" }), el("circle", { r: 15, class: "disc" }), el("text", { y: 34 }, short(node.light)), el("text", { y: 50, class: "part" }), el("title", {}, `${node.light}: click for this light alone`));
+    svg.append(mark);
+    return mark;
+  });
+  const hand = el("g", { class: "hand", role: "slider", tabindex: 0, "aria-label": "Hand of the light dial", "aria-valuemin": 0, "aria-valuemax": 100, onkeydown: (event) => {
+    const to = step(event, state.hand) ?? (event.key === "Home" ? [0, 0] : null);
+    if (to) { event.preventDefault(); change({ by: "dial", hand: to }); }
+  } }, el("circle", { r: 26, class: "halo" }), el("circle", { r: 13, class: "grip" }), el("circle", { r: 4, class: "dot" }));
+  svg.append(hand);
+  let moving = null;
+  svg.addEventListener("pointerdown", (event) => {
+    const n = marks.findIndex((mark) => mark.contains(event.target));
+    moving = event.shiftKey && n >= 0 ? state.nodes[n] : state;
+    svg.setPointerCapture(event.pointerId);
+    if (n >= 0) state.nodes[n].on = true;
+    if (moving === state) change({ by: "dial", hand: n >= 0 ? [...state.nodes[n].place] : onPlane(event) });
+    moving.from = [event.clientX, event.clientY];
+  });
+  svg.addEventListener("pointermove", (event) => {
+    if (!moving || Math.hypot(event.clientX - moving.from[0], event.clientY - moving.from[1]) < 3) return;
+    const at = onPlane(event);
+    if (moving !== state) { moving.place = at; change({}); return; }
+    // The hand snaps to a node.
+    const near = state.nodes.find((node) => node.on && Math.hypot(node.place[0] - at[0], node.place[1] - at[1]) * scale < 9);
+    change({ by: "dial", hand: near ? [...near.place] : at });
+  });
+  for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, () => { moving = null; });
+  const usePreset = (preset) => {
+    state.nodes.forEach((node, n) => { node.on = (dial.nodes[n].on || (preset.on ?? []).includes(node.light)) && !preset.off.includes(node.light); });
+    change({ by: "dial", hand: [...preset.hand] });
+  };
+  const presets = dial.presets.map((preset) => el("button", { type: "button", title: preset.caption, onclick: () => { rest(); usePreset(preset); } }, el("bdi", {}, preset.name)));
+  const caption = el("p", { class: "caption" });
+
+  // A tour of the presets, or of the nodes.
+  let tour = 0;
+  const rest = () => { cancelAnimationFrame(tour); tour = 0; touring.textContent = "▶ Tour"; };
+  const touring = el("button", { type: "button", onclick: () => {
+    if (tour) return rest();
+    const stops = dial.presets.length > 1 ? dial.presets.map((preset) => preset.hand) : state.nodes.filter((node) => node.on).map((node) => node.place);
+    if (stops.length < 2) return;
+    touring.textContent = "■ Stop";
+    let began, last = -1;
+    const go = (now) => {
+      began ??= now;
+      const along = (now - began) / 3000, leg = Math.floor(along), part = still.matches ? 0 : along - leg;
+      const from = stops[leg % stops.length], to = stops[(leg + 1) % stops.length];
+      if (leg !== last && dial.presets.length > 1) usePreset(dial.presets[leg % stops.length]);
+      if (leg !== last || part) change({ by: "dial", hand: from.map((x, axis) => x + (to[axis] - x) * part * part * (3 - 2 * part)) });
+      last = leg;
+      tour = requestAnimationFrame(go);
+    };
+    tour = requestAnimationFrame(go);
+  } }, "▶ Tour");
+
+  // The lights.
+  const path = (spectrum, w, h, peak = Math.max(...spectrum, 1e-9)) => `M${spectrum.map((value, i) => `${(i * w / 80).toFixed(1)},${(h - 2 - clamp(value / peak, 0, 1) * (h - 4)).toFixed(1)}`).join("L")}`;
+  const hues = el("linearGradient", { id: `${id}-hues` }, ...[380, 440, 490, 510, 580, 620, 780].map((nm, i) => el("stop", { offset: (nm - 380) / 400, "stop-color": ["#40006a", "#3030ff", "#00b0d0", "#20c040", "#e0d000", "#ff4000", "#600000"][i] })));
+  const rows = page.lights.map((light, i) => {
+    const here = () => state.lights[i], set = (part) => { Object.assign(here(), part); change({}); };
+    const on = el("input", { type: "checkbox", "aria-label": `${light.name}: on`, onchange: () => {
+      if (onDial()) { const node = nodeOf(light.name); if (node) node.on = on.checked; change({}); } else set({ on: on.checked });
+    } });
+    const value = el("input", { type: "range", min: 0, max: 3, step: 0.01, "aria-label": `${light.name}: strength`, oninput: () => { take(); set({ value: +value.value, on: true }); } });
+    const solo = el("button", { type: "button", class: "small", onclick: () => { take(); change({ solo: state.solo === i ? -1 : i }); } }, "solo");
+    const menu = el("select", { "aria-label": `${light.name}: spectrum`, onchange: () => {
+      if (menu.value === "drawn" && !here().curve) here().curve = sourceOf(i).spectrum.map((part, _, all) => part / Math.max(...all));
+      set({ source: menu.value });
+    } }, el("option", { value: "" }, "as rendered"), ...page.standards.map((one) => el("option", {}, one.name)), el("option", {}, "black body"), el("option", { value: "drawn" }, "draw a curve"));
+    const kelvin = el("input", { type: "range", min: 1500, max: 12000, step: 50, "aria-label": `${light.name}: temperature in kelvin`, oninput: () => set({ kelvin: +kelvin.value }) });
+    const curve = el("path", { fill: `url(#${id}-hues)` });
+    let band = 40;
+    const drawing = el("svg", { viewBox: "0 0 160 44", preserveAspectRatio: "none", class: "curve" }, curve);
+    const point = (at, height) => { const all = [...here().curve]; all[at] = clamp(height, 0, 1); set({ curve: all }); };
+    drawing.addEventListener("keydown", (event) => {
+      const arrow = here().source === "drawn" && arrows[event.key];
+      if (!arrow) return;
+      event.preventDefault();
+      band = clamp(band + arrow[0], 0, 80);
+      point(band, here().curve[band] + 0.05 * arrow[1]);
+    });
+    let before = null;
+    drawing.addEventListener("pointerdown", (event) => { if (here().source === "drawn") { drawing.setPointerCapture(event.pointerId); before = -1; drawn(event); } });
+    drawing.addEventListener("pointermove", (event) => { if (before !== null) drawn(event); });
+    drawing.addEventListener("pointerup", () => { before = null; });
+    const drawn = (event) => {
+      const box = drawing.getBoundingClientRect(), at = clamp(Math.round((event.clientX - box.left) / box.width * 80), 0, 80);
+      for (let b = before < 0 ? at : before; ; b += Math.sign(at - b)) { point(b, 1 - (event.clientY - box.top) / box.height); if (b === at) break; }
+      before = at;
+    };
+    const disc = el("span", { class: "swatch" }), part = el("output"), note = el("p", { class: "note" });
+    const update = (share) => {
+      const now = sourceOf(i), { source } = here(), node = nodeOf(light.name);
+      on.checked = onDial() ? !!node?.on : here().on;
+      on.disabled = onDial() && !node;
+      value.value = onDial() ? share : here().value;
+      solo.setAttribute("aria-pressed", state.solo === i);
+      kelvin.hidden = source !== "black body";
+      kelvin.value = here().kelvin;
+      menu.value = source;
+      disc.style.background = swatch(page, now);
+      part.textContent = percent(share);
+      curve.setAttribute("d", `${path(now.spectrum, 160, 44)}L160,44L0,44Z`);
+      for (const [name, text] of Object.entries(source === "drawn" ? { role: "slider", tabindex: 0, "aria-label": `${light.name}: drawn spectrum`, "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": Math.round(100 * here().curve[band]), "aria-valuetext": `${380 + 5 * band} nm: ${percent(here().curve[band])}` } : { role: "img", "aria-label": `Spectrum of ${light.name}, 380 to 780 nm` })) drawing.setAttribute(name, text);
+      if (source !== "drawn") ["tabindex", "aria-valuenow", "aria-valuetext", "aria-valuemin", "aria-valuemax"].forEach((name) => drawing.removeAttribute(name));
+      drawing.classList.toggle("open", source === "drawn");
+      const foreign = !page.model ? "" : now.matrices ? source && now.error > 0.1 ? `Colours under ${source} are within ΔE00 ${now.error.toFixed(2)}.` : "" : `From ${page.model.k} numbers a pixel: an estimate, within about ΔE00 ${page.model.error.toFixed(1)} for smooth spectra.`;
+      note.textContent = (source === "black body" ? `${here().kelvin} K. ` : source === "drawn" ? "Draw on the curve. " : "") + foreign;
+    };
+    return { row: el("li", {}, el("div", { class: "head" }, on, disc, el("bdi", { title: light.name }, short(light.name, 24)), part, solo), value, el("div", { class: "source" }, menu, drawing), kelvin, note), update };
+  });
+  /** Takes the mix of the dial over to the sliders. */
+  const take = () => {
+    if (!onDial()) return;
+    shares().forEach((value, i) => { state.lights[i].value = value; state.lights[i].on = value > 0; });
+    Object.assign(state, { by: "sliders", keep: [state.keep[1], state.keep[1]], master: [state.master[1], state.master[1]] });
+  };
+
+  // Display and the rest.
+  const check = (label, get, set) => { const input = el("input", { type: "checkbox", onchange: () => { set(input.checked); change({}); } }); return { node: el("label", { class: "row" }, input, label), update: () => { input.checked = get(); } }; };
+  const range = (label, low, high, by, get, set, words) => { const input = el("input", { type: "range", min: low, max: high, step: by, oninput: () => { set(+input.value); change({}); } }), out = el("output"); return { node: el("label", { class: "row" }, el("span", {}, label), input, out), update: () => { input.value = get(); out.textContent = words(get()); } }; };
+  const choice = (label, entries, get, set) => { const input = el("select", { onchange: () => { set(input.value); change({}); } }, ...entries.map(([value, text]) => el("option", { value }, text))); return { node: el("label", { class: "row" }, el("span", {}, label), input), update: () => { input.value = get(); } }; };
+  const controls = [
+    range("Exposure", -4, 4, 0.1, () => state.stops, (v) => { state.stops = v; }, (v) => `${v > 0 ? "+" : ""}${v.toFixed(1)} EV`),
+    range("Mix strength", 0, 4, 0.05, () => state.master[mode()], (v) => { state.master[mode()] = v; }, percent),
+    check("Keep the brightness of white", () => state.keep[mode()], (v) => { state.keep[mode()] = v; }),
+    check("White balance", () => state.adapt, (v) => { state.adapt = v; }),
+    choice("Observer", [["1931", "CIE 1931, 2°"], ["1964", "CIE 1964, 10°"]], () => state.observer, (v) => { state.observer = v; }),
+    choice("Colour vision", [["", "normal"], ...page.deficiencies.map(({ name }) => [name, `${name} (simulated)`])], () => state.vision, (v) => { state.vision = v; }),
+  ];
+  const button = (text, act) => el("button", { type: "button", onclick: act }, text);
+  const zoom = button("1:1", () => { zoom.textContent = frame.classList.toggle("whole") ? "Fit" : "1:1"; });
+  const command = el("input", { readonly: true, "aria-label": "Command of Relume for this mix", onfocus: () => command.select() });
+  const save = () => { drawer.draw(coloursNow()); canvas.toBlob((blob) => { const url = URL.createObjectURL(blob); el("a", { href: url, download: "picture.png" }).click(); setTimeout(() => URL.revokeObjectURL(url), 1e4); }); };
+  const written = () => {
+    const number = (value) => +value.toFixed(4);
+    if (onDial() && state.lights.every(({ source }) => !source)) return `relume relight film.exr --dial ${state.hand.map(number)}${state.nodes.filter((node) => !node.on).map((node) => ` --nodes-off ${quoted(node.light)}`).join("")} -o picture.png`;
+    return `relume relight film.exr${mixed().map((light) => {
+      const i = page.lights.findIndex((one, n) => one.position === light.position && sourceOf(n) === light.light), { source, kelvin } = state.lights[i];
+      const name = source === "black body" ? `blackbody ${kelvin}` : source === "drawn" ? "drawn.csv" : source;
+      return ` --light ${quoted(name ? `${name}@${page.positions[light.position]}=${number(light.weight)}` : `${page.lights[i].name}=${number(light.weight / (page.lights[i].weight || 1))}`)}`;
+    }).join("")} -o picture.png`;
+  };
+
+  // The probe.
+  const told = el("div", { class: "probe", hidden: true });
+  const probe = () => {
+    told.hidden = cross.hidden = !state.pixel;
+    if (!state.pixel || !planes) return;
+    const [x, y] = state.pixel, at = y * width + x, roots = page.channels.map(({ zero }, c) => planes[c][at] - zero);
+    for (const { first, matrix } of page.groups) {
+      const back = matrix.map((_, j) => matrix.reduce((sum, row, i) => sum + row[j] * roots[first + i], 0));
+      back.forEach((root, j) => { roots[first + j] = root; });
+    }
+    const values = roots.map((root, c) => root * Math.abs(root) * page.channels[c].scale), colours = coloursNow();
+    const rgb = [0, 1, 2].map((axis) => values.reduce((sum, value, c) => sum + value * colours[c][axis], 0));
+    const { spectra } = page.model ?? { spectra: page.components.map((one) => one.spectrum) }, k = spectra.length, sum = new Array(BANDS).fill(0);
+    for (const { position, weight, light } of mixed()) spectra.forEach((spectrum, i) => { for (let b = 0; b < BANDS; b++) sum[b] += values[position * k + i] * spectrum[b] * light.spectrum[b] * weight; });
+    const weights = page.model ? [] : page.components.map(({ name }, i) => [name, page.positions.reduce((all, _, p) => all + values[p * k + i], 0)]).filter(([, weight]) => weight > 5e-4).sort((a, b) => b[1] - a[1]);
+    cross.style.left = `${100 * (x + 0.5) / width}%`;
+    cross.style.top = `${100 * (y + 0.5) / height}%`;
+    const disc = el("span", { class: "swatch" });
+    disc.style.background = css(rgb);
+    told.replaceChildren(el("h2", {}, disc, ` Pixel ${x}, ${y}`), el("svg", { viewBox: "0 0 160 44", preserveAspectRatio: "none", class: "curve", role: "img", "aria-label": "Spectrum of the pixel, 380 to 780 nm" }, el("path", { fill: `url(#${id}-hues)`, d: `${path(sum, 160, 44)}L160,44L0,44Z` })),
+      ...weights.slice(0, 6).map(([name, weight]) => el("div", { class: "head" }, el("bdi", {}, short(name, 24)), el("output", {}, weight.toFixed(3)))),
+      ...page.model || weights.length ? [] : ["Nothing but the background is here."]);
+  };
+  const pick = (event) => {
+    const box = canvas.getBoundingClientRect();
+    const at = [(event.clientX - box.left) / box.width * width, (event.clientY - box.top) / box.height * height].map(Math.floor);
+    change({ pixel: at.every((part, axis) => part >= 0 && part < page.size[axis]) ? at : null });
+  };
+  let grabbed = null;
+  frame.addEventListener("pointerdown", (event) => { grabbed = { x: event.clientX, y: event.clientY, view: state.view, moved: false }; });
+  frame.addEventListener("pointermove", (event) => {
+    if (!grabbed || !event.buttons) return;
+    const across = event.clientX - grabbed.x, down = event.clientY - grabbed.y;
+    grabbed.moved ||= Math.hypot(across, down) > 4;
+    if (views && grabbed.moved) change({ view: turnedBy(grabbed.view, -Math.round(across / frame.clientWidth * columns) % columns, Math.round(down / 120)) });
+  });
+  frame.addEventListener("pointerup", (event) => { if (grabbed && !grabbed.moved) pick(event); grabbed = null; });
+  frame.addEventListener("keydown", (event) => {
+    const arrow = arrows[event.key], turn = { ",": -1, ".": 1 }[event.key];
+    if (event.key === "p" || event.key === "P") change({ pixel: state.pixel ? null : page.size.map((side) => side >> 1) });
+    if (arrow && state.pixel) change({ pixel: state.pixel.map((part, axis) => clamp(part + arrow[axis] * (axis ? -1 : 1) * (event.shiftKey ? 10 : 1), 0, page.size[axis] - 1)) });
+    else if (views && (arrow || turn)) change({ view: turnedBy(state.view, turn ?? arrow[0], turn ? 0 : -arrow[1]) });
+    if (arrow) event.preventDefault();
+  });
+
+  // The state in the address.
+  const address = () => {
+    const out = new URLSearchParams(), now = opened(), put = (key, value, usual) => { if (String(value) !== String(usual)) out.set(key, value); };
+    const number = (value) => +(+value).toFixed(4);
+    if (onDial()) { out.set("hand", state.hand.map(number)); put("off", state.nodes.filter((node) => !node.on).map((node) => node.light).join("|"), now.nodes.filter((node) => !node.on).map((node) => node.light).join("|")); } else put("by", "sliders", now.by);
+    for (const key of ["stops", "adapt", "observer", "vision", "view", "pixel", "solo"]) put(key, state[key] ?? "", now[key] ?? "");
+    put("master", number(state.master[mode()]), now.master[mode()]);
+    put("keep", state.keep[mode()], now.keep[mode()]);
+    page.lights.forEach(({ name }, i) => {
+      const { on, value, source, kelvin, curve } = state.lights[i];
+      if (!onDial()) put(`light.${name}`, on ? number(value) : "off", now.lights[i].on ? number(now.lights[i].value) : "off");
+      if (source) out.set(`spectrum.${name}`, source === "black body" ? kelvin : source === "drawn" ? curve.map((part) => Math.round(99 * part)).join(" ") : source);
+    });
+    return out.toString();
+  };
+  const read = (text) => {
+    const given = new URLSearchParams(text), next = opened(), pair = (key) => { const all = (given.get(key) ?? "").split(",").map(Number); return all.length === 2 && all.every(Number.isFinite) ? all : null; };
+    const hand = pair("hand"), pixel = pair("pixel"), number = (key, usual) => given.has(key) && Number.isFinite(+given.get(key)) ? +given.get(key) : usual;
+    next.by = hand && many ? "dial" : given.get("by") === "sliders" ? "sliders" : next.by;
+    if (hand) next.hand = hand;
+    if (given.has("off")) { const off = given.get("off").split("|"); next.nodes.forEach((node) => { node.on = !off.includes(node.light); }); }
+    const m = +(next.by === "dial");
+    next.master[m] = number("master", next.master[m]);
+    if (given.has("keep")) next.keep[m] = given.get("keep") === "true";
+    next.stops = clamp(number("stops", 0), -4, 4);
+    if (given.has("adapt")) next.adapt = given.get("adapt") === "true";
+    if (given.get("observer") === "1931" || given.get("observer") === "1964") next.observer = given.get("observer");
+    next.vision = page.deficiencies.find(({ name }) => name === given.get("vision"))?.name ?? "";
+    next.view = clamp(Math.floor(number("view", next.view)), 0, page.views - 1);
+    next.solo = clamp(Math.floor(number("solo", -1)), -1, page.lights.length - 1);
+    if (pixel) next.pixel = pixel.map((part, axis) => clamp(Math.floor(part), 0, page.size[axis] - 1));
+    page.lights.forEach(({ name }, i) => {
+      const light = next.lights[i], value = given.get(`light.${name}`), source = given.get(`spectrum.${name}`) ?? "";
+      if (value) { light.on = value !== "off"; if (light.on && Number.isFinite(+value)) light.value = clamp(+value, 0, 1e9); }
+      const curve = source.split(" ").map(Number);
+      if (standard(source)) light.source = source;
+      else if (curve.length === BANDS && curve.every(Number.isFinite)) { light.source = "drawn"; light.curve = curve.map((part) => clamp(part / 99, 0, 1)); }
+      else if (+source >= 100 && Number.isFinite(+source)) { light.source = "black body"; light.kelvin = +source; }
+    });
+    return next;
+  };
+
+  let later = 0;
+  const change = (part) => {
+    Object.assign(state, part);
+    refresh();
+    if (state.view !== shownView && shownView >= 0) look(); else draw();
+    clearTimeout(later);
+    later = setTimeout(() => {
+      live.textContent = inWords();
+      if (options.address) try { history.replaceState(null, "", `#${address()}`); } catch { /* A frame without an address. */ }
+    }, 400);
+    options.changed?.(state);
+  };
+  const refresh = () => {
+    const parts = shares(), at = onScreen(state.hand), weights = dialWeights(state.nodes, state.hand);
+    rows.forEach((row, i) => row.update(parts[i]));
+    controls.forEach((control) => control.update());
+    rays.replaceChildren(...state.nodes.flatMap((node, n) => {
+      const to = onScreen(node.place), ray = onDial() && weights[n] > 0 && el("line", { x1: at[0], y1: at[1], x2: to[0], y2: to[1], "stroke-width": 1 + 7 * weights[n] });
+      if (ray) ray.style.opacity = 0.25 + 0.75 * weights[n];
+      return ray ? [ray] : [];
+    }));
+    state.nodes.forEach((node, n) => {
+      const i = page.lights.findIndex((light) => light.name === node.light), mark = marks[n];
+      mark.setAttribute("transform", `translate(${onScreen(node.place)})`);
+      const told = node.on || !onDial() ? percent(onDial() ? weights[n] : parts[i]) : "off";
+      mark.setAttribute("aria-checked", node.on);
+      mark.setAttribute("aria-label", `${node.light}, ${told}`);
+      mark.querySelector(".disc").style.fill = swatch(page, sourceOf(i));
+      mark.querySelector(".part").textContent = told;
+    });
+    hand.setAttribute("transform", `translate(${at})`);
+    hand.setAttribute("aria-valuenow", Math.round(100 * Math.max(...weights, 0)));
+    hand.setAttribute("aria-valuetext", inWords());
+    root.classList.toggle("by-dial", onDial());
+    hint.textContent = onDial() ? "Drag the white hand: the nearer a light, the stronger it shines." : "Drag the white hand between the lights to mix them; now the sliders below do.";
+    const now = dial.presets.findIndex((preset) => onDial() && Math.hypot(preset.hand[0] - state.hand[0], preset.hand[1] - state.hand[1]) < 1e-6);
+    presets.forEach((one, i) => one.setAttribute("aria-pressed", i === now));
+    caption.textContent = dial.presets[now]?.caption ?? "";
+    canvas?.setAttribute("aria-label", label());
+    words.textContent = `Light: ${inWords()}`;
+    command.value = written();
+    if (views) views.value = state.view % columns;
+  };
+
+  const words = el("p", { class: "words" }), hint = el("p", { class: "hint" });
+  root.classList.add("relume");
+  root.replaceChildren(
+    el("main", {}, el("h1", {}, el("bdi", {}, page.title)), el("div", { class: "surround" }, frame), views || "", el("p", { class: "hint" }, views ? "Drag the picture to turn it, click it for the spectrum of a pixel." : "Click the picture for the spectrum of a pixel."), status, words, live),
+    el("aside", { "aria-label": "Light and display" },
+      el("svg", { width: 0, height: 0, class: "unseen", "aria-hidden": "true" }, hues),
+      el("section", { "aria-label": "Light" }, el("h2", {}, "Light"),
+        many ? el("div", { class: "of-dial" }, svg, hint, el("div", { class: "buttons" }, ...presets, touring), caption) : "",
+        el("ul", {}, ...rows.map(({ row }) => row))),
+      told,
+      el("section", { "aria-label": "Display" }, el("h2", {}, "Display"), ...controls.map(({ node }) => node), el("div", { class: "buttons" }, zoom, button("Reset all", () => { rest(); change(opened()); }))),
+      el("section", { "aria-label": "Keep" }, el("h2", {}, "Keep"), el("div", { class: "buttons" }, button("Save PNG", save), button("Print", () => print())), options.address ? el("p", { class: "note" }, "The address of this page holds the mix: copy it to share this light.") : "", command),
+      el("details", {}, el("summary", {}, "Keys, and about this page"), el("p", {}, HELP), el("p", {}, `Written by ${page.software}. The file holds what rays through a volume gathered for every light, not the volume; packing changes no colour by more than ΔE00 ${page.largest_error} under the lights of the page. It loads and sends nothing.`))));
+  root.addEventListener("keydown", (event) => { if (event.key === "Escape") rest(); });
+  hand.addEventListener("pointerdown", () => { rest(); svg.classList.add("used"); });
+  if (options.address && location.hash.length > 1) state = read(location.hash.slice(1));
+  const heard = () => { if (location.hash.slice(1) !== address()) change(read(location.hash.slice(1))); };
+  if (options.address) addEventListener("hashchange", heard);
+  refresh();
+  live.textContent = inWords();
+  start(options.draw === "cpu");
+  return {
+    get state() { return state; }, get drawer() { return drawer?.name; }, get colours() { return coloursNow(); },
+    set: change,
+    end() { ended = true; rest(); clearTimeout(later); removeEventListener("hashchange", heard); drawer?.end(); root.replaceChildren(); },
+  };
+}
+
+/** Opens the page of this document: its data blocks, in place of the picture without JavaScript. */
+export function openPage() {
+  const text = (name) => document.getElementById(name).textContent, page = JSON.parse(text("relume-page"));
+  const bytes = (view) => Uint8Array.from(atob(text(`relume-view-${view}`)), (letter) => letter.charCodeAt(0));
+  const draw = /^#draw=(gl|cpu)/.exec(location.hash)?.[1];
+  globalThis.relume = mount(document.getElementById("relume"), page, bytes, { address: true, draw });
+}
+
+/** A widget of anywidget: `page` is the JSON, `views` the packed views; `hand` and `picked` are shared with Python. */
+function render({ model, el: root }) {
+  const pages = model.get("views"), shown = mount(root, JSON.parse(model.get("page")), (view) => new Uint8Array(pages[view].buffer, pages[view].byteOffset, pages[view].byteLength), {
+    changed({ hand, pixel }) { model.set("hand", hand); model.set("picked", pixel ?? []); model.save_changes(); },
+  });
+  const moved = () => { const hand = model.get("hand"); if (String(hand) !== String(shown.state.hand)) shown.set({ by: "dial", hand: [...hand] }); };
+  model.on("change:hand", moved);
+  return () => { model.off?.("change:hand", moved); shown.end(); };
+}
+
+export default { render };

@@ -1,0 +1,220 @@
+//! The text of a page: HTML, JSON, and the digests of its script and style.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use glam::{DMat3, DVec3};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+use super::lights::Lights;
+use super::packing::{Channels, scale};
+use super::{Page, Planes, SCRIPT, STYLE};
+use crate::film::Components;
+use crate::output::SOFTWARE;
+use crate::output::film::Components as FileComponents;
+use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, bradford_cones, d65_white};
+use crate::spectrum::deficiency::Deficiency;
+use crate::spectrum::observer::Observer;
+use crate::spectrum::{Light, Spectrum};
+
+/// Version of the data of a page.
+const FORMAT: u32 = 1;
+
+/// What a page runs after its module is defined.
+const START: &str = "\nopenPage();\n";
+
+/// The HTML of `page`, and the number of bytes of its JSON.
+pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u8]) -> (String, usize) {
+    let json = json_of(page, lights, planes);
+    let script = format!("{SCRIPT}{START}");
+    let views = planes.views.iter().enumerate().map(|(index, bytes)| {
+        format!("<script type=\"text/plain\" id=\"relume-view-{index}\">{}</script>\n", STANDARD.encode(bytes))
+    });
+    let views: String = views.collect();
+    let policy = format!(
+        "default-src 'none'; script-src '{}'; style-src '{}'; img-src data: blob:; base-uri 'none'; form-action 'none'; \
+         require-trusted-types-for 'script'",
+        digest(&script),
+        digest(STYLE)
+    );
+    let title = escaped(page.title);
+    let parts = [
+        ("policy", policy.as_str()),
+        ("software", SOFTWARE),
+        ("title", &title),
+        ("style", STYLE),
+        ("still", &STANDARD.encode(still)),
+        ("page", &json),
+        ("views", &views),
+        ("script", &script),
+    ];
+    (filled(include_str!("page.html"), &parts), json.len())
+}
+
+/// `template` with each `{name}` of `parts` replaced by its text, which is not searched again.
+fn filled(template: &str, parts: &[(&str, &str)]) -> String {
+    let mut text = String::with_capacity(parts.iter().map(|(_, part)| part.len()).sum::<usize>() + template.len());
+    let mut rest = template;
+    while let Some((before, after)) = rest.split_once('{') {
+        text.push_str(before);
+        let known = after
+            .split_once('}')
+            .and_then(|(name, rest)| parts.iter().find(|(known, _)| *known == name).map(|(_, part)| (*part, rest)));
+        match known {
+            Some((part, behind)) => {
+                text.push_str(part);
+                rest = behind;
+            }
+            None => {
+                text.push('{');
+                rest = after;
+            }
+        }
+    }
+    text + rest
+}
+
+/// Source of a Content Security Policy that allows exactly this text.
+fn digest(text: &str) -> String {
+    format!("sha256-{}", STANDARD.encode(Sha256::digest(text.as_bytes())))
+}
+
+/// Text for HTML, in an element or an attribute. Control characters are left out.
+fn escaped(text: &str) -> String {
+    let mut written = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '&' => written.push_str("&amp;"),
+            '<' => written.push_str("&lt;"),
+            '>' => written.push_str("&gt;"),
+            '"' => written.push_str("&quot;"),
+            '\'' => written.push_str("&#39;"),
+            letter if letter.is_control() => written.push(' '),
+            letter => written.push(letter),
+        }
+    }
+    written
+}
+
+/// A number of seven digits.
+fn brief(number: f64) -> f64 {
+    format!("{number:.6e}").parse().unwrap_or(number)
+}
+
+/// Numbers of seven digits.
+fn list<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> Value {
+    numbers.into_iter().map(|&number| number_of(brief(number))).collect()
+}
+
+/// A number as JSON; whole ones without a fraction.
+#[expect(clippy::cast_possible_truncation, reason = "whole numbers below 2⁵³")]
+fn number_of(number: f64) -> Value {
+    if number.fract() == 0.0 && number.abs() < 1e15 { json!(number as i64) } else { json!(number) }
+}
+
+fn spectrum(spectrum: &Spectrum) -> Value {
+    list(spectrum.samples())
+}
+
+/// Rows of a matrix.
+fn rows(matrix: DMat3) -> Value {
+    let row = |axis: DVec3| json!((matrix.transpose() * axis).to_array());
+    [DVec3::X, DVec3::Y, DVec3::Z].map(row).into_iter().collect()
+}
+
+/// The JSON of a page, with no `<` in it.
+fn json_of(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String {
+    let film = page.film;
+    let of_light = |light: &Light| -> Vec<(&'static str, Value)> {
+        let mut keys = vec![("spectrum", spectrum(light.spectrum()))];
+        if lights.model(0).is_some() {
+            let models = (0..Observer::ALL.len()).filter_map(|seen| lights.model(seen));
+            let matrices: Vec<_> = models.map(|model| model.matrix(light)).collect();
+            let error = matrices.iter().map(|matrix| matrix.worst().max).fold(0.0, f64::max);
+            keys.push(("matrices", matrices.iter().map(|matrix| list(matrix.xyz.as_flattened())).collect()));
+            keys.push(("error", json!((error * 1e3).round() / 1e3)));
+        }
+        keys
+    };
+    let object = |keys: Vec<(&'static str, Value)>| -> Value {
+        Value::Object(keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
+    };
+    let of_film = film.lights.iter().zip(&lights.stated.0).map(|(stored, light)| {
+        let mut keys = vec![
+            ("name", json!(stored.name)),
+            ("position", json!(stored.position)),
+            ("weight", json!(brief(stored.weight))),
+            ("shown", json!(brief(stored.shown.unwrap_or(stored.weight)))),
+        ];
+        keys.extend(of_light(&light.spectrum));
+        object(keys)
+    });
+    let standards = lights.standards.iter().map(|(name, light)| {
+        let mut keys = vec![("name", json!(name))];
+        keys.extend(of_light(light));
+        object(keys)
+    });
+    let first = &page.views[0];
+    let mut written = json!({
+        "format": FORMAT,
+        "software": SOFTWARE,
+        "title": page.title,
+        "size": first.size,
+        "views": page.views.len(),
+        "columns": page.columns,
+        "first": page.first(),
+        "tolerance": page.tolerance,
+        "largest_error": (planes.found.largest * 1e4).ceil() / 1e4,
+        "positions": film.positions.iter().map(|position| &position.name).collect::<Vec<_>>(),
+        "lights": of_film.collect::<Vec<_>>(),
+        "standards": standards.collect::<Vec<_>>(),
+        "dial": film.dial,
+        "exposure": film.exposure,
+        "adapt": film.adapt,
+        "observer": film.observer,
+        "observers": Observer::ALL.map(|observer| observer.matching().each_ref().map(spectrum)),
+        "srgb": rows(*LINEAR_SRGB_FROM_XYZ),
+        "cones": rows(bradford_cones()),
+        "white": d65_white().0,
+        "deficiencies": Deficiency::ALL.map(|one| json!({"name": one.to_string(), "matrix": rows(one.matrix())})),
+        "channels": channels(&planes.channels, planes),
+        "groups": planes.channels.groups.iter().map(|group| json!({
+            "first": group.first,
+            "matrix": group.rows,
+        })).collect::<Vec<_>>(),
+    });
+    match (&film.components, &lights.components[0]) {
+        (FileComponents::Surfaces(surfaces), _) => {
+            written["components"] = surfaces
+                .iter()
+                .map(|surface| json!({"name": surface.name, "spectrum": list(&surface.spectrum)}))
+                .collect();
+            written["background"] = film.background.as_ref().map_or(Value::Null, list);
+        }
+        (_, Components::Model(model, _)) => {
+            let reconstruction = model.reconstruction();
+            let errors = reconstruction.errors.iter().map(|(_, error)| error.max).fold(0.0, f64::max);
+            written["model"] = json!({
+                "k": model.dimension(),
+                "description": model.description(),
+                "spectra": reconstruction.spectra.iter().map(spectrum).collect::<Vec<_>>(),
+                "error": (errors * 1e3).round() / 1e3,
+            });
+            if let Some(background) = &lights.background {
+                written["background"] = spectrum(background.spectrum());
+                if lights.behind() > 1 {
+                    written["behind"] = list(&model.coefficients(background.spectrum()));
+                }
+            }
+        }
+        (FileComponents::Model(_), Components::Surfaces(_)) => {}
+    }
+    // No end of a script and no comment, whatever names contain; line separators end a line in old scripts.
+    written.to_string().replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")
+}
+
+/// How each channel stores its numbers.
+fn channels(channels: &Channels, planes: &Planes) -> Value {
+    let one = |(&gain, kept): (&f64, &super::Channel)| json!({"zero": kept.zero, "scale": scale(gain, planes.found.step), "wide": kept.wide});
+    channels.gains.iter().zip(&planes.kept).map(one).collect()
+}

@@ -1,0 +1,689 @@
+//! Pages: packing keeps its tolerance, the text is safe, and Chromium shows what `relume relight` writes.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use glam::DVec3;
+use relume::film::Film;
+use relume::output::FilmFile;
+use relume::output::film::{Component, Components, Light, Position, PositionKind};
+use relume::output::page::{Page, PageError, SCRIPT, STYLE};
+use relume::progress::Quiet;
+use relume::scene::{Mix, MixLight};
+use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
+use relume::spectrum::observer::Observer;
+use relume::spectrum::{BANDS, Kind, standard};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use support::browser::Browser;
+use support::program::Folder;
+
+/// Deterministic numbers from 0 to 1 (Steele et al. 2014).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        f64::from(u32::try_from((mixed ^ (mixed >> 31)) >> 32).unwrap()) / f64::from(u32::MAX)
+    }
+
+    fn below(&mut self, limit: usize) -> usize {
+        let drawn = self.next() * support::scenes::float(limit);
+        (1..limit).rev().find(|&n| support::scenes::float(n) <= drawn).unwrap_or(0)
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "films hold f32")]
+fn narrow(number: f64) -> f32 {
+    number as f32
+}
+
+/// A film with material weights: its header, and numbers that `weight` returns for each plane and pixel.
+fn film(
+    size: [usize; 2],
+    components: &[[f64; BANDS]],
+    positions: usize,
+    mut weight: impl FnMut(usize, usize) -> f64,
+) -> (FilmFile, Film<f32>) {
+    let pixels = size[0] * size[1];
+    let planes = components.len() * positions;
+    let component =
+        |(index, spectrum): (usize, &[f64; BANDS])| Component { name: format!("m{index}"), spectrum: *spectrum };
+    let names = ["D65", "A", "FL11", "LED-B3"];
+    let light = |position: usize| Light {
+        name: format!("l{position}"),
+        position,
+        weight: 1.0 / support::scenes::float(position + 1),
+        shown: None,
+        spectrum: *standard::light(names[position % 4]).unwrap().spectrum().samples(),
+    };
+    let header = FilmFile {
+        width: size[0],
+        height: size[1],
+        components: Components::Surfaces(components.iter().enumerate().map(component).collect()),
+        positions: (0..positions)
+            .map(|index| Position { name: format!("p{index}"), kind: PositionKind::Ambient })
+            .collect(),
+        lights: (0..positions).map(light).collect(),
+        background: None,
+        exposure: 1.0,
+        adapt: false,
+        observer: Observer::default(),
+        dial: None,
+        accumulators: Vec::new(),
+        transmittance: Vec::new(),
+    };
+    let accumulators =
+        (0..planes).flat_map(|plane| (0..pixels).map(move |pixel| (plane, pixel))).map(|(a, b)| narrow(weight(a, b)));
+    let film = Film {
+        size,
+        components: components.len(),
+        accumulators: accumulators.collect(),
+        transmittance: vec![0.0; pixels],
+    };
+    (header, film)
+}
+
+fn reflectance(random: &mut Random) -> [f64; BANDS] {
+    let (centre, width, base) = (80.0 * random.next(), 4.0 + 20.0 * random.next(), 0.3 * random.next());
+    std::array::from_fn(|band| base + 0.7 * (-((support::scenes::float(band) - centre) / width).powi(2)).exp())
+}
+
+fn page<'a>(header: &'a FilmFile, views: &'a [Film<f32>], tolerance: f64) -> Page<'a> {
+    Page { film: header, views, columns: 1, title: "a test", tolerance }
+}
+
+/// Mixes of the page: as it opens, each light alone, and each standard light in place of all.
+fn mixes(header: &FilmFile) -> Vec<Mix> {
+    let stated = header.stated().unwrap();
+    let alone = stated.0.iter().map(|light| Mix(vec![light.clone()]));
+    let in_place = standard::names(Kind::Light).iter().map(|name| {
+        let spectrum = standard::light(name).unwrap();
+        Mix(stated.0.iter().map(|light| MixLight { spectrum: spectrum.clone(), ..light.clone() }).collect())
+    });
+    std::iter::once(header.opening().unwrap()).chain(alone).chain(in_place).collect()
+}
+
+/// Largest ΔE00 between `views` and what a page of them shows, over all pixels, lights and observers.
+fn largest(header: &FilmFile, views: &[Film<f32>], tolerance: f64) -> f64 {
+    let page = page(header, views, tolerance);
+    let shown = page.shown(&Quiet).unwrap();
+    let lab = |colour: DVec3| lab_from_xyz(Xyz((*XYZ_FROM_LINEAR_SRGB * colour).to_array()), d65_white());
+    let mut largest = 0.0_f64;
+    let mixes: Vec<(Mix, Observer)> =
+        mixes(header).into_iter().flat_map(|mix| Observer::ALL.map(|observer| (mix.clone(), observer))).collect();
+    for matrices in page.matrices(&mixes).unwrap() {
+        for (view, shown) in views.iter().zip(&shown) {
+            let pairs = view.relight(&matrices).into_iter().zip(shown.relight(&matrices));
+            for (one, two) in pairs.filter(|(one, two)| one != two) {
+                let found = ciede2000(lab(one), lab(two));
+                assert!(found.is_finite(), "{one} {two}");
+                largest = largest.max(found);
+            }
+        }
+    }
+    largest
+}
+
+/// Numbers of the pixels that the text of a page holds, by an unpacker of its own.
+fn unpacked(html: &str) -> (Value, Vec<Vec<f64>>) {
+    let block = |id: &str| {
+        let (_, rest) = html.split_once(&format!("id=\"{id}\">")).unwrap();
+        rest.split_once("</script>").unwrap().0
+    };
+    let page: Value = serde_json::from_str(block("relume-page")).unwrap();
+    let mut bytes = Vec::new();
+    let packed = STANDARD.decode(block("relume-view-0")).unwrap();
+    flate2::read::DeflateDecoder::new(&*packed).read_to_end(&mut bytes).unwrap();
+    let size = |axis: usize| usize::try_from(page["size"][axis].as_u64().unwrap()).unwrap();
+    let (width, pixels) = (size(0), size(0) * size(1));
+    let channels = page["channels"].as_array().unwrap();
+    let is_wide = |channel: &Value| channel["wide"] == true;
+    let mut high = channels.len() * pixels;
+    let mut roots = Vec::new();
+    for (index, channel) in channels.iter().enumerate() {
+        let mut codes = vec![0_i64; pixels];
+        for at in 0..pixels {
+            let around = |back: usize, is_there: bool| if is_there { codes[at - back] } else { 0 };
+            let (is_right, is_below) = (at % width > 0, at >= width);
+            let (left, above) = (around(1, is_right), around(width, is_below));
+            let corner = around(width + 1, is_right && is_below);
+            let predicted = match (is_right, is_below) {
+                (true, true) => (left + above - corner).clamp(left.min(above), left.max(above)),
+                (true, false) => left,
+                _ => above,
+            };
+            let low = i64::from(bytes[index * pixels + at]);
+            codes[at] = if is_wide(channel) {
+                let folded = low + 256 * i64::from(bytes[high + at]);
+                let residual = if folded % 2 == 0 { folded / 2 } else { -(folded + 1) / 2 };
+                (predicted + residual).rem_euclid(65_536)
+            } else {
+                (predicted + low).rem_euclid(256)
+            };
+        }
+        high += if is_wide(channel) { pixels } else { 0 };
+        let zero = channel["zero"].as_i64().unwrap();
+        roots.push(codes.into_iter().map(|code| f64::from(i32::try_from(code - zero).unwrap())).collect::<Vec<f64>>());
+    }
+    assert_eq!(high, bytes.len(), "every byte belongs to a channel");
+    let kept = roots.clone();
+    for group in page["groups"].as_array().unwrap() {
+        let (first, rows) =
+            (usize::try_from(group["first"].as_u64().unwrap()).unwrap(), group["matrix"].as_array().unwrap());
+        for column in 0..rows.len() {
+            for pixel in 0..pixels {
+                let parts = rows.iter().enumerate();
+                roots[first + column][pixel] =
+                    parts.map(|(row, parts)| parts[column].as_f64().unwrap() * kept[first + row][pixel]).sum();
+            }
+        }
+    }
+    let scaled = roots.into_iter().zip(channels).map(|(roots, channel)| {
+        let scale = channel["scale"].as_f64().unwrap();
+        roots.into_iter().map(|root| root * root.abs() * scale).collect()
+    });
+    (page.clone(), scaled.collect())
+}
+
+fn released(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/0.1.0").join(name)
+}
+
+/// A film of version 0.1.0 in this checkout.
+fn read(name: &str) -> (FilmFile, Film<f32>) {
+    let mut header = FilmFile::read(&released(name)).unwrap();
+    let film = header.take_film();
+    (header, film)
+}
+
+// ---- packing ----
+
+#[test]
+fn packing_keeps_its_tolerance_in_fifty_films_under_every_light_for_both_observers() {
+    let mut random = Random(28);
+    for seed in 0..50_u32 {
+        let components: Vec<_> = (0..1 + random.below(5)).map(|_| reflectance(&mut random)).collect();
+        let (positions, busy) = (1 + random.below(3), random.next());
+        let tolerance = [0.1, 0.5, 2.0][random.below(3)];
+        let (mut header, mut film) =
+            film(
+                [17, 9],
+                &components,
+                positions,
+                |_, _| {
+                    if random.next() < busy { random.next().powi(3) } else { 0.0 }
+                },
+            );
+        if seed % 2 == 0 {
+            header.background = Some(reflectance(&mut random));
+            film.transmittance.iter_mut().for_each(|number| *number = narrow(random.next()));
+        }
+        header.adapt = seed % 3 == 0;
+        let found = largest(&header, std::slice::from_ref(&film), tolerance);
+        // The search compares in f32.
+        assert!(found <= tolerance * 1.0001, "film {seed}: {found} above {tolerance}");
+    }
+}
+
+#[test]
+fn packing_keeps_its_tolerance_of_coefficients() {
+    let (header, film) = read("glass.exr");
+    for tolerance in [0.25, 1.0] {
+        let found = largest(&header, std::slice::from_ref(&film), tolerance);
+        assert!(found > 0.2 * tolerance && found <= tolerance * 1.0001, "{found} for {tolerance}");
+    }
+}
+
+#[test]
+fn films_of_extreme_shapes_and_numbers_are_packed() {
+    let wave = |band: usize| 0.4 + 0.9 * (support::scenes::float(band) * 0.35).sin();
+    let surfaces: Vec<[f64; BANDS]> = vec![[0.5; BANDS], std::array::from_fn(wave)];
+    let many: Vec<[f64; BANDS]> =
+        (0..31).map(|n| std::array::from_fn(|band| if band % 31 == n { 1.0 } else { 0.1 })).collect();
+    let cases = [
+        ("one pixel", film([1, 1], &surfaces, 1, |_, _| 0.7)),
+        ("a row", film([65_536, 1], &surfaces[..1], 1, |_, pixel| support::scenes::float(pixel) / 65_536.0)),
+        ("a column", film([1, 300], &surfaces, 2, |plane, pixel| support::scenes::float(pixel * (plane + 1)) / 900.0)),
+        ("black", film([5, 4], &surfaces, 2, |_, _| 0.0)),
+        (
+            "31 components at 4 positions",
+            film([3, 3], &many, 4, |plane, pixel| if plane % 9 == pixel { 0.8 } else { 0.0 }),
+        ),
+        ("bright", film([4, 4], &surfaces[..1], 1, |_, pixel| 100.0 * support::scenes::float(pixel))),
+    ];
+    for (name, (header, film)) in cases {
+        let found = largest(&header, std::slice::from_ref(&film), 0.5);
+        assert!(found <= 0.5001, "{name}: {found}");
+    }
+}
+
+#[test]
+fn a_tolerance_that_two_bytes_cannot_keep_is_refused_with_the_one_they_keep() {
+    let (header, film) = film([4, 4], &[[0.5; BANDS]], 1, |_, pixel| if pixel == 0 { 1e12 } else { 1e-3 });
+    match page(&header, std::slice::from_ref(&film), 1e-6).packed(&Quiet) {
+        Err(PageError::Tolerance { tolerance, kept }) => assert!(kept > tolerance, "{kept}"),
+        other => panic!("{:?}", other.map(|page| page.summary)),
+    }
+}
+
+#[test]
+fn the_text_of_a_page_holds_what_the_page_shows() {
+    for name in ["session.exr", "glass.exr"] {
+        let (header, film) = read(name);
+        let page = page(&header, std::slice::from_ref(&film), 0.5);
+        let (_, planes) = unpacked(&page.packed(&Quiet).unwrap().html);
+        let shown = page.shown(&Quiet).unwrap().remove(0);
+        let pixels = film.pixels();
+        let expected: Vec<&[f32]> =
+            shown.accumulators.chunks_exact(pixels).chain(shown.transmittance.chunks_exact(pixels)).collect();
+        assert!(planes.len() >= shown.accumulators.len() / pixels, "{name}");
+        for (index, (plane, expected)) in planes.iter().zip(expected).enumerate() {
+            for (one, two) in plane.iter().zip(expected) {
+                let two = f64::from(*two);
+                assert!((one - two).abs() <= 1e-6 * (1.0 + two.abs()), "{name}, plane {index}: {one}, not {two}");
+            }
+        }
+    }
+}
+
+// ---- the text ----
+
+const HOSTILE: [&str; 5] = [
+    "</script><img src=x onerror=alert(1)>",
+    "\"'&<!-- \u{2028}",
+    "🐸\u{202e}gnp.exe",
+    "{style}{views}",
+    "</title><script>alert(2)</script>",
+];
+
+/// A page whose title, lights and materials have hostile names.
+fn hostile() -> (FilmFile, Film<f32>) {
+    let (mut header, film) =
+        film([6, 5], &[[0.5; BANDS], [0.2; BANDS]], 2, |plane, pixel| support::scenes::float(plane + pixel) / 40.0);
+    (header.lights[0].name, header.lights[1].name) = (HOSTILE[0].into(), HOSTILE[2].into());
+    header.positions[0].name = HOSTILE[1].into();
+    if let Components::Surfaces(surfaces) = &mut header.components {
+        (surfaces[0].name, surfaces[1].name) = (HOSTILE[4].into(), HOSTILE[3].into());
+    }
+    (header, film)
+}
+
+#[test]
+fn names_stay_text_and_the_policy_has_the_digests_of_script_and_style() {
+    let (header, film) = hostile();
+    let page = Page { title: HOSTILE[4], ..page(&header, std::slice::from_ref(&film), 0.5) };
+    let html = page.packed(&Quiet).unwrap().html;
+    let tags = |tag: &str| html.replace(SCRIPT, "").matches(tag).count();
+    assert_eq!([tags("<script"), tags("</script"), tags("<style"), tags("<title"), tags("<img")], [3, 3, 1, 1, 1]);
+    let (json, _) = unpacked(&html);
+    assert_eq!(json["lights"][0]["name"], HOSTILE[0]);
+    assert_eq!(json["positions"][0], HOSTILE[1]);
+    assert_eq!(json["components"][1]["name"], HOSTILE[3]);
+    let digest = |text: &str| format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text.as_bytes())));
+    let (_, rest) = html.split_once("<script type=\"module\">").unwrap();
+    let script = rest.split_once("</script>").unwrap().0;
+    assert!(
+        script.starts_with(SCRIPT) && html.contains(&format!("<style>{STYLE}</style>")),
+        "script and style as they are"
+    );
+    let policy = html.split_once("content=\"").unwrap().1.split_once('"').unwrap().0;
+    let expected = format!(
+        "default-src 'none'; script-src {}; style-src {}; img-src data: blob:; base-uri 'none'; form-action 'none'; \
+         require-trusted-types-for 'script'",
+        digest(script),
+        digest(STYLE)
+    );
+    assert_eq!(policy, expected);
+    assert!(html.find("http-equiv").unwrap() < html.find("<title").unwrap(), "the policy comes first");
+    for word in ["http://", "https://", "innerHTML", "eval(", "new Function", "localStorage", "cookie"] {
+        assert!(!SCRIPT.replace("http://www.w3.org/2000/svg", "").contains(word), "{word}");
+    }
+}
+
+#[test]
+fn a_small_page_has_the_numbers_of_its_film() {
+    let (header, film) = film([4, 4], &[[0.5; BANDS]], 1, |_, pixel| if pixel == 5 { 0.8 } else { 0.0 });
+    let (json, planes) = unpacked(&page(&header, std::slice::from_ref(&film), 0.5).packed(&Quiet).unwrap().html);
+    // Only one pixel is lit: its code is the largest, and the step reproduces it within the tolerance.
+    assert_eq!(planes.len(), 1, "transmittance is left out in front of black");
+    let lit: Vec<usize> = (0..16).filter(|&pixel| planes[0][pixel] != 0.0).collect();
+    assert_eq!(lit, [5]);
+    assert!((planes[0][5] - 0.8).abs() <= 0.02, "{}", planes[0][5]);
+    for (key, value) in [
+        ("format", json!(1)),
+        ("title", json!("a test")),
+        ("size", json!([4, 4])),
+        ("views", json!(1)),
+        ("columns", json!(1)),
+        ("observer", json!("1931")),
+        ("adapt", json!(false)),
+        ("positions", json!(["p0"])),
+        ("dial", Value::Null),
+        ("background", Value::Null),
+        ("groups", json!([])),
+    ] {
+        assert_eq!(json[key], value, "{key}");
+    }
+    let known: Vec<&str> =
+        json["standards"].as_array().unwrap().iter().map(|one| one["name"].as_str().unwrap()).collect();
+    assert_eq!(known, standard::names(Kind::Light));
+}
+
+// ---- the command ----
+
+/// A folder with the films of version 0.1.0.
+fn with_films() -> Folder {
+    let folder = Folder::new();
+    for name in ["session.exr", "glass.exr"] {
+        std::fs::copy(released(name), folder.path(name)).unwrap();
+    }
+    folder
+}
+
+#[test]
+fn bad_input_ends_in_one_error_that_names_the_way_out() {
+    let folder = with_films();
+    let whole = std::fs::read(folder.path("session.exr")).unwrap();
+    let newer = whole.windows(11).position(|bytes| bytes == b"version = 1").unwrap();
+    let mut future = whole.clone();
+    future[newer + "version = ".len()] = b'9';
+    let folder = folder.with("short.exr", &whole[..whole.len() / 2]).with("future.exr", &future);
+    folder.refused(1, &["page", "short.exr", "-o", "a.html"], &["short.exr"]);
+    folder.refused(1, &["page", "future.exr", "-o", "a.html"], &["future.exr", "unknown version 9"]);
+    folder.refused(2, &["page", "session.exr", "-o", "a.png"], &["a.png", ".html"]);
+    folder.refused(2, &["page", "session.exr", "-o", "a.html", "--size", "9x9"], &["--size", "already rendered"]);
+    folder.refused(2, &["page", "session.exr", "-o", "a.html", "--views", "4"], &["--views", "already rendered"]);
+    folder.refused(2, &["page", "session.exr", "-o", "a.html", "--k", "4"], &["--k"]);
+    folder.refused(
+        1,
+        &["page", "session.exr", "-o", "a.html", "--max-bytes", "90000"],
+        &["90000", "--tolerance", "--max-bytes"],
+    );
+    folder.refused(1, &["page", "none.exr", "-o", "a.html"], &["none.exr"]);
+    folder.refused(1, &["page", "session.exr", "-o", "no/a.html"], &["no"]);
+}
+
+#[test]
+fn a_film_says_whether_the_dial_mixed_its_lights() {
+    let scene =
+        format!("{}{}\n[mix]\nby = \"dial\"\nhand = [0.25, -0.5]\n", support::program::SCENE, support::program::DIAL);
+    let folder = Folder::new().with("dial.toml", scene);
+    for (name, hand) in [("dial.toml", json!([0.25, -0.5])), ("scene.toml", Value::Null)] {
+        folder.done(&["render", name, "--reference", "--size", "6x5", "--accumulators", "acc.exr"]);
+        folder.done(&["page", "acc.exr", "-o", "a.html"]);
+        let (json, _) = unpacked(&std::fs::read_to_string(folder.path("a.html")).unwrap());
+        assert_eq!(json["dial"]["hand"], hand, "{name}");
+        assert_eq!(json["lights"].as_array().unwrap().len(), 2);
+    }
+}
+
+// ---- the browser ----
+
+/// RGB codes of a PNG.
+fn png(path: &Path) -> Vec<u8> {
+    let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap())).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    bytes
+}
+
+#[test]
+fn a_page_shows_the_pictures_of_relight() {
+    let folder = with_films();
+    let mut browser = Browser::new();
+    for (film, lights) in [("session.exr", ["one", "organs"]), ("glass.exr", ["day", "lamp"])] {
+        let header = FilmFile::read(&folder.path(film)).unwrap();
+        let names: Vec<&str> = header.lights.iter().map(|light| light.name.as_str()).collect();
+        assert!(lights.iter().all(|light| names.contains(light)) || names.len() >= 2, "{names:?}");
+        folder.done(&["page", film, "-o", "page.html", "--tolerance", "0.1"]);
+        let (first, second) = (names[0], names[1]);
+        let at_first = format!("{first}@{}", header.positions[header.lights[0].position].name);
+        let tube = at_first.replacen(first, "FL11", 1) + "=1";
+        let body = at_first.replacen(first, "blackbody 3000", 1) + "=1";
+        let alone = "{by:'sliders',keep:[false,true],master:[1,1],solo:-1,lights:L.map((light, i) => ({...light, on: i === N, value: 1, source: 'S', kelvin: 3000}))}";
+        let alone = |n: usize, source: &str| alone.replace('N', &n.to_string()).replace("'S'", &format!("'{source}'"));
+        let with = |part: &str, rest: &str| format!("({{...{part}, {rest}}})");
+        let weight = header.lights[0].weight;
+        let is_model = matches!(header.components, Components::Model(_));
+        let mut cases = vec![
+            (vec!["--light", first], with(&alone(0, ""), "")),
+            (vec!["--light", second], with(&alone(1, ""), "")),
+            (vec!["--dial", "0.3,-0.2"], "({by:'dial',hand:[0.3,-0.2]})".to_owned()),
+            (vec!["--light", first, "--observer", "1964"], with(&alone(0, ""), "observer:'1964'")),
+            (
+                vec!["--light", &tube],
+                with(&alone(0, "FL11").replace("value: 1", &format!("value: {}", 1.0 / weight)), ""),
+            ),
+        ];
+        if !is_model {
+            // Coefficients are fitted to a black body by the program, and reconstructed by the page.
+            let body_case = with(&alone(0, "black body").replace("value: 1", &format!("value: {}", 1.0 / weight)), "");
+            cases.push((vec!["--light", &body], body_case));
+        }
+        for draw in ["cpu", "gl"] {
+            let mut page = browser.open(&folder.path("page.html"), &format!("#draw={draw}"), [900, 700]);
+            let drawn = page.value("document.getElementById('relume').dataset.ready");
+            assert_eq!(drawn, if draw == "gl" { "WebGL" } else { "JavaScript" });
+            let observer = format!("{:?}", header.observer.to_string());
+            for (flags, state) in &cases {
+                folder.done(&[&["relight", film, "-o", "relit.png"], &flags[..]].concat());
+                page.value(&format!(
+                    "{{ const L = relume.state.lights; relume.set({{observer: {observer}}}); relume.set({state}); }}"
+                ));
+                let (shown, expected) = (page.pixels(), png(&folder.path("relit.png")));
+                assert_eq!(shown.len(), expected.len(), "{film}");
+                assert!(expected.iter().any(|&code| code > 40), "a black picture proves nothing: {flags:?}");
+                let off = shown.iter().zip(&expected).map(|(one, two)| one.abs_diff(*two)).max().unwrap();
+                assert!(off <= 1, "{film}, {draw}, {flags:?}: {off} codes off");
+            }
+            assert_eq!(page.complaints(), Vec::<String>::new(), "{film}, {draw}");
+        }
+    }
+}
+
+#[test]
+fn the_script_computes_the_matrices_of_the_program() {
+    let folder = with_films();
+    let mut browser = Browser::new();
+    for name in ["session.exr", "glass.exr"] {
+        folder.done(&["page", name, "-o", "page.html"]);
+        let (header, film) = read(name);
+        let views = [film];
+        let made = page(&header, &views, 0.5);
+        let mut shown = browser.open(&folder.path("page.html"), "#draw=cpu", [800, 600]);
+        shown.value("relume.set({by:'sliders',keep:[false,true],master:[1,1],adapt:false,stops:0,lights:relume.state.lights.map((light) => ({...light, on: true, value: 1}))})");
+        for observer in Observer::ALL {
+            shown.value(&format!("relume.set({{observer:'{observer}'}})"));
+            let mut plain = header.clone();
+            plain.adapt = false;
+            let of_page = Page { film: &plain, ..page(&plain, &views, made.tolerance) };
+            let expected = of_page.matrices(&[(plain.stated().unwrap(), observer)]).unwrap().remove(0);
+            let found: Vec<[f64; 3]> = serde_json::from_value(shown.value("relume.colours")).unwrap();
+            assert!(found.len() >= expected.colours.len(), "{name}");
+            for (found, expected) in found.iter().zip(expected.colours.iter().chain(&expected.background)) {
+                let apart = DVec3::from_array(*found).distance(*expected);
+                assert!(apart <= 1e-5 * (0.1 + expected.length()), "{name}, {observer}: {found:?}, not {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_page_is_safe_and_asks_for_nothing() {
+    let (header, film) = hostile();
+    let folder = Folder::new();
+    let page = Page { title: HOSTILE[4], ..page(&header, std::slice::from_ref(&film), 0.5) };
+    page.packed(&Quiet).unwrap().write(&folder.path("page.html")).unwrap();
+    let mut browser = Browser::new();
+    let mut shown = browser.open(&folder.path("page.html"), "", [900, 700]);
+    assert_eq!(shown.value("document.title"), HOSTILE[4]);
+    assert_eq!(shown.value("document.querySelector('h1').textContent"), HOSTILE[4]);
+    assert_eq!(shown.value("document.querySelectorAll('script').length"), 3);
+    assert_eq!(
+        shown.value("[...document.querySelectorAll('li bdi')].map((name) => name.title)"),
+        json!([HOSTILE[0], HOSTILE[2]])
+    );
+    shown.value("document.querySelector('.frame').focus()");
+    shown.press("p");
+    shown.wait("!document.querySelector('.probe').hidden");
+    assert_eq!(shown.complaints(), Vec::<String>::new());
+    // The policy holds: nothing is fetched, no markup becomes elements.
+    assert_eq!(shown.value("fetch('data:,x').then(() => 'fetched', () => 'refused')"), "refused");
+    let inserted = "(() => { try { document.body.insertAdjacentHTML('beforeend', '<b>x</b>'); return 'inserted'; } catch { return 'refused'; } })()";
+    assert_eq!(shown.value(inserted), "refused");
+}
+
+#[test]
+fn a_lost_context_is_restored_once_and_then_replaced() {
+    let folder = with_films();
+    folder.done(&["page", "session.exr", "-o", "page.html"]);
+    let mut browser = Browser::new();
+    let mut page = browser.open(&folder.path("page.html"), "#draw=gl", [900, 700]);
+    let before = page.pixels();
+    for expected in ["WebGL", "JavaScript"] {
+        page.value("delete document.getElementById('relume').dataset.ready; document.querySelector('canvas').getContext('webgl2').getExtension('WEBGL_lose_context').loseContext()");
+        page.wait(&format!("document.getElementById('relume').dataset.ready === '{expected}'"));
+        let off = page.pixels().iter().zip(&before).map(|(one, two)| one.abs_diff(*two)).max().unwrap();
+        assert!(off <= 1, "{expected}: {off} codes off");
+    }
+}
+
+#[test]
+fn keys_alone_reach_and_move_everything() {
+    let folder = with_films();
+    folder.done(&["page", "session.exr", "-o", "page.html"]);
+    let mut browser = Browser::new();
+    let mut page = browser.open(&folder.path("page.html"), "", [1200, 900]);
+    // Every control has a name and is reached by Tab.
+    let controls = "[...document.querySelectorAll('.relume button, .relume input, .relume select, .relume summary, .relume [tabindex]')].filter((one) => one.checkVisibility())";
+    let count = page.value(&format!("{controls}.length")).as_u64().unwrap();
+    page.value(
+        "globalThis.reached = new Set(); document.addEventListener('focusin', (event) => reached.add(event.target))",
+    );
+    for _ in 0..=count {
+        page.press("Tab");
+    }
+    assert_eq!(
+        page.value(&format!(
+            "{controls}.filter((one) => !one.disabled && !reached.has(one)).map((one) => one.outerHTML)"
+        )),
+        json!([])
+    );
+    page.value("document.querySelector('.hand').focus(); relume.set({by:'dial',hand:[0,0]})");
+    page.press("ArrowRight");
+    let hand = page.value("relume.state.hand");
+    assert!(hand[0].as_f64().unwrap() > 0.0 && hand[1] == 0, "{hand}");
+    page.press("Home");
+    assert_eq!(page.value("relume.state.hand"), json!([0, 0]));
+    page.value("document.querySelector('.node').focus()");
+    page.press("Enter");
+    assert_eq!(page.value("String(relume.state.hand) === String(relume.state.nodes[0].place)"), true);
+    page.press(" ");
+    assert_eq!(page.value("relume.state.nodes[0].on"), false);
+    assert_eq!(page.value("document.querySelector('.node').getAttribute('aria-checked')"), "false");
+    let tree = page.send("Accessibility.getFullAXTree", json!({}));
+    let nodes = tree["nodes"].as_array().unwrap();
+    let named = |role: &str| -> Vec<String> {
+        let of_role = nodes.iter().filter(|node| node["role"]["value"] == role && node["ignored"] != true);
+        of_role.map(|node| node["name"]["value"].as_str().unwrap_or_default().to_owned()).collect()
+    };
+    for role in ["slider", "checkbox", "button", "combobox", "image", "textbox"] {
+        let names = named(role);
+        assert!(!names.is_empty() && names.iter().all(|name| !name.is_empty()), "{role}: {names:?}");
+    }
+    assert!(named("slider").contains(&"Hand of the light dial".to_owned()));
+    assert!(
+        named("image").iter().any(|name| name.starts_with("Relight this picture. Light: ")),
+        "{:?}",
+        named("image")
+    );
+}
+
+#[test]
+fn the_address_holds_the_mix() {
+    let folder = with_films();
+    folder.done(&["page", "session.exr", "-o", "page.html"]);
+    let mut browser = Browser::new();
+    let mut page = browser.open(&folder.path("page.html"), "", [900, 700]);
+    page.value("relume.set({by:'dial',hand:[0.25,-0.5],stops:0.5,observer:'1964',vision:'deutan',lights:relume.state.lights.map((light, i) => i ? light : {...light, source:'black body', kelvin:4200})})");
+    page.wait("location.hash.includes('hand')");
+    let (hash, before) = (page.value("location.hash"), page.pixels());
+    assert!(hash.as_str().unwrap().starts_with("#hand=0.25"), "{hash}");
+    let mut again = browser.open(&folder.path("page.html"), hash.as_str().unwrap(), [900, 700]);
+    assert_eq!(again.value("relume.state.lights[0].kelvin"), 4200);
+    assert_eq!(again.pixels(), before);
+    // What does not belong there is ignored.
+    let mut odd = browser.open(
+        &folder.path("page.html"),
+        "#hand=x,1&view=1e99&stops=NaN&spectrum.one=9&solo=-7&pixel=1",
+        [900, 700],
+    );
+    assert_eq!(
+        odd.value("[relume.state.view, relume.state.stops, relume.state.solo, relume.state.pixel]"),
+        json!([0, 0, -1, null])
+    );
+    assert_eq!(odd.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn a_phone_shows_the_whole_page_and_a_printer_the_picture_with_its_light() {
+    let folder = with_films();
+    folder.done(&["page", "session.exr", "-o", "page.html"]);
+    let mut browser = Browser::new();
+    let mut page = browser.open(&folder.path("page.html"), "", [390, 844]);
+    assert_eq!(page.value("document.documentElement.scrollWidth"), 390);
+    let narrow = page.value("document.querySelector('canvas').getBoundingClientRect().width");
+    assert!((300.0..=390.0).contains(&narrow.as_f64().unwrap()), "{narrow}");
+    let pdf = page.send("Page.printToPDF", json!({}));
+    let pdf = STANDARD.decode(pdf["data"].as_str().unwrap()).unwrap();
+    assert!(pdf.starts_with(b"%PDF") && pdf.len() > 4000, "{} bytes", pdf.len());
+    page.send("Emulation.setEmulatedMedia", json!({"media": "print"}));
+    let shown =
+        |selector: &str| format!("[...document.querySelectorAll('{selector}')].some((one) => one.checkVisibility())");
+    for (selector, is_shown) in
+        [("canvas", true), (".words", true), (".curve", true), ("button", false), ("input", false)]
+    {
+        assert_eq!(page.value(&shown(selector)), is_shown, "{selector}");
+    }
+    assert!(page.value("document.querySelector('.words').textContent").as_str().unwrap().contains('%'));
+}
+
+#[test]
+fn a_turntable_turns() {
+    let (header, first) = film([8, 6], &[[0.8; BANDS]], 1, |_, pixel| if pixel % 2 == 0 { 0.9 } else { 0.0 });
+    let turned = |view: usize| Film {
+        accumulators: first
+            .accumulators
+            .iter()
+            .map(|number| number * narrow(1.0 - 0.2 * support::scenes::float(view)))
+            .collect(),
+        ..first.clone()
+    };
+    let views: Vec<Film<f32>> = (0..4).map(turned).collect();
+    let folder = Folder::new();
+    let page = Page { columns: 4, ..page(&header, &views, 0.5) };
+    page.packed(&Quiet).unwrap().write(&folder.path("page.html")).unwrap();
+    let mut browser = Browser::new();
+    let mut shown = browser.open(&folder.path("page.html"), "#draw=cpu", [900, 700]);
+    let bright = |pixels: Vec<u8>| pixels.into_iter().max().unwrap();
+    let first = bright(shown.pixels());
+    shown.value("document.querySelector('.frame').focus()");
+    shown.press(".");
+    shown.wait("relume.state.view === 1");
+    shown.value("new Promise((go) => setTimeout(go, 200))");
+    let second = bright(shown.pixels());
+    assert!(second < first, "{second} of {first}");
+    shown.press(",");
+    shown.press(",");
+    shown.wait("relume.state.view === 3");
+}
