@@ -96,8 +96,12 @@ fn add_sample(
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) -> Transmittance {
     let step = sample(place, key);
-    for (var position = 0u; position < POSITIONS_USED; position += 1u) {
-        composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
+    if (SHADOWS) {
+        add_shadowed(ray, place, step, transmittance, sums);
+    } else {
+        for (var position = 0u; position < POSITIONS_USED; position += 1u) {
+            composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
+        }
     }
     return attenuate(transmittance, step.opacity);
 }

@@ -252,8 +252,12 @@ fn march_run(
         if (GRADIENT) {
             step.normal = unit((gradient + next_gradient) * 0.5);
         }
-        for (var position = 0u; position < POSITIONS_USED; position += 1u) {
-            composite(sums, position * LANES, shade(position, ray, middle, step), transmittance);
+        if (SHADOWS) {
+            add_shadowed(ray, middle, step, transmittance, sums);
+        } else {
+            for (var position = 0u; position < POSITIONS_USED; position += 1u) {
+                composite(sums, position * LANES, shade(position, ray, middle, step), transmittance);
+            }
         }
         transmittance = attenuate(transmittance, step.opacity);
         if (brightest(transmittance) < march.termination) { break; }

@@ -3,6 +3,7 @@
 mod explain;
 mod half;
 mod needs;
+mod shadows;
 mod stale;
 mod warning;
 
@@ -17,7 +18,7 @@ use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;
 use crate::scene::{
     AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lighting, Lookup, Placement, Position, Scene,
-    Shading, StoreAs, VolumeAs, positions,
+    Shading, ShadowMethod, StoreAs, VolumeAs, positions,
 };
 use crate::spectrum::Light;
 use crate::spectrum::observer::Observer;
@@ -42,6 +43,8 @@ pub struct ScenePlan {
     pub transmittance: Transmittance,
     /// Light positions that shading can distinguish: one accumulator each.
     pub positions: PositionCounts,
+    /// Positions with shadows; `None` without any.
+    pub shadows: Option<ShadowedPositions>,
     /// Shading of directed lights; `None` if every light reaches every point equally.
     pub shading: Option<ShadingTerms>,
     /// Points of the factor on the opacity by the gradient magnitude; 0 without such a factor.
@@ -138,7 +141,7 @@ pub struct Parts {
 pub struct PositionCounts {
     /// 0 or 1: all ambient lights share a position.
     pub ambient: usize,
-    /// 0 or 1.
+    /// 0 to 2: without and with shadows.
     pub headlight: usize,
     /// Lights at infinity.
     pub directional: usize,
@@ -147,6 +150,21 @@ pub struct PositionCounts {
     /// 0 or 1.
     pub three_point: usize,
 }
+
+/// Positions with shadows: the last ones of their kinds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ShadowedPositions {
+    /// Whether the last headlight casts shadows: its light takes the way of the eye, so they follow from the
+    /// transmittance.
+    pub headlight: bool,
+    /// Number of directional lights with shadows.
+    pub directional: usize,
+    /// How their light is found.
+    pub method: ShadowMethod,
+}
+
+/// Largest number of directional lights with shadows.
+pub const MOST_SHADOWED: usize = 16;
 
 /// Shading terms of directed lights. Without diffuse and specular parts, only the materials' ambient factors remain,
 /// and no gradient is needed.
@@ -191,6 +209,13 @@ impl PositionCounts {
         self.ambient + self.headlight + self.directional + self.point + self.three_point
     }
 
+    /// Indices of the directional lights, if the last `shadowed` of them are meant.
+    #[must_use]
+    pub fn last_directional(&self, shadowed: usize) -> std::ops::Range<usize> {
+        let end = self.ambient + self.headlight + self.directional;
+        end - shadowed.min(self.directional)..end
+    }
+
     /// Number of vectors of the positions: three for a three-point light, otherwise one.
     #[must_use]
     pub fn vectors(&self) -> usize {
@@ -199,6 +224,31 @@ impl PositionCounts {
 }
 
 impl ScenePlan {
+    /// Indices of the directional positions with shadows.
+    #[must_use]
+    pub fn shadowed(&self) -> std::ops::Range<usize> {
+        self.positions.last_directional(self.shadows.map_or(0, |shadows| shadows.directional))
+    }
+
+    /// Index of the headlight with shadows, if there is one.
+    #[must_use]
+    pub fn shadowed_headlight(&self) -> Option<usize> {
+        let last = (self.positions.ambient + self.positions.headlight).checked_sub(1);
+        last.filter(|_| self.shadows.is_some_and(|shadows| shadows.headlight))
+    }
+
+    /// Number of positions without shadows.
+    #[must_use]
+    pub fn open_positions(&self) -> usize {
+        self.positions.total() - self.shadowed().len() - usize::from(self.shadowed_headlight().is_some())
+    }
+
+    /// Whether the march reads a light grid.
+    #[must_use]
+    pub fn reads_light_grid(&self) -> bool {
+        self.shadows.is_some_and(|shadows| shadows.directional > 0 && shadows.method == ShadowMethod::Grid)
+    }
+
     /// Components of an accumulator.
     #[must_use]
     pub fn components(&self) -> usize {
@@ -386,6 +436,14 @@ pub enum PlanError {
         /// The reason.
         why: &'static str,
     },
+    /// Shadows are requested where they cannot be computed.
+    #[error("lights.{light}.shadows = true is not possible: {why}")]
+    NoShadows {
+        /// The light.
+        light: String,
+        /// The reason.
+        why: String,
+    },
     /// No colour model meets the request.
     #[error("no colour model fits the scene")]
     Model(#[from] ModelError),
@@ -402,6 +460,7 @@ impl PlanError {
             Self::GradientMatrix => "gradient-opacity-matrix",
             Self::HalfMatrix => "half-matrix",
             Self::NoSegments { .. } => "segments-impossible",
+            Self::NoShadows { .. } => "shadows-impossible",
             Self::Model(error) => error.code(),
         }
     }
@@ -442,6 +501,7 @@ fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     if let (Integration::Segments, Some(why)) = (scene.accuracy.integration, planned.no_segments()) {
         return Err(PlanError::NoSegments { why });
     }
+    shadows::check(planned, scene)?;
     half::check(planned, scene)
 }
 
@@ -557,6 +617,14 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             }
         }
     };
+    let shadowed = |kind: fn(&Placement) -> bool| {
+        positions.iter().filter(|position| position.shadows && kind(&position.placement)).count()
+    };
+    let shadows = ShadowedPositions {
+        headlight: shadowed(|placement| matches!(placement, Placement::Headlight)) > 0,
+        directional: shadowed(|placement| matches!(placement, Placement::Directional(_))),
+        method: scene.shadows.method,
+    };
     let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some());
     let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
     let factors = &scene.transfer.gradient_opacity;
@@ -567,6 +635,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             (transmittance, _) => transmittance,
         },
         positions: counts,
+        shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.directional > 0),
         shading,
         // A factor of 1 at all magnitudes has no effect.
         gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },

@@ -6,6 +6,7 @@ mod goals;
 mod model;
 mod needs;
 mod palette;
+mod shadows;
 mod tables;
 
 use std::error::Error;
@@ -25,6 +26,7 @@ use goals::{GoalRow, GoalScene, GoalSummary, goal_row};
 use model::{AutomaticSummary, LIGHT_GROUPS, ModelSetting, automatic_dimension, model_row, nodes_beside_rgb};
 use needs::{NeedRow, need_rows};
 use palette::palette_rows;
+use shadows::{ShadowRow, shadow_rows};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -46,6 +48,9 @@ struct Args {
     /// Number of runs of `palette`.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
+    /// The frog for `shadows`; default: the phantom.
+    #[arg(long, value_name = "FILE")]
+    volume: Option<std::path::PathBuf>,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
@@ -68,6 +73,8 @@ enum Instrument {
     Goals,
     /// Colour models on seeded scenes: no march, no device.
     Model,
+    /// Error of the light grid against rays, and times of shadows beside the march without, in the frog of the peer scene.
+    Shadows,
     /// Design of the palettes in data/palettes and of the figures: no device.
     Palette,
 }
@@ -117,6 +124,12 @@ fn main() -> ExitCode {
 fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
     match instrument {
         Instrument::Needs => needs(&args.device),
+        Instrument::Shadows => {
+            let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+            let rows = shadow_rows(&renderer, args.volume.as_deref())?;
+            let holds = rows.iter().all(ShadowRow::holds);
+            Ok(Report { text: shadows::text(&rows), json: json!({ "shadows": rows, "holds": holds }) })
+        }
         Instrument::Goals => goals(args.scenes, &args.device),
         Instrument::Model => models(args.scenes.into()),
         Instrument::Palette => {

@@ -173,6 +173,14 @@ impl<S: Samples<f64>> Samples<f64> for Counting<'_, S> {
     fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
         self.inner.mean(ends, middle, density)
     }
+
+    fn extinction(&self, place: [f64; 3]) -> f64 {
+        self.inner.extinction(place)
+    }
+
+    fn stored_depth(&self, depth: f64) -> f64 {
+        self.inner.stored_depth(depth)
+    }
 }
 
 /// Tolerance between pictures that should be equal: the same sums in the same order, plus light of 1e-30.

@@ -15,7 +15,7 @@ use relume::output::film::{Components, FilmFile, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
-use relume::tables::Storage;
+use relume::tables::{LightGrid, Storage};
 use relume::volume::{self, LabelPreset, Series, Several, Volume, VolumeError, Window};
 use relume::vulkan::{DeviceInfo, devices};
 
@@ -444,7 +444,8 @@ fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Resul
                 Placement::ThreePoint => "from three points around the eye".to_owned(),
             };
             let off = if is_on(file, &light.name) { "" } else { ", off initially" };
-            format!("{} ({place}, intensity {}{off})", light.name, light.intensity)
+            let shadows = if light.shadows { ", with shadows" } else { "" };
+            format!("{} ({place}, intensity {}{shadows}{off})", light.name, light.intensity)
         })
         .collect();
     line("lights", &or_none(&lights.join(", ")));
@@ -489,7 +490,7 @@ fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Resul
                 };
                 let place = place.map(|place| place.to_array());
                 let on = is_on(file, &light.name);
-                json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity, "on": on})
+                json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity, "on": on, "shadows": light.shadows})
             })
             .collect::<Vec<_>>(),
         "presets": presets,
@@ -545,6 +546,10 @@ fn bars(bins: &[u64]) -> String {
 fn explanation(scene: &Scene, planned: &Planned, storage: &Storage) -> Vec<String> {
     let mut sentences = planned.explain(scene);
     sentences.push(storage.explain(scene.volume.geometry.dims));
+    if planned.plan.reads_light_grid() {
+        let grid = LightGrid::new(scene, scene.shadows.spacing);
+        sentences.push(grid.explain(planned.plan.shadowed().len()));
+    }
     sentences
 }
 

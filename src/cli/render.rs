@@ -9,7 +9,7 @@ use relume::document::{State, session};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::annotate::Overlay;
 use relume::internal::memory;
-use relume::internal::number::readable;
+use relume::internal::number::{brief, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::output::{FilmFile, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
@@ -508,6 +508,13 @@ fn on_device(
     let accumulators = on_device.march(size, progress)?;
     let march = clock.read();
     warn_of_nothing(scene, planned, mix, Some(accumulators.occupied[0]));
+    if let Some(spacing) = accumulators.light_spacing.filter(|&spacing| spacing > scene.shadows.spacing) {
+        tracing::warn!(
+            "the light grid has a node every {} voxels instead of {}: a finer one would take more than an eighth of the device's memory",
+            brief(spacing),
+            brief(scene.shadows.spacing)
+        );
+    }
 
     let clock = Stopwatch::start();
     let matrices = on_device.matrices(mix);

@@ -30,7 +30,7 @@ use crate::palette::{self, Member, Misplaced};
 use crate::progress::Progress;
 use crate::scene::{
     Accuracy, Aim, Camera, Display, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, Material, MaterialCurve,
-    OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Term, Transfer, unit,
+    OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Shadows, Term, Transfer, unit,
 };
 use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
 use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Unit, Volume, VolumeError};
@@ -222,6 +222,10 @@ fn without_absorption(key: &str, material: &str) -> String {
 const MOST_LABELS: usize = 255;
 
 const UNIT: RangeInclusive<f64> = 0.0..=1.0;
+/// Range of `shadows.spacing`, in voxels.
+const SHADOW_SPACINGS: RangeInclusive<f64> = 0.5..=64.0;
+/// Range of `shadows.start`, in voxels.
+const SHADOW_STARTS: RangeInclusive<f64> = 0.0..=1000.0;
 const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
 
@@ -502,6 +506,22 @@ impl Text<'_> {
             dimension,
             storage: file.accuracy.storage,
         };
+        let usual = Shadows::default();
+        let shadows = Shadows {
+            method: file.shadows.method,
+            spacing: self.optional(
+                "shadows.spacing",
+                file.shadows.spacing.as_ref(),
+                &SHADOW_SPACINGS,
+                usual.spacing,
+            )?,
+            start: file
+                .shadows
+                .start
+                .as_ref()
+                .map(|start| self.number("shadows.start", start, &SHADOW_STARTS))
+                .transpose()?,
+        };
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
         if camera.view(&volume.geometry, 1.0).is_none() {
             let message = "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight";
@@ -535,6 +555,7 @@ impl Text<'_> {
             camera,
             crop,
             accuracy,
+            shadows,
             display,
         };
         Ok(SceneFile { scene, dial, light, text: self.text.into(), base: base.clone(), inputs, guess: None })

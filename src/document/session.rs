@@ -297,7 +297,7 @@ fn without_places(table: &Table) -> Table {
     copy
 }
 
-/// Writes changed spectra, and the `open` spectra of the palette, as samples. A spectrum in the scene takes precedence
+/// Writes changed spectra, the `open` spectra of the palette, and changed switches of shadows. Spectra are samples. A spectrum in the scene takes precedence
 /// over its palette.
 fn spectra(
     document: &mut DocumentMut,
@@ -310,28 +310,31 @@ fn spectra(
         table.insert("samples", numbers(*spectrum.samples()).into());
         value(table)
     };
-    let mut set = |list: &'static str, name: &str, key: &str, spectrum: &Spectrum| -> Result<(), SessionError> {
+    let mut set = |list: &'static str, name: &str, key: &str, item: Item| -> Result<(), SessionError> {
         let members = table(document, list)?;
         if members.get(name).is_none() {
             members.insert(name, Item::Table(Table::new()));
         }
         let member =
             members.get_mut(name).and_then(Item::as_table_like_mut).ok_or(SessionError::NoTable { name: list })?;
-        member.insert(key, samples(spectrum));
+        member.insert(key, item);
         Ok(())
     };
     for &(side, name, spectrum) in open.iter().filter(|(_, name, _)| *name != design::BACKGROUND) {
         match side {
-            Side::Material => set("materials", name, "reflectance", spectrum)?,
-            Side::Light => set("lights", name, "spectrum", spectrum)?,
+            Side::Material => set("materials", name, "reflectance", samples(spectrum))?,
+            Side::Light => set("lights", name, "spectrum", samples(spectrum))?,
         }
     }
     for (new, old) in now.materials.iter().zip(&then.materials).filter(|(new, old)| new.reflectance != old.reflectance)
     {
-        set("materials", &old.name, "reflectance", new.reflectance.spectrum())?;
+        set("materials", &old.name, "reflectance", samples(new.reflectance.spectrum()))?;
     }
     for (new, old) in now.lights.iter().zip(&then.lights).filter(|(new, old)| new.spectrum != old.spectrum) {
-        set("lights", &old.name, "spectrum", new.spectrum.spectrum())?;
+        set("lights", &old.name, "spectrum", samples(new.spectrum.spectrum()))?;
+    }
+    for (new, old) in now.lights.iter().zip(&then.lights).filter(|(new, old)| new.shadows != old.shadows) {
+        set("lights", &old.name, "shadows", value(new.shadows))?;
     }
     let found = open.iter().any(|(_, name, _)| *name == design::BACKGROUND);
     if let Some(background) = now.background.as_ref().filter(|_| found || now.background != then.background) {

@@ -36,6 +36,8 @@ pub enum Edit {
     Weight(usize, f64),
     /// Switches a light on or off.
     On(usize, bool),
+    /// Whether a light casts shadows, by its index. Only directional lights and headlights do.
+    Shadows(usize, bool),
     /// Selects a single light, or all lights that are on.
     Solo(Option<usize>),
     /// Selects the sliders or the dial.
@@ -117,6 +119,7 @@ impl Edit {
     pub fn leaves_light(&self) -> bool {
         match self {
             Self::Camera(..)
+            | Self::Shadows(..)
             | Self::Interval(..)
             | Self::AddInterval(_)
             | Self::RemoveTerm(_)
@@ -306,6 +309,7 @@ impl State {
             camera,
             crop,
             accuracy,
+            shadows: _,
             display,
         } = scene;
         let to = &other.scene;
@@ -338,6 +342,11 @@ impl State {
             Edit::On(index, on) => {
                 if let Some(slider) = light.sliders.get_mut(index) {
                     slider.on = on;
+                }
+            }
+            Edit::Shadows(index, shadows) => {
+                if let Some(light) = scene.lights.get_mut(index) {
+                    light.shadows = shadows && light.placement.casts_shadows();
                 }
             }
             Edit::Solo(solo) => {

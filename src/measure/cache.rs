@@ -80,9 +80,21 @@ fn key(scene: &Scene, mix: &Mix, device: &str, size: [usize; 2]) -> u64 {
     let mut hasher = DefaultHasher::new();
     (env!("CARGO_PKG_VERSION"), device, size).hash(&mut hasher);
     let Scene {
-        volume, labels, materials, transfer, lights, shading, background, camera, crop, accuracy, display, ..
+        volume,
+        labels,
+        materials,
+        transfer,
+        lights,
+        shading,
+        background,
+        camera,
+        crop,
+        accuracy,
+        shadows,
+        display,
+        ..
     } = scene;
-    format!("{materials:?} {transfer:?} {lights:?} {shading:?} {background:?} {camera:?} {crop:?} {accuracy:?} {display:?} {mix:?}")
+    format!("{materials:?} {transfer:?} {lights:?} {shading:?} {background:?} {camera:?} {crop:?} {accuracy:?} {shadows:?} {display:?} {mix:?}")
         .hash(&mut hasher);
     hash_voxels(volume, &mut hasher);
     if let Some(labels) = labels {

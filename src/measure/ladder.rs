@@ -13,9 +13,11 @@ use crate::number::{count, whole};
 use crate::plan::{Integrate, Planned, ScenePlan, plan_full_spectrum};
 use crate::progress::Progress;
 use crate::reference::{Exact, ReferenceError, Stored, render_pixels};
-use crate::scene::{Accuracy, Integration, Interpolation, Mix, Scene, StoreAs};
+use crate::scene::{Accuracy, Integration, Interpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs};
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use crate::tables::{GradientTable, LabelMap, Occupancy, SegmentTable, Storage, StoredVolume, TransferTable};
+use crate::tables::{
+    ExtinctionTable, GradientTable, LabelMap, Occupancy, SegmentTable, Storage, StoredVolume, TransferTable,
+};
 use crate::volume::{Statistics, VolumeError};
 
 /// Cause of a difference from the truth: the difference between two rungs.
@@ -28,6 +30,8 @@ pub enum Cause {
     Interpolation,
     /// Early ray termination.
     Termination,
+    /// Shadows from a light grid instead of rays to the lights.
+    LightGrid,
     /// Spectra represented by few numbers.
     Basis,
     /// The transfer function as a table, the volume as a texture, and possibly 16-bit accumulators.
@@ -42,10 +46,11 @@ pub enum Cause {
 
 impl Cause {
     /// All causes, from the truth down.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Step,
         Self::Interpolation,
         Self::Termination,
+        Self::LightGrid,
         Self::Basis,
         Self::Tables,
         Self::Rounding,
@@ -60,6 +65,7 @@ impl Cause {
             Self::Step => "step",
             Self::Interpolation => "interpolation",
             Self::Termination => "termination",
+            Self::LightGrid => "light grid",
             Self::Basis => "basis",
             Self::Tables => "tables and storage",
             Self::Rounding => "rounding",
@@ -118,11 +124,14 @@ struct March {
     interpolation: Interpolation,
     integration: Integration,
     variation: u64,
+    /// Spacing of the light grid; rays without one.
+    spacing: Option<u64>,
 }
 
 impl March {
-    fn of(accuracy: &Accuracy) -> Self {
+    fn of(accuracy: &Accuracy, shadows: &Shadows) -> Self {
         Self {
+            spacing: (shadows.method == ShadowMethod::Grid).then(|| shadows.spacing.to_bits()),
             step_length: accuracy.step_length.to_bits(),
             termination: accuracy.termination.to_bits(),
             interpolation: accuracy.interpolation,
@@ -199,6 +208,7 @@ impl<'a> Ladder<'a> {
     ) -> Result<Vec<[usize; 2]>, LadderError> {
         let mut scene = self.scene.clone();
         scene.accuracy.integration = Integration::Samples;
+        scene.lights.iter_mut().for_each(|light| light.shadows = false);
         let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
         // The fractions of 81 bands in the light sum to 1 only up to rounding.
         let shows = |(colour, opacity): &(DVec3, f64)| {
@@ -208,9 +218,15 @@ impl<'a> Ladder<'a> {
         Ok(shown.map(|(&pixel, _)| pixel).collect())
     }
 
-    /// The truth: full spectrum, point samples without tables, an eighth of the shortest Δs, no early ray termination.
+    /// The truth: full spectrum, point samples without tables, an eighth of the shortest Δs, rays to the lights, no early
+    /// ray termination.
     pub(super) fn truth(&mut self, progress: &dyn Progress) -> Result<Arc<Vec<DVec3>>, LadderError> {
-        self.full(&self.true_accuracy(), progress)
+        self.full(&self.true_accuracy(), &self.rays(), progress)
+    }
+
+    /// Shadows by rays.
+    pub(super) fn rays(&self) -> Shadows {
+        Shadows { method: ShadowMethod::Rays, ..self.scene.shadows }
     }
 
     fn true_accuracy(&self) -> Accuracy {
@@ -222,18 +238,20 @@ impl<'a> Ladder<'a> {
         }
     }
 
-    /// Full spectrum without tables, with the step, termination, interpolation and integration of `accuracy`; cached.
+    /// Full spectrum without tables, with the step, termination, interpolation and integration of `accuracy`, and with
+    /// `shadows`; cached.
     pub(super) fn full(
         &mut self,
         accuracy: &Accuracy,
+        shadows: &Shadows,
         progress: &dyn Progress,
     ) -> Result<Arc<Vec<DVec3>>, LadderError> {
-        let key = March::of(accuracy);
+        let key = March::of(accuracy, shadows);
         if let Some(known) = self.full.get(&key) {
             return Ok(Arc::clone(known));
         }
         let mut scene = self.scene.clone();
-        scene.accuracy = accuracy.clone();
+        (scene.accuracy, scene.shadows) = (accuracy.clone(), *shadows);
         let found = self.march_full(&scene, progress)?.into_iter().map(|(colour, _)| colour);
         let found = Arc::new(found.collect::<Vec<_>>());
         self.full.insert(key, Arc::clone(&found));
@@ -247,7 +265,7 @@ impl<'a> Ladder<'a> {
     /// The truth in other pixels.
     pub(super) fn truth_in(&self, pixels: &[[usize; 2]], progress: &dyn Progress) -> Result<Vec<DVec3>, LadderError> {
         let mut scene = self.scene.clone();
-        scene.accuracy = self.true_accuracy();
+        (scene.accuracy, scene.shadows) = (self.true_accuracy(), self.rays());
         let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
         Ok(found.into_iter().map(|(colour, _)| colour).collect())
     }
@@ -304,6 +322,11 @@ impl<'a> Ladder<'a> {
         });
         if let Some((table, densities)) = &segments {
             stored = stored.with_segments(storage, table, Some(densities));
+        }
+        let shadowed = !planned.plan.shadowed().is_empty();
+        let extinctions = shadowed.then(|| ExtinctionTable::new(scene, planned, storage.domain));
+        if let Some(extinctions) = &extinctions {
+            stored = stored.with_shadows(extinctions);
         }
         let matrices = self.matrices(scene, planned);
         let found = render_pixels(scene, planned, &stored, &matrices, self.size, &self.pixels, progress)?;

@@ -7,7 +7,7 @@ use crate::progress::{Progress, Quiet};
 use crate::reference::{self, Exact, ReferenceError, Samples, Stored};
 use crate::render::{DeviceFilm, RenderError, Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
-use crate::tables::{GradientTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
+use crate::tables::{ExtinctionTable, GradientTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
 use crate::volume::VolumeError;
 
 /// A scene with all data that the rungs read.
@@ -27,6 +27,8 @@ pub struct Rungs {
     pub label_table: TransferTable,
     /// Table of segments, and the densities of labels, if the plan integrates in segments.
     pub segments: Option<(SegmentTable, TransferTable)>,
+    /// Extinction of shadows, if the plan has directional ones.
+    pub extinctions: Option<ExtinctionTable>,
     /// Label of every voxel, if the plan uses labels.
     pub labels: Option<LabelMap>,
     /// Mix of the scene's own lights.
@@ -94,6 +96,8 @@ impl Rungs {
                 let table = SegmentTable::new(&scene, &planned, storage.domain);
                 (table, TransferTable::densities_of_labels(&scene, &planned))
             }),
+            extinctions: (!planned.plan.shadowed().is_empty())
+                .then(|| ExtinctionTable::new(&scene, &planned, storage.domain)),
             mix: Mix::of_scene(&scene),
             scene,
             planned,
@@ -124,8 +128,12 @@ impl Rungs {
         let labels = self.labels.as_ref().map(|labels| (labels, &self.label_table));
         let gradients = GradientTable::new(&self.scene, &self.storage);
         let stored = Stored::new(&self.planned, &self.storage, &self.volume, &self.table, labels, gradients);
-        match &self.segments {
+        let stored = match &self.segments {
             Some((table, densities)) => stored.with_segments(&self.storage, table, Some(densities)),
+            None => stored,
+        };
+        match &self.extinctions {
+            Some(extinctions) => stored.with_shadows(extinctions),
             None => stored,
         }
     }

@@ -29,6 +29,8 @@ pub enum Knob {
     Integration,
     /// Variation from which a segment is divided.
     Variation,
+    /// Spacing of the light grid, in voxels.
+    Spacing,
     /// Interpolation between voxels.
     Interpolation,
     /// Storage of the volume.
@@ -69,7 +71,7 @@ pub(super) enum Growth {
 
 impl Knob {
     /// All knobs.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Model,
         Self::K,
         Self::Accumulate,
@@ -78,6 +80,7 @@ impl Knob {
         Self::Termination,
         Self::Integration,
         Self::Variation,
+        Self::Spacing,
         Self::Interpolation,
         Self::Volume,
         Self::Gradients,
@@ -99,6 +102,7 @@ impl Knob {
             Self::Termination => "termination",
             Self::Integration => "integration",
             Self::Variation => "variation",
+            Self::Spacing => "spacing",
             Self::Interpolation => "interpolation",
             Self::Volume => "volume",
             Self::Gradients => "gradients",
@@ -120,6 +124,7 @@ impl Knob {
             Self::Step => "distance between two samples along a ray, in voxels",
             Self::Termination => "transmittance at which a ray ends",
             Self::Integration => "samples of the medium, or segments between two values",
+            Self::Spacing => "voxels between nodes of the light grid",
             Self::Variation => "variation from which a segment is divided",
             Self::Interpolation => "interpolation between voxels",
             Self::Volume => "format of the stored voxels",
@@ -143,6 +148,7 @@ impl Knob {
             Self::Termination => numbers(0.0..=0.5, false, Growth::Times(10.0)),
             Self::Integration => Choices::Names(vec!["auto", "segments", "samples"]),
             Self::Variation => numbers(1e-6..=1.0, false, Growth::Times(10.0)),
+            Self::Spacing => numbers(0.5..=64.0, false, Growth::Times(2.0)),
             Self::Interpolation => Choices::Names(vec!["nearest", "linear", "exact-linear", "cubic"]),
             Self::Volume => Choices::Names(vec!["auto", "f32", "u16"]),
             Self::Gradients => Choices::Names(vec!["packed", "central"]),
@@ -191,6 +197,7 @@ impl Knob {
                 };
             }
             (Self::Variation, Value::Number(variation)) => accuracy.variation = variation,
+            (Self::Spacing, Value::Number(spacing)) => scene.shadows.spacing = spacing,
             (Self::Interpolation, Value::Name(name)) => {
                 accuracy.interpolation = match name {
                     "nearest" => Interpolation::Nearest,

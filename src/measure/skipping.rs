@@ -66,6 +66,14 @@ impl<S: Samples<f64>> Samples<f64> for Skipping<'_, S> {
     fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
         self.inner.mean(ends, middle, density)
     }
+
+    fn extinction(&self, place: [f64; 3]) -> f64 {
+        if self.is_empty(place) { 0.0 } else { self.inner.extinction(place) }
+    }
+
+    fn stored_depth(&self, depth: f64) -> f64 {
+        self.inner.stored_depth(depth)
+    }
 }
 
 /// Occupancy of the macrocells of `scene`: whether its transfer function or a label scatters or absorbs there.

@@ -74,8 +74,8 @@ pub struct Survey<'a> {
 struct Same {
     plan: ScenePlan,
     carrier: String,
-    /// Step length, termination, variation and scale.
-    numbers: [f64; 4],
+    /// Step length, termination, variation, scale and spacing of the light grid.
+    numbers: [f64; 5],
     /// Entries of the transfer table.
     entries: usize,
 }
@@ -198,6 +198,7 @@ impl<'a> Survey<'a> {
                 scene.accuracy.termination,
                 scene.accuracy.variation,
                 setting.scale(),
+                scene.shadows.spacing,
             ],
             entries: table.entries(),
         };
@@ -228,15 +229,19 @@ impl<'a> Survey<'a> {
         let stated = self.scene.accuracy.interpolation;
         let of_step =
             |step_length: f64| Accuracy { step_length, termination: 0.0, interpolation: stated, ..accuracy.clone() };
-        let stepped = self.ladder.full(&of_step(accuracy.step_length), progress)?;
-        let halved = self.ladder.full(&of_step(accuracy.step_length / 2.0), progress)?;
+        let rays = self.ladder.rays();
+        let stepped = self.ladder.full(&of_step(accuracy.step_length), &rays, progress)?;
+        let halved = self.ladder.full(&of_step(accuracy.step_length / 2.0), &rays, progress)?;
         let order = order(&delta_e(&stepped, &truth), &delta_e(&halved, &truth));
         climb.to(Cause::Step, stepped.to_vec());
         if accuracy.interpolation != stated {
-            let other = self.ladder.full(&Accuracy { termination: 0.0, ..accuracy.clone() }, progress)?;
+            let other = self.ladder.full(&Accuracy { termination: 0.0, ..accuracy.clone() }, &rays, progress)?;
             climb.to(Cause::Interpolation, other.to_vec());
         }
-        climb.to(Cause::Termination, self.ladder.full(accuracy, progress)?.to_vec());
+        climb.to(Cause::Termination, self.ladder.full(accuracy, &rays, progress)?.to_vec());
+        if planned.plan.reads_light_grid() {
+            climb.to(Cause::LightGrid, self.ladder.full(accuracy, &scene.shadows, progress)?.to_vec());
+        }
         climb.to(Cause::Basis, self.ladder.model(scene, planned, progress)?);
         climb.to(Cause::Tables, self.ladder.stored::<f64>(scene, planned, &table, progress)?);
         climb.to(Cause::Rounding, self.ladder.stored::<f32>(scene, planned, &table, progress)?);

@@ -3,7 +3,7 @@
 use super::{Integrate, MOST_PARTS, PlanWarning, Planned, Transmittance, narrower};
 use crate::model::ModelKind;
 use crate::number::{brief, readable};
-use crate::scene::{AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Scene};
+use crate::scene::{AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Scene, ShadowMethod};
 
 impl Planned {
     /// Settings that this plan does not use.
@@ -147,6 +147,7 @@ impl Planned {
                 if terms.one_sided { "; only the side towards lower values is lit" } else { "" }
             ),
         });
+        sentences.extend(self.explain_shadows(scene));
         if plan.gradient_opacity > 0 {
             sentences.push(format!(
                 "The opacity follows the magnitude of the gradient, which is {}; labels are unaffected.",
@@ -194,6 +195,39 @@ impl Planned {
             "Rays from the eye sample the volume in steps of {} (its own unit of length), {termination}; empty regions are {skipping}.",
             brief(scene.accuracy.step_length)
         ));
+        sentences
+    }
+
+    /// Which lights cast shadows, and how they are found.
+    fn explain_shadows(&self, scene: &Scene) -> Vec<String> {
+        let Some(shadows) = self.plan.shadows else { return Vec::new() };
+        let casting = self.positions.iter().filter(|position| position.shadows);
+        let lights = casting.flat_map(|position| &position.lights).filter_map(|&light| scene.lights.get(light));
+        let mut sentences = vec![format!(
+            "Shadows fall from {}: what lies in the way of their light takes it, X-ray materials excepted. Their colours can be exchanged later, too.",
+            listed(lights.map(|light| light.name.as_str()))
+        )];
+        let apart = self.positions.iter().filter(|position| position.shadows).count();
+        if apart > 1 {
+            sentences.push(format!("Shadows keep {apart} positions apart; each has numbers of its own in a pixel."));
+        }
+        if shadows.headlight {
+            sentences.push("The headlight takes the way of the eye, so its shadows cost nothing.".to_owned());
+        }
+        if shadows.directional > 0 {
+            if shadows.method == ShadowMethod::Rays {
+                sentences.push(
+                    "A ray goes from each sample to each directional light; only the reference does this.".to_owned(),
+                );
+            }
+            let start = scene.shadow_start();
+            if start > 0.0 {
+                sentences.push(format!(
+                    "Nothing within {} voxels of a sample shades it, so that surfaces do not shade themselves.",
+                    readable(start)
+                ));
+            }
+        }
         sentences
     }
 

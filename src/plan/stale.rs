@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::{Planned, ScenePlan, planned};
-use crate::scene::{Accuracy, Display, LabelEntry, Labels, Material, Scene, SceneLight};
+use crate::scene::{Accuracy, Display, LabelEntry, Labels, Material, Scene, SceneLight, Shadows};
 
 /// The earliest stage of rendering with an obsolete result. A stale stage makes all later stages stale.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -44,6 +44,7 @@ impl Stale {
             camera,
             crop,
             accuracy,
+            shadows,
             display,
         } = before;
         // Weights do not depend on spectra; a colour model is fitted to them.
@@ -58,6 +59,12 @@ impl Stale {
         add(*background != after.background, spectra);
         add(*camera != after.camera, Self::Accumulators);
         add(*crop != after.crop, Self::Accumulators);
+        if planned.plan.shadows.is_some() {
+            // The method is compared in the plan.
+            let Shadows { method: _, spacing, start: _ } = *shadows;
+            let moved = before.shadow_start() != after.shadow_start();
+            add(spacing != after.shadows.spacing || moved, Self::Accumulators);
+        }
         add(true, of_accuracy(accuracy, &after.accuracy));
         add(true, of_display(display, &after.display));
         stale
@@ -75,6 +82,7 @@ impl Stale {
             accumulate,
             transmittance,
             positions: counts,
+            shadows,
             shading,
             gradient_opacity,
             labels: _,
@@ -88,11 +96,11 @@ impl Stale {
             storage,
         } = *plan;
         let later = &after.plan;
-        let tables = (accumulate, transmittance, counts, shading, gradient_opacity, (lookup, integration))
+        let tables = (accumulate, transmittance, (counts, shadows), shading, gradient_opacity, (lookup, integration))
             != (
                 later.accumulate,
                 later.transmittance,
-                later.positions,
+                (later.positions, later.shadows),
                 later.shading,
                 later.gradient_opacity,
                 (later.lookup, later.integration),
@@ -149,8 +157,8 @@ fn of_materials(before: &Material, after: &Material, spectra: Stale) -> Stale {
 }
 
 fn of_lights(before: &SceneLight, after: &SceneLight, spectra: Stale) -> Stale {
-    let SceneLight { name: _, spectrum, intensity, placement } = before;
-    if *placement != after.placement {
+    let SceneLight { name: _, spectrum, intensity, placement, shadows } = before;
+    if *placement != after.placement || *shadows != after.shadows {
         Stale::Tables
     } else if *spectrum != after.spectrum {
         spectra

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::shadows::Ways;
 use super::{End, ReferenceError, Samples, Step, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
@@ -52,16 +53,29 @@ struct Frame<'a, R> {
     variation: R,
     /// Specular exponents.
     exponents: Vec<u32>,
+    /// Ways of the light, if directional lights cast shadows.
+    ways: Option<Ways<R>>,
     size: [usize; 2],
 }
 
 impl<'a, R: Real> Frame<'a, R> {
-    fn new(scene: &'a Scene, planned: &'a Planned, size: [usize; 2]) -> Result<Self, ReferenceError> {
+    fn new(
+        scene: &'a Scene,
+        planned: &'a Planned,
+        samples: &impl Samples<R>,
+        size: [usize; 2],
+        progress: &dyn Progress,
+    ) -> Result<Self, ReferenceError> {
         let aspect = count(size[0]) / count(size[1]);
         let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(ReferenceError::Camera)?;
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(ReferenceError::TooManySamples { step_length })?;
         let lights = PositionTable::new(scene, planned).0;
+        let ways = if planned.plan.shadowed().is_empty() {
+            None
+        } else {
+            Some(Ways::new(scene, planned, samples, rays.local_scale, progress)?)
+        };
         Ok(Self {
             scene,
             planned,
@@ -74,6 +88,7 @@ impl<'a, R: Real> Frame<'a, R> {
             termination: R::from_f64(scene.accuracy.termination),
             variation: R::from_f64(scene.accuracy.variation),
             exponents: planned.exponents(scene),
+            ways,
             size,
         })
     }
@@ -142,7 +157,8 @@ impl<'a, R: Real> Frame<'a, R> {
                 continue;
             }
             for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
-                self.shade(position, &ray, place, &step, &mut source);
+                let light = self.light(position, place, samples, &transmittance, &step);
+                self.shade(position, &ray, place, &step, light, &mut source);
                 if mixed {
                     composite_matrix(sums, &source, &transmittance);
                 } else {
@@ -207,7 +223,8 @@ impl<'a, R: Real> Frame<'a, R> {
                     return transmittance;
                 }
                 for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
-                    self.shade(position, &ray, middle, &step, &mut source);
+                    let light = self.light(position, middle, samples, &transmittance, &step);
+                    self.shade(position, &ray, middle, &step, light, &mut source);
                     composite(sums, &source, &transmittance);
                 }
                 for (left, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
@@ -253,16 +270,41 @@ impl<'a, R: Real> Frame<'a, R> {
         finish(&sums, &transmittance)
     }
 
-    /// Sets `source` to the light that a step sends to the eye from the light at `position`: material weights and white
-    /// for the highlights, or a spectrum.
-    fn shade(&self, position: usize, ray: &Ray<R>, place: [R; 3], step: &Step<R>, source: &mut [R]) {
+    /// Fraction of the light at `position` that reaches the step at `place`, whose light reaches the eye with this
+    /// `transmittance`; 1 without shadows.
+    fn light(
+        &self,
+        position: usize,
+        place: [R; 3],
+        samples: &impl Samples<R>,
+        transmittance: &[R],
+        step: &Step<R>,
+    ) -> R {
+        let plan = &self.planned.plan;
+        if plan.shadowed_headlight() == Some(position) {
+            // The light takes the way of the eye: its mean over the step, (1 − e^(−2τΔs))/(2τ) over (1 − e^(−τΔs))/τ.
+            let half = R::from_f64(0.5);
+            return (-(transmittance[0] * half)).mul_add(step.opacity[0], transmittance[0]);
+        }
+        let shadowed = plan.shadowed();
+        match &self.ways {
+            Some(ways) if shadowed.contains(&position) => ways.light(position - shadowed.start, place, samples),
+            _ => R::from_f64(1.0),
+        }
+    }
+
+    /// Sets `source` to the light that a step sends to the eye from the light at `position`, of which the fraction `reached`
+    /// arrives: material weights and white for the highlights, or a spectrum. The ambient part of a directed light is
+    /// not reduced.
+    fn shade(&self, position: usize, ray: &Ray<R>, place: [R; 3], step: &Step<R>, reached: R, source: &mut [R]) {
         let plan = &self.planned.plan;
         let PositionCounts { ambient, headlight, directional, point, .. } = plan.positions;
-        if position < ambient {
+        if position < ambient || plan.shading.is_none() {
             source.fill(R::default());
             let first = plan.parts().unshaded * LANE;
             let parts = self.reflected_parts();
             source[..parts].copy_from_slice(&step.source[first..first + parts]);
+            source.iter_mut().for_each(|part| *part = *part * reached);
             return;
         }
         if position >= ambient + headlight + directional + point {
@@ -278,12 +320,23 @@ impl<'a, R: Real> Frame<'a, R> {
             unit(std::array::from_fn(|axis| self.lights[position].0[axis] - place[axis] * local_scale[axis]))
         };
         let facing = self.facing(dot(step.normal, light));
-        self.reflect(step, facing, source);
+        self.reflect(step, facing * reached, source);
         if plan.specular().is_some() {
             let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
             let lit = facing > R::default();
             let shine = self.facing(dot(step.normal, halfway));
-            self.highlight(step, if lit || !self.one_sided() { shine } else { R::default() }, source);
+            let shine = if lit || !self.one_sided() { shine } else { R::default() };
+            if self.planned.positions[position].shadows {
+                let mut white = vec![R::default(); source.len()];
+                self.highlight(step, shine, &mut white);
+                // The weight of white is set, not added to.
+                source[self.reflected_parts()..].fill(R::default());
+                for (part, white) in source.iter_mut().zip(white) {
+                    *part = reached.mul_add(white, *part);
+                }
+            } else {
+                self.highlight(step, shine, source);
+            }
         }
     }
 
@@ -518,7 +571,7 @@ pub fn render_pixels<R: Real>(
 ) -> Result<Vec<(DVec3, f64)>, ReferenceError> {
     /// Pixels between two checks for cancellation.
     const AT_ONCE: usize = 32;
-    let frame = Frame::<R>::new(scene, planned, size)?;
+    let frame = Frame::<R>::new(scene, planned, samples, size, progress)?;
     let chunks = wanted.len().div_ceil(AT_ONCE);
     let found: Vec<Vec<_>> = in_parallel(chunks, progress, |chunk| {
         let pixels = wanted.iter().skip(chunk * AT_ONCE).take(AT_ONCE);
@@ -547,7 +600,7 @@ pub fn march_ray<R: Real>(
 ) -> Result<Film<R>, ReferenceError> {
     /// Samples between two checks for cancellation.
     const AT_ONCE: usize = 1024;
-    let frame = Frame::<R>::new(scene, planned, size)?;
+    let frame = Frame::<R>::new(scene, planned, samples, size, progress)?;
     let mut accumulators = vec![R::default(); planned.plan.components() * planned.positions.len()];
     let mut transmittance = frame.march_pixel(samples, pixel, &mut accumulators, |sample| {
         seen(sample);
@@ -569,7 +622,7 @@ fn pixels<R: Real, T: Send>(
     progress: &dyn Progress,
     finish: impl Fn(&[R], &[R]) -> T + Sync,
 ) -> Result<Vec<T>, ReferenceError> {
-    let frame = Frame::<R>::new(scene, planned, size)?;
+    let frame = Frame::<R>::new(scene, planned, samples, size, progress)?;
     let rows = in_parallel(size[1], progress, |y| -> Vec<T> {
         (0..size[0]).map(|x| frame.finished(samples, [x, y], &finish)).collect()
     })?;

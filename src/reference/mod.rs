@@ -3,6 +3,7 @@
 mod gradient;
 mod march;
 mod samples;
+mod shadows;
 mod store;
 
 pub use march::{

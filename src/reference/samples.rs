@@ -4,7 +4,9 @@ use super::gradient::{exact_thinning, gradient_factor, thin, thinning};
 use crate::number::{Real, count, unit};
 use crate::plan::{LANE, Planned};
 use crate::scene::{Interpolation, Lookup, Scene};
-use crate::tables::{self, GradientTable, LabelMap, SegmentTable, Steps, Storage, StoredVolume, TransferTable};
+use crate::tables::{
+    self, ExtinctionTable, GradientTable, LabelMap, SegmentTable, Steps, Storage, StoredVolume, TransferTable,
+};
 use crate::volume::Volume;
 
 /// Effect of one step at a sample, in the layout of a table entry.
@@ -49,6 +51,14 @@ pub trait Samples<R: Real>: Sync {
     /// length as its opacity. The label at `middle` takes precedence. Returns the variation of the density: the largest
     /// sum over its numbers of the differences between the mean and both ends; 1 where a label begins or ends.
     fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R;
+
+    /// Optical depth per unit of length (the smallest spacing) at `place`, for shadows.
+    fn extinction(&self, place: [R; 3]) -> R;
+
+    /// A depth as the light grid keeps it.
+    fn stored_depth(&self, depth: R) -> R {
+        depth
+    }
 }
 
 /// The scene itself: transfer function without a table, volume without a texture.
@@ -61,6 +71,7 @@ pub struct Exact<'a> {
     steps: Steps<'a>,
     label_steps: Vec<tables::Step>,
     label_densities: Vec<tables::Step>,
+    label_extinctions: Vec<f64>,
     bends: Vec<f64>,
 }
 
@@ -71,8 +82,9 @@ impl<'a> Exact<'a> {
         let steps = Steps::new(scene, planned);
         let label_steps = steps.of_labels();
         let label_densities = steps.densities_of_labels();
+        let label_extinctions = steps.extinctions_of_labels();
         let bends = scene.transfer.bends();
-        Self { scene, planned, storage, labels, steps, label_steps, label_densities, bends }
+        Self { scene, planned, storage, labels, steps, label_steps, label_densities, label_extinctions, bends }
     }
 
     /// Returns the data value at `place`, in texture coordinates, and the label that overrides it: its index among the
@@ -181,6 +193,14 @@ impl Samples<f64> for Exact<'_> {
         }
         variation
     }
+
+    fn extinction(&self, place: [f64; 3]) -> f64 {
+        let (value, label) = self.at(place);
+        match label {
+            Some(label) => self.label_extinctions[label + 1],
+            None => self.steps.extinction(value) * self.gradient_factor(place),
+        }
+    }
 }
 
 /// The variation between two ends: 1 if their labels differ, 0 within a label, else `of_values()`.
@@ -221,6 +241,7 @@ pub struct Stored<'a, R> {
     coordinate_offset: R,
     gradient_scale: [R; 3],
     segments: Option<Segments<'a, R>>,
+    extinctions: Option<&'a ExtinctionTable>,
 }
 
 /// Table of segments, and the scale and offset from texels to its coordinates.
@@ -254,7 +275,14 @@ impl<'a, R: Real> Stored<'a, R> {
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
             segments: None,
+            extinctions: None,
         }
+    }
+
+    /// The same with the extinction of shadows.
+    #[must_use]
+    pub fn with_shadows(self, extinctions: &'a ExtinctionTable) -> Self {
+        Self { extinctions: Some(extinctions), ..self }
     }
 
     /// The same with the tables of segments: of values, and the densities of labels.
@@ -385,6 +413,36 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             density.opacity.truncate(self.planned.plan.transmittance_numbers());
         }
         if row == ends[0].row { variation(ends, || most) } else { R::from_f64(1.0) }
+    }
+
+    // Twin of `extinction_at` in `shaders/light_grid.wgsl`.
+    fn extinction(&self, place: [R; 3]) -> R {
+        let Some(table) = self.extinctions else { return R::default() };
+        let number = |number: &f32| R::from_f64(f64::from(*number));
+        let row = self.row(place);
+        if row > 0 {
+            return table.labels.get(row).map_or(R::default(), number);
+        }
+        let (value, gradient) = self.fetch(place);
+        let last = R::from_f64(count(table.values.len() - 1));
+        let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
+        let extinction = match self.planned.plan.lookup {
+            Lookup::Nearest => number(&table.values[(coordinate + R::from_f64(0.5)).floor().index()]),
+            Lookup::Linear => {
+                let before = coordinate.floor().index().min(table.values.len() - 2);
+                let [here, next] = [before, before + 1].map(|entry| number(&table.values[entry]));
+                (coordinate - R::from_f64(count(before))).mul_add(next - here, here)
+            }
+        };
+        if self.planned.plan.gradient_opacity > 0 {
+            extinction * gradient_factor(&self.gradients, gradient)
+        } else {
+            extinction
+        }
+    }
+
+    fn stored_depth(&self, depth: R) -> R {
+        R::from_f64(half::f16::from_f64(depth.to_f64()).to_f64())
     }
 }
 

@@ -1,11 +1,13 @@
 //! The march on the device, in bands of rows and slices of rays, so that every dispatch is short.
 
 mod dispatching;
+mod light_grid;
 mod read;
 mod schedule;
 mod setup;
 mod source;
 
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -23,6 +25,7 @@ use crate::plan::Planned;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::vulkan::{ComputePipeline, ResourceSet, StorageImage};
+use light_grid::DeviceGrid;
 use schedule::Schedule;
 
 /// A film on the device. Clones share its images.
@@ -38,6 +41,8 @@ pub struct DeviceFilm {
     pub device_time: Option<Duration>,
     /// Number of occupied macrocells, and of all macrocells.
     pub occupied: [usize; 2],
+    /// Spacing of its light grid in voxels, if it has one: the stated one, or more where memory is short.
+    pub light_spacing: Option<f64>,
     pub(super) accumulators: StorageImage,
     pub(super) transmittance: StorageImage,
 }
@@ -49,6 +54,7 @@ pub struct March {
     set: ResourceSet,
     schedule: Schedule,
     left: DeviceFilm,
+    grid: Option<Arc<DeviceGrid>>,
 }
 
 impl Renderer {
@@ -72,7 +78,7 @@ impl Renderer {
             if progress.cancelled() {
                 return Err(RenderError::Cancelled);
             }
-            march.step(self)?;
+            march.step(self, uploaded)?;
             progress.report("marching", march.rows_done().into(), size[1] as u64);
         }
         *self.learnt() = Some((planned.plan.clone(), march.speed()));
@@ -85,6 +91,12 @@ impl March {
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.schedule.is_done()
+    }
+
+    /// Whether its light grid is complete, or it has none.
+    #[must_use]
+    pub fn fill_is_done(&self) -> bool {
+        self.grid.as_ref().is_none_or(|grid| grid.is_complete())
     }
 
     /// Number of finished rows of the picture.
@@ -105,12 +117,16 @@ impl March {
         self.schedule.speed()
     }
 
-    /// Runs the next dispatch on `renderer`, which must be the one that began the march.
+    /// Runs the next dispatch on `renderer`, which must be the one that began the march of `uploaded`. The light grid is
+    /// completed first.
     ///
     /// # Errors
     ///
-    /// [`RenderError::Vulkan`].
-    pub fn step(&mut self, renderer: &Renderer) -> Result<(), RenderError> {
+    /// [`RenderError::Vulkan`], [`RenderError::Shader`].
+    pub fn step(&mut self, renderer: &Renderer, uploaded: &Uploaded) -> Result<(), RenderError> {
+        if let Some(grid) = self.grid.as_ref().filter(|grid| !grid.is_complete()) {
+            return grid.advance(renderer, &self.left.planned, uploaded);
+        }
         let Some((band, rows)) = self.schedule.next() else { return Ok(()) };
         let begun = Instant::now();
         let took = renderer.device.run_timed("march", |recorder| {

@@ -120,6 +120,9 @@ pub enum RenderError {
         /// Size of its memory.
         heap_mb: u64,
     },
+    /// Shadows by rays are for the reference only.
+    #[error("a device renders shadows by a light grid, not by rays; use shadows.method = \"grid\"")]
+    LightRays,
     /// The device does not filter the volume's format.
     #[error(
         "{device} cannot interpolate {format:?} textures, which this volume needs; use accuracy.interpolation = \"exact_linear\" or \"nearest\", or another device"
@@ -149,6 +152,7 @@ impl RenderError {
             Self::Memory { .. } => "volume-memory-exceeded",
             Self::PictureSize { .. } => "picture-too-large",
             Self::PictureMemory { .. } => "picture-memory-exceeded",
+            Self::LightRays => "shadow-rays-unsupported",
             Self::Filter { .. } => "interpolation-unsupported",
         }
     }
@@ -172,6 +176,7 @@ struct Shared {
     pipelines: Mutex<Pipelines>,
     marches: AtomicU64,
     longest_dispatch: AtomicU64,
+    light_fills: AtomicU64,
 }
 
 /// Source of a pipeline's shader. Plans with equal sources share a pipeline.

@@ -155,6 +155,15 @@ impl SceneRenderer {
         self.renderer.begin_march(&self.scene, &self.planned, &self.uploaded, size, speed)
     }
 
+    /// [`Self::begin_march`] of a coarse picture, whose light grid may be coarse, too.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn begin_coarse_march(&self, size: [usize; 2], speed: Speed) -> Result<March, RenderError> {
+        self.renderer.begin(&self.scene, &self.planned, &self.uploaded, size, speed, true)
+    }
+
     /// The relight matrices of the scene under `mix`.
     #[must_use]
     pub fn matrices(&self, mix: &Mix) -> RelightMatrices {
@@ -169,7 +178,7 @@ impl SceneRenderer {
     pub fn warm_up(&self) -> Result<(), RenderError> {
         let mut march = self.begin_march(WARM_UP, Speed::default())?;
         while !march.is_done() {
-            march.step(&self.renderer)?;
+            march.step(&self.renderer, &self.uploaded)?;
         }
         let relight = self.renderer.relight_display(&march.finish(&self.renderer)?)?;
         relight.run(&self.matrices(&Mix::of_scene(&self.scene)))?;

@@ -1,5 +1,8 @@
 //! Uploads volumes to the device.
 
+use std::any::Any;
+use std::sync::{Arc, Mutex};
+
 use super::{RenderError, Renderer};
 use crate::plan::Planned;
 use crate::progress::Progress;
@@ -22,7 +25,12 @@ pub struct Uploaded {
     pub labels: Option<LabelMap>,
     pub(super) volume: Image3d,
     pub(super) label_image: Option<Image3d>,
+    pub(super) kept: Kept,
 }
+
+/// A result of a march that is kept as long as the volume, of a type that the march knows.
+#[derive(Debug, Default)]
+pub(super) struct Kept(pub(super) Mutex<Option<Arc<dyn Any + Send + Sync>>>);
 
 impl Uploaded {
     /// Bytes of its textures on the device.
@@ -78,7 +86,7 @@ impl Renderer {
             })
             .transpose()?;
         let cells = Cells::new(&scene.volume, &storage, labels.as_ref());
-        Ok(Uploaded { storage, cells, labels, volume, label_image })
+        Ok(Uploaded { storage, cells, labels, volume, label_image, kept: Kept::default() })
     }
 
     /// Refuses a volume that the device cannot hold or filter.

@@ -25,6 +25,17 @@ pub enum Placement {
     ThreePoint,
 }
 
+impl Placement {
+    /// Whether lights from here can cast shadows.
+    #[must_use]
+    pub fn casts_shadows(&self) -> bool {
+        match self {
+            Self::Headlight | Self::Directional(_) => true,
+            Self::Ambient | Self::Point(_) | Self::ThreePoint => false,
+        }
+    }
+}
+
 /// Directions of a three-point light, as parts towards the right and the top of the picture and towards the eye, and
 /// their weights: key, fill and rim (docs/decisions/rendering.md).
 const THREE_POINT: [([f64; 3], f64); 3] = [([-0.5, 0.6, 1.0], 0.9), ([0.8, 0.1, 0.5], 0.1), ([0.4, 0.8, -0.3], 0.15)];
@@ -48,29 +59,37 @@ pub struct Position {
     pub name: String,
     /// Origin of the light.
     pub placement: Placement,
+    /// Whether it casts shadows.
+    pub shadows: bool,
     /// Indices into [`Scene::lights`].
     pub lights: Vec<usize>,
 }
 
-/// The positions of a scene: ambient first, then headlight, directional, point and three-point, each kind in the order of
-/// the scene.
-/// Lights whose shading no material can distinguish share a position, and an unshaded scene has at most one.
+/// The positions of a scene: ambient first, then headlight, directional, point and three-point. Of each kind, those
+/// without shadows come first, in the order of the scene.
+/// Lights whose shading no material can distinguish share a position, and an unshaded scene without shadows has at most
+/// one.
 #[must_use]
 pub fn positions(scene: &Scene) -> Vec<Position> {
     let mut positions: Vec<Position> = Vec::new();
     for (index, light) in scene.lights.iter().enumerate() {
-        let placement = canonical(scene, light.placement);
-        match positions.iter_mut().find(|position| position.placement == placement) {
+        let shadows = scene.casts_shadows(index);
+        // Shadows distinguish all directions: from either side of a surface, and without shading.
+        let placement = if shadows { light.placement } else { canonical(scene, light.placement) };
+        match positions.iter_mut().find(|position| position.placement == placement && position.shadows == shadows) {
             Some(position) => position.lights.push(index),
-            None => positions.push(Position { name: light.name.clone(), placement, lights: vec![index] }),
+            None => positions.push(Position { name: light.name.clone(), placement, shadows, lights: vec![index] }),
         }
     }
-    positions.sort_by_key(|position| match position.placement {
-        Placement::Ambient => 0,
-        Placement::Headlight => 1,
-        Placement::Directional(_) => 2,
-        Placement::Point(_) => 3,
-        Placement::ThreePoint => 4,
+    positions.sort_by_key(|position| {
+        let kind = match position.placement {
+            Placement::Ambient => 0,
+            Placement::Headlight => 1,
+            Placement::Directional(_) => 2,
+            Placement::Point(_) => 3,
+            Placement::ThreePoint => 4,
+        };
+        (kind, position.shadows)
     });
     positions
 }

@@ -46,6 +46,8 @@ pub struct Scene {
     pub crop: Option<[glam::DVec3; 2]>,
     /// Accuracy settings.
     pub accuracy: Accuracy,
+    /// How shadows are computed; each light states whether it casts them.
+    pub shadows: Shadows,
     /// Conversion of colours for the screen.
     pub display: Display,
 }
@@ -75,6 +77,7 @@ impl Scene {
             camera: Camera::default(),
             crop: None,
             accuracy: Accuracy::new(spacing),
+            shadows: Shadows::default(),
             display: Display::default(),
         }
     }
@@ -83,6 +86,24 @@ impl Scene {
     #[must_use]
     pub fn shows(&self, index: usize) -> bool {
         self.uses(index, |term| &term.opacity, |entry| entry.opacity)
+    }
+
+    /// Whether the light `index` casts shadows that change the picture: they take light without shading, and the diffuse
+    /// and specular parts of shaded light. Only directional lights and headlights cast them.
+    #[must_use]
+    pub fn casts_shadows(&self, index: usize) -> bool {
+        let casts = self.lights.get(index).is_some_and(|light| light.shadows && light.placement.casts_shadows());
+        let shaded =
+            |(i, material): (usize, &Material)| self.shows(i) && (material.diffuse > 0.0 || material.specular > 0.0);
+        casts && (self.shading == Shading::None || self.materials.iter().enumerate().any(shaded))
+    }
+
+    /// Distance from a sample within which nothing shades it, in units of the smallest spacing. By default 3 where
+    /// gradients shade, because a surface would otherwise shade itself, else 0.
+    #[must_use]
+    pub fn shadow_start(&self) -> f64 {
+        let usual = if self.shading == Shading::Gradient { 3.0 } else { 0.0 };
+        self.shadows.start.unwrap_or(usual)
     }
 
     /// Whether the material `index` absorbs light, through a value of the transfer function or a label.
@@ -189,14 +210,47 @@ pub struct SceneLight {
     pub intensity: f64,
     /// Origin of the light.
     pub placement: Placement,
+    /// Whether the medium on its way to a sample takes its light.
+    pub shadows: bool,
 }
 
 impl SceneLight {
     /// A headlight of this `spectrum` and intensity 1.
     #[must_use]
     pub fn new(name: &str, spectrum: Light) -> Self {
-        Self { name: name.to_owned(), spectrum, intensity: 1.0, placement: Placement::Headlight }
+        Self { name: name.to_owned(), spectrum, intensity: 1.0, placement: Placement::Headlight, shadows: false }
     }
+}
+
+/// Computation of shadows (docs/theory/shadows.md).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shadows {
+    /// How the light that reaches a sample is found.
+    pub method: ShadowMethod,
+    /// Spacing of the light grid in voxels; the error of shadows is proportional to it, memory and time of the grid to
+    /// its inverse cube.
+    pub spacing: f64,
+    /// Distance from a sample within which nothing shades it, in units of the smallest spacing; `None` follows
+    /// [`Scene::shadow_start`].
+    pub start: Option<f64>,
+}
+
+impl Default for Shadows {
+    fn default() -> Self {
+        Self { method: ShadowMethod::default(), spacing: 2.0, start: None }
+    }
+}
+
+/// How the light that reaches a sample is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ShadowMethod {
+    /// From a grid of optical depths towards each light, which is filled once.
+    #[default]
+    Grid,
+    /// By a ray from each sample to each light, in steps of a quarter of the smallest spacing, or of a shorter view step.
+    /// For the reference only.
+    Rays,
 }
 
 /// Shading of the picture.

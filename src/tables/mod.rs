@@ -6,6 +6,7 @@ mod lights;
 mod rays;
 mod reflected;
 mod segments;
+mod shadows;
 mod storage;
 mod transfer;
 
@@ -16,5 +17,6 @@ pub use rays::{MOST_SAMPLES, RayTable};
 pub use reflected::Reflected;
 pub use segments::SegmentTable;
 pub(crate) use segments::mean_density;
+pub use shadows::{ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LightGrid, Sweep};
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
 pub use transfer::{LARGEST_DEPTH, Step, Steps, TransferTable};

@@ -54,6 +54,25 @@ pub struct RayTable {
     pub samples: u32,
 }
 
+/// Opposite corners of the volume in voxel indices.
+fn whole_box(geometry: &Geometry) -> [DVec3; 2] {
+    [DVec3::ZERO, DVec3::from_array(geometry.dims.map(count)) - 1.0]
+}
+
+/// Texture coordinates of opposite corners in voxel indices.
+fn texture_box(geometry: &Geometry, [first, last]: [DVec3; 2]) -> [DVec3; 2] {
+    let dims = DVec3::from_array(geometry.dims.map(count));
+    // An axis with a single voxel is one voxel thick.
+    let thin = dims.cmpeq(DVec3::ONE);
+    [(first, DVec3::ZERO), (last, DVec3::ONE)].map(|(at, of_thin)| DVec3::select(thin, of_thin, (at + 0.5) / dims))
+}
+
+/// Opposite corners of the crop box of `scene` in texture coordinates.
+pub(super) fn crop_box(scene: &Scene) -> [DVec3; 2] {
+    let geometry = &scene.volume.geometry;
+    texture_box(geometry, scene.crop.unwrap_or_else(|| whole_box(geometry)))
+}
+
 /// Unit of length in world units: the smallest spacing.
 #[must_use]
 pub(super) fn unit_length(geometry: &Geometry) -> f64 {
@@ -88,14 +107,7 @@ impl RayTable {
             (eye_distance * half_u, eye_distance * half_v, half_u, half_v)
         };
 
-        let all = [DVec3::ZERO, dims - 1.0];
-        // An axis with a single voxel is one voxel thick.
-        let thin = dims.cmpeq(DVec3::ONE);
-        let texture_box = |[first, last]: [DVec3; 2]| {
-            [(first, DVec3::ZERO), (last, DVec3::ONE)]
-                .map(|(at, of_thin)| DVec3::select(thin, of_thin, (at + 0.5) / dims))
-        };
-        let ([low, high], [crop_low, crop_high]) = (texture_box(all), texture_box(scene.crop.unwrap_or(all)));
+        let ([low, high], [crop_low, crop_high]) = (texture_box(geometry, whole_box(geometry)), crop_box(scene));
         let most_samples = |low: DVec3, high: DVec3| {
             let longest = ((high - low) * dims * geometry.spacing).length();
             (longest / scene.accuracy.step_length).ceil() + 1.0

@@ -50,11 +50,15 @@ impl TransferTable {
     /// Builds the table of `scene` over `domain` (lowest and highest value).
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> Self {
+        let steps = Steps::new(scene, planned);
+        Self::of_steps(planned, Self::values(scene, domain).map(|value| steps.of_value(value)))
+    }
+
+    /// Values of the entries of the table of `scene` over `domain`.
+    pub(super) fn values(scene: &Scene, domain: [f64; 2]) -> impl Iterator<Item = f64> + use<> {
         let entries = entries(scene, domain);
         let last = count(entries - 1);
-        let steps = Steps::new(scene, planned);
-        let values = (0..entries).map(|i| (domain[1] - domain[0]).mul_add(count(i) / last, domain[0]));
-        Self::of_steps(planned, values.map(|value| steps.of_value(value)))
+        (0..entries).map(move |i| (domain[1] - domain[0]).mul_add(count(i) / last, domain[0]))
     }
 
     /// Builds a table with one row per declared label, in their order. Row 0 is empty, so that label rows start at 1.
@@ -172,6 +176,24 @@ impl<'a> Steps<'a> {
     #[must_use]
     pub fn of_value(&self, value: f64) -> Step {
         self.of_medium(&self.scene.transfer.medium(value, self.scene.materials.len()))
+    }
+
+    /// Returns the extinction at a data value under grey transmittance: optical depth per unit of length, the smallest
+    /// spacing.
+    #[must_use]
+    pub fn extinction(&self, value: f64) -> f64 {
+        self.extinction_of(&self.scene.transfer.medium(value, self.scene.materials.len()))
+    }
+
+    /// Returns [`Self::extinction`] of each declared label: label `i` of the scene at index `i + 1`, 0 at 0.
+    #[must_use]
+    pub fn extinctions_of_labels(&self) -> Vec<f64> {
+        self.label_media().iter().map(|medium| self.extinction_of(medium)).collect()
+    }
+
+    fn extinction_of(&self, medium: &Medium) -> f64 {
+        let lengths = self.scene.volume.geometry.spacing.min_element() / self.scene.transfer.opacity_length;
+        self.depths(medium, self.occluding(medium), lengths).first().copied().unwrap_or(0.0)
     }
 
     /// Returns the density at a data value.

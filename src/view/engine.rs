@@ -275,7 +275,7 @@ impl Engine {
             }
             if let Some(marching) = &mut self.marching {
                 let dispatched = Instant::now();
-                marching.march.step(self.on_device.renderer())?;
+                marching.march.step(self.on_device.renderer(), self.on_device.uploaded())?;
                 marching.spent += dispatched.elapsed();
                 self.counts.dispatches += 1;
                 stepped.worked = true;
@@ -365,7 +365,11 @@ impl Engine {
         let size = self.size.map(|pixels| pixels.div_ceil(level).max(1));
         let elsewhere = || self.speeds.values().next().map(|speed| speed.elsewhere());
         let speed = self.speeds.get(&level).copied().or_else(elsewhere).unwrap_or_else(|| self.renderer().speed());
-        let march = self.on_device.begin_march(size, speed)?;
+        let march = if level > 1 {
+            self.on_device.begin_coarse_march(size, speed)?
+        } else {
+            self.on_device.begin_march(size, speed)?
+        };
         self.counts.marches += 1;
         self.marching = Some(Marching { march, level, spent: Duration::ZERO });
         Ok(true)

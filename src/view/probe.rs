@@ -8,7 +8,7 @@ use crate::number::count;
 use crate::plan::{Planned, Transmittance, plan_full_spectrum};
 use crate::progress::Progress;
 use crate::reference::{Exact, RaySample, ReferenceError, march_ray};
-use crate::scene::{Mix, MixLight, Scene, depth_from_opacity};
+use crate::scene::{Mix, MixLight, Scene, ShadowMethod, depth_from_opacity};
 use crate::spectrum::colour::{
     Lab, LinearSrgb, OBSERVER, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, display_code, lab_from_xyz,
 };
@@ -391,6 +391,7 @@ impl Ray {
         let mut finer = scene.clone();
         finer.accuracy.step_length /= FINER;
         finer.accuracy.termination = 0.0;
+        finer.shadows.method = ShadowMethod::Rays;
         let exact = Exact::new(&finer, &planned, storage(), labels.as_ref());
         let truth = match march_ray(&finer, &planned, &exact, [size, place], progress, |_| {}) {
             Err(ReferenceError::TooManySamples { .. }) => own.clone(),

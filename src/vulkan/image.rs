@@ -19,7 +19,7 @@ pub(super) const SAMPLED_LAYOUT: vk::ImageLayout = vk::ImageLayout::SHADER_READ_
 /// Permanent layout of a storage image.
 pub(crate) const STORAGE_LAYOUT: vk::ImageLayout = vk::ImageLayout::GENERAL;
 
-/// A 3D image that uploads fill and shaders read through a [`super::Sampler`]. Clones share it.
+/// A 3D image that uploads or shaders fill, and shaders read through a [`super::Sampler`]. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Image3d(Arc<Inner>);
 
@@ -36,6 +36,7 @@ struct Inner {
     /// Width, height and depth in texels.
     extent: [u32; 3],
     layers: u32,
+    layout: vk::ImageLayout,
     // Drop order: each before the object that it was made from.
     view: Owned<vk::ImageView>,
     handle: Owned<vk::Image>,
@@ -50,6 +51,29 @@ impl Image3d {
     /// [`VulkanError::NoFormat`] if shaders cannot read `format`, [`VulkanError::TooLarge`] over the device's extent or
     /// allocation limit, [`VulkanError::OutOfMemory`], [`VulkanError::Misuse`] for an empty extent.
     pub fn new(device: &Device, name: &str, format: Format, extent: [u32; 3]) -> Result<Self, VulkanError> {
+        Self::of(device, name, format, extent, SAMPLED_USAGE, SAMPLED_LAYOUT)
+    }
+
+    /// [`Self::new`] for an image that shaders write, too. Its content is undefined until written.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::new`], and [`VulkanError::NoFormat`] if shaders cannot write `format`.
+    pub fn written(device: &Device, name: &str, format: Format, extent: [u32; 3]) -> Result<Self, VulkanError> {
+        if !device.limits().storage_image(format) {
+            return Err(VulkanError::NoFormat { object: name.to_owned(), format, purpose: "a storage image" });
+        }
+        Self::of(device, name, format, extent, SAMPLED_USAGE | STORAGE_USAGE, STORAGE_LAYOUT)
+    }
+
+    fn of(
+        device: &Device,
+        name: &str,
+        format: Format,
+        extent: [u32; 3],
+        usage: vk::ImageUsageFlags,
+        layout: vk::ImageLayout,
+    ) -> Result<Self, VulkanError> {
         let limits = device.limits();
         if !limits.sampled(format) {
             return Err(VulkanError::NoFormat { object: name.to_owned(), format, purpose: "a texture" });
@@ -61,8 +85,12 @@ impl Image3d {
             check_limit(name, quantity, asked.into(), limit.into())?;
         }
         let kind = (vk::ImageType::TYPE_3D, vk::ImageViewType::TYPE_3D);
-        Inner::new(device, name, format, kind, extent, 1, SAMPLED_USAGE, SAMPLED_LAYOUT)
-            .map(|inner| Self(Arc::new(inner)))
+        Inner::new(device, name, format, kind, extent, 1, usage, layout).map(|inner| Self(Arc::new(inner)))
+    }
+
+    /// Layout between recorded commands.
+    pub(super) fn layout(&self) -> vk::ImageLayout {
+        self.0.layout
     }
 
     /// Name.
@@ -231,7 +259,7 @@ impl Inner {
         // suits the image. By the field order of `Inner` the image outlives the view.
         let made = unsafe { raw.functions.create_image_view(&info, None) };
         let view = Owned::new(raw, name, "vkCreateImageView", made, ash::Device::destroy_image_view)?;
-        let made = Self { name: name.to_owned(), format, extent, layers, view, handle, _memory: memory };
+        let made = Self { name: name.to_owned(), format, extent, layers, layout, view, handle, _memory: memory };
         device.run(name, |recorder| {
             recorder.set_first_layout(made.handle.raw(), layout);
             Ok(())

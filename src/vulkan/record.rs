@@ -99,7 +99,7 @@ impl Recorder {
         let raw = image.raw();
         self.image_barrier(
             raw,
-            (image::SAMPLED_LAYOUT, COMPUTE_READS_TEXTURE),
+            (image.layout(), COMPUTE_READS_TEXTURE),
             (vk::ImageLayout::TRANSFER_DST_OPTIMAL, TRANSFER_WRITES),
         );
         let region = vk::BufferImageCopy::default()
@@ -121,7 +121,7 @@ impl Recorder {
         self.image_barrier(
             raw,
             (vk::ImageLayout::TRANSFER_DST_OPTIMAL, TRANSFER_WRITES),
-            (image::SAMPLED_LAYOUT, COMPUTE_READS_TEXTURE),
+            (image.layout(), COMPUTE_READS_TEXTURE),
         );
         self.used.buffers.push(buffer.clone());
         self.used.others.push(Arc::new(image.clone()));
@@ -420,6 +420,7 @@ const COMPUTE_USES: Scope = (
     vk::AccessFlags2::from_raw(
         vk::AccessFlags2::SHADER_STORAGE_READ.as_raw()
             | vk::AccessFlags2::SHADER_STORAGE_WRITE.as_raw()
+            | vk::AccessFlags2::SHADER_SAMPLED_READ.as_raw()
             | vk::AccessFlags2::UNIFORM_READ.as_raw(),
     ),
 );

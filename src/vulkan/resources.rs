@@ -19,6 +19,8 @@ pub enum Resource<'a> {
     Uniform(&'a Buffer),
     /// An image as `texture_3d`.
     Texture(&'a Image3d),
+    /// An image as `texture_storage_3d`.
+    StorageTexture(&'a Image3d),
     /// A `sampler`.
     Sampler(&'a Sampler),
     /// An image as `texture_storage_2d_array`.
@@ -34,7 +36,7 @@ impl Resource<'_> {
             Self::Uniform(_) => BindingKind::Uniform,
             Self::Texture(_) => BindingKind::Texture,
             Self::Sampler(_) => BindingKind::Sampler,
-            Self::StorageImage(_) => BindingKind::StorageImage,
+            Self::StorageImage(_) | Self::StorageTexture(_) => BindingKind::StorageImage,
         }
     }
 
@@ -42,7 +44,7 @@ impl Resource<'_> {
         match self {
             Self::Storage(buffer) => buffer.check_use(device, vk::BufferUsageFlags::STORAGE_BUFFER, "a storage buffer"),
             Self::Uniform(buffer) => buffer.check_use(device, vk::BufferUsageFlags::UNIFORM_BUFFER, "a uniform buffer"),
-            Self::Texture(image) => image.check_device(device),
+            Self::Texture(image) | Self::StorageTexture(image) => image.check_device(device),
             Self::Sampler(sampler) => sampler.check_device(device),
             Self::StorageImage(image) => image.check_device(device),
         }
@@ -59,7 +61,9 @@ impl Resource<'_> {
     fn image_info(&self) -> vk::DescriptorImageInfo {
         let info = vk::DescriptorImageInfo::default();
         match self {
-            Self::Texture(image) => info.image_view(image.view()).image_layout(image::SAMPLED_LAYOUT),
+            Self::Texture(image) | Self::StorageTexture(image) => {
+                info.image_view(image.view()).image_layout(image.layout())
+            }
             Self::StorageImage(image) => info.image_view(image.view()).image_layout(image::STORAGE_LAYOUT),
             Self::Sampler(sampler) => info.sampler(sampler.raw()),
             _ => info,
@@ -152,7 +156,7 @@ impl ResourceSet {
         for resource in resources {
             match *resource {
                 Resource::Storage(buffer) | Resource::Uniform(buffer) => buffers.push(buffer.clone()),
-                Resource::Texture(image) => others.push(Arc::new(image.clone())),
+                Resource::Texture(image) | Resource::StorageTexture(image) => others.push(Arc::new(image.clone())),
                 Resource::Sampler(sampler) => others.push(Arc::new(sampler.clone())),
                 Resource::StorageImage(image) => others.push(Arc::new(image.clone())),
             }

@@ -441,6 +441,10 @@ impl Samples<f32> for EightBits<'_> {
     fn mean(&self, ends: [&End<f32>; 2], middle: [f32; 3], density: &mut Step<f32>) -> f32 {
         self.0.mean(ends, middle, density)
     }
+
+    fn extinction(&self, place: [f32; 3]) -> f32 {
+        self.0.extinction(place)
+    }
 }
 
 #[test]

@@ -19,6 +19,7 @@ fn least() -> ScenePlan {
         accumulate: Accumulate::Weights { materials: 3 },
         transmittance: Transmittance::Grey,
         positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
+        shadows: None,
         shading: None,
         gradient_opacity: 0,
         labels: false,
@@ -322,6 +323,7 @@ fn the_least_plan_and_the_fullest_show_the_same() {
     scene.labels = Some(relume::scene::Labels { volume: std::sync::Arc::new(zeros), declared: vec![entry] });
     let fullest = Rungs::new(scene, SIZE);
     let expected = ScenePlan {
+        shadows: None,
         accumulate: Accumulate::Weights { materials: 3 },
         transmittance: Transmittance::Grey,
         positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1, ..PositionCounts::default() },

@@ -253,7 +253,7 @@ fn stored_accumulators_relight_to_a_fresh_render() {
 
             let mut scene = rungs.scene.clone();
             let placement = rungs.planned.positions[place].placement;
-            scene.lights = vec![SceneLight { name: "new".into(), spectrum, intensity: 1.7, placement }];
+            scene.lights = vec![SceneLight { name: "new".into(), spectrum, intensity: 1.7, placement, shadows: false }];
             let fresh = Rungs::new(scene, SIZE);
             let fresh = lit(renderer, &fresh.gpu_accumulators(renderer), &fresh, &fresh.mix);
             for (relit, fresh) in relit.iter().zip(&fresh) {

@@ -165,7 +165,8 @@ fn stored_numbers_relight_to_a_fresh_render_with_their_model() {
     (mix.0[0].spectrum, mix.0[0].weight) = (light.clone(), 1.0);
     let mut changed = rungs.scene.clone();
     let placement = rungs.planned.positions[mix.0[0].position].placement;
-    changed.lights = vec![SceneLight { name: "new".into(), spectrum: light.clone(), intensity: 1.0, placement }];
+    changed.lights =
+        vec![SceneLight { name: "new".into(), spectrum: light.clone(), intensity: 1.0, placement, shadows: false }];
     let replanned = Rungs::new(changed.clone(), [40, 40]);
     let same = Planned { model: Some(model.clone()), ..replanned.planned.clone() };
     let fresh = Rungs::planned(changed, same, [40, 40]);

@@ -85,6 +85,10 @@ impl<F: Fn([f64; 3]) -> (Step<f64>, Difference) + Sync> Samples<f64> for Boundin
     fn mean(&self, _: [&End<f64>; 2], _: [f64; 3], _: &mut Step<f64>) -> f64 {
         unreachable!("bounds are those of samples")
     }
+
+    fn extinction(&self, _: [f64; 3]) -> f64 {
+        unreachable!("bounds are those of scenes without shadows")
+    }
 }
 
 impl<F> Bounding<'_, F> {
@@ -173,7 +177,8 @@ pub fn bounds<R: Real>(
         shading: None,
         ..planned.plan.clone()
     };
-    let everywhere = Position { name: "everywhere".into(), placement: Placement::Ambient, lights: Vec::new() };
+    let everywhere =
+        Position { name: "everywhere".into(), placement: Placement::Ambient, shadows: false, lights: Vec::new() };
     let differences =
         Planned { plan, materials: Vec::new(), positions: vec![everywhere], model: None, warnings: Vec::new() };
     let behind =

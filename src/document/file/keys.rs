@@ -12,7 +12,9 @@ use toml::{Spanned, Value};
 use crate::document::Mixing;
 use crate::model::ModelKind;
 use crate::palette::PaletteFile;
-use crate::scene::{AccumulateAs, Gradients, Integration, Interpolation, Lighting, Lookup, Shading, StoreAs, VolumeAs};
+use crate::scene::{
+    AccumulateAs, Gradients, Integration, Interpolation, Lighting, Lookup, Shading, ShadowMethod, StoreAs, VolumeAs,
+};
 use crate::spectrum::SpectrumSource;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
@@ -48,6 +50,8 @@ pub(super) struct Root {
     pub(super) mix: MixFile,
     pub(super) camera: Option<At<CameraFile>>,
     pub(super) crop: Option<At<CropFile>>,
+    #[serde(default)]
+    pub(super) shadows: ShadowsFile,
     #[serde(default)]
     pub(super) accuracy: AccuracyFile,
     #[serde(default)]
@@ -163,6 +167,17 @@ pub(super) struct LightFile {
     pub(super) kind: LightKind,
     pub(super) direction: Option<At<[f64; 3]>>,
     pub(super) position: Option<At<[f64; 3]>>,
+    #[serde(default)]
+    pub(super) shadows: bool,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ShadowsFile {
+    #[serde(default)]
+    pub(super) method: ShadowMethod,
+    pub(super) spacing: Option<At<f64>>,
+    pub(super) start: Option<At<f64>>,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Deserialize)]

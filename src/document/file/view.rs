@@ -40,7 +40,7 @@ impl Text<'_> {
                         return Err(self.invalid(stated, message));
                     }
                 };
-                Ok(SceneLight { name: name.clone(), spectrum, intensity, placement })
+                Ok(SceneLight { name: name.clone(), spectrum, intensity, placement, shadows: file.shadows })
             })
             .collect::<Result<_, _>>()?;
         Ok((lights, dark))

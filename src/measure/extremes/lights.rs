@@ -103,7 +103,7 @@ fn mixed() -> Extreme {
             .into_iter()
             .map(|(name, intensity, placement)| {
                 let spectrum = standard::light(name)?;
-                Ok(SceneLight { name: name.to_owned(), spectrum, intensity, placement })
+                Ok(SceneLight { name: name.to_owned(), spectrum, intensity, placement, shadows: false })
             })
             .collect::<Result<_, SpectrumError>>()?;
         Ok(vec![Picture::of(scene)])

@@ -124,6 +124,9 @@ fn why(cause: Cause, scene: &Scene, own: &Measured) -> String {
         Cause::Termination => {
             format!("rays end at a transmittance of {}", readable(scene.accuracy.termination))
         }
+        Cause::LightGrid => {
+            format!("shadows come from a grid with a node every {} voxels", readable(scene.shadows.spacing))
+        }
         Cause::Basis => format!("{} coefficients represent a spectrum of 81 bands", own.components),
         Cause::Tables => "the transfer function is a table, and the volume a texture".to_owned(),
         Cause::Rounding => "the arithmetic has 32 bits".to_owned(),

@@ -14,7 +14,7 @@ const fn word(name: &'static str, keys: &'static [&'static str], meaning: &'stat
 }
 
 /// Terms that are column heads of the table of all numbers also give the heads' tooltips.
-const WORDS: [Word; 42] = [
+const WORDS: [Word; 43] = [
     word(
         "ΔE00",
         &["ΔE00"],
@@ -94,6 +94,11 @@ const WORDS: [Word; 42] = [
         "interpolation",
         &["interpolation"],
         "interpolation between voxels: nearest, linear by the device, linear in 32 bits (exact-linear), or by a smooth cubic spline",
+    ),
+    word(
+        "spacing",
+        &["spacing=", "light grid"],
+        "voxels between two nodes of the light grid, from which shadows are read; as a cause (light grid): the light is interpolated between nodes",
     ),
     word("volume", &["volume="], "bits per voxel on the device"),
     word(

@@ -12,7 +12,7 @@ use super::{DeviceFilm, March};
 use crate::number::{count, rounded, unsigned, whole};
 use crate::plan::{Integrate, LANE, Planned, Transmittance};
 use crate::render::{RenderError, Renderer, Uploaded};
-use crate::scene::{Interpolation, Scene, StoreAs};
+use crate::scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use crate::tables::{
     CELL, GradientTable, Occupancy, PositionTable, RayTable, SegmentTable, ShadingTable, TransferTable,
 };
@@ -176,11 +176,28 @@ impl Renderer {
         size: [usize; 2],
         speed: Speed,
     ) -> Result<March, RenderError> {
+        self.begin(scene, planned, uploaded, size, speed, false)
+    }
+
+    /// [`Self::begin_march`], with a `coarse` light grid if no finer one is complete.
+    #[expect(clippy::too_many_arguments, reason = "what a march needs, and how fine its light is")]
+    pub(in crate::render) fn begin(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        uploaded: &Uploaded,
+        size: [usize; 2],
+        speed: Speed,
+        coarse: bool,
+    ) -> Result<March, RenderError> {
         let plan = &planned.plan;
         let device = &self.device;
         self.check_picture(plan, size, uploaded.bytes())?;
         if plan.transmittance == Transmittance::Mixed && plan.components() > LARGEST_MATRIX {
             return Err(RenderError::Matrix { dimension: plan.components(), largest: LARGEST_MATRIX });
+        }
+        if plan.shadows.is_some_and(|shadows| shadows.directional > 0 && shadows.method == ShadowMethod::Rays) {
+            return Err(RenderError::LightRays);
         }
         self.shared.marches.fetch_add(1, Ordering::Relaxed);
         let aspect = count(size[0]) / count(size[1]);
@@ -226,7 +243,12 @@ impl Renderer {
         let transmittance =
             StorageImage::new(device, "transmittance", format, extent, unsigned(plan.transmittance_lanes().max(1)))?;
 
+        let grid = self.light_grid(scene, planned, uploaded, coarse)?;
+
         let (pipeline, set) = self.bind(source(plan, Dispatching { tables, ..self.dispatching }), |name| {
+            if let Some(resource) = grid.as_ref().and_then(|grid| grid.resource(name)) {
+                return Some(resource);
+            }
             Some(match name {
                 "march_uniform" => Resource::Uniform(&march),
                 "shading_uniform" => Resource::Uniform(&shading),
@@ -258,10 +280,11 @@ impl Renderer {
             dispatches: 0,
             device_time: Some(Duration::ZERO),
             occupied,
+            light_spacing: self.light_spacing(scene, plan),
             accumulators,
             transmittance,
         };
-        Ok(March { pipeline, set, schedule, left })
+        Ok(March { pipeline, set, schedule, left, grid })
     }
 
     /// Memory and buffers of the tables of values and labels, by their names in the shader.
@@ -277,19 +300,32 @@ impl Renderer {
         let short = tables.iter().all(|(_, bytes)| bytes.len() as u64 <= u64::from(UNIFORM_BYTES));
         let memory = if room && short { self.dispatching.tables } else { TableMemory::Storage };
         let buffer = |(name, bytes): (&'static str, &[u8])| -> Result<_, RenderError> {
-            let (size, host_use) = match memory {
-                // Whole vectors, and at least one; the shader does not read a table without entries.
-                TableMemory::Storage => {
-                    (bytes.len().max(1).next_multiple_of(VECTOR_BYTES as usize) as u64, HostUse::Storage)
-                }
-                TableMemory::Uniform => (UNIFORM_BYTES.into(), HostUse::Uniform),
-            };
-            let buffer = Buffer::host(&self.device, name, size, host_use)?;
-            buffer.write(0, bytes)?;
-            Ok((name, buffer))
+            Ok((name, self.table_buffer(name, bytes, memory)?))
         };
         let [source, opacity, label_source, label_opacity] = tables.map(buffer);
         Ok((memory, [source?, opacity?, label_source?, label_opacity?]))
+    }
+
+    /// A buffer of a table in `memory`.
+    fn table_buffer(&self, name: &str, bytes: &[u8], memory: TableMemory) -> Result<Buffer, RenderError> {
+        let (size, host_use) = match memory {
+            // Whole vectors, and at least one; the shader does not read a table without entries.
+            TableMemory::Storage => {
+                (bytes.len().max(1).next_multiple_of(VECTOR_BYTES as usize) as u64, HostUse::Storage)
+            }
+            TableMemory::Uniform => (UNIFORM_BYTES.into(), HostUse::Uniform),
+        };
+        let buffer = Buffer::host(&self.device, name, size, host_use)?;
+        buffer.write(0, bytes)?;
+        Ok(buffer)
+    }
+
+    /// Memory and buffer of a single table, in the fastest memory that holds it.
+    pub(in crate::render) fn numbers(&self, name: &str, bytes: &[u8]) -> Result<(TableMemory, Buffer), RenderError> {
+        let room = self.device.limits().max_uniform_buffer_bytes >= u64::from(UNIFORM_BYTES);
+        let short = bytes.len() as u64 <= u64::from(UNIFORM_BYTES);
+        let memory = if room && short { self.dispatching.tables } else { TableMemory::Storage };
+        Ok((memory, self.table_buffer(name, bytes, memory)?))
     }
 }
 

@@ -37,6 +37,8 @@ fn parts(plan: &ScenePlan, tables: TableMemory) -> Vec<(&'static str, &'static s
             TableMemory::Uniform => text!("tables_uniform.wgsl"),
         },
         text!("gradient_opacity.wgsl"),
+        text!("rays.wgsl"),
+        text!("fetch.wgsl"),
         text!("march.wgsl"),
     ];
     parts.extend(match (plan.integration, plan.transmittance) {
@@ -44,6 +46,7 @@ fn parts(plan: &ScenePlan, tables: TableMemory) -> Vec<(&'static str, &'static s
         (Integrate::Segments, Transmittance::Grey) => vec![text!("segments_grey.wgsl"), text!("segments.wgsl")],
         (Integrate::Segments, _) => vec![text!("segments_coloured.wgsl"), text!("segments.wgsl")],
     });
+    parts.push(text!("shadowed.wgsl"));
     parts
 }
 
@@ -106,6 +109,13 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("POINT", unsigned(plan.positions.point))
         .u32("THREE_POINT", unsigned(plan.positions.three_point))
         .u32("LIGHT_VECTORS", unsigned(plan.positions.vectors().max(1)))
+        .bool("SHADOWS", plan.shadows.is_some())
+        .u32("SHADOWED", unsigned(if plan.layers() == 0 { 0 } else { plan.shadowed().len() }))
+        .u32("FIRST_SHADOWED", unsigned(plan.shadowed().start))
+        .bool("SHADOWED_HEADLIGHT", plan.layers() > 0 && plan.shadowed_headlight().is_some())
+        .u32("LAST_HEADLIGHT", unsigned(plan.shadowed_headlight().unwrap_or(0)))
+        // Positions without shadows.
+        .u32("OPEN", unsigned(if plan.layers() == 0 { 0 } else { plan.open_positions() }))
         .bool("SHADED", plan.shading.is_some())
         .bool("GRADIENT", plan.gradient())
         .bool("STORED_GRADIENT", plan.stores_gradient())
@@ -131,6 +141,27 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
 }
 
+/// Source of the shader that fills a light grid for `plan`, with the extinctions in this memory.
+pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: TableMemory) -> Source {
+    let constants = Constants::new()
+        .bool("STORED_GRADIENT", plan.stores_gradient())
+        .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
+        .u32("GRADIENT_PIECES", unsigned(plan.gradient_opacity.saturating_sub(1)))
+        .bool("LABELS", plan.labels)
+        .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
+        .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
+        .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
+        .u32("GROUP_WIDTH", group[0])
+        .u32("GROUP_HEIGHT", group[1])
+        .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES);
+    let extinctions = match tables {
+        TableMemory::Storage => text!("extinctions_storage.wgsl"),
+        TableMemory::Uniform => text!("extinctions_uniform.wgsl"),
+    };
+    let parts = vec![extinctions, text!("gradient_opacity.wgsl"), text!("fetch.wgsl"), text!("light_grid.wgsl")];
+    Source { name: "light grid", constants, parts }
+}
+
 /// Source of the march shader of `plan`.
 pub(in crate::render) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
     let parts = parts(plan, dispatching.tables);
@@ -149,6 +180,7 @@ mod tests {
             accumulate: Accumulate::Weights { materials },
             transmittance: Transmittance::Grey,
             positions: PositionCounts { directional: 1, ..PositionCounts::default() },
+            shadows: None,
             shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
             gradient_opacity: 0,
             labels: false,

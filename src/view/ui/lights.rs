@@ -38,6 +38,14 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             };
             let solo = |ui: &mut Ui| {
                 let alone = state.light.solo == Some(index) && by_slider;
+                let casts = light.placement.casts_shadows();
+                let shadows = ui.add_enabled_ui(casts, |ui| toggle(ui, light.shadows, "shadows")).inner;
+                let shadows = shadows
+                    .on_hover_text("The medium on the way of this light takes it. This marches the volume again.")
+                    .on_disabled_hover_text("Only directional lights and headlights cast shadows.");
+                if shadows.clicked() {
+                    return Some(Action::Edit(Edit::Shadows(index, !light.shadows)));
+                }
                 let solo = toggle(ui, alone, "solo").on_hover_text("This light alone, or all lights again.");
                 curve(ui, light.spectrum.spectrum(), Vec2::new(56.0, 16.0)).on_hover_ui(|ui| {
                     ui.label(format!("{}: power from 380 to 780 nm", light.name));

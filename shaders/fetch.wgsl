@@ -1,0 +1,84 @@
+// Values of the volume between its voxels. Part of `march.wgsl` and `light_grid.wgsl`, which declare `volume` and
+// `volume_sampler`.
+
+// Texel of a voxel; voxels outside the grid are clamped to its faces.
+fn texel_at(voxel: vec3f) -> vec4f {
+    let last = vec3f(textureDimensions(volume)) - 1.0;
+    return textureLoad(volume, vec3i(clamp(voxel, vec3f(), last)), 0);
+}
+
+// Linear interpolation along x, then y, then z, in f32, because a device's filter may have only eight bits.
+fn linear_line(base: vec3f, x: f32) -> vec4f {
+    let before = texel_at(base);
+    return fma(vec4f(x), texel_at(base + vec3f(1.0, 0.0, 0.0)) - before, before);
+}
+
+fn linear_plane(base: vec3f, x: f32, y: f32) -> vec4f {
+    let before = linear_line(base, x);
+    return fma(vec4f(y), linear_line(base + vec3f(0.0, 1.0, 0.0), x) - before, before);
+}
+
+fn linear_between(voxel: vec3f) -> vec4f {
+    let base = floor(voxel);
+    let fraction = voxel - base;
+    let before = linear_plane(base, fraction.x, fraction.y);
+    let after = linear_plane(base + vec3f(0.0, 0.0, 1.0), fraction.x, fraction.y);
+    return fma(vec4f(fraction.z), after - before, before);
+}
+
+// Weights of four neighbouring voxels in a cubic B-spline. Without loops, like `power`.
+fn cubic_weights(f: f32) -> vec4f {
+    let rest = 1.0 - f;
+    let first = rest * rest * rest / 6.0;
+    let last = f * f * f / 6.0;
+    let second = (fma(3.0 * f - 6.0, f * f, 4.0)) / 6.0;
+    return vec4f(first, second, 1.0 - first - second - last, last);
+}
+
+fn cubic_line(base: vec3f, x: vec4f) -> vec4f {
+    let step = vec3f(1.0, 0.0, 0.0);
+    return x.x * texel_at(base - step) + x.y * texel_at(base) + x.z * texel_at(base + step)
+        + x.w * texel_at(base + 2.0 * step);
+}
+
+fn cubic_plane(base: vec3f, x: vec4f, y: vec4f) -> vec4f {
+    let step = vec3f(0.0, 1.0, 0.0);
+    return y.x * cubic_line(base - step, x) + y.y * cubic_line(base, x) + y.z * cubic_line(base + step, x)
+        + y.w * cubic_line(base + 2.0 * step, x);
+}
+
+fn cubic_between(voxel: vec3f) -> vec4f {
+    let base = floor(voxel);
+    let fraction = voxel - base;
+    let x = cubic_weights(fraction.x);
+    let y = cubic_weights(fraction.y);
+    let z = cubic_weights(fraction.z);
+    let step = vec3f(0.0, 0.0, 1.0);
+    return z.x * cubic_plane(base - step, x, y) + z.y * cubic_plane(base, x, y) + z.z * cubic_plane(base + step, x, y)
+        + z.w * cubic_plane(base + 2.0 * step, x, y);
+}
+
+fn fetch(place: vec3f) -> vec4f {
+    var texel: vec4f;
+    if (EXACT_LINEAR) {
+        texel = linear_between(fma(place, vec3f(textureDimensions(volume)), vec3f(-0.5)));
+    } else if (CUBIC) {
+        texel = cubic_between(fma(place, vec3f(textureDimensions(volume)), vec3f(-0.5)));
+    } else {
+        texel = textureSampleLevel(volume, volume_sampler, place, 0.0);
+    }
+    return texel;
+}
+
+// Differences between the next and the previous voxel along each axis.
+fn central_difference(place: vec3f) -> vec3f {
+    let voxel = 1.0 / vec3f(textureDimensions(volume));
+    let x = vec3f(voxel.x, 0.0, 0.0);
+    let y = vec3f(0.0, voxel.y, 0.0);
+    let z = vec3f(0.0, 0.0, voxel.z);
+    return vec3f(
+        fetch(place + x).x - fetch(place - x).x,
+        fetch(place + y).x - fetch(place - y).x,
+        fetch(place + z).x - fetch(place - z).x,
+    );
+}

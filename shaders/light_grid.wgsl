@@ -1,0 +1,163 @@
+// Fills a slice of the light grid for one directional light: nodes read the optical depth of the columns that pass them,
+// and the columns go on to the next slice. Twin of `reference::shadows`.
+
+// `tables::Sweep` and the lookup of extinctions.
+struct Sweep {
+    // Texture coordinates of the first column at the first slice, and their changes.
+    corner: vec3f,
+    behind: f32,
+    per_slice: vec3f,
+    // Length of a sample of a column.
+    length: f32,
+    across: vec3f,
+    // Slices from sample to sample.
+    step: f32,
+    down: vec3f,
+    samples: u32,
+    // The crop box.
+    low: vec3f,
+    coordinate_scale: f32,
+    high: vec3f,
+    coordinate_offset: f32,
+    gradient_scale: vec3f,
+    coordinate_last: f32,
+    shear: vec2f,
+    first: vec2f,
+    columns: vec2u,
+    nodes: vec2u,
+    // Axis of the slices, and the axes across.
+    axes: vec3u,
+    // Number of the light in its texel.
+    part: u32,
+    // First slice along z of its texels.
+    texels: u32,
+    // First label in the table.
+    labels: u32,
+    largest_rise: f32,
+}
+
+// Rows of a slice that one dispatch fills.
+struct Slice {
+    // Columns in use: of this slice, and of the slice before.
+    window: vec4u,
+    before: vec4u,
+    // Number of the slice from the light, and its index along its axis.
+    number: u32,
+    index: u32,
+    first_row: u32,
+    // First column of the depths that this dispatch reads, and of those that it writes.
+    reads: u32,
+    writes: u32,
+}
+
+@group(0) @binding(0) var<uniform> sweep_uniform: Sweep;
+@group(0) @binding(1) var volume: texture_3d<f32>;
+@group(0) @binding(2) var volume_sampler: sampler;
+@group(0) @binding(4) var labels: texture_3d<u32>;
+@group(0) @binding(5) var<storage, read_write> columns: array<f32>;
+@group(0) @binding(6) var light_grid: texture_storage_3d<rgba16float, read_write>;
+var<immediate> slice: Slice;
+
+var<private> sweep: Sweep;
+
+fn extinction_entry(i: u32) -> f32 {
+    return extinctions[i / 4u][i % 4u];
+}
+
+// Optical depth per unit of length.
+fn extinction_at(place: vec3f) -> f32 {
+    let texel = fetch(place);
+    var value = texel.x;
+    if (STORED_GRADIENT) {
+        value = texel.w;
+    }
+    let coordinate = clamp(fma(value, sweep.coordinate_scale, sweep.coordinate_offset), 0.0, sweep.coordinate_last);
+    var extinction: f32;
+    if (NEAREST_LOOKUP) {
+        extinction = extinction_entry(u32(coordinate + 0.5));
+    } else {
+        let i = min(u32(coordinate), u32(sweep.coordinate_last) - 1u);
+        let here = extinction_entry(i);
+        extinction = fma(coordinate - f32(i), extinction_entry(i + 1u) - here, here);
+    }
+    if (GRADIENT_OPACITY) {
+        var difference = texel.xyz;
+        if (!STORED_GRADIENT) {
+            difference = central_difference(place);
+        }
+        extinction *= gradient_factor(difference * sweep.gradient_scale);
+    }
+    if (LABELS) {
+        let dims = vec3f(textureDimensions(labels));
+        let row = textureLoad(labels, vec3i(clamp(floor(place * dims), vec3f(), dims - 1.0)), 0).x;
+        if (row > 0u) {
+            extinction = extinction_entry(sweep.labels + row);
+        }
+    }
+    return extinction;
+}
+
+// Depth of a column at this slice; 0 before it enters.
+fn depth_of(column: vec2u) -> f32 {
+    let on = min(column, sweep.columns - 1u);
+    if (any(on < slice.before.xy) || any(on >= slice.before.zw)) {
+        return 0.0;
+    }
+    return columns[slice.reads + on.x + sweep.columns.x * on.y];
+}
+
+// Depth of the columns at a node, linear between four of them.
+fn passed(node: vec2u) -> f32 {
+    let column = fma(vec2f(f32(slice.number)), sweep.shear, vec2f(node) - sweep.first);
+    let base = floor(column);
+    let fraction = column - base;
+    let at = vec2u(base);
+    let near_left = depth_of(at);
+    let near = fma(fraction.x, depth_of(at + vec2u(1u, 0u)) - near_left, near_left);
+    let far_left = depth_of(at + vec2u(0u, 1u));
+    let far = fma(fraction.x, depth_of(at + vec2u(1u, 1u)) - far_left, far_left);
+    return fma(fraction.y, far - near, near);
+}
+
+// Optical depth that a column gains over this slice.
+fn rise(column: vec2u) -> f32 {
+    let start = fma(vec3f(f32(column.x)), sweep.across, fma(vec3f(f32(column.y)), sweep.down, sweep.corner));
+    let first = f32(slice.number) - sweep.behind;
+    var sum = 0.0;
+    for (var i = 0u; i < sweep.samples; i += 1u) {
+        let slices = fma(f32(i) + 0.5, sweep.step, first);
+        let place = fma(vec3f(slices), sweep.per_slice, start);
+        let inside = all(sweep.low <= place) && all(place <= sweep.high);
+        sum += select(0.0, extinction_at(place), inside);
+    }
+    return min(sum * sweep.length, sweep.largest_rise);
+}
+
+// The nearest 16-bit float, as in `store.wgsl`.
+fn nearest(number: f32) -> f32 {
+    let bits = bitcast<u32>(number);
+    let normal = bitcast<f32>((bits + 0xfffu + ((bits >> 13u) & 1u)) & 0xffffe000u);
+    let small = round(number * 16777216.0) * 5.9604644775390625e-8;
+    return select(normal, small, number < 6.103515625e-5);
+}
+
+@compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    sweep = sweep_uniform;
+    let at = vec2u(id.x, id.y + slice.first_row);
+    if (all(at < sweep.nodes)) {
+        var node = vec3u();
+        node[sweep.axes.x] = slice.index;
+        node[sweep.axes.y] = at.x;
+        node[sweep.axes.z] = at.y;
+        node.z += sweep.texels;
+        var texel = textureLoad(light_grid, node);
+        texel[sweep.part] = nearest(passed(at));
+        textureStore(light_grid, node, texel);
+    }
+    let column = at + slice.window.xy;
+    if (all(column < slice.window.zw)) {
+        let depth = depth_of(column);
+        columns[slice.writes + column.x + sweep.columns.x * column.y] = depth + rise(column);
+    }
+}

@@ -1,0 +1,38 @@
+//! Shadows that a plan cannot have.
+
+use super::{MOST_SHADOWED, PlanError, Planned, Transmittance};
+use crate::scene::{Placement, Scene};
+
+/// Refuses shadows of lights without a direction of their own, in coloured media, and of too many lights.
+pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
+    let Some(light) = scene.lights.iter().find(|light| light.shadows) else { return Ok(()) };
+    let refused = |light: &str, why: String| Err(PlanError::NoShadows { light: light.to_owned(), why });
+    let undirected = scene.lights.iter().find_map(|light| {
+        let kind = match light.placement {
+            Placement::Headlight | Placement::Directional(_) => return None,
+            Placement::Ambient => "ambient",
+            Placement::Point(_) => "point",
+            Placement::ThreePoint => "three-point",
+        };
+        light.shadows.then_some((light, kind))
+    });
+    if let Some((light, kind)) = undirected {
+        let why = format!("it is {kind}, and only directional lights and headlights cast shadows");
+        return refused(&light.name, why);
+    }
+    let Some(shadows) = planned.plan.shadows else { return Ok(()) };
+    if planned.plan.transmittance != Transmittance::Grey {
+        let absorbing = scene.materials.iter().enumerate().filter(|&(material, _)| scene.absorbs(material));
+        let names: Vec<&str> = absorbing.map(|(_, material)| material.name.as_str()).collect();
+        let why = format!("the absorption of {} is coloured, and shadows are grey", names.join(", "));
+        return refused(&light.name, why);
+    }
+    if shadows.directional > MOST_SHADOWED {
+        let why = format!(
+            "{} directional lights cast shadows from different directions, and {MOST_SHADOWED} may",
+            shadows.directional
+        );
+        return refused(&light.name, why);
+    }
+    Ok(())
+}

@@ -1,0 +1,420 @@
+//! The light grid on the device: filled slice by slice, and kept with the volume until its medium changes.
+
+use std::any::Any;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+use super::dispatching::TableMemory;
+use super::source::light_grid_source;
+use crate::number::{count, rounded, unsigned, whole};
+use crate::plan::{Planned, ScenePlan};
+use crate::render::{RenderError, Renderer, Uploaded};
+use crate::scene::{Interpolation, Lookup, Scene};
+use crate::tables::{ExtinctionTable, GRID_LIGHTS, GradientTable, LARGEST_RISE, LightGrid, PositionTable, Sweep};
+use crate::vulkan::{Buffer, ComputePipeline, Filter, Format, HostUse, Image3d, Resource, ResourceSet, Sampler};
+
+/// Pixels of a workgroup, across and down.
+const GROUP: [u32; 2] = [8, 8];
+/// Target duration of a submission.
+const SUBMISSION: Duration = Duration::from_millis(10);
+/// Samples of columns in the first submission.
+const FIRST_SAMPLES: f64 = 1e5;
+/// Columns of the largest dispatch.
+const MOST_COLUMNS: usize = 1 << 18;
+/// Spacing of the grid of a coarse picture, as a multiple of the spacing of others: a sixty-fourth of the nodes.
+const COARSER: f64 = 4.0;
+/// Part of the device's memory that a light grid may take.
+const MEMORY_PART: f64 = 1.0 / 8.0;
+
+/// Uniform of a sweep, in the layout of `shaders/light_grid.wgsl`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+struct SweepUniform {
+    corner: [f32; 3],
+    behind: f32,
+    per_slice: [f32; 3],
+    length: f32,
+    across: [f32; 3],
+    step: f32,
+    down: [f32; 3],
+    samples: u32,
+    low: [f32; 3],
+    coordinate_scale: f32,
+    high: [f32; 3],
+    coordinate_offset: f32,
+    gradient_scale: [f32; 3],
+    coordinate_last: f32,
+    shear: [f32; 2],
+    first: [f32; 2],
+    columns: [u32; 2],
+    nodes: [u32; 2],
+    axes: [u32; 3],
+    part: u32,
+    texels: u32,
+    labels: u32,
+    largest_rise: f32,
+    unused: f32,
+}
+
+/// Push constants of a dispatch, in the layout of `shaders/light_grid.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Slice {
+    window: [u32; 4],
+    before: [u32; 4],
+    number: u32,
+    index: u32,
+    first_row: u32,
+    reads: u32,
+    writes: u32,
+    unused: [u32; 3],
+}
+
+/// Uniform of a march that reads the grid, in the layout of `shaders/shadowed.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Place {
+    scale: [f32; 4],
+    offset: [f32; 4],
+    last: [f32; 4],
+}
+
+/// Everything that the depths of a grid depend on, apart from the volume and the directions of its lights.
+#[derive(Clone, Debug, PartialEq)]
+struct Key {
+    grid: LightGrid,
+    start: f64,
+    extinctions: ExtinctionTable,
+    gradients: GradientTable,
+    lookup: Lookup,
+    interpolation: Interpolation,
+}
+
+/// A light grid of an uploaded volume.
+#[derive(Debug)]
+pub(super) struct DeviceGrid {
+    key: Key,
+    /// Number of texels per node.
+    texels: usize,
+    image: Image3d,
+    sampler: Sampler,
+    place: Buffer,
+    filling: Mutex<Filling>,
+}
+
+/// State of a fill. It may rest after every slice.
+#[derive(Debug, Default)]
+struct Filling {
+    /// Direction of each light, and whether its depths are complete.
+    lights: Vec<(DVec3, bool)>,
+    /// The light being filled.
+    current: Option<Current>,
+    /// Samples of columns that fit into a submission.
+    budget: Option<f64>,
+}
+
+#[derive(Debug)]
+struct Current {
+    light: usize,
+    sweep: Sweep,
+    pipeline: ComputePipeline,
+    set: ResourceSet,
+    slice: usize,
+    row: usize,
+}
+
+impl Renderer {
+    /// Number of lights whose part of a light grid was filled, or begun.
+    #[must_use]
+    pub fn light_fills(&self) -> u64 {
+        self.shared.light_fills.load(Ordering::Relaxed)
+    }
+
+    /// The least spacing of a light grid for `scene`, in voxels, that is at least the stated one and fits into an eighth
+    /// of the device's memory; `None` if the plan reads no light grid.
+    #[must_use]
+    pub fn light_spacing(&self, scene: &Scene, plan: &ScenePlan) -> Option<f64> {
+        let limits = self.device.limits();
+        let room = count(usize::try_from(limits.device_heap_bytes).unwrap_or(usize::MAX)) * MEMORY_PART;
+        let room = room.min(count(usize::try_from(limits.max_allocation_bytes).unwrap_or(usize::MAX)));
+        let extent = limits.max_extent_3d(Format::Rgba16Float);
+        let lights = plan.shadowed().len();
+        let fits = |spacing: f64| {
+            let grid = LightGrid::new(scene, spacing);
+            let texels = lights.div_ceil(GRID_LIGHTS);
+            let [width, height, depth] = grid.dims;
+            let sides = [width, height, depth * texels];
+            grid.bytes(lights) <= room && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)
+        };
+        let mut spacing = scene.shadows.spacing;
+        // A grid of two nodes along each axis always fits.
+        while plan.reads_light_grid() && !fits(spacing) {
+            spacing *= 1.02;
+        }
+        plan.reads_light_grid().then_some(spacing)
+    }
+
+    /// The light grid of `scene`, which [`DeviceGrid::advance`] completes; `None` if the plan reads none. Keeps the grid
+    /// with `uploaded`, and fills again only the lights whose depths have changed. A `coarse` one suffices for a coarse
+    /// picture: then a complete grid serves as it is, and another has [`COARSER`] nodes.
+    pub(super) fn light_grid(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        uploaded: &Uploaded,
+        coarse: bool,
+    ) -> Result<Option<Arc<DeviceGrid>>, RenderError> {
+        let plan = &planned.plan;
+        let Some(spacing) = self.light_spacing(scene, plan) else { return Ok(None) };
+        let positions = PositionTable::new(scene, planned).0;
+        let directions: Vec<DVec3> =
+            plan.shadowed().filter_map(|position| positions.get(position)).map(|at| at.truncate()).collect();
+        let mut key = Key {
+            grid: LightGrid::new(scene, spacing),
+            start: scene.shadow_start(),
+            extinctions: ExtinctionTable::new(scene, planned, uploaded.storage.domain),
+            gradients: GradientTable::new(scene, &uploaded.storage),
+            lookup: plan.lookup,
+            interpolation: plan.interpolation,
+        };
+        let texels = directions.len().div_ceil(GRID_LIGHTS);
+        let mut kept = uploaded.kept.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = kept.as_ref().and_then(|kept| kept.downcast_ref::<DeviceGrid>());
+        let serves = |grid: &DeviceGrid| grid.key == key && grid.is_complete() && grid.filling().is_of(&directions);
+        if coarse && !known.is_some_and(serves) {
+            key.grid = LightGrid::new(scene, COARSER * spacing);
+        }
+        if let (Some(kept), Some(grid)) = (&*kept, known.filter(|grid| grid.key == key && grid.texels >= texels)) {
+            // A march in progress reads the grid as it is.
+            let is_shared = Arc::strong_count(kept) > 1;
+            let mut filling = grid.filling();
+            if filling.is_of(&directions) || !is_shared {
+                filling.aim_at(&directions);
+                drop(filling);
+                return Ok(Arc::downcast(Arc::clone(kept)).ok());
+            }
+        }
+        // Frees the old grid before the new one is made, if nothing else uses it.
+        *kept = None;
+        let [width, height, depth] = key.grid.dims.map(unsigned);
+        let extent = [width, height, depth * unsigned(texels)];
+        let grid = Arc::new(DeviceGrid {
+            image: Image3d::written(&self.device, "light grid", Format::Rgba16Float, extent)?,
+            sampler: Sampler::new(&self.device, "light grid", Filter::Linear)?,
+            place: self.place(&key.grid)?,
+            key,
+            texels,
+            filling: Mutex::default(),
+        });
+        grid.filling().aim_at(&directions);
+        let keeping: Arc<dyn Any + Send + Sync> = Arc::<DeviceGrid>::clone(&grid);
+        *kept = Some(keeping);
+        Ok(Some(grid))
+    }
+
+    fn place(&self, grid: &LightGrid) -> Result<Buffer, RenderError> {
+        let vector = |vector: DVec3| vector.extend(0.0).to_array().map(rounded);
+        let last = grid.dims.map(|n| count(n - 1));
+        let place =
+            Place { scale: vector(grid.scale), offset: vector(grid.offset), last: vector(DVec3::from_array(last)) };
+        let buffer = Buffer::host(&self.device, "light place", size_of::<Place>() as u64, HostUse::Uniform)?;
+        buffer.write(0, bytemuck::bytes_of(&place))?;
+        Ok(buffer)
+    }
+}
+
+impl Filling {
+    /// Whether its lights have these directions.
+    fn is_of(&self, directions: &[DVec3]) -> bool {
+        self.lights.iter().map(|light| light.0).eq(directions.iter().copied())
+    }
+
+    /// Marks the lights whose direction changes as incomplete.
+    fn aim_at(&mut self, directions: &[DVec3]) {
+        let lights = directions.iter().enumerate().map(|(i, &direction)| {
+            (direction, self.lights.get(i).is_some_and(|&(known, complete)| complete && known == direction))
+        });
+        let lights: Vec<_> = lights.collect();
+        if self.current.as_ref().is_some_and(|current| {
+            self.lights.get(current.light).map(|light| light.0) != lights.get(current.light).map(|light| light.0)
+        }) {
+            self.current = None;
+        }
+        self.lights = lights;
+    }
+}
+
+impl DeviceGrid {
+    fn filling(&self) -> MutexGuard<'_, Filling> {
+        self.filling.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether the depths of all lights are complete.
+    pub(super) fn is_complete(&self) -> bool {
+        self.filling().lights.iter().all(|light| light.1)
+    }
+
+    /// The resource of this name in the march.
+    pub(super) fn resource(&self, name: &str) -> Option<Resource<'_>> {
+        match name {
+            "light_place" => Some(Resource::Uniform(&self.place)),
+            "light_grid" => Some(Resource::Texture(&self.image)),
+            "light_sampler" => Some(Resource::Sampler(&self.sampler)),
+            _ => None,
+        }
+    }
+
+    /// Fills the next slices, as many as take about as long as a dispatch of a march.
+    pub(super) fn advance(
+        &self,
+        renderer: &Renderer,
+        planned: &Planned,
+        uploaded: &Uploaded,
+    ) -> Result<(), RenderError> {
+        let mut filling = self.filling();
+        let Filling { lights, current, budget } = &mut *filling;
+        let Some(light) = lights.iter().position(|light| !light.1) else { return Ok(()) };
+        let now = match current {
+            Some(now) if now.light == light => now,
+            _ => {
+                renderer.shared.light_fills.fetch_add(1, Ordering::Relaxed);
+                current.insert(self.begin(renderer, planned, uploaded, light, lights[light].0)?)
+            }
+        };
+        let begun = Instant::now();
+        let stated = renderer.dispatching.samples;
+        let (mut samples, most) = (0.0, stated.map_or(budget.unwrap_or(FIRST_SAMPLES), f64::from));
+        let most_columns = stated.map_or(MOST_COLUMNS, |samples| samples as usize);
+        renderer.device.run("light grid", |recorder| {
+            while now.slice < now.sweep.slices && samples < most {
+                let (slice, rows, columns) = now.next(most_columns);
+                let groups = [columns.div_ceil(GROUP[0]), rows.div_ceil(GROUP[1]), 1];
+                recorder.compute_to_compute();
+                recorder.dispatch(&now.pipeline, &now.set, bytemuck::bytes_of(&slice), groups)?;
+                samples += f64::from(columns) * f64::from(rows) * count(now.sweep.samples);
+            }
+            recorder.compute_to_compute();
+            Ok(())
+        })?;
+        let seconds = begun.elapsed().as_secs_f64().max(1e-5);
+        *budget = Some((samples * SUBMISSION.as_secs_f64() / seconds).clamp(most / 4.0, most * 4.0).max(1.0));
+        if now.slice >= now.sweep.slices {
+            *current = None;
+            lights[light].1 = true;
+        }
+        Ok(())
+    }
+
+    /// Sets up the sweep of `light`.
+    fn begin(
+        &self,
+        renderer: &Renderer,
+        planned: &Planned,
+        uploaded: &Uploaded,
+        light: usize,
+        direction: DVec3,
+    ) -> Result<Current, RenderError> {
+        let (device, plan, Key { grid, start, extinctions, gradients, .. }) =
+            (&renderer.device, &planned.plan, &self.key);
+        let sweep = grid.sweep(direction, *start);
+        let uniform = |name: &str, bytes: &[u8]| -> Result<Buffer, RenderError> {
+            let buffer = Buffer::host(device, name, bytes.len() as u64, HostUse::Uniform)?;
+            buffer.write(0, bytes)?;
+            Ok(buffer)
+        };
+        let vector = |vector: DVec3| vector.to_array().map(rounded);
+        let [corner, per_slice, across, down] = sweep.line.map(vector);
+        let [low, high] = grid.room().map(vector);
+        let [scale, offset] = extinctions.coordinate_from_texel(&uploaded.storage);
+        let sweep_uniform = SweepUniform {
+            corner,
+            behind: rounded(sweep.behind),
+            per_slice,
+            length: rounded(sweep.path / count(sweep.samples)),
+            across,
+            step: rounded(1.0 / count(sweep.samples)),
+            down,
+            samples: unsigned(sweep.samples),
+            low,
+            coordinate_scale: rounded(scale),
+            high,
+            coordinate_offset: rounded(offset),
+            gradient_scale: uploaded.storage.gradient_scale().map(rounded),
+            coordinate_last: rounded(count(extinctions.values.len() - 1)),
+            shear: sweep.shear.map(rounded),
+            first: sweep.first.map(rounded),
+            columns: sweep.columns.map(unsigned),
+            nodes: sweep.nodes.map(unsigned),
+            axes: sweep.axes.map(unsigned),
+            part: unsigned(light % GRID_LIGHTS),
+            texels: unsigned(light / GRID_LIGHTS * grid.dims[2]),
+            labels: unsigned(extinctions.values.len()),
+            largest_rise: rounded(LARGEST_RISE),
+            unused: 0.0,
+        };
+        let sweep_buffer = uniform("sweep", bytemuck::bytes_of(&sweep_uniform))?;
+        let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients.0))?;
+        let table: Vec<f32> = extinctions.values.iter().chain(&extinctions.labels).copied().collect();
+        let (memory, table) = renderer.numbers("extinctions", bytemuck::cast_slice(&table))?;
+        let planes = 2 * sweep.columns[0] * sweep.columns[1] * size_of::<f32>();
+        let planes = Buffer::device(device, "columns", planes as u64)?;
+        let filter = if plan.interpolation == Interpolation::Linear { Filter::Linear } else { Filter::Nearest };
+        let sampler = Sampler::new(device, "volume", filter)?;
+        let (pipeline, set) = renderer.bind(light_grid_source(plan, GROUP, memory), |name| {
+            Some(match name {
+                "sweep_uniform" => Resource::Uniform(&sweep_buffer),
+                "gradient_table" => Resource::Uniform(&gradients),
+                "volume" => Resource::Texture(&uploaded.volume),
+                "volume_sampler" => Resource::Sampler(&sampler),
+                "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
+                "columns" => Resource::Storage(&planes),
+                "light_grid" => Resource::StorageTexture(&self.image),
+                "extinctions" => match memory {
+                    TableMemory::Storage => Resource::Storage(&table),
+                    TableMemory::Uniform => Resource::Uniform(&table),
+                },
+                _ => return None,
+            })
+        })?;
+        Ok(Current { light, sweep, pipeline, set, slice: 0, row: 0 })
+    }
+}
+
+impl Current {
+    /// Returns the next dispatch of about `most_columns` with its rows and columns, and moves on.
+    fn next(&mut self, most_columns: usize) -> (Slice, u32, u32) {
+        let sweep = &self.sweep;
+        let bounds = |slice: usize| {
+            let [across, down] = sweep.window(slice);
+            [across.start, down.start, across.end, down.end].map(unsigned)
+        };
+        let window = bounds(self.slice);
+        let before = self.slice.checked_sub(1).map_or([0; 4], bounds);
+        let [columns, height] = [window[2] - window[0], window[3] - window[1]];
+        let [columns, height] = [columns.max(unsigned(sweep.nodes[0])), height.max(unsigned(sweep.nodes[1]))];
+        let most = whole(count(most_columns) / f64::from(columns)).max(GROUP[1] as usize);
+        let first_row = unsigned(self.row);
+        let rows = (height - first_row).min(unsigned(most));
+        let plane = sweep.columns[0] * sweep.columns[1];
+        let [reads, writes] = [self.slice, self.slice + 1].map(|slice| unsigned(slice % 2 * plane));
+        let slice = Slice {
+            window,
+            before,
+            number: unsigned(self.slice),
+            index: unsigned(sweep.index(self.slice)),
+            first_row,
+            reads,
+            writes,
+            unused: [0; 3],
+        };
+        self.row += rows as usize;
+        if first_row + rows >= height {
+            (self.slice, self.row) = (self.slice + 1, 0);
+        }
+        (slice, rows, columns)
+    }
+}

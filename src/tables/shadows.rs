@@ -1,0 +1,199 @@
+//! Extinction and light grid of shadows (docs/theory/shadows.md).
+
+use glam::DVec3;
+
+use super::rays::{crop_box, unit_length};
+use super::{Steps, Storage, TransferTable};
+use crate::number::{brief, count, readable, rounded, whole};
+use crate::plan::Planned;
+use crate::scene::Scene;
+
+/// Largest optical depth that one spacing of the light grid adds. A node behind a dense surface would otherwise darken
+/// the surface, through the interpolation between both.
+pub const LARGEST_RISE: f64 = 4.0;
+
+/// Directional lights in a texel of the light grid.
+pub const GRID_LIGHTS: usize = 4;
+
+/// Grey extinction: optical depth per unit of length (the smallest spacing), of each entry of the transfer table and of
+/// each row of the label table. X-ray materials count only with their absorption.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExtinctionTable {
+    /// By value.
+    pub values: Vec<f32>,
+    /// By label; row 0 is 0.
+    pub labels: Vec<f32>,
+}
+
+impl ExtinctionTable {
+    /// Builds the table of `scene` over `domain`, with the entries of its transfer table.
+    #[must_use]
+    pub fn new(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> Self {
+        let steps = Steps::new(scene, planned);
+        let values = TransferTable::values(scene, domain);
+        Self {
+            values: values.map(|value| rounded(steps.extinction(value))).collect(),
+            labels: steps.extinctions_of_labels().into_iter().map(rounded).collect(),
+        }
+    }
+
+    /// Scale and offset from a texel's value to a coordinate, 0 to `values.len() − 1`.
+    #[must_use]
+    pub fn coordinate_from_texel(&self, storage: &Storage) -> [f64; 2] {
+        storage.normalised_from_texel().map(|term| term * count(self.values.len() - 1))
+    }
+}
+
+/// The light grid: nodes from the low corner of the crop box to its high corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightGrid {
+    /// Nodes along each axis.
+    pub dims: [usize; 3],
+    /// Distance of two nodes along each axis in voxels: the largest that divides the box, at most the stated one.
+    pub spacing: DVec3,
+    /// Scale from texture coordinates of the volume to nodes, before `offset` is added.
+    pub scale: DVec3,
+    /// Node at the corner of the texture.
+    pub offset: DVec3,
+    /// The crop box in texture coordinates.
+    pub crop: [DVec3; 2],
+    /// Spacing of the voxels in units of length.
+    voxel: DVec3,
+}
+
+/// The way of one directional light through a [`LightGrid`]: from slice to slice along one axis, from the light's side.
+/// Columns one node apart follow the light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweep {
+    /// The axis of the slices, and the two axes across.
+    pub axes: [usize; 3],
+    /// Number of slices.
+    pub slices: usize,
+    /// Whether the first slice has the highest index.
+    pub descending: bool,
+    /// Nodes across that the light is shifted per slice, against its direction of travel.
+    pub shear: [f64; 2],
+    /// Texture coordinates of a place on a column: at the first column and slice, and the change per slice and per column
+    /// along both axes across.
+    pub line: [DVec3; 4],
+    /// Node at which the first column passes the first slice.
+    pub first: [f64; 2],
+    /// Number of columns across.
+    pub columns: [usize; 2],
+    /// Nodes of a slice.
+    pub nodes: [usize; 2],
+    /// Length of the way from slice to slice, in units of length.
+    pub path: f64,
+    /// Samples on this way.
+    pub samples: usize,
+    /// Slices by which a column stays behind the slice that reads it: the start of shadows.
+    pub behind: f64,
+}
+
+impl LightGrid {
+    /// The grid of `scene` with a `spacing` in voxels.
+    #[must_use]
+    pub fn new(scene: &Scene, spacing: f64) -> Self {
+        let geometry = &scene.volume.geometry;
+        let dims = DVec3::from_array(geometry.dims.map(count));
+        let crop = crop_box(scene);
+        let extent = (crop[1] - crop[0]).max(DVec3::splat(1e-12));
+        // Rounding of the box does not add a node.
+        let spaces = (extent * dims / spacing - 1e-9).ceil().max(DVec3::ONE);
+        let scale = spaces / extent;
+        Self {
+            dims: spaces.to_array().map(|spaces| whole(spaces) + 1),
+            spacing: dims / scale,
+            scale,
+            offset: -crop[0] * scale,
+            crop,
+            voxel: geometry.spacing / unit_length(geometry),
+        }
+    }
+
+    /// The grid for `lights` lights in a sentence.
+    #[must_use]
+    pub fn explain(&self, lights: usize) -> String {
+        let [x, y, z] = self.dims;
+        format!(
+            "A light grid of {x}×{y}×{z} nodes, one every {} voxels, keeps the optical depth towards {lights} directional light{} ({} MB). It is filled again only if the medium, the crop box or a direction changes.",
+            brief(self.spacing.max_element()),
+            if lights == 1 { "" } else { "s" },
+            readable((self.bytes(lights) / 1e5).ceil() / 10.0)
+        )
+    }
+
+    /// Bytes of its texels for `lights` lights.
+    #[must_use]
+    pub fn bytes(&self, lights: usize) -> f64 {
+        let nodes: f64 = self.dims.iter().map(|&n| count(n)).product();
+        8.0 * nodes * count(lights.div_ceil(GRID_LIGHTS))
+    }
+
+    /// The sweep of a light in `direction` (towards the light, along the volume's axes), with shadows from `start` on,
+    /// in units of length.
+    #[must_use]
+    pub fn sweep(&self, direction: DVec3, start: f64) -> Sweep {
+        let voxels = direction / self.voxel;
+        let nodes = (voxels / self.spacing).to_array();
+        let axis = (1..3).fold(0, |most, axis| if nodes[axis].abs() > nodes[most].abs() { axis } else { most });
+        let axes = [axis, (axis + 1) % 3, (axis + 2) % 3];
+        let (slices, path) = (self.dims[axis], 1.0 / nodes[axis].abs());
+        let shear = [axes[1], axes[2]].map(|across| nodes[across] * path);
+        let far = shear.map(|shear| count(slices - 1) * shear);
+        let first = far.map(|far| far.min(0.0).floor());
+        let across = [self.dims[axes[1]], self.dims[axes[2]]];
+        let columns = std::array::from_fn(|i| whole((count(across[i] - 1) + far[i].max(0.0) - first[i]).ceil()) + 1);
+        Sweep {
+            axes,
+            slices,
+            descending: nodes[axis] > 0.0,
+            shear,
+            line: self.line(axes, nodes[axis] > 0.0, first, shear),
+            first,
+            columns,
+            nodes: across,
+            path,
+            samples: whole((voxels.length() * path - 1e-9).ceil()).max(1),
+            behind: start / path,
+        }
+    }
+}
+
+impl LightGrid {
+    fn line(&self, axes: [usize; 3], descending: bool, first: [f64; 2], shear: [f64; 2]) -> [DVec3; 4] {
+        let on = |axis: usize, node: f64| DVec3::AXES[axes[axis]] * node;
+        let last = count(self.dims[axes[0]] - 1);
+        let (start, along) = if descending { (last, -1.0) } else { (0.0, 1.0) };
+        let corner = on(0, start) + on(1, first[0]) + on(2, first[1]);
+        let per_slice = on(0, along) - on(1, shear[0]) - on(2, shear[1]);
+        [(corner - self.offset) / self.scale, per_slice / self.scale, on(1, 1.0) / self.scale, on(2, 1.0) / self.scale]
+    }
+
+    /// The crop box, with room for the rounding of places on its faces.
+    #[must_use]
+    pub fn room(&self) -> [DVec3; 2] {
+        [self.crop[0] - 1e-3 / self.scale, self.crop[1] + 1e-3 / self.scale]
+    }
+}
+
+impl Sweep {
+    /// Columns, from the first to before the last, that `slice` reads or that advance from it: the others are outside the
+    /// crop box. As slices go on, columns enter and leave once.
+    #[must_use]
+    pub fn window(&self, slice: usize) -> [std::ops::Range<usize>; 2] {
+        std::array::from_fn(|i| {
+            let ways = [count(slice) - self.behind, count(slice + 1)].map(|slices| slices * self.shear[i]);
+            let (low, high) = (ways[0].min(ways[1]), ways[0].max(ways[1]) + count(self.nodes[i] - 1));
+            let first = whole((low - self.first[i]).floor().max(0.0)).min(self.columns[i]);
+            let end = whole((high - self.first[i]).ceil().max(0.0)).saturating_add(1).min(self.columns[i]);
+            first..end.max(first)
+        })
+    }
+
+    /// Index along the axis of the slices.
+    #[must_use]
+    pub fn index(&self, slice: usize) -> usize {
+        if self.descending { self.slices - 1 - slice } else { slice }
+    }
+}

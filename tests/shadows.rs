@@ -1,0 +1,724 @@
+//! Shadows: closed forms of single scattering, occluders, the light grid, and the device against the reference.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+#[path = "../benches/instruments/shadows.rs"]
+mod instrument;
+mod support;
+
+use std::path::Path;
+
+use glam::{DMat3, DVec3};
+use relume::document::{self, Document, Edit, SceneFile, SceneOptions, Source};
+use relume::film::Film;
+use relume::internal::number::Real;
+use relume::plan::{Integrate, PositionCounts, ShadowedPositions, Stale, plan};
+use relume::progress::Quiet;
+use relume::reference::{self, End, Samples, Step};
+use relume::render::{Dispatching, Renderer, SceneRenderer};
+use relume::scene::{Integration, Interpolation, Lookup, Placement, Scene, SceneLight, Shading, ShadowMethod};
+use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
+use relume::volume::{Geometry, Volume, Voxels};
+use support::rungs::{Rungs, with_renderer};
+use support::scenes::{self, SIZE, float, of};
+
+/// A box of a constant medium with this optical depth per unit of length, unshaded, seen along +z by parallel rays;
+/// `light` is the table of its light.
+fn block(extent: DVec3, depth: f64, light: &str, step: f64, height: f64) -> Scene {
+    let geometry = Geometry::new("block", [2, 2, 2], extent, -extent / 2.0, DMat3::IDENTITY).unwrap();
+    let opacity = -(-depth).exp_m1();
+    let text = format!(
+        r#"
+        shading = "none"
+        [materials.only]
+        reflectance = "orange"
+        [transfer]
+        opacity_length = 1
+        [[transfer.intervals]]
+        material = "only"
+        range = [0, 255]
+        opacity = {opacity:e}
+        [lights.day]
+        spectrum = "D65"
+        shadows = true
+        {light}
+        [shadows]
+        method = "rays"
+        start = 0
+        [camera]
+        projection = "orthographic"
+        height = {height}
+        position = [0, 0, -10]
+        target = [0, 0, 0]
+        up = [0, 1, 0]
+        [accuracy]
+        step = {step}
+        termination = 0
+    "#
+    );
+    let mut scene = of(&text, Volume::new("block", Voxels::U8(vec![100; 8]), geometry).unwrap());
+    scene.volume = Volume::new("block", Voxels::U8(vec![100; 8]), geometry).unwrap().into();
+    scene
+}
+
+fn towards(direction: [f64; 3]) -> String {
+    format!("kind = \"directional\"\ndirection = {direction:?}")
+}
+
+/// Weights of the first material of a picture.
+fn weights(scene: Scene, size: [usize; 2]) -> Vec<f64> {
+    let rungs = Rungs::new(scene, size);
+    rungs.march(&rungs.exact()).accumulators[..size[0] * size[1]].to_vec()
+}
+
+fn middle(scene: Scene) -> f64 {
+    weights(scene, [1, 1])[0]
+}
+
+/// Largest error of single scattering at a step of 1/200.
+const SINGLE: f64 = 2e-3;
+
+/// Slabs seen along their normal: τ, cosine of the light, whether it is behind, and the closed form.
+fn slabs() -> impl Iterator<Item = (f64, [f64; 3], f64)> {
+    [0.5_f64, 2.0].into_iter().flat_map(|depth| {
+        [1.0_f64, 0.5].into_iter().flat_map(move |cosine| {
+            let sine = (1.0 - cosine * cosine).sqrt();
+            let reflected = cosine / (cosine + 1.0) * -(-depth * (1.0 + 1.0 / cosine)).exp_m1();
+            let through = if cosine < 1.0 {
+                cosine / (cosine - 1.0) * ((-depth / cosine).exp() - (-depth).exp())
+            } else {
+                depth * (-depth).exp()
+            };
+            [(depth, [sine, 0.0, -cosine], reflected), (depth, [sine, 0.0, cosine], through)]
+        })
+    })
+}
+
+#[test]
+fn a_slab_scatters_once_as_its_closed_form_says() {
+    for (depth, light, expected) in slabs() {
+        let at = |step: f64| middle(block(DVec3::new(40.0, 40.0, 1.0), depth, &towards(light), step, 1.0)) - expected;
+        let error = at(1.0 / 200.0).abs();
+        assert!(error <= SINGLE, "depth {depth}, light {light:?}: {expected} is missed by {error:e}");
+        let [coarse, fine] = [1.0 / 8.0, 1.0 / 16.0].map(|step| at(step).abs());
+        // From behind, the light of all depths may be equal: every step is exact.
+        assert!(
+            coarse >= 3.5 * fine || coarse < 1e-12,
+            "depth {depth}, light {light:?}: {coarse:e} at 1/8, {fine:e} at 1/16"
+        );
+    }
+}
+
+#[test]
+fn a_box_lit_from_aside_has_the_brightness_of_its_closed_form() {
+    let light = towards([0.6, 0.0, -0.8]);
+    let size = [4, 3];
+    let found = weights(block(DVec3::splat(2.0), 1.5, &light, 1.0 / 200.0, 3.0), size);
+    // Albedo 0.8, at x = 0.5 and −0.5. Columns are half a unit from the middle.
+    let [left, right] = [found[4 + 1], found[4 + 2]].map(|weight| 0.8 * weight);
+    let sides = if left > right { [left, right] } else { [right, left] };
+    for (found, expected) in sides.into_iter().zip([0.390_988, 0.355_139]) {
+        assert!((found - expected).abs() <= SINGLE, "{found}, not {expected}");
+    }
+}
+
+/// A ball of radius 1 around the middle of a box from −1 to 1, of this optical depth per unit of length.
+struct Ball {
+    depth: f64,
+    step: f64,
+}
+
+impl Ball {
+    fn holds(place: [f64; 3]) -> bool {
+        // The faces of the box are at 1/4 and 3/4 of its texture.
+        place.map(|part| 4.0 * part - 2.0).iter().map(|part| part * part).sum::<f64>() <= 1.0
+    }
+}
+
+impl Samples<f64> for Ball {
+    fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
+        let opacity = if Self::holds(place) { -(-self.depth * self.step).exp_m1() } else { 0.0 };
+        step.source = vec![opacity, 0.0, 0.0, 0.0];
+        step.opacity = vec![opacity];
+    }
+
+    fn end(&self, _: [f64; 3]) -> End<f64> {
+        unreachable!("no segments")
+    }
+
+    fn mean(&self, _: [&End<f64>; 2], _: [f64; 3], _: &mut Step<f64>) -> f64 {
+        unreachable!("no segments")
+    }
+
+    // The unit of length is the spacing of the box's two voxels.
+    fn extinction(&self, place: [f64; 3]) -> f64 {
+        if Self::holds(place) { 2.0 * self.depth } else { 0.0 }
+    }
+}
+
+#[test]
+fn a_ball_lit_from_all_sides_has_the_brightness_of_its_closed_form() {
+    let step = 1.0 / 200.0;
+    let shown = |light: &str, size: [usize; 2]| {
+        let scene = block(DVec3::splat(2.0), 1.5, light, step, 3.0);
+        let planned = plan(&scene, &Quiet).unwrap();
+        let film = reference::march(&scene, &planned, &Ball { depth: 1.5, step }, size, &Quiet).unwrap();
+        film.accumulators.iter().map(|weight| 0.8 * weight).collect::<Vec<f64>>()
+    };
+    for (light, expected) in [([0.0, 0.0, -1.0], 0.399_009), ([1.0, 0.0, 0.0], 0.275_937), ([0.0, 0.0, 1.0], 0.119_489)]
+    {
+        let found = shown(&towards(light), [3, 3])[4];
+        assert!((found - expected).abs() <= SINGLE, "light {light:?}: {found}, not {expected}");
+    }
+    let found = shown("", [3, 3])[4];
+    assert!((found - 0.399_009).abs() <= SINGLE, "headlight: {found}");
+    let sides = shown(&towards([1.0, 0.0, 0.0]), [4, 3]);
+    let mut sides = [sides[4 + 1], sides[4 + 2]];
+    sides.sort_by(f64::total_cmp);
+    for (found, expected) in sides.into_iter().zip([0.104_256, 0.467_241]) {
+        assert!((found - expected).abs() <= SINGLE, "{found}, not {expected}");
+    }
+}
+
+#[test]
+fn a_headlight_is_exact_at_every_step() {
+    for (depth, step) in [(0.5, 0.5), (0.5, 1.0 / 64.0), (2.0, 1.0), (2.0, 0.25)] {
+        let found = middle(block(DVec3::new(40.0, 40.0, 1.0), depth, "", step, 1.0));
+        let expected = -(-2.0 * depth).exp_m1() / 2.0;
+        assert!((found - expected).abs() <= 2e-5, "depth {depth}, step {step}: {found}, not {expected}");
+        let cropped = middle(Scene {
+            crop: Some([DVec3::ZERO, DVec3::new(1.0, 1.0, 0.5)]),
+            ..block(DVec3::new(40.0, 40.0, 1.0), depth, "", step.min(0.5), 1.0)
+        });
+        let expected = -(-depth).exp_m1() / 2.0;
+        assert!((cropped - expected).abs() <= 2e-5, "depth {depth}, step {step}, cropped: {cropped}, not {expected}");
+    }
+}
+
+/// Two soft balls without shading, one light, seen by parallel rays from the direction `eye`.
+fn balls_lit(eye: DVec3, light: DVec3) -> Scene {
+    let direction = light.to_array();
+    let text = format!(
+        r#"
+        shading = "none"
+        [materials.only]
+        reflectance = "orange"
+        [transfer]
+        opacity_length = 1
+        opacity = [[2000, 0.0], [60000, 0.5]]
+        material = [[0, "only"]]
+        [lights.day]
+        spectrum = "D65"
+        shadows = true
+        kind = "directional"
+        direction = {direction:?}
+        [shadows]
+        method = "rays"
+        [accuracy]
+        step = 0.5
+        termination = 0
+    "#
+    );
+    let mut scene = of(&text, scenes::balls());
+    let centre = DVec3::new(15.5, 13.5, 12.5);
+    scene.camera.projection = relume::scene::Projection::Orthographic { height: Some(50.0) };
+    scene.camera.aim = relume::scene::Aim::LookAt { position: centre + 100.0 * eye, target: centre };
+    scene.camera.up = DVec3::new(0.1, 0.2, 1.0);
+    scene
+}
+
+#[test]
+fn light_and_eye_can_be_exchanged() {
+    let [one, other] = [DVec3::new(-0.8, 0.6, 0.0), DVec3::new(0.3, 0.5, 0.8)].map(DVec3::normalize);
+    let mean = |eye, light| {
+        let found = weights(balls_lit(eye, light), [40, 40]);
+        found.iter().sum::<f64>() / float(found.len())
+    };
+    let [there, back] = [mean(one, other), mean(other, one)];
+    assert!((there / back - 1.0).abs() <= 0.004, "{there} and {back}");
+    // Not because every light gives the same.
+    let elsewhere = mean(one, one);
+    assert!((there / elsewhere - 1.0).abs() > 0.05, "{there} and {elsewhere}");
+}
+
+/// A small ball above a large one, lit from above by a grey and by a coloured light from aside; both cast shadows.
+fn occluded(shading: &str) -> Scene {
+    let text = format!(
+        r#"
+        shading = "{shading}"
+        [materials.large]
+        reflectance = "orange"
+        [materials.small]
+        reflectance = "blue"
+        [transfer]
+        opacity_length = 1
+        opacity = [[2000, 0.0], [30000, 0.4]]
+        material = [[0, "large"]]
+        [lights.day]
+        spectrum = "D65"
+        shadows = true
+        kind = "directional"
+        direction = [0.1, -0.4, 1]
+        [lights.lamp]
+        spectrum = "A"
+        shadows = true
+        kind = "directional"
+        direction = [1, 0.4, 0.2]
+        [camera]
+        projection = "orthographic"
+        azimuth = 30
+        elevation = 20
+        [accuracy]
+        step = 1
+        termination = 0
+        [shadows]
+        start = 0
+    "#
+    );
+    let ball = |p: DVec3, centre: DVec3, width: f64| (-(p - centre).length_squared() / (2.0 * width * width)).exp();
+    of(
+        &text,
+        scenes::sampled([25, 25, 40], |p| {
+            let small = ball(p, DVec3::new(0.0, -0.2, 0.7), 0.25);
+            60000.0 * ball(p, DVec3::new(0.0, 0.0, -0.4), 0.4) * f64::from(p.z < 0.3)
+                + 60000.0 * small * f64::from(p.z > 0.4)
+        }),
+    )
+}
+
+/// Marches of `scene` by rays and by the grid: the accumulators of all positions.
+fn both_methods(scene: &Scene) -> [Vec<f64>; 2] {
+    [ShadowMethod::Rays, ShadowMethod::Grid].map(|method| {
+        let mut scene = scene.clone();
+        scene.shadows.method = method;
+        let rungs = Rungs::new(scene, SIZE);
+        rungs.march(&rungs.exact()).accumulators
+    })
+}
+
+#[test]
+fn a_cropped_occluder_casts_no_shadow() {
+    let scene = occluded("none");
+    let last = DVec3::new(24.0, 24.0, 39.0);
+    // The small ball begins at z = 0.4: voxel 27.
+    let cropped = |high: f64| {
+        let crop = Some([DVec3::ZERO, DVec3::new(last.x, last.y, high)]);
+        Scene { crop, ..scene.clone() }
+    };
+    let removed = Scene {
+        volume: scenes::sampled([25, 25, 40], |p| {
+            let centre = DVec3::new(0.0, 0.0, -0.4);
+            let large = (-(p - centre).length_squared() / (2.0 * 0.4 * 0.4)).exp();
+            60000.0 * large * f64::from(p.z < 0.3)
+        })
+        .into(),
+        ..cropped(25.0)
+    };
+    for (with, without) in both_methods(&cropped(25.0)).into_iter().zip(both_methods(&removed)) {
+        assert!(with == without, "the ball that is cropped away changes the picture");
+    }
+    // Not cropped, it does cast one.
+    for (whole, cropped) in both_methods(&cropped(39.0)).into_iter().zip(both_methods(&cropped(25.0))) {
+        assert!(whole.iter().sum::<f64>() != cropped.iter().sum::<f64>());
+    }
+}
+
+#[test]
+fn an_xray_material_casts_no_shadow_and_is_lit_through_that_of_others() {
+    // Two intervals: an X-ray material at low values, around the other one.
+    let shown = |opacity: f64, xray: bool| {
+        let mut scene = occluded("none");
+        scene.transfer.terms = vec![
+            relume::scene::Term::interval(0, [20000.0, 65535.0], [1000.0; 2], 0.3, 0.0),
+            relume::scene::Term::interval(1, [5000.0, 19000.0], [1000.0; 2], opacity, 0.0),
+        ];
+        scene.materials[1].xray = xray;
+        scene
+    };
+    let pixels = SIZE[0] * SIZE[1];
+    let of_material = |found: &[f64], m: usize| -> Vec<f64> {
+        (0..2).flat_map(|position| found[(2 * position + m) * pixels..][..pixels].to_vec()).collect()
+    };
+    for (thin, dense) in both_methods(&shown(0.1, true)).into_iter().zip(both_methods(&shown(0.6, true))) {
+        assert!(of_material(&thin, 0) == of_material(&dense, 0), "its opacity changes the light of the other");
+        assert!(of_material(&thin, 1) != of_material(&dense, 1), "its own light follows its opacity");
+    }
+    for (thin, dense) in both_methods(&shown(0.1, false)).into_iter().zip(both_methods(&shown(0.6, false))) {
+        assert!(of_material(&thin, 0) != of_material(&dense, 0), "an occluder does cast a shadow");
+    }
+    // Lit through shadows: without any, the X-ray material is brighter.
+    let mut open = shown(0.1, true);
+    open.lights.iter_mut().for_each(|light| light.shadows = false);
+    let rungs = Rungs::new(open, SIZE);
+    let open: f64 = rungs.march(&rungs.exact()).accumulators[pixels..2 * pixels].iter().sum();
+    for found in both_methods(&shown(0.1, true)) {
+        assert!(of_material(&found, 1)[..pixels].iter().sum::<f64>() < 0.9 * open);
+    }
+}
+
+#[test]
+fn shadows_keep_positions_apart_that_share_a_shade_without_them() {
+    let mut scene = occluded("none");
+    scene.lights[1].placement = Placement::Directional(DVec3::new(-0.1, 0.4, -1.0).normalize());
+    let shadows = |scene: &Scene| {
+        let plan = plan(scene, &Quiet).unwrap().plan;
+        (plan.positions, plan.shadows)
+    };
+    let two = PositionCounts { directional: 2, ..PositionCounts::default() };
+    let grid = |directional| Some(ShadowedPositions { headlight: false, directional, method: ShadowMethod::Grid });
+    assert_eq!(shadows(&scene), (two, grid(2)), "opposite directions, unshaded");
+    scene.lights[0].shadows = false;
+    let mixed = PositionCounts { ambient: 1, directional: 1, ..PositionCounts::default() };
+    assert_eq!(shadows(&scene), (mixed, grid(1)), "the light without shadows folds");
+    scene.shading = Shading::Gradient;
+    scene.materials.iter_mut().for_each(|material| (material.diffuse, material.specular) = (0.0, 0.0));
+    assert_eq!(shadows(&scene).1, None, "nothing but ambient parts, which shadows leave");
+}
+
+#[test]
+fn shadows_that_cannot_be_computed_are_refused_with_their_light() {
+    let refused = |change: fn(&mut Scene)| {
+        let mut scene = occluded("none");
+        change(&mut scene);
+        let error = plan(&scene, &Quiet).unwrap_err();
+        assert_eq!(error.code(), "shadows-impossible");
+        error.to_string()
+    };
+    assert_eq!(
+        refused(|scene| scene.lights[1].placement = Placement::Ambient),
+        "lights.lamp.shadows = true is not possible: it is ambient, and only directional lights and headlights cast shadows"
+    );
+    assert!(refused(|scene| scene.lights[1].placement = Placement::ThreePoint).contains("three-point"));
+    let coloured = refused(|scene| {
+        let glass = scenes::named("coloured_three");
+        scene.materials[0].absorption = glass.materials.iter().find_map(|material| material.absorption.clone());
+        scene.transfer.terms[0].absorption = vec![(0.0, 0.1)];
+    });
+    assert!(coloured.contains("the absorption of large is coloured"), "{coloured}");
+    let many = refused(|scene| {
+        let light = scene.lights[0].clone();
+        scene.lights = (0..64_u32)
+            .map(|i| {
+                let direction = DVec3::new(f64::from(i), 1.0, 5.0).normalize();
+                SceneLight { placement: Placement::Directional(direction), ..light.clone() }
+            })
+            .collect();
+    });
+    assert!(many.contains("64 directional lights cast shadows from different directions, and 16 may"), "{many}");
+}
+
+#[test]
+fn the_light_grid_approaches_rays_as_its_spacing_falls() {
+    for shading in ["none", "gradient"] {
+        let scene = occluded(shading);
+        let spaced = |spacing: f64| {
+            let mut scene = scene.clone();
+            scene.shadows.spacing = spacing;
+            let [rays, grid] = both_methods(&scene);
+            let error: f64 = rays.iter().zip(&grid).map(|(ray, grid)| (ray - grid).abs()).sum();
+            error / rays.iter().sum::<f64>()
+        };
+        let errors = [4.0, 2.0, 1.0].map(spaced);
+        assert!(errors[1] < 0.7 * errors[0] && errors[2] < 0.7 * errors[1], "{shading}: {errors:?}");
+        assert!(errors[1] < 0.05, "{shading}: {errors:?}");
+    }
+}
+
+/// Largest ΔE00 between weights on the device and 81 bands on the same grid: f16 depths of a device's sums differ by one
+/// unit in the last place at some nodes.
+const SAME_GRID: f64 = 0.01;
+
+/// Scenes of every kind of light, shading and medium that shadows meet.
+fn shadowed_of_every_kind() -> Vec<(&'static str, Scene)> {
+    let changed = |shading: &str, change: fn(&mut Scene)| {
+        let mut scene = occluded(shading);
+        change(&mut scene);
+        scene
+    };
+    let shadowed = |name: &str| {
+        let mut scene = scenes::named(name);
+        for light in &mut scene.lights {
+            light.shadows = matches!(light.placement, Placement::Headlight | Placement::Directional(_));
+        }
+        scene.shadows.start = Some(1.3);
+        scene
+    };
+    vec![
+        ("unshaded", occluded("none")),
+        ("by gradients", occluded("gradient")),
+        ("one of two", changed("gradient", |scene| scene.lights[0].shadows = false)),
+        ("headlight", changed("gradient", |scene| scene.lights[0].placement = Placement::Headlight)),
+        ("unshaded headlight", changed("none", |scene| scene.lights[1].placement = Placement::Headlight)),
+        ("highlights", changed("gradient", |scene| scene.materials[0].specular = 0.5)),
+        (
+            "cropped",
+            changed("none", |scene| scene.crop = Some([DVec3::new(2.0, 3.5, 0.0), DVec3::new(20.0, 24.0, 35.2)])),
+        ),
+        ("exact filter", changed("none", |scene| scene.accuracy.interpolation = Interpolation::ExactLinear)),
+        ("nearest entry", changed("none", |scene| scene.transfer.lookup = Lookup::Nearest)),
+        (
+            "gradient opacity",
+            changed("gradient", |scene| {
+                scene.transfer.gradient_opacity = vec![(0.0, 0.2), (5000.0, 1.0)];
+            }),
+        ),
+        ("segments", changed("gradient", |scene| scene.accuracy.integration = Integration::Segments)),
+        (
+            "five lights",
+            changed("none", |scene| {
+                let light = scene.lights[0].clone();
+                for (i, x) in [-0.9, -0.3, 0.8].into_iter().enumerate() {
+                    let placement = Placement::Directional(DVec3::new(x, 1.0, -0.4).normalize());
+                    scene.lights.push(SceneLight { name: format!("more {i}"), placement, ..light.clone() });
+                }
+            }),
+        ),
+        ("three kinds of lights", shadowed("diffuse_three")),
+        ("labels", shadowed("labels")),
+        ("rotated", shadowed("rotated")),
+        ("one-sided", changed("gradient", |scene| scene.lighting = relume::scene::Lighting::OneSided)),
+    ]
+}
+
+/// Largest ΔE00 between pictures in XYZ where white has Y = 1.
+fn largest_difference(found: &[DVec3], expected: &[DVec3]) -> f64 {
+    let lab = |xyz: &DVec3| lab_from_xyz(Xyz(xyz.to_array()), d65_white());
+    found.iter().zip(expected).map(|(a, b)| ciede2000(lab(a), lab(b))).fold(0.0, f64::max)
+}
+
+#[test]
+fn shadowed_weights_on_the_device_equal_81_bands_on_the_same_grid() {
+    with_renderer(|renderer| {
+        for (name, scene) in shadowed_of_every_kind() {
+            let rungs = Rungs::new(scene, SIZE);
+            assert!(rungs.planned.plan.shadows.is_some(), "{name} has shadows");
+            let matrices = rungs.xyz_matrices();
+            let device = rungs.gpu(renderer).relight(&matrices);
+            if rungs.planned.plan.integration == Integrate::Segments {
+                // 81 bands divide segments otherwise.
+                let expected = rungs.march::<f64>(&rungs.stored()).relight(&matrices);
+                let error = largest_difference(&device, &expected);
+                assert!(error <= SAME_GRID, "{name}: ΔE00 {error}");
+                continue;
+            }
+            let error = largest_difference(&device, &rungs.stored_truth());
+            assert!(error <= SAME_GRID, "{name}: ΔE00 {error}");
+            // In f64, weights and 81 bands differ by rounding.
+            let double = rungs.march::<f64>(&rungs.stored()).relight(&matrices);
+            let error = largest_difference(&double, &rungs.stored_truth());
+            assert!(error <= 1e-3, "{name} in f64: ΔE00 {error}");
+        }
+    });
+}
+
+fn numbers<R: Real>(film: &Film<R>) -> Vec<u64> {
+    film.accumulators.iter().chain(&film.transmittance).map(|number| number.to_f64().to_bits()).collect()
+}
+
+#[test]
+fn any_division_of_march_and_fill_leaves_the_same_bytes() {
+    with_renderer(|renderer| {
+        let marched = |renderer: &Renderer| numbers(&Rungs::new(occluded("gradient"), SIZE).gpu(renderer));
+        let whole = marched(renderer);
+        for samples in [64, 1000] {
+            let dispatching = Dispatching { samples: Some(samples), slice: 7, ..Dispatching::default() };
+            assert!(marched(&renderer.clone().with_dispatching(dispatching)) == whole, "{samples} samples at once");
+        }
+    });
+}
+
+#[test]
+fn a_light_grid_is_filled_again_only_where_its_depths_change() {
+    with_renderer(|renderer| {
+        let first = SceneRenderer::new(renderer, occluded("none"), &Quiet).unwrap();
+        let fills = |scene: &Scene| {
+            let scene = &Scene { volume: std::sync::Arc::clone(&first.scene().volume), ..scene.clone() };
+            let before = renderer.light_fills();
+            let planned = plan(scene, &Quiet).unwrap();
+            let film = first.with_scene(scene.clone(), planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
+            (renderer.light_fills() - before, numbers(&renderer.read(&film).unwrap()))
+        };
+        let changed = |change: fn(&mut Scene)| {
+            let mut scene = occluded("none");
+            change(&mut scene);
+            scene
+        };
+        let (count, begun) = fills(&occluded("none"));
+        assert_eq!(count, 2, "two lights");
+        for (what, scene) in [
+            (
+                "another colour",
+                changed(|scene| scene.materials[0].reflectance = scene.materials[1].reflectance.clone()),
+            ),
+            ("another light", changed(|scene| scene.lights[0].spectrum = scene.lights[1].spectrum.clone())),
+            ("another view", changed(|scene| scene.accuracy.step_length = 0.7)),
+            ("another camera", changed(|scene| scene.camera.up = DVec3::X)),
+        ] {
+            assert_eq!(fills(&scene).0, 0, "{what}");
+        }
+        let moved = changed(|scene| scene.lights[1].placement = Placement::Directional(DVec3::X));
+        assert_eq!(fills(&moved).0, 1, "one light moves");
+        let (count, back) = fills(&occluded("none"));
+        assert_eq!(count, 1, "it moves back");
+        assert!(back == begun, "the same grid again");
+        assert_eq!(fills(&changed(|scene| scene.transfer.terms[0].opacity[1].1 = 0.5)).0, 2, "another opacity");
+        assert_eq!(fills(&changed(|scene| scene.shadows.spacing = 3.0)).0, 2, "another spacing");
+        let crop = changed(|scene| scene.crop = Some([DVec3::ZERO, DVec3::splat(20.0)]));
+        assert_eq!(fills(&crop).0, 2, "another crop box");
+        let xray = |opacity: f64| {
+            let mut scene = occluded("none");
+            scene.materials[1].xray = true;
+            scene.transfer.terms.push(relume::scene::Term::interval(1, [2000.0, 9000.0], [100.0; 2], opacity, 0.0));
+            scene
+        };
+        assert_eq!(fills(&xray(0.2)).0, 2);
+        assert_eq!(fills(&xray(0.4)).0, 0, "the opacity of an X-ray material");
+    });
+}
+
+#[test]
+fn a_march_that_is_dropped_leaves_its_part_of_the_light_grid_to_the_next() {
+    with_renderer(|renderer| {
+        let slow = renderer.clone().with_dispatching(Dispatching { samples: Some(500), ..Dispatching::default() });
+        let renderer = SceneRenderer::new(&slow, occluded("none"), &Quiet).unwrap();
+        let mut steps = 0;
+        for _ in 0..200 {
+            let mut march = renderer.begin_march(SIZE, slow.speed()).unwrap();
+            if march.fill_is_done() {
+                break;
+            }
+            march.step(&slow, renderer.uploaded()).unwrap();
+            steps += 1;
+        }
+        assert!((3..200).contains(&steps), "{steps} steps fill the grid");
+        assert_eq!(slow.light_fills(), 2);
+        let film = renderer.march(SIZE, &Quiet).unwrap();
+        let whole = Rungs::new(occluded("none"), SIZE).gpu(&slow);
+        assert!(numbers(&slow.read(&film).unwrap()) == numbers(&whole));
+    });
+}
+
+#[test]
+fn rays_to_the_light_are_refused_on_a_device() {
+    with_renderer(|renderer| {
+        let mut scene = occluded("none");
+        scene.shadows.method = ShadowMethod::Rays;
+        let error = SceneRenderer::new(renderer, scene, &Quiet).unwrap().march(SIZE, &Quiet).unwrap_err();
+        assert_eq!(error.code(), "shadow-rays-unsupported");
+    });
+}
+
+/// A scene with a light of each kind.
+const LIGHTS: &str = r#"
+    version = 1
+    [volume]
+    phantom = "slab"
+    dims = [4, 4, 4]
+    [materials.only]
+    reflectance = "orange"
+    [[transfer.intervals]]
+    material = "only"
+    range = [0, 255]
+    opacity = 0.1
+    [lights.day]
+    spectrum = "D65"
+    kind = "directional"
+    direction = [0, 0, 1]
+    [lights.head]
+    spectrum = "D65"
+    [lights.sky]
+    spectrum = "D65"
+    kind = "ambient"
+"#;
+
+fn opened(more: &str) -> Result<SceneFile, document::SceneError> {
+    let text = format!("{LIGHTS}{more}");
+    document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet)
+}
+
+#[test]
+fn keys_of_shadows_are_read_and_checked() {
+    let scene = opened("[shadows]\nspacing = 0.5\nstart = 2\nmethod = \"rays\"").unwrap().scene;
+    assert_eq!((scene.shadows.spacing, scene.shadow_start(), scene.shadows.method), (0.5, 2.0, ShadowMethod::Rays));
+    let mut usual = opened("").unwrap().scene;
+    assert_eq!((usual.shadows.spacing, usual.shadow_start()), (2.0, 3.0));
+    usual.shading = Shading::None;
+    assert_eq!(usual.shadow_start(), 0.0);
+    for (wrong, words) in [
+        ("spacing = 0", "from 0.5 to 64"),
+        ("start = -1", "from 0 to 1000"),
+        ("method = \"grids\"", "grids"),
+        ("directions = 64", "directions"),
+    ] {
+        let error = opened(&format!("[shadows]\n{wrong}")).unwrap_err();
+        let told = format!("{error:?} {error}");
+        assert!(told.contains(words), "{wrong}: {told}");
+    }
+}
+
+#[test]
+fn a_light_keeps_its_switched_shadows_in_a_session_and_in_the_history() {
+    let mut edited = Document::new(opened("").unwrap());
+    for light in 0..3 {
+        edited.edit(&Edit::Shadows(light, true));
+    }
+    let cast = |scene: &Scene| scene.lights.iter().map(|light| light.shadows).collect::<Vec<_>>();
+    assert_eq!(cast(&edited.state().scene), [true, true, false], "an ambient light casts none");
+    let path = Path::new("session.toml");
+    let text = document::session::text(path, &Source::default(), edited.opened(), edited.state()).unwrap();
+    let again = document::parse("again", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    assert_eq!(cast(&again.scene), [true, true, false]);
+    edited.undo();
+    edited.undo();
+    assert_eq!(cast(&edited.state().scene), [false; 3]);
+}
+
+#[test]
+fn a_switched_shadow_marches_and_a_light_spectrum_relights() {
+    let scene = occluded("gradient");
+    let planned = plan(&scene, &Quiet).unwrap();
+    let stale = |change: fn(&mut Scene)| {
+        let mut after = scene.clone();
+        change(&mut after);
+        Stale::between(&scene, &planned, &after)
+    };
+    assert_eq!(stale(|scene| scene.lights[0].shadows = false), Stale::Tables);
+    assert_eq!(stale(|scene| scene.shadows.spacing = 4.0), Stale::Accumulators);
+    assert_eq!(stale(|scene| scene.shadows.start = None), Stale::Accumulators);
+    assert_eq!(stale(|scene| scene.lights[0].spectrum = scene.lights[1].spectrum.clone()), Stale::Picture);
+    assert_eq!(stale(|scene| scene.lights[0].intensity = 3.0), Stale::Picture);
+    let mut open = scene.clone();
+    open.lights.iter_mut().for_each(|light| light.shadows = false);
+    let mut after = open.clone();
+    after.shadows.spacing = 4.0;
+    assert_eq!(Stale::between(&open, &plan(&open, &Quiet).unwrap(), &after), Stale::Nothing, "without shadows");
+}
+
+/// Equal under one plan: pictures of other lights from one film, and the films of scenes with those lights.
+#[test]
+fn films_are_equal_to_the_byte_under_every_light() {
+    with_renderer(|renderer| {
+        let scene = occluded("gradient");
+        let marched = |scene: &Scene| numbers(&Rungs::new(scene.clone(), SIZE).gpu(renderer));
+        let film = marched(&scene);
+        for name in ["A", "FL11"] {
+            let mut other = scene.clone();
+            for light in &mut other.lights {
+                light.spectrum = relume::spectrum::standard::light(name).unwrap();
+                light.intensity *= 3.0;
+            }
+            assert!(marched(&other) == film, "under {name}");
+        }
+    });
+}
+
+/// The numbers of `cargo bench --bench instruments -- shadows`, on request only: minutes, and times of a busy machine.
+#[test]
+#[ignore = "takes minutes; times need an idle machine"]
+fn shadows_keep_their_errors_and_costs() {
+    with_renderer(|renderer| {
+        let frog = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/volumes/frog/frog.mhd");
+        let rows = instrument::shadow_rows(renderer, Some(frog.as_path()).filter(|frog| frog.exists())).unwrap();
+        std::fs::write(concat!(env!("CARGO_TARGET_TMPDIR"), "/shadows.md"), instrument::text(&rows)).unwrap();
+        assert!(rows.iter().all(instrument::ShadowRow::holds), "{rows:?}");
+    });
+}
