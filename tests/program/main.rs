@@ -13,6 +13,7 @@ mod first_look;
 mod measure;
 mod model_files;
 mod output;
+mod page;
 mod session;
 #[path = "../support/mod.rs"]
 mod support;

@@ -10,6 +10,7 @@ mod properties;
 mod scenes;
 mod segments;
 mod shader;
+mod shadows;
 mod spectral;
 mod stability;
 mod store;

@@ -1,9 +1,9 @@
 //! Shadows: closed forms of single scattering, occluders, the light grid, and the device against the reference.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-#[path = "../benches/instruments/shadows.rs"]
+#[path = "../../benches/instruments/shadows.rs"]
 mod instrument;
-mod support;
+use crate::support;
 
 use std::path::Path;
 

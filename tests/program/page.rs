@@ -1,7 +1,7 @@
 //! Pages: packing keeps its tolerance, the text is safe, and Chromium shows what `relume relight` writes.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-mod support;
+use crate::support;
 
 use std::fs::File;
 use std::io::{BufReader, Read};
