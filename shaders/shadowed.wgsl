@@ -1,17 +1,24 @@
 // Light of positions with shadows. Part of `march.wgsl`; only plans with shadows call it, and their transmittance is
 // grey. Twin of `reference::shadows`.
 
-// Scale and offset from texture coordinates of the volume to nodes of the light grid, and its last node.
+// Place of the light grid.
 struct LightPlace {
+    // Scale and offset from texture coordinates of the volume to those of the grid of the first four lights.
     scale: vec3f,
     offset: vec3f,
-    last: vec3f,
+    // Nodes along each axis.
+    nodes: vec3f,
+    // Distance from the grid of four lights to that of the next four, along z.
+    behind: f32,
 }
 
-@group(0) @binding(14) var<uniform> light_place: LightPlace;
+@group(0) @binding(14) var<uniform> light_uniform: LightPlace;
 // Optical depths towards four directional lights a texel; of more lights, one grid behind the other along z.
 @group(0) @binding(15) var light_grid: texture_3d<f32>;
 @group(0) @binding(16) var light_sampler: sampler;
+
+// Copy of the uniform, as for `march`.
+var<private> light_place: LightPlace;
 
 fn light_line(base: vec3i, x: f32) -> vec4f {
     let before = textureLoad(light_grid, base, 0);
@@ -23,20 +30,29 @@ fn light_plane(base: vec3i, x: f32, y: f32) -> vec4f {
     return fma(vec4f(y), light_line(base + vec3i(0, 1, 0), x) - before, before);
 }
 
-// Fractions of four lights, from number 4·`texel` on, that reach a node, which may lie between others.
-fn reached_from(node: vec3f, texel: u32) -> vec4f {
+// Fractions of four lights, from number 4·`texel` on, that reach `place`, in texture coordinates of the grid.
+fn reached_from(place: vec3f, texel: u32) -> vec4f {
     var depths: vec4f;
     if (EXACT_LINEAR) {
-        let base = min(floor(node), light_place.last - 1.0);
+        let all = vec3f(textureDimensions(light_grid));
+        let node = clamp(fma(place, all, vec3f(-0.5)), vec3f(), light_place.nodes - 1.0);
+        let base = min(floor(node), light_place.nodes - 2.0);
         let fraction = node - base;
-        let first = vec3i(base) + vec3i(0, 0, i32(texel * (u32(light_place.last.z) + 1u)));
+        let first = vec3i(base) + vec3i(0, 0, i32(texel * u32(light_place.nodes.z)));
         let before = light_plane(first, fraction.x, fraction.y);
         let after = light_plane(first + vec3i(0, 0, 1), fraction.x, fraction.y);
         depths = fma(vec4f(fraction.z), after - before, before);
+    } else if (SHADOWED > 4u) {
+        // Half a texel from the next grid.
+        let edge = 0.5 * light_place.behind / light_place.nodes.z;
+        let z = clamp(place.z, edge, light_place.behind - edge);
+        let behind = fma(f32(texel), light_place.behind, z);
+        depths = textureSampleLevel(light_grid, light_sampler, vec3f(place.xy, behind), 0.0);
     } else {
-        let behind = vec3f(0.0, 0.0, f32(texel) * (light_place.last.z + 1.0));
-        let place = (node + behind + 0.5) / vec3f(textureDimensions(light_grid));
         depths = textureSampleLevel(light_grid, light_sampler, place, 0.0);
+    }
+    if (SHADOWED == 1u) {
+        return vec4f(exp(-depths.x));
     }
     return exp(-depths);
 }
@@ -110,8 +126,8 @@ fn add_shadowed(
         add_light(LAST_HEADLIGHT, ray, step, fma(-0.5 * left, brightest(step.opacity), left), transmittance, sums);
     }
     if (SHADOWED > 0u) {
-        let node = clamp(fma(place, light_place.scale, light_place.offset), vec3f(), light_place.last);
-        let reached = reached_from(node, 0u);
+        let grid_place = fma(place, light_place.scale, light_place.offset);
+        let reached = reached_from(grid_place, 0u);
         add_light(FIRST_SHADOWED, ray, step, reached.x, transmittance, sums);
         if (SHADOWED > 1u) {
             add_light(FIRST_SHADOWED + 1u, ray, step, reached.y, transmittance, sums);
@@ -126,7 +142,7 @@ fn add_shadowed(
             var more: vec4f;
             for (var light = 4u; light < SHADOWED; light += 1u) {
                 if (light % 4u == 0u) {
-                    more = reached_from(node, light / 4u);
+                    more = reached_from(grid_place, light / 4u);
                 }
                 add_light(FIRST_SHADOWED + light, ray, step, more.x, transmittance, sums);
                 more = more.yzwx;

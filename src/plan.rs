@@ -376,7 +376,9 @@ impl ScenePlan {
         let opacity = if self.transmittance == Transmittance::Grey { 1 } else { self.transmittance_lanes() * LANE };
         let entries = if self.lookup == Lookup::Nearest { 1 } else { 2 };
         let differences = if self.gradient() && self.gradients == Gradients::Central { 6 * voxels } else { 0 };
-        self.skipping && entries * (self.parts().lanes * LANE + opacity) + differences >= 2 * voxels
+        // A fetch of four lights.
+        let light = if self.reads_light_grid() { 8 * LANE } else { 0 };
+        self.skipping && entries * (self.parts().lanes * LANE + opacity) + differences + light >= 2 * voxels
     }
 
     /// Whether a volume stored on a device for `other` suits this plan: same format, gradients, labels and filter.

@@ -80,7 +80,8 @@ struct Slice {
 struct Place {
     scale: [f32; 4],
     offset: [f32; 4],
-    last: [f32; 4],
+    nodes: [f32; 3],
+    behind: f32,
 }
 
 /// Everything that the depths of a grid depend on, apart from the volume and the directions of its lights.
@@ -205,7 +206,7 @@ impl Renderer {
         let grid = Arc::new(DeviceGrid {
             image: Image3d::written(&self.device, "light grid", Format::Rgba16Float, extent)?,
             sampler: Sampler::new(&self.device, "light grid", Filter::Linear)?,
-            place: self.place(&key.grid)?,
+            place: self.place(&key.grid, texels)?,
             key,
             texels,
             filling: Mutex::default(),
@@ -216,11 +217,17 @@ impl Renderer {
         Ok(Some(grid))
     }
 
-    fn place(&self, grid: &LightGrid) -> Result<Buffer, RenderError> {
+    fn place(&self, grid: &LightGrid, texels: usize) -> Result<Buffer, RenderError> {
+        let nodes = DVec3::from_array(grid.dims.map(count));
+        // Node n is the middle of texel n; further grids follow along z.
+        let of_first = DVec3::new(1.0, 1.0, 1.0 / count(texels.max(1))) / nodes;
         let vector = |vector: DVec3| vector.extend(0.0).to_array().map(rounded);
-        let last = grid.dims.map(|n| count(n - 1));
-        let place =
-            Place { scale: vector(grid.scale), offset: vector(grid.offset), last: vector(DVec3::from_array(last)) };
+        let place = Place {
+            scale: vector(grid.scale * of_first),
+            offset: vector((grid.offset + 0.5) * of_first),
+            nodes: nodes.to_array().map(rounded),
+            behind: rounded(1.0 / count(texels.max(1))),
+        };
         let buffer = Buffer::host(&self.device, "light place", size_of::<Place>() as u64, HostUse::Uniform)?;
         buffer.write(0, bytemuck::bytes_of(&place))?;
         Ok(buffer)
@@ -261,7 +268,7 @@ impl DeviceGrid {
     /// The resource of this name in the march.
     pub(super) fn resource(&self, name: &str) -> Option<Resource<'_>> {
         match name {
-            "light_place" => Some(Resource::Uniform(&self.place)),
+            "light_uniform" => Some(Resource::Uniform(&self.place)),
             "light_grid" => Some(Resource::Texture(&self.image)),
             "light_sampler" => Some(Resource::Sampler(&self.sampler)),
             _ => None,

@@ -180,7 +180,6 @@ impl Renderer {
     }
 
     /// [`Self::begin_march`], with a `coarse` light grid if no finer one is complete.
-    #[expect(clippy::too_many_arguments, reason = "what a march needs, and how fine its light is")]
     pub(in crate::render) fn begin(
         &self,
         scene: &Scene,
