@@ -108,7 +108,8 @@ fn depth_of(column: vec2u) -> f32 {
 
 // Depth of the columns at a node, linear between four of them.
 fn passed(node: vec2u) -> f32 {
-    let column = fma(vec2f(f32(slice.number)), sweep.shear, vec2f(node) - sweep.first);
+    // Rounding may place the first column before 0.
+    let column = max(fma(vec2f(f32(slice.number)), sweep.shear, vec2f(node) - sweep.first), vec2f());
     let base = floor(column);
     let fraction = column - base;
     let at = vec2u(base);

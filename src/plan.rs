@@ -154,7 +154,7 @@ pub struct PositionCounts {
 /// Positions with shadows: the last ones of their kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ShadowedPositions {
-    /// Whether the last headlight casts shadows: its light takes the way of the eye, so they follow from the
+    /// Whether the last headlight casts shadows: it shines along the rays of the eye, so they follow from the
     /// transmittance.
     pub headlight: bool,
     /// Number of directional lights with shadows.
@@ -507,16 +507,20 @@ fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     half::check(planned, scene)
 }
 
+/// Names of the materials with coloured absorption.
+fn coloured(scene: &Scene) -> String {
+    let materials = scene.materials.iter().enumerate().filter(|&(index, material)| {
+        scene.absorbs(index)
+            && material.absorption.as_ref().is_some_and(|absorption| !is_constant(absorption.spectrum()))
+    });
+    materials.map(|(_, material)| material.name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
 /// The plan of `scene`, before its [`check`].
 fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let weights = planned(scene, None);
     if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
-        let coloured = scene.materials.iter().enumerate().filter(|&(m, material)| {
-            scene.absorbs(m)
-                && material.absorption.as_ref().is_some_and(|absorption| !is_constant(absorption.spectrum()))
-        });
-        let materials: Vec<&str> = coloured.map(|(_, material)| material.name.as_str()).collect();
-        return Err(PlanError::NotGrey { materials: materials.join(", ") });
+        return Err(PlanError::NotGrey { materials: coloured(scene) });
     }
     let exact = weights.plan.transmittance == Transmittance::Grey;
     let Accuracy { model: kind, tolerance, dimension, accumulate, .. } = scene.accuracy;

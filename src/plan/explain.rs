@@ -204,7 +204,7 @@ impl Planned {
         let casting = self.positions.iter().filter(|position| position.shadows);
         let lights = casting.flat_map(|position| &position.lights).filter_map(|&light| scene.lights.get(light));
         let mut sentences = vec![format!(
-            "Shadows fall from {}: what lies in the way of their light takes it, X-ray materials excepted. Their colours can be exchanged later, too.",
+            "Shadows of {}: the medium between a sample and the light dims it; X-ray materials cast none. The spectra of these lights can be exchanged later, too.",
             listed(lights.map(|light| light.name.as_str()))
         )];
         let apart = self.positions.iter().filter(|position| position.shadows).count();
@@ -212,7 +212,12 @@ impl Planned {
             sentences.push(format!("Shadows keep {apart} positions apart; each has numbers of its own in a pixel."));
         }
         if shadows.headlight {
-            sentences.push("The headlight takes the way of the eye, so its shadows cost nothing.".to_owned());
+            sentences.push("The headlight shines along the rays of the eye, so its shadows cost nothing.".to_owned());
+            if self.plan.shades_by_gradient() {
+                sentences.push(
+                    "With gradient shading its shadow takes about half of the light of dense surfaces; a directional light takes less (shadows.start).".to_owned(),
+                );
+            }
         }
         if shadows.directional > 0 {
             if shadows.method == ShadowMethod::Rays {

@@ -1,6 +1,6 @@
 //! Shadows that a plan cannot have.
 
-use super::{MOST_SHADOWED, PlanError, Planned, Transmittance};
+use super::{MOST_SHADOWED, PlanError, Planned, Transmittance, coloured};
 use crate::scene::{Placement, Scene};
 
 /// Refuses shadows of lights without a direction of their own, in coloured media, and of too many lights.
@@ -22,14 +22,12 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     }
     let Some(shadows) = planned.plan.shadows else { return Ok(()) };
     if planned.plan.transmittance != Transmittance::Grey {
-        let absorbing = scene.materials.iter().enumerate().filter(|&(material, _)| scene.absorbs(material));
-        let names: Vec<&str> = absorbing.map(|(_, material)| material.name.as_str()).collect();
-        let why = format!("the absorption of {} is coloured, and shadows are grey", names.join(", "));
+        let why = format!("the absorption of {} is coloured, and shadows are grey", coloured(scene));
         return refused(&light.name, why);
     }
     if shadows.directional > MOST_SHADOWED {
         let why = format!(
-            "{} directional lights cast shadows from different directions, and {MOST_SHADOWED} may",
+            "{} directional lights cast shadows from different directions; at most {MOST_SHADOWED} can",
             shadows.directional
         );
         return refused(&light.name, why);

@@ -282,7 +282,7 @@ impl<'a, R: Real> Frame<'a, R> {
     ) -> R {
         let plan = &self.planned.plan;
         if plan.shadowed_headlight() == Some(position) {
-            // The light takes the way of the eye: its mean over the step, (1 − e^(−2τΔs))/(2τ) over (1 − e^(−τΔs))/τ.
+            // The light shines along the ray of the eye: its mean over the step, (1 − e^(−2τΔs))/(2τ) over (1 − e^(−τΔs))/τ.
             let half = R::from_f64(0.5);
             return (-(transmittance[0] * half)).mul_add(step.opacity[0], transmittance[0]);
         }

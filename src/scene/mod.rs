@@ -210,7 +210,7 @@ pub struct SceneLight {
     pub intensity: f64,
     /// Origin of the light.
     pub placement: Placement,
-    /// Whether the medium on its way to a sample takes its light.
+    /// Whether the medium between a sample and the light dims it.
     pub shadows: bool,
 }
 

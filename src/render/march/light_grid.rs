@@ -151,7 +151,8 @@ impl Renderer {
             let sides = [width, height, depth * texels];
             grid.bytes(lights) <= room && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)
         };
-        let mut spacing = scene.shadows.spacing;
+        // A scene that was built in code may have any number.
+        let mut spacing = scene.shadows.spacing.max(0.5);
         // A grid of two nodes along each axis always fits.
         while plan.reads_light_grid() && !fits(spacing) {
             spacing *= 1.02;
@@ -296,7 +297,7 @@ impl DeviceGrid {
         let stated = renderer.dispatching.samples;
         let (mut samples, most) = (0.0, stated.map_or(budget.unwrap_or(FIRST_SAMPLES), f64::from));
         let most_columns = stated.map_or(MOST_COLUMNS, |samples| samples as usize);
-        renderer.device.run("light grid", |recorder| {
+        let done = renderer.device.run("light grid", |recorder| {
             while now.slice < now.sweep.slices && samples < most {
                 let (slice, rows, columns) = now.next(most_columns);
                 let groups = [columns.div_ceil(GROUP[0]), rows.div_ceil(GROUP[1]), 1];
@@ -306,7 +307,12 @@ impl DeviceGrid {
             }
             recorder.compute_to_compute();
             Ok(())
-        })?;
+        });
+        if let Err(error) = done {
+            // Slices that were recorded may not have been filled: the light begins again.
+            *current = None;
+            return Err(error.into());
+        }
         let seconds = begun.elapsed().as_secs_f64().max(1e-5);
         *budget = Some((samples * SUBMISSION.as_secs_f64() / seconds).clamp(most / 4.0, most * 4.0).max(1.0));
         if now.slice >= now.sweep.slices {
