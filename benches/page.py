@@ -88,7 +88,7 @@ def main():
         labelled = [str(SCENES / "frog.toml"), "--volume", str(frog / "frog.mhd"), "--labels", str(frog / "frogtissue.mhd")]
         cases.insert(1, ("labelled frog, 17 materials", labelled))
     print("# Pages\n")
-    print("`benches/page.py` prints this page. 800×800 pixels and tolerance 0.5, unless stated; CPU times of all cores.\n")
+    print("`benches/page.py` prints this page. 800×800 pixels and tolerance 0.5, unless stated. Packing in CPU time of all cores; times in\nthe browser are wall-clock medians on a shared two-core machine.\n")
     print("| film | channels | page, MB | packed, MB | largest ΔE00 | packing, CPU ms | unpacking, ms | turning back, ms | relight in JavaScript, ms |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:

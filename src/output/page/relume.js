@@ -123,14 +123,20 @@ export function unpredict(plane, width, first, last, mask) {
   for (let y = first; y < last; y++) {
     let at = y * width;
     const end = at + width;
-    let above = y ? plane[at - width] : 0, left = plane[at] = (plane[at] + above) & mask, corner = above;
+    let corner = y ? plane[at - width] : 0, left = plane[at] = (plane[at] + corner) & mask;
+    if (!y) {
+      for (at++; at < end; at++) left = plane[at] = (plane[at] + left) & mask;
+      continue;
+    }
     for (at++; at < end; at++) {
-      if (y) {
-        above = plane[at - width];
+      const above = plane[at - width], residual = plane[at];
+      let predicted = left;
+      if (above !== corner) {
         const low = left < above ? left : above, high = left < above ? above : left;
-        left = plane[at] = (plane[at] + (corner >= high ? low : corner <= low ? high : left + above - corner)) & mask;
-        corner = above;
-      } else left = plane[at] = (plane[at] + left) & mask;
+        predicted = corner >= high ? low : corner <= low ? high : left + above - corner;
+      }
+      left = plane[at] = (predicted + residual) & mask;
+      corner = above;
     }
   }
 }
@@ -165,22 +171,24 @@ export async function unpack(page, bytes) {
 /** Numbers whose signed squares are those of the film: codes without their zero, with the groups turned back. */
 async function turned(page, planes) {
   if (!page.groups.length) return planes.map((codes, i) => ({ codes, zero: page.channels[i].zero }));
-  const pixels = planes[0].length, out = planes.map(() => new Float32Array(pixels));
+  const BLOCK = 4096, pixels = planes[0].length, out = planes.map(() => new Float32Array(pixels));
   let began = performance.now();
   for (const { first, matrix } of page.groups) {
-    const k = matrix.length, zeros = matrix.map((_, i) => page.channels[first + i].zero), rows = Float64Array.from(matrix.flat());
-    const q = new Float64Array(k), from = planes.slice(first, first + k), to = out.slice(first, first + k);
-    for (let at = 0; at < pixels; at++) {
-      let any = 0;
-      for (let i = 0; i < k; i++) { const code = from[i][at] - zeros[i]; q[i] = code; any |= code; }
-      if (any) {
-        for (let j = 0; j < k; j++) {
-          let sum = 0;
-          for (let i = 0; i < k; i++) sum += rows[i * k + j] * q[i];
-          to[j][at] = sum;
-        }
-      }
-      if (!(at & 4095) && performance.now() - began > 12) { await breath(); began = performance.now(); }
+    const q = matrix.map(() => new Float32Array(BLOCK));
+    for (let start = 0; start < pixels; start += BLOCK) {
+      const count = Math.min(BLOCK, pixels - start);
+      matrix.forEach((_, i) => {
+        const codes = planes[first + i], { zero } = page.channels[first + i], to = q[i];
+        for (let n = 0; n < count; n++) to[n] = codes[start + n] - zero;
+      });
+      matrix.forEach((_, j) => {
+        const to = out[first + j];
+        matrix.forEach((row, i) => {
+          const part = row[j], from = q[i];
+          for (let n = 0; n < count; n++) to[start + n] += part * from[n];
+        });
+      });
+      if (performance.now() - began > 12) { await breath(); began = performance.now(); }
     }
   }
   return out.map((codes) => ({ codes, zero: 0 }));
