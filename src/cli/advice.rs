@@ -146,9 +146,9 @@ fn of_render(error: &RenderError) -> Option<String> {
 
 fn of_page(error: &PageError) -> Option<String> {
     match error {
-        PageError::TooLarge { .. } => {
-            Some("; take a smaller --size, fewer --views, a larger --tolerance, or a larger --max-bytes".to_owned())
-        }
+        PageError::TooLarge { .. } => Some(
+            "; take a larger --tolerance or --max-bytes, or for a scene a smaller --size or fewer --views".to_owned(),
+        ),
         PageError::Tolerance { kept, .. } if kept.is_finite() => Some(format!(": --tolerance {:.3}", 1.001 * kept)),
         _ => None,
     }

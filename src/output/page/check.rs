@@ -5,10 +5,12 @@ use std::sync::LazyLock;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::PageError;
 use super::lights::Lights;
 use super::packing::{Channel, Channels, planes};
 use crate::film::Film;
 use crate::number::count;
+use crate::progress::Progress;
 use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 
 /// Steps in an octave of the search.
@@ -36,14 +38,21 @@ fn step(index: i32) -> f64 {
 }
 
 /// The coarsest step at which packing `films` keeps `tolerance` in every pixel under all `conditions` (XYZ of each plane);
-/// `Err` is the smallest ΔE00 that can be kept.
+/// the error states the smallest ΔE00 that can be kept.
 pub(super) fn search(
     films: &[Film<f32>],
     lights: &Lights,
     channels: &Channels,
     conditions: &[Vec<DVec3>],
     tolerance: f64,
-) -> Result<Found, f64> {
+    progress: &dyn Progress,
+) -> Result<Found, PageError> {
+    let refused = |kept: f64| {
+        let numbers = films.iter().flat_map(|film| film.accumulators.iter().chain(&film.transmittance));
+        let largest = numbers.fold(0.0_f32, |largest, number| largest.max(number.abs()));
+        Err(if kept.is_finite() { PageError::Tolerance { tolerance, kept } } else { PageError::Range { largest } })
+    };
+    let wanted = || if progress.cancelled() { Err(PageError::Cancelled) } else { Ok(()) };
     let mut sample = sampled(films, lights);
     let [mut least, mut most] = OCTAVES.map(|octave| octave * OF_OCTAVE);
     // The finest step whose codes have two bytes.
@@ -56,17 +65,19 @@ pub(super) fn search(
         compared(film, lights, channels, &kept, step(index), conditions, known).0
     };
     if largest(finest, &sample, 0.0) > tolerance {
-        return Err(films.iter().map(|film| largest(finest, film, 0.0)).fold(0.0, f64::max));
+        return refused(films.iter().map(|film| largest(finest, film, 0.0)).fold(0.0, f64::max));
     }
     while least < most {
+        wanted()?;
         let middle = i32::midpoint(least, most);
         if largest(middle, &sample, 0.0) <= tolerance { most = middle } else { least = middle + 1 }
     }
     let mut index = most;
     loop {
-        let Some(kept) = channels.at(step(index)) else { return Err(f64::INFINITY) };
+        let Some(kept) = channels.at(step(index)) else { return refused(f64::INFINITY) };
         let mut worst = largest(index, &sample, 0.0);
         for film in films {
+            wanted()?;
             let (found, pixel) = compared(film, lights, channels, &kept, step(index), conditions, worst);
             worst = worst.max(found);
             if found > tolerance {
@@ -80,7 +91,7 @@ pub(super) fn search(
         }
         loop {
             if index >= finest {
-                return Err(worst);
+                return refused(worst);
             }
             index += 1;
             if largest(index, &sample, 0.0) <= tolerance {

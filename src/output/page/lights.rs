@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use crate::film::{Components, RelightMatrices};
 use crate::model::{ColourModel, ModelError};
+use crate::output::film::{Dial, DialPreset, Node};
 use crate::output::{FilmFile, OutputError};
 use crate::plan::Transmittance;
 use crate::scene::{Display, Mix, MixLight};
@@ -27,6 +28,8 @@ pub(super) struct Lights {
     pub(super) stated: Mix,
     /// Mix of the picture as it opens.
     pub(super) opening: Mix,
+    /// The dial of the film.
+    dial: Option<Dial>,
     /// Standard lights, by name.
     pub(super) standards: Vec<(&'static str, Light)>,
 }
@@ -63,6 +66,7 @@ impl Lights {
             display: film.display(),
             stated,
             opening: film.opening()?,
+            dial: film.dial.clone(),
             standards,
         })
     }
@@ -105,15 +109,50 @@ impl Lights {
         Observer::ALL.iter().position(|observer| *observer == self.display.observer).unwrap_or(0)
     }
 
-    /// Mixes under which packing keeps its tolerance: the picture as it opens, each light alone, and each standard light
-    /// in place of all.
+    /// Mixes under which packing keeps its tolerance: the picture as it opens, the presets of the dial, each standard
+    /// light in place of all, and each light alone, as it is and as each standard light, as bright as the dial makes it.
     pub(super) fn mixes(&self) -> Vec<Mix> {
-        let alone = self.stated.0.iter().map(|light| Mix(vec![light.clone()]));
+        let single = |light: &MixLight| {
+            let at_hand = self.on_dial(vec![light.clone()]);
+            if at_hand.0[0].weight > light.weight { at_hand } else { Mix(vec![light.clone()]) }
+        };
+        let as_standard = |light: &MixLight| -> Vec<Mix> {
+            let other =
+                |(_, standard): &(&str, Light)| single(&MixLight { spectrum: standard.clone(), ..light.clone() });
+            self.standards.iter().map(other).collect()
+        };
+        let alone = self.stated.0.iter().flat_map(|light| std::iter::once(single(light)).chain(as_standard(light)));
         let in_place = self.standards.iter().map(|(_, standard)| {
             let light = |light: &MixLight| MixLight { spectrum: standard.clone(), ..light.clone() };
             Mix(self.stated.0.iter().map(light).collect())
         });
-        std::iter::once(self.opening.clone()).chain(alone).chain(in_place).collect()
+        std::iter::once(self.opening.clone()).chain(self.presets()).chain(alone).chain(in_place).collect()
+    }
+
+    /// `mix` with the brightness of the dial; the page makes a dial of luminance 1 where the film has none.
+    fn on_dial(&self, mix: Vec<MixLight>) -> Mix {
+        let (normalise, master) = self.dial.as_ref().map_or((true, 1.0), |dial| (dial.normalise, dial.master));
+        Mix(mix).mastered(normalise, master)
+    }
+
+    /// Mixes of the presets of the dial.
+    fn presets(&self) -> Vec<Mix> {
+        let Some(dial) = &self.dial else { return Vec::new() };
+        let of_preset = |preset: &DialPreset| {
+            let is_on =
+                |node: &&Node| (node.on || preset.on.contains(&node.light)) && !preset.off.contains(&node.light);
+            // Inverse distances; their sum is divided out where the dial normalises, and here where it does not.
+            let near =
+                |node: &Node| (node.place[0] - preset.hand[0]).hypot(node.place[1] - preset.hand[1]).max(1e-9).recip();
+            let nodes: Vec<&Node> = dial.nodes.iter().filter(is_on).collect();
+            let sum: f64 = nodes.iter().map(|node| near(node)).sum();
+            let lit = nodes.iter().flat_map(|node| {
+                let lights = self.stated.0.iter().filter(|light| light.name == node.light);
+                lights.map(|light| MixLight { weight: light.weight * near(node) / sum, ..light.clone() })
+            });
+            self.on_dial(lit.collect())
+        };
+        dial.presets.iter().map(of_preset).collect()
     }
 
     /// XYZ of each plane under each of [`Self::mixes`], for each observer.

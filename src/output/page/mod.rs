@@ -65,6 +65,12 @@ pub enum PageError {
         /// Smallest ΔE00 that can be kept.
         kept: f64,
     },
+    /// Numbers of the film are too large for two bytes, whatever the tolerance.
+    #[error("the film cannot be packed: its numbers, up to {largest:e}, are too large for two bytes at any tolerance")]
+    Range {
+        /// Largest number of the film.
+        largest: f32,
+    },
     /// There are no pixels, or views of different sizes.
     #[error("a page needs views of one size and of one kind: {detail}")]
     Views {
@@ -95,6 +101,7 @@ impl PageError {
     pub fn code(&self) -> &'static str {
         match self {
             Self::Tolerance { .. } => "page-tolerance-unreachable",
+            Self::Range { .. } => "page-numbers-too-large",
             Self::Views { .. } => "page-views-differ",
             Self::TooLarge { .. } => "page-too-large",
             Self::Cancelled => "cancelled",
@@ -210,8 +217,7 @@ impl Page<'_> {
         report(0)?;
         let conditions = lights.conditions();
         let channels = Channels::new(self.views, lights, gains(&conditions, lights.planes()));
-        let found = check::search(self.views, lights, &channels, &conditions, self.tolerance)
-            .map_err(|kept| PageError::Tolerance { tolerance: self.tolerance, kept })?;
+        let found = check::search(self.views, lights, &channels, &conditions, self.tolerance, progress)?;
         let refused = |what: &str| OutputError::Inconsistent { detail: what.to_owned() };
         let kept = channels.at(found.step).ok_or_else(|| refused("its numbers span too much"))?;
         let mut views = Vec::new();
@@ -307,14 +313,13 @@ impl PackedPage {
         let encoded = count(packed_bytes) * 4.0 / 3.0;
         let room = count(limit) - (count(bytes) - encoded);
         let share = room / encoded;
-        let ways = if share <= 0.0 {
+        let (fewer, side) = (whole(count(views) * share.max(0.0)), whole(100.0 * share.max(0.0).sqrt()));
+        let ways = if side == 0 {
             "no size or number of views is small enough".to_owned()
-        } else if views > 1 {
-            let fewer = whole(count(views) * share);
-            let side = whole(100.0 * share.sqrt());
+        } else if views > 1 && fewer > 0 {
             format!("{fewer} views would fit, or pictures of {side} % of the width and height")
         } else {
-            format!("a picture of {} % of the width and height would fit", whole(100.0 * share.sqrt()))
+            format!("pictures of {side} % of the width and height would fit")
         };
         Err(PageError::TooLarge { bytes, limit, ways })
     }

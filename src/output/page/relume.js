@@ -170,11 +170,10 @@ export async function unpack(page, bytes) {
 
 /** Numbers whose signed squares are those of the film: codes without their zero, with the groups turned back. */
 async function turned(page, planes) {
-  if (!page.groups.length) return planes.map((codes, i) => ({ codes, zero: page.channels[i].zero }));
-  const BLOCK = 4096, pixels = planes[0].length, out = planes.map(() => new Float32Array(pixels));
+  const BLOCK = 4096, pixels = planes[0].length, shown = planes.map((codes, i) => ({ codes, zero: page.channels[i].zero }));
   let began = performance.now();
   for (const { first, matrix } of page.groups) {
-    const q = matrix.map(() => new Float32Array(BLOCK));
+    const q = matrix.map(() => new Float32Array(BLOCK)), out = matrix.map(() => new Float32Array(pixels));
     for (let start = 0; start < pixels; start += BLOCK) {
       const count = Math.min(BLOCK, pixels - start);
       matrix.forEach((_, i) => {
@@ -182,7 +181,7 @@ async function turned(page, planes) {
         for (let n = 0; n < count; n++) to[n] = codes[start + n] - zero;
       });
       matrix.forEach((_, j) => {
-        const to = out[first + j];
+        const to = out[j];
         matrix.forEach((row, i) => {
           const part = row[j], from = q[i];
           for (let n = 0; n < count; n++) to[start + n] += part * from[n];
@@ -190,8 +189,9 @@ async function turned(page, planes) {
       });
       if (performance.now() - began > 12) { await breath(); began = performance.now(); }
     }
+    out.forEach((codes, j) => { shown[first + j] = { codes, zero: 0 }; });
   }
-  return out.map((codes) => ({ codes, zero: 0 }));
+  return shown;
 }
 
 // ---- drawing: WebGL2 where a GPU is, and the same sums in JavaScript ----
@@ -346,8 +346,14 @@ function el(tag, attributes = {}, ...children) {
 
 const percent = (part) => `${Math.round(100 * part)} %`;
 const short = (text, most = 16) => { const letters = [...text]; return letters.length > most ? `${letters.slice(0, most - 1).join("")}…` : text; };
+// A name in a sentence: its bidi controls end with it.
+const isolated = (name) => `\u2068${name}\u2069`;
 const quoted = (text) => `'${text.replaceAll("'", "'\\''")}'`;
-const HELP = "Tab reaches every control. Dial: arrows move the hand (Shift: farther), Home centres it; on a light, Enter shows it alone, Space switches it, arrows move it. Picture: comma and full stop (or arrows) turn it, P picks a pixel, arrows then move it. Escape ends a tour.";
+// Kinds of standard lights in the menu, and what a reader may know them as.
+const KINDS = [["Daylight and lamps", /^(?!FL|LED)/], ["Fluorescent tubes", /^FL/], ["LEDs", /^LED/]];
+const USUAL = { D50: "warm daylight", D65: "daylight", A: "tungsten lamp", E: "equal energy", FL11: "narrow bands" };
+const HELP = "Tab reaches every control. Dial: arrows move the hand (Shift: farther), Home centres it; on a light, Enter shows it alone, Space switches it, arrows move it. P on the picture picks a pixel, arrows then move it. Escape ends a tour.";
+const TURNING = " Comma, full stop and arrows turn the picture.";
 
 /**
  * Builds the page in `root`. `bytes(view)` returns a packed view as a Uint8Array. Options: `draw` ("gl", "cpu"),
@@ -385,57 +391,66 @@ export function mount(root, page, bytes, options = {}) {
   };
   const mixed = () => {
     const parts = shares();
-    const mix = page.lights.map((light, i) => ({ position: light.position, weight: light.weight * parts[i], light: sourceOf(i) }));
+    const mix = page.lights.map((light, i) => ({ index: i, position: light.position, weight: light.weight * parts[i], light: sourceOf(i) }));
     return mastered(page, mix.filter((light) => light.weight !== 0), state.keep[mode()], state.master[mode()]);
   };
   const coloursNow = () => matrices(page, mixed(), { ...state, exposure: page.exposure * 2 ** state.stops });
-  const inWords = () => shares().map((part, i) => `${page.lights[i].name} ${part ? percent(part) : "off"}${state.lights[i].source ? ` as ${state.lights[i].source}` : ""}`).join(", ");
+  const inWords = () => shares().map((part, i) => `${isolated(page.lights[i].name)} ${part ? percent(part) : "off"}${state.lights[i].source ? ` as ${state.lights[i].source}` : ""}`).join(", ");
 
-  const label = () => `${page.title}. Light: ${inWords()}`;
+  const label = () => `${isolated(page.title)}. Light: ${inWords()}`;
 
   // The picture.
-  const status = el("p", { class: "status", role: "status" }, "unpacking…"), live = el("p", { class: "unseen", "aria-live": "polite" });
+  const status = el("p", { class: "status", role: "status" }, ""), live = el("p", { class: "unseen", "aria-live": "polite" });
   const cross = el("span", { class: "cross", hidden: true }), frame = el("div", { class: "frame", tabindex: 0, role: "group", "aria-label": "Picture" }, cross);
   frame.style.setProperty("--aspect", width / height);
   const views = page.views > 1 && el("input", { type: "range", min: 0, max: columns - 1, "aria-label": "View around the volume", oninput: () => change({ view: Math.floor(state.view / columns) * columns + +views.value }) });
-  let canvas, drawer, planes, losses = 0, waiting = false, shownView = -1, ended = false;
+  const heights = page.views > columns && el("input", { type: "range", min: 0, max: page.views / columns - 1, "aria-label": "Height of the view, in rows from the lowest", oninput: () => change({ view: state.view % columns + (page.views / columns - 1 - heights.value) * columns }) });
+  let canvas, drawer, planes, losses = 0, waiting = false, shownView = -1, looking = false, measured = options.draw === "gl", ended = false;
   const packed = new Map();
-  const start = async (software) => {
+  const start = (software) => {
     drawer?.end();
     const fresh = () => { canvas?.remove(); canvas = el("canvas", { width, height, role: "img", "aria-label": label() }); frame.prepend(canvas); };
     fresh();
     drawer = software ? null : accelerated(page, canvas, options.draw === "gl");
     if (!drawer) { fresh(); drawer = plain(page, canvas); }
-    canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); if (!ended) start(++losses > 1); });
+    const mine = canvas;
+    mine.addEventListener("webglcontextlost", (event) => { event.preventDefault(); if (!ended && mine === canvas) start(++losses > 1); });
     shownView = -1;
-    await look();
-    if (drawer.gl && options.draw !== "gl") {
-      const began = performance.now();
-      drawer.draw(coloursNow());
-      drawer.gl.readPixels(0, 0, 1, 1, drawer.gl.RGBA, drawer.gl.UNSIGNED_BYTE, new Uint8Array(4));
-      if (performance.now() - began > 50) await start(true);
-    }
+    look();
   };
+  const isSlow = ({ gl, draw }) => {
+    if (!gl || measured) return false;
+    measured = true;
+    const began = performance.now();
+    draw(coloursNow());
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    return performance.now() - began > 50;
+  };
+  /** Shows the view of the state, then unpacks its neighbours; one view at a time, whatever changes meanwhile. */
   const look = async () => {
-    const { view } = state, mine = drawer;
+    if (looking) return;
+    looking = true;
     try {
-      if (!packed.has(view)) packed.set(view, await unpack(page, bytes(view)));
-      while (packed.size > 10) packed.delete([...packed.keys()].sort((a, b) => Math.abs(b - view) - Math.abs(a - view))[0]);
-      if (view !== state.view || mine !== drawer) return;
-      planes = packed.get(view);
-      await mine.load(planes);
-      if (mine !== drawer) return;
-      shownView = view;
-      status.textContent = "";
-      root.dataset.ready = drawer.name;
-      draw();
-      // Neighbours are unpacked while this view is looked at.
-      for (const step of [1, -1]) {
-        const next = turnedBy(view, step);
-        if (!ended && next !== view && !packed.has(next)) packed.set(next, await unpack(page, bytes(next)));
+      while (!ended) {
+        const { view } = state, mine = drawer;
+        const next = view === shownView ? [1, -1].map((step) => turnedBy(view, step)).find((near) => !packed.has(near)) : view;
+        if (next === undefined) break;
+        if (!packed.has(next)) packed.set(next, await unpack(page, bytes(next)));
+        if (next !== view || view !== state.view || mine !== drawer || ended) continue;
+        while (packed.size > 10) packed.delete([...packed.keys()].sort((a, b) => Math.abs(b - view) - Math.abs(a - view))[0]);
+        await mine.load(packed.get(view));
+        if (mine !== drawer || ended) continue;
+        planes = packed.get(view);
+        shownView = view;
+        if (isSlow(mine)) { start(true); continue; }
+        status.textContent = drawer.gl ? "" : "Drawn without a graphics processor.";
+        root.dataset.ready = drawer.name;
+        draw();
       }
-      if (state.view !== shownView && !ended) await look();
-    } catch (error) { status.textContent = `The picture cannot be unpacked: ${error.message}`; }
+    } catch (error) {
+      root.dataset.failed = "";
+      status.textContent = `The picture cannot be unpacked: ${error.message}`;
+    } finally { looking = false; }
   };
   const turnedBy = (view, step, rows = 0) => {
     const row = clamp(Math.floor(view / columns) + rows, 0, page.views / columns - 1);
@@ -472,7 +487,7 @@ export function mount(root, page, bytes, options = {}) {
       if (to) { here.place = to; change({}); }
       if (event.key === "Enter") { here.on = true; change({ by: "dial", hand: [...here.place] }); }
       if (event.key === " ") { event.preventDefault(); here.on = !here.on; change({ by: "dial" }); }
-    } }, el("circle", { r: 24, class: "reach" }), el("circle", { r: 15, class: "disc" }), el("text", { y: 34 }, short(node.light)), el("text", { y: 50, class: "part" }), el("title", {}, `${node.light}: click for this light alone`));
+    } }, el("circle", { r: 24, class: "reach" }), el("circle", { r: 15, class: "disc" }), el("text", { y: 34 }, short(node.light)), el("text", { y: 50, class: "part" }), el("title", {}, `${isolated(node.light)}: click for this light alone, Shift and drag to move it`));
     svg.append(mark);
     return mark;
   });
@@ -499,11 +514,11 @@ export function mount(root, page, bytes, options = {}) {
     change({ by: "dial", hand: near ? [...near.place] : at });
   });
   for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, () => { moving = null; });
-  const usePreset = (preset) => {
+  const usePreset = (preset, show) => {
     state.nodes.forEach((node, n) => { node.on = (dial.nodes[n].on || (preset.on ?? []).includes(node.light)) && !preset.off.includes(node.light); });
-    change({ by: "dial", hand: [...preset.hand] });
+    show({ by: "dial", hand: [...preset.hand] });
   };
-  const presets = dial.presets.map((preset) => el("button", { type: "button", title: preset.caption, onclick: () => { rest(); usePreset(preset); } }, el("bdi", {}, preset.name)));
+  const presets = dial.presets.map((preset) => el("button", { type: "button", title: preset.caption, onclick: () => usePreset(preset, change) }, el("bdi", {}, preset.name)));
   const caption = el("p", { class: "caption" });
 
   // A tour of the presets, or of the nodes.
@@ -519,8 +534,8 @@ export function mount(root, page, bytes, options = {}) {
       began ??= now;
       const along = (now - began) / 3000, leg = Math.floor(along), part = still.matches ? 0 : along - leg;
       const from = stops[leg % stops.length], to = stops[(leg + 1) % stops.length];
-      if (leg !== last && dial.presets.length > 1) usePreset(dial.presets[leg % stops.length]);
-      if (leg !== last || part) change({ by: "dial", hand: from.map((x, axis) => x + (to[axis] - x) * part * part * (3 - 2 * part)) });
+      if (leg !== last && dial.presets.length > 1) usePreset(dial.presets[leg % stops.length], show);
+      if (leg !== last || part) show({ by: "dial", hand: from.map((x, axis) => x + (to[axis] - x) * part * part * (3 - 2 * part)) });
       last = leg;
       tour = requestAnimationFrame(go);
     };
@@ -532,16 +547,16 @@ export function mount(root, page, bytes, options = {}) {
   const hues = el("linearGradient", { id: `${id}-hues` }, ...[380, 440, 490, 510, 580, 620, 780].map((nm, i) => el("stop", { offset: (nm - 380) / 400, "stop-color": ["#40006a", "#3030ff", "#00b0d0", "#20c040", "#e0d000", "#ff4000", "#600000"][i] })));
   const rows = page.lights.map((light, i) => {
     const here = () => state.lights[i], set = (part) => { Object.assign(here(), part); change({}); };
-    const on = el("input", { type: "checkbox", "aria-label": `${light.name}: on`, onchange: () => {
+    const on = el("input", { type: "checkbox", "aria-label": `${isolated(light.name)}: on`, onchange: () => {
       if (onDial()) { const node = nodeOf(light.name); if (node) node.on = on.checked; change({}); } else set({ on: on.checked });
     } });
-    const value = el("input", { type: "range", min: 0, max: 3, step: 0.01, "aria-label": `${light.name}: strength`, oninput: () => { take(); set({ value: +value.value, on: true }); } });
+    const value = el("input", { type: "range", min: 0, max: 3, step: 0.01, "aria-label": `${isolated(light.name)}: strength`, oninput: () => { take(); set({ value: +value.value, on: true }); } });
     const solo = el("button", { type: "button", class: "small", onclick: () => { take(); change({ solo: state.solo === i ? -1 : i }); } }, "solo");
-    const menu = el("select", { "aria-label": `${light.name}: spectrum`, onchange: () => {
+    const menu = el("select", { "aria-label": `${isolated(light.name)}: spectrum`, onchange: () => {
       if (menu.value === "drawn" && !here().curve) here().curve = sourceOf(i).spectrum.map((part, _, all) => part / Math.max(...all));
       set({ source: menu.value });
-    } }, el("option", { value: "" }, "as rendered"), ...page.standards.map((one) => el("option", {}, one.name)), el("option", {}, "black body"), el("option", { value: "drawn" }, "draw a curve"));
-    const kelvin = el("input", { type: "range", min: 1500, max: 12000, step: 50, "aria-label": `${light.name}: temperature in kelvin`, oninput: () => set({ kelvin: +kelvin.value }) });
+    } }, el("option", { value: "" }, "as rendered"), ...KINDS.map(([kind, first]) => el("optgroup", { label: kind }, ...page.standards.filter(({ name }) => first.test(name)).map(({ name }) => el("option", { value: name }, USUAL[name] ? `${name} (${USUAL[name]})` : name)))), el("option", {}, "black body"), el("option", { value: "drawn" }, "draw a curve"));
+    const kelvin = el("input", { type: "range", min: 1500, max: 12000, step: 50, "aria-label": `${isolated(light.name)}: temperature in kelvin`, oninput: () => set({ kelvin: +kelvin.value }) });
     const curve = el("path", { fill: `url(#${id}-hues)` });
     let band = 40;
     const drawing = el("svg", { viewBox: "0 0 160 44", preserveAspectRatio: "none", class: "curve" }, curve);
@@ -573,13 +588,13 @@ export function mount(root, page, bytes, options = {}) {
       kelvin.value = here().kelvin;
       menu.value = source;
       disc.style.background = swatch(page, now);
-      part.textContent = percent(share);
+      part.textContent = !onDial() && state.solo >= 0 && state.solo !== i ? "off (solo)" : percent(share);
       curve.setAttribute("d", `${path(now.spectrum, 160, 44)}L160,44L0,44Z`);
-      for (const [name, text] of Object.entries(source === "drawn" ? { role: "slider", tabindex: 0, "aria-label": `${light.name}: drawn spectrum`, "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": Math.round(100 * here().curve[band]), "aria-valuetext": `${380 + 5 * band} nm: ${percent(here().curve[band])}` } : { role: "img", "aria-label": `Spectrum of ${light.name}, 380 to 780 nm` })) drawing.setAttribute(name, text);
+      for (const [name, text] of Object.entries(source === "drawn" ? { role: "slider", tabindex: 0, "aria-label": `${isolated(light.name)}: drawn spectrum`, "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": Math.round(100 * here().curve[band]), "aria-valuetext": `${380 + 5 * band} nm: ${percent(here().curve[band])}` } : { role: "img", "aria-label": `Spectrum of ${isolated(light.name)}, 380 to 780 nm` })) drawing.setAttribute(name, text);
       if (source !== "drawn") ["tabindex", "aria-valuenow", "aria-valuetext", "aria-valuemin", "aria-valuemax"].forEach((name) => drawing.removeAttribute(name));
       drawing.classList.toggle("open", source === "drawn");
-      const foreign = !page.model ? "" : now.matrices ? source && now.error > 0.1 ? `Colours under ${source} are within ΔE00 ${now.error.toFixed(2)}.` : "" : `From ${page.model.k} numbers a pixel: an estimate, within about ΔE00 ${page.model.error.toFixed(1)} for smooth spectra.`;
-      note.textContent = (source === "black body" ? `${here().kelvin} K. ` : source === "drawn" ? "Draw on the curve. " : "") + foreign;
+      const foreign = !page.model ? "" : now.matrices ? now.error > 0.1 ? `Colours under ${source || isolated(light.name)} are within ΔE00 ${now.error.toFixed(2)}.` : "" : `From ${page.model.k} numbers a pixel: an estimate, within about ΔE00 ${page.model.error.toFixed(1)} for smooth spectra.`;
+      note.textContent = (source === "black body" ? `${here().kelvin} K${foreign && ". "}` : source === "drawn" ? "Draw on the curve. " : "") + foreign;
     };
     return { row: el("li", {}, el("div", { class: "head" }, on, disc, el("bdi", { title: light.name }, short(light.name, 24)), part, solo), value, el("div", { class: "source" }, menu, drawing), kelvin, note), update };
   });
@@ -596,27 +611,45 @@ export function mount(root, page, bytes, options = {}) {
   const choice = (label, entries, get, set) => { const input = el("select", { onchange: () => { set(input.value); change({}); } }, ...entries.map(([value, text]) => el("option", { value }, text))); return { node: el("label", { class: "row" }, el("span", {}, label), input), update: () => { input.value = get(); } }; };
   const controls = [
     range("Exposure", -4, 4, 0.1, () => state.stops, (v) => { state.stops = v; }, (v) => `${v > 0 ? "+" : ""}${v.toFixed(1)} EV`),
-    range("Mix strength", 0, 4, 0.05, () => state.master[mode()], (v) => { state.master[mode()] = v; }, percent),
-    check("Keep the brightness of white", () => state.keep[mode()], (v) => { state.keep[mode()] = v; }),
-    check("White balance", () => state.adapt, (v) => { state.adapt = v; }),
+    range("Strength of all lights", 0, 4, 0.05, () => state.master[mode()], (v) => { state.master[mode()] = v; }, percent),
+    check("Keep a white surface equally bright", () => state.keep[mode()], (v) => { state.keep[mode()] = v; }),
+    check("White balance: the lights look white", () => state.adapt, (v) => { state.adapt = v; }),
     choice("Observer", [["1931", "CIE 1931, 2°"], ["1964", "CIE 1964, 10°"]], () => state.observer, (v) => { state.observer = v; }),
     choice("Colour vision", [["", "normal"], ...page.deficiencies.map(({ name }) => [name, `${name} (simulated)`])], () => state.vision, (v) => { state.vision = v; }),
   ];
   const button = (text, act) => el("button", { type: "button", onclick: act }, text);
-  const zoom = button("1:1", () => { zoom.textContent = frame.classList.toggle("whole") ? "Fit" : "1:1"; });
+  const zoom = button("Actual pixels", () => { zoom.textContent = frame.classList.toggle("whole") ? "Fit" : "Actual pixels"; });
   const command = el("input", { readonly: true, "aria-label": "Command of Relume for this mix", onfocus: () => command.select() });
-  const save = () => { drawer.draw(coloursNow()); canvas.toBlob((blob) => { const url = URL.createObjectURL(blob); el("a", { href: url, download: "picture.png" }).click(); setTimeout(() => URL.revokeObjectURL(url), 1e4); }); };
+  const keep = (blob, name) => {
+    const url = URL.createObjectURL(blob);
+    el("a", { href: url, download: name }).click();
+    setTimeout(() => URL.revokeObjectURL(url), 1e4);
+  };
+  const save = () => { drawer.draw(coloursNow()); canvas.toBlob((blob) => keep(blob, "picture.png")); };
   const written = () => {
     const number = (value) => +value.toFixed(4);
-    if (onDial() && state.lights.every(({ source }) => !source)) return `relume relight film.exr --dial ${state.hand.map(number)}${state.nodes.filter((node) => !node.on).map((node) => ` --nodes-off ${quoted(node.light)}`).join("")} -o picture.png`;
-    return `relume relight film.exr${mixed().map((light) => {
-      const i = page.lights.findIndex((one, n) => one.position === light.position && sourceOf(n) === light.light), { source, kelvin } = state.lights[i];
-      const name = source === "black body" ? `blackbody ${kelvin}` : source === "drawn" ? "drawn.csv" : source;
-      return ` --light ${quoted(name ? `${name}@${page.positions[light.position]}=${number(light.weight)}` : `${page.lights[i].name}=${number(light.weight / (page.lights[i].weight || 1))}`)}`;
-    }).join("")} -o picture.png`;
+    // The dial of the film, where only its hand was moved and nodes switched off; otherwise the lights themselves.
+    const isOfFilm = onDial() && state.keep[1] === dial.normalise && state.master[1] === dial.master
+      && state.lights.every(({ source }) => !source)
+      && state.nodes.every((node, n) => node.on <= dial.nodes[n].on && String(node.place) === String(dial.nodes[n].place));
+    const lights = isOfFilm
+      ? ` --dial ${state.hand.map(number)}${state.nodes.filter((node) => !node.on).map((node) => ` --nodes-off ${quoted(node.light)}`).join("")}`
+      : mixed().map(({ index, weight, position }) => {
+        const { source, kelvin } = state.lights[index], { name, weight: stated } = page.lights[index];
+        const other = source === "black body" ? `blackbody ${kelvin}` : source === "drawn" ? `drawn${index + 1}.csv` : source;
+        return ` --light ${quoted(other ? `${other}@${page.positions[position]}=${number(weight)}` : `${name}=${number(weight / stated)}`)}`;
+      }).join("");
+    const seen = state.observer === page.observer ? "" : ` --observer ${state.observer}`;
+    return `relume relight film.exr${lights}${seen} -o picture.png`;
   };
+  const copying = button("Copy", () => { command.select(); copying.textContent = document.execCommand("copy") ? "Copied" : "Copy"; });
+  // Curves that were drawn, as the files that the command names.
+  const curves = button("Save drawn curves", () => state.lights.forEach(({ source, curve }, i) => {
+    if (source === "drawn") keep(new Blob([curve.map((power, band) => `${380 + 5 * band},${power.toFixed(4)}\n`).join("")]), `drawn${i + 1}.csv`);
+  }));
 
   // The probe.
+  const ticks = () => el("p", { class: "ticks", "aria-hidden": "true" }, ...[380, 480, 580, 680, "780 nm"].map((nm) => el("span", {}, nm)));
   const told = el("div", { class: "probe", hidden: true });
   const probe = () => {
     told.hidden = cross.hidden = !state.pixel;
@@ -628,16 +661,25 @@ export function mount(root, page, bytes, options = {}) {
     }
     const values = roots.map((root, c) => root * Math.abs(root) * page.channels[c].scale), colours = coloursNow();
     const rgb = [0, 1, 2].map((axis) => values.reduce((sum, value, c) => sum + value * colours[c][axis], 0));
-    const { spectra } = page.model ?? { spectra: page.components.map((one) => one.spectrum) }, k = spectra.length, sum = new Array(BANDS).fill(0);
-    for (const { position, weight, light } of mixed()) spectra.forEach((spectrum, i) => { for (let b = 0; b < BANDS; b++) sum[b] += values[position * k + i] * spectrum[b] * light.spectrum[b] * weight; });
+    const { spectra } = page.model ?? { spectra: page.components.map((one) => one.spectrum) }, k = spectra.length;
+    const sum = new Array(BANDS).fill(0), behind = values.slice(k * page.positions.length);
+    for (const { position, weight, light } of mixed()) {
+      for (let b = 0; b < BANDS; b++) {
+        let part = page.background && !page.behind ? behind[0] * page.background[b] : 0;
+        spectra.forEach((spectrum, i) => { part += (values[position * k + i] + (page.behind ? page.behind[i] * behind[i] : 0)) * spectrum[b]; });
+        sum[b] += part * light.spectrum[b] * weight;
+      }
+    }
     const weights = page.model ? [] : page.components.map(({ name }, i) => [name, page.positions.reduce((all, _, p) => all + values[p * k + i], 0)]).filter(([, weight]) => weight > 5e-4).sort((a, b) => b[1] - a[1]);
     cross.style.left = `${100 * (x + 0.5) / width}%`;
     cross.style.top = `${100 * (y + 0.5) / height}%`;
     const disc = el("span", { class: "swatch" });
     disc.style.background = css(rgb);
-    told.replaceChildren(el("h2", {}, disc, ` Pixel ${x}, ${y}`), el("svg", { viewBox: "0 0 160 44", preserveAspectRatio: "none", class: "curve", role: "img", "aria-label": "Spectrum of the pixel, 380 to 780 nm" }, el("path", { fill: `url(#${id}-hues)`, d: `${path(sum, 160, 44)}L160,44L0,44Z` })),
-      ...weights.slice(0, 6).map(([name, weight]) => el("div", { class: "head" }, el("bdi", {}, short(name, 24)), el("output", {}, weight.toFixed(3)))),
-      ...page.model || weights.length ? [] : ["Nothing but the background is here."]);
+    told.replaceChildren(el("h2", {}, disc, ` Pixel ${x}, ${y}`), el("svg", { viewBox: "0 0 160 44", preserveAspectRatio: "none", class: "curve", role: "img", "aria-label": "Spectrum of the pixel, 380 to 780 nm" }, el("path", { fill: `url(#${id}-hues)`, d: `${path(sum, 160, 44)}L160,44L0,44Z` })), ticks(),
+      el("p", { class: "hint" }, `sRGB ${rgb.map((part) => Math.round(255 * encoded(clamp(part, 0, 1)))).join(", ")}; relative spectrum`),
+      weights.length ? el("h3", {}, "Material along the ray") : "", 
+      ...weights.slice(0, 6).map(([name, weight]) => el("div", { class: "head" }, el("bdi", {}, short(name.replaceAll("_", " "), 24)), el("output", {}, weight.toFixed(3)))),
+      ...page.model || weights.length ? [] : ["Background only."]);
   };
   const pick = (event) => {
     const box = canvas.getBoundingClientRect();
@@ -665,7 +707,10 @@ export function mount(root, page, bytes, options = {}) {
   const address = () => {
     const out = new URLSearchParams(), now = opened(), put = (key, value, usual) => { if (String(value) !== String(usual)) out.set(key, value); };
     const number = (value) => +(+value).toFixed(4);
-    if (onDial()) { out.set("hand", state.hand.map(number)); put("off", state.nodes.filter((node) => !node.on).map((node) => node.light).join("|"), now.nodes.filter((node) => !node.on).map((node) => node.light).join("|")); } else put("by", "sliders", now.by);
+    if (onDial()) { out.set("hand", state.hand.map(number)); } else put("by", "sliders", now.by);
+    const off = ({ nodes }) => nodes.filter((node) => !node.on).map((node) => node.light), dark = off(state);
+    if (onDial() && String(dark) !== String(off(now))) for (const name of dark.length ? dark : [""]) out.append("off", name);
+    state.nodes.forEach(({ light, place }, n) => put(`node.${light}`, place.map(number), now.nodes[n].place.map(number)));
     for (const key of ["stops", "adapt", "observer", "vision", "view", "pixel", "solo"]) put(key, state[key] ?? "", now[key] ?? "");
     put("master", number(state.master[mode()]), now.master[mode()]);
     put("keep", state.keep[mode()], now.keep[mode()]);
@@ -681,7 +726,8 @@ export function mount(root, page, bytes, options = {}) {
     const hand = pair("hand"), pixel = pair("pixel"), number = (key, usual) => given.has(key) && Number.isFinite(+given.get(key)) ? +given.get(key) : usual;
     next.by = hand && many ? "dial" : given.get("by") === "sliders" ? "sliders" : next.by;
     if (hand) next.hand = hand;
-    if (given.has("off")) { const off = given.get("off").split("|"); next.nodes.forEach((node) => { node.on = !off.includes(node.light); }); }
+    if (given.has("off")) { const off = given.getAll("off"); next.nodes.forEach((node) => { node.on = !off.includes(node.light); }); }
+    for (const node of next.nodes) node.place = pair(`node.${node.light}`) ?? node.place;
     const m = +(next.by === "dial");
     next.master[m] = number("master", next.master[m]);
     if (given.has("keep")) next.keep[m] = given.get("keep") === "true";
@@ -690,7 +736,7 @@ export function mount(root, page, bytes, options = {}) {
     if (given.get("observer") === "1931" || given.get("observer") === "1964") next.observer = given.get("observer");
     next.vision = page.deficiencies.find(({ name }) => name === given.get("vision"))?.name ?? "";
     next.view = clamp(Math.floor(number("view", next.view)), 0, page.views - 1);
-    next.solo = clamp(Math.floor(number("solo", -1)), -1, page.lights.length - 1);
+    next.solo = next.by === "dial" ? -1 : clamp(Math.floor(number("solo", -1)), -1, page.lights.length - 1);
     if (pixel) next.pixel = pixel.map((part, axis) => clamp(Math.floor(part), 0, page.size[axis] - 1));
     page.lights.forEach(({ name }, i) => {
       const light = next.lights[i], value = given.get(`light.${name}`), source = given.get(`spectrum.${name}`) ?? "";
@@ -704,10 +750,13 @@ export function mount(root, page, bytes, options = {}) {
   };
 
   let later = 0;
-  const change = (part) => {
+  /** Every change by hand ends a tour. */
+  const change = (part) => { if (tour) rest(); show(part); };
+  const show = (part) => {
     Object.assign(state, part);
+    if (part.by === "dial") state.solo = -1;
     refresh();
-    if (state.view !== shownView && shownView >= 0) look(); else draw();
+    if (state.view !== shownView) look(); else draw();
     clearTimeout(later);
     later = setTimeout(() => {
       live.textContent = inWords();
@@ -729,7 +778,7 @@ export function mount(root, page, bytes, options = {}) {
       mark.setAttribute("transform", `translate(${onScreen(node.place)})`);
       const told = node.on || !onDial() ? percent(onDial() ? weights[n] : parts[i]) : "off";
       mark.setAttribute("aria-checked", node.on);
-      mark.setAttribute("aria-label", `${node.light}, ${told}`);
+      mark.setAttribute("aria-label", `${isolated(node.light)}, ${told}`);
       mark.querySelector(".disc").style.fill = swatch(page, sourceOf(i));
       mark.querySelector(".part").textContent = told;
     });
@@ -737,31 +786,41 @@ export function mount(root, page, bytes, options = {}) {
     hand.setAttribute("aria-valuenow", Math.round(100 * Math.max(...weights, 0)));
     hand.setAttribute("aria-valuetext", inWords());
     root.classList.toggle("by-dial", onDial());
-    hint.textContent = onDial() ? "Drag the white hand: the nearer a light, the stronger it shines." : "Drag the white hand between the lights to mix them; now the sliders below do.";
+    hint.textContent = onDial() ? "Drag the white hand: the nearer a light, the stronger it shines. The lights share 100 %." : "The sliders mix the lights. Drag the white hand to mix them by the dial instead.";
     const now = dial.presets.findIndex((preset) => onDial() && Math.hypot(preset.hand[0] - state.hand[0], preset.hand[1] - state.hand[1]) < 1e-6);
     presets.forEach((one, i) => one.setAttribute("aria-pressed", i === now));
     caption.textContent = dial.presets[now]?.caption ?? "";
     canvas?.setAttribute("aria-label", label());
-    words.textContent = `Light: ${inWords()}`;
-    command.value = written();
-    if (views) views.value = state.view % columns;
+    words.replaceChildren(`Light: ${inWords()}. Display: `, settings);
+    settings.textContent = [
+      state.stops ? `exposure ${state.stops > 0 ? "+" : ""}${state.stops.toFixed(1)} EV` : "", `observer CIE ${state.observer}`,
+      state.adapt ? "white balance" : "", state.vision && `colour vision: ${state.vision}, simulated`,
+    ].filter(Boolean).join(", ");
+    if (command.value !== written()) { command.value = written(); copying.textContent = "Copy"; }
+    curves.hidden = state.lights.every(({ source }) => source !== "drawn");
+    if (views) { views.value = state.view % columns; views.setAttribute("aria-valuetext", `${Math.round(360 * (state.view % columns) / columns)}°`); }
+    if (heights) heights.value = page.views / columns - 1 - Math.floor(state.view / columns);
   };
 
-  const words = el("p", { class: "words" }), hint = el("p", { class: "hint" });
+  const words = el("p", { class: "words" }), settings = el("span"), hint = el("p", { class: "hint" });
   root.classList.add("relume");
   root.replaceChildren(
-    el("main", {}, el("h1", {}, el("bdi", {}, page.title)), el("div", { class: "surround" }, frame), views || "", el("p", { class: "hint" }, views ? "Drag the picture to turn it, click it for the spectrum of a pixel." : "Click the picture for the spectrum of a pixel."), status, words, live),
+    el("main", {}, el("h1", {}, el("bdi", {}, page.title)), el("div", { class: "surround" }, frame), views || "", heights || "", el("p", { class: "hint" }, views ? "Drag the picture to turn it, click it for the spectrum of a pixel." : "Click the picture for the spectrum of a pixel."), status, words, live),
     el("aside", { "aria-label": "Light and display" },
       el("svg", { width: 0, height: 0, class: "unseen", "aria-hidden": "true" }, hues),
+      told,
       el("section", { "aria-label": "Light" }, el("h2", {}, "Light"),
         many ? el("div", { class: "of-dial" }, svg, hint, el("div", { class: "buttons" }, ...presets, touring), caption) : "",
         el("ul", {}, ...rows.map(({ row }) => row))),
-      told,
-      el("section", { "aria-label": "Display" }, el("h2", {}, "Display"), ...controls.map(({ node }) => node), el("div", { class: "buttons" }, zoom, button("Reset all", () => { rest(); change(opened()); }))),
-      el("section", { "aria-label": "Keep" }, el("h2", {}, "Keep"), el("div", { class: "buttons" }, button("Save PNG", save), button("Print", () => print())), options.address ? el("p", { class: "note" }, "The address of this page holds the mix: copy it to share this light.") : "", command),
-      el("details", {}, el("summary", {}, "Keys, and about this page"), el("p", {}, HELP), el("p", {}, `Written by ${page.software}. The file holds what rays through a volume gathered for every light, not the volume; packing changes no colour by more than ΔE00 ${page.largest_error} under the lights of the page. It loads and sends nothing.`))));
+      el("section", { "aria-label": "Display" }, el("h2", {}, "Display"), ...controls.map(({ node }) => node), el("div", { class: "buttons" }, zoom, button("Reset all", () => change(opened())))),
+      el("section", { "aria-label": "Save and share" }, el("h2", {}, "Save and share"),
+        el("div", { class: "buttons" }, button("Save PNG", save), button("Print", () => print()), curves),
+        options.address ? el("p", { class: "hint" }, "The address of this page holds the light and the display: send it along with the file.") : "",
+        el("p", { class: "hint" }, "The same light on the command line, with Relume and the film of the picture (without exposure, white balance and colour vision):"),
+        el("div", { class: "source" }, command, copying)),
+      el("details", {}, el("summary", {}, "Keys, and about this page"), el("p", {}, HELP + (views ? TURNING : "")), el("p", {}, `Written by ${page.software}. The file holds the picture for every light, not the volume. Rounding changes no colour by more than ΔE00 ${page.largest_error} (1 is just visible) under each light alone, each standard light, and the presets of the dial. The page loads and sends nothing.`))));
   root.addEventListener("keydown", (event) => { if (event.key === "Escape") rest(); });
-  hand.addEventListener("pointerdown", () => { rest(); svg.classList.add("used"); });
+  hand.addEventListener("pointerdown", () => svg.classList.add("used"));
   if (options.address && location.hash.length > 1) state = read(location.hash.slice(1));
   const heard = () => { if (location.hash.slice(1) !== address()) change(read(location.hash.slice(1))); };
   if (options.address) addEventListener("hashchange", heard);

@@ -79,7 +79,7 @@ fn digest(text: &str) -> String {
     format!("sha256-{}", STANDARD.encode(Sha256::digest(text.as_bytes())))
 }
 
-/// Text for HTML, in an element or an attribute. Control characters are left out.
+/// Text for HTML, in an element or an attribute. Controls are blanks; those of text direction would reverse what follows.
 fn escaped(text: &str) -> String {
     let mut written = String::with_capacity(text.len());
     for letter in text.chars() {
@@ -89,6 +89,7 @@ fn escaped(text: &str) -> String {
             '>' => written.push_str("&gt;"),
             '"' => written.push_str("&quot;"),
             '\'' => written.push_str("&#39;"),
+            '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => {}
             letter if letter.is_control() => written.push(' '),
             letter => written.push(letter),
         }
@@ -143,7 +144,7 @@ fn json_of(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String {
         let mut keys = vec![
             ("name", json!(stored.name)),
             ("position", json!(stored.position)),
-            ("weight", json!(brief(stored.weight))),
+            ("weight", json!(brief(light.weight))),
             ("shown", json!(brief(stored.shown.unwrap_or(stored.weight)))),
         ];
         keys.extend(of_light(&light.spectrum));
