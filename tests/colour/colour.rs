@@ -1,7 +1,5 @@
 //! Colours against published tables and closed forms.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
 use relume::film::display_from_xyz;

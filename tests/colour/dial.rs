@@ -1,5 +1,4 @@
 //! The light dial: weights of its nodes, and its mixes.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use glam::{DVec2, dvec2};
 use relume::document::{Dial, DialNode, SceneError, SceneFile, SceneOptions, parse};

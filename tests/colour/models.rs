@@ -1,5 +1,4 @@
 //! Colour models: errors on spectra outside the fit, exact cases, and failures.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "the measured errors, shown with --nocapture")]
 
 #[path = "../../benches/instruments/consistency.rs"]

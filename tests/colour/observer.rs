@@ -1,7 +1,5 @@
 //! The CIE 1964 observer and the 1931 observer: colours, and which data depends on the observer.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use crate::support;
 
 use glam::DVec3;

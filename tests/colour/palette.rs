@@ -1,5 +1,4 @@
 //! Palettes: reachable targets are reached, unreachable ones are reported with a proof, and saved palettes reload.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "a test shows what it measured")]
 
 #[path = "../../benches/instruments/palette.rs"]

@@ -1,6 +1,5 @@
 //! Designed palettes in rendered pictures: matches, metameric blacks and constancy hold in every pixel, in the planned
 //! model.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "a test shows what it measured")]
 
 use crate::support;

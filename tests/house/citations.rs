@@ -1,5 +1,4 @@
 //! Pages cited by code and documentation exist.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

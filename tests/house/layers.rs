@@ -1,5 +1,4 @@
 //! Module dependencies and vocabulary follow the map in ARCHITECTURE.md.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

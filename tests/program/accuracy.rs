@@ -1,5 +1,4 @@
 //! Colour accuracy on the command line: flags, reports on colour models, and lights for which they were not planned.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

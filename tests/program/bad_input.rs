@@ -1,6 +1,5 @@
 //! Invalid input is refused with one message and the right exit code, without leaving files behind; unusual input
 //! works.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

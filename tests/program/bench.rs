@@ -1,5 +1,4 @@
 //! Counts of `relume bench` and of the instrument for features; timings are not tested.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 #[path = "../../benches/instruments/needs.rs"]
 #[allow(dead_code, reason = "the tests use a part of the instrument")]

@@ -1,5 +1,4 @@
 //! Choice of settings: goals are met at little more than the least cost, and settings are measured once.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 #[path = "../../benches/instruments/goals.rs"]
 #[allow(dead_code, reason = "the tests use a part of the instrument")]

@@ -1,5 +1,4 @@
 //! The command line: files and messages of every command.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -3,7 +3,6 @@
 //! `tests/data/0.1.0` was written by version 0.1.0: a session of `data/figures/fig1.toml` (40×38×24 voxels, dial presets,
 //! node switches, an interval, a label, camera, exposure and observer changed in the window), its film and pictures; and a
 //! film of `data/scenes/glass_shells.toml` (24×24×24 voxels), whose pixels hold k-vectors.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

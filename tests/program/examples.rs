@@ -1,5 +1,4 @@
 //! The examples run and write their documented output.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

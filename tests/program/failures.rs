@@ -1,6 +1,5 @@
 //! Any failure during a render is reported in one sentence and leaves no partial file.
 #![cfg(unix)]
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -1,5 +1,4 @@
 //! The paper's figures, each made from one march, and their intended effects.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "a test shows what it measured")]
 
 use crate::support;

@@ -1,5 +1,4 @@
 //! A volume without a scene: its picture, its scene, and the words about it.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -1,5 +1,4 @@
 //! Measurements: errors by cause against the truth, counts and bytes, and their reports.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -1,5 +1,4 @@
 //! Film files of a colour model: contents, files of other programs, relighting, and invalid files.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

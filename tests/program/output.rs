@@ -1,5 +1,4 @@
 //! Output files: their contents, and the folder after a failure.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
 
 use crate::support;

@@ -1,5 +1,4 @@
 //! Pages: packing keeps its tolerance, the text is safe, and Chromium shows what `relume relight` writes.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -1,5 +1,4 @@
 //! Sessions: a saved session is a scene that restores the document, without a window or a GPU.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

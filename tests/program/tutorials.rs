@@ -5,7 +5,6 @@
 //! `<!-- tests add: -D accuracy.step=3 -->` adds arguments that save time. All other lines of `sh` blocks are commands of
 //! Relume and must succeed. A `toml` block that begins with a file name (`# cells.toml`) is that file.
 #![cfg(unix)]
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -1,7 +1,5 @@
 //! Arrays in chunks: Zarr, OME-Zarr, HDF5, `NetCDF`. Files of the shared folder, and files written by independent libraries
 //! (`tests/tools/make_zarr.py`, `tests/tools/make_hdf5.py`); invalid files.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 #![expect(clippy::cast_possible_truncation, reason = "numbers are made to fit their types")]
 #![expect(clippy::cast_precision_loss, reason = "numbers are small")]
 #![expect(clippy::cast_possible_wrap, trivial_numeric_casts, reason = "one macro for all types")]

@@ -1,5 +1,4 @@
 //! Volumes written as NRRD, `MetaImage` and `NIfTI` read back with the same voxels, geometry and values.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -1,5 +1,4 @@
 //! DICOM: series and single files of the shared folder, and generated ones of every encoding, kind and defect.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 #![expect(clippy::float_cmp, reason = "whole numbers, and fractions of two")]
 

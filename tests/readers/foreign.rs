@@ -1,6 +1,4 @@
 //! Unsupported formats are refused by name.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
 
 use crate::support::volumes;
 

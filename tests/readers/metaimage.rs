@@ -1,6 +1,4 @@
 //! Generated `MetaImage` files: every element type, byte order, encoding and storage, and invalid files.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 #![expect(clippy::float_cmp, reason = "exact in binary")]
 
 use crate::support::volumes;

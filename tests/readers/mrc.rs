@@ -1,7 +1,5 @@
 //! MRC and CCP4 maps: those of the shared folder, and generated ones of every mode, byte order and order of axes;
 //! invalid files.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 #![expect(clippy::cast_possible_truncation, reason = "numbers of headers are small")]
 
 use crate::support::volumes;

@@ -1,7 +1,5 @@
 //! `NIfTI` and Analyze files: real ones from the shared folder, and generated ones of every version, type, placement and
 //! compression; invalid files.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 #![expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "numbers of headers are small")]
 #![expect(clippy::cast_sign_loss, clippy::float_cmp, reason = "they are not negative, and exact")]
 #![expect(trivial_numeric_casts, clippy::cast_lossless, reason = "one macro for all types")]

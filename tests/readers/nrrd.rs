@@ -1,7 +1,5 @@
 //! NRRD files: real ones from the shared folder, and generated ones of every type, encoding, layout and space; invalid
 //! files.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 
 use crate::support::volumes;
 

@@ -1,7 +1,5 @@
 //! `NumPy` arrays and archives: those of the shared folder, and generated ones of every type, order and version; invalid
 //! files.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 #![expect(clippy::cast_possible_truncation, reason = "lengths are small")]
 #![expect(clippy::cast_possible_wrap, clippy::cast_lossless, trivial_numeric_casts, reason = "one macro for all types")]
 

@@ -1,5 +1,4 @@
 //! Phantoms: their formulas, and properties that scenes rely on.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::cast_precision_loss, reason = "counts are small")]
 
 use std::ops::RangeInclusive;

@@ -1,7 +1,5 @@
 //! TIFF: files of the shared folder, files written by tifffile (`tests/tools/make_tiff.py`), and generated ones of every
 //! trap; invalid files.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 #![expect(clippy::cast_possible_truncation, reason = "numbers are made to fit their types")]
 #![expect(clippy::cast_precision_loss, reason = "numbers are small")]
 #![expect(clippy::cast_possible_wrap, trivial_numeric_casts, reason = "one macro for all types")]

@@ -1,7 +1,6 @@
 //! Volumes from all sources: shared real files, raw voxels, statistics and downsampling.
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![expect(clippy::float_cmp, reason = "exact in binary")]
-#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 
 use crate::support::volumes;
 

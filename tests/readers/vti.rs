@@ -1,6 +1,4 @@
 //! VTK XML image data: files written by VTK (`tests/tools/make_vti.py`), and invalid variants of them.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 
 use crate::support::volumes;
 

@@ -1,6 +1,4 @@
 //! Legacy VTK files: those of the shared folder, and generated ones of every type, attribute and spelling; invalid files.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 #![expect(clippy::cast_lossless, trivial_numeric_casts, reason = "one macro for all types")]
 
 use crate::support::volumes;

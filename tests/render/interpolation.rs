@@ -1,5 +1,4 @@
 //! Interpolation between voxels: every method against its closed form, and on the device.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

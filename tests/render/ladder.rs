@@ -1,7 +1,6 @@
 //! Every scene on every rung, with one kind of error between neighbouring rungs:
 //! closed form —*step*— full spectrum f64 —*basis*— reference f64 —*tables and storage*— reference f64 on the stored
 //! tables and volume —*rounding*— reference f32 —*device*— GPU.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "the measured errors, for whoever asks with --nocapture")]
 
 use crate::support;

@@ -1,5 +1,4 @@
 //! Peercy's full matrices on every rung: the transmittance of a step is a matrix, composed front to back.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

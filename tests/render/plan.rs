@@ -1,5 +1,4 @@
 //! Plans contain exactly the features a scene needs; unneeded features change no picture.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

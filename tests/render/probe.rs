@@ -1,5 +1,4 @@
 //! The probe against closed forms, the picture, and the film on a device.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -1,5 +1,4 @@
 //! Properties of every scene: linearity in light, independence of order and slicing, and equality of equal media.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

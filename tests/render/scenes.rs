@@ -1,5 +1,4 @@
 //! Bundled scene files: each loads and shows all its materials.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -1,5 +1,4 @@
 //! Integration in segments: closed forms, the device against the reference, and empty-space skipping.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -1,5 +1,4 @@
 //! Shadows: closed forms of single scattering, occluders, the light grid, and the device against the reference.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 #[path = "../../benches/instruments/shadows.rs"]
 mod instrument;

@@ -1,5 +1,4 @@
 //! Films of k coefficients: coloured transmittance and colour models, on every rung.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

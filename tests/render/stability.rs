@@ -1,5 +1,4 @@
 //! Extreme values: all results are finite and correct.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

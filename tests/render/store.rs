@@ -1,5 +1,4 @@
 //! Films in 16 bits: as close to 32 bits as rounding permits on every rung, or refused.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

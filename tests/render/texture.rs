@@ -1,5 +1,4 @@
 //! Storage of voxels and gradients: every format gives the correct picture and uses the stated memory.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

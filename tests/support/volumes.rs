@@ -9,6 +9,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 /// Folder of real volumes, if the checkout has one.
+#[expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 pub fn shared() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/volumes");
     if folder.exists() {

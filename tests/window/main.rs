@@ -1,5 +1,6 @@
 //! The window on a virtual display.
 #![cfg(feature = "window")]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 #[path = "../support/mod.rs"]
 mod support;

@@ -1,5 +1,4 @@
 //! The viewer's window on a virtual display, driven by scripts.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::support;
 

@@ -41,7 +41,9 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 let casts = light.placement.casts_shadows();
                 let shadows = ui.add_enabled_ui(casts, |ui| toggle(ui, light.shadows, "shadows")).inner;
                 let shadows = shadows
-                    .on_hover_text("Shadows: the medium between a sample and this light dims it. This marches the volume again.")
+                    .on_hover_text(
+                        "Shadows: the medium between a sample and this light dims it. This marches the volume again.",
+                    )
                     .on_disabled_hover_text("Only directional lights and headlights cast shadows.");
                 if shadows.clicked() {
                     return Some(Action::Edit(Edit::Shadows(index, !light.shadows)));
