@@ -159,7 +159,7 @@ pub struct ShadowedPositions {
     pub headlight: bool,
     /// Number of directional lights with shadows.
     pub directional: usize,
-    /// How their light is found.
+    /// Method that finds their light.
     pub method: ShadowMethod,
 }
 

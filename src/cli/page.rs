@@ -38,7 +38,7 @@ const USUAL_TOLERANCE: f64 = 0.5;
 /// Degrees between the rows of a turntable.
 const ROW_DEGREES: f64 = 25.0;
 
-/// What the flag does here: for a colour model it is also the tolerance of the scene.
+/// Effect of the flag here: for a colour model it is also the tolerance of the scene.
 const TOLERANCE_HELP: &str = "Largest ΔE00 that packing adds to any pixel under any light of the page (1 is just visible). \
 For a scene with a colour model, also the tolerance of that model. [default: 0.5, and that of the scene]";
 

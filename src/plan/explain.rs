@@ -198,7 +198,7 @@ impl Planned {
         sentences
     }
 
-    /// Which lights cast shadows, and how they are found.
+    /// The lights that cast shadows, and the method.
     fn explain_shadows(&self, scene: &Scene) -> Vec<String> {
         let Some(shadows) = self.plan.shadows else { return Vec::new() };
         let casting = self.positions.iter().filter(|position| position.shadows);

@@ -46,7 +46,7 @@ pub struct Scene {
     pub crop: Option<[glam::DVec3; 2]>,
     /// Accuracy settings.
     pub accuracy: Accuracy,
-    /// How shadows are computed; each light states whether it casts them.
+    /// Computation of shadows; each light states whether it casts them.
     pub shadows: Shadows,
     /// Conversion of colours for the screen.
     pub display: Display,
@@ -225,7 +225,7 @@ impl SceneLight {
 /// Computation of shadows (docs/theory/shadows.md).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shadows {
-    /// How the light that reaches a sample is found.
+    /// Method that finds the light at a sample.
     pub method: ShadowMethod,
     /// Spacing of the light grid in voxels; the error of shadows is proportional to it, memory and time of the grid to
     /// its inverse cube.
@@ -241,7 +241,7 @@ impl Default for Shadows {
     }
 }
 
-/// How the light that reaches a sample is found.
+/// Method that finds the light at a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ShadowMethod {

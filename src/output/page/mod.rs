@@ -84,7 +84,7 @@ pub enum PageError {
         bytes: usize,
         /// Largest number of bytes.
         limit: usize,
-        /// What smaller requests would come to.
+        /// Sizes of smaller requests.
         ways: String,
     },
     /// The work was cancelled.

@@ -36,7 +36,7 @@ pub(super) struct Group {
     pub(super) rows: Vec<Vec<f32>>,
 }
 
-/// How a channel stores its numbers at a step.
+/// Storage of the numbers of a channel at a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Channel {
     /// Code of the root 0.

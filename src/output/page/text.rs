@@ -20,7 +20,7 @@ use crate::spectrum::{Light, Spectrum};
 /// Version of the data of a page.
 const FORMAT: u32 = 1;
 
-/// What a page runs after its module is defined.
+/// Call that starts a page, after its module is defined.
 const START: &str = "\nopenPage();\n";
 
 /// The HTML of `page`, and the number of bytes of its JSON.
@@ -214,7 +214,7 @@ fn json_of(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String {
     written.to_string().replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")
 }
 
-/// How each channel stores its numbers.
+/// Storage of the numbers of each channel.
 fn channels(channels: &Channels, planes: &Planes) -> Value {
     let one = |(&gain, kept): (&f64, &super::Channel)| json!({"zero": kept.zero, "scale": scale(gain, planes.found.step), "wide": kept.wide});
     channels.gains.iter().zip(&planes.kept).map(one).collect()
