@@ -3,17 +3,17 @@
 
 // Place of the light grid.
 struct LightPlace {
-    // Scale and offset from texture coordinates of the volume to those of the grid of the first four lights.
+    // Scale and offset from texture coordinates of the volume to those of the grid of the first four directions.
     scale: vec3f,
     offset: vec3f,
     // Nodes along each axis.
     nodes: vec3f,
-    // Distance from the grid of four lights to that of the next four, along z.
+    // Distance from the grid of four directions to that of the next four, along z.
     behind: f32,
 }
 
 @group(0) @binding(14) var<uniform> light_uniform: LightPlace;
-// Optical depths towards four directional lights a texel; of more lights, one grid behind the other along z.
+// Optical depths in four directions a texel; of more directions, one grid behind the other along z.
 @group(0) @binding(15) var light_grid: texture_3d<f32>;
 @group(0) @binding(16) var light_sampler: sampler;
 
@@ -30,7 +30,7 @@ fn light_plane(base: vec3i, x: f32, y: f32) -> vec4f {
     return fma(vec4f(y), light_line(base + vec3i(0, 1, 0), x) - before, before);
 }
 
-// Fractions of four lights, from number 4·`texel` on, that reach `place`, in texture coordinates of the grid.
+// Fractions of light that reach `place`, in texture coordinates of the grid, from four directions, number 4·`texel` on.
 fn reached_from(place: vec3f, texel: u32) -> vec4f {
     var depths: vec4f;
     if (EXACT_LINEAR) {
@@ -42,7 +42,7 @@ fn reached_from(place: vec3f, texel: u32) -> vec4f {
         let before = light_plane(first, fraction.x, fraction.y);
         let after = light_plane(first + vec3i(0, 0, 1), fraction.x, fraction.y);
         depths = fma(vec4f(fraction.z), after - before, before);
-    } else if (SHADOWED > 4u) {
+    } else if (SHADOW_DIRECTIONS > 4u) {
         // Half a texel from the next grid.
         let edge = 0.5 * light_place.behind / light_place.nodes.z;
         let z = clamp(place.z, edge, light_place.behind - edge);
@@ -51,7 +51,7 @@ fn reached_from(place: vec3f, texel: u32) -> vec4f {
     } else {
         depths = textureSampleLevel(light_grid, light_sampler, place, 0.0);
     }
-    if (SHADOWED == 1u) {
+    if (SHADOW_DIRECTIONS == 1u) {
         return vec4f(exp(-depths.x));
     }
     return exp(-depths);
@@ -87,6 +87,76 @@ fn shade_shadowed(position: u32, ray: Ray, step: Step, reached: f32) -> array<ve
         }
     }
     return source;
+}
+
+// Vector of a direction of the three-point light with shadows: key, fill and rim.
+fn of_three(i: u32) -> vec4f {
+    return shading.lights[THREE_VECTORS + i];
+}
+
+// Diffuse shade of a direction of a three-point light, a vector with a weight, of which the fraction `reached` arrives.
+fn facing_of_three(light: vec4f, step: Step, reached: f32) -> f32 {
+    return light.w * reached * lit(dot(step.normal, light.xyz));
+}
+
+// Adds the highlights of this direction.
+fn shine_of_three(light: vec4f, ray: Ray, step: Step, reached: f32, source: ptr<function, array<vec4f, LANES>>) {
+    var shine = lit(dot(step.normal, unit(light.xyz + ray.view)));
+    if (ONE_SIDED) {
+        shine = select(0.0, shine, dot(step.normal, light.xyz) < 0.0);
+    }
+    var white: array<vec4f, LANES>;
+    highlight(step, shine, &white);
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        (*source)[lane] = fma(vec4f(light.w * reached), white[lane], (*source)[lane]);
+    }
+}
+
+// Light of a step towards the eye for the three-point light with shadows, of whose directions these fractions arrive.
+// Without loops, like `add_shadowed`.
+fn shade_three_shadowed(ray: Ray, step: Step, reached: vec3f) -> array<vec4f, LANES> {
+    if (!SHADED) {
+        var flat = unshaded(step);
+        let mean = dot(reached, vec3f(KEY, FILL, RIM));
+        for (var lane = 0u; lane < LANES; lane += 1u) {
+            flat[lane] *= mean;
+        }
+        return flat;
+    }
+    let key = of_three(0u);
+    let fill = of_three(1u);
+    let rim = of_three(2u);
+    let facing = facing_of_three(key, step, reached.x) + facing_of_three(fill, step, reached.y)
+        + facing_of_three(rim, step, reached.z);
+    var source = reflect_light(step, facing);
+    if (SPECULAR) {
+        shine_of_three(key, ray, step, reached.x, &source);
+        shine_of_three(fill, ray, step, reached.y, &source);
+        shine_of_three(rim, ray, step, reached.z, &source);
+    }
+    return source;
+}
+
+// Fractions that reach a place in the grid from the directions of the three-point light, which follow those of the
+// directional lights. `first` are those of the first texel.
+fn reached_of_three(place: vec3f, first: vec4f) -> vec3f {
+    var here = first;
+    if (SHADOWED >= 4u) {
+        here = reached_from(place, SHADOWED / 4u);
+    }
+    var three = here.xyz;
+    if (SHADOWED % 4u == 1u) {
+        three = here.yzw;
+    }
+    if (SHADOWED % 4u >= 2u) {
+        let next = reached_from(place, SHADOWED / 4u + 1u);
+        if (SHADOWED % 4u == 2u) {
+            three = vec3f(here.zw, next.x);
+        } else {
+            three = vec3f(here.w, next.xy);
+        }
+    }
+    return three;
 }
 
 // Adds the light of a step from one position with shadows.
@@ -125,10 +195,12 @@ fn add_shadowed(
         let left = brightest(transmittance);
         add_light(LAST_HEADLIGHT, ray, step, fma(-0.5 * left, brightest(step.opacity), left), transmittance, sums);
     }
-    if (SHADOWED > 0u) {
+    if (SHADOW_DIRECTIONS > 0u) {
         let grid_place = fma(place, light_place.scale, light_place.offset);
         let reached = reached_from(grid_place, 0u);
-        add_light(FIRST_SHADOWED, ray, step, reached.x, transmittance, sums);
+        if (SHADOWED > 0u) {
+            add_light(FIRST_SHADOWED, ray, step, reached.x, transmittance, sums);
+        }
         if (SHADOWED > 1u) {
             add_light(FIRST_SHADOWED + 1u, ray, step, reached.y, transmittance, sums);
         }
@@ -147,6 +219,10 @@ fn add_shadowed(
                 add_light(FIRST_SHADOWED + light, ray, step, more.x, transmittance, sums);
                 more = more.yzwx;
             }
+        }
+        if (SHADOWED_THREE_POINT) {
+            let source = shade_three_shadowed(ray, step, reached_of_three(grid_place, reached));
+            composite(sums, LAST_THREE_POINT * LANES, source, transmittance);
         }
     }
 }

@@ -147,7 +147,7 @@ pub struct PositionCounts {
     pub directional: usize,
     /// Lights at a point.
     pub point: usize,
-    /// 0 or 1.
+    /// 0 to 2: without and with shadows.
     pub three_point: usize,
 }
 
@@ -159,12 +159,22 @@ pub struct ShadowedPositions {
     pub headlight: bool,
     /// Number of directional lights with shadows.
     pub directional: usize,
+    /// Whether the last three-point light casts shadows.
+    pub three_point: bool,
     /// Method that finds their light.
     pub method: ShadowMethod,
 }
 
-/// Largest number of directional lights with shadows.
+/// Largest number of directions with shadows.
 pub const MOST_SHADOWED: usize = 16;
+
+impl ShadowedPositions {
+    /// Number of directions along which the medium dims light: one per directional light, three of a three-point light.
+    #[must_use]
+    pub fn directions(&self) -> usize {
+        self.directional + if self.three_point { 3 } else { 0 }
+    }
+}
 
 /// Shading terms of directed lights. Without diffuse and specular parts, only the materials' ambient factors remain,
 /// and no gradient is needed.
@@ -221,6 +231,12 @@ impl PositionCounts {
     pub fn vectors(&self) -> usize {
         self.total() + 2 * self.three_point
     }
+
+    /// Index of the first vector of `position`.
+    #[must_use]
+    pub fn first_vector(&self, position: usize) -> usize {
+        position + 2 * position.saturating_sub(self.total() - self.three_point)
+    }
 }
 
 impl ScenePlan {
@@ -237,16 +253,37 @@ impl ScenePlan {
         last.filter(|_| self.shadows.is_some_and(|shadows| shadows.headlight))
     }
 
+    /// Index of the three-point position with shadows, if there is one.
+    #[must_use]
+    pub fn shadowed_three_point(&self) -> Option<usize> {
+        let last = self.positions.total().checked_sub(1);
+        last.filter(|_| self.shadows.is_some_and(|shadows| shadows.three_point))
+    }
+
+    /// Number of directions along which the medium dims light.
+    #[must_use]
+    pub fn shadow_directions(&self) -> usize {
+        self.shadows.map_or(0, |shadows| shadows.directions())
+    }
+
+    /// Indices of the vectors of the positions along which the medium dims light: of directional lights, then of a
+    /// three-point light.
+    pub fn shadow_vectors(&self) -> impl Iterator<Item = usize> + use<> {
+        let of_three = self.shadowed_three_point().map(|position| self.positions.first_vector(position));
+        self.shadowed().chain(of_three.into_iter().flat_map(|first| first..first + 3))
+    }
+
     /// Number of positions without shadows.
     #[must_use]
     pub fn open_positions(&self) -> usize {
-        self.positions.total() - self.shadowed().len() - usize::from(self.shadowed_headlight().is_some())
+        let shadowed_one = [self.shadowed_headlight(), self.shadowed_three_point()];
+        self.positions.total() - self.shadowed().len() - shadowed_one.into_iter().flatten().count()
     }
 
     /// Whether the march reads a light grid.
     #[must_use]
     pub fn reads_light_grid(&self) -> bool {
-        self.shadows.is_some_and(|shadows| shadows.directional > 0 && shadows.method == ShadowMethod::Grid)
+        self.shadows.is_some_and(|shadows| shadows.directions() > 0 && shadows.method == ShadowMethod::Grid)
     }
 
     /// Components of an accumulator.
@@ -629,6 +666,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let shadows = ShadowedPositions {
         headlight: shadowed(|placement| matches!(placement, Placement::Headlight)) > 0,
         directional: shadowed(|placement| matches!(placement, Placement::Directional(_))),
+        three_point: shadowed(|placement| matches!(placement, Placement::ThreePoint)) > 0,
         method: scene.shadows.method,
     };
     let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some());
@@ -641,7 +679,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             (transmittance, _) => transmittance,
         },
         positions: counts,
-        shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.directional > 0),
+        shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.directions() > 0),
         shading,
         // A factor of 1 at all magnitudes has no effect.
         gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },

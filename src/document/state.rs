@@ -36,7 +36,7 @@ pub enum Edit {
     Weight(usize, f64),
     /// Switches a light on or off.
     On(usize, bool),
-    /// Whether a light casts shadows, by its index. Only directional lights and headlights do.
+    /// Whether a light casts shadows, by its index. Ambient and point lights cast none.
     Shadows(usize, bool),
     /// Selects a single light, or all lights that are on.
     Solo(Option<usize>),

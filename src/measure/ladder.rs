@@ -323,7 +323,7 @@ impl<'a> Ladder<'a> {
         if let Some((table, densities)) = &segments {
             stored = stored.with_segments(storage, table, Some(densities));
         }
-        let shadowed = !planned.plan.shadowed().is_empty();
+        let shadowed = planned.plan.shadow_directions() > 0;
         let extinctions = shadowed.then(|| ExtinctionTable::new(scene, planned, storage.domain));
         if let Some(extinctions) = &extinctions {
             stored = stored.with_shadows(extinctions);

@@ -27,7 +27,7 @@ pub struct Rungs {
     pub label_table: TransferTable,
     /// Table of segments, and the densities of labels, if the plan integrates in segments.
     pub segments: Option<(SegmentTable, TransferTable)>,
-    /// Extinction of shadows, if the plan has directional ones.
+    /// Extinction of shadows, if lights with a direction cast them.
     pub extinctions: Option<ExtinctionTable>,
     /// Label of every voxel, if the plan uses labels.
     pub labels: Option<LabelMap>,
@@ -96,7 +96,7 @@ impl Rungs {
                 let table = SegmentTable::new(&scene, &planned, storage.domain);
                 (table, TransferTable::densities_of_labels(&scene, &planned))
             }),
-            extinctions: (!planned.plan.shadowed().is_empty())
+            extinctions: (planned.plan.shadow_directions() > 0)
                 .then(|| ExtinctionTable::new(&scene, &planned, storage.domain)),
             mix: Mix::of_scene(&scene),
             scene,

@@ -219,10 +219,16 @@ impl Planned {
                 );
             }
         }
-        if shadows.directional > 0 {
+        if shadows.three_point {
+            sentences.push(
+                "The three directions of a three-point light move with the camera: if it turns, their part of the light grid is filled again.".to_owned(),
+            );
+        }
+        if shadows.directions() > 0 {
             if shadows.method == ShadowMethod::Rays {
                 sentences.push(
-                    "A ray goes from each sample to each directional light; only the reference does this.".to_owned(),
+                    "A ray goes from each sample towards each of these lights; only the reference does this."
+                        .to_owned(),
                 );
             }
             let start = scene.shadow_start();

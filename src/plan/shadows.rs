@@ -9,15 +9,14 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let refused = |light: &str, why: String| Err(PlanError::NoShadows { light: light.to_owned(), why });
     let undirected = scene.lights.iter().find_map(|light| {
         let kind = match light.placement {
-            Placement::Headlight | Placement::Directional(_) => return None,
+            Placement::Headlight | Placement::Directional(_) | Placement::ThreePoint => return None,
             Placement::Ambient => "ambient",
             Placement::Point(_) => "point",
-            Placement::ThreePoint => "three-point",
         };
         light.shadows.then_some((light, kind))
     });
     if let Some((light, kind)) = undirected {
-        let why = format!("it is {kind}, and only directional lights and headlights cast shadows");
+        let why = format!("it is {kind}; only directional lights, three-point lights and headlights cast shadows");
         return refused(&light.name, why);
     }
     let Some(shadows) = planned.plan.shadows else { return Ok(()) };
@@ -25,11 +24,10 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
         let why = format!("the absorption of {} is coloured, and shadows are grey", coloured(scene));
         return refused(&light.name, why);
     }
-    if shadows.directional > MOST_SHADOWED {
-        let why = format!(
-            "{} directional lights cast shadows from different directions; at most {MOST_SHADOWED} can",
-            shadows.directional
-        );
+    let directions = shadows.directions();
+    if directions > MOST_SHADOWED {
+        let why =
+            format!("light with shadows comes from {directions} directions, and at most {MOST_SHADOWED} are possible");
         return refused(&light.name, why);
     }
     Ok(())

@@ -57,6 +57,7 @@ impl Stale {
         add(*transfer != after.transfer, Self::Tables);
         add(true, of_lists(lights, &after.lights, |before, after| of_lights(before, after, spectra)));
         add(*background != after.background, spectra);
+        // A march completes its light grid first: directions of three-point lights turn with the camera.
         add(*camera != after.camera, Self::Accumulators);
         add(*crop != after.crop, Self::Accumulators);
         if planned.plan.shadows.is_some() {

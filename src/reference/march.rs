@@ -10,7 +10,7 @@ use crate::film::{Film, RelightMatrices};
 use crate::number::{Real, count, dot, power, unit};
 use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, Planned, PositionCounts, Shares, Transmittance};
 use crate::progress::Progress;
-use crate::scene::{Material, Scene};
+use crate::scene::{Material, Scene, THREE_POINT_PARTS};
 use crate::tables::{PositionTable, RayTable};
 
 /// The ray through a pixel.
@@ -53,7 +53,7 @@ struct Frame<'a, R> {
     variation: R,
     /// Specular exponents.
     exponents: Vec<u32>,
-    /// Ways of the light, if directional lights cast shadows.
+    /// Ways of the light, if lights with a direction cast shadows.
     ways: Option<Ways<R>>,
     size: [usize; 2],
 }
@@ -71,7 +71,7 @@ impl<'a, R: Real> Frame<'a, R> {
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(ReferenceError::TooManySamples { step_length })?;
         let lights = PositionTable::new(scene, planned).0;
-        let ways = if planned.plan.shadowed().is_empty() {
+        let ways = if planned.plan.shadow_directions() == 0 {
             None
         } else {
             Some(Ways::new(scene, planned, samples, rays.local_scale, progress)?)
@@ -270,8 +270,8 @@ impl<'a, R: Real> Frame<'a, R> {
         finish(&sums, &transmittance)
     }
 
-    /// Fraction of the light at `position` that reaches the step at `place`, whose light reaches the eye with this
-    /// `transmittance`; 1 without shadows.
+    /// Fractions of the light at `position` that reach the step at `place`, whose light reaches the eye with this
+    /// `transmittance`; 1 without shadows. A three-point light has one for each direction, other lights one for all.
     fn light(
         &self,
         position: usize,
@@ -279,24 +279,27 @@ impl<'a, R: Real> Frame<'a, R> {
         samples: &impl Samples<R>,
         transmittance: &[R],
         step: &Step<R>,
-    ) -> R {
+    ) -> [R; 3] {
         let plan = &self.planned.plan;
         if plan.shadowed_headlight() == Some(position) {
             // The light shines along the ray of the eye: its mean over the step, (1 − e^(−2τΔs))/(2τ) over (1 − e^(−τΔs))/τ.
             let half = R::from_f64(0.5);
-            return (-(transmittance[0] * half)).mul_add(step.opacity[0], transmittance[0]);
+            return [(-(transmittance[0] * half)).mul_add(step.opacity[0], transmittance[0]); 3];
         }
         let shadowed = plan.shadowed();
         match &self.ways {
-            Some(ways) if shadowed.contains(&position) => ways.light(position - shadowed.start, place, samples),
-            _ => R::from_f64(1.0),
+            Some(ways) if shadowed.contains(&position) => [ways.light(position - shadowed.start, place, samples); 3],
+            Some(ways) if plan.shadowed_three_point() == Some(position) => {
+                std::array::from_fn(|i| ways.light(shadowed.len() + i, place, samples))
+            }
+            _ => [R::from_f64(1.0); 3],
         }
     }
 
-    /// Sets `source` to the light that a step sends to the eye from the light at `position`, of which the fraction `reached`
-    /// arrives: material weights and white for the highlights, or a spectrum. The ambient part of a directed light is
-    /// not reduced.
-    fn shade(&self, position: usize, ray: &Ray<R>, place: [R; 3], step: &Step<R>, reached: R, source: &mut [R]) {
+    /// Sets `source` to the light that a step sends to the eye from the light at `position`, of which the fractions
+    /// `reached` arrive: material weights and white for the highlights, or a spectrum. The ambient part of a directed
+    /// light is not reduced.
+    fn shade(&self, position: usize, ray: &Ray<R>, place: [R; 3], step: &Step<R>, reached: [R; 3], source: &mut [R]) {
         let plan = &self.planned.plan;
         let PositionCounts { ambient, headlight, directional, point, .. } = plan.positions;
         if position < ambient || plan.shading.is_none() {
@@ -304,13 +307,16 @@ impl<'a, R: Real> Frame<'a, R> {
             let first = plan.parts().unshaded * LANE;
             let parts = self.reflected_parts();
             source[..parts].copy_from_slice(&step.source[first..first + parts]);
+            let reached =
+                if plan.shadowed_three_point() == Some(position) { mean_of_three(reached) } else { reached[0] };
             source.iter_mut().for_each(|part| *part = *part * reached);
             return;
         }
         if position >= ambient + headlight + directional + point {
-            self.shade_three_point(position, ray, step, source);
+            self.shade_three_point(position, ray, step, reached, source);
             return;
         }
+        let [reached, ..] = reached;
         let light = if position < ambient + headlight {
             ray.view
         } else if position < ambient + headlight + directional {
@@ -341,15 +347,17 @@ impl<'a, R: Real> Frame<'a, R> {
     }
 
     /// As [`Self::shade`], for the three directions of the light at `position`, and their weights.
-    fn shade_three_point(&self, position: usize, ray: &Ray<R>, step: &Step<R>, source: &mut [R]) {
+    fn shade_three_point(&self, position: usize, ray: &Ray<R>, step: &Step<R>, reached: [R; 3], source: &mut [R]) {
         source.fill(R::default());
-        let lights = &self.lights[position..position + 3];
+        let first = self.planned.plan.positions.first_vector(position);
+        let lights = self.lights[first..first + 3].iter().zip(reached);
+        let lights = lights.map(|(&(light, weight), reached)| (light, weight * reached));
         let facing = lights
-            .iter()
-            .fold(R::default(), |sum, &(light, weight)| weight.mul_add(self.facing(dot(step.normal, light)), sum));
+            .clone()
+            .fold(R::default(), |sum, (light, weight)| weight.mul_add(self.facing(dot(step.normal, light)), sum));
         self.reflect(step, facing, source);
         if self.planned.plan.specular().is_some() {
-            for &(light, weight) in lights {
+            for (light, weight) in lights {
                 let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
                 let lit = !self.one_sided() || self.facing(dot(step.normal, light)) > R::default();
                 let shine = if lit { self.facing(dot(step.normal, halfway)) } else { R::default() };
@@ -472,6 +480,12 @@ fn between<R: Real>(base: R, direction: R, low: R, high: R) -> [R; 2] {
     }
     let (a, b) = ((low - base) / direction, (high - base) / direction);
     [a.min(b), a.max(b)]
+}
+
+/// Mean of the fractions that reach a step from the directions of a three-point light, by their weights.
+fn mean_of_three<R: Real>(reached: [R; 3]) -> R {
+    let parts = THREE_POINT_PARTS.map(R::from_f64);
+    reached.into_iter().zip(parts).fold(R::default(), |sum, (reached, part)| part.mul_add(reached, sum))
 }
 
 /// Adds one premultiplied sample front to back, `A += T·s`. T has one number for all components or one per component.

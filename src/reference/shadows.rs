@@ -12,10 +12,10 @@ use crate::tables::{LARGEST_RISE, LightGrid, PositionTable, Sweep};
 /// Longest step of a ray to a light, in units of length.
 const LONGEST_STEP: f64 = 0.25;
 
-/// Ways of the directional lights with shadows, in the order of their positions.
+/// Ways of the light along [`PositionTable::shadow_directions`], in their order.
 #[derive(Debug)]
 pub(super) enum Ways<R> {
-    /// Optical depths at the nodes of a grid, a list for each light.
+    /// Optical depths at the nodes of a grid, a list for each direction.
     Grid(LightGrid, Vec<Vec<R>>),
     /// Rays in texture coordinates per unit of length.
     Rays {
@@ -40,8 +40,7 @@ impl<R: Real> Ways<R> {
         local_scale: glam::DVec3,
         progress: &dyn Progress,
     ) -> Result<Self, ReferenceError> {
-        let lights = PositionTable::new(scene, planned).0;
-        let directions = planned.plan.shadowed().filter_map(|position| lights.get(position)).map(|at| at.truncate());
+        let directions = PositionTable::new(scene, planned).shadow_directions(&planned.plan).into_iter();
         let from = |vector: glam::DVec3| vector.to_array().map(R::from_f64);
         let grid = LightGrid::new(scene, scene.shadows.spacing);
         match scene.shadows.method {
@@ -61,7 +60,7 @@ impl<R: Real> Ways<R> {
         }
     }
 
-    /// Fraction of the light of the shadowed light `index` that reaches `place`.
+    /// Fraction of the light from direction `index` that reaches `place`.
     pub(super) fn light(&self, index: usize, place: [R; 3], samples: &impl Samples<R>) -> R {
         let depth = match self {
             Self::Grid(grid, depths) => depths.get(index).map_or(R::default(), |depths| read(grid, depths, place)),

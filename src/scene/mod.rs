@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 pub use camera::{Aim, Camera, Projection, View};
 pub(crate) use camera::{centre, unit};
-pub(crate) use lights::{INTENSITY, THREE_POINT_SUM};
+pub(crate) use lights::{INTENSITY, THREE_POINT_PARTS, THREE_POINT_SUM};
 pub use lights::{Mix, MixLight, Placement, Position, positions, three_point};
 pub(crate) use transfer::depth_from_opacity;
 pub use transfer::{GRADIENT_POINTS, Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
@@ -89,7 +89,7 @@ impl Scene {
     }
 
     /// Whether the light `index` casts shadows that change the picture: they take light without shading, and the diffuse
-    /// and specular parts of shaded light. Only directional lights and headlights cast them.
+    /// and specular parts of shaded light. Ambient and point lights cast none.
     #[must_use]
     pub fn casts_shadows(&self, index: usize) -> bool {
         let casts = self.lights.get(index).is_some_and(|light| light.shadows && light.placement.casts_shadows());

@@ -4,8 +4,11 @@ use glam::{DVec3, DVec4};
 
 use super::rays::unit_length;
 use crate::number::rounded;
-use crate::plan::{Accumulate, LANE, Planned};
+use crate::plan::{Accumulate, LANE, Planned, ScenePlan};
 use crate::scene::{Material, Placement, Scene, three_point};
+
+/// Reciprocal of the smallest turn of a three-point light that changes its light grid.
+const FINEST_TURN: f64 = 1e9;
 
 /// Vectors of the light positions, in the order of the plan and along the volume's own axes: unit vectors towards
 /// directional lights, coordinates of point lights (in units of length, from the texture's corner), zero for ambient
@@ -34,6 +37,21 @@ impl PositionTable {
             }
         };
         Self(planned.positions.iter().flat_map(|position| vectors(position.placement)).collect())
+    }
+
+    /// Directions along which the medium dims light, in the order of [`ScenePlan::shadow_vectors`]. Those of a three-point
+    /// light are rounded, so that its light grid is kept when the camera moves without a turn.
+    #[must_use]
+    pub fn shadow_directions(&self, plan: &ScenePlan) -> Vec<DVec3> {
+        let stated = plan.shadowed().len();
+        let direction = |(number, vector): (usize, &DVec4)| {
+            let direction = vector.truncate();
+            if number < stated {
+                return direction;
+            }
+            ((direction * FINEST_TURN).round() / FINEST_TURN).normalize_or_zero()
+        };
+        plan.shadow_vectors().filter_map(|vector| self.0.get(vector)).enumerate().map(direction).collect()
     }
 }
 

@@ -12,7 +12,7 @@ use crate::scene::Scene;
 /// the surface, through the interpolation between both.
 pub const LARGEST_RISE: f64 = 4.0;
 
-/// Directional lights in a texel of the light grid.
+/// Directions of lights in a texel of the light grid.
 pub const GRID_LIGHTS: usize = 4;
 
 /// Grey extinction: optical depth per unit of length (the smallest spacing), of each entry of the transfer table and of
@@ -111,19 +111,19 @@ impl LightGrid {
         }
     }
 
-    /// The grid for `lights` lights in a sentence.
+    /// The grid of `lights` directions in a sentence.
     #[must_use]
     pub fn explain(&self, lights: usize) -> String {
         let [x, y, z] = self.dims;
         format!(
-            "A light grid of {x}×{y}×{z} nodes, one every {} voxels, keeps the optical depth towards {lights} directional light{} ({} MB). It is filled again only if the medium, the crop box or a direction changes.",
+            "A light grid of {x}×{y}×{z} nodes, one every {} voxels, keeps the optical depth towards light from {lights} direction{} ({} MB). It is filled again only if the medium, the crop box or a direction changes.",
             brief(self.spacing.max_element()),
             if lights == 1 { "" } else { "s" },
             readable((self.bytes(lights) / 1e5).ceil() / 10.0)
         )
     }
 
-    /// Bytes of its texels for `lights` lights.
+    /// Bytes of its texels for light from `lights` directions.
     #[must_use]
     pub fn bytes(&self, lights: usize) -> f64 {
         let nodes: f64 = self.dims.iter().map(|&n| count(n)).product();

@@ -14,7 +14,7 @@ use relume::plan::{Integrate, PositionCounts, ShadowedPositions, Stale, plan};
 use relume::progress::Quiet;
 use relume::reference::{self, End, Samples, Step};
 use relume::render::{Dispatching, Renderer, SceneRenderer};
-use relume::scene::{Integration, Interpolation, Lookup, Placement, Scene, SceneLight, Shading, ShadowMethod};
+use relume::scene::{Aim, Integration, Interpolation, Lighting, Lookup, Placement, Projection, Scene, SceneLight, Shading, ShadowMethod};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::volume::{Geometry, Volume, Voxels};
 use support::rungs::{Rungs, with_renderer};
@@ -117,6 +117,59 @@ fn a_box_lit_from_aside_has_the_brightness_of_its_closed_form() {
     let sides = if left > right { [left, right] } else { [right, left] };
     for (found, expected) in sides.into_iter().zip([0.390_988, 0.355_139]) {
         assert!((found - expected).abs() <= SINGLE, "{found}, not {expected}");
+    }
+}
+
+#[test]
+fn an_unshaded_slab_under_a_three_point_light_has_the_weighted_mean_of_three_closed_forms() {
+    let depth = 2.0_f64;
+    // Towards the eye, along the normal, and weights (docs/theory/first-look.md).
+    let lights = [([-0.5, 0.6, 1.0], 0.9), ([0.8, 0.1, 0.5], 0.1), ([0.4, 0.8, -0.3], 0.15)];
+    let expected = lights.iter().map(|([x, y, z], weight): &([f64; 3], f64)| {
+        let cosine = z.abs() / (x * x + y * y + z * z).sqrt();
+        let form = if *z > 0.0 {
+            cosine / (cosine + 1.0) * -(-depth * (1.0 + 1.0 / cosine)).exp_m1()
+        } else {
+            cosine / (cosine - 1.0) * ((-depth / cosine).exp() - (-depth).exp())
+        };
+        weight * form / 1.15
+    });
+    let expected: f64 = expected.sum();
+    let light = "kind = \"three_point\"";
+    let found = middle(block(DVec3::new(40.0, 40.0, 1.0), depth, light, 1.0 / 200.0, 1.0));
+    assert!((found - expected).abs() <= SINGLE, "{found}, not {expected}");
+}
+
+/// Accumulators of `scene` in f64, pixel by pixel, of its only position.
+fn of_one_light(scene: &Scene, placement: Placement) -> Vec<f64> {
+    let mut scene = scene.clone();
+    scene.lights.truncate(1);
+    scene.lights[0].placement = placement;
+    let rungs = Rungs::new(scene, SIZE);
+    assert_eq!(rungs.planned.positions.len(), 1);
+    rungs.march(&rungs.exact()).accumulators
+}
+
+#[test]
+fn a_three_point_light_with_shadows_equals_three_directional_lights() {
+    for (shading, lighting) in
+        [("none", Lighting::TwoSided), ("gradient", Lighting::TwoSided), ("gradient", Lighting::OneSided)]
+    {
+        let mut scene = occluded(shading);
+        scene.lighting = lighting;
+        scene.materials.iter_mut().for_each(|material| (material.ambient, material.specular) = (0.0, 0.5));
+        scene.shadows.start = Some(1.0);
+        let view = scene.camera.view(&scene.volume.geometry, 1.0).unwrap();
+        let lights = relume::scene::three_point(&view);
+        let sum = if shading == "none" { lights.iter().map(|light| light.1).sum() } else { 1.0 };
+        let apart = lights.map(|(direction, weight)| (of_one_light(&scene, Placement::Directional(direction)), weight));
+        let together = of_one_light(&scene, Placement::ThreePoint);
+        let brightest = together.iter().copied().fold(0.0, f64::max);
+        assert!(brightest > 0.05, "{shading}: {brightest}");
+        for (i, found) in together.iter().enumerate() {
+            let expected: f64 = apart.iter().map(|(light, weight)| weight * light[i] / sum).sum();
+            assert!((found - expected).abs() <= 1e-6, "{shading}, {lighting:?}: {found}, not {expected}");
+        }
     }
 }
 
@@ -375,11 +428,16 @@ fn shadows_keep_positions_apart_that_share_a_shade_without_them() {
         (plan.positions, plan.shadows)
     };
     let two = PositionCounts { directional: 2, ..PositionCounts::default() };
-    let grid = |directional| Some(ShadowedPositions { headlight: false, directional, method: ShadowMethod::Grid });
-    assert_eq!(shadows(&scene), (two, grid(2)), "opposite directions, unshaded");
+    let grid = |directional, three_point| {
+        Some(ShadowedPositions { headlight: false, directional, three_point, method: ShadowMethod::Grid })
+    };
+    assert_eq!(shadows(&scene), (two, grid(2, false)), "opposite directions, unshaded");
     scene.lights[0].shadows = false;
     let mixed = PositionCounts { ambient: 1, directional: 1, ..PositionCounts::default() };
-    assert_eq!(shadows(&scene), (mixed, grid(1)), "the light without shadows folds");
+    assert_eq!(shadows(&scene), (mixed, grid(1, false)), "the light without shadows folds");
+    scene.lights[1].placement = Placement::ThreePoint;
+    let three = PositionCounts { ambient: 1, three_point: 1, ..PositionCounts::default() };
+    assert_eq!(shadows(&scene), (three, grid(0, true)), "three directions of one position");
     scene.shading = Shading::Gradient;
     scene.materials.iter_mut().for_each(|material| (material.diffuse, material.specular) = (0.0, 0.0));
     assert_eq!(shadows(&scene).1, None, "nothing but ambient parts, which shadows leave");
@@ -396,9 +454,9 @@ fn shadows_that_cannot_be_computed_are_refused_with_their_light() {
     };
     assert_eq!(
         refused(|scene| scene.lights[1].placement = Placement::Ambient),
-        "lights.lamp.shadows = true is not possible: it is ambient, and only directional lights and headlights cast shadows"
+        "lights.lamp.shadows = true is not possible: it is ambient; only directional lights, three-point lights and headlights cast shadows"
     );
-    assert!(refused(|scene| scene.lights[1].placement = Placement::ThreePoint).contains("three-point"));
+    assert!(refused(|scene| scene.lights[1].placement = Placement::Point(DVec3::ONE)).contains("it is point"));
     let coloured = refused(|scene| {
         let glass = scenes::named("coloured_three");
         scene.materials[0].absorption = glass.materials.iter().find_map(|material| material.absorption.clone());
@@ -414,7 +472,18 @@ fn shadows_that_cannot_be_computed_are_refused_with_their_light() {
             })
             .collect();
     });
-    assert!(many.contains("64 directional lights cast shadows from different directions; at most 16 can"), "{many}");
+    assert!(many.contains("light with shadows comes from 64 directions, and at most 16 are possible"), "{many}");
+    let with_three = refused(|scene| {
+        let light = scene.lights[0].clone();
+        scene.lights = (0..14_u32)
+            .map(|i| {
+                let direction = DVec3::new(f64::from(i), 1.0, 5.0).normalize();
+                SceneLight { placement: Placement::Directional(direction), ..light.clone() }
+            })
+            .chain([SceneLight { placement: Placement::ThreePoint, ..light.clone() }])
+            .collect();
+    });
+    assert!(with_three.contains("from 17 directions"), "{with_three}");
 }
 
 #[test]
@@ -438,6 +507,19 @@ fn the_light_grid_approaches_rays_as_its_spacing_falls() {
 /// Largest ΔE00 between weights on the device and 81 bands on the same grid: f16 depths of a device's sums differ by one
 /// unit in the last place at some nodes.
 const SAME_GRID: f64 = 0.01;
+
+/// A three-point light beside `more` directional lights, all with shadows.
+fn beside_three_point(shading: &str, more: usize) -> Scene {
+    let mut scene = occluded(shading);
+    let lamp = scene.lights[1].clone();
+    scene.lights.truncate(1);
+    scene.lights[0].placement = Placement::ThreePoint;
+    for (i, x) in [-0.9, -0.3, 0.8, 0.2].into_iter().enumerate().take(more) {
+        let placement = Placement::Directional(DVec3::new(x, 1.0, -0.4).normalize());
+        scene.lights.push(SceneLight { name: format!("more {i}"), placement, ..lamp.clone() });
+    }
+    scene
+}
 
 /// Scenes of every kind of light, shading and medium that shadows meet.
 fn shadowed_of_every_kind() -> Vec<(&'static str, Scene)> {
@@ -487,7 +569,23 @@ fn shadowed_of_every_kind() -> Vec<(&'static str, Scene)> {
         ("three kinds of lights", shadowed("diffuse_three")),
         ("labels", shadowed("labels")),
         ("rotated", shadowed("rotated")),
-        ("one-sided", changed("gradient", |scene| scene.lighting = relume::scene::Lighting::OneSided)),
+        ("one-sided", changed("gradient", |scene| scene.lighting = Lighting::OneSided)),
+        ("three-point", beside_three_point("gradient", 0)),
+        ("three-point, unshaded", beside_three_point("none", 0)),
+        ("three-point in the texel of a directional light", beside_three_point("gradient", 1)),
+        ("three-point from the third number of a texel on", beside_three_point("gradient", 2)),
+        ("three-point from the fourth number of a texel on", beside_three_point("none", 3)),
+        ("three-point in the second texel", beside_three_point("none", 4)),
+        (
+            "three-point and another without shadows",
+            {
+                let mut scene = beside_three_point("gradient", 1);
+                let open = SceneLight { shadows: false, name: "open".to_owned(), ..scene.lights[0].clone() };
+                scene.lights.push(open);
+                scene.materials[0].specular = 0.5;
+                scene
+            },
+        ),
     ]
 }
 
@@ -588,6 +686,46 @@ fn a_light_grid_is_filled_again_only_where_its_depths_change() {
 }
 
 #[test]
+fn the_light_grid_of_a_three_point_light_is_filled_again_where_the_camera_turns() {
+    with_renderer(|renderer| {
+        let first = SceneRenderer::new(renderer, beside_three_point("gradient", 1), &Quiet).unwrap();
+        let fills = |change: fn(&mut Scene)| {
+            let mut scene = first.scene().clone();
+            change(&mut scene);
+            assert!(Stale::between(first.scene(), first.planned(), &scene) <= Stale::Accumulators);
+            let before = renderer.light_fills();
+            let planned = plan(&scene, &Quiet).unwrap();
+            first.with_scene(scene, planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
+            renderer.light_fills() - before
+        };
+        assert_eq!(fills(|_| {}), 4, "three directions and one");
+        assert_eq!(fills(|scene| scene.camera.projection = Projection::Perspective { fov_degrees: 20.0 }), 0, "a zoom");
+        let turned = |scene: &mut Scene| {
+            if let Aim::Orbit { azimuth, .. } = &mut scene.camera.aim {
+                *azimuth += 10.0;
+            }
+        };
+        assert_eq!(fills(turned), 3, "the directional light stays");
+        assert_eq!(fills(turned), 0, "the camera stays");
+        // The line of sight of a shifted camera differs by rounding.
+        let seen = |by: DVec3| {
+            let mut scene = first.scene().clone();
+            let centre = DVec3::new(0.1, 0.2, 0.3) + by;
+            scene.camera.aim = Aim::LookAt { position: centre + DVec3::new(3.3, 7.7, 9.1), target: centre };
+            scene
+        };
+        let marched = |scene: Scene| {
+            let before = renderer.light_fills();
+            let planned = plan(&scene, &Quiet).unwrap();
+            first.with_scene(scene, planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
+            renderer.light_fills() - before
+        };
+        assert_eq!(marched(seen(DVec3::ZERO)), 3);
+        assert_eq!(marched(seen(DVec3::new(0.7, -0.3, 1.9))), 0, "shifted");
+    });
+}
+
+#[test]
 fn a_march_that_is_dropped_leaves_its_part_of_the_light_grid_to_the_next() {
     with_renderer(|renderer| {
         let slow = renderer.clone().with_dispatching(Dispatching { samples: Some(500), ..Dispatching::default() });
@@ -640,6 +778,9 @@ const LIGHTS: &str = r#"
     [lights.sky]
     spectrum = "D65"
     kind = "ambient"
+    [lights.studio]
+    spectrum = "D65"
+    kind = "three_point"
 "#;
 
 fn opened(more: &str) -> Result<SceneFile, document::SceneError> {
@@ -670,18 +811,19 @@ fn keys_of_shadows_are_read_and_checked() {
 #[test]
 fn a_light_keeps_its_switched_shadows_in_a_session_and_in_the_history() {
     let mut edited = Document::new(opened("").unwrap());
-    for light in 0..3 {
+    for light in 0..4 {
         edited.edit(&Edit::Shadows(light, true));
     }
     let cast = |scene: &Scene| scene.lights.iter().map(|light| light.shadows).collect::<Vec<_>>();
-    assert_eq!(cast(&edited.state().scene), [true, true, false], "an ambient light casts none");
+    assert_eq!(cast(&edited.state().scene), [true, true, false, true], "an ambient light casts none");
     let path = Path::new("session.toml");
     let text = document::session::text(path, &Source::default(), edited.opened(), edited.state()).unwrap();
     let again = document::parse("again", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-    assert_eq!(cast(&again.scene), [true, true, false]);
+    assert_eq!(cast(&again.scene), [true, true, false, true]);
     edited.undo();
     edited.undo();
-    assert_eq!(cast(&edited.state().scene), [false; 3]);
+    edited.undo();
+    assert_eq!(cast(&edited.state().scene), [false; 4]);
 }
 
 #[test]

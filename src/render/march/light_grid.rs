@@ -143,7 +143,7 @@ impl Renderer {
         let room = count(usize::try_from(limits.device_heap_bytes).unwrap_or(usize::MAX)) * MEMORY_PART;
         let room = room.min(count(usize::try_from(limits.max_allocation_bytes).unwrap_or(usize::MAX)));
         let extent = limits.max_extent_3d(Format::Rgba16Float);
-        let lights = plan.shadowed().len();
+        let lights = plan.shadow_directions();
         let fits = |spacing: f64| {
             let grid = LightGrid::new(scene, spacing);
             let texels = lights.div_ceil(GRID_LIGHTS);
@@ -172,9 +172,7 @@ impl Renderer {
     ) -> Result<Option<Arc<DeviceGrid>>, RenderError> {
         let plan = &planned.plan;
         let Some(spacing) = self.light_spacing(scene, plan) else { return Ok(None) };
-        let positions = PositionTable::new(scene, planned).0;
-        let directions: Vec<DVec3> =
-            plan.shadowed().filter_map(|position| positions.get(position)).map(|at| at.truncate()).collect();
+        let directions = PositionTable::new(scene, planned).shadow_directions(plan);
         let mut key = Key {
             grid: LightGrid::new(scene, spacing),
             start: scene.shadow_start(),

@@ -1,10 +1,10 @@
 //! The march shader of a plan: its texts, constants and images.
 
 use super::dispatching::{Dispatching, TableMemory};
-use crate::number::unsigned;
+use crate::number::{rounded, unsigned};
 use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
 use crate::render::Source;
-use crate::scene::{Interpolation, Lookup, StoreAs};
+use crate::scene::{Interpolation, Lookup, StoreAs, THREE_POINT_PARTS};
 use crate::shader::Constants;
 use crate::vulkan::Format;
 
@@ -114,6 +114,16 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("FIRST_SHADOWED", unsigned(plan.shadowed().start))
         .bool("SHADOWED_HEADLIGHT", plan.layers() > 0 && plan.shadowed_headlight().is_some())
         .u32("LAST_HEADLIGHT", unsigned(plan.shadowed_headlight().unwrap_or(0)))
+        .bool("SHADOWED_THREE_POINT", plan.layers() > 0 && plan.shadowed_three_point().is_some())
+        .u32("LAST_THREE_POINT", unsigned(plan.shadowed_three_point().unwrap_or(0)))
+        .u32(
+            "THREE_VECTORS",
+            unsigned(plan.shadowed_three_point().map_or(0, |position| plan.positions.first_vector(position))),
+        )
+        .f32("KEY", rounded(THREE_POINT_PARTS[0]))
+        .f32("FILL", rounded(THREE_POINT_PARTS[1]))
+        .f32("RIM", rounded(THREE_POINT_PARTS[2]))
+        .u32("SHADOW_DIRECTIONS", unsigned(if plan.layers() == 0 { 0 } else { plan.shadow_directions() }))
         // Positions without shadows.
         .u32("OPEN", unsigned(if plan.layers() == 0 { 0 } else { plan.open_positions() }))
         .bool("SHADED", plan.shading.is_some())

@@ -44,7 +44,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                     .on_hover_text(
                         "Shadows: the medium between a sample and this light dims it. This marches the volume again.",
                     )
-                    .on_disabled_hover_text("Only directional lights and headlights cast shadows.");
+                    .on_disabled_hover_text("Only directional lights, three-point lights and headlights cast shadows.");
                 if shadows.clicked() {
                     return Some(Action::Edit(Edit::Shadows(index, !light.shadows)));
                 }
