@@ -176,7 +176,8 @@ impl SceneRenderer {
     ///
     /// [`RenderError`].
     pub fn warm_up(&self) -> Result<(), RenderError> {
-        let mut march = self.begin_march(WARM_UP, Speed::default())?;
+        // A coarse light grid suffices for the first picture.
+        let mut march = self.begin_coarse_march(WARM_UP, Speed::default())?;
         while !march.is_done() {
             march.step(&self.renderer, &self.uploaded)?;
         }

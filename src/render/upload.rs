@@ -28,9 +28,10 @@ pub struct Uploaded {
     pub(super) kept: Kept,
 }
 
-/// A result of a march that is kept as long as the volume, of a type that the march knows.
+/// Results of marches of finished and of coarse pictures that are kept as long as the volume, of a type that the march
+/// knows.
 #[derive(Debug, Default)]
-pub(super) struct Kept(pub(super) Mutex<Option<Arc<dyn Any + Send + Sync>>>);
+pub(super) struct Kept(pub(super) Mutex<[Option<Arc<dyn Any + Send + Sync>>; 2]>);
 
 impl Uploaded {
     /// Bytes of its textures on the device.

@@ -725,6 +725,83 @@ fn the_light_grid_of_a_three_point_light_is_filled_again_where_the_camera_turns(
     });
 }
 
+/// Lights with shadows from these directions.
+fn lit_from(directions: &[f64]) -> Scene {
+    let mut scene = occluded("none");
+    let light = scene.lights[0].clone();
+    let placed = directions.iter().map(|&x| {
+        let placement = Placement::Directional(DVec3::new(x, 1.0, -0.4).normalize());
+        SceneLight { name: format!("from {x}"), placement, ..light.clone() }
+    });
+    scene.lights = placed.collect();
+    scene
+}
+
+#[test]
+fn a_light_whose_shadow_is_switched_leaves_the_depths_of_the_others() {
+    with_renderer(|renderer| {
+        let first = SceneRenderer::new(renderer, lit_from(&[0.0]), &Quiet).unwrap();
+        let fills = |directions: &[f64]| {
+            let scene = Scene { volume: std::sync::Arc::clone(&first.scene().volume), ..lit_from(directions) };
+            let before = renderer.light_fills();
+            let planned = plan(&scene, &Quiet).unwrap();
+            let film = first.with_scene(scene, planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
+            (renderer.light_fills() - before, numbers(&renderer.read(&film).unwrap()))
+        };
+        let fresh = |directions: &[f64]| numbers(&Rungs::new(lit_from(directions), SIZE).gpu(renderer));
+        for (directions, count, what) in [
+            (&[0.1, 0.3, 0.5][..], 3, "three lights"),
+            (&[0.1, 0.5], 0, "without the second"),
+            (&[0.5], 0, "without the first"),
+            (&[0.3, 0.5], 1, "another one before it"),
+            (&[0.5, 0.3], 0, "in the other order"),
+            (&[0.1, 0.2, 0.5, 0.7, 0.3], 3, "five, in two texels"),
+            (&[0.3, 0.7], 0, "one of each texel"),
+            (&[0.7, 0.2], 1, "a moved light"),
+        ] {
+            let (filled, film) = fills(directions);
+            assert_eq!(filled, count, "{what}");
+            assert!(film == fresh(directions), "{what}: the same picture as of a grid of its own");
+        }
+    });
+}
+
+#[test]
+fn a_coarse_picture_leaves_the_fill_of_the_fine_light_grid_as_it_is() {
+    with_renderer(|renderer| {
+        let slow = renderer.clone().with_dispatching(Dispatching { samples: Some(500), ..Dispatching::default() });
+        let renderer = SceneRenderer::new(&slow, occluded("none"), &Quiet).unwrap();
+        let finish = |mut march: relume::render::March| {
+            let mut steps = 0;
+            while !march.is_done() {
+                steps += usize::from(!march.fill_is_done());
+                march.step(&slow, renderer.uploaded()).unwrap();
+            }
+            (steps, march.finish(&slow).unwrap())
+        };
+        let mut fine = renderer.begin_march(SIZE, slow.speed()).unwrap();
+        let mut begun = 0;
+        while slow.light_fills() < 2 {
+            fine.step(&slow, renderer.uploaded()).unwrap();
+            begun += 1;
+        }
+        drop(fine);
+        for _ in 0..2 {
+            let (_, coarse) = finish(renderer.begin_coarse_march(SIZE, slow.speed()).unwrap());
+            assert_eq!(slow.light_fills(), 4, "both lights of a coarse grid, once");
+            drop(coarse);
+        }
+        let (rest, film) = finish(renderer.begin_march(SIZE, slow.speed()).unwrap());
+        assert_eq!(slow.light_fills(), 4, "the fine grid goes on");
+        assert!(begun > 2 && rest > 2, "{begun} and {rest} steps");
+        let whole = Rungs::new(occluded("none"), SIZE).gpu(&slow);
+        assert!(numbers(&slow.read(&film).unwrap()) == numbers(&whole));
+        // A complete one serves a coarse picture.
+        let coarse = renderer.begin_coarse_march(SIZE, slow.speed()).unwrap();
+        assert!(coarse.fill_is_done() && slow.light_fills() == 6, "two more of the other renderer's volume");
+    });
+}
+
 #[test]
 fn a_march_that_is_dropped_leaves_its_part_of_the_light_grid_to_the_next() {
     with_renderer(|renderer| {

@@ -9,7 +9,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::dispatching::TableMemory;
-use super::source::light_grid_source;
+use super::source::{light_grid_source, light_order_source};
 use crate::number::{count, rounded, unsigned, whole};
 use crate::plan::{Planned, ScenePlan};
 use crate::render::{RenderError, Renderer, Uploaded};
@@ -72,6 +72,20 @@ struct Slice {
     reads: u32,
     writes: u32,
     unused: [u32; 3],
+}
+
+/// Push constants that give depths other numbers, in the layout of `shaders/light_order.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Order {
+    from: [u32; 4],
+    nodes: [u32; 3],
+    texel: u32,
+}
+
+impl Order {
+    /// No depth is copied.
+    const NONE: u32 = u32::MAX;
 }
 
 /// Uniform of a march that reads the grid, in the layout of `shaders/shadowed.wgsl`.
@@ -162,7 +176,8 @@ impl Renderer {
 
     /// The light grid of `scene`, which [`DeviceGrid::advance`] completes; `None` if the plan reads none. Keeps the grid
     /// with `uploaded`, and fills again only the lights whose depths have changed. A `coarse` one suffices for a coarse
-    /// picture: then a complete grid serves as it is, and another has [`COARSER`] nodes.
+    /// picture: then a complete grid serves as it is, and otherwise one with [`COARSER`] nodes that is kept beside it, so
+    /// that the fill of a fine one goes on where it rests.
     pub(super) fn light_grid(
         &self,
         scene: &Scene,
@@ -183,20 +198,31 @@ impl Renderer {
         };
         let texels = directions.len().div_ceil(GRID_LIGHTS);
         let mut kept = uploaded.kept.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = kept.as_ref().and_then(|kept| kept.downcast_ref::<DeviceGrid>());
-        let serves = |grid: &DeviceGrid| grid.key == key && grid.is_complete() && grid.filling().is_of(&directions);
-        if coarse && !known.is_some_and(serves) {
-            key.grid = LightGrid::new(scene, COARSER * spacing);
-        }
-        if let (Some(kept), Some(grid)) = (&*kept, known.filter(|grid| grid.key == key && grid.texels >= texels)) {
-            // A march in progress reads the grid as it is.
-            let is_shared = Arc::strong_count(kept) > 1;
-            let mut filling = grid.filling();
-            if filling.is_of(&directions) || !is_shared {
-                filling.aim_at(&directions);
-                drop(filling);
-                return Ok(Arc::downcast(Arc::clone(kept)).ok());
+        let [fine, coarser] = &mut *kept;
+        let known = |kept: &Option<Arc<dyn Any + Send + Sync>>| {
+            let grid = kept.as_ref().map(|kept| Arc::clone(kept).downcast::<DeviceGrid>());
+            grid.and_then(Result::ok)
+        };
+        let mut kept = fine;
+        if coarse {
+            let serves =
+                |grid: &Arc<DeviceGrid>| grid.key == key && grid.is_complete() && grid.filling().is_of(&directions);
+            if let Some(grid) = known(kept).filter(serves) {
+                return Ok(Some(grid));
             }
+            key.grid = LightGrid::new(scene, COARSER * spacing);
+            kept = coarser;
+        }
+        let mut before = known(kept).filter(|grid| grid.key == key);
+        if let Some(grid) = before.take_if(|grid| {
+            // A march in progress reads the grid as it is; this is the third reference without one.
+            let is_shared = Arc::strong_count(grid) > 2;
+            let filling = grid.filling();
+            let stays = !is_shared && grid.texels >= texels && filling.stay(&directions);
+            filling.is_of(&directions) || stays
+        }) {
+            grid.filling().aim_at(&directions);
+            return Ok(Some(grid));
         }
         // Frees the old grid before the new one is made, if nothing else uses it.
         *kept = None;
@@ -211,9 +237,46 @@ impl Renderer {
             filling: Mutex::default(),
         });
         grid.filling().aim_at(&directions);
+        if let Some(before) = before {
+            self.take_over(&before, &grid)?;
+        }
         let keeping: Arc<dyn Any + Send + Sync> = Arc::<DeviceGrid>::clone(&grid);
         *kept = Some(keeping);
         Ok(Some(grid))
+    }
+
+    /// Copies the complete depths of `before` to `grid`, which has the same nodes, for the lights of equal direction.
+    fn take_over(&self, before: &DeviceGrid, grid: &DeviceGrid) -> Result<(), RenderError> {
+        let complete = before.filling().lights.clone();
+        let mut filling = grid.filling();
+        let known = |wanted: DVec3| complete.iter().position(|&(direction, complete)| complete && direction == wanted);
+        let numbers: Vec<Option<usize>> = filling.lights.iter().map(|light| known(light.0)).collect();
+        if numbers.iter().all(Option::is_none) {
+            return Ok(());
+        }
+        let (pipeline, set) = self.bind(light_order_source(GROUP), |name| {
+            Some(match name {
+                "depths" => Resource::Texture(&before.image),
+                "light_grid" => Resource::StorageTexture(&grid.image),
+                _ => return None,
+            })
+        })?;
+        let nodes = grid.key.grid.dims.map(unsigned);
+        let groups = [nodes[0].div_ceil(GROUP[0]), nodes[1].div_ceil(GROUP[1]), nodes[2]];
+        self.device.run("light order", |recorder| {
+            recorder.compute_to_compute();
+            for (texel, numbers) in numbers.chunks(GRID_LIGHTS).enumerate() {
+                let number = |i: usize| numbers.get(i).copied().flatten().map_or(Order::NONE, unsigned);
+                let order = Order { from: std::array::from_fn(number), nodes, texel: unsigned(texel) };
+                recorder.dispatch(&pipeline, &set, bytemuck::bytes_of(&order), groups)?;
+            }
+            recorder.compute_to_compute();
+            Ok(())
+        })?;
+        for (light, number) in filling.lights.iter_mut().zip(numbers) {
+            light.1 = number.is_some();
+        }
+        Ok(())
     }
 
     fn place(&self, grid: &LightGrid, texels: usize) -> Result<Buffer, RenderError> {
@@ -237,6 +300,14 @@ impl Filling {
     /// Whether its lights have these directions.
     fn is_of(&self, directions: &[DVec3]) -> bool {
         self.lights.iter().map(|light| light.0).eq(directions.iter().copied())
+    }
+
+    /// Whether no complete depth of `directions` has another number.
+    fn stay(&self, directions: &[DVec3]) -> bool {
+        let elsewhere = |(number, light): (usize, &(DVec3, bool))| {
+            light.1 && directions.get(number) != Some(&light.0) && directions.contains(&light.0)
+        };
+        !self.lights.iter().enumerate().any(elsewhere)
     }
 
     /// Marks the lights whose direction changes as incomplete.

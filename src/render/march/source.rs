@@ -172,6 +172,12 @@ pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: Table
     Source { name: "light grid", constants, parts }
 }
 
+/// Source of the shader that gives depths of a light grid other numbers.
+pub(super) fn light_order_source(group: [u32; 2]) -> Source {
+    let constants = Constants::new().u32("GROUP_WIDTH", group[0]).u32("GROUP_HEIGHT", group[1]);
+    Source { name: "light order", constants, parts: vec![text!("light_order.wgsl")] }
+}
+
 /// Source of the march shader of `plan`.
 pub(in crate::render) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
     let parts = parts(plan, dispatching.tables);
