@@ -291,7 +291,11 @@ fn accumulators_to_damage() {
         width: 4,
         height: 3,
         components: Components::Surfaces(vec![Component { name: "bone".to_owned(), spectrum: ramp }]),
-        positions: vec![Position { name: "key".to_owned(), kind: PositionKind::Point([1.0, 2.0, 3.0]) }],
+        positions: vec![Position {
+            name: "key".to_owned(),
+            kind: PositionKind::Point([1.0, 2.0, 3.0]),
+            shadows: false,
+        }],
         lights: vec![Light { name: "day".to_owned(), position: 0, weight: 2.0, shown: None, spectrum: ramp }],
         background: None,
         exposure: 1.0,

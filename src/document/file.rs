@@ -224,7 +224,7 @@ const MOST_LABELS: usize = 255;
 const UNIT: RangeInclusive<f64> = 0.0..=1.0;
 /// Range of `shadows.spacing`, in voxels.
 const SHADOW_SPACINGS: RangeInclusive<f64> = 0.5..=64.0;
-/// Range of `shadows.start`, in voxels.
+/// Range of `shadows.start`, in smallest spacings.
 const SHADOW_STARTS: RangeInclusive<f64> = 0.0..=1000.0;
 const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;

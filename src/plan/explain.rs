@@ -234,7 +234,7 @@ impl Planned {
             let start = scene.shadow_start();
             if start > 0.0 {
                 sentences.push(format!(
-                    "Nothing within {} voxels of a sample shades it, so that surfaces do not shade themselves.",
+                    "Nothing within {} voxels (along the axis with the smallest spacing) of a sample shades it, so that surfaces do not shade themselves.",
                     readable(start)
                 ));
             }

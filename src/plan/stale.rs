@@ -60,7 +60,8 @@ impl Stale {
         // A march completes its light grid first: directions of three-point lights turn with the camera.
         add(*camera != after.camera, Self::Accumulators);
         add(*crop != after.crop, Self::Accumulators);
-        if planned.plan.shadows.is_some() {
+        // Only a light grid or rays depend on them, not the shadows of a headlight.
+        if planned.plan.shadow_directions() > 0 {
             // The method is compared in the plan.
             let Shadows { method: _, spacing, start: _ } = *shadows;
             let moved = before.shadow_start() != after.shadow_start();

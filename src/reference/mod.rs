@@ -32,6 +32,19 @@ pub enum ReferenceError {
         "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight"
     )]
     Camera,
+    /// A light grid does not fit into the free memory.
+    #[error(
+        "a light grid with a node every {} voxels needs {needed_mb} MB of memory, and {free_mb} are free; set a larger shadows.spacing, or shadows.method = \"rays\"",
+        readable(*spacing)
+    )]
+    LightGrid {
+        /// Spacing of its nodes in voxels.
+        spacing: f64,
+        /// Size of its depths in MiB.
+        needed_mb: u64,
+        /// Free memory in MiB.
+        free_mb: u64,
+    },
 }
 
 impl ReferenceError {
@@ -42,6 +55,7 @@ impl ReferenceError {
             Self::Cancelled => "cancelled",
             Self::TooManySamples { .. } => "samples-too-many",
             Self::Camera => "camera-without-direction",
+            Self::LightGrid { .. } => "light-grid-memory-exceeded",
         }
     }
 }

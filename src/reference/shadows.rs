@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::{ReferenceError, Samples};
+use crate::memory;
 use crate::number::{Real, count};
 use crate::plan::Planned;
 use crate::progress::Progress;
@@ -32,7 +33,7 @@ impl<R: Real> Ways<R> {
     ///
     /// # Errors
     ///
-    /// [`ReferenceError::Cancelled`].
+    /// [`ReferenceError::Cancelled`], [`ReferenceError::LightGrid`].
     pub(super) fn new(
         scene: &Scene,
         planned: &Planned,
@@ -53,6 +54,12 @@ impl<R: Real> Ways<R> {
                 ),
             }),
             ShadowMethod::Grid => {
+                check_memory(
+                    scene.shadows.spacing,
+                    grid.dims,
+                    directions.len() * size_of::<R>(),
+                    memory::available_bytes(),
+                )?;
                 let sweeps = directions.map(|direction| grid.sweep(direction, scene.shadow_start()));
                 let depths = sweeps.map(|sweep| fill(&grid, &sweep, samples, progress)).collect::<Result<_, _>>()?;
                 Ok(Self::Grid(grid, depths))
@@ -82,6 +89,17 @@ impl<R: Real> Ways<R> {
             }
         };
         (-depth).exp_m1() + R::from_f64(1.0)
+    }
+}
+
+/// Refuses a grid of `nodes` along its axes with so many bytes per node that it exceeds the `free` bytes.
+fn check_memory(spacing: f64, nodes: [usize; 3], per_node: usize, free: Option<u64>) -> Result<(), ReferenceError> {
+    let needed = nodes.iter().fold(per_node as u64, |bytes, &n| bytes.saturating_mul(n as u64));
+    match free {
+        Some(free) if needed > free => {
+            Err(ReferenceError::LightGrid { spacing, needed_mb: needed.div_ceil(1 << 20), free_mb: free >> 20 })
+        }
+        _ => Ok(()),
     }
 }
 
@@ -171,4 +189,21 @@ fn rise<R: Real>(grid: &LightGrid, sweep: &Sweep, samples: &impl Samples<R>, sli
         if inside { sum + samples.extinction(place) } else { sum }
     });
     (sum * R::from_f64(sweep.path / count(sweep.samples))).min(R::from_f64(LARGEST_RISE))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_light_grid_beyond_the_free_memory_is_refused_with_its_size() {
+        // Two lights in f64.
+        let checked = |free| check_memory(0.5, [512; 3], 16, free).map_err(|error| error.to_string());
+        assert_eq!(checked(Some(16 << 27)), Ok(()));
+        assert_eq!(checked(None), Ok(()), "a system that does not report it");
+        assert_eq!(
+            checked(Some((16 << 27) - 1)),
+            Err("a light grid with a node every 0.5 voxels needs 2048 MB of memory, and 2047 are free; set a larger shadows.spacing, or shadows.method = \"rays\"".to_owned())
+        );
+    }
 }

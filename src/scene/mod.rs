@@ -98,7 +98,7 @@ impl Scene {
         casts && (self.shading == Shading::None || self.materials.iter().enumerate().any(shaded))
     }
 
-    /// Distance from a sample within which nothing shades it, in units of the smallest spacing. By default 3 where
+    /// Distance from a sample within which nothing shades it, in voxels along the axis with the smallest spacing. By default 3 where
     /// gradients shade, because a surface would otherwise shade itself, else 0.
     #[must_use]
     pub fn shadow_start(&self) -> f64 {
@@ -230,7 +230,7 @@ pub struct Shadows {
     /// Spacing of the light grid in voxels; the error of shadows is proportional to it, memory and time of the grid to
     /// its inverse cube.
     pub spacing: f64,
-    /// Distance from a sample within which nothing shades it, in units of the smallest spacing; `None` follows
+    /// Distance from a sample within which nothing shades it, in voxels along the axis with the smallest spacing; `None` follows
     /// [`Scene::shadow_start`].
     pub start: Option<f64>,
 }

@@ -377,6 +377,10 @@ impl Ray {
         [size, place]: [[usize; 2]; 2],
         progress: &dyn Progress,
     ) -> Result<Self, ProbeError> {
+        // One ray reads few of the nodes of a light grid.
+        let mut rays = scene.clone();
+        rays.shadows.method = ShadowMethod::Rays;
+        let scene = &rays;
         let planned = plan_full_spectrum(scene);
         let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
         let storage = || Storage::new(&planned.plan, &scene.volume, statistics);
@@ -391,7 +395,6 @@ impl Ray {
         let mut finer = scene.clone();
         finer.accuracy.step_length /= FINER;
         finer.accuracy.termination = 0.0;
-        finer.shadows.method = ShadowMethod::Rays;
         let exact = Exact::new(&finer, &planned, storage(), labels.as_ref());
         let truth = match march_ray(&finer, &planned, &exact, [size, place], progress, |_| {}) {
             Err(ReferenceError::TooManySamples { .. }) => own.clone(),

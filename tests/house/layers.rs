@@ -20,7 +20,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("film", &["plan", "scene", "model", "spectrum", "number"]),
     ("annotate", &["film", "plan", "scene", "spectrum", "volume", "number", "written"]),
     ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "number"]),
-    ("reference", &["film", "tables", "plan", "scene", "volume", "progress", "number"]),
+    ("reference", &["film", "tables", "plan", "scene", "volume", "memory", "progress", "number"]),
     ("shader", &[]),
     ("vulkan", &["shader"]),
     ("present", &["vulkan"]),

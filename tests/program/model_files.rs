@@ -62,8 +62,8 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> FilmFile {
         height,
         components: Components::Model(Stored { model, coloured, tolerance: 0.7 }),
         positions: vec![
-            Position { name: "transmittance".to_owned(), kind: PositionKind::Ambient },
-            Position { name: "key.0".to_owned(), kind: PositionKind::Point([1.0, 2.0, 3.0]) },
+            Position { name: "transmittance".to_owned(), kind: PositionKind::Ambient, shadows: false },
+            Position { name: "key.0".to_owned(), kind: PositionKind::Point([1.0, 2.0, 3.0]), shadows: false },
         ],
         lights: lights.iter().enumerate().map(light).collect(),
         background: Some([0.25; BANDS]),

@@ -306,9 +306,9 @@ fn example() -> FilmFile {
             Component { name: "white".to_owned(), spectrum: [1.0; BANDS] },
         ]),
         positions: vec![
-            Position { name: "key".to_owned(), kind: PositionKind::Directional([0.3, -1.0, 2.5]) },
-            Position { name: "all around".to_owned(), kind: PositionKind::Ambient },
-            Position { name: "lamp".to_owned(), kind: PositionKind::Point([1e-9, 1e9, 0.0]) },
+            Position { name: "key".to_owned(), kind: PositionKind::Directional([0.3, -1.0, 2.5]), shadows: true },
+            Position { name: "all around".to_owned(), kind: PositionKind::Ambient, shadows: false },
+            Position { name: "lamp".to_owned(), kind: PositionKind::Point([1e-9, 1e9, 0.0]), shadows: false },
         ],
         lights: vec![
             Light { name: "D65".to_owned(), position: 2, weight: 0.7, shown: Some(0.25), spectrum: ramp(1e-3) },
@@ -413,7 +413,7 @@ fn a_file_of_another_program_is_read() {
         width: 2,
         height: 2,
         components: Components::Surfaces(vec![Component { name: "bone".to_owned(), spectrum: [0.5; BANDS] }]),
-        positions: vec![Position { name: "key".to_owned(), kind: PositionKind::Headlight }],
+        positions: vec![Position { name: "key".to_owned(), kind: PositionKind::Headlight, shadows: false }],
         lights: vec![Light { name: "E".to_owned(), position: 0, weight: 2.0, shown: None, spectrum: [1.0; BANDS] }],
         background: None,
         exposure: 1.0,

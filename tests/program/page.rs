@@ -70,7 +70,7 @@ fn film(
         height: size[1],
         components: Components::Surfaces(components.iter().enumerate().map(component).collect()),
         positions: (0..positions)
-            .map(|index| Position { name: format!("p{index}"), kind: PositionKind::Ambient })
+            .map(|index| Position { name: format!("p{index}"), kind: PositionKind::Ambient, shadows: false })
             .collect(),
         lights: (0..positions).map(light).collect(),
         background: None,

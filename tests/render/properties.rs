@@ -205,6 +205,7 @@ fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
             Placement::Point(point) => PositionKind::Point(point.to_array()),
             Placement::ThreePoint => PositionKind::ThreePoint,
         },
+        shadows: place.shadows,
     };
     FilmFile {
         width: SIZE[0],

@@ -14,7 +14,9 @@ use relume::plan::{Integrate, PositionCounts, ShadowedPositions, Stale, plan};
 use relume::progress::Quiet;
 use relume::reference::{self, End, Samples, Step};
 use relume::render::{Dispatching, Renderer, SceneRenderer};
-use relume::scene::{Aim, Integration, Interpolation, Lighting, Lookup, Placement, Projection, Scene, SceneLight, Shading, ShadowMethod};
+use relume::scene::{
+    Aim, Integration, Interpolation, Lighting, Lookup, Placement, Projection, Scene, SceneLight, Shading, ShadowMethod,
+};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::volume::{Geometry, Volume, Voxels};
 use support::rungs::{Rungs, with_renderer};
@@ -146,7 +148,7 @@ fn of_one_light(scene: &Scene, placement: Placement) -> Vec<f64> {
     scene.lights.truncate(1);
     scene.lights[0].placement = placement;
     let rungs = Rungs::new(scene, SIZE);
-    assert_eq!(rungs.planned.positions.len(), 1);
+    assert_eq!(rungs.planned.positions.len(), 1, "one light, one position");
     rungs.march(&rungs.exact()).accumulators
 }
 
@@ -284,8 +286,8 @@ fn balls_lit(eye: DVec3, light: DVec3) -> Scene {
     );
     let mut scene = of(&text, scenes::balls());
     let centre = DVec3::new(15.5, 13.5, 12.5);
-    scene.camera.projection = relume::scene::Projection::Orthographic { height: Some(50.0) };
-    scene.camera.aim = relume::scene::Aim::LookAt { position: centre + 100.0 * eye, target: centre };
+    scene.camera.projection = Projection::Orthographic { height: Some(50.0) };
+    scene.camera.aim = Aim::LookAt { position: centre + 100.0 * eye, target: centre };
     scene.camera.up = DVec3::new(0.1, 0.2, 1.0);
     scene
 }
@@ -486,10 +488,25 @@ fn shadows_that_cannot_be_computed_are_refused_with_their_light() {
     assert!(with_three.contains("from 17 directions"), "{with_three}");
 }
 
+/// [`occluded`] with voxels of these sides, of which the picture shows the same part.
+fn with_sides(mut scene: Scene, sides: DVec3) -> Scene {
+    let Volume { voxels, geometry, .. } = &*scene.volume;
+    let geometry = Geometry::new("sides", geometry.dims, sides, geometry.origin, geometry.direction).unwrap();
+    scene.volume = Volume::new("sides", voxels.clone(), geometry).unwrap().into();
+    scene
+}
+
 #[test]
 fn the_light_grid_approaches_rays_as_its_spacing_falls() {
-    for (shading, start) in [("none", 0.0), ("gradient", 0.0), ("none", 2.5)] {
-        let scene = occluded(shading);
+    let cubes = DVec3::ONE;
+    for (shading, start, sides) in [
+        ("none", 0.0, cubes),
+        ("gradient", 0.0, cubes),
+        ("none", 2.5, cubes),
+        ("none", 0.0, DVec3::new(0.7, 1.9, 1.1)),
+        ("none", 2.5, DVec3::new(2.2, 0.8, 1.0)),
+    ] {
+        let scene = with_sides(occluded(shading), sides);
         let spaced = |spacing: f64| {
             let mut scene = scene.clone();
             scene.shadows.start = Some(start);
@@ -499,8 +516,9 @@ fn the_light_grid_approaches_rays_as_its_spacing_falls() {
             error / rays.iter().sum::<f64>()
         };
         let errors = [4.0, 2.0, 1.0].map(spaced);
-        assert!(errors[1] < 0.7 * errors[0] && errors[2] < 0.7 * errors[1], "{shading}: {errors:?}");
-        assert!(errors[1] < 0.05, "{shading}: {errors:?}");
+        assert!(errors[1] < 0.7 * errors[0] && errors[2] < 0.7 * errors[1], "{shading}, {sides}: {errors:?}");
+        // The error goes with the distance of nodes along the longest side.
+        assert!(errors[1] < 0.05 * sides.max_element(), "{shading}, {sides}: {errors:?}");
     }
 }
 
@@ -576,16 +594,13 @@ fn shadowed_of_every_kind() -> Vec<(&'static str, Scene)> {
         ("three-point from the third number of a texel on", beside_three_point("gradient", 2)),
         ("three-point from the fourth number of a texel on", beside_three_point("none", 3)),
         ("three-point in the second texel", beside_three_point("none", 4)),
-        (
-            "three-point and another without shadows",
-            {
-                let mut scene = beside_three_point("gradient", 1);
-                let open = SceneLight { shadows: false, name: "open".to_owned(), ..scene.lights[0].clone() };
-                scene.lights.push(open);
-                scene.materials[0].specular = 0.5;
-                scene
-            },
-        ),
+        ("three-point and another without shadows", {
+            let mut scene = beside_three_point("gradient", 1);
+            let open = SceneLight { shadows: false, name: "open".to_owned(), ..scene.lights[0].clone() };
+            scene.lights.push(open);
+            scene.materials[0].specular = 0.5;
+            scene
+        }),
     ]
 }
 
@@ -917,6 +932,15 @@ fn a_switched_shadow_marches_and_a_light_spectrum_relights() {
     assert_eq!(stale(|scene| scene.shadows.start = None), Stale::Accumulators);
     assert_eq!(stale(|scene| scene.lights[0].spectrum = scene.lights[1].spectrum.clone()), Stale::Picture);
     assert_eq!(stale(|scene| scene.lights[0].intensity = 3.0), Stale::Picture);
+    let mut eye = scene.clone();
+    eye.lights.truncate(1);
+    eye.lights[0].placement = Placement::Headlight;
+    let mut after = eye.clone();
+    after.shadows.spacing = 4.0;
+    after.shadows.start = Some(7.0);
+    let of_eye = plan(&eye, &Quiet).unwrap();
+    assert!(of_eye.plan.shadows.is_some());
+    assert_eq!(Stale::between(&eye, &of_eye, &after), Stale::Nothing, "a headlight has no light grid");
     let mut open = scene.clone();
     open.lights.iter_mut().for_each(|light| light.shadows = false);
     let mut after = open.clone();

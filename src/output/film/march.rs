@@ -43,6 +43,7 @@ impl FilmFile {
                 Placement::Point(point) => PositionKind::Point(point.to_array()),
                 Placement::ThreePoint => PositionKind::ThreePoint,
             },
+            shadows: position.shadows,
         });
         let stated = Mix::of_scene(scene);
         let shown = |light: &MixLight| {

@@ -19,7 +19,7 @@
 //! | `background` | 81 numbers: the reflectance behind the volume, lit by every light; black if absent |
 //! | `[[components]]` | with material weights: `name`; `spectrum`: 81 numbers, a reflectance (all 1 for `white`, the specular component) |
 //! | `[model]` | with a colour model: see below |
-//! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"`, `"point"` or `"three_point"`; `vector`, for directional and point lights only: three numbers in world space, the direction towards the light (or its opposite if no material is specular: surfaces are lit from both sides, so the two are one position), or the point |
+//! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"`, `"point"` or `"three_point"`; `vector`, for directional and point lights only: three numbers in world space, the direction towards the light (or its opposite if no material is specular: surfaces are lit from both sides, so the two are one position), or the point; `shadows`: whether the accumulators contain the shadows of the volume in light from here, default false, written only if true |
 //! | `[[lights]]` | `name`; `position`: name of a position; `weight`: weight in the scene; `shown`: weight in the picture, if different, 0 for a light that is off; `spectrum`: 81 numbers, normalised so that the perfect reflector has Y = 1; with a colour model also the keys below |
 //! | `[dial]` | light dial; if absent, the regular polygon of the lights with a luminance of 1. `hand`, only where the dial mixed the lights of the picture (otherwise sliders did): two numbers; `normalise`: whether white keeps its luminance; `master`: that luminance, or else a factor on the weights; `nodes`, in order, each with `light`: name of a light, `place`: two numbers, and `on`: whether the node is on; `presets` (formerly `situations`): dial presets, each with `name`, `caption`, `hand`: two numbers, and `off` and `on`: names of lights whose nodes are off in addition to those of the dial, or on although the dial has them off |
 //!
@@ -32,7 +32,7 @@
 //! - `transmittance`: the transmittance T, the fraction of light from behind the volume that reaches the camera;
 //! - one channel for every position p and component c, named by the position, a full stop and the component
 //!   (`key.bone`, `key.white`): the weight m of the component under this position, the sum over the ray's samples of
-//!   T · opacity · share of the component · shading.
+//!   T · opacity · share of the component · shading; with `shadows`, light is weakened on its way to the sample.
 //!
 //! **The picture** has at each pixel and wavelength
 //! Σ_p (Σ_c m(p, c) · reflectance(c)) · light(p) + T · background · Σ_p light(p), where light(p) is the sum of
@@ -211,6 +211,8 @@ pub struct Position {
     pub name: String,
     /// Kind of the position.
     pub kind: PositionKind,
+    /// Whether the medium between a sample and the light dims it.
+    pub shadows: bool,
 }
 
 /// Kind of a light position; determines its shading.

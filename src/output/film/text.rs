@@ -88,6 +88,8 @@ struct PositionEntry {
     kind: Kind,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     vector: Option<[f64; 3]>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    shadows: bool,
 }
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -151,7 +153,7 @@ impl From<&FilmFile> for Document {
                 PositionKind::Point(vector) => (Kind::Point, Some(vector)),
                 PositionKind::ThreePoint => (Kind::ThreePoint, None),
             };
-            PositionEntry { name: position.name.clone(), kind, vector }
+            PositionEntry { name: position.name.clone(), kind, vector, shadows: position.shadows }
         };
         let light = |light: &Light| {
             let spectrum = Spectrum::from_samples(light.spectrum);
@@ -300,7 +302,7 @@ fn position(entry: PositionEntry) -> Result<Position, String> {
             return Err(format!("the position {:?} needs a `vector` of three numbers", entry.name));
         }
     };
-    Ok(Position { name: entry.name, kind })
+    Ok(Position { name: entry.name, kind, shadows: entry.shadows })
 }
 
 /// Builds the model of `entry` with the matrices of `lights`; `has_unseen` adds spectra outside the fit.
