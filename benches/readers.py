@@ -57,7 +57,7 @@ def make(folder):
         return made[-1][1]
 
     turned = numpy.ascontiguousarray(data.transpose(2, 1, 0))
-    for what, name in [("NIfTI", "v.nii"), ("NIfTI, gzip", "v.nii.gz")]:
+    for what, name in [("NIfTI", "v.nii"), ("NIfTI, gzip", "g.nii.gz")]:
         nibabel.save(nibabel.Nifti1Image(turned, numpy.eye(4)), add(what, name, "nibabel", "SimpleITK"))
     numpy.save(add("NumPy", "v.npy", "numpy"), data)
     for compression in [None, "lzw", "deflate"]:
