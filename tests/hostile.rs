@@ -1,5 +1,6 @@
 //! Reading any file ends soon, uses little memory and does not panic.
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "a row of a table, and the place of a finding")]
 
 #[path = "support/hostile.rs"]
 mod hostile;
@@ -291,6 +292,19 @@ fn long_tiff_files_of_many_small_things_take_little_memory_and_time() {
         let took = cpu_seconds() - begun;
         assert!(took <= 2.0, "{what}: {took} s");
     }
+}
+
+#[test]
+fn a_long_axis_of_small_chunks_takes_little_time() {
+    let single = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5/single.h5");
+    let mut bytes = std::fs::read(single).unwrap();
+    // 65807 slices in place of 7: 148,000 chunks, of which few are in the file.
+    bytes[832..835].copy_from_slice(&[0x0f, 1, 1]);
+    let place = Place::new(Reader::Hdf5, RARELY);
+    let begun = cpu_seconds();
+    place.read(&bytes);
+    let took = cpu_seconds() - begun;
+    assert!(took <= 2.0, "{took} s");
 }
 
 #[test]
