@@ -5,8 +5,9 @@
 
 Needs numpy, nibabel, SimpleITK, pydicom (with pylibjpeg, pylibjpeg-openjpeg, pylibjpeg-libjpeg, pyjpegls), tifffile,
 imagecodecs, zarr and h5py. The volumes are made by these libraries: 256 x 256 x 128 voxels of 16 bits, smooth with noise.
-Each reading is a process of its own, in turn (A B A B ...); CPU ms of all threads, of the fastest of five readings after one
-to warm up, and the median of the processes.
+Each reading is a process of its own, in turn (A B A B ...); CPU ms (user and system) of all threads, of the fastest of five
+readings after one to warm up, and the median of the processes. The start of a process counts on neither side. Wall time is
+what both cores take together.
 """
 import argparse, json, os, platform, shutil, statistics, subprocess, sys, tempfile
 
@@ -31,12 +32,13 @@ import json, sys, time, warnings
 warnings.simplefilter('ignore')
 import numpy
 {read}
-path, times = sys.argv[1], []
+path, cpu, wall = sys.argv[1], [], []
 for turn in range(6):
-    start = time.process_time()
+    start = time.process_time(), time.perf_counter()
     volume = read(path)
-    times.append(1000 * (time.process_time() - start))
-print(json.dumps(dict(cpu_ms=min(times[1:]), sum=int(numpy.asarray(volume).sum(dtype='int64')))))
+    cpu.append(1000 * (time.process_time() - start[0]))
+    wall.append(1000 * (time.perf_counter() - start[1]))
+print(json.dumps(dict(cpu_ms=min(cpu[1:]), wall_ms=min(wall[1:]), sum=int(numpy.asarray(volume).sum(dtype='int64')))))
 """
 
 
@@ -57,7 +59,7 @@ def make(folder):
         return made[-1][1]
 
     turned = numpy.ascontiguousarray(data.transpose(2, 1, 0))
-    for what, name in [("NIfTI", "v.nii"), ("NIfTI, gzip", "v.nii.gz")]:
+    for what, name in [("NIfTI", "v.nii"), ("NIfTI, gzip", "g.nii.gz")]:
         nibabel.save(nibabel.Nifti1Image(turned, numpy.eye(4)), add(what, name, "nibabel", "SimpleITK"))
     numpy.save(add("NumPy", "v.npy", "numpy"), data)
     for compression in [None, "lzw", "deflate"]:
@@ -137,8 +139,9 @@ def table(made, relume, given):
     import numpy
     cpu = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), platform.machine())
     print(f"{' x '.join(map(str, reversed(DIMS)))} voxels of 16 bits; {cpu}, {os.cpu_count()} cores; {given.build} build of Relume.")
-    print("CPU ms of all threads; the ratio is to the fastest peer.\n")
-    print("| file | Relume | wall | peers | ratio |")
+    print("CPU ms of all threads, and wall ms in brackets; the ratios are to the fastest peer. Load of the machine at the beginning: "
+          f"{os.getloadavg()[0]:.1f}.\n")
+    print("| file | Relume | peers | CPU ratio | wall ratio |")
     print("| --- | --- | --- | --- | --- |")
     for what, path, peers in made:
         ours, walls, theirs = [], [], {name: [] for name in peers}
@@ -151,12 +154,14 @@ def table(made, relume, given):
             walls.append(load["wall_ms"]["min"])
             for name in peers:
                 theirs[name].append(run([sys.executable, "-c", PEER.format(read=READ[name]), path]))
-        good = {name: statistics.median(one["cpu_ms"] for one in all) for name, all in theirs.items() if not isinstance(all[0], str)}
         failed = {name: all[0] for name, all in theirs.items() if isinstance(all[0], str)}
-        mine = statistics.median(ours)
-        said = [f"{name} {ms:.0f}" for name, ms in good.items()] + [f"{name}: {why}" for name, why in failed.items()]
-        ratio = f"{mine / min(good.values()):.2f}" if good else ""
-        print(f"| {what} | {mine:.0f} | {statistics.median(walls):.0f} | {', '.join(said)} | {ratio} |", flush=True)
+        good = {name: all for name, all in theirs.items() if name not in failed}
+        median = lambda all, key: statistics.median(one[key] for one in all)
+        mine, wall = statistics.median(ours), statistics.median(walls)
+        said = [f"{name} {median(all, 'cpu_ms'):.1f} ({median(all, 'wall_ms'):.1f})" for name, all in good.items()]
+        said += [f"{name}: {why}" for name, why in failed.items()]
+        ratio = lambda own, key: f"{own / min(median(all, key) for all in good.values()):.2f}" if good else ""
+        print(f"| {what} | {mine:.1f} ({wall:.1f}) | {', '.join(said)} | {ratio(mine, 'cpu_ms')} | {ratio(wall, 'wall_ms')} |", flush=True)
     print(f"\nnumpy {numpy.__version__}, " + ", ".join(f"{name} {version(name)}" for name in ("nibabel", "SimpleITK", "pydicom", "tifffile", "zarr", "h5py")))
 
 

@@ -1,5 +1,6 @@
 //! Reading any file ends soon, uses little memory and does not panic.
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "a row of a table, and the place of a finding")]
 
 #[path = "support/hostile.rs"]
 mod hostile;
@@ -101,24 +102,59 @@ fn cpu_seconds() -> f64 {
     f64::from(u32::try_from(now.tv_sec).unwrap()) + f64::from(u32::try_from(now.tv_nsec).unwrap()) * 1e-9
 }
 
-/// Feeds `reader` all `seeds` unchanged, and `rounds` damaged ones.
+/// Environment variable with the number of damaged copies per reader; `scripts/damaged` sets it.
+const COPIES: &str = "DAMAGED_COPIES";
+
+/// Writes the bytes that were read last to `target/hostile` when the test fails.
+struct Kept<'a> {
+    reader: Reader,
+    round: usize,
+    bytes: &'a [u8],
+}
+
+impl Drop for Kept<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("hostile");
+            let path = folder.join(format!("{:?}-{}", self.reader, self.round));
+            let written = std::fs::create_dir_all(folder).and_then(|()| std::fs::write(&path, self.bytes));
+            eprintln!("{}: {written:?}", path.display());
+        }
+    }
+}
+
+/// Feeds `reader` all `seeds` unchanged, and `rounds` damaged ones, or as many as [`COPIES`] says; then prints a row of
+/// `benches/results/damaged.md`.
 fn withstands(reader: Reader, seeds: &[Vec<u8>], rounds: usize) {
+    let asked = std::env::var(COPIES).ok().map(|copies| copies.parse().expect("DAMAGED_COPIES is a whole number"));
+    let rounds = asked.unwrap_or(rounds);
     let place = Place::new(reader, RARELY);
     for (index, seed) in seeds.iter().enumerate() {
         assert!(place.read(seed), "seed {index} of {reader:?} should be sound");
     }
     let mut random = Random(1);
+    let (mut accepted, mut seconds, mut longest) = (0, 0.0, 0.0_f64);
     for round in 0..rounds {
         let mut bytes = seeds[random.below(seeds.len())].clone();
         let other = &seeds[random.below(seeds.len())];
         for _ in 0..=random.below(4) {
             damage(&mut bytes, other, &mut random);
         }
+        let kept = Kept { reader, round, bytes: &bytes };
         let begun = cpu_seconds();
-        place.read(&bytes);
+        accepted += usize::from(place.read(&bytes));
         let (took, allowed) = (cpu_seconds() - begun, f64::from(u32::try_from(bytes.len() / 1024 + 1).unwrap()));
         assert!(took <= allowed, "round {round} of {reader:?}: {took} s for {} bytes", bytes.len());
+        drop(kept);
+        (seconds, longest) = (seconds + took, longest.max(took));
     }
+    let each = 1e6 * seconds / f64::from(u32::try_from(rounds.max(1)).unwrap());
+    println!(
+        "| {reader:?} | {} | {rounds} | {accepted} | {seconds:.0} | {each:.0} | {:.0} | {:.1} |",
+        seeds.len(),
+        1e3 * longest,
+        f64::from(u32::try_from(place.most()).unwrap()) / 1e6
+    );
 }
 
 /// Files of a folder of `tests/data`.
@@ -256,6 +292,19 @@ fn long_tiff_files_of_many_small_things_take_little_memory_and_time() {
         let took = cpu_seconds() - begun;
         assert!(took <= 2.0, "{what}: {took} s");
     }
+}
+
+#[test]
+fn a_long_axis_of_small_chunks_takes_little_time() {
+    let single = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5/single.h5");
+    let mut bytes = std::fs::read(single).unwrap();
+    // 65807 slices in place of 7: 148,000 chunks, of which few are in the file.
+    bytes[832..835].copy_from_slice(&[0x0f, 1, 1]);
+    let place = Place::new(Reader::Hdf5, RARELY);
+    let begun = cpu_seconds();
+    place.read(&bytes);
+    let took = cpu_seconds() - begun;
+    assert!(took <= 2.0, "{took} s");
 }
 
 #[test]

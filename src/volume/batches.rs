@@ -51,9 +51,13 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
     let size = size_of::<D::Voxel>();
     let done = Done { bytes: AtomicU64::new(0), all: count(all).saturating_mul(count(size)), progress };
     let mut voxels: Vec<D::Voxel> = Vec::new();
+    let mut there = 0;
     let mut parts = parts.peekable();
+    if are_there && let Some(first) = parts.peek() {
+        // Memory that the system zeroes is not written twice.
+        voxels = allocate::zeroed(first.path, all)?;
+    }
     while let Some(first) = parts.next() {
-        let there = voxels.len();
         let budget = (BATCH / size).max(there);
         if first.voxels > budget && !are_there {
             data::check_cancelled(first.path, progress)?;
@@ -66,9 +70,11 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
             more += part.voxels;
             batch.push(part);
         }
-        allocate::reserve(&mut voxels, if are_there { all - there } else { more }, all, path)?;
-        voxels.resize(there + more, bytemuck::Zeroable::zeroed());
-        let mut rest = &mut voxels[there..];
+        if voxels.len() < there + more {
+            allocate::reserve(&mut voxels, more, all, path)?;
+            voxels.resize(there + more, bytemuck::Zeroable::zeroed());
+        }
+        let mut rest = &mut voxels[there..there + more];
         let mut places = Vec::with_capacity(batch.len());
         for part in batch {
             let place;
@@ -82,6 +88,7 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
         };
         let results: Vec<Result<(), VolumeError>> = places.into_par_iter().map_init(|| decode.scratch(), one).collect();
         results.into_iter().collect::<Result<(), _>>()?;
+        there += more;
     }
     Ok(voxels)
 }

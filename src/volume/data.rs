@@ -87,9 +87,16 @@ impl Data {
         let starts = self.files.iter().map(|file| self.start_of(file, notes)).collect::<Result<Vec<_>, _>>()?;
         let picks: Vec<Pick> = self.picks.iter().copied().filter(|pick| pick.length > 1).collect();
         let numbers: usize = self.files.iter().map(|file| file.numbers).sum();
+        let all = picks.iter().fold(numbers, |numbers, pick| numbers / pick.length);
+        // Uncompressed numbers are in the files. Memory that the system zeroes is not written twice.
+        let is_whole = self.encoding == Encoding::Raw && picks.is_empty();
         let mut slabs = Slabs::<T> {
-            voxels: Vec::new(),
-            all: picks.iter().fold(numbers, |numbers, pick| numbers / pick.length),
+            voxels: match self.files.first() {
+                Some(file) if is_whole => allocate::zeroed(&file.path, all)?,
+                _ => Vec::new(),
+            },
+            filled: 0,
+            all,
             picks,
             at: 0,
             numbers,
@@ -219,6 +226,8 @@ impl Data {
 /// The voxels decoded so far, and the state of decoding.
 struct Slabs<'a, T> {
     voxels: Vec<T>,
+    /// Number of decoded voxels; more may be allocated.
+    filled: usize,
     /// Number of voxels at the end.
     all: usize,
     /// Positions that select the voxels among the numbers.
@@ -246,13 +255,16 @@ impl<T: Voxel> Slabs<'_, T> {
         mut decode: impl FnMut(&mut [T], usize) -> Result<(), VolumeError>,
     ) -> Result<bool, VolumeError> {
         let (first, end) = (self.at, self.at + file.numbers);
-        while self.at < end && self.voxels.len() < self.all {
+        while self.at < end && self.filled < self.all {
             let length = (end - self.at).min(SLAB_BYTES / size_of::<T>());
-            let there = self.voxels.len();
-            allocate::reserve(&mut self.voxels, length.min(self.all - there), self.all, &file.path)?;
+            let there = self.filled;
+            if self.voxels.len() == there {
+                allocate::reserve(&mut self.voxels, length.min(self.all - there), self.all, &file.path)?;
+            }
             if self.picks.is_empty() {
-                self.voxels.resize(there + length, T::zeroed());
-                decode(&mut self.voxels[there..], self.at - first)?;
+                self.voxels.resize(self.voxels.len().max(there + length), T::zeroed());
+                decode(&mut self.voxels[there..there + length], self.at - first)?;
+                self.filled += length;
             } else {
                 self.buffer.resize(length, T::zeroed());
                 decode(&mut self.buffer, self.at - first)?;
@@ -262,6 +274,7 @@ impl<T: Voxel> Slabs<'_, T> {
                     self.voxels.extend_from_slice(&self.buffer[start - self.at..stop - self.at]);
                     (start, run) = next_run(&self.picks, stop);
                 }
+                self.filled = self.voxels.len();
             }
             self.at += length;
             self.report(file)?;

@@ -526,6 +526,34 @@ fn the_world_of_minc_is_turned_to_that_of_dicom() {
 }
 
 #[test]
+fn slices_of_minc_have_scales_of_their_own() {
+    // Slice z turns 0 to 4000 into −10 + z to 90 + 11 z.
+    let slices = open_hdf5("minc_slices.mnc", &Selection::default()).unwrap();
+    let one = open_hdf5("minc_scale.mnc", &Selection::default()).unwrap();
+    for (index, n) in numbers(DIMS, 1, 0, 0).into_iter().enumerate() {
+        let [x, y, z] = [index % DIMS[0], index / DIMS[0] % DIMS[1], index / (DIMS[0] * DIMS[1])];
+        let (n, slice) = (n as f64, z as f64);
+        let value = n * (100.0 + 10.0 * slice) / 4000.0 - 10.0 + slice;
+        assert!((slices.value([x, y, z]).unwrap() - value).abs() <= 1e-5, "{x} {y} {z}");
+        assert!((one.value([x, y, z]).unwrap() - (n / 40.0 - 10.0)).abs() <= 1e-12, "{x} {y} {z}");
+    }
+    assert!(slices.notes.iter().any(|note| note.contains("different scales")), "{:?}", slices.notes);
+    assert_eq!((one.voxels.type_name(), one.slope, one.intercept), ("uint16", 1.0 / 40.0, -10.0));
+    // Scales that do not fit are told, and not applied.
+    let bytes = std::fs::read(hdf5("minc_slices.mnc")).unwrap();
+    let mut damaged = bytes.clone();
+    let end = |z: f64| (90.0 + 11.0 * z).to_le_bytes();
+    let at = bytes.windows(16).position(|bytes| bytes == [end(0.0), end(1.0)].concat()).unwrap();
+    damaged[at + 8..at + 16].copy_from_slice(&1e308_f64.to_le_bytes());
+    let fine = volumes::opened("v.h5", &damaged, &Selection::default()).unwrap();
+    assert!(fine.value([0, 0, 1]).unwrap() > 1e30, "a large scale is one");
+    damaged[at + 8..at + 16].copy_from_slice(&f64::NAN.to_le_bytes());
+    let stored = volumes::opened("v.h5", &damaged, &Selection::default()).unwrap();
+    assert!(stored.voxels == voxels("uint16", &numbers(DIMS, 1, 0, 0)));
+    assert!(stored.notes.iter().any(|note| note.contains("image-max has no numbers")), "{:?}", stored.notes);
+}
+
+#[test]
 fn an_imaris_file_has_channels_times_and_levels() {
     let one = |channel, time, level| {
         let selection = Selection { time: Some(time), level: Some(level), ..component(channel) };

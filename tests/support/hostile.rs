@@ -6,7 +6,7 @@ use std::cell::Cell;
 use std::fs::File;
 use std::io::{Seek as _, Write as _};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
 use relume::document;
 use relume::document::{Definition, SceneOptions};
@@ -159,12 +159,13 @@ pub struct Place {
     file: File,
     reader: Reader,
     rarely: u64,
+    /// Peak memory of the reading that took most.
+    most: AtomicUsize,
 }
 
 impl Place {
     /// Work that takes a thousand times as long as reading, such as planning a scene or solving a palette, is done for
-    /// one in
-    /// `rarely` inputs.
+    /// one in `rarely` inputs.
     ///
     /// # Panics
     ///
@@ -181,7 +182,7 @@ impl Place {
         }
         let path = folder.path().join(reader.file());
         let file = File::create(&path).expect("a file");
-        Self { folder, path, file, reader, rarely }
+        Self { folder, path, file, reader, rarely, most: AtomicUsize::new(0) }
     }
 
     /// Returns whether `bytes` are accepted.
@@ -219,9 +220,15 @@ impl Place {
                 FilmFile::read(&self.path).ok().map(|read| 4 * (read.accumulators.len() + read.transmittance.len()))
             }
         });
+        self.most.fetch_max(most, Ordering::Relaxed);
         let allowed = ALLOWED.max(2 * size.unwrap_or(0));
         assert!(most <= allowed, "{} bytes took {most} bytes of memory for {size:?}", bytes.len());
         size.is_some()
+    }
+
+    /// Peak memory in bytes of the reading that took most.
+    pub fn most(&self) -> usize {
+        self.most.load(Ordering::Relaxed)
     }
 
     /// Returns the number of voxel bytes of the store whose files `bytes` list: length of the name (1 byte), name, length of

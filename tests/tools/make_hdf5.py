@@ -101,6 +101,20 @@ def minc(path):
         image.attrs["dimorder"] = "zspace,yspace,xspace"
 
 
+def scaled_minc(path, slices):
+    """Stored numbers of 16 bits whose valid range is 0 to 4000; each slice, or all of them, have ends of their own."""
+    with h5py.File(path, "w") as file:
+        for name in ["xspace", "yspace", "zspace"]:
+            file.create_dataset(f"minc-2.0/dimensions/{name}", data=0).attrs["step"] = 1.0
+        group = file.create_group("minc-2.0/image/0")
+        image = group.create_dataset("image", data=numbers("uint16"), chunks=(7, 5, 9), compression="gzip")
+        image.attrs["dimorder"] = "zspace,yspace,xspace"
+        image.attrs["valid_range"] = [0.0, 4000.0]
+        for name, first, step in [("image-min", -10.0, 1.0), ("image-max", 90.0, 11.0)]:
+            ends = first + step * np.arange(SHAPE[0]) if slices else first
+            group.create_dataset(name, data=ends).attrs["dimorder"] = "zspace" if slices else ""
+
+
 def characters(text):
     return np.array(list(text), dtype="S1")
 
@@ -145,6 +159,8 @@ def main():
     netcdf(out / "netcdf3_offset64.nc", "NETCDF3_64BIT_OFFSET")
     netcdf(out / "netcdf3_data64.nc", "NETCDF3_64BIT_DATA")
     minc(out / "minc.mnc")
+    scaled_minc(out / "minc_slices.mnc", True)
+    scaled_minc(out / "minc_scale.mnc", False)
     imaris(out / "imaris.ims")
     print(h5py.__version__, netCDF4.__version__)
 

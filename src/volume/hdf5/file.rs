@@ -231,6 +231,25 @@ impl File {
         of_hdf5(|| file.dataset(name).map(|dataset| of_attributes(&dataset.attributes()))).ok()
     }
 
+    /// Shape and numbers of a dataset, which may be a scalar; `None` unless it has finite numbers, at most a million.
+    pub(super) fn numbers_of(&self, name: &str) -> Option<(Vec<usize>, Vec<f64>)> {
+        const MOST: usize = 1 << 20;
+        let Contents::Hdf5(file) = &self.contents else { return None };
+        let dataset = of_hdf5(|| file.dataset(name)).ok()?;
+        let shape = lengths(dataset.shape())?;
+        let (voxel_type, kind) = stored(dataset.dtype())?;
+        let count = shape.iter().try_fold(1_usize, |count, &side| count.checked_mul(side))?;
+        if kind != Kind::Number || count > MOST {
+            return None;
+        }
+        let size = voxel_type.bytes();
+        let values: Vec<f64> = with_type!(voxel_type, T => {
+            let bytes = numbers::<T>(&dataset, &vec![0; shape.len()], &shape).ok()?;
+            bytes.chunks_exact(size).map(|bytes| Voxel::to_f64(bytemuck::pod_read_unaligned::<T>(bytes))).collect()
+        });
+        (values.len() == count && values.iter().all(|value| value.is_finite())).then_some((shape, values))
+    }
+
     /// All arrays of numbers, sorted by their names.
     pub(super) fn arrays(&self) -> Result<Vec<Array>, VolumeError> {
         let failed = |place: &str, error: io::Error| VolumeError::Field {

@@ -122,8 +122,19 @@ impl Reading<'_> {
                 notes.push(format!("{cleared} voxels have the fill value {empty}, and are NaN"));
             }
         }
+        let mut scale = placed.scale;
+        if let Some(scales) = &placed.scales {
+            match scales.one(arranged, chosen) {
+                Some(one) => scale = one,
+                None => {
+                    voxels = scales.values(arranged, chosen, &voxels, &self.file.path)?;
+                    notes
+                        .push("the slices have different scales, so the voxels are values in 32-bit floats".to_owned());
+                }
+            }
+        }
         let mut volume = Volume::new(&self.source, voxels, geometry)?;
-        (volume.slope, volume.intercept) = placed.scale;
+        (volume.slope, volume.intercept) = scale;
         volume.unit = placed.unit;
         volume.anatomical = placed.is_anatomical;
         volume.has_labels = array.kind == Kind::Named;
@@ -199,7 +210,18 @@ impl Reading<'_> {
             let problem = format!("chunks of {chunks} are {bytes} bytes; Relume reads chunks of up to {LARGEST_CHUNK}");
             return Err(self.wrong(&place, problem));
         }
-        Ok(chunks.clone())
+        // Several small chunks at once: the crate looks through the index of all chunks for every block.
+        let (mut unit, mut bytes) = (chunks.clone(), bytes);
+        for axis in (0..unit.len()).rev() {
+            let [first, end] = region[axis];
+            let wanted = end.div_ceil(unit[axis]) - first / unit[axis];
+            let times = (SLAB / 4 / bytes).clamp(1, wanted.max(1));
+            (unit[axis], bytes) = (unit[axis] * times, bytes * times);
+            if times < wanted {
+                break;
+            }
+        }
+        Ok(unit)
     }
 
     fn blocks<T: Voxel>(

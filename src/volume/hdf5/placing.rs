@@ -1,14 +1,17 @@
 //! Placing of arrays in space, by the attributes of several conventions.
 
+use std::path::Path;
+
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
 use super::file::{Array, File, Kind};
 use crate::number;
 use crate::volume::axes::{self, Arranged, Axis};
 use crate::volume::geometry::Lattice;
 use crate::volume::lengths::{assumed_spacing, converted, printable, unit};
-use crate::volume::voxels::with_type;
-use crate::volume::{Geometry, Unit, VolumeError, Voxel, Window};
+use crate::volume::voxels::{with_type, with_voxels};
+use crate::volume::{Geometry, Unit, VolumeError, Voxel, VoxelType, Voxels, Window, allocate};
 
 /// Longest list of coordinates.
 const LONGEST: usize = 1 << 20;
@@ -28,6 +31,8 @@ pub(super) struct Placed {
     pub(super) is_anatomical: bool,
     /// Slope and intercept of the values.
     pub(super) scale: (f64, f64),
+    /// Slopes and intercepts of slices.
+    pub(super) scales: Option<Scales>,
     /// Value of voxels without a value.
     pub(super) empty: Option<f64>,
     pub(super) metadata: Vec<(String, String)>,
@@ -44,6 +49,7 @@ impl Default for Placed {
             unit: None,
             is_anatomical: false,
             scale: (1.0, 0.0),
+            scales: None,
             empty: None,
             metadata: Vec::new(),
             notes: Vec::new(),
@@ -189,15 +195,105 @@ fn minc(file: &File, array: &Array) -> Option<Placed> {
         placed.steps[axis] = Some(along * step * turn);
         origin += along * dimension.number("start").unwrap_or(0.0) * turn;
     }
-    if file.array_or_scalar(&array.name.replace("/image/0/image", "/image/0/image-max")).is_some() {
-        placed
-            .notes
-            .push("the scales image-min and image-max are not applied; the voxels are the stored numbers".to_owned());
+    match Scales::of(file, array) {
+        Ok(scales) => placed.scales = scales,
+        Err(problem) => placed.notes.push(format!("{problem}; the voxels are the stored numbers")),
     }
     placed.origin = origin;
     placed.unit = Some(Unit::Millimetre);
     placed.is_anatomical = true;
     Some(placed)
+}
+
+/// Slopes and intercepts of the slices of a MINC image, by its slowest axes.
+#[derive(Clone, Debug)]
+pub(super) struct Scales {
+    /// Lengths of the slowest axes of the image; none for one scale.
+    shape: Vec<usize>,
+    /// Slope and intercept, the last axis fastest.
+    each: Vec<(f64, f64)>,
+}
+
+impl Scales {
+    /// The scales of `array`, which turn the valid range of its numbers into image-min to image-max; `None` for floats, which
+    /// are values, and without both datasets. The error is a clause.
+    fn of(file: &File, array: &Array) -> Result<Option<Self>, String> {
+        if matches!(array.voxel_type, VoxelType::F32 | VoxelType::F64) {
+            return Ok(None);
+        }
+        let beside = |name: &str| {
+            let path = format!("{}{name}", array.name.strip_suffix("image").unwrap_or_default());
+            file.array_or_scalar(&path).map(|_| file.numbers_of(&path).ok_or(format!("{name} has no numbers")))
+        };
+        let (Some(low), Some(high)) = (beside("image-min"), beside("image-max")) else { return Ok(None) };
+        let ((shape, low), (other, high)) = (low?, high?);
+        if shape != other || !array.shape.starts_with(&shape) {
+            let [image, shape, other] = [&array.shape, &shape, &other].map(|shape| axes::by(shape));
+            return Err(format!(
+                "the scales are not applied, because image-min has the shape {shape}, image-max {other} and the image {image}"
+            ));
+        }
+        let number = |name: &str| array.attributes.number(name);
+        let stated = array.attributes.numbers("valid_range").and_then(|range| <[f64; 2]>::try_from(range).ok());
+        let stated = stated.or(number("valid_min").zip(number("valid_max")).map(|(first, last)| [first, last]));
+        let [first, last] = stated.unwrap_or_else(|| {
+            with_type!(array.voxel_type, T => [f64::NEG_INFINITY, f64::INFINITY].map(|end| T::nearest(end).to_f64()))
+        });
+        let (first, last) = (first.min(last), first.max(last));
+        let one = |(&low, &high): (&f64, &f64)| {
+            let slope = (high - low) / (last - first);
+            (slope, low - first * slope)
+        };
+        let each: Vec<(f64, f64)> = low.iter().zip(&high).map(one).collect();
+        if let Some(index) = each.iter().position(|(slope, intercept)| !slope.is_finite() || !intercept.is_finite()) {
+            return Err(format!(
+                "the scales are not applied, because slice {index} turns {first} to {last} into {} to {}",
+                low[index], high[index]
+            ));
+        }
+        Ok(Some(Self { shape, each }))
+    }
+
+    /// Index of the scale of the first voxel of the channel and time `chosen`, and its steps along x, y and z.
+    fn steps(&self, arranged: &Arranged, chosen: [usize; 2]) -> (usize, [usize; 3]) {
+        let stride = |place: usize| self.shape.get(place + 1..).map_or(0, |rest| rest.iter().product());
+        let along = |axis: Axis| arranged.place(axis).filter(|&place| place < self.shape.len()).map_or(0, stride);
+        let first = chosen[0] * along(Axis::Channel) + chosen[1] * along(Axis::Time);
+        (first, [Axis::X, Axis::Y, Axis::Z].map(along))
+    }
+
+    /// The one slope and intercept of the channel and time `chosen`; `None` if its slices have different ones.
+    pub(super) fn one(&self, arranged: &Arranged, chosen: [usize; 2]) -> Option<(f64, f64)> {
+        let (first, steps) = self.steps(arranged, chosen);
+        let ends: [usize; 3] = std::array::from_fn(|axis| if steps[axis] > 0 { arranged.dims()[axis] } else { 1 });
+        let at = |[x, y, z]: [usize; 3]| self.each[first + x * steps[0] + y * steps[1] + z * steps[2]];
+        let mut all = (0..ends[2]).flat_map(|z| (0..ends[1]).flat_map(move |y| (0..ends[0]).map(move |x| [x, y, z])));
+        let one = at([0; 3]);
+        all.all(|index| at(index) == one).then_some(one)
+    }
+
+    /// The values of `voxels`, x fastest, of the channel and time `chosen`.
+    pub(super) fn values(
+        &self,
+        arranged: &Arranged,
+        chosen: [usize; 2],
+        voxels: &Voxels,
+        path: &Path,
+    ) -> Result<Voxels, VolumeError> {
+        let (first, steps) = self.steps(arranged, chosen);
+        let [nx, ny, _] = arranged.dims();
+        let mut values = allocate::zeroed::<f32>(path, voxels.len())?;
+        with_voxels!(voxels, stored => values.par_chunks_mut(nx).zip(stored.par_chunks(nx)).enumerate().for_each(
+            |(row, (values, stored))| {
+                let first = first + row % ny * steps[1] + row / ny * steps[2];
+                for (x, (value, number)) in values.iter_mut().zip(stored).enumerate() {
+                    let (slope, intercept) = self.each[first + x * steps[0]];
+                    *value = f32::nearest(number.to_f64().mul_add(slope, intercept));
+                }
+            }
+        ));
+        Ok(Voxels::F32(values))
+    }
 }
 
 /// An Imaris file.

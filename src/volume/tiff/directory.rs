@@ -65,7 +65,24 @@ impl Entry {
             _ => 1,
         }
     }
+
+    /// Value `index` alone; `None` past the end, and unless the values are whole numbers.
+    fn one(self, index: u64) -> Option<Self> {
+        let is_whole = index < self.count && matches!(self.kind, 1 | 3 | 4 | 7 | 13 | 16 | 18);
+        is_whole.then(|| Self { at: self.at.saturating_add(index.saturating_mul(self.size())), count: 1, ..self })
+    }
 }
+
+/// Values of a tag that were read together.
+#[derive(Debug, Default)]
+pub(super) struct Window {
+    /// Offset of the first of them in the file.
+    at: u64,
+    bytes: Vec<u8>,
+}
+
+/// Longest window in bytes.
+const WINDOW: usize = 4096;
 
 /// Tags of one page.
 #[derive(Debug)]
@@ -100,6 +117,7 @@ pub(super) struct Tiff {
     spent: u64,
     /// Bytes of values that were read one by one.
     values: u64,
+    windows: [Window; 2],
 }
 
 /// Buffer of a file in bytes: a directory with some of its values.
@@ -120,6 +138,7 @@ impl Tiff {
             here: Some(0),
             spent: 0,
             values: 0,
+            windows: Default::default(),
         };
         let mut header = [0; 16];
         let there = usize::try_from(length).unwrap_or(16).min(16);
@@ -283,15 +302,37 @@ impl Tiff {
 
     /// Value `index` of `entry` as a whole number; `None` past the end and for numbers of another type.
     pub(super) fn whole(&mut self, entry: Entry, index: u64, place: &str) -> Result<Option<u64>, VolumeError> {
-        if index >= entry.count || !matches!(entry.kind, 1 | 3 | 4 | 7 | 13 | 16 | 18) {
-            return Ok(None);
-        }
-        let one = Entry { at: entry.at.saturating_add(index.saturating_mul(entry.size())), count: 1, ..entry };
+        let Some(one) = entry.one(index) else { return Ok(None) };
         let size = self.inside(one, place)?;
         let mut bytes = [0; 8];
         let bytes = &mut bytes[..usize::try_from(size).unwrap_or(8)];
         self.read(one.at, bytes)?;
         Ok(Some(self.number(bytes)))
+    }
+
+    /// [`Self::whole`] for the values of two tags that are asked for in turn: window 0 or 1 keeps those that follow, so that
+    /// the file is not read at two places for each.
+    pub(super) fn next_whole(
+        &mut self,
+        window: usize,
+        entry: Entry,
+        index: u64,
+        place: &str,
+    ) -> Result<Option<u64>, VolumeError> {
+        let Some(one) = entry.one(index) else { return Ok(None) };
+        let size = usize::try_from(self.inside(one, place)?).unwrap_or(8);
+        let Window { at, bytes } = &self.windows[window];
+        let first = one.at.checked_sub(*at).and_then(|first| usize::try_from(first).ok());
+        if let Some(bytes) = first.and_then(|first| bytes.get(first..first.checked_add(size)?)) {
+            return Ok(Some(self.number(bytes)));
+        }
+        let end = entry.at.saturating_add(entry.count.saturating_mul(entry.size())).min(self.length);
+        let mut bytes = std::mem::take(&mut self.windows[window].bytes);
+        bytes.resize(usize::try_from(end - one.at).unwrap_or(WINDOW).min(WINDOW), 0);
+        self.read(one.at, &mut bytes)?;
+        let number = self.number(&bytes[..size]);
+        self.windows[window] = Window { at: one.at, bytes };
+        Ok(Some(number))
     }
 
     /// The first value of a fraction; `None` if it is none, or is divided by 0.

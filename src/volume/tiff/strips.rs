@@ -215,8 +215,8 @@ impl<'a, T: Voxel> Worker<'a, T> {
             Chunks::Whole(at) => (at, None),
             Chunks::Listed { offsets, bytes } => {
                 let index = count(index);
-                let at = tiff.whole(offsets, index, &place)?;
-                let bytes = bytes.map(|bytes| tiff.whole(bytes, index, &place)).transpose()?.flatten();
+                let at = tiff.next_whole(0, offsets, index, &place)?;
+                let bytes = bytes.map(|bytes| tiff.next_whole(1, bytes, index, &place)).transpose()?.flatten();
                 (at.ok_or_else(|| tiff.wrong(&place, "its offset is no whole number".to_owned()))?, bytes)
             }
         };
