@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use relume::document;
+use relume::document::{self, design};
 use relume::document::{Definition, LightRequest, Look, SceneFile, SceneOptions, Source, Wish};
 use relume::internal::number::readable;
 use relume::progress::Progress;
@@ -288,6 +288,9 @@ impl SceneArgs {
         let labels = scene.labels.iter().flat_map(|labels| &labels.volume.notes);
         for note in scene.volume.notes.iter().chain(labels) {
             tracing::warn!("{note}");
+        }
+        if let Some(unlike) = design::unlike(&file) {
+            tracing::warn!("{unlike}");
         }
         if let (Some(path), Some([])) = (&self.labels, scene.labels.as_ref().map(|labels| &labels.declared[..])) {
             tracing::warn!(

@@ -13,7 +13,7 @@ pub use step::Step;
 use super::SceneFile;
 use crate::palette::{self, Member, Palette, Target};
 use crate::scene::Scene;
-use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz};
+use crate::spectrum::colour::{Xyz, ciede2000, d65_white, display_code, lab_from_xyz, linear_srgb_from_xyz, xyz};
 use crate::spectrum::{Light, Reflectance, Spectrum};
 
 /// Row name of the background.
@@ -79,6 +79,53 @@ pub fn look(scene: &Scene, palette: &Palette, row: usize, column: usize) -> Look
     let lab = |colour: Xyz| lab_from_xyz(colour, d65_white());
     let difference = achieved.zip(target).map(|(one, two)| ciede2000(lab(one), lab(two)));
     Look { achieved, target, difference }
+}
+
+/// A cell whose target colour differs clearly from that of the spectra that the scene file stores.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "[palette.cells]: {material} under {light} is to be {wanted}, but the spectra in the scene show {shown} (ΔE00 {difference:.0}); a \
+     palette is solved for spectra that the scene does not state, so remove `reflectance` of its materials and `spectrum` of \
+     its lights to solve it again"
+)]
+pub struct Unlike {
+    /// Name of the material.
+    pub material: String,
+    /// Name of the light.
+    pub light: String,
+    /// Target colour as `#rrggbb`.
+    pub wanted: String,
+    /// Colour of the stored spectra as `#rrggbb`.
+    pub shown: String,
+    /// ΔE00 between the two.
+    pub difference: f64,
+}
+
+/// The cell with the largest difference, if the file states the reflectance of its material and the difference exceeds
+/// ΔE00 10: more than solved palettes miss, less than an edited colour.
+#[must_use]
+pub fn unlike(file: &SceneFile) -> Option<Unlike> {
+    const CLEAR: f64 = 10.0;
+    let palette = stated(file)?;
+    let text: toml::Table = file.text.parse().ok()?;
+    let stores = |row: &Member| {
+        let material = text.get("materials").and_then(|all| all.get(&row.name));
+        material.is_some_and(|material| material.get("reflectance").is_some())
+    };
+    let clear = palette.cells.iter().filter_map(|cell| {
+        let (row, column) = (palette.materials.get(cell.material)?, palette.lights.get(cell.light)?);
+        let look = look(&file.scene, &palette, cell.material, cell.light);
+        let difference = look.difference.filter(|&it| it > CLEAR && stores(row))?;
+        let code = |colour: Xyz| display_code(linear_srgb_from_xyz(colour));
+        Some(Unlike {
+            material: row.name.clone(),
+            light: column.name.clone(),
+            wanted: code(look.target?),
+            shown: code(look.achieved?),
+            difference,
+        })
+    });
+    clear.max_by(|one, two| one.difference.total_cmp(&two.difference))
 }
 
 /// Text of `palette` in which open spectra stay open and the others have the samples of `scene`.

@@ -144,6 +144,9 @@ pub fn name_of(spectrum: &Spectrum, kind: Kind) -> Option<&'static str> {
 /// Part of a sentence for error messages: the standard of this kind with a similar name, else all names.
 pub fn hint(name: &str, kind: Kind) -> String {
     let names = names(kind);
+    if name.starts_with('#') && kind == Kind::Reflectance {
+        return format!("write the colour as {{ srgb = {name:?} }}");
+    }
     match nearest(name, names.iter().copied()) {
         Some(nearest) => format!("did you mean {nearest:?}?"),
         _ if kind == Kind::Light => format!("the standards are {}, and \"blackbody 2856\"", names.join(", ")),

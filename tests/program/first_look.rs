@@ -189,6 +189,22 @@ fn the_scene_of_a_volume_is_saved_with_comments_and_renders_the_same() {
 }
 
 #[test]
+fn an_edited_cell_of_a_solved_palette_is_not_ignored_in_silence() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    folder.done(&["render", "ball.nrrd", "--size", "8x8", "-o", "a.png", "--save-scene", "a.toml"]);
+    let scene = std::fs::read_to_string(folder.path("a.toml")).unwrap();
+    let warning = |name: &str| folder.done(&["render", name, "--size", "8x8", "-o", "p.png"]).err;
+    assert_eq!(warning("a.toml").matches("palette.cells").count(), 0, "nothing was edited");
+    let (before, after) = scene.split_once("day = \"#").unwrap();
+    let edited = format!("{before}day = \"#3060ff{}", &after[6..]);
+    std::fs::write(folder.path("b.toml"), edited).unwrap();
+    let warning = warning("b.toml");
+    for word in ["palette.cells", "under day", "#3060ff", "remove `reflectance`"] {
+        assert!(warning.contains(word), "no {word} in {warning}");
+    }
+}
+
+#[test]
 fn a_picture_without_a_name_takes_the_volumes_and_keeps_what_is_there() {
     let folder = Folder::new().with("ball.nrrd", ball()).with("ball.png", b"mine");
     let outcome = folder.done(&["render", "ball.nrrd", "--size", "8x8"]);

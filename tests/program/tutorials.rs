@@ -242,7 +242,7 @@ fn the_readme_leads_from_a_scan_to_three_lights_and_from_a_volume_to_its_picture
 #[test]
 fn a_first_ct_is_converted_shown_changed_relit_and_turned() {
     let folder = Folder::new().with("matrix.dat", ct([256, 256, 108]));
-    runs(&folder, "docs/tutorial/first-ct.md", 11);
+    runs(&folder, "docs/tutorial/first-ct.md", 12);
 }
 
 #[test]
