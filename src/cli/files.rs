@@ -1,5 +1,8 @@
 //! Films and pictures in files.
 
+use std::fs::File;
+use std::hash::{DefaultHasher, Hasher};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
@@ -13,9 +16,7 @@ use relume::internal::annotate::Overlay;
 use relume::output::film::{
     Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
 };
-use relume::output::{
-    Alpha, Depth, FilmFile as File, Picture, PictureKind, check_writable, draw_over, write_exr, write_png,
-};
+use relume::output::{Alpha, Depth, FilmFile, Picture, PictureKind, check_writable, draw_over, write_exr, write_png};
 use relume::scene::{Camera, Display, Mix};
 use relume::spectrum::colour::decode_srgb;
 use relume::spectrum::{BANDS, Reflectance};
@@ -25,7 +26,7 @@ use super::CliError;
 use super::model::reconstruction_json;
 
 /// Bits of a PNG's channels.
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Hash, ValueEnum)]
 pub(crate) enum Bits {
     #[value(name = "8")]
     Eight,
@@ -113,18 +114,11 @@ pub(crate) fn dressed(
     Ok(Some(rgba))
 }
 
-/// Writes linear RGBA to `path`; PNG files treat opacity by `alpha`.
-pub(crate) fn write_linear(
-    path: &Path,
-    size: [usize; 2],
-    rgba: &[f32],
-    bits: Bits,
-    alpha: Alpha,
-) -> Result<(), CliError> {
-    let picture = Picture::new(size[0], size[1], rgba)?;
+/// Writes `picture` to `path`; PNG files treat opacity by `alpha`.
+pub(crate) fn write_linear(path: &Path, picture: &Picture<'_>, bits: Bits, alpha: Alpha) -> Result<(), CliError> {
     match picture_kind(path)? {
-        PictureKind::Exr => write_exr(path, &picture)?,
-        PictureKind::Png => write_png(path, &picture, bits.depth(), alpha)?,
+        PictureKind::Exr => write_exr(path, picture)?,
+        PictureKind::Png => write_png(path, picture, bits.depth(), alpha)?,
     }
     Ok(())
 }
@@ -176,9 +170,25 @@ impl Saved {
     }
 }
 
+/// Digest of the bytes of a file that was read before.
+pub(crate) fn digest_of(path: &Path) -> Result<u64, CliError> {
+    let unreadable = |error: std::io::Error| CliError::Failed(format!("cannot read {}: {error}", path.display()));
+    let mut file = BufReader::new(File::open(path).map_err(unreadable)?);
+    let mut hasher = DefaultHasher::new();
+    loop {
+        let bytes = file.fill_buf().map_err(unreadable)?;
+        if bytes.is_empty() {
+            return Ok(hasher.finish());
+        }
+        hasher.write(bytes);
+        let read = bytes.len();
+        file.consume(read);
+    }
+}
+
 /// Reads the film file `path`.
 pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
-    let mut file = File::read(path)?;
+    let mut file = FilmFile::read(path)?;
     let dial = match file.dial.take() {
         None => Dial::regular(file.lights.iter().map(|light| light.name.as_str())),
         Some(FileDial { hand: _, normalise, master, nodes, presets }) => {

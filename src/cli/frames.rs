@@ -1,21 +1,45 @@
 //! Pictures of an animation: numbered files, or one animated PNG.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use relume::output::{Alpha, Animation, PictureKind, numbered, write_apng};
+use relume::output::{Animation, Picture, PictureKind, inputs_of, numbered, write_apng};
+use relume::progress::Progress;
 
 use super::CliError;
-use super::files::{self, Bits};
+use super::files::{self, Backdrop, Bits};
 
 /// Arguments of every command that writes an animation.
 #[derive(Debug, Args)]
-pub(crate) struct SpeedArgs {
+pub(crate) struct AnimationArgs {
     /// Pictures per second of an animated PNG (.apng), and of the ffmpeg command that Relume prints for numbered ones.
     /// [default: 25]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=240))]
     fps: Option<u16>,
+    /// Write only part I of N of the numbered pictures: pictures I, I+N, I+2N … Parts may run at the same time, on any
+    /// number of machines. Pictures that an earlier run wrote from the same inputs are kept; 1/1 resumes a whole run.
+    #[arg(long, value_name = "I/N", value_parser = part)]
+    part: Option<Part>,
+}
+
+/// A share of the pictures of an animation.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    /// Its number, from 1.
+    number: u16,
+    /// Number of parts.
+    of: u16,
+}
+
+/// `I/N`
+fn part(text: &str) -> Result<Part, String> {
+    let numbers = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+    match numbers {
+        Some((number, of)) if (1..=of).contains(&number) => Ok(Part { number, of }),
+        _ => Err("write I/N with I from 1 to N, such as 3/16".to_owned()),
+    }
 }
 
 /// A picture: linear RGBA, and what PNG files show if that differs.
@@ -24,20 +48,37 @@ pub(crate) struct Frame {
     pub(crate) shown: Option<Vec<f32>>,
 }
 
+/// Form of the pictures.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Form {
+    /// Width and height.
+    pub(crate) size: [usize; 2],
+    pub(crate) bits: Bits,
+    pub(crate) backdrop: Option<Backdrop>,
+}
+
 /// The output files of a command: one picture each, or the frames of an animation.
 pub(crate) struct Frames<'a> {
     outputs: &'a [PathBuf],
     /// Number of frames; `None` for a still picture.
     count: Option<u16>,
     fps: u16,
+    part: Option<Part>,
+}
+
+/// Digest of the inputs of a picture; another version of the program has another one.
+pub(crate) fn digest(of_run: u64, of_picture: &str) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    (env!("CARGO_PKG_VERSION"), of_run, of_picture).hash(&mut hasher);
+    hasher.finish()
 }
 
 /// Pictures per second without `--fps`.
 const USUAL_FPS: u16 = 25;
 
 /// Says how many pictures an unfinished animation has written.
-fn warn_of_files(frames: usize, names: &[Vec<PathBuf>]) {
-    if let Some(last) = names[..frames].last().and_then(|paths| paths.last()) {
+fn warn_of_files(done: &[(usize, Vec<PathBuf>)]) {
+    if let Some(last) = done.last().and_then(|(_, paths)| paths.last()) {
         tracing::warn!("pictures up to {} are written; later ones are missing or older", last.display());
     }
 }
@@ -54,15 +95,22 @@ fn is_png(path: &Path) -> bool {
 
 impl<'a> Frames<'a> {
     /// Refuses outputs of unknown kinds, an animated PNG of a still picture, and one beside other outputs.
-    pub(crate) fn new(outputs: &'a [PathBuf], count: Option<u16>, speed: &SpeedArgs) -> Result<Self, CliError> {
-        if count.is_none() && speed.fps.is_some() {
-            return Err(CliError::Usage("--fps is for an animation: --turntable, --sweep or --loop".into()));
+    pub(crate) fn new(outputs: &'a [PathBuf], count: Option<u16>, args: &AnimationArgs) -> Result<Self, CliError> {
+        let given = [("--fps", args.fps.is_some()), ("--part", args.part.is_some())];
+        if let (None, Some((flag, _))) = (count, given.iter().find(|(_, given)| *given)) {
+            return Err(CliError::Usage(format!("{flag} is for an animation: --turntable, --sweep or --loop")));
         }
         for path in outputs {
             match (is_apng(path), count) {
                 (true, None) => {
                     let name = path.display();
                     return Err(CliError::Usage(format!("{name}: a still picture is a .png or an .exr")));
+                }
+                (true, Some(_)) if args.part.is_some() => {
+                    let name = path.display();
+                    return Err(CliError::Usage(format!(
+                        "{name}: an animated PNG has no parts; write numbered pictures (.png or .exr), and make the film of them"
+                    )));
                 }
                 (true, Some(_)) if outputs.len() > 1 => {
                     let name = path.display();
@@ -72,7 +120,7 @@ impl<'a> Frames<'a> {
                 (false, _) => drop(files::picture_kind(path)?),
             }
         }
-        Ok(Self { outputs, count, fps: speed.fps.unwrap_or(USUAL_FPS) })
+        Ok(Self { outputs, count, fps: args.fps.unwrap_or(USUAL_FPS), part: args.part })
     }
 
     /// The animated PNG, if that is the output.
@@ -85,51 +133,74 @@ impl<'a> Frames<'a> {
         self.count.unwrap_or(1)
     }
 
-    /// Files of each frame; an animated PNG is the file of all frames.
-    pub(crate) fn names(&self) -> Vec<Vec<PathBuf>> {
-        match self.count {
-            Some(count) if self.apng().is_none() => {
-                (1..=count).map(|n| self.outputs.iter().map(|path| numbered(path, n)).collect()).collect()
-            }
-            _ => vec![self.outputs.to_vec(); self.count().into()],
-        }
+    /// Index and files of each frame of this part, in their order; an animated PNG is the file of all frames.
+    pub(crate) fn names(&self) -> Vec<(usize, Vec<PathBuf>)> {
+        let Part { number, of } = self.part.unwrap_or(Part { number: 1, of: 1 });
+        let numbers = (1..=self.count()).filter(|n| (n - 1) % of == number - 1);
+        let files = |n: u16| match self.count {
+            Some(_) if self.apng().is_none() => self.outputs.iter().map(|path| numbered(path, n)).collect(),
+            _ => self.outputs.to_vec(),
+        };
+        numbers.map(|n| (usize::from(n - 1), files(n))).collect()
     }
 
     /// All files, each once.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
-        let mut files: Vec<PathBuf> = self.names().into_iter().flatten().collect();
+        let mut files: Vec<PathBuf> = self.names().into_iter().flat_map(|(_, paths)| paths).collect();
         files.dedup();
         files
     }
 
-    /// Writes all pictures; `frame` makes picture 0, 1, ….
+    /// Writes the pictures of this part, and returns their number. `frame` makes picture 0, 1, …, and `inputs` returns the
+    /// digest of what it is made of. Pictures that have this digest already are kept, but only if the part was named.
     pub(crate) fn write(
         &self,
-        size: [usize; 2],
-        bits: Bits,
-        alpha: Alpha,
+        form: Form,
+        (stage, progress): (&str, &dyn Progress),
+        inputs: impl Fn(usize) -> u64,
         mut frame: impl FnMut(usize) -> Result<Frame, CliError>,
-    ) -> Result<(), CliError> {
+    ) -> Result<usize, CliError> {
+        let Form { size: [width, height], bits, backdrop } = form;
+        let alpha = files::alpha(backdrop);
+        let names = self.names();
+        let mut reported = |done: usize, index: usize| {
+            if progress.cancelled() {
+                return Err(CliError::Cancelled);
+            }
+            progress.report(stage, done as u64, names.len() as u64);
+            frame(index)
+        };
         if let Some(path) = self.apng() {
             let animation = Animation { frames: self.count().into(), per_second: self.fps };
-            let shown = |index| frame(index).map(|it| it.shown.unwrap_or(it.linear));
-            return write_apng(path, size, animation, bits.depth(), alpha, shown);
+            let shown = |index| reported(index, index).map(|it| it.shown.unwrap_or(it.linear));
+            write_apng(path, form.size, animation, bits.depth(), alpha, shown)?;
+            return Ok(names.len());
         }
-        let names = self.names();
-        for (index, paths) in names.iter().enumerate() {
-            let Frame { linear, shown } = frame(index).inspect_err(|_| warn_of_files(index, &names))?;
-            for path in paths {
-                let shown = shown.as_ref().filter(|_| is_png(path));
-                files::write_linear(path, size, shown.unwrap_or(&linear), bits, alpha)?;
+        let mut written = 0;
+        for (done, (index, paths)) in names.iter().enumerate() {
+            let digest = self.count.map(|_| digest(inputs(*index), &format!("{form:?}")));
+            let is_kept = |path: &PathBuf| digest.is_some() && inputs_of(path, form.size) == digest;
+            if self.part.is_some() && paths.iter().all(is_kept) {
+                continue;
             }
+            let Frame { linear, shown } = reported(done, *index).inspect_err(|_| warn_of_files(&names[..done]))?;
+            for path in paths {
+                let shown = shown.as_ref().filter(|_| is_png(path)).unwrap_or(&linear);
+                let picture = Picture::new(width, height, shown)?;
+                let picture = digest.map_or(picture, |digest| picture.made_of(digest));
+                files::write_linear(path, &picture, bits, alpha)?;
+            }
+            written += 1;
         }
-        Ok(())
+        Ok(written)
     }
 
-    /// The written files in one line, and for numbered PNGs the command that makes a film of them.
-    pub(crate) fn told(&self) -> String {
+    /// The files in one line, `written` of them by this run, and for numbered PNGs the command that makes a film of them.
+    pub(crate) fn told(&self, written: usize) -> String {
         let files = self.files();
+        let kept = self.names().len() - written;
         match (self.count, &files[..]) {
+            (Some(count), []) => format!("nothing to write: there are {count} pictures, fewer than parts\n"),
             (Some(_), [first, .., last]) => {
                 let film = |path: &PathBuf| {
                     let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
@@ -137,18 +208,25 @@ impl<'a> Frames<'a> {
                     let (stem, ending) = (part(path.file_stem()).replace('%', "%%"), part(path.extension()));
                     let pattern = path.with_file_name(format!("{stem}-%04d.{ending}"));
                     format!(
-                        "for a film: ffmpeg -framerate {} -i {:?} -vf \"pad=ceil(iw/2)*2:ceil(ih/2)*2\" -pix_fmt yuv420p {:?}\n",
+                        "for a film{}: ffmpeg -framerate {} -i {:?} -vf \"pad=ceil(iw/2)*2:ceil(ih/2)*2\" -pix_fmt yuv420p {:?}\n",
+                        if self.part.is_some() { " of all parts" } else { "" },
                         self.fps,
                         pattern,
                         path.with_extension("mp4")
                     )
                 };
-                let pngs = self.outputs.iter().filter(|path| is_png(path));
-                format!("{} to {}\n{}", first.display(), last.display(), pngs.map(film).collect::<String>())
+                let films: String = self.outputs.iter().filter(|path| is_png(path)).map(film).collect();
+                let [first, last] = [first, last].map(|path| path.display());
+                match (self.part, kept) {
+                    (None, _) => format!("wrote {first} to {last}\n{films}"),
+                    (Some(Part { number, of }), _) => format!(
+                        "part {number} of {of}: wrote {written} and kept {kept} of the pictures {first} to {last}\n{films}"
+                    ),
+                }
             }
             (_, all) => {
                 let all: Vec<String> = all.iter().map(|path| path.display().to_string()).collect();
-                format!("{}\n", all.join(", "))
+                format!("wrote {}\n", all.join(", "))
             }
         }
     }

@@ -8,14 +8,13 @@ use serde_json::json;
 
 use relume::film::Components;
 use relume::measure::{Stopwatch, Timing};
-use relume::output::Alpha;
 use relume::progress::Progress;
 use relume::spectrum::observer::Observer;
 
 use super::accuracy::tolerance;
 use super::dial::DialArgs;
 use super::files::{self, Bits};
-use super::frames::{Frame, Frames, SpeedArgs};
+use super::frames::{AnimationArgs, Form, Frame, Frames, digest};
 use super::scene::LightArgs;
 use super::{CliError, Report, model};
 
@@ -39,7 +38,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     dial: DialArgs,
     #[command(flatten)]
-    speed: SpeedArgs,
+    animation: AnimationArgs,
     /// CIE standard observer, of 1931 (2°) or 1964 (10°), in place of the file's.
     #[arg(long, value_name = "YEAR", value_parser = observer)]
     observer: Option<Observer>,
@@ -99,13 +98,14 @@ impl Planned {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     args.planned.check()?;
-    let pictures = Frames::new(&args.output, args.dial.pictures(), &args.speed)?;
+    let pictures = Frames::new(&args.output, args.dial.pictures(), &args.animation)?;
     let outputs = pictures.files();
     let lights = args.lights.files();
     let inputs = lights.iter().chain([&args.accumulators]).map(PathBuf::as_path);
     files::check_outputs(&outputs.iter().collect::<Vec<_>>(), &inputs.collect::<Vec<_>>())?;
     let clock = Stopwatch::start();
     let mut saved = files::from_file(&args.accumulators)?;
+    let film = if args.dial.pictures().is_some() { files::digest_of(&args.accumulators)? } else { 0 };
     let read = clock.read();
     if let Some(observer) = args.observer {
         saved.display.observer = observer;
@@ -142,11 +142,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut relit = clock.read();
     let whole = Stopwatch::start();
     let mut relighting = Timing::default();
-    pictures.write(saved.accumulation.size, args.bits, Alpha::OverBlack, |frame| {
-        if progress.cancelled() {
-            return Err(CliError::Cancelled);
-        }
-        progress.report("relighting", frame as u64, mixes.len() as u64);
+    let form = Form { size: saved.accumulation.size, bits: args.bits, backdrop: None };
+    let inputs_of = |frame: usize| digest(film, &format!("{:?} {:?}", mixes[frame], saved.display));
+    let made = pictures.write(form, ("relighting", progress), inputs_of, |frame| {
         let clock = Stopwatch::start();
         let rgba = saved.relight(&mixes[frame]);
         relighting += clock.read();
@@ -155,7 +153,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let written = whole.read() - relighting;
     relit += relighting;
     let mut frames = Vec::new();
-    for (frame, (mix, paths)) in mixes.iter().zip(pictures.names()).enumerate() {
+    for (frame, paths) in pictures.names() {
+        let mix = &mixes[frame];
         let lights = mix.0.iter().map(
             |light| json!({"name": light.name, "position": saved.positions[light.position], "weight": light.weight}),
         );
@@ -167,7 +166,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
     let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
     Ok(Report {
-        text: format!("wrote {}{text}relight {:.0} ms\n", pictures.told(), relit.wall_ms),
+        text: format!("{}{text}relight {:.0} ms\n", pictures.told(made), relit.wall_ms),
         json: json!({
             "outputs": listed,
             "size": saved.accumulation.size,

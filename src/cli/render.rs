@@ -11,7 +11,7 @@ use relume::internal::annotate::Overlay;
 use relume::internal::memory;
 use relume::internal::number::{brief, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
-use relume::output::{FilmFile, PictureKind, write_ready_png};
+use relume::output::{FilmFile, Picture, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
@@ -23,7 +23,7 @@ use relume::volume::{self, Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files::{self, Backdrop, Bits, backdrop, picture_kind};
-use super::frames::{Frames, SpeedArgs};
+use super::frames::{AnimationArgs, Frames, digest};
 use super::goal::GoalArgs;
 use super::model::Learnt;
 use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
@@ -58,7 +58,7 @@ pub(crate) struct Args {
     #[arg(conflicts_with_all = ["accumulators", "spectral", "reference", "goal"])]
     turntable: Option<u16>,
     #[command(flatten)]
-    speed: SpeedArgs,
+    animation: AnimationArgs,
     /// Fit the colour model (if the plan has one) to the lights of --light as well.
     #[arg(long)]
     replan: bool,
@@ -161,7 +161,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let is_writing = !args.output.is_empty() || args.accumulators.is_some() || args.spectral.is_some();
     let default = source.bare_volume().filter(|_| !is_writing && args.save_scene.is_none()).and_then(free_name);
     let pictures: Vec<PathBuf> = args.output.iter().cloned().chain(default).collect();
-    let frames = Frames::new(&pictures, args.turntable, &args.speed)?;
+    let frames = Frames::new(&pictures, args.turntable, &args.animation)?;
     for (flag, path) in [("--accumulators", &args.accumulators), ("--spectral", &args.spectral)] {
         if let Some(Err(error)) = path.as_deref().map(PictureKind::require_exr) {
             return Err(CliError::Usage(format!("{flag} {error}")));
@@ -257,19 +257,21 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let ready = ready_device(&scene, &planned, &statistics, (args, args.size), progress)?;
         let mut times = vec![("load", loaded)];
         times.extend(ready.times);
-        let look = turntable::Look { mix: &mix, size: args.size, bits: args.bits, backdrop: args.background, overlay };
+        let inputs = digest(scene.digest(), &format!("{mix:?} {:?} {}", args.title, args.replan));
+        let look =
+            turntable::Look { mix: &mix, size: args.size, bits: args.bits, backdrop: args.background, overlay, inputs };
         let mut on_device = ready.on_device;
-        let more = turntable::write(&mut on_device, &look, &frames, progress)?;
+        let (written, more) = turntable::write(&mut on_device, &look, &frames, progress)?;
         times.extend(more);
         save_scene()?;
-        let text = format!("wrote {}{}\n", frames.told(), spent(&times));
+        let text = format!("{}{}\n", frames.told(written), spent(&times));
         let json = json!({
             "outputs": listed,
             "size": args.size,
             "device": super::info::device_json(on_device.renderer().device().info()),
             "plan": super::info::plan_json(&scene, &planned, &on_device.uploaded().storage, learnt),
             "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<Map<_, _>>(),
-            "marches": frames.count(),
+            "marches": written,
             "peak_mb": peak_mb(),
         });
         return Ok(Report { text, json });
@@ -309,7 +311,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             }
             (_, Some(linear)) => {
                 let shown = shown.as_ref().filter(|_| kind != PictureKind::Exr).unwrap_or(linear);
-                files::write_linear(path, args.size, shown, args.bits, alpha)?;
+                files::write_linear(path, &Picture::new(args.size[0], args.size[1], shown)?, args.bits, alpha)?;
             }
             _ => {}
         }

@@ -10,7 +10,7 @@ use relume::scene::Mix;
 
 use super::CliError;
 use super::files::{self, Backdrop, Bits};
-use super::frames::{Frame, Frames};
+use super::frames::{Form, Frame, Frames, digest};
 
 /// Appearance of the pictures.
 pub(crate) struct Look<'a> {
@@ -19,16 +19,18 @@ pub(crate) struct Look<'a> {
     pub(crate) bits: Bits,
     pub(crate) backdrop: Option<Backdrop>,
     pub(crate) overlay: Option<Overlay<'a>>,
+    /// Digest of the scene, the lights and the settings of the command.
+    pub(crate) inputs: u64,
 }
 
-/// Writes `frames` of a full turn of the scene on the device; returns the times.
+/// Writes `frames` of a full turn of the scene on the device; returns the number of written pictures and the times.
 pub(crate) fn write(
     on_device: &mut SceneRenderer,
     look: &Look<'_>,
     frames: &Frames<'_>,
     progress: &dyn Progress,
-) -> Result<Vec<(&'static str, Timing)>, CliError> {
-    let Look { mix, size: [width, height], bits, backdrop, overlay } = *look;
+) -> Result<(usize, Vec<(&'static str, Timing)>), CliError> {
+    let Look { mix, size: [width, height], bits, backdrop, overlay, inputs } = *look;
     let scene = on_device.scene();
     let aspect = count(width) / count(height);
     let cameras = turntable(&scene.camera, &scene.volume.geometry, aspect, frames.count());
@@ -36,8 +38,9 @@ pub(crate) fn write(
     let matrices = on_device.matrices(mix);
     let (mut marching, mut relighting) = (Timing::default(), Timing::default());
     let whole = Stopwatch::start();
-    frames.write([width, height], bits, files::alpha(backdrop), |index| {
-        progress.report("marching", index as u64, cameras.len() as u64);
+    let inputs_of = |index: usize| digest(inputs, &format!("{:?} {}", cameras[index], overlay.is_some()));
+    let form = Form { size: [width, height], bits, backdrop };
+    let written = frames.write(form, ("marching", progress), inputs_of, |index| {
         on_device.camera_mut().clone_from(&cameras[index]);
         let clock = Stopwatch::start();
         let film = on_device.march([width, height], &unreported(progress))?;
@@ -50,6 +53,6 @@ pub(crate) fn write(
         let shown = files::dressed(&linear, [width, height], backdrop, overlay.as_ref(), &cameras[index])?;
         Ok(Frame { linear, shown })
     })?;
-    let written = whole.read() - marching - relighting;
-    Ok(vec![("march", marching), ("relight", relighting), ("write", written)])
+    let writing = whole.read() - marching - relighting;
+    Ok((written, vec![("march", marching), ("relight", relighting), ("write", writing)]))
 }

@@ -11,7 +11,6 @@ use crate::input;
 use crate::model::ErrorSummary;
 use crate::output::{OutputError, write_atomically};
 use crate::scene::{Mix, Scene};
-use crate::volume::{Volume, with_voxels};
 
 /// Size limit of a cache file, in bytes.
 const LONGEST: u64 = 1 << 20;
@@ -78,39 +77,8 @@ impl Known {
 /// Hash of everything that a measurement depends on.
 fn key(scene: &Scene, mix: &Mix, device: &str, size: [usize; 2]) -> u64 {
     let mut hasher = DefaultHasher::new();
-    (env!("CARGO_PKG_VERSION"), device, size).hash(&mut hasher);
-    let Scene {
-        volume,
-        labels,
-        materials,
-        transfer,
-        lights,
-        shading,
-        background,
-        camera,
-        crop,
-        accuracy,
-        shadows,
-        display,
-        ..
-    } = scene;
-    format!("{materials:?} {transfer:?} {lights:?} {shading:?} {background:?} {camera:?} {crop:?} {accuracy:?} {shadows:?} {display:?} {mix:?}")
-        .hash(&mut hasher);
-    hash_voxels(volume, &mut hasher);
-    if let Some(labels) = labels {
-        format!("{:?}", labels.declared).hash(&mut hasher);
-        hash_voxels(&labels.volume, &mut hasher);
-    }
+    (env!("CARGO_PKG_VERSION"), device, size, scene.digest(), format!("{mix:?}")).hash(&mut hasher);
     hasher.finish()
-}
-
-fn hash_voxels(volume: &Volume, hasher: &mut impl Hasher) {
-    format!("{:?} {:?} {:?}", volume.geometry, volume.slope, volume.intercept).hash(hasher);
-    with_voxels!(&volume.voxels, stored => {
-        for value in stored {
-            crate::volume::Voxel::to_f64(*value).to_bits().hash(hasher);
-        }
-    });
 }
 
 #[cfg(test)]
@@ -142,6 +110,9 @@ mod tests {
         let mut brighter = scene.clone();
         brighter.display.exposure = 2.0;
         assert_eq!(known(&brighter, "device", [3, 4]), None);
+        let mut one_sided = scene.clone();
+        one_sided.lighting = crate::scene::Lighting::OneSided;
+        assert_eq!(known(&one_sided, "device", [3, 4]), None);
         let mut other = scene.clone();
         other.volume = std::sync::Arc::new(scene.volume.downsample([2, 2, 2]).unwrap());
         assert_eq!(known(&other, "device", [3, 4]), None);

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::channels::{self, Part};
+use super::inputs::INPUTS;
 use super::{OutputError, Picture};
 
 /// Writes `picture` to `path` unchanged: 32-bit float channels R, G, B and, with four samples per pixel, A (the
@@ -14,7 +15,9 @@ use super::{OutputError, Picture};
 pub fn write_exr(path: &Path, picture: &Picture<'_>) -> Result<(), OutputError> {
     let (width, channels) = (picture.width(), picture.channels());
     let names: Vec<String> = ["R", "G", "B", "A"].iter().take(channels).map(|&name| name.to_owned()).collect();
-    let part = Part { name: None, size: (width, picture.height()), channels: &names, attributes: &[] };
+    let inputs = picture.inputs();
+    let attributes: Vec<(&str, &str)> = inputs.iter().map(|digest| (INPUTS, digest.as_str())).collect();
+    let part = Part { name: None, size: (width, picture.height()), channels: &names, attributes: &attributes };
     channels::write(path, &[part], |_, first, data| {
         let samples = &picture.samples()[first * width * channels..][..data.len()];
         for (line, pixels) in data.chunks_exact_mut(width * channels).zip(samples.chunks_exact(width * channels)) {

@@ -5,6 +5,7 @@ mod channels;
 mod drawing;
 mod exr;
 pub mod film;
+mod inputs;
 pub mod page;
 mod picture;
 mod png;
@@ -16,6 +17,7 @@ pub use self::png::{Alpha, Animation, Depth, ready_png, write_apng, write_png, w
 pub use atomic::{Sink, check_writable, discard_unfinished, write_atomically};
 pub use drawing::{draw_over, write_drawing};
 pub use film::FilmFile;
+pub use inputs::inputs_of;
 pub use picture::Picture;
 pub use spectral::{SpectralRow, write_spectral};
 pub use volume::{VolumeKind, Written, write_volume};

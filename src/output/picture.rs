@@ -11,6 +11,7 @@ pub struct Picture<'a> {
     width: usize,
     height: usize,
     samples: &'a [f32],
+    inputs: Option<u64>,
 }
 
 impl<'a> Picture<'a> {
@@ -24,7 +25,18 @@ impl<'a> Picture<'a> {
     /// [`OutputError::Size`] and [`OutputError::Shape`].
     pub fn new(width: usize, height: usize, samples: &'a [f32]) -> Result<Self, OutputError> {
         check_samples("a picture", width, height, samples.len())?;
-        Ok(Self { width, height, samples })
+        Ok(Self { width, height, samples, inputs: None })
+    }
+
+    /// Stores `digest`, that of everything the picture was made of, in the file; [`super::inputs_of`] reads it.
+    #[must_use]
+    pub fn made_of(self, digest: u64) -> Self {
+        Self { inputs: Some(digest), ..self }
+    }
+
+    /// The digest of [`Self::made_of`], as files store it.
+    pub(super) fn inputs(&self) -> Option<String> {
+        self.inputs.map(|digest| format!("{digest:016x}"))
     }
 
     /// Width in pixels.

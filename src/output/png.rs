@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
+use super::inputs::INPUTS;
 use super::picture::{Picture, check_samples};
 use super::{OutputError, SOFTWARE, write_atomically};
 
@@ -37,7 +38,14 @@ pub enum Alpha {
 /// Same as [`write_atomically`].
 pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Result<(), OutputError> {
     let (width, height) = (picture.width(), picture.height());
-    write_data(path, width, height, depth, alpha == Alpha::Kept, &encoded(picture, depth, alpha))
+    let (sides, data) = (sides(width, height)?, encoded(picture, depth, alpha));
+    write_atomically(path, |sink| {
+        let mut encoder = encoder(sink, sides, depth, alpha == Alpha::Kept)?;
+        if let Some(digest) = picture.inputs() {
+            encoder.add_text_chunk(INPUTS.to_owned(), digest).map_err(described)?;
+        }
+        write_pixels(encoder, &data)
+    })
 }
 
 /// The samples of a picture as PNG data.
@@ -156,7 +164,8 @@ pub fn ready_png(width: usize, height: usize, samples: &[u8]) -> Result<Vec<u8>,
     let mut bytes = Vec::new();
     let alpha = samples.len() == 4 * width * height;
     let refused = |_| OutputError::Size { width, height, largest: Picture::LARGEST_SIDE };
-    write_pixels(&mut bytes, sides(width, height)?, Depth::Eight, alpha, samples).map_err(refused)?;
+    let encoder = encoder(&mut bytes, sides(width, height)?, Depth::Eight, alpha).map_err(refused)?;
+    write_pixels(encoder, samples).map_err(refused)?;
     Ok(bytes)
 }
 
@@ -172,9 +181,7 @@ pub(super) fn small_png(width: usize, height: usize, samples: &[f32]) -> Result<
     let mut encoder = encoder(&mut bytes, sides(width, height)?, Depth::Eight, false).map_err(refused)?;
     encoder.set_compression(png::Compression::High);
     encoder.set_filter(png::Filter::Adaptive);
-    let mut writer = encoder.write_header().map_err(|_| refused(io::Error::other("")))?;
-    writer.write_image_data(&data).map_err(|_| refused(io::Error::other("")))?;
-    writer.finish().map_err(|_| refused(io::Error::other("")))?;
+    write_pixels(encoder, &data).map_err(refused)?;
     Ok(bytes)
 }
 
@@ -188,7 +195,7 @@ fn write_data(
     data: &[u8],
 ) -> Result<(), OutputError> {
     let sides = sides(width, height)?;
-    write_atomically(path, |sink| write_pixels(sink, sides, depth, alpha, data))
+    write_atomically(path, |sink| write_pixels(encoder(sink, sides, depth, alpha)?, data))
 }
 
 fn sides(width: usize, height: usize) -> Result<[u32; 2], OutputError> {
@@ -198,8 +205,8 @@ fn sides(width: usize, height: usize) -> Result<[u32; 2], OutputError> {
     }
 }
 
-fn write_pixels(sink: impl io::Write, sides: [u32; 2], depth: Depth, alpha: bool, data: &[u8]) -> io::Result<()> {
-    let mut writer = encoder(sink, sides, depth, alpha)?.write_header().map_err(described)?;
+fn write_pixels(encoder: png::Encoder<'_, impl io::Write>, data: &[u8]) -> io::Result<()> {
+    let mut writer = encoder.write_header().map_err(described)?;
     writer.write_image_data(data).map_err(described)?;
     writer.finish().map_err(described)
 }

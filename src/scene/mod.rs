@@ -1,6 +1,7 @@
 //! The scene: materials, transfer function, lights, camera, and their volume.
 
 mod camera;
+mod digest;
 mod lights;
 mod transfer;
 

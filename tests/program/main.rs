@@ -15,6 +15,7 @@ mod measure;
 mod model_files;
 mod output;
 mod page;
+mod parts;
 mod session;
 #[path = "../support/mod.rs"]
 mod support;

@@ -1,0 +1,51 @@
+//! Digest of a scene, which recognises the results of an earlier run.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use super::Scene;
+use crate::volume::{Volume, Voxel, with_voxels};
+
+impl Scene {
+    /// Digest of everything that the pictures of the scene depend on: voxels, materials, lights, camera and settings, but
+    /// not the name of the scene. Another version of the program may compute another digest.
+    #[must_use]
+    pub fn digest(&self) -> u64 {
+        // Complete on purpose: a new field does not compile until somebody decides.
+        let Self {
+            name: _,
+            volume,
+            labels,
+            materials,
+            transfer,
+            lights,
+            shading,
+            lighting,
+            background,
+            camera,
+            crop,
+            accuracy,
+            shadows,
+            display,
+        } = self;
+        let mut hasher = DefaultHasher::new();
+        format!("{materials:?} {transfer:?} {lights:?} {shading:?} {lighting:?} {background:?}").hash(&mut hasher);
+        format!("{camera:?} {crop:?} {accuracy:?} {shadows:?} {display:?}").hash(&mut hasher);
+        hash_voxels(volume, &mut hasher);
+        if let Some(labels) = labels {
+            format!("{:?}", labels.declared).hash(&mut hasher);
+            hash_voxels(&labels.volume, &mut hasher);
+        }
+        hasher.finish()
+    }
+}
+
+fn hash_voxels(volume: &Volume, hasher: &mut impl Hasher) {
+    format!("{:?} {:?} {:?}", volume.geometry, volume.slope, volume.intercept).hash(hasher);
+    // Annotations of a picture show them.
+    format!("{:?} {:?}", volume.unit, volume.anatomical).hash(hasher);
+    with_voxels!(&volume.voxels, stored => {
+        for value in stored {
+            Voxel::to_f64(*value).to_bits().hash(hasher);
+        }
+    });
+}
