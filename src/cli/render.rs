@@ -170,7 +170,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let pictured = frames.files();
     let mut outputs: Vec<&PathBuf> = pictured.iter().collect();
     outputs.extend(args.accumulators.iter().chain(&args.spectral).chain(&args.save_scene));
-    if outputs.is_empty() {
+    // A part of an animation may have no picture.
+    if pictures.is_empty() && outputs.is_empty() {
         return Err(CliError::Usage(
             "no output: add -o FILE.png or -o FILE.exr, --accumulators FILE.exr or --spectral FILE.exr".into(),
         ));

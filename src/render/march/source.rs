@@ -82,6 +82,8 @@ pub(in crate::render) fn common(plan: &ScenePlan) -> Constants {
 /// Constants of the march shader for `plan`.
 fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
+    // A constant that no function reads would be in the SPIR-V all the same.
+    let three = plan.shadowed_three_point().map_or([0.0; 3], |_| THREE_POINT_PARTS);
     let [_, transmittance] = images(plan, StoreAs::Single, "read_write");
     let one_exponent = specular.and_then(|specular| specular.one_exponent);
     let (materials, dimension, shares, exponents) = match plan.accumulate {
@@ -120,9 +122,9 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
             "THREE_VECTORS",
             unsigned(plan.shadowed_three_point().map_or(0, |position| plan.positions.first_vector(position))),
         )
-        .f32("KEY", rounded(THREE_POINT_PARTS[0]))
-        .f32("FILL", rounded(THREE_POINT_PARTS[1]))
-        .f32("RIM", rounded(THREE_POINT_PARTS[2]))
+        .f32("KEY", rounded(three[0]))
+        .f32("FILL", rounded(three[1]))
+        .f32("RIM", rounded(three[2]))
         .u32("SHADOW_DIRECTIONS", unsigned(if plan.layers() == 0 { 0 } else { plan.shadow_directions() }))
         // Positions without shadows.
         .u32("OPEN", unsigned(if plan.layers() == 0 { 0 } else { plan.open_positions() }))
