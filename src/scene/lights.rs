@@ -43,8 +43,8 @@ const THREE_POINT: [([f64; 3], f64); 3] = [([-0.5, 0.6, 1.0], 0.9), ([0.8, 0.1, 
 /// Sum of the weights of a three-point light: its largest diffuse and specular shade.
 pub(crate) const THREE_POINT_SUM: f64 = THREE_POINT[0].1 + THREE_POINT[1].1 + THREE_POINT[2].1;
 
-/// Weights of key, fill and rim as parts of their sum, for scenes without shading: there, a light that nothing dims has
-/// the shade 1.
+/// Weights of key, fill and rim as parts of their sum (shaders/shadowed.wgsl repeats them), for scenes without shading:
+/// there, a light that nothing dims has the shade 1.
 pub(crate) const THREE_POINT_PARTS: [f64; 3] =
     [THREE_POINT[0].1 / THREE_POINT_SUM, THREE_POINT[1].1 / THREE_POINT_SUM, THREE_POINT[2].1 / THREE_POINT_SUM];
 

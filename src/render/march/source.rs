@@ -1,10 +1,10 @@
 //! The march shader of a plan: its texts, constants and images.
 
 use super::dispatching::{Dispatching, TableMemory};
-use crate::number::{rounded, unsigned};
+use crate::number::unsigned;
 use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
 use crate::render::Source;
-use crate::scene::{Interpolation, Lookup, StoreAs, THREE_POINT_PARTS};
+use crate::scene::{Interpolation, Lookup, StoreAs};
 use crate::shader::Constants;
 use crate::vulkan::Format;
 
@@ -82,8 +82,6 @@ pub(in crate::render) fn common(plan: &ScenePlan) -> Constants {
 /// Constants of the march shader for `plan`.
 fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
-    // A constant that no function reads would be in the SPIR-V all the same.
-    let three = plan.shadowed_three_point().map_or([0.0; 3], |_| THREE_POINT_PARTS);
     let [_, transmittance] = images(plan, StoreAs::Single, "read_write");
     let one_exponent = specular.and_then(|specular| specular.one_exponent);
     let (materials, dimension, shares, exponents) = match plan.accumulate {
@@ -122,9 +120,6 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
             "THREE_VECTORS",
             unsigned(plan.shadowed_three_point().map_or(0, |position| plan.positions.first_vector(position))),
         )
-        .f32("KEY", rounded(three[0]))
-        .f32("FILL", rounded(three[1]))
-        .f32("RIM", rounded(three[2]))
         .u32("SHADOW_DIRECTIONS", unsigned(if plan.layers() == 0 { 0 } else { plan.shadow_directions() }))
         // Positions without shadows.
         .u32("OPEN", unsigned(if plan.layers() == 0 { 0 } else { plan.open_positions() }))
