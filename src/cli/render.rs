@@ -262,17 +262,17 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let look =
             turntable::Look { mix: &mix, size: args.size, bits: args.bits, backdrop: args.background, overlay, inputs };
         let mut on_device = ready.on_device;
-        let (written, more) = turntable::write(&mut on_device, &look, &frames, progress)?;
-        times.extend(more);
+        let written = turntable::write(&mut on_device, &look, &frames, progress)?;
+        times.extend(written.times);
         save_scene()?;
-        let text = format!("{}{}\n", frames.told(written), spent(&times));
+        let text = format!("{}{}\n", frames.told(written.pictures), spent(&times));
         let json = json!({
             "outputs": listed,
             "size": args.size,
             "device": super::info::device_json(on_device.renderer().device().info()),
             "plan": super::info::plan_json(&scene, &planned, &on_device.uploaded().storage, learnt),
             "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<Map<_, _>>(),
-            "marches": written,
+            "marches": written.pictures,
             "peak_mb": peak_mb(),
         });
         return Ok(Report { text, json });

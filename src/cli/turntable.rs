@@ -23,13 +23,20 @@ pub(crate) struct Look<'a> {
     pub(crate) inputs: u64,
 }
 
-/// Writes `frames` of a full turn of the scene on the device; returns the number of written pictures and the times.
+/// Pictures that a turntable wrote.
+pub(crate) struct Written {
+    /// Their number; others were there.
+    pub(crate) pictures: usize,
+    pub(crate) times: [(&'static str, Timing); 3],
+}
+
+/// Writes `frames` of a full turn of the scene on the device.
 pub(crate) fn write(
     on_device: &mut SceneRenderer,
     look: &Look<'_>,
     frames: &Frames<'_>,
     progress: &dyn Progress,
-) -> Result<(usize, Vec<(&'static str, Timing)>), CliError> {
+) -> Result<Written, CliError> {
     let Look { mix, size: [width, height], bits, backdrop, overlay, inputs } = *look;
     let scene = on_device.scene();
     let aspect = count(width) / count(height);
@@ -40,7 +47,7 @@ pub(crate) fn write(
     let whole = Stopwatch::start();
     let inputs_of = |index: usize| digest(inputs, &format!("{:?} {}", cameras[index], overlay.is_some()));
     let form = Form { size: [width, height], bits, backdrop };
-    let written = frames.write(form, ("marching", progress), inputs_of, |index| {
+    let pictures = frames.write(form, ("marching", progress), inputs_of, |index| {
         on_device.camera_mut().clone_from(&cameras[index]);
         let clock = Stopwatch::start();
         let film = on_device.march([width, height], &unreported(progress))?;
@@ -54,5 +61,5 @@ pub(crate) fn write(
         Ok(Frame { linear, shown })
     })?;
     let writing = whole.read() - marching - relighting;
-    Ok((written, vec![("march", marching), ("relight", relighting), ("write", writing)]))
+    Ok(Written { pictures, times: [("march", marching), ("relight", relighting), ("write", writing)] })
 }
