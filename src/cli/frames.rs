@@ -195,39 +195,39 @@ impl<'a> Frames<'a> {
         Ok(written)
     }
 
+    /// The command that makes a film of the numbered PNGs of `path`.
+    fn film(&self, path: &Path) -> String {
+        let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+        // ffmpeg counts by the pattern, and its film needs even sides.
+        let (stem, ending) = (part(path.file_stem()).replace('%', "%%"), part(path.extension()));
+        let pattern = path.with_file_name(format!("{stem}-%04d.{ending}"));
+        format!(
+            "for a film{}: ffmpeg -framerate {} -i {:?} -vf \"pad=ceil(iw/2)*2:ceil(ih/2)*2\" -pix_fmt yuv420p {:?}\n",
+            if self.part.is_some() { " of all parts" } else { "" },
+            self.fps,
+            pattern,
+            path.with_extension("mp4")
+        )
+    }
+
     /// The files in one line, `written` of them by this run, and for numbered PNGs the command that makes a film of them.
     pub(crate) fn told(&self, written: usize) -> String {
         let files = self.files();
-        let kept = self.names().len() - written;
-        match (self.count, &files[..]) {
-            (Some(count), []) => format!("nothing to write: there are {count} pictures, fewer than parts\n"),
-            (Some(_), [first, .., last]) => {
-                let film = |path: &PathBuf| {
-                    let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
-                    // ffmpeg counts by the pattern, and its film needs even sides.
-                    let (stem, ending) = (part(path.file_stem()).replace('%', "%%"), part(path.extension()));
-                    let pattern = path.with_file_name(format!("{stem}-%04d.{ending}"));
-                    format!(
-                        "for a film{}: ffmpeg -framerate {} -i {:?} -vf \"pad=ceil(iw/2)*2:ceil(ih/2)*2\" -pix_fmt yuv420p {:?}\n",
-                        if self.part.is_some() { " of all parts" } else { "" },
-                        self.fps,
-                        pattern,
-                        path.with_extension("mp4")
-                    )
-                };
-                let films: String = self.outputs.iter().filter(|path| is_png(path)).map(film).collect();
-                let [first, last] = [first, last].map(|path| path.display());
-                match (self.part, kept) {
-                    (None, _) => format!("wrote {first} to {last}\n{films}"),
-                    (Some(Part { number, of }), _) => format!(
-                        "part {number} of {of}: wrote {written} and kept {kept} of the pictures {first} to {last}\n{films}"
-                    ),
-                }
+        let listed = match (self.count, &files[..]) {
+            (Some(_), [first, .., last]) => format!("{} to {}", first.display(), last.display()),
+            (_, all) => all.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "),
+        };
+        let films = || self.outputs.iter().filter(|path| is_png(path)).map(|path| self.film(path)).collect::<String>();
+        match self.part {
+            Some(_) if files.is_empty() => {
+                format!("nothing to write: there are {} pictures, fewer than parts\n", self.count())
             }
-            (_, all) => {
-                let all: Vec<String> = all.iter().map(|path| path.display().to_string()).collect();
-                format!("wrote {}\n", all.join(", "))
+            Some(Part { number, of }) => {
+                let kept = self.names().len() - written;
+                format!("part {number} of {of}: wrote {written} and kept {kept} of the pictures {listed}\n{}", films())
             }
+            None if files.len() > 1 && self.count.is_some() => format!("wrote {listed}\n{}", films()),
+            None => format!("wrote {listed}\n"),
         }
     }
 }

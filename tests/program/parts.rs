@@ -83,6 +83,8 @@ fn a_part_keeps_whole_pictures_of_the_same_inputs_only() {
     assert!(part.contains("part 2 of 3: wrote 2 and kept 0 of the pictures u-0002.png to u-0005.png"), "{part}");
     assert!(part.contains("for a film of all parts: ffmpeg"), "{part}");
     assert_eq!(pictures(&folder, "u-").into_keys().collect::<Vec<_>>(), ["0002.png", "0005.png"]);
+    let one = [&TURN[..], &["-o", "u.png", "--part", "5/5"]].concat();
+    assert!(folder.done(&one).out.contains("wrote 0 and kept 1 of the pictures u-0005.png"), "a part of one picture");
     let none = folder.done(&[&TURN[..], &["-o", "v.png", "--part", "9/9"]].concat()).out;
     assert!(none.contains("nothing to write: there are 5 pictures"), "{none}");
 }
