@@ -35,6 +35,14 @@ fn opacity_of_label(row: u32) -> Transmittance {
     return opacity;
 }
 
+fn plus_share(sum: Transmittance, share: f32, opacity: Transmittance) -> Transmittance {
+    var blend: Transmittance;
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        blend[lane] = fma(vec4f(share), opacity[lane], sum[lane]);
+    }
+    return blend;
+}
+
 // Multiplies the extinction and the scattering of a step by `factor`.
 fn thin(step: Step, factor: f32) -> Step {
     var thinner = step;

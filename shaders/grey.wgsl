@@ -19,6 +19,10 @@ fn opacity_of_label(row: u32) -> Transmittance {
     return label_opacity[row / 4u][row % 4u];
 }
 
+fn plus_share(sum: Transmittance, share: f32, opacity: Transmittance) -> Transmittance {
+    return fma(share, opacity, sum);
+}
+
 // Multiplies the extinction and the scattering of a step by `factor`.
 fn thin(step: Step, factor: f32) -> Step {
     var thinner = step;

@@ -88,11 +88,16 @@ fn extinction_at(place: vec3f) -> f32 {
         extinction *= gradient_factor(difference * sweep.gradient_scale);
     }
     if (LABELS) {
-        let dims = vec3f(textureDimensions(labels));
-        let row = textureLoad(labels, vec3i(clamp(floor(place * dims), vec3f(), dims - 1.0)), 0).x;
-        if (row > 0u) {
-            extinction = extinction_entry(sweep.labels + row);
+        let label = label_at(place);
+        let voxels = sharing(label);
+        var own = 0.0;
+        var blend = 0.0;
+        for (var i = 0u; i < voxels; i += 1u) {
+            let voxel = share_of(place, label, i);
+            own += select(0.0, voxel.share, voxel.row == 0u);
+            blend = fma(voxel.share, extinction_entry(sweep.labels + voxel.row), blend);
         }
+        extinction = fma(own, extinction, blend);
     }
     return extinction;
 }

@@ -36,6 +36,14 @@ fn opacity_of_label(row: u32) -> Transmittance {
     return opacity;
 }
 
+fn plus_share(sum: Transmittance, share: f32, opacity: Transmittance) -> Transmittance {
+    var blend: Transmittance;
+    for (var n = 0u; n < TRANSMITTANCE_NUMBERS; n += 1u) {
+        blend[n] = fma(share, opacity[n], sum[n]);
+    }
+    return blend;
+}
+
 // Plans refuse a factor on a matrix, so this is never called.
 fn thin(step: Step, factor: f32) -> Step {
     return step;

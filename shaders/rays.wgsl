@@ -47,6 +47,9 @@ struct Band {
     first_row: u32,
     first_sample: u32,
     end_sample: u32,
+    // Place of the ray in its pixel, from 0 to 1.
+    across: f32,
+    down: f32,
 }
 
 @group(0) @binding(0) var<uniform> march_uniform: March;
@@ -109,8 +112,8 @@ fn first_behind(s: f32, start: f32) -> f32 {
 }
 
 fn ray_through(pixel: vec2u) -> Ray {
-    let u = (f32(pixel.x) + 0.5) * march.pixel_width - 1.0;
-    let v = 1.0 - (f32(pixel.y) + 0.5) * march.pixel_height;
+    let u = (f32(pixel.x) + band.across) * march.pixel_width - 1.0;
+    let v = 1.0 - (f32(pixel.y) + band.down) * march.pixel_height;
     let base = fma(vec3f(v), march.base_v, fma(vec3f(u), march.base_u, march.base));
     let slant = fma(vec3f(v), march.direction_v, fma(vec3f(u), march.direction_u, march.direction));
     let length = sqrt(fma(v * v, march.spread_v, fma(u * u, march.spread_u, 1.0)));

@@ -25,8 +25,8 @@ fn look_up(coordinate: f32, step: ptr<function, Step>) {
 struct Key {
     texel: vec4f,
     coordinate: f32,
-    // Row in the label table; 0 without a label.
-    row: u32,
+    // 0 without a label.
+    label: u32,
 }
 
 fn key_at(place: vec3f) -> Key {
@@ -36,18 +36,16 @@ fn key_at(place: vec3f) -> Key {
         value = texel.w;
     }
     let coordinate = clamp(fma(value, march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
-    var row = 0u;
+    var label = 0u;
     if (LABELS) {
-        let dims = vec3f(textureDimensions(labels));
-        let voxel = vec3i(clamp(floor(place * dims), vec3f(), dims - 1.0));
-        row = textureLoad(labels, voxel, 0).x;
+        label = label_at(place);
     }
-    return Key(texel, coordinate, row);
+    return Key(texel, coordinate, label);
 }
 
 // Whether the sample can be visible.
 fn is_active(key: Key) -> bool {
-    return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.row > 0u;
+    return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.label > 0u;
 }
 
 // Decoded differences along the volume's own axes.
@@ -76,12 +74,14 @@ fn sample(place: vec3f, key: Key) -> Step {
         }
         look_up(key.coordinate, &step);
     }
-    if (LABELS) {
-        if (key.row > 0u) {
+    if (SMOOTH_LABELS) {
+        step = shared_by_labels(place, key.label, step);
+    } else if (LABELS) {
+        if (key.label > 0u) {
             for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-                step.source[lane] = label_source[key.row * TABLE_LANES + lane];
+                step.source[lane] = label_source[key.label * TABLE_LANES + lane];
             }
-            step.opacity = opacity_of_label(key.row);
+            step.opacity = opacity_of_label(key.label);
         }
     }
     return step;

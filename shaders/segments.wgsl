@@ -14,8 +14,8 @@ struct Segments {
 struct End {
     texel: vec4f,
     coordinate: f32,
-    // Row in the label table; 0 without a label.
-    row: u32,
+    // 0 without a label.
+    label: u32,
 }
 
 // Integrals of the medium at a table coordinate: at the first bound of its cell, and their differences to the next.
@@ -64,14 +64,12 @@ fn place_at(ray: Ray, steps: f32) -> vec3f {
     return fma(vec3f(s), ray.direction, ray.base);
 }
 
-fn row_at(place: vec3f) -> u32 {
-    var row = 0u;
+fn label_of(place: vec3f) -> u32 {
+    var label = 0u;
     if (LABELS) {
-        let dims = vec3f(textureDimensions(labels));
-        let voxel = vec3i(clamp(floor(place * dims), vec3f(), dims - 1.0));
-        row = textureLoad(labels, voxel, 0).x;
+        label = label_at(place);
     }
-    return row;
+    return label;
 }
 
 fn end_at(place: vec3f) -> End {
@@ -81,7 +79,7 @@ fn end_at(place: vec3f) -> End {
         value = texel.w;
     }
     let coordinate = clamp(fma(value, march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
-    return End(texel, coordinate, row_at(place));
+    return End(texel, coordinate, label_of(place));
 }
 
 fn gradient_at(end: End, place: vec3f) -> vec3f {
@@ -157,9 +155,9 @@ fn across(density: Density, length: f32) -> Step {
 fn parts_between(ray: Ray, start: f32, a: End, b: End, turn: vec3f, density: Density) -> f32 {
     var variation = density.variation;
     if (LABELS) {
-        if (a.row != b.row || row_at(place_at(ray, start + 0.5)) != a.row) {
+        if (a.label != b.label || label_of(place_at(ray, start + 0.5)) != a.label || is_mixed(a.label)) {
             variation = 1.0;
-        } else if (a.row > 0u) {
+        } else if (a.label > 0u) {
             variation = 0.0;
         }
     }
@@ -233,13 +231,17 @@ fn march_run(
             density.depth = scaled_depth(density.depth, factor);
         }
         let middle = place_at(ray, f32(n) + (done + reach) * 0.5);
-        if (LABELS) {
-            let row = row_at(middle);
-            if (row > 0u) {
+        if (SMOOTH_LABELS) {
+            let blend = shared_by_labels(middle, label_of(middle), Step(density.source, density.depth, vec3f()));
+            density.source = blend.source;
+            density.depth = blend.opacity;
+        } else if (LABELS) {
+            let label = label_of(middle);
+            if (label > 0u) {
                 for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-                    density.source[lane] = label_source[row * TABLE_LANES + lane];
+                    density.source[lane] = label_source[label * TABLE_LANES + lane];
                 }
-                density.depth = opacity_of_label(row);
+                density.depth = opacity_of_label(label);
             }
         }
         var length = reach - done;

@@ -2,6 +2,7 @@
 
 mod explain;
 mod half;
+mod integration;
 mod needs;
 mod shadows;
 mod stale;
@@ -9,6 +10,7 @@ mod warning;
 
 use std::sync::Arc;
 
+pub use integration::{Narrow, narrow};
 pub(crate) use needs::is_constant;
 use needs::{exponents, longest_way, transmittance};
 pub use stale::Stale;
@@ -17,8 +19,8 @@ pub use warning::PlanWarning;
 use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;
 use crate::scene::{
-    AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lighting, Lookup, Placement, Position, Scene,
-    Shading, ShadowMethod, StoreAs, VolumeAs, positions,
+    AccumulateAs, Accuracy, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup, Placement,
+    Position, Scene, Shading, ShadowMethod, StoreAs, VolumeAs, positions,
 };
 use crate::spectrum::Light;
 use crate::spectrum::observer::Observer;
@@ -51,6 +53,8 @@ pub struct ScenePlan {
     pub gradient_opacity: usize,
     /// Whether labels take precedence over the transfer function.
     pub labels: bool,
+    /// Whether labels are interpolated between voxels.
+    pub smooth_labels: bool,
     /// Whether the background is other than black.
     pub background: bool,
     /// Lookup in the transfer table.
@@ -65,6 +69,8 @@ pub struct ScenePlan {
     pub gradients: Gradients,
     /// Whether empty macrocells are skipped.
     pub skipping: bool,
+    /// Rays of a pixel, whose mean its accumulators are.
+    pub rays: usize,
     /// Storage of finished accumulators.
     pub storage: StoreAs,
 }
@@ -366,11 +372,13 @@ impl ScenePlan {
         self.bytes_as(self.storage)
     }
 
-    /// Bytes of a pixel on a device during the march, including its finished form if that differs.
+    /// Bytes of a pixel on a device during the march: those of its ray, of the mean of several rays, and of its finished
+    /// form if that differs.
     #[must_use]
     pub fn marched_bytes(&self) -> u64 {
         let finished = if self.storage == StoreAs::Single { 0 } else { self.pixel_bytes() };
-        self.bytes_as(StoreAs::Single) + finished
+        let marched = self.bytes_as(StoreAs::Single);
+        marched + if self.rays > 1 { marched } else { 0 } + finished
     }
 
     fn bytes_as(&self, storage: StoreAs) -> u64 {
@@ -421,7 +429,10 @@ impl ScenePlan {
     /// Whether a volume stored on a device for `other` suits this plan: same format, gradients, labels and filter.
     #[must_use]
     pub fn is_stored_as(&self, other: &Self) -> bool {
-        let kept = |plan: &Self| (plan.volume, plan.gradient(), plan.gradients, plan.labels, plan.interpolation);
+        let kept = |plan: &Self| {
+            let labels = (plan.labels, plan.smooth_labels);
+            (plan.volume, plan.gradient(), plan.gradients, labels, plan.interpolation)
+        };
         kept(self) == kept(other)
     }
 
@@ -671,6 +682,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     };
     let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some());
     let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
+    let labels = scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty());
     let factors = &scene.transfer.gradient_opacity;
     let mut plan = ScenePlan {
         accumulate,
@@ -683,7 +695,8 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         shading,
         // A factor of 1 at all magnitudes has no effect.
         gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },
-        labels: scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty()),
+        labels,
+        smooth_labels: labels && scene.accuracy.labels == LabelInterpolation::Smooth,
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
         integration: Integrate::Samples,
@@ -691,12 +704,18 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         volume: scene.accuracy.volume,
         gradients: Gradients::Packed,
         skipping: scene.accuracy.skipping,
+        rays: scene.accuracy.rays,
         storage: scene.accuracy.storage,
     };
     if plan.gradient() {
         plan.gradients = scene.accuracy.gradients;
     }
-    if scene.accuracy.integration == Integration::Segments && no_segments(&plan, model.as_deref()).is_none() {
+    let wanted = match scene.accuracy.integration {
+        Integration::Samples => false,
+        Integration::Segments => true,
+        Integration::Auto => narrow(scene).is_some(),
+    };
+    if wanted && no_segments(&plan, model.as_deref()).is_none() {
         plan.integration = Integrate::Segments;
     }
     Planned { plan, materials, positions, model, warnings: Vec::new() }

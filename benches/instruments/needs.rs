@@ -14,8 +14,8 @@ use relume::progress::{Progress, Quiet};
 use relume::reference::{End, Samples, Step, march};
 use relume::render::{RenderError, Renderer, SceneRenderer, shaders_of};
 use relume::scene::{
-    AccumulateAs, Gradients, Interpolation, LabelEntry, Labels, Lookup, Placement, Scene, SceneLight, Shading, StoreAs,
-    VolumeAs,
+    AccumulateAs, Gradients, Interpolation, LabelEntry, LabelInterpolation, Labels, Lookup, Placement, Scene,
+    SceneLight, Shading, StoreAs, VolumeAs,
 };
 use relume::spectrum::{Absorption, Reflectance, Spectrum, SpectrumError};
 use relume::volume::{VolumeError, phantom};
@@ -272,7 +272,21 @@ fn choice<T: Copy + 'static>(
 
 fn needs() -> Vec<Need> {
     vec![
-        need("labels", as_it_is, |scene| labelled(scene, 9), |plan| plan.labels = true),
+        need(
+            "labels",
+            |scene| scene.accuracy.labels = LabelInterpolation::Nearest,
+            |scene| labelled(scene, 9),
+            |plan| plan.labels = true,
+        ),
+        need(
+            "smooth labels",
+            |scene| {
+                labelled(scene, 9);
+                scene.accuracy.labels = LabelInterpolation::Nearest;
+            },
+            |scene| scene.accuracy.labels = LabelInterpolation::Smooth,
+            |plan| plan.smooth_labels = true,
+        ),
         need("a background", as_it_is, |scene| behind(scene, 0.5), |plan| plan.background = true),
         need(
             "two more materials",

@@ -580,11 +580,13 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "one_sided": plan.shading.is_some_and(|terms| terms.one_sided),
         "gradient_opacity": plan.gradient_opacity > 0,
         "labels": plan.labels,
+        "smooth_labels": plan.smooth_labels,
         "background": plan.background,
         "lookup": plan.lookup,
         "integration": plan.integration,
         "interpolation": plan.interpolation,
         "skipping": plan.skipping,
+        "rays": plan.rays,
         "storage": plan.storage,
         "pixel_bytes": plan.pixel_bytes(),
         "texture": {

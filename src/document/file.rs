@@ -29,7 +29,7 @@ use crate::number::{brief, count, readable, unsigned};
 use crate::palette::{self, Member, Misplaced};
 use crate::progress::Progress;
 use crate::scene::{
-    Accuracy, Aim, Camera, Display, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, Material, MaterialCurve,
+    Accuracy, Aim, Camera, Display, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, MOST_RAYS, Material, MaterialCurve,
     OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Shadows, Term, Transfer, unit,
 };
 use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
@@ -466,6 +466,7 @@ impl Text<'_> {
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
         let termination =
             self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), usual.termination)?;
+        let rays = file.accuracy.rays.as_ref().map(|rays| self.whole("rays", rays, 1..=MOST_RAYS)).transpose()?;
         let variation = self.optional("variation", file.accuracy.variation.as_ref(), &(1e-6..=1.0), usual.variation)?;
         let tolerance =
             self.optional("tolerance", file.accuracy.tolerance.as_ref(), &(1e-3..=100.0), usual.tolerance)?;
@@ -494,10 +495,12 @@ impl Text<'_> {
         let accuracy = Accuracy {
             step_length: step.unwrap_or(smallest),
             termination,
+            rays: rays.unwrap_or(usual.rays),
             integration: file.accuracy.integration,
             variation,
             skipping: file.accuracy.skipping.unwrap_or(usual.skipping),
             interpolation: file.accuracy.interpolation,
+            labels: file.accuracy.labels,
             volume: file.accuracy.volume,
             gradients: file.accuracy.gradients,
             accumulate: file.accuracy.accumulate,

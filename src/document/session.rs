@@ -12,7 +12,7 @@ use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlErr
 use super::design::{self, Side};
 use super::{Dial, LightState, Mixing, SceneFile, Source, State};
 use crate::output::{OutputError, write_atomically};
-use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Integration, Interval, Projection, Scene};
+use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Integration, Interval, LabelInterpolation, Projection, Scene};
 use crate::spectrum::Spectrum;
 use crate::spectrum::observer::Observer;
 use crate::volume::ByteOrder;
@@ -352,6 +352,9 @@ fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Resu
     table.insert("step", value(now.step_length));
     table.insert("termination", value(now.termination));
     table.insert("tolerance", value(now.tolerance));
+    if now.rays != then.rays {
+        table.insert("rays", value(i64::try_from(now.rays).unwrap_or(i64::MAX)));
+    }
     if now.integration != then.integration {
         let integration = match now.integration {
             Integration::Auto => "auto",
@@ -362,6 +365,13 @@ fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Resu
     }
     if now.variation.to_bits() != then.variation.to_bits() {
         table.insert("variation", value(now.variation));
+    }
+    if now.labels != then.labels {
+        let labels = match now.labels {
+            LabelInterpolation::Smooth => "smooth",
+            LabelInterpolation::Nearest => "nearest",
+        };
+        table.insert("labels", value(labels));
     }
     let accumulate = match now.accumulate {
         AccumulateAs::Auto => "auto",

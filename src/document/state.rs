@@ -11,7 +11,7 @@ use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, a
 use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::Palette;
-use crate::scene::{Accuracy, GRADIENT_POINTS, Interval, LabelEntry, Mix, Scene};
+use crate::scene::{Accuracy, GRADIENT_POINTS, Interval, LabelEntry, MOST_RAYS, Mix, Scene};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 
@@ -206,6 +206,7 @@ fn allowed(accuracy: &Accuracy, voxel: f64) -> Accuracy {
     Accuracy {
         step_length: within(accuracy.step_length, STEPS.map(|step| step * voxel), voxel),
         termination: within(accuracy.termination, [0.0, 0.5], 1e-4),
+        rays: accuracy.rays.clamp(1, MOST_RAYS),
         variation: within(accuracy.variation, [1e-6, 1.0], 1e-3),
         tolerance: within(accuracy.tolerance, [1e-3, 100.0], 1.0),
         dimension: accuracy.dimension.map(|k| k.clamp(1, LARGEST_DIMENSION)),

@@ -13,7 +13,9 @@ use crate::number::{count, whole};
 use crate::plan::{Integrate, Planned, ScenePlan, plan_full_spectrum};
 use crate::progress::Progress;
 use crate::reference::{Exact, ReferenceError, Stored, render_pixels};
-use crate::scene::{Accuracy, Integration, Interpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs};
+use crate::scene::{
+    Accuracy, Integration, Interpolation, LabelInterpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs,
+};
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use crate::tables::{
     ExtinctionTable, GradientTable, LabelMap, Occupancy, SegmentTable, Storage, StoredVolume, TransferTable,
@@ -24,6 +26,8 @@ use crate::volume::{Statistics, VolumeError};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
+    /// Fewer rays per pixel than the truth.
+    PixelArea,
     /// Samples Δs apart: full spectrum at Δs against full spectrum at an eighth of the shortest measured Δs.
     Step,
     /// Interpolation between voxels other than the scene's.
@@ -46,7 +50,8 @@ pub enum Cause {
 
 impl Cause {
     /// All causes, from the truth down.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
+        Self::PixelArea,
         Self::Step,
         Self::Interpolation,
         Self::Termination,
@@ -62,6 +67,7 @@ impl Cause {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
+            Self::PixelArea => "pixel area",
             Self::Step => "step",
             Self::Interpolation => "interpolation",
             Self::Termination => "termination",
@@ -116,12 +122,20 @@ const ROUNDING: f64 = 1e-12;
 /// Ratio of the shortest measured step to the step of the truth.
 pub(super) const FINER: f64 = 8.0;
 
+/// Rays of a pixel of the truth, where settings have up to `most`: four times as many, and 64 at most unless there are
+/// more. Where all settings have one ray, so has the truth: errors then do not contain that of the pixel's area.
+pub(super) fn true_rays(most: usize) -> usize {
+    if most > 1 { (4 * most).min(64).max(most) } else { 1 }
+}
+
 /// The part of a setting that affects the full spectrum.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct March {
     step_length: u64,
     termination: u64,
     interpolation: Interpolation,
+    labels: LabelInterpolation,
+    rays: usize,
     integration: Integration,
     variation: u64,
     /// Spacing of the light grid; rays without one.
@@ -135,6 +149,8 @@ impl March {
             step_length: accuracy.step_length.to_bits(),
             termination: accuracy.termination.to_bits(),
             interpolation: accuracy.interpolation,
+            labels: accuracy.labels,
+            rays: accuracy.rays,
             integration: accuracy.integration,
             variation: accuracy.variation.to_bits(),
         }
@@ -162,19 +178,21 @@ pub(super) struct Ladder<'a> {
     pub(super) background: DVec3,
     /// The shortest measured Δs, in world units.
     pub(super) finest: f64,
+    /// Rays of a pixel of the truth.
+    pub(super) rays: usize,
     full: HashMap<March, Arc<Vec<DVec3>>>,
     kept: Option<Kept>,
 }
 
 impl<'a> Ladder<'a> {
     /// Creates the ladder of the visible ones of `pixels` of `scene` under `mix`. No measured step may be shorter than
-    /// `finest`.
+    /// `finest`, and no pixel may have more than `most_rays`.
     pub(super) fn new(
         scene: &'a Scene,
         mix: Mix,
         size: [usize; 2],
         pixels: &[[usize; 2]],
-        finest: f64,
+        (finest, most_rays): (f64, usize),
         progress: &dyn Progress,
     ) -> Result<Self, LadderError> {
         let statistics = scene.volume.statistics()?;
@@ -192,6 +210,7 @@ impl<'a> Ladder<'a> {
             pixels: Vec::new(),
             background: DVec3::ZERO,
             finest,
+            rays: true_rays(most_rays),
             full: HashMap::new(),
             kept: None,
         };
@@ -207,7 +226,7 @@ impl<'a> Ladder<'a> {
         progress: &dyn Progress,
     ) -> Result<Vec<[usize; 2]>, LadderError> {
         let mut scene = self.scene.clone();
-        scene.accuracy.integration = Integration::Samples;
+        (scene.accuracy.integration, scene.accuracy.rays) = (Integration::Samples, self.rays);
         scene.lights.iter_mut().for_each(|light| light.shadows = false);
         let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
         // The fractions of 81 bands in the light sum to 1 only up to rounding.
@@ -219,7 +238,7 @@ impl<'a> Ladder<'a> {
     }
 
     /// The truth: full spectrum, point samples without tables, an eighth of the shortest Δs, rays to the lights, no early
-    /// ray termination.
+    /// ray termination, [`true_rays`] per pixel.
     pub(super) fn truth(&mut self, progress: &dyn Progress) -> Result<Arc<Vec<DVec3>>, LadderError> {
         self.full(&self.true_accuracy(), &self.rays(), progress)
     }
@@ -229,16 +248,17 @@ impl<'a> Ladder<'a> {
         Shadows { method: ShadowMethod::Rays, ..self.scene.shadows }
     }
 
-    fn true_accuracy(&self) -> Accuracy {
+    pub(super) fn true_accuracy(&self) -> Accuracy {
         Accuracy {
             step_length: self.finest / FINER,
             termination: 0.0,
             integration: Integration::Samples,
+            rays: self.rays,
             ..self.scene.accuracy.clone()
         }
     }
 
-    /// Full spectrum without tables, with the step, termination, interpolation and integration of `accuracy`, and with
+    /// Full spectrum without tables, with the step, termination, interpolation, rays and integration of `accuracy`, and with
     /// `shadows`; cached.
     pub(super) fn full(
         &mut self,

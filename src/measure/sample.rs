@@ -34,7 +34,8 @@ pub(super) fn drawn<'a>(
     let pixels = size[0] * size[1];
     let mut left: Vec<[usize; 2]> = (0..pixels).map(|i| [i % size[0], i / size[0]]).collect();
     let mut found: Vec<[usize; 2]> = Vec::new();
-    let mut ladder = Ladder::new(scene, mix.clone(), size, &[], scene.accuracy.step_length, progress)?;
+    let mut ladder =
+        Ladder::new(scene, mix.clone(), size, &[], (scene.accuracy.step_length, scene.accuracy.rays), progress)?;
     while found.len() < most && !left.is_empty() {
         let round: Vec<[usize; 2]> =
             (0..ROUND.min(left.len())).map(|_| left.swap_remove(random.index(left.len()))).collect();

@@ -8,7 +8,10 @@ use serde::{Serialize, Serializer};
 
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable, whole};
-use crate::scene::{AccumulateAs, Gradients, Integration, Interpolation, Lookup, Scene, StoreAs, VolumeAs};
+use crate::scene::{
+    AccumulateAs, Gradients, Integration, Interpolation, LabelInterpolation, Lookup, MOST_RAYS, Scene, StoreAs,
+    VolumeAs,
+};
 
 /// An option that trades speed for accuracy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -25,6 +28,8 @@ pub enum Knob {
     Step,
     /// Transmittance at which a ray ends.
     Termination,
+    /// Rays of a pixel.
+    Rays,
     /// Integration along a ray: point samples or segments.
     Integration,
     /// Variation from which a segment is divided.
@@ -33,6 +38,8 @@ pub enum Knob {
     Spacing,
     /// Interpolation between voxels.
     Interpolation,
+    /// Labels between voxels.
+    Labels,
     /// Storage of the volume.
     Volume,
     /// Source of the gradients.
@@ -71,17 +78,19 @@ pub(super) enum Growth {
 
 impl Knob {
     /// All knobs.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 18] = [
         Self::Model,
         Self::K,
         Self::Accumulate,
         Self::Storage,
         Self::Step,
         Self::Termination,
+        Self::Rays,
         Self::Integration,
         Self::Variation,
         Self::Spacing,
         Self::Interpolation,
+        Self::Labels,
         Self::Volume,
         Self::Gradients,
         Self::Entries,
@@ -100,10 +109,12 @@ impl Knob {
             Self::Storage => "storage",
             Self::Step => "step",
             Self::Termination => "termination",
+            Self::Rays => "rays",
             Self::Integration => "integration",
             Self::Variation => "variation",
             Self::Spacing => "spacing",
             Self::Interpolation => "interpolation",
+            Self::Labels => "labels",
             Self::Volume => "volume",
             Self::Gradients => "gradients",
             Self::Entries => "entries",
@@ -123,10 +134,12 @@ impl Knob {
             Self::Storage => "bits of the stored numbers",
             Self::Step => "distance between two samples along a ray, in voxels",
             Self::Termination => "transmittance at which a ray ends",
+            Self::Rays => "rays of a pixel, whose mean it is",
             Self::Integration => "samples of the medium, or segments between two values",
             Self::Spacing => "voxels between nodes of the light grid",
             Self::Variation => "variation from which a segment is divided",
             Self::Interpolation => "interpolation between voxels",
+            Self::Labels => "labels between voxels: shares of those around, or the nearest",
             Self::Volume => "format of the stored voxels",
             Self::Gradients => "source of the gradients",
             Self::Entries => "entries of the transfer table",
@@ -146,10 +159,12 @@ impl Knob {
             Self::Storage => Choices::Names(vec!["f32", "f16"]),
             Self::Step => numbers(1e-2..=1e3, false, Growth::Times(2.0)),
             Self::Termination => numbers(0.0..=0.5, false, Growth::Times(10.0)),
+            Self::Rays => numbers(1.0..=count(MOST_RAYS), true, Growth::Times(4.0)),
             Self::Integration => Choices::Names(vec!["auto", "segments", "samples"]),
             Self::Variation => numbers(1e-6..=1.0, false, Growth::Times(10.0)),
             Self::Spacing => numbers(0.5..=64.0, false, Growth::Times(2.0)),
             Self::Interpolation => Choices::Names(vec!["nearest", "linear", "exact-linear", "cubic"]),
+            Self::Labels => Choices::Names(vec!["smooth", "nearest"]),
             Self::Volume => Choices::Names(vec!["auto", "f32", "u16"]),
             Self::Gradients => Choices::Names(vec!["packed", "central"]),
             Self::Entries => numbers(2.0..=65536.0, true, Growth::Times(2.0)),
@@ -189,6 +204,7 @@ impl Knob {
                 accuracy.step_length = voxels * scene.volume.geometry.spacing.min_element();
             }
             (Self::Termination, Value::Number(share)) => accuracy.termination = share,
+            (Self::Rays, Value::Number(rays)) => accuracy.rays = whole(rays),
             (Self::Integration, Value::Name(name)) => {
                 accuracy.integration = match name {
                     "segments" => Integration::Segments,
@@ -205,6 +221,10 @@ impl Knob {
                     "cubic" => Interpolation::Cubic,
                     _ => Interpolation::Linear,
                 };
+            }
+            (Self::Labels, Value::Name(name)) => {
+                accuracy.labels =
+                    if name == "nearest" { LabelInterpolation::Nearest } else { LabelInterpolation::Smooth };
             }
             (Self::Volume, Value::Name(name)) => {
                 accuracy.volume = match name {

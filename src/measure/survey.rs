@@ -106,10 +106,12 @@ impl<'a> Survey<'a> {
         progress: &dyn Progress,
     ) -> Result<Self, MeasureError> {
         let lattice = Lattice::new(options.size, options.pixels);
-        let steps = settings.iter().map(|setting| setting.applied(scene).accuracy.step_length);
-        let finest = steps.fold(scene.accuracy.step_length, f64::min);
+        let applied = || settings.iter().map(|setting| setting.applied(scene).accuracy);
+        let finest = applied().map(|accuracy| accuracy.step_length).fold(scene.accuracy.step_length, f64::min);
+        let most_rays = applied().map(|accuracy| accuracy.rays).fold(scene.accuracy.rays, usize::max);
         let looked_at = lattice.pixels();
-        let mut ladder = Ladder::new(scene, Mix::of_scene(scene), options.size, &looked_at, finest, progress)?;
+        let mut ladder =
+            Ladder::new(scene, Mix::of_scene(scene), options.size, &looked_at, (finest, most_rays), progress)?;
         if ladder.pixels.is_empty() {
             return Err(MeasureError::Nothing { sampled: looked_at.len(), source_name: scene.name.clone() });
         }
@@ -226,15 +228,23 @@ impl<'a> Survey<'a> {
         let truth = Arc::clone(&self.truth);
         let mut climb = Climb::from(truth.to_vec(), self.ladder.pixels.clone());
         let accuracy = &scene.accuracy;
-        let stated = self.scene.accuracy.interpolation;
-        let of_step =
-            |step_length: f64| Accuracy { step_length, termination: 0.0, interpolation: stated, ..accuracy.clone() };
+        let stated = (self.scene.accuracy.interpolation, self.scene.accuracy.labels);
+        let of_step = |step_length: f64| {
+            let (interpolation, labels) = stated;
+            Accuracy { step_length, termination: 0.0, interpolation, labels, ..accuracy.clone() }
+        };
         let rays = self.ladder.rays();
+        let mut of_rays = Arc::clone(&truth);
+        if accuracy.rays < self.ladder.rays {
+            let fewer = Accuracy { rays: accuracy.rays, ..self.ladder.true_accuracy() };
+            of_rays = self.ladder.full(&fewer, &rays, progress)?;
+            climb.to(Cause::PixelArea, of_rays.to_vec());
+        }
         let stepped = self.ladder.full(&of_step(accuracy.step_length), &rays, progress)?;
         let halved = self.ladder.full(&of_step(accuracy.step_length / 2.0), &rays, progress)?;
-        let order = order(&delta_e(&stepped, &truth), &delta_e(&halved, &truth));
+        let order = order(&delta_e(&stepped, &of_rays), &delta_e(&halved, &of_rays));
         climb.to(Cause::Step, stepped.to_vec());
-        if accuracy.interpolation != stated {
+        if (accuracy.interpolation, accuracy.labels) != stated {
             let other = self.ladder.full(&Accuracy { termination: 0.0, ..accuracy.clone() }, &rays, progress)?;
             climb.to(Cause::Interpolation, other.to_vec());
         }

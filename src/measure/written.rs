@@ -12,9 +12,11 @@ pub(super) fn written(scene: &Scene) -> Vec<(&'static str, &'static str, String)
     let stated = [
         ("step", readable(accuracy.step_length)),
         ("termination", readable(accuracy.termination)),
+        ("rays", accuracy.rays.to_string()),
         ("integration", toml(accuracy.integration)),
         ("variation", readable(accuracy.variation)),
         ("interpolation", toml(accuracy.interpolation)),
+        ("labels", toml(accuracy.labels)),
         ("accumulate", toml(accuracy.accumulate)),
         ("model", toml(accuracy.model.name())),
         ("k", k),

@@ -1,9 +1,9 @@
 //! Explains plans in sentences, for people who know volumes but not this program.
 
-use super::{Integrate, MOST_PARTS, PlanWarning, Planned, Transmittance, narrower};
+use super::{Integrate, MOST_PARTS, PlanWarning, Planned, Transmittance, narrow, narrower};
 use crate::model::ModelKind;
 use crate::number::{brief, readable};
-use crate::scene::{AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Scene, ShadowMethod};
+use crate::scene::{AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lookup, Scene, ShadowMethod};
 
 impl Planned {
     /// Settings that this plan does not use.
@@ -159,6 +159,9 @@ impl Planned {
                 "Labels determine the materials of voxels; a voxel without a label follows the transfer function."
                     .to_owned(),
             );
+            if plan.smooth_labels {
+                sentences.push("Between voxels with different labels, each has its share of the material.".to_owned());
+            }
         }
         sentences.push(
             if plan.background {
@@ -190,11 +193,24 @@ impl Planned {
                 "Each step takes the mean of the medium over the values between its ends; it is divided, into {MOST_PARTS} parts at most, where opacity or shading change by more than {}.",
                 readable(scene.accuracy.variation)
             ));
+            if let Some(narrow) = narrow(scene).filter(|_| scene.accuracy.integration == Integration::Auto) {
+                sentences.push(format!(
+                    "That is because values change by {} in a step, and an interval of the transfer function is {} wide: samples would miss it.",
+                    brief(narrow.change),
+                    brief(narrow.width)
+                ));
+            }
         }
         sentences.push(format!(
             "Rays from the eye sample the volume in steps of {} (its own unit of length), {termination}; empty regions are {skipping}.",
             brief(scene.accuracy.step_length)
         ));
+        if plan.rays > 1 {
+            sentences.push(format!(
+                "A pixel is the mean of {} rays, which takes that many marches and relights as exactly as one ray.",
+                plan.rays
+            ));
+        }
         sentences
     }
 

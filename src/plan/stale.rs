@@ -88,6 +88,7 @@ impl Stale {
             shading,
             gradient_opacity,
             labels: _,
+            smooth_labels: _,
             background,
             lookup,
             integration,
@@ -95,6 +96,7 @@ impl Stale {
             volume: _,
             gradients: _,
             skipping,
+            rays,
             storage,
         } = *plan;
         let later = &after.plan;
@@ -110,7 +112,8 @@ impl Stale {
         if tables || *materials != after.materials || positions.len() != after.positions.len() {
             return Self::Tables;
         }
-        let march = (background, skipping, storage) != (later.background, later.skipping, later.storage);
+        let march =
+            (background, skipping, rays, storage) != (later.background, later.skipping, later.rays, later.storage);
         if march { Self::Accumulators } else { Self::Nothing }
     }
 }
@@ -182,8 +185,10 @@ fn of_accuracy(before: &Accuracy, after: &Accuracy) -> Stale {
         dimension,
         // Compared in the plan.
         integration: _,
+        rays: _,
         skipping: _,
         interpolation: _,
+        labels: _,
         volume: _,
         gradients: _,
         storage: _,

@@ -11,9 +11,9 @@ use crate::number::{Real, count, dot, power, unit};
 use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, Planned, PositionCounts, Shares, Transmittance};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene, THREE_POINT_PARTS};
-use crate::tables::{PositionTable, RayTable};
+use crate::tables::{PositionTable, RayTable, ray_places};
 
-/// The ray through a pixel.
+/// A ray through a pixel.
 #[derive(Clone, Copy, Debug)]
 struct Ray<R> {
     base: [R; 3],
@@ -56,6 +56,8 @@ struct Frame<'a, R> {
     /// Ways of the light, if lights with a direction cast shadows.
     ways: Option<Ways<R>>,
     size: [usize; 2],
+    /// Places of the rays in a pixel.
+    places: Vec<[f64; 2]>,
 }
 
 impl<'a, R: Real> Frame<'a, R> {
@@ -90,18 +92,20 @@ impl<'a, R: Real> Frame<'a, R> {
             exponents: planned.exponents(scene),
             ways,
             size,
+            places: ray_places(planned.plan.rays),
         })
     }
 
-    /// Returns the ray through pixel `[x, y]`, y down.
-    fn ray_through(&self, [x, y]: [usize; 2]) -> Ray<R> {
+    /// Returns the ray through `place` of pixel `[x, y]`, y down; a place is from 0 to 1 across and down.
+    fn ray_through(&self, [x, y]: [usize; 2], place: [f64; 2]) -> Ray<R> {
         let rays = &self.rays;
         let from = |vector: DVec3| vector.to_array().map(R::from_f64);
         let one = R::from_f64(1.0);
         let half = R::from_f64(0.5);
-        let centre = |i: usize, n: usize| (R::from_f64(count(i)) + half) * R::from_f64(2.0 / count(n));
-        let u = centre(x, self.size[0]) - one;
-        let v = one - centre(y, self.size[1]);
+        let across =
+            |i: usize, place: f64, n: usize| (R::from_f64(count(i)) + R::from_f64(place)) * R::from_f64(2.0 / count(n));
+        let u = across(x, place[0], self.size[0]) - one;
+        let v = one - across(y, place[1], self.size[1]);
         let along = |middle: [R; 3], right: [R; 3], up: [R; 3]| -> [R; 3] {
             std::array::from_fn(|axis| v.mul_add(up[axis], u.mul_add(right[axis], middle[axis])))
         };
@@ -129,19 +133,18 @@ impl<'a, R: Real> Frame<'a, R> {
         Ray { base, direction, start, offset: first + half, samples, view }
     }
 
-    /// Marches pixel `[x, y]`: adds the light of its steps to `sums`, position by position, and returns the
-    /// transmittance. Calls `seen` for each sample before compositing it; `seen` returns whether to continue.
-    fn march_pixel(
+    /// Marches `ray`: adds the light of its steps to `sums`, position by position, and returns the transmittance. Calls
+    /// `seen` for each sample before compositing it; `seen` returns whether to continue.
+    fn march_along(
         &self,
         samples: &impl Samples<R>,
-        pixel: [usize; 2],
+        ray: &Ray<R>,
         sums: &mut [R],
         mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
     ) -> Vec<R> {
         if self.planned.plan.integration == Integrate::Segments {
-            return self.march_segments(samples, pixel, sums, seen);
+            return self.march_segments(samples, ray, sums, seen);
         }
-        let ray = self.ray_through(pixel);
         let mixed = self.planned.plan.transmittance == Transmittance::Mixed;
         let mut transmittance = self.all_light();
         let mut step = Step::default();
@@ -158,7 +161,7 @@ impl<'a, R: Real> Frame<'a, R> {
             }
             for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
                 let light = self.light(position, place, samples, &transmittance, &step);
-                self.shade(position, &ray, place, &step, light, &mut source);
+                self.shade(position, ray, place, &step, light, &mut source);
                 if mixed {
                     composite_matrix(sums, &source, &transmittance);
                 } else {
@@ -179,17 +182,16 @@ impl<'a, R: Real> Frame<'a, R> {
         transmittance
     }
 
-    /// [`Self::march_pixel`] in segments (docs/theory/segments.md): each step is a segment between two ends, divided
+    /// [`Self::march_along`] in segments (docs/theory/segments.md): each step is a segment between two ends, divided
     /// where the medium or the normal changes. A segment depends on the ray and the volume alone.
     fn march_segments(
         &self,
         samples: &impl Samples<R>,
-        pixel: [usize; 2],
+        ray: &Ray<R>,
         sums: &mut [R],
         mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
     ) -> Vec<R> {
         let (zero, one, half) = (R::default(), R::from_f64(1.0), R::from_f64(0.5));
-        let ray = self.ray_through(pixel);
         let place = |steps: R| -> [R; 3] {
             let s = (steps + (ray.offset - half)).mul_add(self.step_length, ray.start);
             std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]))
@@ -224,7 +226,7 @@ impl<'a, R: Real> Frame<'a, R> {
                 }
                 for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
                     let light = self.light(position, middle, samples, &transmittance, &step);
-                    self.shade(position, &ray, middle, &step, light, &mut source);
+                    self.shade(position, ray, middle, &step, light, &mut source);
                     composite(sums, &source, &transmittance);
                 }
                 for (left, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
@@ -262,10 +264,22 @@ impl<'a, R: Real> Frame<'a, R> {
         (0..numbers).map(|n| if is_one(n) { R::from_f64(1.0) } else { R::default() }).collect()
     }
 
-    /// Marches and stores pixel `[x, y]` and returns `finish(sums, transmittance)`.
+    /// Marches and stores pixel `[x, y]`, the mean of its rays, and returns `finish(sums, transmittance)`.
     fn finished<T>(&self, samples: &impl Samples<R>, pixel: [usize; 2], finish: impl Fn(&[R], &[R]) -> T) -> T {
-        let mut sums = vec![R::default(); self.planned.plan.components() * self.planned.positions.len()];
-        let mut transmittance = self.march_pixel(samples, pixel, &mut sums, |_| true);
+        let (mut sums, mut transmittance) = (Vec::new(), Vec::new());
+        for (i, &place) in self.places.iter().enumerate() {
+            let mut of_ray = vec![R::default(); self.planned.plan.components() * self.planned.positions.len()];
+            let left = self.march_along(samples, &self.ray_through(pixel, place), &mut of_ray, |_| true);
+            if i == 0 {
+                (sums, transmittance) = (of_ray, left);
+                continue;
+            }
+            let share = R::from_f64(1.0 / count(i + 1));
+            let added = of_ray.into_iter().chain(left);
+            for (mean, added) in sums.iter_mut().chain(&mut transmittance).zip(added) {
+                *mean = share.mul_add(added - *mean, *mean);
+            }
+        }
         store(&self.planned.plan, &mut sums, &mut transmittance);
         finish(&sums, &transmittance)
     }
@@ -598,8 +612,8 @@ pub fn render_pixels<R: Real>(
     Ok(found.concat())
 }
 
-/// [`march`] for the single pixel `[x, y]`, y down; the film has one pixel. Calls `seen` for each sample, front to
-/// back.
+/// [`march`] for the ray through the centre of pixel `[x, y]`, y down; the film has one pixel. Calls `seen` for each
+/// sample, front to back.
 ///
 /// # Errors
 ///
@@ -616,7 +630,8 @@ pub fn march_ray<R: Real>(
     const AT_ONCE: usize = 1024;
     let frame = Frame::<R>::new(scene, planned, samples, size, progress)?;
     let mut accumulators = vec![R::default(); planned.plan.components() * planned.positions.len()];
-    let mut transmittance = frame.march_pixel(samples, pixel, &mut accumulators, |sample| {
+    let ray = frame.ray_through(pixel, [0.5; 2]);
+    let mut transmittance = frame.march_along(samples, &ray, &mut accumulators, |sample| {
         seen(sample);
         sample.index % AT_ONCE > 0 || !progress.cancelled()
     });

@@ -9,7 +9,7 @@ mod store;
 pub use march::{
     RaySample, attenuate, attenuate_matrix, composite, composite_matrix, march, march_ray, render, render_pixels,
 };
-pub use samples::{End, Exact, Samples, Step, Stored};
+pub use samples::{End, Exact, Label, Samples, Step, Stored};
 pub use store::store;
 
 use crate::number::readable;

@@ -21,6 +21,12 @@ pub struct Step<R> {
 }
 
 impl<R: Real> Step<R> {
+    /// Adds `share` of the light and the opacity of `other`.
+    fn add(&mut self, share: R, other: &Self) {
+        let numbers = self.source.iter_mut().zip(&other.source).chain(self.opacity.iter_mut().zip(&other.opacity));
+        numbers.for_each(|(sum, &number)| *sum = share.mul_add(number, *sum));
+    }
+
     /// Whether the step neither adds nor removes light.
     pub(super) fn does_nothing(&self) -> bool {
         let nothing = R::default();
@@ -35,8 +41,112 @@ pub struct End<R> {
     pub value: R,
     /// Gradient of the data in the volume's axes; 0 if the plan needs none.
     pub gradient: [R; 3],
-    /// Row of the label; 0 without one.
-    pub row: usize,
+    /// The labels around.
+    pub label: Label,
+}
+
+/// The labels around a place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Label {
+    /// None.
+    #[default]
+    None,
+    /// The one with this row in the label table.
+    Row(usize),
+    /// Several, or none for a part.
+    Mixed,
+}
+
+/// Rows in the label table (0 without a label) and their shares of a place: one row, or those of the eight voxels around.
+#[derive(Clone, Copy, Debug)]
+enum Shares<R> {
+    One(usize),
+    Mixed([(usize, R); 8]),
+}
+
+impl<R: Real> Shares<R> {
+    /// The labels at `place`, in texture coordinates. Twin of `share_of` in `shaders/fetch.wgsl`.
+    fn at(map: Option<&LabelMap>, planned: &Planned, dims: [usize; 3], place: [R; 3]) -> Self {
+        let Some(map) = map else { return Self::One(0) };
+        if !planned.plan.smooth_labels {
+            return Self::One(usize::from(map.rows[nearest(place, dims)]));
+        }
+        let voxel: [R; 3] =
+            std::array::from_fn(|axis| place[axis].mul_add(R::from_f64(count(dims[axis])), R::from_f64(-0.5)));
+        let base = voxel.map(Real::floor);
+        let shares: [(usize, R); 8] = std::array::from_fn(|i| {
+            let side: [bool; 3] = std::array::from_fn(|axis| i >> axis & 1 == 1);
+            let [x, y, z] = std::array::from_fn(|axis| {
+                let fraction = voxel[axis] - base[axis];
+                if side[axis] { fraction } else { R::from_f64(1.0) - fraction }
+            });
+            let index = std::array::from_fn(|axis| whole(base[axis]) + i64::from(side[axis]));
+            (usize::from(map.rows[clamped(index, dims)]), x * y * z)
+        });
+        let first = shares[0].0;
+        if shares.iter().all(|share| share.0 == first) { Self::One(first) } else { Self::Mixed(shares) }
+    }
+
+    fn label(&self) -> Label {
+        match self {
+            Self::One(0) => Label::None,
+            Self::One(row) => Label::Row(*row),
+            Self::Mixed(_) => Label::Mixed,
+        }
+    }
+
+    /// Whether a part of the place has no label.
+    fn has_own(&self) -> bool {
+        match self {
+            Self::One(row) => *row == 0,
+            Self::Mixed(shares) => shares.iter().any(|share| share.0 == 0),
+        }
+    }
+
+    /// Sum of `own` and the numbers of the labels, `of_row(row)`, by their shares.
+    fn number(&self, own: impl FnOnce() -> R, of_row: impl Fn(usize) -> R) -> R {
+        match self {
+            Self::One(0) => own(),
+            Self::One(row) => of_row(*row),
+            Self::Mixed(shares) => {
+                let own_share = self.own_share();
+                let labelled = shares.iter().filter(|share| share.0 > 0);
+                let sum = labelled.fold(R::default(), |sum, &(row, share)| share.mul_add(of_row(row), sum));
+                if self.has_own() { own_share.mul_add(own(), sum) } else { sum }
+            }
+        }
+    }
+
+    fn own_share(&self) -> R {
+        match self {
+            Self::One(row) => R::from_f64(if *row == 0 { 1.0 } else { 0.0 }),
+            Self::Mixed(shares) => {
+                shares.iter().filter(|share| share.0 == 0).fold(R::default(), |sum, &(_, share)| sum + share)
+            }
+        }
+    }
+
+    /// Replaces `own`, the step or density without labels, by the sum of it and of those of the labels, by their shares.
+    /// `of_row` sets a step to that of a row. Twin of `shared_by_labels` in `shaders/march.wgsl`.
+    fn mix(&self, own: &mut Step<R>, of_row: impl Fn(usize, &mut Step<R>)) {
+        match self {
+            Self::One(0) => {}
+            Self::One(row) => of_row(*row, own),
+            Self::Mixed(shares) => {
+                let own_share = self.own_share();
+                let mut shared = Step { source: Vec::new(), opacity: Vec::new(), normal: own.normal };
+                let mut labelled = Step::default();
+                for &(row, share) in shares {
+                    of_row(row, &mut labelled);
+                    shared.source.resize(labelled.source.len(), R::default());
+                    shared.opacity.resize(labelled.opacity.len(), R::default());
+                    shared.add(share, &labelled);
+                }
+                shared.add(own_share, own);
+                *own = shared;
+            }
+        }
+    }
 }
 
 /// A source of samples.
@@ -48,7 +158,7 @@ pub trait Samples<R: Real>: Sync {
     fn end(&self, place: [R; 3]) -> End<R>;
 
     /// Sets `density` to the mean density between two ends: light scattered per step length, and optical depth per step
-    /// length as its opacity. The label at `middle` takes precedence. Returns the variation of the density: the largest
+    /// length as its opacity. The labels at `middle` have their shares. Returns the variation of the density: the largest
     /// sum over its numbers of the differences between the mean and both ends; 1 where a label begins or ends.
     fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R;
 
@@ -87,16 +197,31 @@ impl<'a> Exact<'a> {
         Self { scene, planned, storage, labels, steps, label_steps, label_densities, label_extinctions, bends }
     }
 
-    /// Returns the data value at `place`, in texture coordinates, and the label that overrides it: its index among the
-    /// scene's declared labels.
+    /// Returns the data value at `place`, in texture coordinates, and the label of the nearest voxel: its index among
+    /// the scene's declared labels.
     #[must_use]
     pub fn at(&self, place: [f64; 3]) -> (f64, Option<usize>) {
-        let dims = self.scene.volume.geometry.dims;
-        let interpolation = self.scene.accuracy.interpolation;
+        let row = self.labels.map_or(0, |labels| labels.rows[nearest(place, self.scene.volume.geometry.dims)]);
+        (self.value_at(place), usize::from(row).checked_sub(1))
+    }
+
+    /// The data value at `place`.
+    fn value_at(&self, place: [f64; 3]) -> f64 {
+        let (dims, interpolation) = (self.scene.volume.geometry.dims, self.scene.accuracy.interpolation);
         let normalised = interpolate(place, dims, interpolation, |index| [self.voxel(index)])[0];
-        let row = self.labels.map_or(0, |labels| labels.rows[nearest(place, dims)]);
         let [low, high] = self.storage.domain;
-        ((high - low).mul_add(normalised, low), usize::from(row).checked_sub(1))
+        (high - low).mul_add(normalised, low)
+    }
+
+    fn shares(&self, place: [f64; 3]) -> Shares<f64> {
+        Shares::at(self.labels, self.planned, self.scene.volume.geometry.dims, place)
+    }
+
+    /// Sets `step` to `found`, with as many opacities as the plan's transmittance.
+    fn set(&self, step: &mut Step<f64>, found: &tables::Step) {
+        step.source.clone_from(&found.source);
+        step.opacity.clone_from(&found.opacity);
+        step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
 
     /// The factor on the medium at `place` by the gradient magnitude; 1 if the plan has none.
@@ -145,70 +270,61 @@ impl<'a> Exact<'a> {
 
 impl Samples<f64> for Exact<'_> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
-        let (value, label) = self.at(place);
-        let found = label.map_or_else(|| self.steps.of_value(value), |label| self.label_steps[label + 1].clone());
-        step.source.clone_from(&found.source);
-        step.opacity.clone_from(&found.opacity);
-        step.opacity.truncate(self.planned.plan.transmittance_numbers());
-        if self.planned.plan.gradient() {
-            step.normal = unit(self.gradient_at(place));
-        }
-        if label.is_none() {
+        let shares = self.shares(place);
+        if shares.has_own() {
+            self.set(step, &self.steps.of_value(self.value_at(place)));
             thin(
                 [&mut step.source, &mut step.opacity],
                 &self.planned.plan,
                 self.gradient_factor(place),
                 exact_thinning,
             );
+        } else {
+            self.set(step, &self.label_steps[0]);
+        }
+        shares.mix(step, |row, step| self.set(step, &self.label_steps[row]));
+        if self.planned.plan.gradient() {
+            step.normal = unit(self.gradient_at(place));
         }
     }
 
     fn end(&self, place: [f64; 3]) -> End<f64> {
-        let (value, label) = self.at(place);
         let gradient = if self.planned.plan.gradient() { self.gradient_at(place) } else { [0.0; 3] };
-        End { value, gradient, row: label.map_or(0, |label| label + 1) }
+        End { value: self.value_at(place), gradient, label: self.shares(place).label() }
     }
 
     fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
-        let numbers = self.planned.plan.transmittance_numbers();
-        let row = self.labels.map_or(0, |map| usize::from(map.rows[nearest(middle, self.scene.volume.geometry.dims)]));
+        let shares = self.shares(middle);
         let mean = tables::mean_density(&self.steps, &self.bends, ends.map(|end| end.value));
-        let mut variation = variation(ends, || {
+        let variation = variation(ends, shares.label(), || {
             let at = ends.map(|end| self.steps.density(end.value));
             let of =
                 |numbers: fn(&tables::Step) -> &[f64]| largest_difference(numbers(&mean), at.each_ref().map(numbers));
             of(|density| &density.source).max(of(|density| &density.opacity))
         });
-        let found = if row > 0 { &self.label_densities[row] } else { &mean };
-        density.source.clone_from(&found.source);
-        density.opacity.clone_from(&found.opacity);
-        density.opacity.truncate(numbers);
-        if row == 0 && self.planned.plan.gradient_opacity > 0 {
+        self.set(density, &mean);
+        if self.planned.plan.gradient_opacity > 0 {
             let [low, high] = self.storage.domain;
             let gradient = glam::DVec3::from_array(middle_of(ends));
             scale(density, self.scene.transfer.gradient_factor((high - low) * gradient.length()));
         }
-        if row != ends[0].row {
-            variation = 1.0;
-        }
+        shares.mix(density, |row, density| self.set(density, &self.label_densities[row]));
         variation
     }
 
     fn extinction(&self, place: [f64; 3]) -> f64 {
-        let (value, label) = self.at(place);
-        match label {
-            Some(label) => self.label_extinctions[label + 1],
-            None => self.steps.extinction(value) * self.gradient_factor(place),
-        }
+        let own = || self.steps.extinction(self.value_at(place)) * self.gradient_factor(place);
+        self.shares(place).number(own, |row| self.label_extinctions[row])
     }
 }
 
-/// The variation between two ends: 1 if their labels differ, 0 within a label, else `of_values()`.
-fn variation<R: Real>([a, b]: [&End<R>; 2], of_values: impl FnOnce() -> R) -> R {
-    match (a.row == b.row, a.row) {
-        (false, _) => R::from_f64(1.0),
-        (true, 0) => of_values(),
-        (true, _) => R::default(),
+/// The variation between two ends, with the label `between` in their middle: 1 if labels differ or are mixed, 0 within a
+/// label, else `of_values()`.
+fn variation<R: Real>([a, b]: [&End<R>; 2], between: Label, of_values: impl FnOnce() -> R) -> R {
+    match (a.label == b.label && between == a.label, a.label) {
+        (false, _) | (true, Label::Mixed) => R::from_f64(1.0),
+        (true, Label::None) => of_values(),
+        (true, Label::Row(_)) => R::default(),
     }
 }
 
@@ -327,9 +443,8 @@ impl<'a, R: Real> Stored<'a, R> {
         (value, gradient)
     }
 
-    /// Row of the label table at `place`; 0 without a label.
-    fn row(&self, place: [R; 3]) -> usize {
-        self.labels.map_or(0, |(labels, _)| usize::from(labels.rows[nearest(place, self.volume.dims)]))
+    fn shares(&self, place: [R; 3]) -> Shares<R> {
+        Shares::at(self.labels.map(|(labels, _)| labels), self.planned, self.volume.dims, place)
     }
 }
 
@@ -337,21 +452,19 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
         let (value, gradient) = self.fetch(place);
         step.normal = unit(gradient);
-        let row = self.row(place);
-        if let (Some((_, table)), true) = (self.labels, row > 0) {
-            entry(table, row, step);
-        } else {
-            let last = R::from_f64(count(self.table.entries() - 1));
-            let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
-            self.look_up(coordinate, step);
-            if self.planned.plan.gradient_opacity > 0 {
-                thin(
-                    [&mut step.source, &mut step.opacity],
-                    &self.planned.plan,
-                    gradient_factor(&self.gradients, gradient),
-                    thinning,
-                );
-            }
+        let last = R::from_f64(count(self.table.entries() - 1));
+        let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
+        self.look_up(coordinate, step);
+        if self.planned.plan.gradient_opacity > 0 {
+            thin(
+                [&mut step.source, &mut step.opacity],
+                &self.planned.plan,
+                gradient_factor(&self.gradients, gradient),
+                thinning,
+            );
+        }
+        if let Some((_, table)) = self.labels {
+            self.shares(place).mix(step, |row, step| entry(table, row, step));
         }
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
@@ -362,7 +475,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             let last = R::from_f64(count(segments.table.cells()));
             value.mul_add(segments.scale, segments.offset).max(R::default()).min(last)
         });
-        End { value, gradient, row: self.row(place) }
+        End { value, gradient, label: self.shares(place).label() }
     }
 
     // Twin of `mean_between` in `shaders/segments.wgsl`.
@@ -407,38 +520,39 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         if self.planned.plan.gradient_opacity > 0 {
             scale(density, gradient_factor(&self.gradients, middle_of(ends)));
         }
-        let row = self.row(middle);
-        if let (Some(labels), true) = (labels, row > 0) {
-            entry(labels, row, density);
-            density.opacity.truncate(self.planned.plan.transmittance_numbers());
+        let shares = self.shares(middle);
+        if let Some(labels) = labels {
+            shares.mix(density, |row, density| {
+                entry(labels, row, density);
+                density.opacity.truncate(self.planned.plan.transmittance_numbers());
+            });
         }
-        if row == ends[0].row { variation(ends, || most) } else { R::from_f64(1.0) }
+        variation(ends, shares.label(), || most)
     }
 
     // Twin of `extinction_at` in `shaders/light_grid.wgsl`.
     fn extinction(&self, place: [R; 3]) -> R {
         let Some(table) = self.extinctions else { return R::default() };
         let number = |number: &f32| R::from_f64(f64::from(*number));
-        let row = self.row(place);
-        if row > 0 {
-            return table.labels.get(row).map_or(R::default(), number);
-        }
-        let (value, gradient) = self.fetch(place);
-        let last = R::from_f64(count(table.values.len() - 1));
-        let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
-        let extinction = match self.planned.plan.lookup {
-            Lookup::Nearest => number(&table.values[(coordinate + R::from_f64(0.5)).floor().index()]),
-            Lookup::Linear => {
-                let before = coordinate.floor().index().min(table.values.len() - 2);
-                let [here, next] = [before, before + 1].map(|entry| number(&table.values[entry]));
-                (coordinate - R::from_f64(count(before))).mul_add(next - here, here)
+        let own = || {
+            let (value, gradient) = self.fetch(place);
+            let last = R::from_f64(count(table.values.len() - 1));
+            let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
+            let extinction = match self.planned.plan.lookup {
+                Lookup::Nearest => number(&table.values[(coordinate + R::from_f64(0.5)).floor().index()]),
+                Lookup::Linear => {
+                    let before = coordinate.floor().index().min(table.values.len() - 2);
+                    let [here, next] = [before, before + 1].map(|entry| number(&table.values[entry]));
+                    (coordinate - R::from_f64(count(before))).mul_add(next - here, here)
+                }
+            };
+            if self.planned.plan.gradient_opacity > 0 {
+                extinction * gradient_factor(&self.gradients, gradient)
+            } else {
+                extinction
             }
         };
-        if self.planned.plan.gradient_opacity > 0 {
-            extinction * gradient_factor(&self.gradients, gradient)
-        } else {
-            extinction
-        }
+        self.shares(place).number(own, |row| table.labels.get(row).map_or(R::default(), number))
     }
 
     fn stored_depth(&self, depth: R) -> R {

@@ -2,6 +2,7 @@
 
 mod dispatching;
 mod light_grid;
+mod mean;
 mod read;
 mod schedule;
 mod setup;
@@ -26,6 +27,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::vulkan::{ComputePipeline, ResourceSet, StorageImage};
 use light_grid::DeviceGrid;
+use mean::Mean;
 use schedule::Schedule;
 
 /// A film on the device. Clones share its images.
@@ -55,6 +57,10 @@ pub struct March {
     schedule: Schedule,
     left: DeviceFilm,
     grid: Option<Arc<DeviceGrid>>,
+    /// Places of the rays of a pixel that remain after the current one, the last first.
+    places: Vec<[f32; 2]>,
+    /// Mean of the finished rays; `None` if a pixel has one ray.
+    mean: Option<Mean>,
 }
 
 impl Renderer {
@@ -79,7 +85,8 @@ impl Renderer {
                 return Err(RenderError::Cancelled);
             }
             march.step(self, uploaded)?;
-            progress.report("marching", march.rows_done().into(), size[1] as u64);
+            let [done, all] = march.rows();
+            progress.report("marching", done, all);
         }
         *self.learnt() = Some((planned.plan.clone(), march.speed()));
         march.finish(self)
@@ -90,7 +97,7 @@ impl March {
     /// Whether only [`Self::finish`] remains.
     #[must_use]
     pub fn is_done(&self) -> bool {
-        self.schedule.is_done()
+        self.schedule.is_done() && self.places.is_empty() && self.mean.as_ref().is_none_or(|mean| mean.has_all())
     }
 
     /// Whether its light grid is complete, or it has none.
@@ -99,10 +106,13 @@ impl March {
         self.grid.as_ref().is_none_or(|grid| grid.is_complete())
     }
 
-    /// Number of finished rows of the picture.
+    /// Number of finished rows, and of all rows: those of the picture, once for each ray of a pixel.
     #[must_use]
-    pub fn rows_done(&self) -> u32 {
-        self.schedule.row.min(self.schedule.size[1])
+    pub fn rows(&self) -> [u64; 2] {
+        let height = u64::from(self.schedule.size[1]);
+        let all = self.left.planned.plan.rays as u64 * height;
+        let now = u64::from(self.schedule.row).min(height);
+        [all - (self.places.len() as u64 + 1) * height + now, all]
     }
 
     /// Width and height in pixels.
@@ -127,10 +137,19 @@ impl March {
         if let Some(grid) = self.grid.as_ref().filter(|grid| !grid.is_complete()) {
             return grid.advance(renderer, &self.left.planned, uploaded);
         }
+        if self.schedule.is_done() {
+            if let Some(mean) = &mut self.mean {
+                mean.add(renderer)?;
+            }
+            if let Some(place) = self.places.pop() {
+                self.schedule.begin_rays(place);
+            }
+        }
         let Some((band, rows)) = self.schedule.next() else { return Ok(()) };
         let begun = Instant::now();
         let took = renderer.device.run_timed("march", |recorder| {
-            if band.first_sample > 0 {
+            // A later ray overwrites what the mean has read.
+            if band.first_sample > 0 || self.mean.is_some() {
                 recorder.compute_to_compute();
             }
             let group = self.schedule.dispatching.group;
@@ -150,6 +169,11 @@ impl March {
     ///
     /// [`RenderError::Vulkan`].
     pub fn finish(self, renderer: &Renderer) -> Result<DeviceFilm, RenderError> {
-        renderer.store(self.left)
+        renderer.store(match self.mean {
+            None => self.left,
+            Some(mean) => {
+                DeviceFilm { accumulators: mean.accumulators, transmittance: mean.transmittance, ..self.left }
+            }
+        })
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{DeviceFilm, March, RenderError, Renderer, Speed, Uploaded};
 use crate::film::RelightMatrices;
 use crate::model::ColourModel;
-use crate::plan::{Planned, plan};
+use crate::plan::{Planned, ScenePlan, plan};
 use crate::progress::Progress;
 use crate::scene::{Camera, Mix, Scene};
 use crate::volume::Statistics;
@@ -155,13 +155,27 @@ impl SceneRenderer {
         self.renderer.begin_march(&self.scene, &self.planned, &self.uploaded, size, speed)
     }
 
-    /// [`Self::begin_march`] of a coarse picture, whose light grid may be coarse, too.
+    /// [`Self::begin_march`] with one ray per pixel.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn begin_march_of_one_ray(&self, size: [usize; 2], speed: Speed) -> Result<March, RenderError> {
+        self.renderer.begin_march(&self.scene, &self.of_one_ray(), &self.uploaded, size, speed)
+    }
+
+    /// [`Self::begin_march_of_one_ray`] of a coarse picture, whose light grid may be coarse, too.
     ///
     /// # Errors
     ///
     /// [`RenderError`].
     pub fn begin_coarse_march(&self, size: [usize; 2], speed: Speed) -> Result<March, RenderError> {
-        self.renderer.begin(&self.scene, &self.planned, &self.uploaded, size, speed, true)
+        self.renderer.begin(&self.scene, &self.of_one_ray(), &self.uploaded, size, speed, true)
+    }
+
+    /// The plan with one ray per pixel.
+    fn of_one_ray(&self) -> Planned {
+        Planned { plan: ScenePlan { rays: 1, ..self.planned.plan.clone() }, ..self.planned.clone() }
     }
 
     /// The relight matrices of the scene under `mix`.

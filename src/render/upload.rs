@@ -77,13 +77,12 @@ impl Renderer {
             Some(labels) if planned.plan.labels => Some(LabelMap::new(labels).map_err(RenderError::Labels)?),
             _ => None,
         };
-        let slice = dims[0] * dims[1];
+        let smooth = planned.plan.smooth_labels;
         let label_image = labels
             .as_ref()
             .map(|map| {
-                self.fill("labels", Format::R8Uint, dims, progress, |slices| {
-                    map.rows[slices.start * slice..slices.end * slice].to_vec()
-                })
+                let format = if map.texel_bytes(smooth) == 1 { Format::R8Uint } else { Format::R16Uint };
+                self.fill("labels", format, dims, progress, |slices| map.texels(dims, slices, smooth))
             })
             .transpose()?;
         let cells = Cells::new(&scene.volume, &storage, labels.as_ref());

@@ -13,7 +13,7 @@ mod transfer;
 pub use cells::{CELL, Cells, Occupancy};
 pub use gradient::GradientTable;
 pub use lights::{PositionTable, ShadingTable};
-pub use rays::{MOST_SAMPLES, RayTable};
+pub use rays::{MOST_SAMPLES, RayTable, ray_places};
 pub use reflected::Reflected;
 pub use segments::SegmentTable;
 pub(crate) use segments::mean_density;

@@ -9,7 +9,7 @@ use crate::volume::Geometry;
 
 /// Parameters of all pixels' rays, in texture coordinates of the volume (0 to 1 along each axis).
 ///
-/// With u and v the pixel's centre from −1 to 1 (right and up), its ray is
+/// With u and v a place in a pixel, the centre if it has one ray, from −1 to 1 (right and up), the ray through it is
 /// `base + u·base_u + v·base_v + s·(direction + u·direction_u + v·direction_v)/√(1 + u²·spread_u + v²·spread_v)`,
 /// with s in units of the smallest spacing, so that volumes of every size stay within the range of f32. Samples lie at
 /// s₀ + (n + ½)Δs; the ray enters the volume at s₀, or starts there if the eye is inside. The crop box selects some of
@@ -52,6 +52,31 @@ pub struct RayTable {
     pub step_length: f64,
     /// Number of samples in the crop box on the longest ray.
     pub samples: u32,
+}
+
+/// Places of `count` rays within a pixel, from 0 to 1 across and down: the first points of the Sobol' sequence in two
+/// dimensions (Sobol' 1967), moved so that their mean is the pixel's centre. A power of two has one ray in each of as many
+/// columns, and one in each of as many rows.
+#[must_use]
+pub fn ray_places(count: usize) -> Vec<[f64; 2]> {
+    let point = |i: usize| {
+        let (mut x, mut y, mut rest) = (0_u32, 0_u32, i);
+        // Direction numbers of the two dimensions: of the van der Corput sequence, and of the polynomial x + 1.
+        let (mut across, mut down) = (1_u32 << 31, 1_u32 << 31);
+        while rest > 0 {
+            if rest % 2 == 1 {
+                x ^= across;
+                y ^= down;
+            }
+            across >>= 1;
+            down ^= down >> 1;
+            rest /= 2;
+        }
+        [x, y].map(|bits| f64::from(bits) / 4_294_967_296.0)
+    };
+    let points: Vec<[f64; 2]> = (0..count).map(point).collect();
+    let mean = [0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f64>() / crate::number::count(count));
+    points.iter().map(|point| std::array::from_fn(|axis| point[axis] - mean[axis] + 0.5)).collect()
 }
 
 /// Opposite corners of the volume in voxel indices.
@@ -138,5 +163,31 @@ impl RayTable {
             step_length: scene.accuracy.step_length / unit,
             samples: unsigned(whole(samples)),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ray_places;
+    use crate::number::count;
+
+    #[test]
+    fn rays_lie_around_the_centre_of_the_pixel_one_in_each_row_and_column() {
+        assert_eq!(ray_places(1), [[0.5, 0.5]]);
+        assert_eq!(ray_places(4), [[0.125, 0.125], [0.625, 0.625], [0.375, 0.875], [0.875, 0.375]]);
+        for number in 1..=256_usize {
+            let places = ray_places(number);
+            assert!(places.iter().flatten().all(|place| (0.0..1.0).contains(place)), "{number}: {places:?}");
+            for axis in 0..2 {
+                let mean = places.iter().map(|place| place[axis]).sum::<f64>() / count(number);
+                assert!((mean - 0.5).abs() < 1e-12, "{number}: the mean is {mean}");
+                if number.is_power_of_two() {
+                    let mut across: Vec<f64> = places.iter().map(|place| place[axis] * count(number)).collect();
+                    across.sort_by(f64::total_cmp);
+                    let centres = (0..number).map(|i| count(i) + 0.5);
+                    assert!(across.iter().zip(centres).all(|(one, other)| (one - other).abs() < 1e-9), "{across:?}");
+                }
+            }
+        }
     }
 }

@@ -447,6 +447,40 @@ impl LabelMap {
         Ok(Self { rows, undeclared, visible })
     }
 
+    /// The texels of `slices` of a map of `dims` voxels, and their size in bytes: rows; or, if labels are `smooth`, twice
+    /// the row, plus 1 if the labels of this voxel and the next ones along the axes differ.
+    #[must_use]
+    pub fn texels(&self, dims: [usize; 3], slices: Range<usize>, smooth: bool) -> Vec<u8> {
+        let [width, height, depth] = dims;
+        let slice = width * height;
+        if !smooth {
+            return self.rows[slices.start * slice..slices.end * slice].to_vec();
+        }
+        let of_line = |line: usize| -> Vec<u16> {
+            let [y, z] = [line % height, line / height];
+            let row = |y: usize, z: usize| &self.rows[slice * z + width * y..][..width];
+            let around = [y, (y + 1).min(height - 1)].map(|y| [z, (z + 1).min(depth - 1)].map(|z| row(y, z)));
+            let texel = |x: usize| {
+                let (here, next) = (around[0][0][x], (x + 1).min(width - 1));
+                let mixed = around.iter().flatten().any(|row| row[x] != here || row[next] != here);
+                2 * u16::from(here) + u16::from(mixed)
+            };
+            (0..width).map(texel).collect()
+        };
+        let lines = (slices.start * height..slices.end * height).into_par_iter().map(of_line).collect::<Vec<_>>();
+        let texels = lines.into_iter().flatten();
+        match self.texel_bytes(true) {
+            1 => texels.map(|texel| texel.to_le_bytes()[0]).collect(),
+            _ => texels.flat_map(u16::to_ne_bytes).collect(),
+        }
+    }
+
+    /// Bytes of a texel of [`Self::texels`].
+    #[must_use]
+    pub fn texel_bytes(&self, smooth: bool) -> usize {
+        if smooth && self.visible.len() > 128 { 2 } else { 1 }
+    }
+
     /// Whether voxel `i` has a declared label with an opacity above 0.
     #[must_use]
     pub fn is_visible(&self, i: usize) -> bool {

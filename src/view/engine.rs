@@ -33,6 +33,8 @@ const COARSE: Duration = Duration::from_millis(60);
 const COARSEST: usize = 16;
 /// Factor between the pixel widths of a coarse picture and the next finer one.
 const FINER: usize = 4;
+/// Level of the picture with all rays of every pixel, if the scene has several; the levels before it have one.
+const ALL_RAYS: usize = 0;
 
 /// Numbers of operations so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -115,7 +117,7 @@ struct Fitting {
 #[derive(Debug)]
 struct Marching {
     march: March,
-    /// Width and height of a pixel of the march, in window pixels.
+    /// Width and height of a pixel of the march, in window pixels; or [`ALL_RAYS`].
     level: usize,
     spent: Duration,
 }
@@ -294,7 +296,7 @@ impl Engine {
     /// Whether [`Self::step`] has work to do.
     #[must_use]
     pub fn has_work(&self, hand_rests: bool) -> bool {
-        let finer = !self.failed && self.lit.as_ref().is_some_and(|lit| lit.level > 1);
+        let finer = !self.failed && self.lit.as_ref().is_some_and(|lit| lit.level != self.finest_level());
         let wanted = self.wanted.is_some() || self.planning.is_some() || self.fitting.is_some();
         // Without a picture or after a failure, frames handle the relight.
         let unlit = self.unlit && !self.failed && self.lit.is_some();
@@ -333,11 +335,18 @@ impl Engine {
         Ok(())
     }
 
+    /// Level of the finest picture.
+    fn finest_level(&self) -> usize {
+        if self.planned().plan.rays > 1 { ALL_RAYS } else { 1 }
+    }
+
     /// Starts the march of the requested scene, or else a refinement of the shown one. Returns whether a march has
     /// started; a
     /// new plan may delay it.
     fn begin(&mut self) -> Result<bool, RenderError> {
-        let mut level = self.lit.as_ref().map(|lit| lit.level).filter(|&level| level > 1).map(|it| it / FINER.min(it));
+        let finest = self.finest_level();
+        let shown = self.lit.as_ref().map(|lit| lit.level).filter(|&level| level != finest);
+        let mut level = shown.map(|level| if level > 1 { level / FINER.min(level) } else { finest });
         if let Some(planning) = self.planning.take() {
             if !planning.thread.is_finished() {
                 self.planning = Some(planning);
@@ -362,13 +371,13 @@ impl Engine {
             level = Some(self.coarse);
         }
         let Some(level) = level else { return Ok(false) };
-        let size = self.size.map(|pixels| pixels.div_ceil(level).max(1));
+        let size = self.size.map(|pixels| pixels.div_ceil(level.max(1)).max(1));
         let elsewhere = || self.speeds.values().next().map(|speed| speed.elsewhere());
         let speed = self.speeds.get(&level).copied().or_else(elsewhere).unwrap_or_else(|| self.renderer().speed());
-        let march = if level > 1 {
-            self.on_device.begin_coarse_march(size, speed)?
-        } else {
-            self.on_device.begin_march(size, speed)?
+        let march = match level {
+            ALL_RAYS => self.on_device.begin_march(size, speed)?,
+            1 => self.on_device.begin_march_of_one_ray(size, speed)?,
+            _ => self.on_device.begin_coarse_march(size, speed)?,
         };
         self.counts.marches += 1;
         self.marching = Some(Marching { march, level, spent: Duration::ZERO });
@@ -414,7 +423,7 @@ impl Engine {
         self.lit = Some(Lit { relight, by: None, level, size: self.size, accumulators, components });
         self.unlit = true;
         if self.wanted.is_none() && self.planning.is_none() {
-            self.reached = Reached { first: true, finest: self.reached.finest || level == 1 };
+            self.reached = Reached { first: true, finest: self.reached.finest || level == self.finest_level() };
         }
         Ok(())
     }
@@ -449,22 +458,22 @@ impl Engine {
     /// Whether the picture is the finest one requested, or the last one before a failure.
     #[must_use]
     pub fn is_finest(&self) -> bool {
-        let lit = self.lit.as_ref().is_some_and(|lit| lit.level == 1 && lit.size == self.size);
+        let lit = self.lit.as_ref().is_some_and(|lit| lit.level == self.finest_level() && lit.size == self.size);
         (lit || self.failed) && !self.has_work(true)
     }
 
     /// Pixels of the marched picture that is shown, across and down; fewer than the window's while it is coarse.
     #[must_use]
     pub fn resolution(&self) -> Option<[usize; 2]> {
-        self.lit.as_ref().map(|lit| lit.size.map(|pixels| pixels.div_ceil(lit.level)))
+        self.lit.as_ref().map(|lit| lit.size.map(|pixels| pixels.div_ceil(lit.level.max(1))))
     }
 
     /// Completed fraction of the current march, 0 to 1.
     #[must_use]
     pub fn progress(&self) -> Option<f64> {
         let marching = self.marching.as_ref()?;
-        let [_, height] = marching.march.size();
-        Some(f64::from(marching.march.rows_done()) / count(height.max(1)))
+        let [done, all] = marching.march.rows();
+        Some(done as f64 / all.max(1) as f64)
     }
 
     /// Returns the film's values at the pixel at `place`, given as fractions of the width and height from the top left;

@@ -37,6 +37,20 @@ fn a_preset_asks_to_measure_and_a_point_of_the_curve_is_taken_by_a_click() {
 }
 
 #[test]
+fn rays_are_chosen_from_a_menu() {
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
+    window.run();
+    window.get_by_label("rays per pixel").click();
+    window.run();
+    window.get_by_label("16").click();
+    window.run();
+    let changed = Accuracy { rays: 16, ..document().state().scene.accuracy.clone() };
+    assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(changed))));
+    assert_eq!(window.state().document.as_ref().unwrap().state().scene.accuracy.rays, 16);
+    assert!(window.query_by_label("Smooth labels").is_none(), "the scene has no labels");
+}
+
+#[test]
 fn the_switch_of_segments_changes_the_integration_where_the_plan_has_them() {
     let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document()));
     window.run();

@@ -62,6 +62,11 @@ fn flags_that_mean_nothing_are_refused() {
     folder.refused(2, &["info", "glass.toml", "--tolerance", "nan"], &["--tolerance nan", "from 0.001 to 100"]);
     folder.refused(2, &["info", "glass.toml", "--model", "knots"], &["knots", "sharpened-semigroup"]);
     folder.refused(2, &["info", "glass.toml", "-D", "accuracy.k=few"], &["-D accuracy.k=few", "\"auto\""]);
+    for rays in ["0", "257", "-1"] {
+        let definition = format!("accuracy.rays={rays}");
+        folder.refused(2, &["info", "glass.toml", "-D", &definition], &["rays", rays, "from 1 to 256"]);
+    }
+    folder.refused(2, &["info", "glass.toml", "-D", "accuracy.labels=round"], &["round", "smooth", "nearest"]);
     folder.refused(1, &["info", "glass.toml", "--accumulate", "weights"], &["green, red", "not possible"]);
     folder.refused(2, &["info", "v.mhd", "--k", "3"], &["--k has no effect", "is a volume"]);
     folder.refused(2, &["bench", "load", "--k", "3"], &["--k has no effect"]);

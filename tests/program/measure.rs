@@ -106,6 +106,20 @@ fn errors_are_told_apart_by_their_cause() {
     });
 }
 
+/// The truth has four times as many rays as the setting with most, so a setting with fewer has an error of its own.
+#[test]
+fn rays_are_measured_against_four_times_as_many() {
+    let scene = parsed(GLASS);
+    measured(&scene, &["rays=1,4"], |_, rows| {
+        let of = |text: &str| rows.iter().find(|row| row.setting.to_string() == text).unwrap();
+        let error = |row: &Measured| by(row, Cause::PixelArea).delta_e.mean;
+        let [one, four] = ["rays=1", "rays=4"].map(|text| error(of(text)));
+        assert!(0.0 < four && 2.0 * four < one, "{four} with four rays, {one} with one");
+        assert!(of("rays=4").total_bytes > of("rays=1").total_bytes, "the mean has images of its own");
+        assert_eq!(error(&rows[0]).to_bits(), one.to_bits(), "the scene has one ray");
+    });
+}
+
 /// The slab is two units across, and a picture of 20 × 16 pixels is 16 units high: the slab covers two pixels per axis.
 #[test]
 fn only_pixels_that_the_volume_covers_are_looked_at_whatever_is_behind_it() {
@@ -150,7 +164,9 @@ fn eight_nodes_are_at_least_twenty_times_closer_than_any_rgb() {
     let models = "model=nodes,rgb-naive,rgb-prefiltered,rgb-fitted";
     // Six materials of the built-in scene, at an eighth of its resolution along each axis; RGB can represent two.
     let options = SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() };
-    for scene in [parsed(GLASS), load_embedded(&options, &Quiet).unwrap().scene] {
+    for mut scene in [parsed(GLASS), load_embedded(&options, &Quiet).unwrap().scene] {
+        // The division of segments depends on the numbers of a pixel (docs/theory/segments.md), which is no error of a model.
+        scene.accuracy.integration = relume::scene::Integration::Samples;
         measured(&scene, &[models], |_, rows| {
             let found = NodesBesideRgb::of(rows).unwrap();
             assert_eq!(found.of.len(), 3, "{found:?}");

@@ -507,8 +507,8 @@ macro_rules! ladder {
 }
 
 ladder! {
-    unshaded_one unshaded_three diffuse_one diffuse_three specular_one specular_three xray labels background orthographic
-    inside negative cropped rotated nearest ambient_only coloured_one coloured_three coloured_labels coloured_background
+    unshaded_one unshaded_three diffuse_one diffuse_three specular_one specular_three xray labels nearest_labels background
+    orthographic inside negative cropped rotated nearest ambient_only coloured_one coloured_three coloured_labels coloured_background
     coloured_xray sharpened sharpened_semigroup
 }
 

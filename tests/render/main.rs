@@ -3,11 +3,13 @@
 
 mod harness;
 mod interpolation;
+mod labels;
 mod ladder;
 mod peercy;
 mod plan;
 mod probe;
 mod properties;
+mod rays;
 mod scenes;
 mod segments;
 mod shader;

@@ -6,7 +6,8 @@ use glam::DVec3;
 use relume::plan::{Accumulate, Integrate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::scene::{
-    AccumulateAs, Gradients, Interpolation, Lighting, Lookup, Placement, Scene, Shading, StoreAs, VolumeAs,
+    AccumulateAs, Gradients, Interpolation, LabelInterpolation, Lighting, Lookup, Placement, Scene, Shading, StoreAs,
+    VolumeAs,
 };
 use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
@@ -22,6 +23,7 @@ fn least() -> ScenePlan {
         shading: None,
         gradient_opacity: 0,
         labels: false,
+        smooth_labels: false,
         background: false,
         lookup: Lookup::Linear,
         integration: Integrate::Samples,
@@ -29,6 +31,7 @@ fn least() -> ScenePlan {
         volume: VolumeAs::Auto,
         gradients: Gradients::Packed,
         skipping: true,
+        rays: 1,
         storage: StoreAs::Single,
     }
 }
@@ -208,11 +211,13 @@ fn weights_are_kept_where_narrower_numbers_miss_the_tolerance() {
 
 #[test]
 fn labels_and_a_background_are_planned_where_they_are() {
-    let labels = ScenePlan { positions: directional(), shading: DIFFUSE, labels: true, ..least() };
+    let labels = ScenePlan { positions: directional(), shading: DIFFUSE, labels: true, smooth_labels: true, ..least() };
     assert_eq!(changed("labels", |_| {}), labels);
+    let nearest = changed("labels", |scene| scene.accuracy.labels = LabelInterpolation::Nearest);
+    assert_eq!(nearest, ScenePlan { smooth_labels: false, ..labels.clone() });
     let undeclared = changed("labels", |scene| scene.labels.as_mut().unwrap().declared.clear());
     let only_skin = Accumulate::Weights { materials: 1 };
-    assert_eq!(undeclared, ScenePlan { accumulate: only_skin, labels: false, ..labels });
+    assert_eq!(undeclared, ScenePlan { accumulate: only_skin, labels: false, smooth_labels: false, ..labels });
     assert_eq!(changed("background", |_| {}), ScenePlan { background: true, ..least() });
 }
 
@@ -333,6 +338,7 @@ fn the_least_plan_and_the_fullest_show_the_same() {
         }),
         gradient_opacity: 0,
         labels: true,
+        smooth_labels: true,
         background: true,
         lookup: Lookup::Linear,
         integration: Integrate::Samples,
@@ -340,6 +346,7 @@ fn the_least_plan_and_the_fullest_show_the_same() {
         volume: VolumeAs::Auto,
         gradients: Gradients::Packed,
         skipping: false,
+        rays: 1,
         storage: StoreAs::Single,
     };
     assert_eq!(fullest.planned.plan, expected);

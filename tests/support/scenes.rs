@@ -10,7 +10,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use relume::document::{SceneOptions, parse};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Integration, LabelEntry, Labels, Scene};
+use relume::scene::{AccumulateAs, Integration, LabelEntry, LabelInterpolation, Labels, Scene};
 use relume::spectrum::{Absorption, BANDS, Reflectance, Spectrum};
 use relume::volume::{Geometry, Volume, Voxels};
 
@@ -27,6 +27,7 @@ pub const NAMES: &[&str] = &[
     "specular_three",
     "xray",
     "labels",
+    "nearest_labels",
     "background",
     "orthographic",
     "inside",
@@ -323,6 +324,11 @@ pub fn named(name: &str) -> Scene {
             scene
         }
         "labels" => labels(),
+        "nearest_labels" => {
+            let mut scene = labels();
+            scene.accuracy.labels = LabelInterpolation::Nearest;
+            scene
+        }
         "background" => usual("shading = \"none\"\nbackground = \"moderate red\"", &[KEY, MORE].concat()),
         "orthographic" => {
             let camera = "[camera]\nprojection = \"orthographic\"\nazimuth = 35\nelevation = 28\nfill = 1.8\n";

@@ -13,7 +13,8 @@ use crate::document::Mixing;
 use crate::model::ModelKind;
 use crate::palette::PaletteFile;
 use crate::scene::{
-    AccumulateAs, Gradients, Integration, Interpolation, Lighting, Lookup, Shading, ShadowMethod, StoreAs, VolumeAs,
+    AccumulateAs, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup, Shading, ShadowMethod,
+    StoreAs, VolumeAs,
 };
 use crate::spectrum::SpectrumSource;
 use crate::spectrum::deficiency::Deficiency;
@@ -283,12 +284,15 @@ pub(super) struct CropFile {
 pub(super) struct AccuracyFile {
     pub(super) step: Option<At<f64>>,
     pub(super) termination: Option<At<f64>>,
+    pub(super) rays: Option<At<i64>>,
     #[serde(default)]
     pub(super) integration: Integration,
     pub(super) variation: Option<At<f64>>,
     pub(super) skipping: Option<bool>,
     #[serde(default)]
     pub(super) interpolation: Interpolation,
+    #[serde(default)]
+    pub(super) labels: LabelInterpolation,
     #[serde(default)]
     pub(super) volume: VolumeAs,
     #[serde(default)]

@@ -108,6 +108,10 @@ fn halved(scene: &Scene, rows: &[Measured], own: &Measured, trust: Trust) -> Opt
 
 fn why(cause: Cause, scene: &Scene, own: &Measured) -> String {
     match cause {
+        Cause::PixelArea => {
+            let (rays, plural) = (scene.accuracy.rays, if scene.accuracy.rays == 1 { "" } else { "s" });
+            format!("{rays} ray{plural} miss{} parts of a pixel", if rays == 1 { "es" } else { "" })
+        }
         Cause::Step => {
             let step = step_in_voxels(scene);
             if step > 1.0 {

@@ -14,7 +14,7 @@ const fn word(name: &'static str, keys: &'static [&'static str], meaning: &'stat
 }
 
 /// Terms that are column heads of the table of all numbers also give the heads' tooltips.
-const WORDS: [Word; 43] = [
+const WORDS: [Word; 45] = [
     word(
         "ΔE00",
         &["ΔE00"],
@@ -81,6 +81,11 @@ const WORDS: [Word; 43] = [
         "a ray ends when its transmittance is below this value; as a cause: the rest of the ray is missed. With fewer coefficients than wavelengths, rays end elsewhere; this difference counts as basis",
     ),
     word(
+        "rays",
+        &["rays", "pixel area"],
+        "rays of a pixel, whose mean it is; as a cause (pixel area): a pixel sees only where its rays go",
+    ),
+    word(
         "integration",
         &["integration="],
         "whether a step takes the medium at its middle (samples), or its mean over the values between its two ends (segments)",
@@ -94,6 +99,11 @@ const WORDS: [Word; 43] = [
         "interpolation",
         &["interpolation"],
         "interpolation between voxels: nearest, linear by the device, linear in 32 bits (exact-linear), or by a smooth cubic spline",
+    ),
+    word(
+        "labels",
+        &["labels="],
+        "a place between voxels has the shares of the labels around (smooth), or the label of the nearest voxel (nearest)",
     ),
     word(
         "spacing",

@@ -33,6 +33,8 @@ pub(super) struct Band {
     pub(super) first_row: u32,
     pub(super) first_sample: u32,
     pub(super) end_sample: u32,
+    /// Place of the ray in its pixel, from 0 to 1 across and down.
+    place: [f32; 2],
 }
 
 /// Target duration of a dispatch, and how many samples fit into it, as far as is known.
@@ -88,7 +90,10 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     let three_point = plan.positions.three_point * (3 + 3 * (1 + 2 * lanes + exponents * (1 + lanes)));
     // Loops over positions without and with shadows, over the lanes of their light, and over a highlight's.
     let shadowed = if plan.shadows.is_some() { plan.positions.total() * (2 + 3 * lanes + 2 * parts) } else { 0 };
-    let once = shadowed + three_point + 2 * parts + coloured + thinning + plan.positions.total() * per_position;
+    // Loops over the voxels around, over the parts of their steps, and over the numbers of their opacities.
+    let labels = if plan.smooth_labels { 8 * (1 + parts + 2 * plan.transmittance_numbers()) } else { 0 };
+    let once =
+        shadowed + labels + three_point + 2 * parts + coloured + thinning + plan.positions.total() * per_position;
     let per_sample = match plan.integration {
         Integrate::Samples => 4 + once,
         // The most parts, each with a mean and a density more than a sample; and the same for the segment as a whole.
@@ -110,6 +115,8 @@ pub(super) struct Schedule {
     rows: u32,
     sample: u32,
     slice: u32,
+    /// Place of the rays in their pixels, from 0 to 1 across and down.
+    place: [f32; 2],
     /// Target number of samples of the next dispatch.
     budget: f64,
     /// Approximate largest number of samples of any dispatch, from an earlier march.
@@ -137,12 +144,18 @@ impl Schedule {
             rows: 0,
             sample: 0,
             slice: 0,
+            place: [0.5; 2],
             budget,
             most,
             taken: 0.0,
             timed: Vec::new(),
             untimed: 0.0,
         }
+    }
+
+    /// Begins with the rays through `place` of each pixel, at the speed measured so far.
+    pub(super) fn begin_rays(&mut self, place: [f32; 2]) {
+        (self.row, self.sample, self.place) = (0, 0, place);
     }
 
     /// Number of samples that fit in the slow part of the march, if known. Ignores the slowest dispatch, whose delay
@@ -194,7 +207,7 @@ impl Schedule {
             self.slice = self.samples.div_ceil(parts).clamp(longest.min(SHORTEST_SLICE), longest);
         }
         let end_sample = self.sample.saturating_add(self.slice);
-        let band = Band { first_row: self.row, first_sample: self.sample, end_sample };
+        let band = Band { first_row: self.row, first_sample: self.sample, end_sample, place: self.place };
         let rows = self.rows.min(self.size[1] - self.row);
         self.taken = f64::from(self.size[0]) * f64::from(rows) * f64::from(self.slice.min(self.samples.max(1)));
         if end_sample >= self.samples {

@@ -6,6 +6,7 @@ use std::time::Duration;
 use bytemuck::{Pod, Zeroable};
 
 use super::dispatching::{Dispatching, TableMemory};
+use super::mean::Mean;
 use super::schedule::{Schedule, Speed, longest_slice};
 use super::source::{UNIFORM_BYTES, VECTOR_BYTES, formats, source};
 use super::{DeviceFilm, March};
@@ -14,7 +15,7 @@ use crate::plan::{Integrate, LANE, Planned, Transmittance};
 use crate::render::{RenderError, Renderer, Uploaded};
 use crate::scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use crate::tables::{
-    CELL, GradientTable, Occupancy, PositionTable, RayTable, SegmentTable, ShadingTable, TransferTable,
+    CELL, GradientTable, Occupancy, PositionTable, RayTable, SegmentTable, ShadingTable, TransferTable, ray_places,
 };
 use crate::vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
@@ -242,6 +243,10 @@ impl Renderer {
         let transmittance =
             StorageImage::new(device, "transmittance", format, extent, unsigned(plan.transmittance_lanes().max(1)))?;
 
+        let mean = if plan.rays > 1 { Some(Mean::new(self, plan, [&accumulators, &transmittance])?) } else { None };
+        let mut places: Vec<[f32; 2]> =
+            ray_places(plan.rays).into_iter().map(|place| place.map(rounded)).rev().collect();
+
         let grid = self.light_grid(scene, planned, uploaded, coarse)?;
 
         let (pipeline, set) = self.bind(source(plan, Dispatching { tables, ..self.dispatching }), |name| {
@@ -271,7 +276,10 @@ impl Renderer {
 
         let slice = self.dispatching.slice.min(longest_slice(plan));
         let dispatching = Dispatching { slice, ..self.dispatching };
-        let schedule = Schedule::new(extent, rays.samples, dispatching, plan.layers(), speed);
+        let mut schedule = Schedule::new(extent, rays.samples, dispatching, plan.layers(), speed);
+        if let Some(place) = places.pop() {
+            schedule.begin_rays(place);
+        }
         let occupied = [occupancy.occupied, occupancy.dims.iter().product()];
         let left = DeviceFilm {
             planned: planned.clone(),
@@ -283,7 +291,7 @@ impl Renderer {
             accumulators,
             transmittance,
         };
-        Ok(March { pipeline, set, schedule, left, grid })
+        Ok(March { pipeline, set, schedule, left, grid, places, mean })
     }
 
     /// Memory and buffers of the tables of values and labels, by their names in the shader.

@@ -137,6 +137,7 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| materials / LANE)))
         .u32("WHITE_PART", unsigned(specular.map_or(0, |_| materials % LANE)))
         .bool("LABELS", plan.labels)
+        .bool("SMOOTH_LABELS", plan.smooth_labels)
         .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
@@ -155,6 +156,7 @@ pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: Table
         .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
         .u32("GRADIENT_PIECES", unsigned(plan.gradient_opacity.saturating_sub(1)))
         .bool("LABELS", plan.labels)
+        .bool("SMOOTH_LABELS", plan.smooth_labels)
         .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
@@ -197,6 +199,7 @@ mod tests {
             shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
             gradient_opacity: 0,
             labels: false,
+            smooth_labels: false,
             background: false,
             lookup: Lookup::Nearest,
             integration: Integrate::Samples,
@@ -204,6 +207,7 @@ mod tests {
             volume: VolumeAs::Auto,
             gradients: Gradients::Packed,
             skipping: true,
+            rays: 1,
             storage: StoreAs::Single,
         }
     }

@@ -1,8 +1,8 @@
 //! Accuracy panel: the computation, its error against the truth, and settings by measured cost.
 
 use egui::{
-    Align2, Button, Checkbox, Color32, FontId, Grid, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType,
-    pos2, vec2,
+    Align2, Button, Checkbox, Color32, ComboBox, FontId, Grid, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo,
+    WidgetType, pos2, vec2,
 };
 
 use super::controls::{number, panel, remembered};
@@ -11,7 +11,7 @@ use crate::document::{Document, Edit, STEPS};
 use crate::measure::{Goal, Preset};
 use crate::plan::Planned;
 use crate::plan::Stale;
-use crate::scene::{Accuracy, Integration};
+use crate::scene::{Accuracy, Integration, LabelInterpolation};
 use crate::view::action::Action;
 use crate::view::effort::{Curve, Measured};
 
@@ -61,6 +61,10 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
                 asked.push(Action::Edit(Edit::Accuracy(accuracy)));
             }
         });
+        rays(ui, &scene.accuracy, asked);
+        if effort.planned.is_some_and(|planned| planned.plan.labels) {
+            labels(ui, &scene.accuracy, asked);
+        }
         integration(ui, &scene.accuracy, effort.planned.and_then(Planned::no_segments), asked);
         match effort.running {
             Some((part, stage)) => {
@@ -86,6 +90,39 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
             ui.label(RichText::new(of).small().weak());
         }
     });
+}
+
+/// Choice of the rays per pixel.
+fn rays(ui: &mut Ui, accuracy: &Accuracy, asked: &mut Vec<Action>) {
+    /// Numbers of rays on the menu.
+    const NUMBERS: [usize; 4] = [1, 4, 16, 64];
+    ui.horizontal(|ui| {
+        ui.label("Rays per pixel");
+        let mut rays = accuracy.rays;
+        let menu = ComboBox::from_id_salt("rays per pixel").width(50.0).selected_text(rays.to_string());
+        let menu = menu.show_ui(ui, |ui| {
+            for number in NUMBERS {
+                ui.selectable_value(&mut rays, number, number.to_string());
+            }
+        });
+        menu.response.widget_info(|| WidgetInfo::labeled(WidgetType::ComboBox, true, "rays per pixel"));
+        menu.response.on_hover_text("A pixel is the mean of these rays: smoother edges, in as many times the time. One ray while the picture changes.");
+        if rays != accuracy.rays {
+            asked.push(Action::Edit(Edit::Accuracy(Accuracy { rays, ..accuracy.clone() })));
+        }
+    });
+}
+
+/// Switch between smooth and nearest labels.
+fn labels(ui: &mut Ui, accuracy: &Accuracy, asked: &mut Vec<Action>) {
+    let mut smooth = accuracy.labels == LabelInterpolation::Smooth;
+    let switch = ui.checkbox(&mut smooth, "Smooth labels");
+    let help =
+        "Between voxels each label around has its share. Otherwise surfaces of labels have the steps of their voxels.";
+    if switch.on_hover_text(help).changed() {
+        let labels = if smooth { LabelInterpolation::Smooth } else { LabelInterpolation::Nearest };
+        asked.push(Action::Edit(Edit::Accuracy(Accuracy { labels, ..accuracy.clone() })));
+    }
 }
 
 /// Switch between samples and segments; disabled if the plan has no segments, for the reason `impossible`.
