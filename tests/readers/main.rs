@@ -11,6 +11,7 @@ mod nifti;
 mod nrrd;
 mod numpy;
 mod phantom;
+mod refusals;
 #[path = "../support/mod.rs"]
 mod support;
 mod tiff;
