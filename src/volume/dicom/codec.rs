@@ -210,7 +210,11 @@ fn jpeg_ls(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
     let decoded = jpegls::decode(bytes, side(layout.columns), side(layout.rows));
     let (numbers, ..) = decoded.map_err(|error: CodecError| error.to_string())?;
-    whole(numbers.into_iter().flat_map(u16::to_le_bytes).collect(), 16, layout)
+    let mut bytes = bytemuck::cast_slice::<u16, u8>(&numbers).to_vec();
+    if cfg!(target_endian = "big") {
+        bytes.chunks_exact_mut(2).for_each(<[u8]>::reverse);
+    }
+    whole(bytes, 16, layout)
 }
 
 /// The size marker of a JPEG 2000 codestream.
