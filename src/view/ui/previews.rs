@@ -4,7 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
-use egui::{Color32, ColorImage, Image, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, Vec2};
+use egui::{
+    Color32, ColorImage, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, WidgetInfo, WidgetType,
+    pos2,
+};
 
 use crate::progress::Progress;
 use crate::view::job::Job;
@@ -55,9 +58,11 @@ impl Previews {
         match self.made.get(&index) {
             Some(Some(texture)) => {
                 let name = format!("middle slice {index}");
-                let picture = Image::from_texture(texture).alt_text(name).sense(Sense::click());
+                response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, &name));
                 let size = texture.size_vec2() * (SIDE / texture.size_vec2().max_elem());
-                return response | ui.put(Rect::from_center_size(rect.center(), size), picture);
+                let place = Rect::from_center_size(rect.center(), size);
+                let whole = Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0));
+                ui.painter().image(texture.id(), place, whole, Color32::WHITE);
             }
             Some(None) => {}
             None => self.begin(ui, index, place),
