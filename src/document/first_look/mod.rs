@@ -513,7 +513,11 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape,
     }
     if let (Kind::Other, None, Some(colour)) = (&values.kind, wish.look, presets.colour) {
         let stated = presets.windows.iter().find(|window| window.low < values.most);
-        let range = stated.map_or([values.objects_from, high], |window| [window.low, window.high]);
+        // Windows of channels often begin at 0, in front of the noise of the surroundings.
+        let from = values.objects_from;
+        let range = stated.map_or([from, high], |window| {
+            [if from < window.high { window.low.max(from) } else { window.low }, window.high]
+        });
         let code = code(colour);
         let layer = alone("channel", Colour::Code(code.clone()), range, 4.0);
         let [low, high] = range.map(brief);
