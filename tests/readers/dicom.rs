@@ -680,6 +680,47 @@ fn what_cannot_be_read_is_refused_by_name_with_the_numbers() {
 }
 
 #[test]
+fn codestreams_of_jpeg_ls_have_the_numbers_of_charls() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/jpegls.bundle");
+    let files = volumes::unbundled(&std::fs::read(path).unwrap());
+    assert_eq!(files.len(), 3 * 4 * 2 * 2, "codestreams and numbers");
+    let elements = |bits: u16, code: &[u8]| {
+        let allocated = if bits == 8 { 8 } else { 16 };
+        slice(0.0, 0)
+            .short(0x0028_0010, &[23])
+            .short(0x0028_0011, &[31])
+            .short(0x0028_0100, &[allocated])
+            .short(0x0028_0101, &[allocated])
+            .short(0x0028_0102, &[allocated - 1])
+            .with(0x7fe0_0010, "OB", Written::Fragments(vec![Vec::new(), code.to_vec()]))
+    };
+    let lossy = "1.2.840.10008.1.2.4.81";
+    for pair in files.chunks(2) {
+        let [(name, code), (_, numbers)] = pair else { panic!("a codestream and its numbers") };
+        let bits = name.split('-').next().unwrap().parse().unwrap();
+        let volume =
+            opened("v.dcm", &file(&elements(bits, code), lossy)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let expected: Vec<f64> =
+            numbers.as_chunks::<2>().0.iter().map(|&word| u16::from_le_bytes(word).into()).collect();
+        assert!(stored(&volume) == expected, "{name}");
+        // Cut anywhere, it ends early or has no end.
+        for length in [code.len() / 3, code.len() / 2, code.len() * 3 / 4] {
+            let cut = opened("v.dcm", &file(&elements(bits, &code[..length / 2 * 2]), lossy));
+            assert!(cut.is_err(), "{name} of {length} bytes");
+        }
+    }
+    let (_, code) = &files[0];
+    let changed = |at: usize, byte: u8| {
+        let mut code = code.clone();
+        code[at] = byte;
+        opened("v.dcm", &file(&elements(8, &code), lossy))
+    };
+    let scan = code.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap();
+    refused(changed(scan + 7, 200), &["frame 1", "damaged JPEG-LS data", "an error of 200"]);
+    refused(changed(scan + 8, 2), &["its scan is interleaved"]);
+}
+
+#[test]
 fn fragments_are_those_of_a_frame_by_offsets_or_marks() {
     let frame = |first: u8| rle(&[vec![0; 12], (first..first + 12).collect()]);
     let (one, two) = (frame(0), frame(50));

@@ -6,6 +6,7 @@
 mod codec;
 mod dataset;
 mod image;
+mod jpeg_ls;
 mod pixels;
 mod segments;
 mod series;

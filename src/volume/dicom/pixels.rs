@@ -339,6 +339,9 @@ impl Pixels<'_> {
             let bits = layout.bits().saturating_mul(count(frame));
             let (first, within) = (bits / 8, bits % 8);
             let length = (within + layout.bits()).div_ceil(8);
+            if image.syntax.coding == Coding::Plain && is_as_it_is::<T>(layout, image.syntax.byte_order) {
+                return straight(image, first, bytemuck::cast_slice_mut(out));
+            }
             let (inflated, stream) = (shared.inflated.get(&number), shared.streams.get(&number));
             let bytes = match (inflated, stream) {
                 (None, Some(frames)) => {
@@ -393,6 +396,27 @@ impl Pixels<'_> {
         lay(&bytes, layout, allocated, is_planar, &place, self.component, out);
         Ok(())
     }
+}
+
+/// Whether the bytes of a frame are those of its voxels.
+fn is_as_it_is<T: Stored>(layout: &Layout, byte_order: ByteOrder) -> bool {
+    layout.samples == 1
+        && whole_bits(layout.allocated.into()) == 8 * size_of::<T>()
+        && (layout.stored, layout.high + 1) == (layout.allocated, layout.allocated)
+        && (byte_order == ByteOrder::NATIVE || layout.allocated == 8)
+}
+
+/// Reads uncompressed pixels, from byte `first` of the pixel data on, into their place.
+fn straight(image: &Image, first: u64, out: &mut [u8]) -> Result<(), VolumeError> {
+    let path = &image.path;
+    let fail = |source| failed(path, source);
+    let mut file = stream::open(path)?;
+    file.seek(SeekFrom::Start(image.pixels.at.saturating_add(first))).map_err(fail)?;
+    let there = read_fully(&mut file, out).map_err(fail)?;
+    if there < out.len() {
+        return Err(VolumeError::Short { path: path.clone(), found: count(there), expected: count(out.len()) });
+    }
+    Ok(())
 }
 
 /// Reads `length` bytes of pixels, from byte `first` of the pixel data on.
