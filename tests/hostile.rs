@@ -2,6 +2,9 @@
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a row of a table, and the place of a finding")]
 
+#[path = "support/dicom.rs"]
+#[allow(dead_code, unreachable_pub, reason = "this program uses a part of it")]
+mod dicom;
 #[path = "support/hostile.rs"]
 mod hostile;
 
@@ -402,6 +405,51 @@ fn accumulators_to_damage() {
     std::fs::create_dir_all(&folder).unwrap();
     for (name, file) in [("point", point), ("dial", dial), ("nodes", nodes), ("bands", bands)] {
         file.write(&folder.join(name)).unwrap();
+    }
+}
+
+/// Bytes that reading may take beyond the voxels and a frame or chunk.
+const BESIDE: usize = 64 << 20;
+
+#[test]
+fn reading_takes_the_volume_and_little_more() {
+    use dicom::{DEFLATED, EXPLICIT, Value, file, place, slice};
+
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+    // 80 frames of 1 MB, the last one first: a copy of them would be more than the bar.
+    let side = 1024_u16;
+    let frames = slice(0.0, 0)
+        .without(0x0020_0032)
+        .text(0x0028_0008, "IS", "80")
+        .short(0x0028_0010, &[side])
+        .short(0x0028_0011, &[side / 2])
+        .items(0x5200_9230, (0..80).rev().map(|z| place(f64::from(z))).collect())
+        .with(0x7fe0_0010, "OW", Value::Bytes((0..80_u8).flat_map(|z| vec![z; 1 << 20]).collect()));
+    write("deflated.dcm", &file(&frames, DEFLATED));
+    write("plain.dcm", &file(&frames, EXPLICIT));
+    // 80 MB of 16 bits in Fortran order, and 40 MB of halves, which are 80 MB of floats.
+    let npy = |descr: &str, order: &str, numbers: usize| {
+        let text = format!(
+            "{{'descr': '{descr}', 'fortran_order': {order}, 'shape': (40, {}, 1024), }}\n",
+            numbers / 40 / 1024
+        );
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend(u16::try_from(text.len()).unwrap().to_le_bytes());
+        bytes.extend(text.bytes());
+        bytes.extend((0..numbers).flat_map(|index| [(index / 1024 % 64) as u8, 0x3c]));
+        bytes
+    };
+    write("fortran.npy", &npy("<u2", "True", 40 << 20));
+    write("half.npy", &npy("<f2", "False", 20 << 20));
+    write("both.npy", &npy("<f2", "True", 20 << 20));
+    for name in ["plain.dcm", "deflated.dcm", "fortran.npy", "half.npy", "both.npy"] {
+        let path = folder.path().join(name);
+        let (volume, most) = most_held(|| volume::open(&path, &Selection::default(), &Quiet).unwrap());
+        let voxels = volume.voxels.bytes().len();
+        eprintln!("{name}: {voxels} bytes of voxels, {most} bytes at most");
+        assert!(voxels >= 80 << 20, "{name}: a volume that the bar notices: {voxels}");
+        assert!(most <= voxels + BESIDE, "{name}: {most} bytes for {voxels}");
     }
 }
 

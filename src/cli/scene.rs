@@ -103,6 +103,7 @@ impl SelectionArgs {
             level: self.pyramid_level,
             axes: self.axes.clone(),
             asks: false,
+            middle: false,
             resample: self.resample,
         }
     }

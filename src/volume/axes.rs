@@ -167,16 +167,43 @@ impl Arranged {
         })
     }
 
+    /// Whether the numbers of one channel and time have x fastest, then y.
+    pub(super) fn is_straight(&self) -> bool {
+        let (dims, strides) = (self.dims(), self.strides());
+        let straight = [1, dims[0], dims[0] * dims[1]];
+        (0..3).all(|axis| dims[axis] == 1 || strides[axis] == straight[axis])
+    }
+
+    /// Lays the numbers `part` of one channel and time, from number `first` on, into the `volume` with x fastest.
+    pub(super) fn lay<T: Voxel, V: Voxel>(
+        &self,
+        first: usize,
+        part: &[T],
+        volume: &mut [V],
+        convert: impl Fn(T) -> V + Sync,
+    ) {
+        let [nx, ny, _] = self.dims();
+        let [across, down, deep] = self.strides();
+        volume.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
+            let begin = row % ny * down + row / ny * deep;
+            // Voxels of the row in the part.
+            let low = first.saturating_sub(begin).div_ceil(across).min(nx);
+            let high = (first + part.len()).saturating_sub(begin).div_ceil(across).min(nx);
+            for (x, voxel) in out.iter_mut().enumerate().take(high).skip(low) {
+                *voxel = convert(part[begin + x * across - first]);
+            }
+        });
+    }
+
     /// The voxels of one channel and time with x fastest, from `stored` with the last axis fastest.
     ///
     /// # Errors
     ///
     /// [`VolumeError::Memory`].
     pub(super) fn straightened<T: Voxel>(&self, source: &str, stored: Vec<T>) -> Result<Voxels, VolumeError> {
-        let [nx, ny, nz] = self.dims();
+        let [nx, ny, _] = self.dims();
         let strides = self.strides();
-        let straight = [1, nx, nx * ny];
-        if (0..3).all(|axis| [nx, ny, nz][axis] == 1 || strides[axis] == straight[axis]) {
+        if self.is_straight() {
             return Ok(T::into_voxels(stored));
         }
         let mut voxels = allocate::zeroed::<T>(Path::new(source), stored.len())?;

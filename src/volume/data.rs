@@ -2,11 +2,12 @@
 
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::layout::ByteOrder;
 use super::select::{Pick, next_run};
 use super::stream::{self, Encoding, Skip, Start, count, read_fully};
-use super::voxels::with_type;
+use super::voxels::{float_of_half, with_type};
 use super::{VolumeError, Voxel, VoxelType, Voxels, allocate};
 use crate::progress::Progress;
 
@@ -83,14 +84,54 @@ impl Data {
         with_type!(self.voxel_type, T => self.read_as::<T>(progress, notes))
     }
 
+    /// Reads floats of 16 bits, which have the type `uint16` here, as those of 32.
+    pub(super) fn read_halves(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
+        let mut voxels: Vec<f32> = Vec::new();
+        let all = self.voxels();
+        self.read_into::<u16>(progress, notes, &mut |_, part| {
+            let path = self.files.first().map_or(Path::new(""), |file| &file.path);
+            allocate::reserve(&mut voxels, part.len(), all, path)?;
+            voxels.extend(part.iter().map(|&bits| float_of_half(bits)));
+            Ok(())
+        })?;
+        Ok(Voxels::F32(voxels))
+    }
+
+    /// Number of voxels.
+    fn voxels(&self) -> usize {
+        let numbers: usize = self.files.iter().map(|file| file.numbers).sum();
+        self.picks.iter().fold(numbers, |numbers, pick| numbers / pick.length)
+    }
+
     fn read_as<T: Voxel>(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
+        Ok(T::into_voxels(self.slabs::<T>(progress, notes, None)?))
+    }
+
+    /// Reads the voxels slab by slab: `take` receives the index of the first one and the voxels. Nothing is handed on before
+    /// the lengths of the files have been compared with the header.
+    pub(super) fn read_into<T: Voxel>(
+        &self,
+        progress: &dyn Progress,
+        notes: &mut Vec<String>,
+        take: Take<'_, T>,
+    ) -> Result<(), VolumeError> {
+        self.slabs::<T>(progress, notes, Some(take)).map(drop)
+    }
+
+    /// Reads the voxels; they are handed to `take`, or else returned.
+    fn slabs<T: Voxel>(
+        &self,
+        progress: &dyn Progress,
+        notes: &mut Vec<String>,
+        take: Option<Take<'_, T>>,
+    ) -> Result<Vec<T>, VolumeError> {
         let starts = self.files.iter().map(|file| self.start_of(file, notes)).collect::<Result<Vec<_>, _>>()?;
         let picks: Vec<Pick> = self.picks.iter().copied().filter(|pick| pick.length > 1).collect();
         let numbers: usize = self.files.iter().map(|file| file.numbers).sum();
-        let all = picks.iter().fold(numbers, |numbers, pick| numbers / pick.length);
+        let all = self.voxels();
         // Uncompressed numbers are in the files. Memory that the system zeroes is not written twice.
-        let is_whole = self.encoding == Encoding::Raw && picks.is_empty();
-        let mut slabs = Slabs::<T> {
+        let is_whole = self.encoding == Encoding::Raw && picks.is_empty() && take.is_none();
+        let mut slabs = Slabs::<'_, '_, T> {
             voxels: match self.files.first() {
                 Some(file) if is_whole => allocate::zeroed(&file.path, all)?,
                 _ => Vec::new(),
@@ -101,6 +142,7 @@ impl Data {
             at: 0,
             numbers,
             buffer: Vec::new(),
+            take,
             swap: self.byte_order != ByteOrder::NATIVE,
             progress,
         };
@@ -111,12 +153,12 @@ impl Data {
                 slabs.at += file.numbers;
             }
         }
-        Ok(T::into_voxels(slabs.voxels))
+        Ok(slabs.voxels)
     }
 
     fn read_file<T: Voxel>(
         &self,
-        slabs: &mut Slabs<'_, T>,
+        slabs: &mut Slabs<'_, '_, T>,
         file: &DataFile,
         start: u64,
         notes: &mut Vec<String>,
@@ -223,8 +265,11 @@ impl Data {
     }
 }
 
+/// Receives the index of a voxel, and voxels from there on.
+pub(super) type Take<'a, T> = &'a mut dyn FnMut(usize, &[T]) -> Result<(), VolumeError>;
+
 /// The voxels decoded so far, and the state of decoding.
-struct Slabs<'a, T> {
+struct Slabs<'a, 'b, T> {
     voxels: Vec<T>,
     /// Number of decoded voxels; more may be allocated.
     filled: usize,
@@ -237,11 +282,13 @@ struct Slabs<'a, T> {
     numbers: usize,
     /// Slab of decoded numbers from which voxels are picked.
     buffer: Vec<T>,
+    /// Receives the voxels in place of `voxels`.
+    take: Option<Take<'b, T>>,
     swap: bool,
     progress: &'a dyn Progress,
 }
 
-impl<T: Voxel> Slabs<'_, T> {
+impl<T: Voxel> Slabs<'_, '_, T> {
     /// Whether `file`, the next one, holds a voxel.
     fn wants(&self, file: &DataFile) -> bool {
         next_run(&self.picks, self.at).0 < self.at + file.numbers
@@ -258,10 +305,10 @@ impl<T: Voxel> Slabs<'_, T> {
         while self.at < end && self.filled < self.all {
             let length = (end - self.at).min(SLAB_BYTES / size_of::<T>());
             let there = self.filled;
-            if self.voxels.len() == there {
+            if self.voxels.len() == there && self.take.is_none() {
                 allocate::reserve(&mut self.voxels, length.min(self.all - there), self.all, &file.path)?;
             }
-            if self.picks.is_empty() {
+            if self.picks.is_empty() && self.take.is_none() {
                 self.voxels.resize(self.voxels.len().max(there + length), T::zeroed());
                 decode(&mut self.voxels[there..there + length], self.at - first)?;
                 self.filled += length;
@@ -271,10 +318,14 @@ impl<T: Voxel> Slabs<'_, T> {
                 let (mut start, mut run) = next_run(&self.picks, self.at);
                 while start < self.at + length {
                     let stop = start.saturating_add(run).min(self.at + length);
-                    self.voxels.extend_from_slice(&self.buffer[start - self.at..stop - self.at]);
+                    let part = &self.buffer[start - self.at..stop - self.at];
+                    match &mut self.take {
+                        Some(take) => take(self.filled, part)?,
+                        None => self.voxels.extend_from_slice(part),
+                    }
+                    self.filled += part.len();
                     (start, run) = next_run(&self.picks, stop);
                 }
-                self.filled = self.voxels.len();
             }
             self.at += length;
             self.report(file)?;
@@ -387,6 +438,28 @@ pub(super) fn report(path: &Path, done: u64, all: u64, progress: &dyn Progress) 
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     progress.report(&format!("reading {name}"), done, all);
     check_cancelled(path, progress)
+}
+
+/// Progress of listing the files of a folder before their voxels are read.
+pub(super) struct Listing<'a> {
+    folder: &'a Path,
+    files: u64,
+    done: AtomicU64,
+    progress: &'a dyn Progress,
+}
+
+impl<'a> Listing<'a> {
+    pub(super) fn of(folder: &'a Path, files: usize, progress: &'a dyn Progress) -> Self {
+        Self { folder, files: count(files), done: AtomicU64::new(0), progress }
+    }
+
+    /// Reports one file more; returns an error if the progress cancels.
+    pub(super) fn next(&self) -> Result<(), VolumeError> {
+        let done = self.done.fetch_add(1, Ordering::Relaxed);
+        let name = self.folder.file_name().unwrap_or(self.folder.as_os_str()).to_string_lossy();
+        self.progress.report(&format!("listing {name}"), done, self.files);
+        check_cancelled(self.folder, self.progress)
+    }
 }
 
 /// Error if `progress` cancels the reading of `path`.

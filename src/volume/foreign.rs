@@ -32,7 +32,11 @@ const FOREIGN: [Foreign; 10] = [
         extensions: &["jpg", "jpeg"],
         recognises: |b| b.starts_with(b"\xff\xd8\xff"),
     },
-    Foreign { name: "a ZIP archive", extensions: &["zip"], recognises: |b| b.starts_with(b"PK\x03\x04") },
+    Foreign {
+        name: "a ZIP archive (unpack the volume or the Zarr store in it)",
+        extensions: &["zip"],
+        recognises: |b| b.starts_with(b"PK\x03\x04"),
+    },
     Foreign { name: "gzip data", extensions: &["gz"], recognises: |b| b.starts_with(&[0x1f, 0x8b]) },
     Foreign { name: "bzip2 data", extensions: &["bz2"], recognises: |b| b.starts_with(b"BZh") },
     Foreign {
@@ -74,6 +78,14 @@ pub(super) fn is_known(beginning: &[u8]) -> bool {
 
 fn name(beginning: &[u8]) -> Option<&'static str> {
     FOREIGN.iter().find(|foreign| (foreign.recognises)(beginning)).map(|foreign| foreign.name)
+}
+
+/// Describes a `path` that is an address on a server; `None` for all others.
+pub(super) fn describe_address(path: &Path) -> Option<String> {
+    let (scheme, _) = path.to_str()?.split_once("://")?;
+    let is_address = !path.exists() && matches!(scheme, "http" | "https" | "ftp" | "s3" | "gs" | "gcs" | "az" | "abfs");
+    is_address
+        .then(|| format!("this is an address ({scheme}); Relume reads files of this machine, so download it first"))
 }
 
 /// Describes a folder that some programs treat as one file, of a format without a reader.

@@ -1,6 +1,7 @@
 //! Position of a volume's voxels in the world.
 
 use std::fmt;
+use std::ops::Range;
 
 use glam::{DMat3, DVec3};
 
@@ -124,6 +125,12 @@ impl Geometry {
         Self::new(source, dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)
     }
 
+    /// The grid of some of its slices along z.
+    pub(super) fn of_slices(self, slices: &Range<usize>) -> Self {
+        let origin = self.world_from_index(DVec3::new(0.0, 0.0, count(slices.start)));
+        Self { dims: [self.dims[0], self.dims[1], slices.len()], origin, ..self }
+    }
+
     /// Whether the voxels coincide with those of `other`, up to the rounding of headers: spacings within a thousandth
     /// of each other, directions within 1e-3, origins within a thousandth of a voxel plus a millionth of their distance
     /// from 0.
@@ -194,6 +201,16 @@ impl Lattice {
             }
             made => made,
         }
+    }
+
+    /// The lattice of some of its slices along z. A single one does not lean.
+    pub(super) fn of_slices(self, slices: &Range<usize>) -> Self {
+        let mut steps = self.steps;
+        if slices.len() == 1 {
+            steps.z_axis = steps.x_axis.cross(steps.y_axis).normalize() * steps.z_axis.length();
+        }
+        let origin = self.world_from_index(DVec3::new(0.0, 0.0, count(slices.start)));
+        Self { dims: [self.dims[0], self.dims[1], slices.len()], origin, steps }
     }
 
     fn lengths(&self) -> DVec3 {

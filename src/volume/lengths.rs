@@ -36,15 +36,23 @@ pub(super) fn unit(name: &str) -> Option<(Unit, f64)> {
     })
 }
 
-/// The sentence about axes x, y and z of which `holder` states no spacing; `None` if it states all of them.
-pub(super) fn assumed_spacing(holder: &str, unknown: [bool; 3]) -> Option<String> {
+/// The sentence about axes x, y and z of which `holder` states no spacing, and the `spacing` that is used; `None` if it
+/// states all of them.
+pub(super) fn assumed_spacing(holder: &str, unknown: [bool; 3], spacing: [f64; 3]) -> Option<String> {
+    let list = |words: Vec<String>, between: &str| words.join(between);
     if unknown == [true; 3] {
-        return Some(format!("{holder} states no spacing; Relume uses 1 1 1"));
+        let spacing = list(spacing.iter().map(ToString::to_string).collect(), " ");
+        return Some(format!("{holder} states no spacing; Relume uses {spacing}"));
     }
-    let unknown: Vec<&str> =
-        ["x", "y", "z"].into_iter().zip(unknown).filter(|(_, it)| *it).map(|(axis, _)| axis).collect();
-    let along = (!unknown.is_empty()).then(|| unknown.join(" and "));
-    along.map(|along| format!("{holder} states no spacing along {along}; Relume uses 1"))
+    let unknown: Vec<usize> = (0..3).filter(|&axis| unknown[axis]).collect();
+    let along = list(unknown.iter().map(|&axis| ["x", "y", "z"][axis].to_owned()).collect(), " and ");
+    let used = list(unknown.iter().map(|&axis| spacing[axis].to_string()).collect(), " and ");
+    let used = if unknown.iter().all(|&axis| spacing[axis] == spacing[unknown[0]]) {
+        unknown.first().map_or_else(String::new, |&axis| spacing[axis].to_string())
+    } else {
+        used
+    };
+    (!unknown.is_empty()).then(|| format!("{holder} states no spacing along {along}; Relume uses {used}"))
 }
 
 /// A text of a file for one line of a message: without control characters, and shortened.

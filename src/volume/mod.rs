@@ -26,6 +26,7 @@ mod pattern;
 pub mod phantom;
 
 mod presets;
+mod preview;
 mod raw;
 mod resample;
 mod select;
@@ -50,6 +51,7 @@ pub use phantom::Phantom;
 
 pub use layout::{ByteOrder, RawLayout};
 pub use presets::{LabelPreset, Presets, Window};
+pub use preview::Preview;
 pub use select::Selection;
 pub use several::{Asked, Series, Several};
 pub use statistics::{BINS, Statistics};

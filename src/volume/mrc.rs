@@ -13,7 +13,6 @@ use super::geometry::Lattice;
 use super::resample::Grid;
 use super::select::Pick;
 use super::stream::{self, Encoding, Skip, Start};
-use super::voxels::floats_of_halves;
 use super::{ByteOrder, Selection, Unit, Volume, VolumeError, VoxelType, foreign};
 use crate::progress::Progress;
 
@@ -109,8 +108,7 @@ impl Reading<'_> {
         let byte_order = self.numbers.byte_order;
         let data =
             Data { files, start: self.start()?, encoding: self.encoding, voxel_type, byte_order, picks, alone: true };
-        let voxels = data.read(progress, &mut notes)?;
-        let voxels = if halves { floats_of_halves(voxels, &source_name)? } else { voxels };
+        let voxels = if halves { data.read_halves(progress, &mut notes)? } else { data.read(progress, &mut notes)? };
         let mut volume = grid.volume(&source_name, voxels, false, 1.0)?;
         volume.files = data.paths();
         volume.unit = unit;

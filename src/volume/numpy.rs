@@ -12,8 +12,8 @@ use super::axes::{self, Arranged, Axis};
 use super::data::{self, Data, DataFile};
 use super::stream::{self, Encoding, Skip, Start, count};
 use super::type_string::{self, Kind};
-use super::voxels::floats_of_halves;
-use super::{ByteOrder, Geometry, Selection, Volume, VolumeError, VoxelType, with_voxels};
+use super::voxels::{float_of_half, floats_of_halves, with_type};
+use super::{ByteOrder, Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, with_voxels};
 use crate::progress::Progress;
 
 /// Longest header in bytes.
@@ -161,11 +161,20 @@ impl Place<'_> {
             alone: self.alone,
         };
         let mut notes = Vec::new();
-        let voxels = data.read(progress, &mut notes)?;
-        let mut voxels = with_voxels!(voxels, numbers => stored.straightened(&source_name, numbers)?);
-        if header.is_half {
-            voxels = floats_of_halves(voxels, &source_name)?;
-        }
+        let voxels = if stored.is_straight() && header.is_half {
+            data.read_halves(progress, &mut notes)?
+        } else if stored.is_straight() {
+            data.read(progress, &mut notes)?
+        } else if self.encoding != Encoding::Raw {
+            // The file may have fewer numbers than it states, so that memory grows as they come.
+            let voxels = data.read(progress, &mut notes)?;
+            let voxels = with_voxels!(voxels, numbers => stored.straightened(&source_name, numbers)?);
+            if header.is_half { floats_of_halves(voxels, &source_name)? } else { voxels }
+        } else if header.is_half {
+            Voxels::F32(self.laid::<u16, f32>(&data, &stored, progress, &mut notes, float_of_half)?)
+        } else {
+            with_type!(header.voxel_type, T => T::into_voxels(self.laid(&data, &stored, progress, &mut notes, |it: T| it)?))
+        };
         let mut volume = Volume::new(&source_name, voxels, geometry)?;
         volume.components = components;
         volume.has_labels = header.is_boolean;
@@ -174,6 +183,26 @@ impl Place<'_> {
         volume.assumed_spacing = notes.last().cloned();
         volume.notes = notes;
         Ok(volume)
+    }
+
+    /// Reads numbers in another order than that of voxels, each slab straight into its place.
+    fn laid<T: Voxel, V: Voxel>(
+        &self,
+        data: &Data,
+        stored: &Arranged,
+        progress: &dyn Progress,
+        notes: &mut Vec<String>,
+        convert: impl Fn(T) -> V + Sync,
+    ) -> Result<Vec<V>, VolumeError> {
+        let mut voxels: Vec<V> = Vec::new();
+        data.read_into::<T>(progress, notes, &mut |first, part| {
+            if voxels.is_empty() {
+                voxels = allocate::zeroed(self.path, stored.dims().iter().product())?;
+            }
+            stored.lay(first, part, &mut voxels, &convert);
+            Ok(())
+        })?;
+        Ok(voxels)
     }
 
     /// Reads the header: at most [`LONGEST`] bytes.

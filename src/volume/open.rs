@@ -199,6 +199,9 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
     if path.is_dir() {
         return folder::read(path, selection, progress);
     }
+    if let Some(what) = foreign::describe_address(path) {
+        return Err(unknown(path, what, true));
+    }
     if let Some(format) = FORMATS.iter().find(|format| format.names(path))
         && !(format.is_another)(path)?
     {

@@ -7,6 +7,23 @@ pub struct Presets {
     pub windows: Vec<Window>,
     /// Names and colours of labels, in the order of the file.
     pub labels: Vec<LabelPreset>,
+    /// sRGB code values from 0 to 1 of the channel that was read, if the file states a colour other than grey.
+    pub colour: Option<[f64; 3]>,
+}
+
+impl Presets {
+    /// Takes `colour`, `#rrggbb` in any case, as that of the channel, unless it is grey or no colour.
+    pub(super) fn take_colour(&mut self, colour: &str) {
+        let digits = colour.trim_start_matches('#');
+        let part = |index: usize| u8::from_str_radix(digits.get(2 * index..2 * index + 2)?, 16).ok();
+        let parts = [part(0), part(1), part(2)];
+        if let [Some(red), Some(green), Some(blue)] = parts
+            && digits.len() == 6
+            && !(red == green && green == blue)
+        {
+            self.colour = Some([red, green, blue].map(|part| f64::from(part) / 255.0));
+        }
+    }
 }
 
 /// A range of values from black to white.

@@ -1,5 +1,7 @@
 //! Choice of one scalar volume from a file that holds several.
 
+use std::ops::Range;
+
 use super::several::Series;
 use super::{Asked, Several, VolumeError};
 
@@ -35,7 +37,7 @@ pub struct Selection {
     pub array: Option<String>,
     /// Number or identifier of the series.
     pub series: Option<String>,
-    /// Level of resolution; 0, the finest, unless it is chosen.
+    /// Level of resolution; 0, the finest, unless it is chosen or `asks` is set.
     pub level: Option<usize>,
     /// Axes of an array whose file does not name them, slowest first, as in `czyx`.
     pub axes: Option<String>,
@@ -44,6 +46,9 @@ pub struct Selection {
     pub asks: bool,
     /// Whether a volume whose axes lean is resampled to a straight grid; otherwise it is refused.
     pub resample: bool,
+    /// Whether the middle slice of the volume suffices, as for [`Preview`](super::Preview). Readers that find it at once
+    /// read no other.
+    pub middle: bool,
 }
 
 impl Selection {
@@ -59,7 +64,13 @@ impl Selection {
             axes: self.axes.clone().or_else(|| otherwise.axes.clone()),
             asks: self.asks || otherwise.asks,
             resample: self.resample || otherwise.resample,
+            middle: self.middle || otherwise.middle,
         }
+    }
+
+    /// Returns the slices to read of `depth`: all, or the middle one.
+    pub(super) fn slices(&self, depth: usize) -> Range<usize> {
+        if self.middle { depth / 2..depth / 2 + 1 } else { 0..depth }
     }
 
     /// Returns the component to read of `count` in the file `source`; `kind` is their kind, or empty.
@@ -136,7 +147,7 @@ impl Selection {
 
     /// Returns the level to read in the file `source`, whose levels have these dims, the finest first.
     pub(super) fn level(&self, source: &str, levels: &[[usize; 3]]) -> Result<usize, VolumeError> {
-        Several::Levels(levels.to_vec()).number(source, self.level.or(Some(0)))
+        Several::Levels(levels.to_vec()).number(source, self.level.or((!self.asks).then_some(0)))
     }
 
     /// Refuses a level other than 0 for the file `source`, whose format has no levels.

@@ -1,5 +1,7 @@
 //! Blocks of an array, laid into the volume of one channel and time.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::Voxel;
@@ -15,35 +17,44 @@ pub(super) struct Block {
     pub(super) bytes: Vec<u8>,
 }
 
-/// The part of an array with these axes that has the channel and the time `chosen`: first and end index along each axis.
-pub(super) fn region(arranged: &Arranged, chosen: [usize; 2]) -> Vec<[usize; 2]> {
+/// The part of an array with these axes that has the channel and the time `chosen`, and the `slices` along z: first and end
+/// index along each axis.
+pub(super) fn region(arranged: &Arranged, chosen: [usize; 2], slices: &Range<usize>) -> Vec<[usize; 2]> {
     let one = |(axis, &length): (&Option<Axis>, &usize)| match axis {
         Some(Axis::Channel) => [chosen[0], chosen[0] + 1],
         Some(Axis::Time) => [chosen[1], chosen[1] + 1],
+        Some(Axis::Z) => [slices.start, slices.end],
         _ => [0, length],
     };
     arranged.axes.iter().zip(&arranged.shape).map(one).collect()
 }
 
+/// Voxels of `region` along x, y and z.
+pub(super) fn dims(arranged: &Arranged, region: &[[usize; 2]]) -> [usize; 3] {
+    [Axis::X, Axis::Y, Axis::Z].map(|axis| arranged.place(axis).map_or(1, |place| region[place][1] - region[place][0]))
+}
+
 /// Lays blocks of an array into the volume of `region`, x fastest. Each block touches the region.
 pub(super) fn lay<T: Voxel>(arranged: &Arranged, region: &[[usize; 2]], blocks: &[Block], volume: &mut [T]) {
-    let [nx, ny, _] = arranged.dims();
+    let [nx, ny, _] = dims(arranged, region);
     let places = [Axis::X, Axis::Y, Axis::Z].map(|axis| arranged.place(axis));
     let step = |block: &Block, axis: usize| block.lengths[axis + 1..].iter().product::<usize>();
     // Voxels of a block along x, y and z: first voxel in the volume, their number, step in the block.
     let spans = |block: &Block| {
         places.map(|place| match place {
             Some(axis) => {
-                let length = block.lengths[axis].min(arranged.shape[axis] - block.start[axis]);
-                (block.start[axis], length, step(block, axis))
+                let [begin, end] = region[axis];
+                let first = block.start[axis].max(begin);
+                let last = (block.start[axis] + block.lengths[axis]).min(end);
+                (first - begin, last - first, step(block, axis))
             }
             None => (0, 1, 0),
         })
     };
-    // First number of the channel and time in the block.
+    // First number of the region in the block.
     let first = |block: &Block| -> usize {
-        let fixed = (0..block.start.len()).filter(|&axis| !places.contains(&Some(axis)));
-        fixed.map(|axis| (region[axis][0] - block.start[axis]) * step(block, axis)).sum()
+        let axes = 0..block.start.len();
+        axes.map(|axis| region[axis][0].saturating_sub(block.start[axis]) * step(block, axis)).sum()
     };
     volume.par_chunks_mut(nx * ny).enumerate().for_each(|(z, plane)| {
         for block in blocks {

@@ -268,11 +268,22 @@ impl Voxels {
 
 /// Floats of 16 bits, whose bits were read as `uint16`, as floats of 32 bits, which hold all of them; other types stay.
 /// `source` is the file.
+pub(super) fn float_of_half(bits: u16) -> f32 {
+    half::f16::from_bits(bits).to_f32()
+}
+
+/// Floats of 16 bits, each as two bytes of this machine's order, as floats of 32.
+pub(super) fn bytes_of_floats(halves: &[u8]) -> Vec<u8> {
+    let float = |&bytes: &[u8; 2]| float_of_half(u16::from_ne_bytes(bytes)).to_ne_bytes();
+    halves.as_chunks::<2>().0.iter().flat_map(float).collect()
+}
+
+/// The values of floats of 16 bits.
 pub(super) fn floats_of_halves(voxels: Voxels, source: &str) -> Result<Voxels, VolumeError> {
     let Voxels::U16(halves) = voxels else { return Ok(voxels) };
     let mut values = super::allocate::zeroed::<f32>(std::path::Path::new(source), halves.len())?;
     for (value, bits) in values.iter_mut().zip(halves) {
-        *value = half::f16::from_bits(bits).to_f32();
+        *value = float_of_half(bits);
     }
     Ok(Voxels::F32(values))
 }

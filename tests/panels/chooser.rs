@@ -14,7 +14,10 @@ use relume::internal::view::Action;
 use relume::internal::view::action::{File, Leaving, Losing};
 use relume::volume::{RawLayout, Selection, Series, Several, VoxelType};
 
+use relume::progress::Quiet;
+
 use crate::app::{App, document, drag_along, is_painted, wide};
+use crate::support::{dicom, volumes};
 
 /// Opens the file menu and clicks `line`.
 fn file_menu(window: &mut Harness<'_, App>, line: &str) {
@@ -173,6 +176,52 @@ fn the_largest_series_is_chosen_at_first() {
     let mut chosen = source;
     chosen.options.selection.series = Some("2".to_owned());
     assert_eq!(saved_or_opened(&window), [Action::Leave(Leaving::Open(Box::new(chosen)))]);
+}
+
+#[test]
+fn series_channels_and_levels_are_shown_with_their_middle_slices() {
+    let scans = volumes::folder(&[1, 2].map(|number| {
+        let slice = dicom::slice(0.0, 100 * number).text(0x0020_0011, "IS", &number.to_string());
+        let name = if number == 1 { "a" } else { "b" };
+        (name, dicom::file(&slice.text(0x0020_000e, "UI", &format!("1.{number}")), dicom::EXPLICIT))
+    }));
+    let cells = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tiff/channels.ome.tif");
+    let store = volumes::bundle(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/zarr/image.bundle"));
+    let all = [(scans.path(), "series"), (&*cells, "channels"), (store.path(), "levels of resolution")];
+    for (path, kind) in all {
+        // As the menu asks for another volume of a file.
+        let source = Source::of(path).reselected();
+        let error = source.read(&Quiet).map(drop).unwrap_err();
+        let question = error.question().unwrap();
+        let mut window = wide(document());
+        window.state_mut().chooser.ask(source, question, &Selection::default());
+        window.step();
+        assert!(window.query_by_label_contains(kind).is_some(), "{kind}");
+        assert!(window.query_by_label("middle slice 0").is_none(), "{kind}: it is not read by the panel");
+        for index in 0..2 {
+            let name = format!("middle slice {index}");
+            let begun = std::time::Instant::now();
+            while window.query_by_label(&name).is_none() {
+                assert!(begun.elapsed() < Duration::from_secs(20), "{kind}: no picture {index}");
+                std::thread::sleep(Duration::from_millis(10));
+                window.step();
+            }
+        }
+        window.get_by_label("middle slice 1").click();
+        window.run_steps(3);
+        window.key_press(Key::Enter);
+        window.run_steps(3);
+        let opened = saved_or_opened(&window);
+        let [Action::Leave(Leaving::Open(source))] = &opened[..] else { panic!("{kind}: {opened:?}") };
+        let Selection { series, component, level, .. } = &source.options.selection;
+        let chosen = (series.as_deref(), *component, *level);
+        let expected = match kind {
+            "series" => (Some("2"), None, None),
+            "channels" => (None, Some(1), None),
+            _ => (None, None, Some(1)),
+        };
+        assert_eq!(chosen, expected, "{kind}");
+    }
 }
 
 #[test]

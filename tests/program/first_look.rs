@@ -297,6 +297,129 @@ fn labels_have_colours_that_can_be_told_apart() {
     assert!(text.contains("interpolation = \"nearest\""), "{text}");
 }
 
+/// Voxels along each side of a head.
+const HEAD: usize = 24;
+
+/// A head with an ear at the left of the patient, in voxels that run to the left, to the back and to the top.
+fn head() -> Vec<u16> {
+    let value = |index: usize| {
+        let [x, y, z] = [index % HEAD, index / HEAD % HEAD, index / HEAD / HEAD].map(|it| i32::try_from(it).unwrap());
+        let far = (x - 11).pow(2) + (y - 12).pow(2) + (z - 12).pow(2);
+        let ear = (x - 21).pow(2) + (y - 12).pow(2) + (z - 10).pow(2);
+        if far < 64 || ear < 5 { 900 } else { u16::try_from(index % 7).unwrap() }
+    };
+    (0..HEAD.pow(3)).map(value).collect()
+}
+
+/// The head as NIfTI: rows of the sform to the right, to the front and to the top, for spacings 2, 2 and 3 mm.
+fn head_in_nifti() -> Vec<u8> {
+    let mut bytes = vec![0_u8; 352];
+    bytes[..4].copy_from_slice(&348_i32.to_le_bytes());
+    let side = i16::try_from(HEAD).unwrap();
+    for (at, value) in
+        [(40, 3), (42, side), (44, side), (46, side), (48, 1), (50, 1), (52, 1), (54, 1), (70, 512), (72, 16), (254, 1)]
+    {
+        bytes[at..at + 2].copy_from_slice(&value.to_le_bytes());
+    }
+    bytes[108..112].copy_from_slice(&352.0_f32.to_le_bytes());
+    bytes[123] = 2;
+    // x grows to the left, which is −R, and y to the back, which is −A; voxel 0 lies at −10, −20, 5 in RAS.
+    for (at, value) in [(280, -2.0_f32), (292, -10.0), (300, -2.0), (308, -20.0), (320, 3.0), (324, 5.0)] {
+        bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+    }
+    bytes[344..348].copy_from_slice(b"n+1\0");
+    bytes.extend(head().iter().flat_map(|value| value.to_le_bytes()));
+    bytes
+}
+
+/// The head as slices of DICOM, with names in no order of their positions.
+fn head_in_dicom(folder: &Folder) {
+    use crate::support::dicom::{EXPLICIT, Value, file, slice};
+    std::fs::create_dir(folder.path("head")).unwrap();
+    for (z, pixels) in head().chunks(HEAD * HEAD).enumerate() {
+        // To the left is +x, to the back is +y: voxel 0 lies at 10, 20, 5 in LPS.
+        let height = 5 + 3 * z;
+        let side = u16::try_from(HEAD).unwrap();
+        let one = slice(0.0, 0)
+            .text(0x0020_0032, "DS", &format!("10\\20\\{height}"))
+            .text(0x0028_0030, "DS", "2\\2")
+            .short(0x0028_0010, &[side])
+            .short(0x0028_0011, &[side])
+            .with(0x7fe0_0010, "OW", Value::Short(pixels.to_vec()));
+        let name = format!("head/{:02}", z * 7 % HEAD);
+        std::fs::write(folder.path(&name), file(&one, EXPLICIT)).unwrap();
+    }
+}
+
+#[test]
+fn nifti_and_dicom_of_one_head_give_the_same_picture() {
+    let folder = Folder::new().with("head.nii", head_in_nifti());
+    head_in_dicom(&folder);
+    for (name, picture) in [("head.nii", "n.png"), ("head", "d.png")] {
+        folder.done(&["render", name, "--size", "64x64", "-o", picture]);
+    }
+    let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+    assert!(bytes("n.png") == bytes("d.png"), "the two pictures differ");
+    // Seen from the front, the left of the patient is on the right.
+    let file = std::io::BufReader::new(std::fs::File::open(folder.path("d.png")).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let frame = reader.next_frame(&mut pixels).unwrap();
+    let samples = pixels.len() / 64 / 64;
+    assert_eq!((frame.width, frame.height), (64, 64));
+    let lit = |column: usize| {
+        (0..64)
+            .filter(|row| pixels[(row * 64 + column) * samples..][..samples.min(3)].iter().any(|&it| it > 20))
+            .count()
+    };
+    let columns: Vec<usize> = (0..64).filter(|&column| lit(column) > 0).collect();
+    let [first, last] = [columns[0], columns[columns.len() - 1]];
+    // The ear is a narrow part at one end; the head begins wide at the other.
+    assert!(
+        lit(last - 2) < 16 && lit(first + 6) > lit(last - 6),
+        "from {first}, {last}: {:?}",
+        (first..=last).map(lit).collect::<Vec<_>>()
+    );
+}
+
+#[test]
+fn names_of_segments_are_those_of_the_materials() {
+    use crate::support::dicom::{EXPLICIT, file, segmentation};
+    let half = [0, 1, 1, 0, 1, 1, 0, 1, 1];
+    let frames = [(1, 0.0, half), (1, 2.0, half), (2, 4.0, half)];
+    let folder = Folder::new().with("seg.dcm", file(&segmentation("BINARY", &frames), EXPLICIT));
+    let outcome = folder.done(&["render", "seg.dcm", "--size", "32x32", "-o", "p.png", "--save-scene", "s.toml"]);
+    assert!(outcome.err.contains("liver from 0.5 to 1.5, spleen from 1.5 to 2.5"), "{}", outcome.err);
+    let text = std::fs::read_to_string(folder.path("s.toml")).unwrap();
+    for words in ["[materials.liver]", "[materials.spleen]", "material = \"spleen\""] {
+        assert!(text.contains(words), "no {words} in {text}");
+    }
+    // The saved scene is read like any other.
+    folder.done(&["render", "s.toml", "--size", "32x32", "-o", "q.png", "--volume", "seg.dcm"]);
+}
+
+#[test]
+fn a_channel_is_shown_in_its_colour() {
+    let omero = "{\"multiscales\": [{\"axes\": [\"z\", \"y\", \"x\"], \"datasets\": [{\"path\": \"0\"}]}], \"omero\": {\"channels\": \
+                 [{\"label\": \"GFP\", \"color\": \"00FF20\", \"window\": {\"start\": 20, \"end\": 200}}]}}";
+    let array = "{\"zarr_format\": 2, \"shape\": [16, 16, 16], \"chunks\": [16, 16, 16], \"dtype\": \"|u1\", \"compressor\": null, \
+                 \"fill_value\": 0, \"order\": \"C\", \"filters\": null}";
+    let folder = Folder::new();
+    std::fs::create_dir_all(folder.path("cells.zarr/0")).unwrap();
+    let value = |index: usize| u8::try_from(index % 16 * 15).unwrap();
+    let folder = folder
+        .with("cells.zarr/.zgroup", "{\"zarr_format\": 2}")
+        .with("cells.zarr/.zattrs", omero)
+        .with("cells.zarr/0/.zarray", array)
+        .with("cells.zarr/0/0.0.0", (0..4096).map(value).collect::<Vec<u8>>());
+    let outcome = folder.done(&["render", "cells.zarr", "--size", "32x32", "-o", "p.png", "--save-scene", "s.toml"]);
+    assert!(outcome.err.contains("shown in the colour of the channel, #00ff20"), "{}", outcome.err);
+    let text = std::fs::read_to_string(folder.path("s.toml")).unwrap();
+    assert!(text.contains("reflectance = { srgb = \"#00ff20\" }") && text.contains(", 0.0], [200.0,"), "{text}");
+    let grey = folder.done(&["render", "cells.zarr", "--look", "grey", "--size", "32x32", "-o", "g.png"]);
+    assert!(grey.err.contains("shown in grey"), "a look that is asked for: {}", grey.err);
+}
+
 #[test]
 fn a_head_whose_slices_begin_at_the_top_is_turned_over() {
     // A ball of water with a bone at its middle, on a neck that the last slice cuts off.

@@ -12,7 +12,7 @@ use glam::DVec3;
 use relume::progress::Quiet;
 use relume::volume::{self, LabelPreset, Selection, Unit, Volume, VolumeError, Voxels, Window};
 use serde_json::Value;
-use volumes::refused;
+use volumes::{refused, unbundled};
 
 /// Voxels along x, y and z of the files of `make_zarr.py`.
 const DIMS: [usize; 3] = [9, 10, 7];
@@ -48,19 +48,6 @@ fn voxels(dtype: &str, numbers: &[u64]) -> Voxels {
         "float64" => of!(F64 f64, |n| n as f64 / 8.0),
         other => panic!("{other} is no type"),
     }
-}
-
-/// The files of a bundle.
-fn unbundled(mut bytes: &[u8]) -> Vec<(String, Vec<u8>)> {
-    let mut files = Vec::new();
-    while let Some((&length, rest)) = bytes.split_first() {
-        let (name, rest) = rest.split_at(usize::from(length));
-        let (length, rest) = rest.split_at(4);
-        let length = u32::from_le_bytes(length.try_into().unwrap()) as usize;
-        files.push((String::from_utf8(name.to_vec()).unwrap(), rest[..length].to_vec()));
-        bytes = &rest[length..];
-    }
-    files
 }
 
 /// A Zarr store.
@@ -216,6 +203,7 @@ fn an_image_has_levels_channels_times_units_and_labels() {
         let metadata =
             |key: &str| volume.metadata.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str());
         assert_eq!(metadata("colour of channel 0"), Some("#0000ff"));
+        assert_eq!(volume.presets.colour, Some([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]][channel]));
         assert_eq!(metadata("label image"), Some("labels/nuclei"));
         assert_eq!(metadata("pyramid"), Some("2 levels: 0 9×10×7, 1 5×5×4"));
         let coarse = one(channel, time, Some(1));
@@ -366,6 +354,55 @@ fn what_zarr_does_not_mean_or_relume_does_not_read_is_refused_in_a_sentence() {
         let elsewhere = Store::written("v2_uint16");
         std::os::unix::fs::symlink(elsewhere.0.path(), store.path("level0")).unwrap();
         refused(store.select(&component(0)), &["level0", "outside"]);
+    }
+}
+
+#[test]
+fn chunks_of_zstd_need_not_state_their_size() {
+    use std::io::Write as _;
+    // As a stream writes them: small windows, a block every few bytes, no size in the frame.
+    let streamed = |bytes: &[u8]| {
+        let mut encoder = zstd::stream::write::Encoder::new(Vec::new(), 3).unwrap();
+        encoder.window_log(10).unwrap();
+        for part in bytes.chunks(8) {
+            encoder.write_all(part).unwrap();
+            encoder.flush().unwrap();
+        }
+        encoder.finish().unwrap()
+    };
+    let chunk = |store: &Store| zstd::stream::decode_all(&std::fs::read(store.path("0.0.1")).unwrap()[..]).unwrap();
+    let store = Store::written("v2_zstd");
+    let bytes = chunk(&store);
+    assert_eq!(bytes.len(), 3 * 4 * 5 * 8);
+    let coded = streamed(&bytes);
+    let volume = store.with("0.0.1", &coded).open().unwrap();
+    assert!(volume.voxels == voxels("float64", &numbers(DIMS, 1, 0, 0)));
+    // Two frames are one chunk, and more than a chunk is refused.
+    let halves = [streamed(&bytes[..200]), streamed(&bytes[200..])].concat();
+    let store = Store::written("v2_zstd").with("0.0.1", &halves);
+    assert!(store.open().unwrap().voxels == voxels("float64", &numbers(DIMS, 1, 0, 0)));
+    let longer = streamed(&[&bytes[..], &[0; 8]].concat());
+    refused(Store::written("v2_zstd").with("0.0.1", &longer).open(), &["0.0.1", "damaged zstd"]);
+    let stated = zstd::bulk::compress(&[&bytes[..], &[0; 8]].concat(), 3).unwrap();
+    refused(Store::written("v2_zstd").with("0.0.1", &stated).open(), &["0.0.1", "488 bytes, but a chunk has 480"]);
+}
+
+#[test]
+fn spacings_that_old_images_do_not_state_are_noted_at_every_level() {
+    // Versions 0.1 and 0.2 have no transformations: coarse voxels are as many times larger as there are fewer of them.
+    let old =
+        "{\"multiscales\": [{\"version\": \"0.1\", \"datasets\": [{\"path\": \"level0\"}, {\"path\": \"level1\"}]}]}";
+    let store = Store::written("image").with(".zattrs", old.as_bytes());
+    for (level, spacing, words) in [
+        (0, DVec3::ONE, "states no spacing; Relume uses 1 1 1"),
+        (1, DVec3::new(1.8, 2.0, 1.75), "states no spacing; Relume uses 1.8 2 1.75"),
+    ] {
+        let selection = Selection { component: Some(0), time: Some(0), level: Some(level), ..Selection::default() };
+        let volume = store.select(&selection).unwrap();
+        assert_eq!(volume.geometry.spacing, spacing, "level {level}");
+        assert!(volume.notes.iter().any(|note| note.contains(words)), "{:?}", volume.notes);
+        let fixed = volume.with_spacing(DVec3::splat(2.0)).unwrap();
+        assert!(!fixed.notes.iter().any(|note| note.contains("no spacing")), "{:?}", fixed.notes);
     }
 }
 

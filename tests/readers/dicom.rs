@@ -338,6 +338,70 @@ fn a_folder_is_read_eight_levels_deep_and_says_what_it_skips() {
     refused(open(volumes::folder(&files).path(), &Selection::default()), &["b, byte"]);
 }
 
+/// What a reading reports: stage, done, total.
+#[derive(Default)]
+struct Watch(std::sync::Mutex<Vec<(String, u64, u64)>>);
+
+impl relume::progress::Progress for Watch {
+    fn report(&self, stage: &str, done: u64, total: u64) {
+        self.0.lock().unwrap().push((stage.to_owned(), done, total));
+    }
+
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
+
+#[test]
+fn a_folder_of_2000_slices_tells_how_far_it_is_from_its_first_file_on() {
+    let folder = tempfile::tempdir().unwrap();
+    for number in 0..2000_u16 {
+        // Names in no order of the positions.
+        let name = format!("{:04}", u32::from(number) * 7 % 2000);
+        let bytes = file(&slice(f64::from(number) * 0.5, number), EXPLICIT);
+        std::fs::write(folder.path().join(name), bytes).unwrap();
+    }
+    let (watch, begun) = (Watch::default(), std::time::Instant::now());
+    let volume = volume::open(folder.path(), &Selection::default(), &watch).unwrap();
+    eprintln!("2000 slices of 4×3 pixels are read in {:.3} s", begun.elapsed().as_secs_f64());
+    assert_eq!((volume.geometry.dims, volume.geometry.spacing.z), ([4, 3, 2000], 0.5));
+    assert_eq!(stored(&volume)[12 * 1999..], from(1999, 12));
+    let reports = watch.0.into_inner().unwrap();
+    let is_listing = |(stage, ..): &&(String, u64, u64)| stage.starts_with("listing ");
+    let listing: Vec<u64> = reports.iter().filter(is_listing).map(|&(_, done, _)| done).collect();
+    assert_eq!((reports[0].1, listing.len()), (0, 2000), "one for each file, the first one at once");
+    assert!(reports.iter().filter(is_listing).all(|&(_, done, total)| done < 2000 && total == 2000));
+    let reading = reports.iter().filter(|(stage, ..)| stage.starts_with("reading ")).count();
+    assert!(reading >= 2000, "and again as the pixels are read: {reading}");
+}
+
+#[test]
+fn frames_of_a_deflated_file_are_read_in_the_order_of_the_file() {
+    // Slices in another order than the frames, and frames of bits that share bytes.
+    let heights = [4.0, 0.0, 2.0];
+    let enhanced = slice(0.0, 0)
+        .without(0x0020_0032)
+        .text(0x0028_0008, "IS", "3")
+        .items(0x5200_9230, heights.map(place).to_vec())
+        .with(0x7fe0_0010, "OW", Written::Short((0..36).collect()));
+    let volume = opened("v.dcm", &file(&enhanced, DEFLATED)).unwrap();
+    assert_eq!(stored(&volume), [from(12, 12), from(24, 12), from(0, 12)].concat());
+    let short = enhanced.with(0x7fe0_0010, "OW", Written::Short((0..30).collect()));
+    refused(opened("v.dcm", &file(&short, DEFLATED)), &["60 bytes of voxels", "require 72"]);
+    let bits = slice(0.0, 0)
+        .text(0x0028_0008, "IS", "3")
+        .without(0x0020_0032)
+        .short(0x0028_0100, &[1])
+        .short(0x0028_0101, &[1])
+        .short(0x0028_0102, &[0])
+        .with(0x7fe0_0010, "OB", Written::Bytes(vec![0x0f, 0xf0, 0xff, 0x01, 0x08]));
+    for time in 0..3 {
+        let selection = Selection { time: Some(time), ..Selection::default() };
+        let read = |syntax| stored(&volumes::opened("v.dcm", &file(&bits, syntax), &selection).unwrap());
+        assert_eq!(read(DEFLATED), read(EXPLICIT), "frame {time}");
+    }
+}
+
 #[test]
 fn a_damaged_file_of_another_series_is_skipped_with_a_warning() {
     let of = |series: &str, number: &str, place: f64, from: u16| {
@@ -613,6 +677,47 @@ fn what_cannot_be_read_is_refused_by_name_with_the_numbers() {
     // Slices without a position.
     let lost = || slice(0.0, 0).without(0x0020_0032);
     refused(series_of(&[("a", lost()), ("b", lost())], &Selection::default()), &["2 of 2 slices state no position"]);
+}
+
+#[test]
+fn codestreams_of_jpeg_ls_have_the_numbers_of_charls() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/jpegls.bundle");
+    let files = volumes::unbundled(&std::fs::read(path).unwrap());
+    assert_eq!(files.len(), 3 * 4 * 2 * 2, "codestreams and numbers");
+    let elements = |bits: u16, code: &[u8]| {
+        let allocated = if bits == 8 { 8 } else { 16 };
+        slice(0.0, 0)
+            .short(0x0028_0010, &[23])
+            .short(0x0028_0011, &[31])
+            .short(0x0028_0100, &[allocated])
+            .short(0x0028_0101, &[allocated])
+            .short(0x0028_0102, &[allocated - 1])
+            .with(0x7fe0_0010, "OB", Written::Fragments(vec![Vec::new(), code.to_vec()]))
+    };
+    let lossy = "1.2.840.10008.1.2.4.81";
+    for pair in files.chunks(2) {
+        let [(name, code), (_, numbers)] = pair else { panic!("a codestream and its numbers") };
+        let bits = name.split('-').next().unwrap().parse().unwrap();
+        let volume =
+            opened("v.dcm", &file(&elements(bits, code), lossy)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let expected: Vec<f64> =
+            numbers.as_chunks::<2>().0.iter().map(|&word| u16::from_le_bytes(word).into()).collect();
+        assert!(stored(&volume) == expected, "{name}");
+        // Cut anywhere, it ends early or has no end.
+        for length in [code.len() / 3, code.len() / 2, code.len() * 3 / 4] {
+            let cut = opened("v.dcm", &file(&elements(bits, &code[..length / 2 * 2]), lossy));
+            assert!(cut.is_err(), "{name} of {length} bytes");
+        }
+    }
+    let (_, code) = &files[0];
+    let changed = |at: usize, byte: u8| {
+        let mut code = code.clone();
+        code[at] = byte;
+        opened("v.dcm", &file(&elements(8, &code), lossy))
+    };
+    let scan = code.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap();
+    refused(changed(scan + 7, 200), &["frame 1", "damaged JPEG-LS data", "an error of 200"]);
+    refused(changed(scan + 8, 2), &["its scan is interleaved"]);
 }
 
 #[test]

@@ -11,6 +11,8 @@ mod nifti;
 mod nrrd;
 mod numpy;
 mod phantom;
+mod preview;
+mod refusals;
 #[path = "../support/mod.rs"]
 mod support;
 mod tiff;

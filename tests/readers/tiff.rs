@@ -557,6 +557,30 @@ fn imagej_scales_values_and_states_its_window_in_stored_numbers() {
 }
 
 #[test]
+fn colour_maps_of_imagej_are_colours_of_channels() {
+    // Two channels, green and grey: all reds, all greens, all blues.
+    let map = |[red, green, blue]: [u8; 3]| {
+        [red, green, blue].iter().flat_map(|&most| (0..=255_u8).map(move |it| u32::from(it.min(most)))).collect()
+    };
+    let (green, grey): (Vec<u32>, Vec<u32>) = (map([0, 255, 16]), map([255, 255, 255]));
+    let mut own = text("IJIJstul");
+    own.pop();
+    own.extend([2, 0, 0, 0]);
+    own.extend(green);
+    own.extend(grey);
+    let mut writer = Writer::new();
+    let at = writer.data(&TWELVE);
+    let description = text("ImageJ=1.54f\nimages=2\nchannels=2\nmode=composite\n");
+    let lengths: [u32; 3] = [12, 768, 768];
+    writer.page(with(tags(at), &[(270, 2, &description), (50838, LONG, &lengths), (50839, 1, &own)])).page(tags(at));
+    let open = |channel| volumes::opened("v.tif", &writer.bytes, &component(channel)).unwrap();
+    let colours = [0, 1].map(|channel| open(channel).presets.colour);
+    assert_eq!(colours, [Some([0.0, 1.0, 16.0 / 255.0]), None], "grey is no colour");
+    let stated = ("colour of channel 0".to_owned(), "#00ff10".to_owned());
+    assert!(open(0).metadata.contains(&stated), "{:?}", open(0).metadata);
+}
+
+#[test]
 fn imagej_images_that_are_not_in_the_file_are_refused() {
     let of = |description: &str, more: &[u8]| {
         let mut writer = Writer::new();

@@ -62,6 +62,25 @@ pub fn folder(files: &[(&str, Vec<u8>)]) -> tempfile::TempDir {
     folder
 }
 
+/// The files of a bundle of `tests/tools/make_zarr.py`.
+pub fn unbundled(mut bytes: &[u8]) -> Vec<(String, Vec<u8>)> {
+    let mut files = Vec::new();
+    while let Some((&length, rest)) = bytes.split_first() {
+        let (name, rest) = rest.split_at(usize::from(length));
+        let (length, rest) = rest.split_at(4);
+        let length = usize::try_from(u32::from_le_bytes(length.try_into().unwrap())).unwrap();
+        files.push((String::from_utf8(name.to_vec()).unwrap(), rest[..length].to_vec()));
+        bytes = &rest[length..];
+    }
+    files
+}
+
+/// The folder of a bundle.
+pub fn bundle(path: &Path) -> tempfile::TempDir {
+    let files = unbundled(&std::fs::read(path).unwrap());
+    folder(&files.iter().map(|(name, bytes)| (name.as_str(), bytes.clone())).collect::<Vec<_>>())
+}
+
 /// A folder with a header and its data file `v.raw`.
 pub struct Files {
     pub folder: tempfile::TempDir,

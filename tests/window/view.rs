@@ -503,6 +503,33 @@ fn a_file_that_is_dropped_on_the_window_opens_or_is_told_of() {
 }
 
 #[test]
+fn a_folder_of_dicom_opens_as_an_argument_and_when_it_is_dropped() {
+    use support::dicom::{EXPLICIT, Value, file, slice};
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    for name in ["scan", "two"] {
+        std::fs::create_dir(folder.path(name)).unwrap();
+    }
+    for z in 0..8_u16 {
+        let pixels: Vec<u16> = (0..64).map(|index| (index * 5 + z * 31) % 97).collect();
+        let one = slice(f64::from(z), 0).short(0x0028_0010, &[8]).short(0x0028_0011, &[8]);
+        let one = one.with(0x7fe0_0010, "OW", Value::Short(pixels));
+        let other = one.clone().text(0x0020_000e, "UI", "9.9").text(0x0020_0011, "IS", "6");
+        for (name, slice) in
+            [(format!("scan/{}", 9 - z), &one), (format!("two/a{z}"), &one), (format!("two/b{z}"), &other)]
+        {
+            std::fs::write(folder.path(&name), file(slice, EXPLICIT)).unwrap();
+        }
+    }
+    let dropped = "size 320 300\nsettle\ndrop scan\nsettle\npicture dropped.png\ndrop two\nsettle\n";
+    let report = screen.script(&folder, "scene.toml", dropped);
+    let notices = report["notices"].to_string();
+    assert!(notices.contains("2 series: 5 «made» MR 8×8×8, 6 «made» MR 8×8×8"), "{notices}");
+    screen.script(&folder, "scan", "size 320 300\nsettle\npicture opened.png\n");
+    assert_eq!(bytes(&folder, "dropped.png"), bytes(&folder, "opened.png"));
+}
+
+#[test]
 fn lines_about_a_scene_wait_until_it_is_open() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();

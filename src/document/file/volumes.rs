@@ -191,6 +191,7 @@ impl VolumeFile {
             level: self.level,
             axes: self.axes.clone(),
             asks: false,
+            middle: false,
             resample: self.resample,
         };
         if options.volume.is_some() || options.selection.asks {

@@ -253,8 +253,14 @@ fn code([red, green, blue]: [f64; 3]) -> String {
 fn label_layers(values: &Values, labels: &[f64], presets: &[LabelPreset], axis: usize) -> Vec<Layer> {
     let outer = outermost(&values.thinned, values.least, axis);
     let stated = |label: f64| presets.iter().find(|preset| brief(label) == preset.value.to_string());
+    // A name of a file may have any character but those that end a line.
+    let name = |label: f64| -> Option<String> {
+        let name: String = stated(label)?.name.chars().filter(|it| !it.is_control()).collect();
+        let is_alone = presets.iter().filter(|preset| preset.name == name).count() == 1;
+        Some(name.trim().to_owned()).filter(|name| !name.is_empty() && is_alone)
+    };
     let layer = |(index, &label): (usize, &f64)| Layer {
-        name: format!("label_{}", brief(label)),
+        name: name(label).unwrap_or_else(|| format!("label_{}", brief(label))),
         colour: Colour::Code(
             stated(label)
                 .and_then(|preset| preset.colour)
@@ -267,9 +273,7 @@ fn label_layers(values: &Values, labels: &[f64], presets: &[LabelPreset], axis: 
         } else {
             12.0
         }),
-        // A name of a file may have any character but those that end a comment.
-        what: stated(label)
-            .map_or_else(String::new, |preset| preset.name.chars().filter(|it| !it.is_control()).collect()),
+        what: String::new(),
     };
     labels.iter().enumerate().map(layer).collect()
 }
@@ -507,6 +511,23 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape,
             format!("{kind}, shown as a green X-ray material, brighter from {low} to {high}"),
         );
     }
+    if let (Kind::Other, None, Some(colour)) = (&values.kind, wish.look, presets.colour) {
+        let stated = presets.windows.iter().find(|window| window.low < values.most);
+        // Windows of channels often begin at 0, in front of the noise of the surroundings.
+        let from = values.objects_from;
+        let range = stated.map_or([from, high], |window| {
+            [if from < window.high { window.low.max(from) } else { window.low }, window.high]
+        });
+        let code = code(colour);
+        let layer = alone("channel", Colour::Code(code.clone()), range, 4.0);
+        let [low, high] = range.map(brief);
+        return (
+            Shape::Ramp { layer, shines: false },
+            format!(
+                "{kind}, shown in the colour of the channel, {code}: transparent up to {low}, most opaque from {high}"
+            ),
+        );
+    }
     // A window of the file says more than the histogram.
     let stated = presets.windows.iter().find(|window| window.low < values.most).filter(|_| wish.look.is_none());
     let layers = match (&values.kind, wish.look) {
@@ -541,6 +562,11 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape,
 /// A number to four digits.
 fn brief_of(number: f64) -> String {
     brief(format!("{number:.3e}").parse().unwrap_or(number))
+}
+
+/// A name as a string of TOML.
+fn quoted(name: &str) -> String {
+    toml_edit::value(name).to_string().trim().to_owned()
 }
 
 /// Opacity of an opacity length of a layer that is this many of them thick.
@@ -587,8 +613,8 @@ fn text(
                 let opacity = opacity(layer.depth, thickness);
                 let ([low, high], ramp) = (layer.range, layer.ramp);
                 line(&format!(
-                    "    {{ material = \"{}\", range = [{low:?}, {high:?}], ramp = {ramp:?}, opacity = {opacity:?} }},",
-                    layer.name
+                    "    {{ material = {}, range = [{low:?}, {high:?}], ramp = {ramp:?}, opacity = {opacity:?} }},",
+                    quoted(&layer.name)
                 ));
             }
             line("]");
@@ -599,7 +625,7 @@ fn text(
             let opacity = opacity(layer.depth, thickness(&[upper]).first().copied().unwrap_or(1.0));
             line("# A window of values: transparent at the low end, most opaque at the high end.");
             line(&format!("opacity = [[{low:?}, 0.0], [{high:?}, {opacity:?}]]"));
-            line(&format!("material = [[{low:?}, \"{}\"]]", layer.name));
+            line(&format!("material = [[{low:?}, {}]]", quoted(&layer.name)));
         }
     }
     let layers = match shape {
@@ -618,7 +644,8 @@ fn text(
                 Colour::Code(code) => code.as_str(),
                 Colour::Designed(_) => LABEL_COLOURS[index % LABEL_COLOURS.len()],
             };
-            line(&format!("\n[materials.{}]\nreflectance = {{ srgb = \"{colour}\" }}", layer.name));
+            let key = toml_edit::Key::new(&layer.name).display_repr().into_owned();
+            line(&format!("\n[materials.{key}]\nreflectance = {{ srgb = \"{colour}\" }}"));
             if shines {
                 line("ambient = 1\ndiffuse = 0\nxray = true");
             }

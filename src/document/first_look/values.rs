@@ -308,7 +308,9 @@ fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statist
         return Kind::Ct { water };
     }
     let are_whole = !matches!(volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
-    match labels(thinned, sorted, volume.has_labels).filter(|_| are_whole) {
+    // A channel of a microscope has no labels, however few its values are.
+    let labels = if volume.presets.colour.is_some() { None } else { labels(thinned, sorted, volume.has_labels) };
+    match labels.filter(|_| are_whole) {
         Some(labels) => Kind::Labels(labels),
         None => Kind::Other,
     }

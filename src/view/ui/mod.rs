@@ -16,6 +16,7 @@ mod lights;
 mod notices;
 mod palette;
 mod picture;
+mod previews;
 mod probe;
 mod reading;
 mod slices;

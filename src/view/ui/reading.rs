@@ -4,9 +4,13 @@
 use egui::{Button, ComboBox, Context, Grid, Id, Key, Modal, Response, RichText, ScrollArea, Ui, WidgetInfo};
 
 use super::controls::{number, toggle};
+use super::previews::{Place, Previews};
 use crate::document::Source;
 use crate::document::{Question, Unknown};
 use crate::volume::{ByteOrder, RawLayout, Selection, Series, Several, VoxelType};
+
+/// Largest width in points.
+const WIDTH: f32 = 420.0;
 
 /// A question with the answer so far.
 #[derive(Debug)]
@@ -17,6 +21,8 @@ pub(super) struct Reading {
     chosen: usize,
     /// Layout of headerless voxels.
     layout: RawLayout,
+    /// Middle slices of the volumes among which to choose.
+    previews: Previews,
     /// Whether a field had the keyboard focus in the last frame, and thus took Enter and Escape.
     typed: bool,
 }
@@ -47,7 +53,14 @@ impl Reading {
             Unknown::Which(_) | Unknown::Grid { .. } => None,
         };
         let layout = guess.unwrap_or_else(|| RawLayout::new([1; 3], VoxelType::U8));
-        Self { source: Box::new(source), question, chosen: chosen.unwrap_or(0), layout, typed: false }
+        Self {
+            source: Box::new(source),
+            question,
+            chosen: chosen.unwrap_or(0),
+            layout,
+            previews: Previews::default(),
+            typed: false,
+        }
     }
 
     /// Shows the question in the middle of the window and returns the answer, if any. A click outside is no answer.
@@ -56,7 +69,7 @@ impl Reading {
         let pressed = |key: Key| !self.typed && context.input(|input| input.key_pressed(key));
         let [enter, escape] = [Key::Enter, Key::Escape].map(pressed);
         let modal = Modal::new(Id::new("question")).show(context, |ui| {
-            ui.set_max_width(360.0);
+            ui.set_max_width(WIDTH);
             let sound = self.ask(ui, room);
             ui.add_space(6.0);
             ui.horizontal(|ui| {
@@ -78,37 +91,38 @@ impl Reading {
     fn ask(&mut self, ui: &mut Ui, room: f32) -> bool {
         let file = self.question.file.file_name().unwrap_or_default().to_string_lossy();
         match &self.question.unknown {
-            Unknown::Which(Several::Arrays(names)) => {
-                ui.heading(format!("{file} holds several arrays"));
+            Unknown::Which(there) if names(there).is_some() => {
+                let kind = match there {
+                    Several::Arrays(_) => "arrays",
+                    Several::Components { .. } => "channels",
+                    Several::Series(_) => "series",
+                    Several::Levels(_) => "levels of resolution",
+                    Several::Times(_) => "time steps",
+                };
+                ui.heading(format!("{file} holds several {kind}"));
+                let names = names(there).unwrap_or_default();
                 ScrollArea::vertical().max_height(room).show(ui, |ui| {
-                    for (index, name) in names.iter().enumerate() {
-                        ui.radio_value(&mut self.chosen, index, name);
-                    }
-                });
-                true
-            }
-            Unknown::Which(Several::Components { names, .. }) if names.iter().any(|name| !name.is_empty()) => {
-                ui.heading(format!("{file} holds several channels"));
-                ScrollArea::vertical().max_height(room).show(ui, |ui| {
-                    for (index, name) in names.iter().enumerate() {
-                        let name = if name.is_empty() { format!("channel {index}") } else { name.clone() };
-                        ui.radio_value(&mut self.chosen, index, name);
-                    }
-                });
-                true
-            }
-            Unknown::Which(Several::Series(all)) => {
-                ui.heading(format!("{file} holds several series"));
-                ScrollArea::vertical().max_height(room).show(ui, |ui| {
-                    for (index, series) in all.iter().enumerate() {
-                        ui.radio_value(&mut self.chosen, index, series.to_string());
+                    for (index, name) in names.into_iter().enumerate() {
+                        ui.horizontal(|ui| {
+                            let selection = selection(&self.question.unknown, &self.source, index);
+                            let place = place(&self.question, &self.source, &selection);
+                            let picture = self.previews.show(ui, index, place);
+                            let radio = ui.radio(self.chosen == index, name);
+                            if radio.clicked() || picture.clicked() {
+                                self.chosen = index;
+                            }
+                        });
                     }
                 });
                 true
             }
             Unknown::Which(there) => {
                 ui.heading(format!("{file} holds {there}"));
-                one_of(ui, there, &mut self.chosen);
+                ui.horizontal(|ui| {
+                    let selection = selection(&self.question.unknown, &self.source, self.chosen);
+                    self.previews.show(ui, self.chosen, place(&self.question, &self.source, &selection));
+                    one_of(ui, there, &mut self.chosen);
+                });
                 true
             }
             Unknown::Grid { problem } => {
@@ -132,28 +146,56 @@ impl Reading {
     fn answered(&self) -> Box<Source> {
         let mut source = self.source.clone();
         let options = &mut source.options;
-        let selection = match &self.question.unknown {
-            Unknown::Which(Several::Components { .. }) => {
-                Selection { component: Some(self.chosen), ..Selection::default() }
-            }
-            Unknown::Which(Several::Times(_)) => Selection { time: Some(self.chosen), ..Selection::default() },
-            Unknown::Which(Several::Arrays(names)) => {
-                Selection { array: names.get(self.chosen).cloned(), ..Selection::default() }
-            }
-            Unknown::Which(Several::Series(all)) => {
-                let series = all.get(self.chosen).map(|series| series.key.clone());
-                Selection { series, ..Selection::default() }
-            }
-            Unknown::Which(Several::Levels(_)) => Selection { level: Some(self.chosen), ..Selection::default() },
-            Unknown::Grid { .. } => Selection { resample: true, ..Selection::default() },
-            Unknown::Layout { .. } => {
-                options.raw = Some(self.layout.clone());
-                Selection::default()
-            }
-        };
-        options.selection = selection.or(&options.selection);
+        if matches!(self.question.unknown, Unknown::Layout { .. }) {
+            options.raw = Some(self.layout.clone());
+        }
+        options.selection = selection(&self.question.unknown, &self.source, self.chosen);
         source
     }
+}
+
+/// The selection of `source` with the answer `index`.
+fn selection(unknown: &Unknown, source: &Source, index: usize) -> Selection {
+    let answer = match unknown {
+        Unknown::Which(Several::Components { .. }) => Selection { component: Some(index), ..Selection::default() },
+        Unknown::Which(Several::Times(_)) => Selection { time: Some(index), ..Selection::default() },
+        Unknown::Which(Several::Arrays(names)) => {
+            Selection { array: names.get(index).cloned(), ..Selection::default() }
+        }
+        Unknown::Which(Several::Series(all)) => {
+            let series = all.get(index).map(|series| series.key.clone());
+            Selection { series, ..Selection::default() }
+        }
+        Unknown::Which(Several::Levels(_)) => Selection { level: Some(index), ..Selection::default() },
+        Unknown::Grid { .. } => Selection { resample: true, ..Selection::default() },
+        Unknown::Layout { .. } => Selection::default(),
+    };
+    answer.or(&source.options.selection)
+}
+
+/// The volume of `selection` in the file of the question.
+fn place<'a>(question: &'a Question, source: &'a Source, selection: &'a Selection) -> Place<'a> {
+    Place { path: &question.file, layout: source.options.raw.as_ref(), selection }
+}
+
+/// Names of the alternatives, if there is a line for each; otherwise they are chosen by their numbers.
+fn names(there: &Several) -> Option<Vec<String>> {
+    Some(match there {
+        Several::Arrays(names) => names.clone(),
+        Several::Components { names, .. } if names.iter().any(|name| !name.is_empty()) => {
+            let name = |(index, name): (usize, &String)| match name.as_str() {
+                "" => format!("channel {index}"),
+                name => name.to_owned(),
+            };
+            names.iter().enumerate().map(name).collect()
+        }
+        Several::Series(all) => all.iter().map(ToString::to_string).collect(),
+        Several::Levels(all) => {
+            let name = |(level, [x, y, z]): (usize, &[usize; 3])| format!("level {level}, {x}×{y}×{z}");
+            all.iter().enumerate().map(name).collect()
+        }
+        Several::Components { .. } | Several::Times(_) => return None,
+    })
 }
 
 /// Index of the series with most voxels, the first one among ties.

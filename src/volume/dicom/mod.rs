@@ -6,6 +6,7 @@
 mod codec;
 mod dataset;
 mod image;
+mod jpeg_ls;
 mod pixels;
 mod segments;
 mod series;
@@ -15,9 +16,10 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::data::Listing;
 use super::geometry::{Lattice, Unit};
 use super::resample::Grid;
-use super::{Selection, Volume, VolumeError, Voxel, Voxels, allocate, data, with_voxels};
+use super::{Selection, Volume, VolumeError, Voxel, Voxels, allocate, with_voxels};
 use crate::number::whole;
 use crate::progress::Progress;
 use image::{About, Image};
@@ -47,10 +49,11 @@ pub(super) fn read_folder(
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
     selection.no_level(&source.display().to_string())?;
+    let listing = Listing::of(source, files.len(), progress);
     let read: Vec<Result<Option<Image>, VolumeError>> = files
         .par_iter()
         .map(|file| {
-            data::report(source, 0, 1, progress)?;
+            listing.next()?;
             Image::read(file)
         })
         .collect();
@@ -181,7 +184,9 @@ fn scalar(
     let components = first.layout.samples;
     let component = selection.component(&source_name, components, first.colours())?;
     let time = selection.time(&source_name, times.len())?;
-    let slices = &times[time];
+    let range = selection.slices(times[time].len());
+    let slices = &times[time][range.clone()];
+    let uneven = uneven.filter(|_| !selection.middle);
     let lattice = match &uneven {
         Some((_, problem)) if !selection.resample => {
             return Err(VolumeError::Uneven { source_name, problem: problem.clone() });
@@ -191,6 +196,7 @@ fn scalar(
             notes.push(format!("{source_name}: {problem}; the slices are resampled to even steps"));
             Lattice { dims: [lattice.dims[0], lattice.dims[1], whole(last.round()) + 1], ..lattice }
         }
+        None if selection.middle => lattice.of_slices(&range),
         None => lattice,
     };
     let grid = Grid::of(lattice, &source_name, selection.resample)?;

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use dicom_dictionary_std::tags;
 use rayon::prelude::*;
@@ -53,7 +54,9 @@ pub(super) struct Pixels<'a> {
 pub(super) struct Shared {
     /// Fragments of each frame, of compressed images.
     fragments: HashMap<usize, Vec<Vec<Range>>>,
-    /// Pixels of inflated images, which can only be read from their beginning.
+    /// Streams of deflated images, which can only be read from their beginning.
+    streams: HashMap<usize, Mutex<Frames>>,
+    /// Pixels of deflated segmentations, whose frames are read in the order of their segments.
     inflated: HashMap<usize, Buffer>,
     /// Tables of values of images with several frames.
     luts: HashMap<usize, Lut>,
@@ -61,6 +64,35 @@ pub(super) struct Shared {
 
 /// Bytes of a fragment of compressed data, or of a frame.
 type Buffer = Vec<u8>;
+
+/// Frames of a deflated image.
+struct Frames {
+    stream: dataset::Stream,
+    /// Byte of the pixel data that comes next.
+    at: u64,
+    /// The byte before it: two frames of bits may share one.
+    last: u8,
+}
+
+impl Frames {
+    /// Reads `length` bytes from byte `first` on, which is not before the last one that was read.
+    fn read(&mut self, path: &Path, (first, length): (u64, u64), buffer: &mut Buffer) -> Result<(), VolumeError> {
+        buffer.clear();
+        let again = self.at.saturating_sub(first).min(1);
+        if again == 1 {
+            buffer.push(self.last);
+        }
+        self.stream.skip(first.saturating_sub(self.at)).map_err(|source| failed(path, source))?;
+        let wanted = length - again;
+        let there = (&mut self.stream).take(wanted).read_to_end(buffer).map_err(|source| failed(path, source))?;
+        if count(there) < wanted {
+            let (found, expected) = (first + again + count(there), first + length);
+            return Err(VolumeError::Short { path: path.to_owned(), found, expected });
+        }
+        (self.at, self.last) = (first + length, buffer.last().copied().unwrap_or(0));
+        Ok(())
+    }
+}
 
 /// A stored number of a voxel type.
 trait Stored: Voxel {
@@ -112,8 +144,8 @@ impl Pixels<'_> {
         };
         let layout = &self.images[first.image].layout;
         with_type!(layout.voxel_type, T => match self.values {
-            Values::Stored => self.all(progress, |index, buffer, out: &mut [T]| self.slice(index, shared, buffer, out)),
-            Values::Scaled => self.all(progress, |index, buffer, out: &mut [f32]| {
+            Values::Stored => self.all(shared, progress, |index, buffer, out: &mut [T]| self.slice(index, shared, buffer, out)),
+            Values::Scaled => self.all(shared, progress, |index, buffer, out: &mut [f32]| {
                 let mut stored = vec![T::of(0); out.len()];
                 self.slice(index, shared, buffer, &mut stored)?;
                 let Slice { image, frame } = self.slices[index];
@@ -123,7 +155,7 @@ impl Pixels<'_> {
                 }
                 Ok(())
             }),
-            Values::Looked => self.all(progress, |index, buffer, out: &mut [u16]| {
+            Values::Looked => self.all(shared, progress, |index, buffer, out: &mut [u16]| {
                 let mut stored = vec![T::of(0); out.len()];
                 self.slice(index, shared, buffer, &mut stored)?;
                 let number = self.slices[index].image;
@@ -157,11 +189,17 @@ impl Pixels<'_> {
             if self.values == Values::Looked && image.count > 1 && !shared.luts.contains_key(&number) {
                 shared.luts.insert(number, Lut::read(&image.path, &image.layout)?);
             }
-            if image.count == 1 || shared.fragments.contains_key(&number) || shared.inflated.contains_key(&number) {
+            let is_known = shared.fragments.contains_key(&number)
+                || shared.streams.contains_key(&number)
+                || shared.inflated.contains_key(&number);
+            if image.count == 1 || is_known {
                 continue;
             }
             if image.pixels.length.is_none() {
                 shared.fragments.insert(number, frames_of(image)?);
+            } else if is_deflated && image.segmentation.is_empty() {
+                let stream = dataset::stream_from(&image.path, &image.syntax, image.pixels.at)?;
+                shared.streams.insert(number, Mutex::new(Frames { stream, at: 0, last: 0 }));
             } else if is_deflated {
                 let length = image.layout.bits().saturating_mul(count(image.count)).div_ceil(8);
                 let mut bytes = Buffer::new();
@@ -175,12 +213,16 @@ impl Pixels<'_> {
     /// Fills all voxels; `fill` gets the index of a slice.
     fn all<T: Stored>(
         &self,
+        shared: &Shared,
         progress: &dyn Progress,
         fill: impl Fn(usize, &mut Buffer, &mut [T]) -> Result<(), VolumeError> + Sync,
     ) -> Result<Voxels, VolumeError> {
         let first = &self.images[self.slices[0].image];
         let pixels = first.layout.pixels();
         let wanted = pixels.saturating_mul(self.slices.len());
+        if self.slices.iter().any(|slice| shared.streams.contains_key(&slice.image)) {
+            return self.one_by_one(pixels, progress, fill);
+        }
         // The file has all bytes of plain pixels. Otherwise memory grows as frames come out.
         let is_there = |slice: &Slice| matches!(self.images[slice.image].syntax.coding, Coding::Plain);
         let is_bounded = self.slices.iter().all(is_there);
@@ -212,6 +254,56 @@ impl Pixels<'_> {
             start = end;
         }
         Ok(T::into_voxels(voxels))
+    }
+
+    /// Fills all voxels in the order of the file, for frames that can only be read in this order. Memory grows as they come;
+    /// if they are not slices in this order, they are all read once before it is taken.
+    fn one_by_one<T: Stored>(
+        &self,
+        pixels: usize,
+        progress: &dyn Progress,
+        fill: impl Fn(usize, &mut Buffer, &mut [T]) -> Result<(), VolumeError>,
+    ) -> Result<Voxels, VolumeError> {
+        let wanted = pixels.saturating_mul(self.slices.len());
+        let mut order: Vec<usize> = (0..self.slices.len()).collect();
+        order.sort_by_key(|&index| (self.slices[index].image, self.slices[index].frame));
+        let mut voxels: Vec<T> = Vec::new();
+        let grows = order.is_sorted();
+        if !grows {
+            for last in order.chunk_by(|&one, &next| self.slices[one].image == self.slices[next].image) {
+                let Some(&Slice { image, frame }) = last.last().map(|&index| &self.slices[index]) else { continue };
+                self.prove(&self.images[image], frame + 1, progress)?;
+            }
+            voxels = allocate::zeroed(self.source, wanted)?;
+        }
+        let (mut buffer, bytes) =
+            (Buffer::new(), |numbers: usize| count(numbers).saturating_mul(count(size_of::<T>())));
+        for (done, &index) in order.iter().enumerate() {
+            data::report(self.source, bytes(done * pixels), bytes(wanted), progress)?;
+            if grows {
+                allocate::reserve(&mut voxels, pixels, wanted, self.source)?;
+                voxels.resize((index + 1) * pixels, T::zeroed());
+            }
+            fill(index, &mut buffer, &mut voxels[index * pixels..(index + 1) * pixels])?;
+        }
+        Ok(T::into_voxels(voxels))
+    }
+
+    /// Inflates the first `frames` frames of an image without keeping them.
+    fn prove(&self, image: &Image, frames: usize, progress: &dyn Progress) -> Result<(), VolumeError> {
+        let expected = image.layout.bits().saturating_mul(count(frames)).div_ceil(8);
+        let mut stream = dataset::stream_from(&image.path, &image.syntax, image.pixels.at)?;
+        let (mut found, mut part) = (0, vec![0; data::SLAB_BYTES]);
+        while found < expected {
+            data::check_cancelled(self.source, progress)?;
+            let length = usize::try_from(expected - found).unwrap_or(part.len()).min(part.len());
+            let there = read_fully(&mut stream, &mut part[..length]).map_err(|source| failed(&image.path, source))?;
+            found += count(there);
+            if there < length {
+                return Err(VolumeError::Short { path: image.path.clone(), found, expected });
+            }
+        }
+        Ok(())
     }
 
     /// Decodes the slice `index` into `out`.
@@ -247,13 +339,21 @@ impl Pixels<'_> {
             let bits = layout.bits().saturating_mul(count(frame));
             let (first, within) = (bits / 8, bits % 8);
             let length = (within + layout.bits()).div_ceil(8);
-            let inflated = shared.inflated.get(&number);
-            let bytes = match inflated {
-                Some(all) => {
+            if image.syntax.coding == Coding::Plain && is_as_it_is::<T>(layout, image.syntax.byte_order) {
+                return straight(image, first, bytemuck::cast_slice_mut(out));
+            }
+            let (inflated, stream) = (shared.inflated.get(&number), shared.streams.get(&number));
+            let bytes = match (inflated, stream) {
+                (None, Some(frames)) => {
+                    let mut frames = frames.lock().unwrap_or_else(PoisonError::into_inner);
+                    frames.read(&image.path, (first, length), buffer)?;
+                    &buffer[..]
+                }
+                (Some(all), _) => {
                     let [first, length] = [first, length].map(|it| usize::try_from(it).unwrap_or(usize::MAX));
                     &all[first..first + length]
                 }
-                None => {
+                (None, None) => {
                     plain(image, first, length, buffer)?;
                     &buffer[..]
                 }
@@ -296,6 +396,27 @@ impl Pixels<'_> {
         lay(&bytes, layout, allocated, is_planar, &place, self.component, out);
         Ok(())
     }
+}
+
+/// Whether the bytes of a frame are those of its voxels.
+fn is_as_it_is<T: Stored>(layout: &Layout, byte_order: ByteOrder) -> bool {
+    layout.samples == 1
+        && whole_bits(layout.allocated.into()) == 8 * size_of::<T>()
+        && (layout.stored, layout.high + 1) == (layout.allocated, layout.allocated)
+        && (byte_order == ByteOrder::NATIVE || layout.allocated == 8)
+}
+
+/// Reads uncompressed pixels, from byte `first` of the pixel data on, into their place.
+fn straight(image: &Image, first: u64, out: &mut [u8]) -> Result<(), VolumeError> {
+    let path = &image.path;
+    let fail = |source| failed(path, source);
+    let mut file = stream::open(path)?;
+    file.seek(SeekFrom::Start(image.pixels.at.saturating_add(first))).map_err(fail)?;
+    let there = read_fully(&mut file, out).map_err(fail)?;
+    if there < out.len() {
+        return Err(VolumeError::Short { path: path.clone(), found: count(there), expected: count(out.len()) });
+    }
+    Ok(())
 }
 
 /// Reads `length` bytes of pixels, from byte `first` of the pixel data on.

@@ -3,6 +3,7 @@
 mod file;
 mod placing;
 
+use std::ops::Range;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -12,8 +13,8 @@ use super::lengths::printable;
 use super::several::Several;
 use super::stream::{DEFLATE_LIMIT, count};
 use super::tiles::{self, Block, Grid};
-use super::voxels::{floats_of_halves, with_type};
-use super::{Selection, Volume, VolumeError, Voxel, Voxels, allocate, data};
+use super::voxels::{bytes_of_floats, with_type};
+use super::{Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, data};
 use crate::memory;
 use crate::progress::Progress;
 use file::{Array, File, Kind, LARGEST_CHUNK};
@@ -110,9 +111,11 @@ impl Reading<'_> {
         placed: Placed,
     ) -> Result<Volume, VolumeError> {
         data::check_size(&self.source, &array.shape)?;
-        let geometry = placed.geometry(&self.source, arranged)?;
-        let voxels = self.voxels(array, arranged, chosen)?;
-        let mut voxels = if array.kind == Kind::Half { floats_of_halves(voxels, &self.source)? } else { voxels };
+        // Scales of slices are those of the whole volume.
+        let whole = Selection::default();
+        let slices = if placed.scales.is_none() { self.selection } else { &whole }.slices(arranged.length(Axis::Z));
+        let geometry = placed.geometry(&self.source, arranged)?.of_slices(&slices);
+        let mut voxels = self.voxels(array, arranged, chosen, &slices)?;
         let assumed = placed.assumed();
         let mut notes = placed.notes;
         notes.extend(assumed.clone());
@@ -173,17 +176,28 @@ impl Reading<'_> {
         volume.components = imaris.channels.len();
         volume.component_names = imaris.names();
         volume.presets.windows.extend(imaris.channels[component].window.clone());
+        if let Some(colour) = &imaris.channels[component].colour {
+            volume.presets.take_colour(colour);
+        }
         if imaris.levels.len() > 1 {
+            volume.selection.level = Some(level);
             volume.metadata.push(("pyramid".to_owned(), Several::Levels(imaris.levels).to_string()));
         }
         Ok(Some(volume))
     }
 
     /// The voxels of the channel and time `chosen`: block by block, some at a time.
-    fn voxels(&self, array: &Array, arranged: &Arranged, chosen: [usize; 2]) -> Result<Voxels, VolumeError> {
-        let region = tiles::region(arranged, chosen);
+    fn voxels(
+        &self,
+        array: &Array,
+        arranged: &Arranged,
+        chosen: [usize; 2],
+        slices: &Range<usize>,
+    ) -> Result<Voxels, VolumeError> {
+        let region = tiles::region(arranged, chosen, slices);
         let unit = self.unit(array, &region)?;
-        with_type!(array.voxel_type, T => Ok(T::into_voxels(self.blocks::<T>(array, arranged, &region, &unit)?)))
+        let voxel_type = if array.kind == Kind::Half { VoxelType::F32 } else { array.voxel_type };
+        with_type!(voxel_type, T => Ok(T::into_voxels(self.blocks::<T>(array, arranged, &region, &unit)?)))
     }
 
     /// Lengths of the blocks that are decoded: those of chunks, or of a few slices.
@@ -232,8 +246,8 @@ impl Reading<'_> {
         unit: &[usize],
     ) -> Result<Vec<T>, VolumeError> {
         let path = &self.file.path;
-        let voxels: usize = arranged.dims().iter().product();
-        let bytes = count(voxels).saturating_mul(count(size_of::<T>()));
+        let voxels: usize = tiles::dims(arranged, region).iter().product();
+        let bytes = count(voxels).saturating_mul(count(array.voxel_type.bytes()));
         let (length, limit) = (self.file.length, if array.chunks.is_some() { DEFLATE_LIMIT } else { 1 });
         if bytes > length.saturating_mul(limit).max(UNPROVEN) {
             let (path, encoding) = (path.clone(), "HDF5");
@@ -296,7 +310,7 @@ impl Reading<'_> {
         let end = indices.iter().zip(unit).zip(region).map(|((index, side), [_, end])| ((index + 1) * side).min(*end));
         let lengths: Vec<usize> = end.zip(&start).map(|(end, start)| end - start).collect();
         let read = self.file.block(array, &start, &lengths);
-        let bytes = read.map_err(|source| {
+        let mut bytes = read.map_err(|source| {
             let place = format!("array {}, block from {start:?} (slowest axis first)", printable(&array.name));
             if source.kind() == std::io::ErrorKind::Unsupported {
                 let known = "Relume reads deflate, shuffle, Fletcher-32, LZF, szip, n-bit and scale-offset";
@@ -304,6 +318,9 @@ impl Reading<'_> {
             }
             VolumeError::DamagedPart { path: self.file.path.clone(), place, encoding: "HDF5", source }
         })?;
+        if array.kind == Kind::Half {
+            bytes = bytes_of_floats(&bytes);
+        }
         Ok(Block { start, lengths, bytes })
     }
 }

@@ -67,7 +67,7 @@ impl Placed {
 
     /// The sentence about axes without a step, if there are any.
     pub(super) fn assumed(&self) -> Option<String> {
-        assumed_spacing("the file", self.steps.map(|step| step.is_none()))
+        assumed_spacing("the file", self.steps.map(|step| step.is_none()), [1.0; 3])
     }
 }
 
@@ -310,7 +310,7 @@ pub(super) struct Imaris {
 /// A channel of an Imaris file.
 pub(super) struct Channel {
     name: String,
-    colour: Option<String>,
+    pub(super) colour: Option<String>,
     pub(super) window: Option<Window>,
 }
 

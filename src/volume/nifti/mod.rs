@@ -163,10 +163,13 @@ impl Reading<'_> {
         let component = selection.component(&source_name, components, self.kind_of_components(interleaved))?;
         let time = selection.time(&source_name, times)?;
         let pick = |axis: usize, index| Pick { stride: all[..axis].iter().product(), length: all[axis], index };
-        let picks =
+        let slices = selection.slices(nz);
+        let mut picks =
             vec![pick(0, component % interleaved.max(1)), pick(4, time), pick(5, component / interleaved.max(1))];
+        picks.extend(selection.middle.then(|| pick(3, slices.start)));
         let mut notes = Vec::new();
         let (lattice, is_anatomical) = self.lattice([nx, ny, nz], &mut notes)?;
+        let lattice = if selection.middle { lattice.of_slices(&slices) } else { lattice };
         let grid = Grid::of(lattice, &source_name, selection.resample)?;
         let (slope, intercept) = if interleaved > 1 { (1.0, 0.0) } else { self.scale()? };
         let numbers = all.iter().product();

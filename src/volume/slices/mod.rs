@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::batches::{self, Decode, Part};
+use super::data::Listing;
 use super::several::{Series, Several};
 use super::tiff::{self, Picture, Sample, Stack};
 use super::voxels::with_type;
-use super::{Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, data};
+use super::{Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels};
 use crate::progress::Progress;
 
 /// Extensions of slices, in lower case.
@@ -53,12 +54,14 @@ pub(super) fn read(
         selection.series(&source_name, &series, &names)?
     };
     let run = runs.swap_remove(index);
-    let slices = Slices::open(&run.files, progress)?;
+    let range = selection.slices(run.files.len());
+    let files = &run.files[range.clone()];
+    let slices = Slices::open(files, progress)?;
     let picture = slices.picture;
     let there = Several::Components { count: picture.samples, kind: picture.kind().to_owned(), names: Vec::new() };
     let component = selection.component_of(&source_name, there)?;
-    let geometry = Geometry::unit(&source_name, [picture.width, picture.height, run.files.len()])?;
-    let voxels = slices.voxels(&source_name, component, progress)?;
+    let geometry = Geometry::unit(&source_name, [picture.width, picture.height, run.files.len()])?.of_slices(&range);
+    let voxels = slices.voxels(component, progress)?;
     let mut volume = Volume::new(&source_name, voxels, geometry)?;
     volume.components = picture.samples;
     volume.has_labels = picture.sample == Sample::Bits(1);
@@ -109,7 +112,7 @@ pub(super) fn of_header(
         );
         return Err(VolumeError::Field { path: header.to_owned(), place: "DimSize".to_owned(), problem });
     }
-    slices.voxels(&header.display().to_string(), component, progress)
+    slices.voxels(component, progress)
 }
 
 /// Slices whose names differ in one number only, in its order.
@@ -267,8 +270,10 @@ struct Slices<'a> {
 impl<'a> Slices<'a> {
     /// Reads the headers of all slices; refuses the first one that differs.
     fn open(paths: &'a [PathBuf], progress: &dyn Progress) -> Result<Self, VolumeError> {
+        let folder = paths.first().and_then(|path| path.parent()).unwrap_or(Path::new(""));
+        let listing = Listing::of(folder, paths.len(), progress);
         let read = |(index, path): (usize, &PathBuf)| {
-            data::check_cancelled(path, progress)?;
+            listing.next()?;
             if is_tiff(path) {
                 let page = tiff::slice(path, index)?;
                 Ok((*page.picture(), Some(page)))
@@ -288,10 +293,10 @@ impl<'a> Slices<'a> {
     }
 
     /// Decodes component `component` of the slices.
-    fn voxels(self, source_name: &str, component: usize, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
+    fn voxels(self, component: usize, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
         if !self.pages.is_empty() {
             let stack = Stack { paths: self.paths.to_vec(), pages: self.pages, sample: component };
-            return stack.read(source_name, progress);
+            return stack.read(progress);
         }
         let voxel_type = self.picture.sample.voxel_type();
         with_type!(voxel_type, T => Ok(T::into_voxels(self.read_as::<T>(component, progress)?)))

@@ -1,6 +1,7 @@
 //! Directories of a TIFF file: their tags, and where the values of tags lie. TIFF and `BigTIFF`, in both byte orders.
 
 use std::collections::HashSet;
+use std::fmt;
 use std::fs::File;
 use std::io::{self, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -160,8 +161,8 @@ impl Tiff {
         Ok(tiff)
     }
 
-    pub(super) fn wrong(&self, place: &str, problem: String) -> VolumeError {
-        VolumeError::Field { path: self.path.clone(), place: place.to_owned(), problem }
+    pub(super) fn wrong(&self, place: impl fmt::Display, problem: String) -> VolumeError {
+        VolumeError::Field { path: self.path.clone(), place: place.to_string(), problem }
     }
 
     /// The whole number in `bytes`, at most 8.
@@ -290,7 +291,7 @@ impl Tiff {
     }
 
     /// Refuses values that are not in the file; returns their size in bytes.
-    pub(super) fn inside(&self, entry: Entry, place: &str) -> Result<u64, VolumeError> {
+    pub(super) fn inside(&self, entry: Entry, place: impl fmt::Display) -> Result<u64, VolumeError> {
         let size = entry.count.saturating_mul(entry.size());
         let end = entry.at.saturating_add(size);
         if end <= self.length {
@@ -317,7 +318,7 @@ impl Tiff {
         window: usize,
         entry: Entry,
         index: u64,
-        place: &str,
+        place: impl fmt::Display,
     ) -> Result<Option<u64>, VolumeError> {
         let Some(one) = entry.one(index) else { return Ok(None) };
         let size = usize::try_from(self.inside(one, place)?).unwrap_or(8);

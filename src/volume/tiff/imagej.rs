@@ -47,19 +47,37 @@ const LINEAR: &str = "0";
 /// Name of the display ranges among `ImageJ`'s own metadata: "rang".
 const RANGES: u64 = 0x7261_6e67;
 
+/// Name of the colour maps among them: "luts".
+const MAPS: u64 = 0x6c75_7473;
+
+/// Entries of a colour map, each with a red, a green and a blue part.
+const ENTRIES: usize = 256;
+
+/// Most channels of which colour maps are read.
+const MOST_MAPS: usize = 1 << 10;
+
+/// What `ImageJ` states in tags of its own.
+#[derive(Debug, Default)]
+pub(super) struct Own {
+    /// Lowest and highest number of each channel.
+    ranges: Vec<f64>,
+    /// Colour of the largest number of each channel, `#rrggbb`.
+    colours: Vec<String>,
+}
+
 /// Whether a description is one of `ImageJ` or SCIFIO.
 pub(super) fn recognises(description: &[u8]) -> bool {
     description.starts_with(b"ImageJ=") || description.starts_with(b"SCIFIO=")
 }
 
 /// Interprets `description`. Returns the number of images, `pages` if it is not stated, and what is stated of them; the sizes
-/// of the axes are as many images. `resolution` has the pixels per unit along x and y, and the code of the unit; `ranges` the
-/// lowest and highest number of each channel.
+/// of the axes are as many images. `resolution` has the pixels per unit along x and y, and the code of the unit; `own` has the
+/// display ranges and colours of the channels.
 pub(super) fn read(
     description: &[u8],
     pages: usize,
     resolution: ([Option<f64>; 2], u64),
-    ranges: &[f64],
+    own: &Own,
 ) -> (usize, Stated) {
     let description = &description[..description.len().min(LONGEST)];
     let text = match std::str::from_utf8(description) {
@@ -116,7 +134,7 @@ pub(super) fn read(
         let ends = [low, high].map(|end| end.mul_add(slope, intercept));
         Window::new("window of the file", ends[0].min(ends[1]), ends[0].max(ends[1]))
     };
-    stated.windows = ranges.as_chunks().0.iter().map(|&[low, high]| window(low, high)).collect();
+    stated.windows = own.ranges.as_chunks().0.iter().map(|&[low, high]| window(low, high)).collect();
     if stated.windows.is_empty()
         && let (Some(low), Some(high)) = (number("min"), number("max"))
     {
@@ -124,6 +142,11 @@ pub(super) fn read(
     }
     let unknown = pairs.iter().filter(|(key, _)| !KNOWN.contains(key)).take(MOST_KEYS);
     stated.metadata = unknown.map(|(key, value)| (printable(key), printable(value))).collect();
+    // A file without channels may have a map for its one picture.
+    for (index, colour) in own.colours.iter().take(channels).enumerate() {
+        stated.metadata.push((format!("colour of channel {index}"), colour.clone()));
+    }
+    stated.colours = own.colours.iter().cloned().map(Some).collect();
     (images, stated)
 }
 
@@ -174,16 +197,17 @@ fn unescaped(text: &str) -> String {
     answer
 }
 
-/// Display ranges of the channels from `ImageJ`'s own tags: lowest and highest number of each. Empty if there are none.
-pub(super) fn ranges(tiff: &mut Tiff, directory: &Directory) -> Result<Vec<f64>, VolumeError> {
+/// Display ranges and colour maps of the channels from `ImageJ`'s own tags; empty if there are none.
+pub(super) fn own(tiff: &mut Tiff, directory: &Directory) -> Result<Own, VolumeError> {
+    let mut own = Own::default();
     let (Some(lengths), Some(data)) = (directory.find(tag::IMAGEJ_BYTES), directory.find(tag::IMAGEJ)) else {
-        return Ok(Vec::new());
+        return Ok(own);
     };
     let place = format!("page {}, IJMetadata", directory.page);
     let bytes = tiff.bytes(data, &place)?;
     // A header of pairs of a name and a count; then as many blocks of the stated lengths.
     let Some(header) = tiff.whole(lengths, 0, &place)?.and_then(|length| usize::try_from(length).ok()) else {
-        return Ok(Vec::new());
+        return Ok(own);
     };
     let (mut at, mut block) = (header, 1);
     for pair in bytes.get(4..header).unwrap_or_default().chunks_exact(8) {
@@ -191,17 +215,21 @@ pub(super) fn ranges(tiff: &mut Tiff, directory: &Directory) -> Result<Vec<f64>,
         for _ in 0..count {
             let Some(length) = tiff.whole(lengths, block, &place)?.and_then(|length| usize::try_from(length).ok())
             else {
-                return Ok(Vec::new());
+                return Ok(own);
             };
             let end = at.saturating_add(length);
+            let block_bytes = bytes.get(at..end).unwrap_or_default();
             if name == RANGES {
-                let numbers = bytes.get(at..end).unwrap_or_default().chunks_exact(8);
-                return Ok(numbers.map(|word| f64::from_bits(tiff.number(word))).collect());
+                own.ranges = block_bytes.chunks_exact(8).map(|word| f64::from_bits(tiff.number(word))).collect();
+            } else if name == MAPS && block_bytes.len() == 3 * ENTRIES && own.colours.len() < MOST_MAPS {
+                // All red parts, then all green and all blue ones.
+                let [red, green, blue] = [1, 2, 3].map(|part| block_bytes[part * ENTRIES - 1]);
+                own.colours.push(format!("#{red:02x}{green:02x}{blue:02x}"));
             }
             (at, block) = (end, block + 1);
         }
     }
-    Ok(Vec::new())
+    Ok(own)
 }
 
 #[cfg(test)]
@@ -217,7 +245,7 @@ mod tests {
 
     #[test]
     fn an_axis_of_a_hyperstack_that_is_not_stated_follows_from_the_others() {
-        let of = |text: &str| read(text.as_bytes(), 12, ([None; 2], 1), &[]).1;
+        let of = |text: &str| read(text.as_bytes(), 12, ([None; 2], 1), &Own::default()).1;
         assert_eq!(of("ImageJ=1.54\nimages=12\nchannels=2\nframes=3\n").sizes, [2, 2, 3]);
         assert_eq!(of("ImageJ=1.54\nimages=9\n").sizes, [9, 1, 1]);
         assert_eq!(of("ImageJ=1.54\n").sizes, [12, 1, 1], "the pages of the file");

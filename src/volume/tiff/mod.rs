@@ -46,9 +46,9 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let mut files = Files { main: path, paths: vec![path.to_owned()], opened: HashMap::new(), progress };
     let (mut stated, picture, mut chosen) = match &contents.description {
         Description::Ome(text) => files.ome(&contents, text, selection)?,
-        Description::ImageJ { description, ranges } => {
+        Description::ImageJ { description, own } => {
             selection.no_series(&source_name)?;
-            let (images, stated) = imagej::read(description, contents.pages.len(), contents.resolution, ranges);
+            let (images, stated) = imagej::read(description, contents.pages.len(), contents.resolution, own);
             in_order(path, contents.imagej_pages(path, images)?, stated, selection)?
         }
         Description::None => {
@@ -75,6 +75,10 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
 /// The pages that were chosen, in order of z.
 struct Chosen {
     pages: Vec<Page>,
+    /// Index of the first of them along z.
+    first: usize,
+    /// Level of resolution, if there are several.
+    level: Option<usize>,
     sample: usize,
     component: usize,
     /// Components that can be chosen.
@@ -97,6 +101,7 @@ impl Chosen {
         let pictures: Vec<Picture> = std::iter::once(*fine).chain(coarser.iter().map(|page| *page.picture())).collect();
         let dims: Vec<[usize; 3]> = pictures.iter().map(|picture| [picture.width, picture.height, depth]).collect();
         let level = selection.level(source_name, &dims)?;
+        self.level = (dims.len() > 1).then_some(level);
         if level == 0 {
             return Ok(*fine);
         }
@@ -152,18 +157,28 @@ fn volume(
 ) -> Result<Volume, VolumeError> {
     let dims = [picture.width, picture.height, chosen.pages.len()];
     let spacing = DVec3::from_array(stated.spacing.map(|length| length.unwrap_or(1.0)));
-    let geometry = Geometry::new(source_name, dims, spacing, DVec3::new(left, top, 0.0), DMat3::IDENTITY)?;
+    let geometry = Geometry::new(
+        source_name,
+        dims,
+        spacing,
+        DVec3::new(left, top, crate::number::count(chosen.first) * spacing.z),
+        DMat3::IDENTITY,
+    )?;
     let stack = Stack { paths, pages: chosen.pages, sample: chosen.sample };
-    let voxels = stack.read(source_name, progress)?;
+    let voxels = stack.read(progress)?;
     let mut volume = Volume::new(source_name, voxels, geometry)?;
     volume.unit = stated.unit;
     volume.components = chosen.components;
+    volume.selection.level = chosen.level;
     volume.has_labels = picture.sample == Sample::Bits(1);
     if let Some([slope, intercept]) = stated.scale {
         (volume.slope, volume.intercept) = (slope, intercept);
     }
     let window = stated.windows.get(chosen.component).or(stated.windows.last());
     volume.presets.windows.extend(window.cloned().flatten());
+    if let Some(Some(colour)) = stated.colours.get(chosen.component) {
+        volume.presets.take_colour(colour);
+    }
     if has_names(&stated, picture, chosen.components) {
         volume.component_names = stated.names;
     }
@@ -207,8 +222,12 @@ fn in_order(
     let time = selection.time(&source_name, stated.sizes[2])?;
     let (channel, sample) = (component / picture.samples, component % picture.samples);
     let index = |z: usize| channel + channels * (z + depth * time);
-    let pages = (0..depth).map(|z| pages[index(z)].clone()).collect();
-    Ok((stated, picture, Chosen { pages, sample, component, components }))
+    let pages = selection.slices(depth).map(|z| pages[index(z)].clone()).collect();
+    Ok((
+        stated,
+        picture,
+        Chosen { pages, first: selection.slices(depth).start, level: None, sample, component, components },
+    ))
 }
 
 /// The component that is read, and the number of components, for pages of `channels` channels.
@@ -250,7 +269,7 @@ fn alike(paths: &[PathBuf], pages: &[Page]) -> Result<Picture, VolumeError> {
 enum Description {
     None,
     Ome(Vec<u8>),
-    ImageJ { description: Vec<u8>, ranges: Vec<f64> },
+    ImageJ { description: Vec<u8>, own: imagej::Own },
 }
 
 /// The pages of a file.
@@ -282,7 +301,7 @@ impl Contents {
                     contents.description = if ome::recognises(&text) {
                         Description::Ome(text)
                     } else if imagej::recognises(&text) {
-                        Description::ImageJ { description: text, ranges: imagej::ranges(tiff, &directory)? }
+                        Description::ImageJ { description: text, own: imagej::own(tiff, &directory)? }
                     } else {
                         Description::None
                     };
@@ -399,9 +418,15 @@ impl Files<'_> {
         let (channel, sample) = (component / samples, component % samples);
         let pages_of = |file| Ok::<_, VolumeError>(self.contents(&ome, contents, file)?.all);
         let planes = image.planes([channel, time], samples, pages_of)?.map_err(|problem| self.wrong(problem))?;
-        let pages = planes.into_iter().map(|plane| self.page(&ome, contents, plane)).collect::<Result<Vec<_>, _>>()?;
+        let depth = planes.len();
+        let planes = &planes[selection.slices(depth)];
+        let pages = planes.iter().map(|&plane| self.page(&ome, contents, plane)).collect::<Result<Vec<_>, _>>()?;
         let picture = alike(&self.paths, &pages)?;
-        Ok((image.stated.clone(), picture, Chosen { pages, sample, component, components }))
+        Ok((
+            image.stated.clone(),
+            picture,
+            Chosen { pages, first: selection.slices(depth).start, level: None, sample, component, components },
+        ))
     }
 
     /// The pages of a file that the description names; `None` is the file with the description.

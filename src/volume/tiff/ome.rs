@@ -218,6 +218,10 @@ impl Image {
                     && index < 64
                 {
                     let value = if key == "colour" { colour(&value) } else { Some(printable(&value)) };
+                    if key == "colour" {
+                        self.stated.colours.resize(index, None);
+                        self.stated.colours.push(value.clone());
+                    }
                     self.stated.metadata.extend(value.map(|value| (format!("{key} of channel {index}"), value)));
                 }
             }

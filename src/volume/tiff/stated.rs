@@ -15,6 +15,8 @@ pub(super) struct Stated {
     pub(super) names: Vec<String>,
     /// Window of each channel; the last one is for all further channels.
     pub(super) windows: Vec<Option<Window>>,
+    /// Colour of each channel, `#rrggbb`, as far as it is stated.
+    pub(super) colours: Vec<Option<String>>,
     /// Slope and intercept of the values.
     pub(super) scale: Option<[f64; 2]>,
     /// Further keys and values.

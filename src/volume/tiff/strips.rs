@@ -1,10 +1,11 @@
 //! Decoding of the strips and tiles of pages into voxels, in parallel.
 
+use std::fmt;
 use std::io::{self, Cursor, Read};
 use std::marker::PhantomData;
 use std::path::PathBuf;
 
-use flate2::bufread::ZlibDecoder;
+use flate2::{Decompress, FlushDecompress};
 use jpeg_decoder::{ColorTransform, PixelFormat};
 use ruzstd::decoding::StreamingDecoder;
 use weezl::BitOrder;
@@ -16,7 +17,7 @@ use crate::volume::batches::{self, Decode, Part};
 use crate::volume::data::SLAB_BYTES;
 use crate::volume::guard::guarded;
 use crate::volume::stream::{PackBits, count, read_fully};
-use crate::volume::voxels::{floats_of_halves, with_type};
+use crate::volume::voxels::{float_of_half, with_type};
 use crate::volume::{ByteOrder, VolumeError, Voxel, Voxels};
 
 /// Compressed bytes of a strip beyond twice its voxels that are read at most; more are a mistake.
@@ -30,24 +31,50 @@ pub(in crate::volume) struct Stack {
     pub(in crate::volume) sample: usize,
 }
 
-/// A row of strips or tiles of a page: adjacent rows of voxels.
+/// Bytes of uncompressed strips that are read together.
+const GROUP: usize = 1 << 20;
+
+/// Adjacent rows of strips or tiles of a page: adjacent rows of voxels.
 #[derive(Clone, Copy)]
 struct Band {
     /// Index of the page in the stack.
     page: usize,
-    /// Index of the row of strips or tiles.
+    /// Index of the first row of strips or tiles.
     row: usize,
+    /// Number of rows of strips or tiles: one, unless the strips are voxels as they are.
+    rows: usize,
+}
+
+/// Name of a strip or tile for messages.
+#[derive(Clone, Copy)]
+struct Place {
+    page: usize,
+    is_tile: bool,
+    index: usize,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { page, is_tile, index } = self;
+        write!(formatter, "page {page}, {} {index}", if *is_tile { "tile" } else { "strip" })
+    }
 }
 
 impl Stack {
-    /// Decodes the voxels of the file or folder `source_name`. Floats of 16 bits become those of 32.
+    /// Decodes the voxels. Floats of 16 bits become those of 32.
     ///
     /// Memory is bounded by what the lengths of the files justify: it grows as strips are decoded.
-    pub(in crate::volume) fn read(&self, source_name: &str, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
+    pub(in crate::volume) fn read(&self, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
         let Some(first) = self.pages.first() else { return Ok(Voxels::U8(Vec::new())) };
-        let sample = first.picture().sample;
-        let voxels = with_type!(sample.voxel_type(), T => T::into_voxels(self.read_as::<T>(progress)?));
-        if sample == Sample::Half { floats_of_halves(voxels, source_name) } else { Ok(voxels) }
+        match first.picture().sample {
+            Sample::Half => {
+                let halves = Halves(Bands(self, PhantomData));
+                Ok(Voxels::F32(self.read_by(&halves, progress)?))
+            }
+            sample => with_type!(sample.voxel_type(), T => {
+                Ok(T::into_voxels(self.read_by(&Bands::<T>(self, PhantomData), progress)?))
+            }),
+        }
     }
 
     /// Refuses pages of more bytes than their files can hold.
@@ -81,18 +108,22 @@ impl Stack {
         self.pages.iter().enumerate().flat_map(|(page, it)| {
             let (coding, path) = (&*it.coding, self.paths[it.file].as_path());
             let [_, down] = coding.chunks();
-            (0..down).map(move |row| {
-                let voxels = coding.rows(row) * coding.picture.width;
-                Part { part: Band { page, row }, voxels, path }
+            // Many small strips would take more time for their seeks than for their bytes.
+            let strip = coding.row_bytes().saturating_mul(coding.chunk[1]).max(1);
+            let group = if is_as_it_is(coding) { (GROUP / strip).max(1) } else { 1 };
+            (0..down).step_by(group).map(move |row| {
+                let rows = group.min(down - row);
+                let voxels = (row..row + rows).map(|row| coding.rows(row)).sum::<usize>() * coding.picture.width;
+                Part { part: Band { page, row, rows }, voxels, path }
             })
         })
     }
 
-    fn read_as<T: Voxel>(&self, progress: &dyn Progress) -> Result<Vec<T>, VolumeError> {
+    fn read_by<D: Decode<Band>>(&self, decode: &D, progress: &dyn Progress) -> Result<Vec<D::Voxel>, VolumeError> {
         self.check_lengths()?;
         let all = self.pages.iter().map(|page| page.picture().width * page.picture().height).sum();
         let is_plain = self.pages.iter().all(|page| page.coding.compression == Compression::None);
-        batches::read(&Bands::<T>(self, PhantomData), self.bands(), all, is_plain, progress)
+        batches::read(decode, self.bands(), all, is_plain, progress)
     }
 }
 
@@ -116,10 +147,32 @@ impl<'a, T: Voxel> Decode<Band> for Bands<'a, T> {
     }
 }
 
+/// The rows of strips and tiles with floats of 16 bits, decoded as those of 32.
+struct Halves<'a>(Bands<'a, u16>);
+
+impl<'a> Decode<Band> for Halves<'a> {
+    type Voxel = f32;
+    type Scratch = (Worker<'a, u16>, Vec<u16>);
+
+    fn scratch(&self) -> Self::Scratch {
+        (self.0.scratch(), Vec::new())
+    }
+
+    fn decode(&self, (worker, halves): &mut Self::Scratch, band: &Band, out: &mut [f32]) -> Result<(), VolumeError> {
+        halves.resize(out.len(), 0);
+        worker.band(*band, halves)?;
+        out.iter_mut().zip(&*halves).for_each(|(voxel, &bits)| *voxel = float_of_half(bits));
+        Ok(())
+    }
+
+    fn prove(&self, band: &Band) -> Result<(), VolumeError> {
+        self.0.prove(band)
+    }
+}
+
 /// A strip or a tile.
 struct Chunk {
-    /// Name for messages.
-    place: String,
+    place: Place,
     at: u64,
     /// Compressed bytes, if the file states them.
     bytes: Option<u64>,
@@ -139,11 +192,21 @@ struct Worker<'a, T> {
     packed: Vec<u8>,
     numbers: Vec<T>,
     row: Vec<u8>,
+    /// State of inflating, which takes longer to make than a small strip to inflate.
+    inflate: Decompress,
 }
 
 impl<'a, T: Voxel> Worker<'a, T> {
     fn new(stack: &'a Stack) -> Self {
-        Self { stack, open: None, tables: None, packed: Vec::new(), numbers: Vec::new(), row: Vec::new() }
+        Self {
+            stack,
+            open: None,
+            tables: None,
+            packed: Vec::new(),
+            numbers: Vec::new(),
+            row: Vec::new(),
+            inflate: Decompress::new(true),
+        }
     }
 
     fn file(&mut self, file: usize) -> Result<&mut Tiff, VolumeError> {
@@ -158,7 +221,7 @@ impl<'a, T: Voxel> Worker<'a, T> {
 
     /// Decodes the first strip or tile of `band` without keeping it, so that a header alone allocates nothing.
     fn prove(&mut self, band: Band) -> Result<(), VolumeError> {
-        let chunk = self.chunk(band, 0)?;
+        let chunk = self.chunk(band.page, band.row, 0)?;
         let page = &self.stack.pages[band.page];
         let mut sink = vec![0; SLAB_BYTES.min(chunk.wanted)];
         self.unpack(page, &chunk, |stream| {
@@ -180,9 +243,16 @@ impl<'a, T: Voxel> Worker<'a, T> {
         let page = &self.stack.pages[band.page];
         let coding = &*page.coding;
         let swaps = self.file(page.file)?.byte_order != ByteOrder::NATIVE && coding.compression != Compression::Jpeg;
+        if is_as_it_is(coding) {
+            self.read(band, bytemuck::cast_slice_mut(out))?;
+            if swaps && size_of::<T>() > 1 {
+                out.iter_mut().for_each(|number| *number = number.with_bytes_swapped());
+            }
+            return Ok(());
+        }
         let [across, _] = coding.chunks();
         for column in 0..across {
-            let chunk = self.chunk(band, column)?;
+            let chunk = self.chunk(band.page, band.row, column)?;
             if is_direct(coding) {
                 let wanted = chunk.wanted;
                 self.unpack(page, &chunk, |stream| read_fully(stream, &mut bytemuck::cast_slice_mut(out)[..wanted]))?;
@@ -199,25 +269,51 @@ impl<'a, T: Voxel> Worker<'a, T> {
         Ok(())
     }
 
-    /// The strip or tile `column` of `band`.
-    fn chunk(&mut self, band: Band, column: usize) -> Result<Chunk, VolumeError> {
+    /// Reads the strips of `band`, which are voxels as they are: those that follow each other in the file, together.
+    fn read(&mut self, band: Band, mut out: &mut [u8]) -> Result<(), VolumeError> {
         let page = &self.stack.pages[band.page];
+        let mut strips = (band.row..band.row + band.rows).peekable();
+        while let Some(row) = strips.next() {
+            let first = self.chunk(band.page, row, 0)?;
+            let mut length = first.wanted;
+            while let Some(&row) = strips.peek() {
+                let next = self.chunk(band.page, row, 0)?;
+                if next.at != first.at.saturating_add(count(length)) {
+                    break;
+                }
+                length += next.wanted;
+                strips.next();
+            }
+            let part;
+            (part, out) = out.split_at_mut(length);
+            let stack = self.stack;
+            match self.file(page.file)?.fill(first.at, part) {
+                Ok(()) => {}
+                Err(error) if is_end(&error) => self.is_whole(page, &first, 0)?,
+                Err(source) => return Err(VolumeError::Read { path: stack.paths[page.file].clone(), source }),
+            }
+        }
+        Ok(())
+    }
+
+    /// The strip or tile `column` of the row `row` of strips or tiles of a page.
+    fn chunk(&mut self, page: usize, row: usize, column: usize) -> Result<Chunk, VolumeError> {
+        let page = &self.stack.pages[page];
         let coding = &*page.coding;
         let [across, down] = coding.chunks();
         let plane = if coding.is_planar { self.stack.sample } else { 0 };
-        let index = (plane * down + band.row) * across + column;
-        let what = if coding.is_tiled { "tile" } else { "strip" };
-        let place = format!("page {}, {what} {index}", page.number);
-        let size = [coding.chunk[0], coding.stored_rows(band.row)];
-        let wanted = coding.row_bytes() * coding.rows(band.row);
+        let index = (plane * down + row) * across + column;
+        let place = Place { page: page.number, is_tile: coding.is_tiled, index };
+        let size = [coding.chunk[0], coding.stored_rows(row)];
+        let wanted = coding.row_bytes() * coding.rows(row);
         let tiff = self.file(page.file)?;
         let (at, bytes) = match page.chunks {
             Chunks::Whole(at) => (at, None),
             Chunks::Listed { offsets, bytes } => {
                 let index = count(index);
-                let at = tiff.next_whole(0, offsets, index, &place)?;
-                let bytes = bytes.map(|bytes| tiff.next_whole(1, bytes, index, &place)).transpose()?.flatten();
-                (at.ok_or_else(|| tiff.wrong(&place, "its offset is no whole number".to_owned()))?, bytes)
+                let at = tiff.next_whole(0, offsets, index, place)?;
+                let bytes = bytes.map(|bytes| tiff.next_whole(1, bytes, index, place)).transpose()?.flatten();
+                (at.ok_or_else(|| tiff.wrong(place, "its offset is no whole number".to_owned()))?, bytes)
             }
         };
         let plain = coding.compression == Compression::None;
@@ -225,13 +321,13 @@ impl<'a, T: Voxel> Worker<'a, T> {
         let end = at.saturating_add(needed);
         if end > tiff.length {
             let problem = format!("it ends at byte {end}, but the file has only {} bytes", tiff.length);
-            return Err(tiff.wrong(&place, problem));
+            return Err(tiff.wrong(place, problem));
         }
         let stated = bytes.unwrap_or(needed);
         if stated.saturating_mul(coding.compression.packing()) < count(wanted) {
             let problem =
                 format!("{stated} bytes ({}) cannot hold the {wanted} bytes of its voxels", coding.compression.name());
-            return Err(tiff.wrong(&place, problem));
+            return Err(tiff.wrong(place, problem));
         }
         Ok(Chunk { place, at, bytes, size, wanted })
     }
@@ -268,8 +364,9 @@ impl<'a, T: Voxel> Worker<'a, T> {
             Some((.., tables)) if wanted.is_some() => tables,
             _ => &[],
         };
+        let inflate = &mut self.inflate;
         let decoded = guarded(|| {
-            let mut stream = decoder(coding, chunk, &packed, tables)?;
+            let mut stream = decoder(coding, chunk, &packed, tables, inflate)?;
             let got = take(&mut *stream)?;
             // The end of a stream has its checksum.
             match stream.read(&mut [0]) {
@@ -282,7 +379,7 @@ impl<'a, T: Voxel> Worker<'a, T> {
             Ok(got) => self.is_whole(page, chunk, got),
             Err(source) => Err(VolumeError::DamagedPart {
                 path: stack.paths[page.file].clone(),
-                place: chunk.place.clone(),
+                place: chunk.place.to_string(),
                 encoding: coding.compression.name(),
                 source,
             }),
@@ -296,7 +393,7 @@ impl<'a, T: Voxel> Worker<'a, T> {
         }
         let problem = format!("{got} bytes of voxels, but its size and type require {}", chunk.wanted);
         let path = self.stack.paths[page.file].clone();
-        Err(VolumeError::Field { path, place: chunk.place.clone(), problem })
+        Err(VolumeError::Field { path, place: chunk.place.to_string(), problem })
     }
 
     /// Copies the chosen sample of the rows in `numbers` to column `column` of strips or tiles in `out`.
@@ -330,6 +427,11 @@ fn is_direct(coding: &Coding) -> bool {
         && coding.chunk[0] == coding.picture.width
         && coding.predictor != Predictor::Float
         && !matches!(coding.picture.sample, Sample::Bits(_))
+}
+
+/// Whether the bytes of a strip are voxels in their place, apart from byte order.
+fn is_as_it_is(coding: &Coding) -> bool {
+    is_direct(coding) && coding.compression == Compression::None
 }
 
 /// Bytes of a file from an offset on.
@@ -375,10 +477,19 @@ fn grow<T: Voxel>(stream: &mut dyn Read, numbers: &mut Vec<T>, wanted: usize) ->
 }
 
 /// Stream of the decompressed bytes of a strip or tile.
-fn decoder<'a>(coding: &Coding, chunk: &Chunk, packed: &'a [u8], tables: &[u8]) -> io::Result<Box<dyn Read + 'a>> {
+fn decoder<'a>(
+    coding: &Coding,
+    chunk: &Chunk,
+    packed: &'a [u8],
+    tables: &[u8],
+    inflate: &'a mut Decompress,
+) -> io::Result<Box<dyn Read + 'a>> {
     Ok(match coding.compression {
         Compression::None => Box::new(packed),
-        Compression::Deflate => Box::new(ZlibDecoder::new(packed)),
+        Compression::Deflate => {
+            inflate.reset(true);
+            Box::new(Inflate { inflate, packed })
+        }
         Compression::Lzw => {
             let decoder = weezl::decode::Configuration::with_tiff_size_switch(BitOrder::Msb, 8)
                 .with_yield_on_full_buffer(true)
@@ -432,6 +543,24 @@ fn jpeg(coding: &Coding, chunk: &Chunk, packed: &[u8], tables: &[u8]) -> io::Res
         numbers.iter_mut().for_each(|number| *number = u8::MAX - *number);
     }
     Ok(numbers)
+}
+
+/// A zlib stream.
+struct Inflate<'a> {
+    inflate: &'a mut Decompress,
+    packed: &'a [u8],
+}
+
+impl Read for Inflate<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let before = [self.inflate.total_in(), self.inflate.total_out()];
+        let status = self.inflate.decompress(self.packed, bytes, FlushDecompress::Finish);
+        let passed = |now: u64, before: u64| usize::try_from(now - before).unwrap_or(usize::MAX);
+        self.packed = &self.packed[passed(self.inflate.total_in(), before[0])..];
+        // Without an end, the stream is short, which its length tells.
+        status.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.to_string()))?;
+        Ok(passed(self.inflate.total_out(), before[1]))
+    }
 }
 
 /// LZW with codes from the highest bit on.

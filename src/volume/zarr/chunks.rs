@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,8 +16,9 @@ use crate::progress::Progress;
 use crate::volume::axes::Arranged;
 use crate::volume::stream::{self, DEFLATE_LIMIT, count};
 use crate::volume::tiles::{self, Block, Grid};
-use crate::volume::voxels::with_type;
-use crate::volume::{VolumeError, Voxel, Voxels, allocate, data};
+use crate::volume::type_string::Kind;
+use crate::volume::voxels::{bytes_of_floats, with_type};
+use crate::volume::{VolumeError, Voxel, VoxelType, Voxels, allocate, data};
 
 /// Bytes of decoded chunks that wait for their place in the volume.
 const WAITING: usize = 16 << 20;
@@ -25,20 +27,20 @@ const UNPROVEN: u64 = 32 << 20;
 /// Chunks per file of a store, at most: a store with fewer files is incomplete.
 const SPARSEST: u64 = 4096;
 
-/// Reads the voxels of the channel and time `chosen`. Also returns the number of chunks that are not there.
+/// Reads the voxels of the `slices` of the channel and time `chosen`. Also returns the number of chunks that are not there.
 pub(super) fn read(
     array: &Array,
     arranged: &Arranged,
-    chosen: [usize; 2],
+    (chosen, slices): ([usize; 2], &Range<usize>),
     source: &Path,
     progress: &dyn Progress,
 ) -> Result<(Voxels, u64), VolumeError> {
-    let region = tiles::region(arranged, chosen);
+    let region = tiles::region(arranged, chosen, slices);
     let unit = array.shard.as_ref().map_or(&array.chunks, |shard| &shard.chunks);
     let decoder = Decoder::new(&array.coding, unit, array.voxel_type)
         .map_err(|error| wrong(&array.file, "codecs", error.to_string()))?;
     let reading = Reading { array, arranged, region, unit, decoder, source, progress };
-    with_type!(array.voxel_type, T => {
+    with_type!(if array.kind == Kind::Half { VoxelType::F32 } else { array.voxel_type }, T => {
         let (voxels, missing) = reading.read::<T>()?;
         Ok((T::into_voxels(voxels), missing))
     })
@@ -77,7 +79,7 @@ impl Reading<'_> {
     fn read<T: Voxel>(&self) -> Result<(Vec<T>, u64), VolumeError> {
         let grid = Grid::over(&self.region, &self.array.chunks);
         let there = self.there(&grid)?;
-        let dims = self.arranged.dims();
+        let dims = tiles::dims(self.arranged, &self.region);
         let voxels: usize = dims.iter().product();
         let bytes = count(voxels).saturating_mul(count(size_of::<T>()));
         let solid = there.iter().fold(0_u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
@@ -86,7 +88,9 @@ impl Reading<'_> {
             self.each(&grid, &there, |_| Ok(()))?;
         }
         let mut volume = allocate::zeroed::<T>(self.source, voxels)?;
-        let fill = bytemuck::pod_read_unaligned::<T>(&self.array.fill);
+        let halves = self.array.kind == Kind::Half;
+        let fill = if halves { bytes_of_floats(&self.array.fill) } else { self.array.fill.clone() };
+        let fill = bytemuck::pod_read_unaligned::<T>(&fill);
         if self.array.fill.iter().any(|&byte| byte != 0) {
             volume.fill(fill);
         }
@@ -238,7 +242,10 @@ impl Reading<'_> {
             return Err(coded.damaged(encoding, io::Error::other(problem)));
         }
         let bytes = part(&mut file, part_of).map_err(failed)?;
-        let bytes = self.decoder.decode(bytes).map_err(|source| coded.damaged(encoding, source))?;
+        let mut bytes = self.decoder.decode(bytes).map_err(|source| coded.damaged(encoding, source))?;
+        if self.array.kind == Kind::Half {
+            bytes = bytes_of_floats(&bytes);
+        }
         Ok(Block { start: coded.start.clone(), lengths: self.unit.to_vec(), bytes })
     }
 }

@@ -6,9 +6,7 @@ use std::num::NonZeroU64;
 use std::sync::Arc;
 
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
-use zarrs::array::codec::{
-    BloscCodec, BloscCodecConfiguration, BytesCodec, CodecChain, Crc32cCodec, TransposeCodec, ZstdCodec,
-};
+use zarrs::array::codec::{BloscCodec, BloscCodecConfiguration, BytesCodec, CodecChain, Crc32cCodec, TransposeCodec};
 use zarrs::array::{
     ArrayBytes, ArrayToArrayCodecTraits, ArrayToBytesCodecTraits as _, BytesRepresentation, BytesToBytesCodecTraits,
     CodecOptions, DataType, Endianness, FillValue, data_type,
@@ -109,9 +107,14 @@ impl Decoder {
             Packing::Gzip => drop(MultiGzDecoder::new(&bytes[..]).take(limit).read_to_end(&mut decoded)?),
             Packing::Zlib => drop(ZlibDecoder::new(&bytes[..]).take(limit).read_to_end(&mut decoded)?),
             Packing::Zstd => {
-                // Frames that state no size are counted in blocks: the last ones may be short or empty.
-                check(size_of_zstd(&bytes), most + (256 << 10))?;
-                decoded = through(&ZstdCodec::new(0, false), bytes, most)?;
+                let frames = Frames::of(&bytes);
+                if frames.is_none_or(|frames| frames.are_stated) {
+                    check(frames.map(|frames| frames.most), most)?;
+                }
+                // One byte more tells a chunk that is too long.
+                let room = frames.map_or(0, |frames| frames.most).min(limit);
+                decoded.try_reserve_exact(usize::try_from(room).unwrap_or(usize::MAX))?;
+                zstd::bulk::Decompressor::new()?.decompress_to_buffer(&bytes, &mut decoded)?;
             }
             Packing::Blosc => {
                 check(size_of_blosc(&bytes), most)?;
@@ -190,55 +193,77 @@ fn size_of_blosc(bytes: &[u8]) -> Option<u64> {
     (usize::try_from(coded).ok()? <= bytes.len()).then_some(u64::from(decoded))
 }
 
-/// Bytes that the frames of zstd data state (RFC 8878); for a frame that states none, as many as its blocks may hold. `None`
-/// for damaged frames.
-fn size_of_zstd(mut bytes: &[u8]) -> Option<u64> {
-    /// Largest size of a block.
-    const BLOCK: u64 = 128 << 10;
-    let mut size = 0_u64;
-    let word = |bytes: &[u8], length: usize| {
-        let part = bytes.get(..length)?;
-        Some(part.iter().rev().fold(0_u64, |word, &byte| word << 8 | u64::from(byte)))
-    };
-    while !bytes.is_empty() {
-        let magic = word(bytes, 4)?;
-        bytes = &bytes[4..];
-        if magic & 0xffff_fff0 == 0x184d_2a50 {
-            // A frame that is skipped.
-            let length = usize::try_from(word(bytes, 4)?).ok()?;
-            bytes = bytes.get(4..)?.get(length..)?;
-            continue;
-        }
-        if magic != 0xfd2f_b528 {
-            return None;
-        }
-        let descriptor = *bytes.first()?;
-        let is_single = descriptor & 0x20 != 0;
-        let dictionary = [0, 1, 2, 4][usize::from(descriptor & 3)];
-        let size_bytes = match (descriptor >> 6, is_single) {
-            (0, false) => 0,
-            (0, true) => 1,
-            (1, _) => 2,
-            (2, _) => 4,
-            _ => 8,
+/// Size of the frames of zstd data (RFC 8878).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Frames {
+    /// Bytes that they have, as stated; at most so many where a frame states none.
+    most: u64,
+    /// Whether each frame states its size.
+    are_stated: bool,
+}
+
+impl Frames {
+    /// `None` for damaged frames.
+    fn of(mut bytes: &[u8]) -> Option<Self> {
+        /// Largest size of a block.
+        const BLOCK: u64 = 128 << 10;
+        let mut frames = Self { most: 0, are_stated: true };
+        let word = |bytes: &[u8], length: usize| {
+            let part = bytes.get(..length)?;
+            Some(part.iter().rev().fold(0_u64, |word, &byte| word << 8 | u64::from(byte)))
         };
-        bytes = bytes.get(1 + usize::from(!is_single) + dictionary..)?;
-        let stated = word(bytes, size_bytes)? + if size_bytes == 2 { 256 } else { 0 };
-        bytes = &bytes[size_bytes..];
-        let mut blocks = 0_u64;
-        loop {
-            let header = word(bytes, 3)?;
-            let length = if header >> 1 & 3 == 1 { 1 } else { usize::try_from(header >> 3).ok()? };
-            bytes = bytes.get(3 + length..)?;
-            blocks += 1;
-            if header & 1 == 1 {
-                break;
+        while !bytes.is_empty() {
+            let magic = word(bytes, 4)?;
+            bytes = &bytes[4..];
+            if magic & 0xffff_fff0 == 0x184d_2a50 {
+                // A frame that is skipped.
+                let length = usize::try_from(word(bytes, 4)?).ok()?;
+                bytes = bytes.get(4..)?.get(length..)?;
+                continue;
             }
+            if magic != 0xfd2f_b528 {
+                return None;
+            }
+            let descriptor = *bytes.first()?;
+            let is_single = descriptor & 0x20 != 0;
+            let dictionary = [0, 1, 2, 4][usize::from(descriptor & 3)];
+            let size_bytes = match (descriptor >> 6, is_single) {
+                (0, false) => 0,
+                (0, true) => 1,
+                (1, _) => 2,
+                (2, _) => 4,
+                _ => 8,
+            };
+            // No block is longer than the window: eighths of a power of two.
+            let window = match is_single {
+                true => u64::MAX,
+                false => {
+                    let byte = *bytes.get(1)?;
+                    let base = 1_u64 << (10 + (byte >> 3));
+                    base + base / 8 * u64::from(byte & 7)
+                }
+            };
+            bytes = bytes.get(1 + usize::from(!is_single) + dictionary..)?;
+            let stated = word(bytes, size_bytes)? + if size_bytes == 2 { 256 } else { 0 };
+            bytes = &bytes[size_bytes..];
+            let mut in_blocks = 0_u64;
+            loop {
+                let header = word(bytes, 3)?;
+                let (kind, length) = (header >> 1 & 3, header >> 3);
+                // A block as it is, one byte repeated, or a compressed block.
+                in_blocks += if kind < 2 { length } else { BLOCK.min(window) };
+                let length = if kind == 1 { 1 } else { usize::try_from(length).ok()? };
+                bytes = bytes.get(3 + length..)?;
+                if header & 1 == 1 {
+                    break;
+                }
+            }
+            bytes = bytes.get(if descriptor & 4 != 0 { 4 } else { 0 }..)?;
+            frames.are_stated &= size_bytes > 0;
+            frames.most = frames.most.checked_add(if size_bytes > 0 { stated } else { in_blocks })?;
         }
-        bytes = bytes.get(if descriptor & 4 != 0 { 4 } else { 0 }..)?;
-        size = size.checked_add(if size_bytes > 0 { stated } else { blocks * BLOCK })?;
+        Some(frames)
     }
-    Some(size)
 }
 
 /// The index of a shard: offset and length of each of its `chunks` chunks, the last axis fastest; `None` for a chunk that is

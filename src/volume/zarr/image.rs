@@ -32,6 +32,8 @@ pub(super) struct Level {
     pub(super) arranged: Arranged,
     /// Distances of voxels along x, y and z in the unit of the image, as far as they are stated.
     pub(super) spacing: [Option<f64>; 3],
+    /// Whether a distance follows from the numbers of voxels of two levels, and not from the metadata.
+    pub(super) is_guessed: [bool; 3],
     /// Position of the centre of voxel (0, 0, 0).
     pub(super) origin: [f64; 3],
 }
@@ -84,7 +86,7 @@ fn image(node: &Node, multiscale: &Value, place: &str) -> Result<Image, VolumeEr
         let placing = own.then(&all);
         let arranged = Arranged::new(&array.shape, named.iter().map(|(axis, _)| *axis).collect());
         let arranged = arranged.map_err(|problem| node.wrong(&place, problem))?;
-        let mut level = Level { array, arranged, spacing: [None; 3], origin: [0.0; 3] };
+        let mut level = Level { array, arranged, spacing: [None; 3], is_guessed: [false; 3], origin: [0.0; 3] };
         image.place(&mut level, &placing, &named);
         image.levels.push(level);
     }
@@ -191,7 +193,7 @@ impl Image {
             for (axis, (fine, own)) in sides.enumerate() {
                 if level.spacing[axis].is_none() && fine != own {
                     let step = crate::number::count(fine) / crate::number::count(own);
-                    level.spacing[axis] = Some(step);
+                    (level.spacing[axis], level.is_guessed[axis]) = (Some(step), true);
                     // A coarse voxel lies at the centre of the fine ones.
                     level.origin[axis] = (step - 1.0) / 2.0;
                 }
@@ -213,7 +215,7 @@ pub(super) fn plain(array: Array, letters: Option<&str>) -> Result<Image, Volume
         (None, None) => axes::unnamed(&array.shape).ok_or_else(unknown)?,
     };
     let arranged = Arranged::new(&array.shape, axes).map_err(wrong)?;
-    let level = Level { array, arranged, spacing: [None; 3], origin: [0.0; 3] };
+    let level = Level { array, arranged, spacing: [None; 3], is_guessed: [false; 3], origin: [0.0; 3] };
     Ok(Image { name: String::new(), levels: vec![level], unit: None, notes: Vec::new() })
 }
 

@@ -13,6 +13,7 @@ mod chunks;
 #[cfg(feature = "zarr")]
 mod codecs;
 
+use std::ops::Range;
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
@@ -23,7 +24,6 @@ use super::lengths::assumed_spacing;
 use super::several::{Asked, Series, Several};
 use super::stream::count;
 use super::type_string::Kind;
-use super::voxels::floats_of_halves;
 use super::{Geometry, Selection, Volume, VolumeError, Voxels};
 use crate::memory;
 use crate::progress::Progress;
@@ -211,9 +211,10 @@ impl Reading<'_> {
         let time = self.selection.time(&source, level.arranged.length(Axis::Time))?;
         let dims = level.arranged.dims();
         let spacing = DVec3::from_array(level.spacing.map(|length| length.unwrap_or(1.0)));
+        let slices = self.selection.slices(dims[2]);
         let geometry = Geometry::new(&source, dims, spacing, DVec3::from_array(level.origin), DMat3::IDENTITY)?;
-        let (voxels, missing) = self.voxels(level, component, time)?;
-        let voxels = if level.array.kind == Kind::Half { floats_of_halves(voxels, &source)? } else { voxels };
+        let geometry = geometry.of_slices(&slices);
+        let (voxels, missing) = self.voxels(level, [component, time], &slices)?;
         let mut volume = Volume::new(&source, voxels, geometry)?;
         volume.unit = image.unit;
         volume.components = components;
@@ -221,6 +222,9 @@ impl Reading<'_> {
         volume.files = vec![node.file.clone(), node.attributes_file.clone(), level.array.file.clone()];
         volume.files.retain(|file| file.is_file());
         volume.files.dedup();
+        if let Some(colour) = channels.get(component).and_then(|channel| channel.colour.as_ref()) {
+            volume.presets.take_colour(colour);
+        }
         volume.presets.windows.extend(channels.get(component).and_then(|channel| channel.window.clone()));
         if let Some(labels) = image::labels(&node.attributes) {
             volume.has_labels = true;
@@ -243,9 +247,9 @@ impl Reading<'_> {
             let labels = texts(labels.iter());
             volume.metadata.extend(labels.into_iter().map(|name| ("label image".to_owned(), format!("labels/{name}"))));
         }
-        let is_stated = level.spacing.map(|spacing| spacing.is_some());
+        let is_stated: [bool; 3] = std::array::from_fn(|axis| level.spacing[axis].is_some() && !level.is_guessed[axis]);
         let unknown = std::array::from_fn(|axis| !is_stated[axis] && (dims[axis] > 1 || is_stated == [false; 3]));
-        let assumed = assumed_spacing("the store", unknown);
+        let assumed = assumed_spacing("the store", unknown, spacing.to_array());
         notes.extend(image.notes.iter().cloned());
         notes.extend(assumed.clone());
         if missing > 0 {
@@ -254,7 +258,7 @@ impl Reading<'_> {
         }
         volume.notes = notes.into_iter().map(|note| format!("{source}: {note}")).collect();
         volume.assumed_spacing = assumed.map(|note| format!("{source}: {note}"));
-        if number > 0 {
+        if image.levels.len() > 1 {
             volume.selection.level = Some(number);
         }
         Ok(volume)
@@ -276,6 +280,9 @@ impl Reading<'_> {
                 }
             };
         }
+        if self.selection.asks {
+            return self.selection.level(&source, &dims);
+        }
         let bytes: Vec<u64> = image.levels.iter().map(Level::bytes).collect();
         let free = memory::available_bytes().unwrap_or(u64::MAX);
         let number = finest(&bytes, free);
@@ -289,16 +296,18 @@ impl Reading<'_> {
     }
 
     #[cfg(feature = "zarr")]
-    fn voxels(&self, level: &Level, component: usize, time: usize) -> Result<(Voxels, u64), VolumeError> {
+    fn voxels(&self, level: &Level, chosen: [usize; 2], slices: &Range<usize>) -> Result<(Voxels, u64), VolumeError> {
         let free = memory::available_bytes().unwrap_or(u64::MAX);
-        if level.bytes() > free {
-            return Err(VolumeError::Memory { source_name: self.source(), bytes: level.bytes() });
+        let depth = level.arranged.length(Axis::Z).max(1);
+        let bytes = level.bytes() / count(depth) * count(slices.len());
+        if bytes > free {
+            return Err(VolumeError::Memory { source_name: self.source(), bytes });
         }
-        chunks::read(&level.array, &level.arranged, [component, time], self.path, self.progress)
+        chunks::read(&level.array, &level.arranged, (chosen, slices), self.path, self.progress)
     }
 
     #[cfg(not(feature = "zarr"))]
-    fn voxels(&self, _: &Level, _: usize, _: usize) -> Result<(Voxels, u64), VolumeError> {
+    fn voxels(&self, _: &Level, _: [usize; 2], _: &Range<usize>) -> Result<(Voxels, u64), VolumeError> {
         let (path, place) = (self.path.to_owned(), "Zarr store".to_owned());
         let problem = "this build of Relume reads no Zarr; build it with the cargo feature \"zarr\"".to_owned();
         Err(VolumeError::Field { path, place, problem })
