@@ -11,7 +11,7 @@ use relume::internal::memory;
 use relume::internal::number::count;
 use relume::measure::{Stopwatch, Timing, peak_mb};
 use relume::output::FilmFile;
-use relume::output::page::Page;
+use relume::output::page::{self, Page};
 use relume::plan::{PlanError, Planned, plan_for};
 use relume::progress::{Progress, unreported};
 use relume::render::{Renderer, SceneRenderer};
@@ -31,9 +31,6 @@ Examples:
   relume page acc.exr -o small.html --tolerance 1
 
 Open the file in a browser: it needs no server, no network and no Relume. docs/PAGE.md describes it.";
-
-/// Tolerance of packing without `--tolerance`, in ΔE00.
-const USUAL_TOLERANCE: f64 = 0.5;
 
 /// Degrees between the rows of a turntable.
 const ROW_DEGREES: f64 = 25.0;
@@ -58,7 +55,7 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "FILE.html", required = true)]
     output: PathBuf,
     /// Title of the page. The page names no file and no person; the title is all that it says of its origin.
-    #[arg(long, value_name = "TEXT", default_value = "Relight this picture")]
+    #[arg(long, value_name = "TEXT", default_value = page::TITLE)]
     title: String,
     /// Largest size of the page in bytes; many mail servers refuse more than 25 MB.
     #[arg(long, value_name = "BYTES", default_value_t = 25_000_000)]
@@ -86,13 +83,7 @@ struct Films {
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
-    if !args
-        .output
-        .extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case("html") || ending.eq_ignore_ascii_case("htm"))
-    {
-        return Err(CliError::Usage(format!("{}: the name of a page must end in .html", args.output.display())));
-    }
+    page::check_name(&args.output).map_err(|error| CliError::Usage(error.to_string()))?;
     let film =
         args.scene.scene.as_deref().filter(|path| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("exr")));
     let lights = args.lights.files();
@@ -103,7 +94,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         Some(path) => saved(args, path)?,
         None => rendered(args, progress)?,
     };
-    let tolerance = args.scene.accuracy.tolerance().unwrap_or(USUAL_TOLERANCE);
+    let tolerance = args.scene.accuracy.tolerance().unwrap_or(page::TOLERANCE);
     let clock = Stopwatch::start();
     let page = Page { film: &header, views: &views, columns, title: &args.title, tolerance };
     let packed = page.packed(progress)?;

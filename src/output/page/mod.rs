@@ -9,7 +9,8 @@ mod lights;
 mod packing;
 mod text;
 
-use std::path::Path;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -32,6 +33,12 @@ pub const SCRIPT: &str = include_str!("relume.js");
 
 /// Style of a page.
 pub const STYLE: &str = include_str!("style.css");
+
+/// Title of a page without one of its own.
+pub const TITLE: &str = "Relight this picture";
+
+/// Tolerance of packing without one of the user's, in ΔE00.
+pub const TOLERANCE: f64 = 0.5;
 
 /// Longer side of the picture that a page shows without JavaScript, in pixels.
 const STILL: usize = 300;
@@ -87,6 +94,12 @@ pub enum PageError {
         /// Sizes of smaller requests.
         ways: String,
     },
+    /// The name of the file has another ending.
+    #[error("{}: the name of a page must end in .html", path.display())]
+    Name {
+        /// File.
+        path: PathBuf,
+    },
     /// The work was cancelled.
     #[error("the page was cancelled")]
     Cancelled,
@@ -104,10 +117,21 @@ impl PageError {
             Self::Range { .. } => "page-numbers-too-large",
             Self::Views { .. } => "page-views-differ",
             Self::TooLarge { .. } => "page-too-large",
+            Self::Name { .. } => "page-name-invalid",
             Self::Cancelled => "cancelled",
             Self::Output(error) => error.code(),
         }
     }
+}
+
+/// Refuses a file name without the ending of a page.
+///
+/// # Errors
+///
+/// [`PageError::Name`].
+pub fn check_name(path: &Path) -> Result<(), PageError> {
+    let ends_well = |ending: &OsStr| ["html", "htm"].iter().any(|known| ending.eq_ignore_ascii_case(known));
+    if path.extension().is_some_and(ends_well) { Ok(()) } else { Err(PageError::Name { path: path.to_owned() }) }
 }
 
 /// A finished page.
