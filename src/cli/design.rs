@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use relume::measure::Stopwatch;
+use relume::output::page::escaped;
 use relume::output::{write_atomically, write_drawing};
 use relume::palette::{self, Facts, Member, SmoothCost, Smoothing, Solution};
 use relume::progress::Progress;
@@ -12,6 +13,7 @@ use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Xyz, d65_white, display_code, is_displayable, lab_from_xyz, linear_srgb_from_xyz};
 use relume::spectrum::deficiency::Deficiency;
 
+use super::page::{frame, patches_page};
 use super::{CliError, Report, files};
 
 const EXAMPLES: &str = "\
@@ -107,12 +109,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                     );
                 }
             }
-            Kind::Html => write_text(
-                path,
-                &format!(
-                    "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Palette</title>\n<body style=\"margin: 0\">\n{svg}</body>\n</html>\n"
-                ),
-            )?,
+            Kind::Html => write_text(path, &html(&solution, &svg, progress)?)?,
         }
     }
     let written: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
@@ -151,6 +148,25 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         .collect();
     json["times"] = json!({ "solve": times });
     Ok(Report { text, json })
+}
+
+/// HTML of the report: the drawing, and the materials under any light.
+fn html(solution: &Solution, svg: &str, progress: &dyn Progress) -> Result<String, CliError> {
+    let palette = &solution.palette;
+    let materials = palette.materials.iter().map(|member| member.name.as_str()).zip(&solution.materials);
+    let lights = palette.lights.iter().map(|member| member.name.as_str()).zip(&solution.lights);
+    let page = patches_page(&materials.collect::<Vec<_>>(), &lights.collect::<Vec<_>>(), progress)?;
+    let names: Vec<String> =
+        palette.materials.iter().map(|member| format!("<bdi>{}</bdi>", escaped(&member.name))).collect();
+    let frame = frame(&page, "The materials under any light");
+    Ok(format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
+         <title>Palette</title>\n</head>\n<body style=\"margin: 0\">\n{svg}\
+         <section style=\"font: 15px/1.5 system-ui, sans-serif; max-width: 1000px; padding: 24px\">\n<h2>Under any light</h2>\n\
+         <p>The materials as squares, row by row: {}. Switch, mix and exchange their lights; a click on a square shows its spectrum.</p>\n\
+         {frame}</section>\n</body>\n</html>\n",
+        names.join(", ")
+    ))
 }
 
 fn percent(share: f64) -> String {

@@ -5,10 +5,12 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use relume::document::SceneFile;
 use relume::measure::{
     Findings, MeasureError, Measured, NodesBesideRgb, Setting, Survey, SurveyOptions, html, mark_pareto, settings,
     to_csv, to_markdown, to_text, trade,
 };
+use relume::output::page::escaped;
 use relume::output::{write_atomically, write_drawing};
 use relume::progress::Progress;
 use relume::render::{RenderError, Renderer};
@@ -19,6 +21,7 @@ use super::advice::sentence;
 use super::extremes;
 use super::files;
 use super::goal::{self, GoalArgs};
+use super::page::{frame, small_page};
 use super::scene::{SceneArgs, size};
 use super::{CliError, Report};
 
@@ -130,7 +133,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let outcome = measure(&mut survey, &settings, progress)?;
     for (path, kind) in outputs.iter().zip(kinds) {
         match kind {
-            ReportKind::Html => write_text(path, &page(&mut survey, &outcome, &file.stated_spectra(), progress)?)?,
+            ReportKind::Html => {
+                let relit = relit(&renderer, &file, progress)?;
+                let spectra = file.stated_spectra();
+                write_text(path, &page(&mut survey, &outcome, &spectra, &relit, progress)?)?;
+            }
             ReportKind::Svg => write_text(path, &trade(&outcome.rows))?,
             ReportKind::Png => {
                 if !write_drawing(path, &trade(&outcome.rows), 1.5)? {
@@ -210,6 +217,7 @@ fn page(
     survey: &mut Survey<'_>,
     outcome: &Outcome,
     spectra: &BTreeMap<String, String>,
+    relit: &str,
     progress: &dyn Progress,
 ) -> Result<String, CliError> {
     // Skipped after a cancellation; the finished rows are reported.
@@ -223,8 +231,25 @@ fn page(
         close_up: close_up.as_ref(),
         interrupted: outcome.interrupted,
         spectra,
+        relit,
     };
     Ok(html(survey, &findings)?)
+}
+
+/// HTML of the scene as a small page that relights; empty after a cancellation.
+fn relit(renderer: &Renderer, file: &SceneFile, progress: &dyn Progress) -> Result<String, CliError> {
+    if progress.cancelled() {
+        return Ok(String::new());
+    }
+    match small_page(renderer, file, progress) {
+        Ok(page) => Ok(frame(&page, "The scene under any light")),
+        Err(_) if progress.cancelled() => Ok(String::new()),
+        // The numbers are worth a report without it.
+        Err(CliError::Page(error)) => {
+            Ok(format!("<p>There is no picture that relights: {}.</p>\n", escaped(&error.to_string())))
+        }
+        Err(error) => Err(error),
+    }
 }
 
 fn write_text(path: &std::path::Path, text: &str) -> Result<(), CliError> {

@@ -8,14 +8,17 @@ use relume::document::SceneFile;
 use relume::document::moves::{Move, moved, turntable};
 use relume::film::Film;
 use relume::internal::memory;
-use relume::internal::number::count;
+use relume::internal::number::{count, whole};
 use relume::measure::{Stopwatch, Timing, peak_mb};
 use relume::output::FilmFile;
-use relume::output::page::Page;
+use relume::output::film::{self, Component};
+use relume::output::page::{self, PackedPage, Page, PageError, Summary, escaped};
 use relume::plan::{PlanError, Planned, plan_for};
 use relume::progress::{Progress, unreported};
 use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{AccumulateAs, Aim, Camera, Mix, Projection, Scene, positions};
+use relume::spectrum::observer::Observer;
+use relume::spectrum::{Light, Reflectance};
 use relume::volume::Statistics;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
@@ -31,9 +34,6 @@ Examples:
   relume page acc.exr -o small.html --tolerance 1
 
 Open the file in a browser: it needs no server, no network and no Relume. docs/PAGE.md describes it.";
-
-/// Tolerance of packing without `--tolerance`, in ΔE00.
-const USUAL_TOLERANCE: f64 = 0.5;
 
 /// Degrees between the rows of a turntable.
 const ROW_DEGREES: f64 = 25.0;
@@ -58,7 +58,7 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "FILE.html", required = true)]
     output: PathBuf,
     /// Title of the page. The page names no file and no person; the title is all that it says of its origin.
-    #[arg(long, value_name = "TEXT", default_value = "Relight this picture")]
+    #[arg(long, value_name = "TEXT", default_value = page::TITLE)]
     title: String,
     /// Largest size of the page in bytes; many mail servers refuse more than 25 MB.
     #[arg(long, value_name = "BYTES", default_value_t = 25_000_000)]
@@ -86,13 +86,7 @@ struct Films {
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
-    if !args
-        .output
-        .extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case("html") || ending.eq_ignore_ascii_case("htm"))
-    {
-        return Err(CliError::Usage(format!("{}: the name of a page must end in .html", args.output.display())));
-    }
+    page::check_name(&args.output).map_err(|error| CliError::Usage(error.to_string()))?;
     let film =
         args.scene.scene.as_deref().filter(|path| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("exr")));
     let lights = args.lights.files();
@@ -103,7 +97,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         Some(path) => saved(args, path)?,
         None => rendered(args, progress)?,
     };
-    let tolerance = args.scene.accuracy.tolerance().unwrap_or(USUAL_TOLERANCE);
+    let tolerance = args.scene.accuracy.tolerance().unwrap_or(page::TOLERANCE);
     let clock = Stopwatch::start();
     let page = Page { film: &header, views: &views, columns, title: &args.title, tolerance };
     let packed = page.packed(progress)?;
@@ -150,6 +144,7 @@ fn saved(args: &Args, path: &Path) -> Result<Films, CliError> {
     let clock = Stopwatch::start();
     let mut header = FilmFile::read(path)?;
     let film = header.take_film();
+    check_film_memory(&film, path, memory::available_bytes())?;
     light(args, &mut header)?;
     Ok(Films { header, views: vec![film], columns: 1, times: vec![("load", clock.read())] })
 }
@@ -187,7 +182,8 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     check_memory(&planned, size, cameras.len())?;
     let mut times = vec![("load", clock.read())];
     let clock = Stopwatch::start();
-    let views = marched(args, &scene, &planned, &statistics, (&cameras, size), progress)?;
+    let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    let views = marched(&renderer, &scene, &planned, &statistics, (&cameras, size), progress)?;
     times.push(("march", clock.read()));
     let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
     let dial = file.light.dial_of_film(&file.dial);
@@ -260,8 +256,9 @@ fn cameras(args: &Args, scene: &Scene, size: [usize; 2]) -> Result<(Vec<Camera>,
 fn check_memory(planned: &Planned, [width, height]: [usize; 2], views: usize) -> Result<(), CliError> {
     let plan = &planned.plan;
     let numbers = plan.components() * plan.positions.total() + plan.transmittance_numbers();
-    // The numbers of all views; rotated, packed and compared numbers of one.
-    let bytes = width.saturating_mul(height).saturating_mul(4 * numbers).saturating_mul(views.saturating_add(4));
+    let pixels = width.saturating_mul(height);
+    let film = pixels.saturating_mul(4 * numbers).saturating_mul(views);
+    let bytes = film.saturating_add(packing_bytes(pixels, numbers, views));
     match memory::available_bytes() {
         Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
             "{views} views of {width}×{height} pixels need {bytes} bytes of memory, and {available} are free; use a smaller --size or fewer --views"
@@ -270,19 +267,39 @@ fn check_memory(planned: &Planned, [width, height]: [usize; 2], views: usize) ->
     }
 }
 
+/// Bytes of memory that packing takes besides the films.
+fn packing_bytes(pixels: usize, numbers: usize, views: usize) -> usize {
+    // Per number: a residual in every view, and codes, their parts and those unpacked in one. Per pixel: its colour.
+    let (of_number, of_pixel) = (views.saturating_add(8), 48);
+    pixels.saturating_mul(numbers.saturating_mul(of_number).saturating_add(of_pixel))
+}
+
+/// Refuses a film that cannot be packed in the free memory.
+fn check_film_memory(film: &Film<f32>, path: &Path, available: Option<u64>) -> Result<(), CliError> {
+    let numbers = (film.accumulators.len() + film.transmittance.len()) / film.pixels().max(1);
+    let bytes = packing_bytes(film.pixels(), numbers, 1);
+    let [width, height] = film.size;
+    match available {
+        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
+            "{}: to pack {width}×{height} pixels of {numbers} numbers takes {bytes} bytes of memory, and {available} are free; render a smaller film",
+            path.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// Marches every view on the device.
 fn marched(
-    args: &Args,
+    renderer: &Renderer,
     scene: &Scene,
     planned: &Planned,
     statistics: &Statistics,
     (cameras, size): (&[Camera], [usize; 2]),
     progress: &dyn Progress,
 ) -> Result<Vec<Film<f32>>, CliError> {
-    let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
     renderer.check_picture(&planned.plan, size, 0)?;
     let mut on_device =
-        SceneRenderer::with_plan(&renderer, scene.clone(), planned.clone(), statistics.clone(), progress)?;
+        SceneRenderer::with_plan(renderer, scene.clone(), planned.clone(), statistics.clone(), progress)?;
     let mut views = Vec::new();
     for (index, camera) in cameras.iter().enumerate() {
         progress.report("marching", index as u64, cameras.len() as u64);
@@ -295,4 +312,118 @@ fn marched(
         views.push(renderer.read(&film)?);
     }
     Ok(views)
+}
+
+/// Width and height of the page of a report, in pixels.
+const SMALL: usize = 320;
+
+/// Largest page of a report, in bytes.
+const SMALL_BYTES: usize = 1_000_000;
+
+/// The scene as a small page for a report.
+pub(super) fn small_page(
+    renderer: &Renderer,
+    file: &SceneFile,
+    progress: &dyn Progress,
+) -> Result<PackedPage, CliError> {
+    let (scene, planned) = planned(file, &Mix::of_scene(&file.scene), progress)?;
+    let (size, cameras) = ([SMALL; 2], [file.scene.camera.clone()]);
+    let statistics = scene.volume.statistics()?;
+    let views = marched(renderer, &scene, &planned, &statistics, (&cameras, size), progress)?;
+    let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
+    let dial = file.light.dial_of_film(&file.dial);
+    let film = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, empty).map_err(PageError::from)?;
+    packed_small(&film, &views, &file.scene.name, progress)
+}
+
+/// The reflectances of `materials` as squares, row by row, which the first of `lights` lights at first.
+pub(super) fn patches_page(
+    materials: &[(&str, &Reflectance)],
+    lights: &[(&str, &Light)],
+    progress: &dyn Progress,
+) -> Result<PackedPage, CliError> {
+    const GAP: usize = 6;
+    let columns = whole(count(materials.len()).sqrt().ceil()).max(1);
+    let rows = materials.len().div_ceil(columns).max(1);
+    let pitch = (SMALL / columns).max(GAP + 2);
+    let (width, height) = (columns * pitch + GAP, rows * pitch + GAP);
+    let weight = |material: usize, x: usize, y: usize| {
+        let is_gap = x % pitch < GAP || y % pitch < GAP;
+        if !is_gap && y / pitch * columns + x / pitch == material { 1.0 } else { 0.0 }
+    };
+    let plane = |material: usize| (0..height).flat_map(move |y| (0..width).map(move |x| weight(material, x, y)));
+    let film = Film {
+        size: [width, height],
+        components: materials.len(),
+        accumulators: (0..materials.len()).flat_map(plane).collect(),
+        transmittance: vec![1.0; width * height],
+    };
+    let component = |(name, surface): &(&str, &Reflectance)| Component {
+        name: (*name).to_owned(),
+        spectrum: *surface.spectrum().samples(),
+    };
+    let light = |(index, (name, light)): (usize, &(&str, &Light))| film::Light {
+        name: (*name).to_owned(),
+        position: 0,
+        weight: 1.0,
+        shown: Some(if index == 0 { 1.0 } else { 0.0 }),
+        spectrum: *light.spectrum().samples(),
+    };
+    let header = FilmFile {
+        width,
+        height,
+        components: film::Components::Surfaces(materials.iter().map(component).collect()),
+        positions: vec![film::Position { name: "light".to_owned(), kind: film::PositionKind::Ambient, shadows: false }],
+        lights: lights.iter().enumerate().map(light).collect(),
+        background: None,
+        exposure: 1.0,
+        adapt: false,
+        observer: Observer::default(),
+        dial: None,
+        accumulators: Vec::new(),
+        transmittance: Vec::new(),
+    };
+    packed_small(&header, &[film], "The materials of the palette", progress)
+}
+
+fn packed_small(
+    film: &FilmFile,
+    views: &[Film<f32>],
+    title: &str,
+    progress: &dyn Progress,
+) -> Result<PackedPage, CliError> {
+    let packed = Page { film, views, columns: 1, title, tolerance: page::TOLERANCE }.packed(progress)?;
+    packed.check_size(SMALL_BYTES)?;
+    Ok(packed)
+}
+
+/// HTML of a small page in a report, with its size.
+pub(super) fn frame(page: &PackedPage, title: &str) -> String {
+    const HEIGHT: usize = 760;
+    let Summary { bytes, largest_error, .. } = page.summary;
+    format!(
+        "<figure>{}<figcaption>{}: {:.0} kB of this file. Rounding adds at most ΔE00 {largest_error:.2}. It needs no network.</figcaption></figure>\n",
+        page.framed(title, HEIGHT),
+        escaped(title),
+        count(bytes) / 1e3,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_film_that_does_not_fit_into_memory_is_refused_with_the_numbers() {
+        let film =
+            Film { size: [100, 50], components: 3, accumulators: vec![0.0; 15_000], transmittance: vec![0.0; 5000] };
+        let bytes = 5000 * (4 * 9 + 48);
+        assert!(check_film_memory(&film, Path::new("a.exr"), Some(bytes)).is_ok());
+        assert!(check_film_memory(&film, Path::new("a.exr"), None).is_ok());
+        let refused = check_film_memory(&film, Path::new("a.exr"), Some(bytes - 1)).map_err(|error| error.to_string());
+        let message = refused.err().unwrap_or_default();
+        for part in ["a.exr", "100×50", "4 numbers", "420000 bytes", "419999 are free"] {
+            assert!(message.contains(part), "{message}");
+        }
+    }
 }

@@ -22,6 +22,8 @@ pub enum File {
     LinearPicture,
     /// Film file to save.
     Accumulators,
+    /// Page to save.
+    Page,
     /// Session to save.
     Session,
 }
@@ -45,13 +47,21 @@ pub struct Losing {
     pub tour: bool,
     /// A picture to be saved once the finest one is finished.
     pub picture: bool,
+    /// A page being written. It is lost only if the window closes.
+    pub page: bool,
 }
 
 impl Losing {
     /// Whether anything would be lost.
     #[must_use]
     pub fn anything(self) -> bool {
-        self.changes || self.tour || self.picture
+        self.changes || self.tour || self.picture || self.page
+    }
+
+    /// What of it `leaving` loses.
+    #[must_use]
+    pub fn by(self, leaving: &Leaving) -> Self {
+        Self { page: self.page && *leaving == Leaving::Close, ..self }
     }
 }
 
@@ -82,6 +92,10 @@ pub enum Action {
     /// Saves the film of the finest picture once it is finished: the file that `relume render --accumulators` writes to
     /// this name, which ends in .exr. `None` as above.
     SaveAccumulators(Option<PathBuf>),
+    /// Saves the finest picture once it is finished as a page that relights in a browser; `None` as above.
+    SavePage(Option<PathBuf>),
+    /// Cancels the pages being written.
+    GiveUpPage,
     /// Saves the document as a scene file; `None` as above.
     SaveSession(Option<PathBuf>),
     /// Saves all pixels of the window as PNG.

@@ -7,6 +7,7 @@ use super::export::ExportError;
 use crate::document::{OpenError, SceneError};
 use crate::measure::{Goal, MeasureError};
 use crate::model::ModelError;
+use crate::output::page::PageError;
 use crate::render::RenderError;
 use crate::volume::VolumeError;
 
@@ -30,8 +31,12 @@ fn control(error: &(dyn Error + 'static)) -> Option<&'static str> {
             LoadError::Render(error) => control(error),
         };
     }
-    if let Some(ExportError::Render(error)) = error.downcast_ref() {
-        return control(error);
+    match error.downcast_ref() {
+        Some(ExportError::Render(error)) => return control(error),
+        Some(ExportError::Page(PageError::Tolerance { .. })) => {
+            return Some("; `relume page` with --tolerance writes it");
+        }
+        _ => {}
     }
     if let Some(error) = error.downcast_ref() {
         return match error {

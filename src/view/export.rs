@@ -1,13 +1,15 @@
-//! Export of pictures and film files in the background.
+//! Export of pictures, film files and pages in the background.
 
 use std::path::Path;
 
 use crate::document::State;
 use crate::film::RelightMatrices;
-use crate::output::{self, OutputError, Picture, PictureKind, write_exr, write_ready_png};
+use crate::output::page::{self, Page, PageError, Summary};
+use crate::output::{FilmFile, OutputError, Picture, PictureKind, write_exr, write_ready_png};
+use crate::progress::Progress;
 use crate::render::{DeviceFilm, RenderError, Renderer};
 
-/// Reason why a picture or film file could not be saved.
+/// Reason why a picture, film file or page could not be saved.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExportError {
@@ -17,6 +19,9 @@ pub enum ExportError {
     /// Error of the file.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// Error of the page.
+    #[error(transparent)]
+    Page(#[from] PageError),
 }
 
 impl ExportError {
@@ -26,6 +31,7 @@ impl ExportError {
         match self {
             Self::Render(error) => error.code(),
             Self::Output(error) => error.code(),
+            Self::Page(error) => error.code(),
         }
     }
 }
@@ -67,17 +73,37 @@ impl Snapshot {
         }
     }
 
-    /// Writes the film, with the scene, mix and dial of `state`, as a film file of [`output::film`].
+    /// Writes the film, with the scene, mix and dial of `state`, as a film file of [`crate::output::film`].
     ///
     /// # Errors
     ///
     /// [`ExportError`]; `path` is then unchanged.
     pub fn write_accumulators(&self, state: &State, path: &Path) -> Result<(), ExportError> {
         PictureKind::require_exr(path)?;
+        Ok(self.film(state)?.write(path)?)
+    }
+
+    /// Writes the film, with the scene, mix and dial of `state`, as a page that relights in a browser.
+    ///
+    /// # Errors
+    ///
+    /// [`ExportError`]; `path` is then unchanged.
+    pub fn write_page(&self, state: &State, path: &Path, progress: &dyn Progress) -> Result<Summary, ExportError> {
+        page::check_name(path)?;
+        let mut film = self.film(state)?;
+        let views = [film.take_film()];
+        let (title, tolerance) = (page::TITLE, page::TOLERANCE);
+        let packed = Page { film: &film, views: &views, columns: 1, title, tolerance }.packed(progress)?;
+        packed.write(path)?;
+        Ok(packed.summary)
+    }
+
+    /// The film with the scene, mix and dial of `state`.
+    fn film(&self, state: &State) -> Result<FilmFile, ExportError> {
         let accumulation = self.renderer.read(&self.accumulators)?;
         let planned = &self.accumulators.planned;
         let dial = state.light.dial_of_film(&state.dial);
-        Ok(output::FilmFile::of_march(&state.scene, planned, &state.mix(), dial, accumulation)?.write(path)?)
+        Ok(FilmFile::of_march(&state.scene, planned, &state.mix(), dial, accumulation)?)
     }
 }
 

@@ -115,6 +115,11 @@ impl<T: Send + 'static> Job<T> {
         self.begun.elapsed()
     }
 
+    /// Asks the task to stop; its result says whether it did.
+    pub fn cancel(&self) {
+        self.listener.cancel();
+    }
+
     /// Cancels the task and waits for its thread to end.
     pub fn end(mut self) {
         self.listener.cancel();

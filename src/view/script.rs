@@ -153,6 +153,7 @@ impl Command {
                     | Action::Palette(_)
                     | Action::Restart
                     | Action::GiveUp
+                    | Action::GiveUpPage
                     | Action::Dismiss(_)
             ),
             Self::Frames(_) | Self::Settle | Self::Size(_) | Self::Input(_) => false,
@@ -346,6 +347,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             Command::Spectrum(side, name.trim().to_owned(), standard.trim().to_owned())
         }
         "solve" => Command::Do(Action::Solve(None)),
+        "cancel" if rest == ["page"] => Command::Do(Action::GiveUpPage),
         "cancel" => Command::Do(Action::GiveUp),
         "undo" => Command::Do(Action::Undo),
         "redo" => Command::Do(Action::Redo),
@@ -354,6 +356,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "window" => Command::Do(Action::SaveWindow(file()?)),
         "picture" => Command::Do(Action::SavePicture(Some(file()?))),
         "accumulators" => Command::Do(Action::SaveAccumulators(Some(file()?))),
+        "page" => Command::Do(Action::SavePage(Some(file()?))),
         "save" => match rest {
             ["session", file @ ..] if !file.is_empty() => Command::Do(Action::SaveSession(Some(file.join(" ").into()))),
             _ => return Err("save session FILE".to_owned()),

@@ -37,7 +37,10 @@ fn until_listed(window: &mut Harness<'_, App>) {
 
 fn saved_or_opened(window: &Harness<'_, App>) -> Vec<Action> {
     let is_file = |action: &&Action| {
-        matches!(action, Action::SavePicture(_) | Action::SaveSession(_) | Action::Open(_) | Action::Leave(_))
+        matches!(
+            action,
+            Action::SavePicture(_) | Action::SavePage(_) | Action::SaveSession(_) | Action::Open(_) | Action::Leave(_)
+        )
     };
     window.state().asked.iter().filter(is_file).cloned().collect()
 }
@@ -80,6 +83,33 @@ fn a_picture_is_saved_where_the_dialog_says_and_asks_before_it_replaces_one() {
     until_listed(&mut window);
     assert_eq!(saved_or_opened(&window).len(), 2);
     assert!(!window.state().chooser.is_open());
+}
+
+#[test]
+fn a_page_is_saved_where_the_dialog_says_as_html() {
+    let mut window = wide(document());
+    let folder = window.state().folder.path("relume-0001.png").parent().unwrap().to_owned();
+    file_menu(&mut window, "Save page as");
+    until_listed(&mut window);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    until_listed(&mut window);
+    window.event(Event::Text("lecture".to_owned()));
+    until_listed(&mut window);
+    window.key_press(Key::Enter);
+    until_listed(&mut window);
+    let path = folder.canonicalize().unwrap_or(folder).join("lecture.html");
+    assert_eq!(saved_or_opened(&window), [Action::SavePage(Some(path))]);
+}
+
+#[test]
+fn a_page_being_written_holds_up_the_end_of_the_window_and_no_other_file() {
+    for (leaving, asks) in [(Leaving::Close, true), (Leaving::Open(Box::default()), false)] {
+        let mut window = wide(document());
+        window.state_mut().losing = Losing { page: true, ..Losing::default() };
+        window.state_mut().chooser.leave(leaving);
+        window.run();
+        assert_eq!(window.query_by_label_contains("A page is being written").is_some(), asks);
+    }
 }
 
 #[test]
@@ -379,7 +409,7 @@ fn what_was_changed_is_left_only_once_somebody_says_so() {
 fn a_tour_whose_pictures_are_not_all_there_is_left_only_once_somebody_says_so() {
     for (changes, button) in [(false, "Close now"), (true, "Close without saving")] {
         let mut window = wide(document());
-        window.state_mut().losing = Losing { changes, tour: true, picture: !changes };
+        window.state_mut().losing = Losing { changes, tour: true, picture: !changes, page: false };
         window.state_mut().chooser.leave(Leaving::Close);
         window.run();
         assert!(is_painted(&window, "A tour is being saved"));

@@ -6,6 +6,7 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use relume::document::Edit;
 use relume::document::moves::{Move, Side};
+use relume::internal::view::Action;
 use relume::internal::view::ui::Notice;
 use relume::scene::Accuracy;
 
@@ -58,4 +59,15 @@ fn what_was_done_leaves_by_itself_and_what_went_wrong_stays() {
     window.run();
     let left: Vec<&str> = window.state().notices.iter().map(|notice| notice.text.as_str()).collect();
     assert_eq!(left, ["The picture is there.", "It failed."]);
+}
+
+#[test]
+fn a_page_that_is_written_says_how_far_it_is_and_can_be_given_up() {
+    let mut window = wide(document());
+    window.state_mut().page = Some(("lecture.html".to_owned(), Some(0.4), "comparing all pixels".to_owned()));
+    window.run();
+    assert!(window.query_by_label("Writing lecture.html: comparing all pixels, 40 %.").is_some());
+    window.get_by_label("Cancel").click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::GiveUpPage));
 }

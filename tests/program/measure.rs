@@ -344,8 +344,14 @@ fn timed(rows: &[Measured], times: &[f64], apart: f64) -> Vec<Measured> {
 /// Report of the timed rows.
 fn page(survey: &Survey<'_>, rows: &[Measured], times: &[f64], apart: f64) -> String {
     let rows = timed(rows, times, apart);
-    let findings =
-        Findings { rows: &rows, refused: &[], close_up: None, interrupted: false, spectra: &BTreeMap::new() };
+    let findings = Findings {
+        rows: &rows,
+        refused: &[],
+        close_up: None,
+        interrupted: false,
+        spectra: &BTreeMap::new(),
+        relit: "",
+    };
     html(survey, &findings).unwrap()
 }
 

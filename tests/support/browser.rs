@@ -75,10 +75,43 @@ impl Browser {
     }
 
     /// Opens `file` with the fragment `hash` in a new page of this size, and waits until its picture is drawn.
-    pub fn open(&mut self, file: &Path, hash: &str, [width, height]: [u32; 2]) -> Page<'_> {
-        let target = self.send("Target.createTarget", json!({"url": "about:blank"}), None)["targetId"].clone();
+    pub fn open(&mut self, file: &Path, hash: &str, size: [u32; 2]) -> Page<'_> {
+        let mut page = self.navigated(file, hash, size);
+        page.wait("document.getElementById('relume')?.dataset.ready");
+        page
+    }
+
+    /// Opens `file` in a new page of this size, and returns the page in its only frame once its picture is drawn.
+    pub fn open_frame(&mut self, file: &Path, size: [u32; 2]) -> Page<'_> {
+        self.navigated(file, "", size).wait("document.readyState === 'complete'");
+        let begun = Instant::now();
+        let session = loop {
+            let targets = self.send("Target.getTargets", json!({}), None);
+            let is_frame = |one: &&Value| one["type"] == "iframe";
+            if let Some(frame) = targets["targetInfos"].as_array().unwrap().iter().find(is_frame) {
+                break self.attached(&frame["targetId"]);
+            }
+            assert!(begun.elapsed() < PATIENCE, "there is no frame: {targets}");
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        let mut page = Page { browser: self, session };
+        for domain in ["Runtime", "Network", "Log"] {
+            page.send(&format!("{domain}.enable"), json!({}));
+        }
+        page.wait("document.getElementById('relume')?.dataset.ready");
+        page
+    }
+
+    /// Session of a target.
+    fn attached(&mut self, target: &Value) -> String {
         let attached = self.send("Target.attachToTarget", json!({"targetId": target, "flatten": true}), None);
-        let session = attached["sessionId"].as_str().unwrap().to_owned();
+        attached["sessionId"].as_str().unwrap().to_owned()
+    }
+
+    /// Opens `file` in a new page of this size.
+    fn navigated(&mut self, file: &Path, hash: &str, [width, height]: [u32; 2]) -> Page<'_> {
+        let target = self.send("Target.createTarget", json!({"url": "about:blank"}), None)["targetId"].clone();
+        let session = self.attached(&target);
         let mut page = Page { browser: self, session };
         for domain in ["Page", "Runtime", "Network", "Log", "Accessibility"] {
             page.send(&format!("{domain}.enable"), json!({}));
@@ -86,7 +119,6 @@ impl Browser {
         let size = json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600});
         page.send("Emulation.setDeviceMetricsOverride", size);
         page.send("Page.navigate", json!({"url": format!("file://{}{hash}", file.display())}));
-        page.wait("document.getElementById('relume')?.dataset.ready");
         page
     }
 }
@@ -125,6 +157,18 @@ impl Page<'_> {
         while self.value(&format!("Boolean({expression})")) != true {
             assert!(begun.elapsed() < PATIENCE, "not within {PATIENCE:?}: {expression}");
             std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Drags a finger from one place of the page to another.
+    pub fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
+        self.send("Emulation.setTouchEmulationEnabled", json!({"enabled": true}));
+        let middle = [0, 1].map(|axis| f64::midpoint(from[axis], to[axis]));
+        for (kind, place) in
+            [("touchStart", Some(from)), ("touchMove", Some(middle)), ("touchMove", Some(to)), ("touchEnd", None)]
+        {
+            let points: Vec<Value> = place.into_iter().map(|[x, y]| json!({"x": x, "y": y})).collect();
+            self.send("Input.dispatchTouchEvent", json!({"type": kind, "touchPoints": points}));
         }
     }
 

@@ -755,6 +755,21 @@ fn accumulators_are_saved_as_render_writes_them_of_the_session() {
 }
 
 #[test]
+fn a_page_is_saved_as_page_writes_it_of_the_film_and_a_cancelled_one_is_not() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "size 320 300\nsettle\nhand 0.3 -0.1\nsettle\naccumulators film.exr\npage saved.html\nlight lamp 0.1\nsettle\n\
+                  page cancelled.html\ncancel page\nsettle\npage saved.png\n";
+    let report = screen.script(&folder, "dial.toml", script);
+    let refused = report["notices"].to_string();
+    assert!(refused.contains("saved.png: the name of a page must end in .html"), "{refused}");
+    folder.done(&["page", "film.exr", "-o", "of_film.html"]);
+    assert!(bytes(&folder, "saved.html") == bytes(&folder, "of_film.html"), "as the film says");
+    let names = folder.names();
+    assert!(names.iter().all(|name| name != "cancelled.html" && name != "saved.png"), "{names:?}");
+}
+
+#[test]
 fn a_volume_that_is_put_into_no_scene_opens_as_one_without_a_scene() {
     let Some(screen) = Screen::new() else { return };
     let header = "NRRD0004\ntype: uint16\nendian: little\ndimension: 3\nsizes: 8 8 8\nencoding: raw\n\n";

@@ -44,6 +44,8 @@ pub struct Findings<'a> {
     pub interrupted: bool,
     /// Stated spectra of the lights, by the lights' names.
     pub spectra: &'a BTreeMap<String, String>,
+    /// HTML of the scene as a page that relights, or the reason why there is none; empty for none.
+    pub relit: &'a str,
 }
 
 const STYLE: &str = include_str!("style.css");
@@ -107,6 +109,11 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
             &places::places(survey, own, findings.close_up, scale)?,
         );
     }
+    section(
+        "Under any light",
+        "The errors above are for one light. Here the same scene is mixed anew: its lights, standard lights, and drawn spectra.",
+        findings.relit,
+    );
     let best = if trust.is_rough() { "" } else { " Blue: settings on the Pareto front of time against error." };
     section(
         "All numbers",

@@ -1,17 +1,16 @@
-//! Colour differences between a film and its packed numbers, and the coarsest step that keeps a tolerance.
+//! The coarsest step of a page's numbers that keeps a tolerance.
 
-use std::sync::LazyLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::PageError;
+use super::difference::{Compared, Conditions, Largest};
 use super::lights::Lights;
-use super::packing::{Channel, Channels, planes};
+use super::packing::{BLOCK, Channels, blocks, planes};
 use crate::film::Film;
-use crate::number::count;
-use crate::progress::Progress;
-use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
+use crate::progress::{Progress, unreported};
 
 /// Steps in an octave of the search.
 const OF_OCTAVE: i32 = 8;
@@ -22,8 +21,8 @@ const OCTAVES: [i32; 2] = [4, 16];
 /// Pixels of the first search; all pixels are checked at its end.
 const SAMPLE: usize = 1 << 14;
 
-/// Pixels that a task compares at a time.
-const BLOCK: usize = 1 << 10;
+/// Pixels above the tolerance with which a comparison ends before all are compared.
+const ENOUGH: usize = 1 << 8;
 
 /// A step of the search, and the largest ΔE00 that it adds to any pixel under any light of the page.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,42 +46,51 @@ pub(super) fn search(
     tolerance: f64,
     progress: &dyn Progress,
 ) -> Result<Found, PageError> {
-    let refused = |kept: f64| {
+    let conditions = Conditions::new(conditions);
+    let compared = |film: &Film<f32>, index: i32, limit: f64, known: f64, progress: &dyn Progress| {
+        compared(film, lights, channels, step(index), &conditions, (limit, known), progress)
+    };
+    let quiet = unreported(progress);
+    let refused = |index: i32| -> Result<Found, PageError> {
+        let mut kept = 0.0;
+        for film in films {
+            kept = compared(film, index, f64::INFINITY, kept, progress)?.largest;
+        }
         let numbers = films.iter().flat_map(|film| film.accumulators.iter().chain(&film.transmittance));
         let largest = numbers.fold(0.0_f32, |largest, number| largest.max(number.abs()));
         Err(if kept.is_finite() { PageError::Tolerance { tolerance, kept } } else { PageError::Range { largest } })
     };
-    let wanted = || if progress.cancelled() { Err(PageError::Cancelled) } else { Ok(()) };
-    let mut sample = sampled(films, lights);
     let [mut least, mut most] = OCTAVES.map(|octave| octave * OF_OCTAVE);
     // The finest step whose codes have two bytes.
     while most > least && channels.at(step(most)).is_none() {
         most -= 1;
     }
     let finest = most;
-    let largest = |index: i32, film: &Film<f32>, known: f64| {
-        let Some(kept) = channels.at(step(index)) else { return f64::INFINITY };
-        compared(film, lights, channels, &kept, step(index), conditions, known).0
+    let mut sample = sampled(films, lights);
+    let keeps = |index: i32, sample: &Film<f32>| -> Result<bool, PageError> {
+        Ok(compared(sample, index, tolerance, tolerance, &quiet)?.largest <= tolerance)
     };
-    if largest(finest, &sample, 0.0) > tolerance {
-        return refused(films.iter().map(|film| largest(finest, film, 0.0)).fold(0.0, f64::max));
+    if !keeps(finest, &sample)? {
+        return refused(finest);
     }
     while least < most {
-        wanted()?;
+        progress.report(
+            "searching the rounding on a sample",
+            u64::from(finest.abs_diff(most - least)),
+            finest.unsigned_abs().into(),
+        );
         let middle = i32::midpoint(least, most);
-        if largest(middle, &sample, 0.0) <= tolerance { most = middle } else { least = middle + 1 }
+        if keeps(middle, &sample)? { most = middle } else { least = middle + 1 }
     }
     let mut index = most;
     loop {
-        let Some(kept) = channels.at(step(index)) else { return refused(f64::INFINITY) };
-        let mut worst = largest(index, &sample, 0.0);
+        let mut worst = compared(&sample, index, tolerance, 0.0, &quiet)?.largest;
         for film in films {
-            wanted()?;
-            let (found, pixel) = compared(film, lights, channels, &kept, step(index), conditions, worst);
-            worst = worst.max(found);
-            if found > tolerance {
-                // The next steps are tried on this pixel first.
-                append(&mut sample, &film.of_pixels(&[pixel]));
+            let Compared { largest, above } = compared(film, index, tolerance, worst, progress)?;
+            worst = worst.max(largest);
+            if !above.is_empty() {
+                // The next steps are tried on these pixels first.
+                append(&mut sample, &film.of_pixels(&above));
                 break;
             }
         }
@@ -91,10 +99,10 @@ pub(super) fn search(
         }
         loop {
             if index >= finest {
-                return refused(worst);
+                return refused(finest);
             }
             index += 1;
-            if largest(index, &sample, 0.0) <= tolerance {
+            if keeps(index, &sample)? {
                 break;
             }
         }
@@ -138,148 +146,35 @@ fn append(film: &mut Film<f32>, part: &Film<f32>) {
     *film = Film { size, components: part.components, accumulators, transmittance };
 }
 
-/// The largest ΔE00 of `film` packed with `step`, if above `known`, and its pixel.
-pub(super) fn compared(
+/// Compares `film` with its numbers packed with `step`. ΔE00 up to `known` and pixels up to `limit` are not told apart.
+fn compared(
     film: &Film<f32>,
     lights: &Lights,
     channels: &Channels,
-    kept: &[Channel],
     step: f64,
-    conditions: &[Vec<DVec3>],
-    known: f64,
-) -> (f64, usize) {
-    let planes = planes(film, lights);
-    let codes = channels.codes(&planes, kept, step);
-    let values = channels.values(&codes, kept, step);
-    difference(&planes, &values, conditions, known)
-}
-
-/// The largest ΔE00 between `planes` and `values` under `conditions`, if above `known`, and its pixel.
-pub(super) fn difference(
-    planes: &[&[f32]],
-    values: &[Vec<f32>],
-    conditions: &[Vec<DVec3>],
-    known: f64,
-) -> (f64, usize) {
-    let pixels = planes.first().map_or(0, |plane| plane.len());
-    let blocks: Vec<usize> = (0..pixels).step_by(BLOCK).collect();
-    let narrow = |colour: &DVec3| colour.as_vec3().to_array();
-    let conditions: Vec<Vec<[f32; 3]>> = conditions.iter().map(|planes| planes.iter().map(narrow).collect()).collect();
-    let block = |&first: &usize| {
-        let there = first..(first + BLOCK).min(pixels);
-        // An empty pixel has no error.
-        let shown: Vec<usize> = there
-            .filter(|&pixel| {
-                planes.iter().zip(values).any(|(plane, value)| plane[pixel].to_bits() != value[pixel].to_bits())
-            })
-            .collect();
-        let mut worst = (known, first);
-        // Contiguous numbers: the sums below are the time of a check.
-        let picked = |plane: &[f32]| shown.iter().map(|&pixel| plane[pixel]).collect::<Vec<f32>>();
-        let wanted: Vec<Vec<f32>> = planes.iter().map(|plane| picked(plane)).collect();
-        let errors: Vec<Vec<f32>> = (values.iter().zip(&wanted))
-            .map(|(value, wanted)| picked(value).iter().zip(wanted).map(|(value, wanted)| value - wanted).collect())
-            .collect();
-        let mut sums = [const { Vec::<f32>::new() }; 6];
-        for colours in &conditions {
-            for sum in &mut sums {
-                sum.clear();
-                sum.resize(shown.len(), 0.0);
-            }
-            let (of_colour, of_error) = sums.split_at_mut(3);
-            for ((wanted, errors), colour) in wanted.iter().zip(&errors).zip(colours) {
-                for (axis, &part) in colour.iter().enumerate() {
-                    add(&mut of_colour[axis], wanted, part);
-                    add(&mut of_error[axis], errors, part);
-                }
-            }
-            for (at, &pixel) in shown.iter().enumerate() {
-                let colour: [f32; 3] = std::array::from_fn(|axis| sums[axis][at]);
-                let error: [f32; 3] = std::array::from_fn(|axis| sums[3 + axis][at]);
-                if bound(colour, error) <= worst.0 {
-                    continue;
-                }
-                let one = colour.map(f64::from);
-                let two: [f64; 3] = std::array::from_fn(|axis| one[axis] + f64::from(error[axis]));
-                let [one, two] = [one, two].map(|xyz| lab_from_xyz(Xyz(xyz), d65_white()));
-                if lab_bound(std::array::from_fn(|axis| two.0[axis] - one.0[axis])) <= worst.0 {
-                    continue;
-                }
-                let found = ciede2000(one, two);
-                if found.is_nan() || found > worst.0 {
-                    worst = (if found.is_nan() { f64::INFINITY } else { found }, pixel);
-                }
-            }
+    conditions: &Conditions,
+    (limit, known): (f64, f64),
+    progress: &dyn Progress,
+) -> Result<Compared, PageError> {
+    let Some(kept) = channels.at(step) else {
+        return Ok(Compared { largest: f64::INFINITY, above: Vec::new() });
+    };
+    let (largest, done, found) = (Largest::new(known), AtomicUsize::new(0), AtomicUsize::new(0));
+    let block = |(index, planes): (usize, Vec<&[f32]>)| -> Vec<usize> {
+        if progress.cancelled() || found.load(Ordering::Relaxed) > ENOUGH {
+            return Vec::new();
         }
-        worst
+        let all = film.pixels().div_ceil(BLOCK);
+        progress.report("comparing all pixels", done.fetch_add(1, Ordering::Relaxed) as u64, all as u64);
+        if planes.iter().all(|plane| plane.iter().all(|&number| number == 0.0)) {
+            // An empty pixel has no error.
+            return Vec::new();
+        }
+        let values = channels.values(&channels.codes(&planes, &kept, step), &kept, step);
+        let above = conditions.above(&planes, &values, limit, &largest);
+        found.fetch_add(above.len(), Ordering::Relaxed);
+        above.into_iter().map(|pixel| index * BLOCK + pixel).collect()
     };
-    let larger = |one: (f64, usize), two: (f64, usize)| if two.0 > one.0 { two } else { one };
-    blocks.par_iter().map(block).reduce(|| (0.0, 0), larger)
-}
-
-/// An upper bound of ΔE00 for a difference of CIELAB.
-///
-/// ΔE00² is at most ΔL*² + 1.867 · (2.25 Δa*² + Δb*²): its weights are at least 1, a* grows by at most a half, and the
-/// rotation term is at most √3 of the product of chroma and hue differences.
-fn lab_bound([l, a, b]: [f64; 3]) -> f64 {
-    (l * l + 1.867 * (2.25 * a * a + b * b)).sqrt()
-}
-
-/// An upper bound of ΔE00 between the XYZ `colour` and `colour + error`: L*, a* and b* are linear in cube roots, whose
-/// change is that of the colour times a slope between those at its ends.
-fn bound(colour: [f32; 3], error: [f32; 3]) -> f64 {
-    let white = d65_white().0;
-    let [x, y, z] = std::array::from_fn(|axis| {
-        let t = f64::from(colour[axis]) / white[axis];
-        let d = f64::from(error[axis]) / white[axis];
-        let [_, steepest] = slopes(t.min(t + d));
-        let [flattest, _] = slopes(t.max(t + d));
-        [0.5 * (flattest + steepest) * d, 0.5 * (steepest - flattest) * d.abs()]
-    });
-    let apart = |one: [f64; 2], two: [f64; 2]| (one[0] - two[0]).abs() + one[1] + two[1];
-    lab_bound([116.0 * apart(y, [0.0; 2]), 500.0 * apart(x, y), 200.0 * apart(y, z)])
-}
-
-/// `sums += part · numbers`.
-fn add(sums: &mut [f32], numbers: &[f32], part: f32) {
-    for (sum, &number) in sums.iter_mut().zip(numbers) {
-        *sum += number * part;
-    }
-}
-
-/// Parts of an octave in [`SLOPES`].
-const PARTS: usize = 32;
-
-/// Octaves of [`SLOPES`], from 2⁻⁸.
-const SPAN: usize = 16;
-
-/// Slope of CIELAB's cube root at the ends of each part of each octave.
-static SLOPES: LazyLock<Vec<f64>> = LazyLock::new(|| {
-    let end = |index: usize| {
-        let (octave, part) = (count(index / PARTS) - 8.0, count(index % PARTS) / count(PARTS));
-        slope(octave.exp2() * (1.0 + part))
-    };
-    (0..=PARTS * SPAN).map(end).collect()
-});
-
-/// Lower and upper bound of the slope of CIELAB's cube root at `t`.
-fn slopes(t: f64) -> [f64; 2] {
-    /// Bits behind the exponent and the part of the octave.
-    const REST: u32 = 52 - PARTS.ilog2();
-    if t <= KNEE * KNEE * KNEE {
-        return [slope(0.0); 2];
-    }
-    let index = usize::try_from(t.to_bits() >> REST).unwrap_or(usize::MAX).saturating_sub((1023 - 8) * PARTS);
-    match (SLOPES.get(index), SLOPES.get(index + 1)) {
-        (Some(&upper), Some(&lower)) => [lower, upper],
-        _ => [0.0, SLOPES[PARTS * SPAN]],
-    }
-}
-
-/// Knee of CIELAB's cube root.
-const KNEE: f64 = 6.0 / 29.0;
-
-/// Slope of CIELAB's cube root.
-fn slope(t: f64) -> f64 {
-    if t > KNEE * KNEE * KNEE { 1.0 / (3.0 * t.cbrt().powi(2)) } else { 1.0 / (3.0 * KNEE * KNEE) }
+    let above = blocks(&planes(film, lights)).enumerate().map(block).collect::<Vec<_>>().concat();
+    if progress.cancelled() { Err(PageError::Cancelled) } else { Ok(Compared { largest: largest.read(), above }) }
 }

@@ -5,11 +5,13 @@
 //! that unpacks, relights and shows them. docs/theory/page.md has the encoding and its measurements.
 
 mod check;
+mod difference;
 mod lights;
 mod packing;
 mod text;
 
-use std::path::Path;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -25,13 +27,21 @@ use crate::spectrum::observer::Observer;
 
 use check::Found;
 use lights::Lights;
-use packing::{Channel, Channels};
+pub use text::escaped;
 
-/// Script of a page, a JavaScript module; also a widget of anywidget.
-pub const SCRIPT: &str = include_str!("relume.js");
+use packing::{Channel, Channels, Residuals};
+
+/// Script of a page, a JavaScript module; also a widget of anywidget. `scripts/page_script` makes it of `relume.js`.
+pub const SCRIPT: &str = include_str!("relume.min.js");
 
 /// Style of a page.
 pub const STYLE: &str = include_str!("style.css");
+
+/// Title of a page without one of its own.
+pub const TITLE: &str = "Relight this picture";
+
+/// Tolerance of packing without one of the user's, in ΔE00.
+pub const TOLERANCE: f64 = 0.5;
 
 /// Longer side of the picture that a page shows without JavaScript, in pixels.
 const STILL: usize = 300;
@@ -87,6 +97,12 @@ pub enum PageError {
         /// Sizes of smaller requests.
         ways: String,
     },
+    /// The name of the file has another ending.
+    #[error("{}: the name of a page must end in .html", path.display())]
+    Name {
+        /// File.
+        path: PathBuf,
+    },
     /// The work was cancelled.
     #[error("the page was cancelled")]
     Cancelled,
@@ -104,10 +120,21 @@ impl PageError {
             Self::Range { .. } => "page-numbers-too-large",
             Self::Views { .. } => "page-views-differ",
             Self::TooLarge { .. } => "page-too-large",
+            Self::Name { .. } => "page-name-invalid",
             Self::Cancelled => "cancelled",
             Self::Output(error) => error.code(),
         }
     }
+}
+
+/// Refuses a file name without the ending of a page.
+///
+/// # Errors
+///
+/// [`PageError::Name`].
+pub fn check_name(path: &Path) -> Result<(), PageError> {
+    let ends_well = |ending: &OsStr| ["html", "htm"].iter().any(|known| ending.eq_ignore_ascii_case(known));
+    if path.extension().is_some_and(ends_well) { Ok(()) } else { Err(PageError::Name { path: path.to_owned() }) }
 }
 
 /// A finished page.
@@ -148,6 +175,8 @@ struct Planes {
     kept: Vec<Channel>,
     found: Found,
     views: Vec<Vec<u8>>,
+    /// Number of large residuals of each view.
+    large: Vec<usize>,
 }
 
 impl Page<'_> {
@@ -219,20 +248,30 @@ impl Page<'_> {
         let channels = Channels::new(self.views, lights, gains(&conditions, lights.planes()));
         let found = check::search(self.views, lights, &channels, &conditions, self.tolerance, progress)?;
         let refused = |what: &str| OutputError::Inconsistent { detail: what.to_owned() };
-        let kept = channels.at(found.step).ok_or_else(|| refused("its numbers span too much"))?;
-        let mut views = Vec::new();
+        let mut kept = channels.at(found.step).ok_or_else(|| refused("its numbers span too much"))?;
+        let failed = |error: std::io::Error| refused(&error.to_string());
+        let codes =
+            |view: &Film<f32>, kept: &[Channel]| channels.all_codes(&packing::planes(view, lights), kept, found.step);
+        let mut residuals = Vec::new();
         for (index, view) in self.views.iter().enumerate() {
-            report(index + 1)?;
-            let codes = channels.codes(&packing::planes(view, lights), &kept, found.step);
-            let failed = |error: std::io::Error| refused(&error.to_string());
-            let bytes = packing::packed(&codes, &kept, view.size[0]).map_err(failed)?;
+            report(index)?;
+            residuals.push(Residuals::new(&codes(view, &kept), &kept, view.size[0]));
+        }
+        for (index, channel) in kept.iter_mut().enumerate() {
+            channel.empty = residuals.iter().all(|residuals| residuals.is_empty(index));
+        }
+        let large = residuals.iter().map(Residuals::large).collect();
+        let mut views = Vec::new();
+        for (view, residuals) in self.views.iter().zip(residuals) {
+            report(self.views.len())?;
+            let bytes = residuals.packed(&kept).map_err(failed)?;
             // The codes were compared with the film in the search.
-            if packing::unpacked(&bytes, &kept, view.size[0], view.pixels()).map_err(failed)? != codes {
+            if packing::unpacked(&bytes, &kept, residuals.large(), view.size).map_err(failed)? != codes(view, &kept) {
                 return Err(refused("its packed numbers do not come back").into());
             }
             views.push(bytes);
         }
-        Ok(Planes { channels, kept, found, views })
+        Ok(Planes { channels, kept, found, views, large })
     }
 
     /// The picture as it opens, at most [`STILL`] pixels wide and high, as a PNG.
@@ -275,17 +314,17 @@ impl Page<'_> {
     /// [`PageError`] as in [`Self::packed`].
     pub fn shown(&self, progress: &dyn Progress) -> Result<Vec<Film<f32>>, PageError> {
         let lights = self.checked()?;
-        let Planes { channels, kept, found, views } = self.planes(&lights, progress)?;
+        let Planes { channels, kept, found, views, large } = self.planes(&lights, progress)?;
         let accumulators = lights.of_position() * lights.positions;
-        let view = |(bytes, film): (&Vec<u8>, &Film<f32>)| {
-            let codes = packing::unpacked(bytes, &kept, film.size[0], film.pixels());
+        let view = |((bytes, &large), film): ((&Vec<u8>, &usize), &Film<f32>)| {
+            let codes = packing::unpacked(bytes, &kept, large, film.size);
             let codes = codes.map_err(|error| OutputError::Inconsistent { detail: error.to_string() })?;
             let mut planes = channels.values(&codes, &kept, found.step);
             let behind = planes.split_off(accumulators.min(planes.len()));
             let transmittance = if behind.is_empty() { film.transmittance.clone() } else { behind.concat() };
             Ok(Film { accumulators: planes.concat(), transmittance, ..film.clone() })
         };
-        views.iter().zip(self.views).map(view).collect()
+        views.iter().zip(&large).zip(self.views).map(view).collect()
     }
 }
 
@@ -322,6 +361,17 @@ impl PackedPage {
             format!("pictures of {side} % of the width and height would fit")
         };
         Err(PageError::TooLarge { bytes, limit, ways })
+    }
+
+    /// The page as a frame of another HTML text, which shares neither style nor script nor names with it; `height` in
+    /// CSS pixels.
+    #[must_use]
+    pub fn framed(&self, title: &str, height: usize) -> String {
+        let text = self.html.replace('&', "&amp;").replace('\'', "&#39;");
+        format!(
+            "<iframe sandbox=\"allow-scripts allow-downloads allow-modals\" title=\"{}\" height=\"{height}\" style=\"width:100%;border:0\" srcdoc='{text}'></iframe>\n",
+            escaped(title)
+        )
     }
 
     /// Writes the page to `path`.

@@ -1,12 +1,11 @@
 //! Numbers of a film as whole numbers, predicted from their neighbours and deflated, and back (docs/theory/page.md).
 
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 
-use flate2::Compression;
 use flate2::read::DeflateDecoder;
-use flate2::write::DeflateEncoder;
 use nalgebra::{DMatrix, SymmetricEigen};
 use rayon::prelude::*;
+use zlib_rs::{DeflateConfig, ReturnCode, Strategy, compress_bound, compress_slice};
 
 use super::lights::Lights;
 use crate::film::{Components, Film};
@@ -14,6 +13,9 @@ use crate::number::{nearest, rounded};
 
 /// Largest code of a channel: two bytes.
 const LARGEST_CODE: i32 = 65_535;
+
+/// Pixels that a core works on at a time.
+pub(super) const BLOCK: usize = 1 << 10;
 
 /// Largest code of a channel of one byte.
 const LARGEST_NARROW: i32 = 255;
@@ -43,6 +45,8 @@ pub(super) struct Channel {
     pub(super) zero: i32,
     /// Whether codes have two bytes.
     pub(super) wide: bool,
+    /// Whether all codes of all views are 0; nothing is stored then.
+    pub(super) empty: bool,
 }
 
 /// Codes of a view: for every channel, one per pixel.
@@ -74,13 +78,20 @@ impl Channels {
             let first = (0..lights.planes()).step_by(k.max(1)).filter(|first| first + k <= lights.planes());
             channels.groups = first.map(|first| channels.group(films, lights, first, k)).collect();
         }
-        channels.ranges = vec![[0.0; 2]; lights.planes()];
-        for film in films {
-            let turned = channels.turned(&planes(film, lights));
-            for (range, channel) in channels.ranges.iter_mut().zip(&turned) {
-                *range = channel.iter().fold(*range, |[least, most], &root| [least.min(root), most.max(root)]);
+        let wider = |mut ranges: Vec<[f32; 2]>, others: Vec<[f32; 2]>| {
+            for ([least, most], [lower, higher]) in ranges.iter_mut().zip(others) {
+                (*least, *most) = (least.min(lower), most.max(higher));
             }
-        }
+            ranges
+        };
+        let range = |channel: &Vec<f32>| {
+            channel.iter().fold([0.0_f32; 2], |[least, most], &root| [least.min(root), most.max(root)])
+        };
+        let none = || vec![[0.0; 2]; lights.planes()];
+        channels.ranges = films.iter().fold(none(), |ranges, film| {
+            let of_block = |block: Vec<&[f32]>| channels.turned(&block).iter().map(range).collect();
+            wider(ranges, blocks(&planes(film, lights)).map(of_block).reduce(none, wider))
+        });
         channels
     }
 
@@ -118,22 +129,23 @@ impl Channels {
         root(f64::from(value)) * self.gains[plane]
     }
 
-    /// Rotated roots of the planes of a view.
+    /// Rotated roots of a part of the planes of a view.
     fn turned(&self, planes: &[&[f32]]) -> Vec<Vec<f32>> {
-        let channel = |(index, plane): (usize, &&[f32])| match self.group_of(index) {
-            None => plane.iter().map(|&value| rounded(self.root(index, value))).collect(),
-            Some(group) => {
-                let row = &group.rows[index - group.first];
-                let mut sums = vec![0.0_f64; plane.len()];
-                for (part, &weight) in row.iter().enumerate() {
-                    for (sum, &value) in sums.iter_mut().zip(planes[group.first + part]) {
-                        *sum += f64::from(weight) * self.root(group.first + part, value);
-                    }
-                }
-                sums.into_iter().map(rounded).collect()
+        let mut turned = Vec::with_capacity(planes.len());
+        while let Some(plane) = planes.get(turned.len()) {
+            let index = turned.len();
+            let Some(group) = self.group_of(index) else {
+                turned.push(plane.iter().map(|&value| rounded(self.root(index, value))).collect());
+                continue;
+            };
+            let of_group = (index..index + group.rows.len()).zip(&planes[index..]);
+            let roots: Vec<Vec<f64>> =
+                of_group.map(|(index, plane)| plane.iter().map(|&value| self.root(index, value)).collect()).collect();
+            for row in &group.rows {
+                turned.push(weighted(row.iter().copied().zip(&roots), plane.len()).into_iter().map(rounded).collect());
             }
-        };
-        planes.par_iter().enumerate().map(channel).collect()
+        }
+        turned
     }
 
     fn group_of(&self, channel: usize) -> Option<&Group> {
@@ -145,47 +157,68 @@ impl Channels {
         let channel = |&[least, most]: &[f32; 2]| {
             let [least, most] = [least, most].map(|root| nearest(f64::from(root) * step));
             let span = most.checked_sub(least).filter(|&span| span <= LARGEST_CODE)?;
-            Some(Channel { zero: 0_i32.checked_sub(least)?, wide: span > LARGEST_NARROW })
+            Some(Channel { zero: 0_i32.checked_sub(least)?, wide: span > LARGEST_NARROW, empty: false })
         };
         self.ranges.iter().map(channel).collect()
     }
 
-    /// Codes of the planes of a view. `kept` is the result of [`Self::at`] for `step`.
+    /// Codes of a part of the planes of a view. `kept` is the result of [`Self::at`] for `step`.
     pub(super) fn codes(&self, planes: &[&[f32]], kept: &[Channel], step: f64) -> Codes {
-        let turned = self.turned(planes);
         let code = |root: f32, zero: i32| {
             u16::try_from(nearest(f64::from(root) * step).saturating_add(zero).clamp(0, LARGEST_CODE)).unwrap_or(0)
         };
-        turned
-            .par_iter()
-            .zip(kept)
-            .map(|(channel, kept)| channel.iter().map(|&root| code(root, kept.zero)).collect())
-            .collect()
+        let turned = self.turned(planes).into_iter().zip(kept);
+        turned.map(|(channel, kept)| channel.into_iter().map(|root| code(root, kept.zero)).collect()).collect()
+    }
+
+    /// Codes of all planes of a view.
+    pub(super) fn all_codes(&self, planes: &[&[f32]], kept: &[Channel], step: f64) -> Codes {
+        let parts: Vec<Codes> = blocks(planes).map(|block| self.codes(&block, kept, step)).collect();
+        (0..planes.len()).map(|channel| parts.iter().flat_map(|part| part[channel].iter().copied()).collect()).collect()
     }
 
     /// The numbers that `codes` stand for.
     pub(super) fn values(&self, codes: &Codes, kept: &[Channel], step: f64) -> Vec<Vec<f32>> {
-        let root_of = |channel: usize, pixel: usize| f64::from(i32::from(codes[channel][pixel]) - kept[channel].zero);
-        let pixels = codes.first().map_or(0, Vec::len);
-        let plane = |index: usize| -> Vec<f32> {
-            let scale = scale(self.gains[index], step);
-            let of_root = |root: f64| rounded(square(root) * scale);
-            match self.group_of(index) {
-                None => (0..pixels).map(|pixel| of_root(root_of(index, pixel))).collect(),
-                Some(group) => {
-                    let column = index - group.first;
-                    let mut sums = vec![0.0_f64; pixels];
-                    for (part, row) in group.rows.iter().enumerate() {
-                        for (pixel, sum) in sums.iter_mut().enumerate() {
-                            *sum += f64::from(row[column]) * root_of(group.first + part, pixel);
-                        }
-                    }
-                    sums.into_iter().map(of_root).collect()
-                }
-            }
+        let roots = |channel: usize| -> Vec<f64> {
+            codes[channel].iter().map(|&code| f64::from(i32::from(code) - kept[channel].zero)).collect()
         };
-        (0..codes.len()).into_par_iter().map(plane).collect()
+        let value = |index: usize, root: f64| rounded(square(root) * scale(self.gains[index], step));
+        let mut values = Vec::with_capacity(codes.len());
+        while values.len() < codes.len() {
+            let index = values.len();
+            let Some(group) = self.group_of(index) else {
+                values.push(roots(index).into_iter().map(|root| value(index, root)).collect());
+                continue;
+            };
+            let turned: Vec<Vec<f64>> = (index..index + group.rows.len()).map(roots).collect();
+            for column in 0..group.rows.len() {
+                let parts = group.rows.iter().map(|row| row[column]).zip(&turned);
+                let back = weighted(parts, codes[index].len());
+                values.push(back.into_iter().map(|root| value(index + column, root)).collect());
+            }
+        }
+        values
     }
+}
+
+/// Sums of lists of `count` numbers, each with its weight.
+fn weighted<'a>(parts: impl Iterator<Item = (f32, &'a Vec<f64>)>, count: usize) -> Vec<f64> {
+    let mut sums = vec![0.0_f64; count];
+    for (weight, numbers) in parts {
+        for (sum, &number) in sums.iter_mut().zip(numbers) {
+            *sum += f64::from(weight) * number;
+        }
+    }
+    sums
+}
+
+/// Parts of the planes of a view, which a core works on at a time.
+pub(super) fn blocks<'a>(planes: &[&'a [f32]]) -> impl IndexedParallelIterator<Item = Vec<&'a [f32]>> + use<'a> {
+    let (planes, pixels) = (planes.to_vec(), planes.first().map_or(0, |plane| plane.len()));
+    let part = move |block: usize| {
+        planes.iter().map(|plane| &plane[block * BLOCK..((block + 1) * BLOCK).min(pixels)]).collect()
+    };
+    (0..pixels.div_ceil(BLOCK)).into_par_iter().map(part)
 }
 
 /// Factor from the signed square of a code to the number of a plane of this gain.
@@ -216,70 +249,108 @@ fn prediction(plane: &[u16], width: usize, at: usize) -> i32 {
     }
 }
 
-/// Packs codes of rows of `width`: residuals, the low bytes of all channels first, deflated.
-pub(super) fn packed(codes: &Codes, kept: &[Channel], width: usize) -> io::Result<Vec<u8>> {
-    let residuals: Vec<[Vec<u8>; 2]> =
-        codes.par_iter().zip(kept).map(|(plane, kept)| residuals(plane, *kept, width)).collect();
-    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
-    for byte in 0..2 {
-        for plane in &residuals {
-            encoder.write_all(&plane[byte])?;
+/// Residuals of a view: a byte for every pixel of every channel, 255 for large ones of wide channels, and those.
+pub(super) struct Residuals {
+    bytes: Vec<Vec<u8>>,
+    large: Vec<Vec<u16>>,
+}
+
+/// Byte of a wide channel in place of a residual of at least as much.
+const LARGE: u16 = 255;
+
+impl Residuals {
+    /// Residuals of codes in rows of `width`. Those of wide channels are modulo 65,536, with the sign in the lowest bit.
+    pub(super) fn new(codes: &Codes, kept: &[Channel], width: usize) -> Self {
+        let of = |(plane, kept): (&Vec<u16>, &Channel)| -> (Vec<u8>, Vec<u16>) {
+            let residual = |at: usize| i32::from(plane[at]) - prediction(plane, width, at);
+            let low = |residual: i32| residual.to_le_bytes()[0];
+            if !kept.wide {
+                return ((0..plane.len()).map(|at| low(residual(at))).collect(), Vec::new());
+            }
+            let mut large = Vec::new();
+            let byte = |at| {
+                let [low, high, ..] = residual(at).to_le_bytes();
+                let wrapped = i16::from_le_bytes([low, high]);
+                let folded = u16::from_le_bytes((wrapped.wrapping_shl(1) ^ (wrapped >> 15)).to_le_bytes());
+                if folded >= LARGE {
+                    large.push(folded);
+                }
+                folded.min(LARGE).to_le_bytes()[0]
+            };
+            ((0..plane.len()).map(byte).collect(), large)
+        };
+        let (bytes, large) = codes.par_iter().zip(kept).map(of).unzip();
+        Self { bytes, large }
+    }
+
+    /// Whether all residuals of a channel are 0.
+    pub(super) fn is_empty(&self, channel: usize) -> bool {
+        self.bytes[channel].iter().all(|&byte| byte == 0)
+    }
+
+    /// Number of large residuals.
+    pub(super) fn large(&self) -> usize {
+        self.large.iter().map(Vec::len).sum()
+    }
+
+    /// All channels that are not empty, then the large residuals, deflated.
+    ///
+    /// Residuals are noise with runs of zeros: matches other than runs cost more bytes than they save, and most of the time.
+    pub(super) fn packed(&self, kept: &[Channel]) -> io::Result<Vec<u8>> {
+        let stored = self.bytes.iter().zip(kept).filter(|(_, kept)| !kept.empty);
+        let mut bytes: Vec<u8> = stored.flat_map(|(bytes, _)| bytes).copied().collect();
+        bytes.extend(self.large.iter().flatten().flat_map(|residual| residual.to_le_bytes()));
+        let config =
+            DeflateConfig { window_bits: -15, mem_level: 9, strategy: Strategy::Rle, ..DeflateConfig::default() };
+        let mut deflated = vec![0; compress_bound(bytes.len())];
+        match compress_slice(&mut deflated, &bytes, config) {
+            (written, ReturnCode::Ok) => Ok(written.to_vec()),
+            (_, refused) => Err(io::Error::other(format!("deflate: {refused:?}"))),
         }
     }
-    encoder.finish()
 }
 
-/// Low and high bytes of the residuals of a plane.
-fn residuals(plane: &[u16], kept: Channel, width: usize) -> [Vec<u8>; 2] {
-    let residual = |at: usize| i32::from(plane[at]) - prediction(plane, width, at);
-    if !kept.wide {
-        let low = |at| residual(at).to_le_bytes()[0];
-        return [(0..plane.len()).map(low).collect(), Vec::new()];
-    }
-    // Modulo 65,536, with the sign in the lowest bit.
-    let folded = |at| {
-        let [low, high, ..] = residual(at).to_le_bytes();
-        let wrapped = i16::from_le_bytes([low, high]);
-        (wrapped.wrapping_shl(1) ^ (wrapped >> 15)).to_le_bytes()
-    };
-    let all: Vec<[u8; 2]> = (0..plane.len()).map(folded).collect();
-    [all.iter().map(|bytes| bytes[0]).collect(), all.iter().map(|bytes| bytes[1]).collect()]
-}
-
-/// Unpacks what [`packed`] returned for `pixels` codes a channel.
+/// Codes of a view of this size, from what [`Residuals::packed`] returned for it and its number of large residuals.
 ///
 /// # Errors
 ///
 /// An error if the stream is damaged, shorter or longer.
-pub(super) fn unpacked(bytes: &[u8], kept: &[Channel], width: usize, pixels: usize) -> io::Result<Codes> {
-    let wide = kept.iter().filter(|channel| channel.wide).count();
-    let expected = (kept.len() + wide) * pixels;
+pub(super) fn unpacked(bytes: &[u8], kept: &[Channel], large: usize, [width, height]: [usize; 2]) -> io::Result<Codes> {
+    let pixels = width * height;
+    let stored = kept.iter().filter(|channel| !channel.empty).count() * pixels;
+    let expected = stored + 2 * large;
     let mut all = Vec::with_capacity(expected);
     let limit = u64::try_from(expected).unwrap_or(u64::MAX).saturating_add(1);
     DeflateDecoder::new(bytes).take(limit).read_to_end(&mut all)?;
     if all.len() != expected {
         return Err(io::Error::other(format!("the planes have {} bytes, not {expected}", all.len())));
     }
-    let (low, high) = all.split_at(kept.len() * pixels);
-    let mut high = high.chunks_exact(pixels.max(1));
-    let parts: Vec<(&[u8], Option<&[u8]>)> = (low.chunks_exact(pixels.max(1)).zip(kept))
-        .map(|(low, kept)| (low, if kept.wide { high.next() } else { None }))
-        .collect();
-    let plane = |&(low, high): &(&[u8], Option<&[u8]>)| {
-        let mut plane = vec![0_u16; pixels];
-        for at in 0..pixels {
+    let (bytes, large) = all.split_at(stored);
+    let mut bytes = bytes.chunks_exact(pixels.max(1));
+    let mut large = large.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
+    // Large residuals are in the order of channels.
+    let mut parts: Vec<(&[u8], Vec<u16>)> = Vec::with_capacity(kept.len());
+    for kept in kept {
+        let low = if kept.empty { None } else { bytes.next() };
+        let low = low.unwrap_or(&[]);
+        let count = if kept.wide { low.iter().filter(|&&byte| u16::from(byte) == LARGE).count() } else { 0 };
+        parts.push((low, large.by_ref().take(count).collect()));
+    }
+    let plane = |((low, large), kept): (&(&[u8], Vec<u16>), &Channel)| {
+        let (mut plane, mut large) = (vec![0_u16; pixels], large.iter());
+        for (at, &byte) in low.iter().enumerate() {
             let predicted = prediction(&plane, width, at);
-            plane[at] = match high {
-                None => u16::from(u8::from_le_bytes([predicted.to_le_bytes()[0]]).wrapping_add(low[at])),
-                Some(high) => {
-                    let folded = u16::from_le_bytes([low[at], high[at]]);
-                    let residual = (folded >> 1) ^ (folded & 1).wrapping_neg();
-                    let [low, high, ..] = predicted.to_le_bytes();
-                    u16::from_le_bytes([low, high]).wrapping_add(residual)
-                }
+            plane[at] = if kept.wide {
+                let folded = u16::from(byte);
+                let folded = if folded == LARGE { large.next().copied().unwrap_or(LARGE) } else { folded };
+                let residual = (folded >> 1) ^ (folded & 1).wrapping_neg();
+                let [low, high, ..] = predicted.to_le_bytes();
+                u16::from_le_bytes([low, high]).wrapping_add(residual)
+            } else {
+                u16::from(u8::from_le_bytes([predicted.to_le_bytes()[0]]).wrapping_add(byte))
             };
         }
         plane
     };
-    Ok(parts.par_iter().map(plane).collect())
+    Ok(parts.par_iter().zip(kept).map(plane).collect())
 }

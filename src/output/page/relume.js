@@ -3,11 +3,11 @@
 
 // ---- colour: the twins of film::RelightMatrices and of document::Dial, in f64 ----
 
-const BANDS = 81;
+const { abs, floor, hypot, max, min, round } = Math, BANDS = 81;
 const apply = (m, v) => m.map((row) => row[0] * v[0] + row[1] * v[1] + row[2] * v[2]);
 const product = (a, b) => a.map((row) => [0, 1, 2].map((j) => row[0] * b[0][j] + row[1] * b[1][j] + row[2] * b[2][j]));
 const dot = (a, b) => a.reduce((sum, value, i) => sum + value * b[i], 0);
-const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+const clamp = (value, low, high) => min(high, max(low, value));
 
 function inverse(m) {
   const minor = (i, j) => {
@@ -76,8 +76,8 @@ export function matrices(page, mix, display) {
 
 /** Weights of the nodes of the dial: 1/distance from the hand, normalised over the nodes that are on. */
 export function dialWeights(nodes, hand) {
-  const far = nodes.map(({ place }) => Math.hypot(place[0] - hand[0], place[1] - hand[1])).map((d) => d < 1e-9 ? 0 : d);
-  const nearest = Math.min(Infinity, ...far.filter((_, i) => nodes[i].on));
+  const far = nodes.map(({ place }) => hypot(place[0] - hand[0], place[1] - hand[1])).map((d) => d < 1e-9 ? 0 : d);
+  const nearest = min(Infinity, ...far.filter((_, i) => nodes[i].on));
   const near = far.map((d, i) => !nodes[i].on ? 0 : d <= nearest ? 1 : nearest / d);
   const sum = near.reduce((a, b) => a + b, 0);
   return near.map((part) => sum > 0 ? part / sum : 0);
@@ -90,17 +90,23 @@ function mastered(page, mix, normalise, master) {
 }
 
 const encoded = (linear) => linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055;
-const css = (rgb) => `rgb(${rgb.map((part) => Math.round(255 * encoded(clamp(part, 0, 1)))).join(" ")})`;
+const css = (rgb) => `rgb(${rgb.map((part) => round(255 * encoded(clamp(part, 0, 1)))).join(" ")})`;
 
 /** Colour of a light itself, as bright as the screen can show it. */
 function swatch(page, light) {
-  const rgb = apply(page.srgb, coloursOf(page, light, 0).white).map((part) => Math.max(part, 0));
-  return css(rgb.map((part) => part / Math.max(...rgb, 1e-9)));
+  const rgb = apply(page.srgb, coloursOf(page, light, 0).white).map((part) => max(part, 0));
+  return css(rgb.map((part) => part / max(...rgb, 1e-9)));
 }
 
 // ---- unpacking ----
 
 const breath = () => new Promise((go) => { const { port1, port2 } = new MessageChannel(); port1.onmessage = () => { port1.close(); go(); }; port2.postMessage(0); });
+
+/** A function that lets the page be heard, whenever 12 ms are over. */
+function pauses() {
+  let began = performance.now();
+  return async () => { if (performance.now() - began > 12) { await breath(); began = performance.now(); } };
+}
 
 /** Inflates exactly `length` bytes. */
 async function inflated(bytes, length) {
@@ -118,80 +124,99 @@ async function inflated(bytes, length) {
   }
 }
 
-/** Adds the predictions (left + above − corner, within their range) to rows `first` to `last` of residuals, in place. */
-export function unpredict(plane, width, first, last, mask) {
-  for (let y = first; y < last; y++) {
-    let at = y * width;
-    const end = at + width;
-    let corner = y ? plane[at - width] : 0, left = plane[at] = (plane[at] + corner) & mask;
-    if (!y) {
-      for (at++; at < end; at++) left = plane[at] = (plane[at] + left) & mask;
-      continue;
-    }
-    for (at++; at < end; at++) {
-      const above = plane[at - width], residual = plane[at];
-      let predicted = left;
-      if (above !== corner) {
-        const low = left < above ? left : above, high = left < above ? above : left;
-        predicted = corner >= high ? low : corner <= low ? high : left + above - corner;
-      }
-      left = plane[at] = (predicted + residual) & mask;
-      corner = above;
-    }
+/**
+ * Adds its predictions (left + above − corner, within their range) to `row`, in place; `above` is the row before it. Only
+ * what lies between the first and the last code of both rows is looked at: most of a picture is empty.
+ */
+export function unpredict(row, above, mask) {
+  const width = row.length, words = [row, above].map((one) => new Uint32Array(one.buffer, 0, width >> 1));
+  let from = 0, to = width - 1;
+  while (from < width >> 1 && (words[0][from] | words[1][from]) === 0) from++;
+  from *= 2;
+  while (to >= from && (row[to] | above[to]) === 0) to--;
+  to = min(to + 1, width - 1);
+  let left = 0, corner = 0;
+  for (let x = from; x <= to; x++) {
+    const up = above[x];
+    let predicted = left;
+    if (up !== corner && x > 0) {
+      const low = left < up ? left : up, high = left < up ? up : left;
+      predicted = corner >= high ? low : corner <= low ? high : left + up - corner;
+    } else if (x === 0) predicted = up;
+    left = row[x] = (row[x] + predicted) & mask;
+    corner = up;
   }
+  if (left) row.fill(left, to + 1);
 }
 
 /** Planes of codes of a packed view, decoded in slices between which the page is heard. */
-export async function unpack(page, bytes) {
-  const [width, height] = page.size, pixels = width * height, { channels } = page;
-  const wide = channels.filter((channel) => channel.wide).length;
-  const all = await inflated(bytes, (channels.length + wide) * pixels);
-  let high = channels.length * pixels, began = performance.now();
-  const planes = [];
-  for (const [index, channel] of channels.entries()) {
-    let plane = all.subarray(index * pixels, (index + 1) * pixels);
-    if (channel.wide) {
-      const low = plane;
-      plane = new Uint16Array(pixels);
-      for (let i = 0; i < pixels; i++) {
-        const folded = low[i] | all[high + i] << 8;
-        plane[i] = folded >> 1 ^ -(folded & 1);
-      }
-      high += pixels;
-    }
-    for (let y = 0; y < height; y += 64) {
-      unpredict(plane, width, y, Math.min(y + 64, height), channel.wide ? 65535 : 255);
-      if (performance.now() - began > 12) { await breath(); began = performance.now(); }
-    }
+export async function unpack(page, view, bytes) {
+  const [width, height] = page.size, pixels = width * height, stored = page.channels.filter((one) => !one.empty).length * pixels;
+  const all = await inflated(bytes, stored + 2 * page.large[view]), pause = pauses(), planes = [];
+  let first = 0, large = stored;
+  for (const { wide, empty } of page.channels) {
+    const plane = new (wide ? Uint16Array : Uint8Array)(pixels);
     planes.push(plane);
+    if (empty) continue;
+    let row = new Uint16Array(width), above = new Uint16Array(width);
+    for (let y = 0, at = 0; y < height; y++, at += width) {
+      row.set(all.subarray(first + at, first + at + width));
+      if (wide) for (let x = 0; x < width; x++) {
+        if (row[x] === 0) continue;
+        if (row[x] === 255) { row[x] = all[large] | all[large + 1] << 8; large += 2; }
+        // The sign is in the lowest bit.
+        row[x] = row[x] >> 1 ^ -(row[x] & 1);
+      }
+      unpredict(row, above, wide ? 65535 : 255);
+      plane.set(row, at);
+      [row, above] = [above, row];
+      if (y % 64 === 0) await pause();
+    }
+    first += pixels;
   }
   return planes;
 }
 
-/** Numbers whose signed squares are those of the film: codes without their zero, with the groups turned back. */
+/** Whether a channel is 0 everywhere. */
+const isEmpty = ({ empty, zero }) => empty && !zero;
+
+/** For each channel its codes and their zero; those of groups are turned back, and squared already. */
 async function turned(page, planes) {
-  const BLOCK = 4096, pixels = planes[0].length, shown = planes.map((codes, i) => ({ codes, zero: page.channels[i].zero }));
-  let began = performance.now();
+  const BLOCK = 4096, pixels = planes[0].length, same = new Uint16Array(BLOCK), fresh = new Uint32Array(BLOCK), pause = pauses();
+  const sum = new Float64Array(BLOCK), none = new Float64Array(BLOCK);
+  const shown = planes.map((codes, i) => ({ codes, zero: page.channels[i].zero }));
   for (const { first, matrix } of page.groups) {
-    const q = matrix.map(() => new Float32Array(BLOCK)), out = matrix.map(() => new Float32Array(pixels));
+    const parts = matrix.map((row, i) => ({ row, ...shown[first + i], roots: new Float64Array(BLOCK) })).filter((_, i) => !isEmpty(page.channels[first + i]));
+    const outs = matrix.map((_, j) => shown[first + j] = { squares: new Float32Array(pixels) });
+    const weights = matrix.map((_, j) => parts.map(({ row }) => row[j]));
     for (let start = 0; start < pixels; start += BLOCK) {
-      const count = Math.min(BLOCK, pixels - start);
-      matrix.forEach((_, i) => {
-        const codes = planes[first + i], { zero } = page.channels[first + i], to = q[i];
-        for (let n = 0; n < count; n++) to[n] = codes[start + n] - zero;
+      const size = min(BLOCK, pixels - start);
+      // A pixel that equals the one before it, as beside a volume, has its result.
+      same.fill(0);
+      for (const { codes } of parts) for (let n = 1; n < size; n++) same[n] |= codes[start + n] ^ codes[start + n - 1];
+      let last = 0;
+      fresh[0] = start;
+      for (let n = 1; n < size; n++) {
+        if (same[n]) fresh[++last] = start + n;
+        same[n] = last;
+      }
+      for (const { codes, zero, roots } of parts) for (let n = 0; n <= last; n++) roots[n] = codes[fresh[n]] - zero;
+      outs.forEach(({ squares }, j) => {
+        sum.fill(0, 0, last + 1);
+        for (let i = 0; i < parts.length; i += 4) addFour(sum, last, weights[j], parts, i, none);
+        for (let n = 0; n <= last; n++) sum[n] *= abs(sum[n]);
+        if (last || sum[0]) for (let n = 0; n < size; n++) squares[start + n] = sum[same[n]];
       });
-      matrix.forEach((_, j) => {
-        const to = out[j];
-        matrix.forEach((row, i) => {
-          const part = row[j], from = q[i];
-          for (let n = 0; n < count; n++) to[start + n] += part * from[n];
-        });
-      });
-      if (performance.now() - began > 12) { await breath(); began = performance.now(); }
+      await pause();
     }
-    out.forEach((codes, j) => { shown[first + j] = { codes, zero: 0 }; });
   }
   return shown;
+}
+
+/** Adds four weighted parts from `i` to the sums; those that are missing count with 0. */
+function addFour(sum, last, weights, parts, i, none) {
+  const [a = 0, b = 0, c = 0, d = 0] = weights.slice(i, i + 4), [p, q, r, s] = [0, 1, 2, 3].map((one) => parts[i + one]?.roots ?? none);
+  for (let n = 0; n <= last; n++) sum[n] += a * p[n] + b * q[n] + c * r[n] + d * s[n];
 }
 
 // ---- drawing: WebGL2 where a GPU is, and the same sums in JavaScript ----
@@ -200,7 +225,7 @@ let contexts = 0;
 
 function codesTable() {
   const table = new Uint8Array(65536);
-  for (let i = 0; i < 65536; i++) table[i] = Math.round(255 * encoded(i / 65535));
+  for (let i = 0; i < 65536; i++) table[i] = round(255 * encoded(i / 65535));
   return table;
 }
 
@@ -209,25 +234,35 @@ export function plain(page, canvas) {
   const [width, height] = page.size, context = canvas.getContext("2d", { alpha: false });
   const image = context.createImageData(width, height), out = new Uint32Array(image.data.buffer), table = codesTable();
   const BLOCK = 4096, red = new Float32Array(BLOCK), green = new Float32Array(BLOCK), blue = new Float32Array(BLOCK);
+  const addCodes = (codes, zero, first, count, r, g, b) => {
+    for (let i = 0; i < count; i++) {
+      const q = codes[first + i] - zero;
+      if (q !== 0) {
+        const v = q > 0 ? q * q : -q * q;
+        red[i] += v * r; green[i] += v * g; blue[i] += v * b;
+      }
+    }
+  };
+  const addSquares = (squares, first, count, r, g, b) => {
+    for (let i = 0; i < count; i++) {
+      const v = squares[first + i];
+      red[i] += v * r; green[i] += v * g; blue[i] += v * b;
+    }
+  };
   let shown = [];
   return {
     name: "JavaScript",
     async load(planes) { shown = await turned(page, planes); },
     draw(colours) {
       const level = (value) => value <= 0 ? 0 : value >= 1 ? 65535 : (value * 65535 + 0.5) | 0;
+      const parts = shown.map((one, c) => ({ ...one, rgb: colours[c].map((part) => part * page.channels[c].scale) }))
+        .filter(({ squares, rgb }, c) => rgb.some((part) => part) && (squares || !isEmpty(page.channels[c])));
       for (let first = 0; first < out.length; first += BLOCK) {
-        const count = Math.min(BLOCK, out.length - first);
+        const count = min(BLOCK, out.length - first);
         red.fill(0); green.fill(0); blue.fill(0);
-        for (let c = 0; c < shown.length; c++) {
-          const { codes, zero } = shown[c], [r, g, b] = colours[c].map((part) => part * page.channels[c].scale);
-          if (r === 0 && g === 0 && b === 0) continue;
-          for (let i = 0; i < count; i++) {
-            const q = codes[first + i] - zero;
-            if (q !== 0) {
-              const v = q > 0 ? q * q : -q * q;
-              red[i] += v * r; green[i] += v * g; blue[i] += v * b;
-            }
-          }
+        for (const { codes, zero, squares, rgb: [r, g, b] } of parts) {
+          if (squares) addSquares(squares, first, count, r, g, b);
+          else addCodes(codes, zero, first, count, r, g, b);
         }
         for (let i = 0; i < count; i++) out[first + i] = 0xff000000 | table[level(blue[i])] << 16 | table[level(green[i])] << 8 | table[level(red[i])];
       }
@@ -262,7 +297,7 @@ export function accelerated(page, canvas, forced) {
     return blocks;
   });
   const limit = (name) => gl.getParameter(gl[name]);
-  if (Math.max(width, height) > limit("MAX_TEXTURE_SIZE") || layers > limit("MAX_ARRAY_TEXTURE_LAYERS")
+  if (max(width, height) > limit("MAX_TEXTURE_SIZE") || layers > limit("MAX_ARRAY_TEXTURE_LAYERS")
     || 4 * layers + turns.length / 4 + 2 > limit("MAX_FRAGMENT_UNIFORM_VECTORS")) return null;
   let turn = 0;
   const add = (layer, root) => `{ vec4 u = ${root}; vec4 v = u * abs(u); sum += vec3(dot(v, red[${layer}]), dot(v, green[${layer}]), dot(v, blue[${layer}])); }\n`;
@@ -303,9 +338,10 @@ pixel = vec4(mix(12.92 * sum, 1.055 * pow(sum, vec3(1.0 / 2.4)) - 0.055, step(0.
   if (turn) gl.uniformMatrix4fv(place("turn"), false, turns);
   gl.viewport(0, 0, width, height);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-  gl.bindTexture(gl.TEXTURE_2D_ARRAY, gl.createTexture());
-  gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, wide ? gl.RGBA16UI : gl.RGBA8UI, width, height, layers);
-  for (const side of ["MIN", "MAG"]) gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl[`TEXTURE_${side}_FILTER`], gl.NEAREST);
+  const target = gl.TEXTURE_2D_ARRAY;
+  gl.bindTexture(target, gl.createTexture());
+  gl.texStorage3D(target, 1, wide ? gl.RGBA16UI : gl.RGBA8UI, width, height, layers);
+  for (const side of ["MIN", "MAG"]) gl.texParameteri(target, gl[`TEXTURE_${side}_FILTER`], gl.NEAREST);
   return {
     name: "WebGL",
     gl,
@@ -316,7 +352,7 @@ pixel = vec4(mix(12.92 * sum, 1.055 * pow(sum, vec3(1.0 / 2.4)) - 0.055, step(0.
           const plane = planes[slots[4 * layer + part]];
           for (let i = 0, at = part; i < width * height; i++, at += 4) texels[at] = plane ? plane[i] : 0;
         }
-        gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, width, height, 1, gl.RGBA_INTEGER, wide ? gl.UNSIGNED_SHORT : gl.UNSIGNED_BYTE, texels);
+        gl.texSubImage3D(target, 0, 0, 0, layer, width, height, 1, gl.RGBA_INTEGER, wide ? gl.UNSIGNED_SHORT : gl.UNSIGNED_BYTE, texels);
         await breath();
       }
     },
@@ -337,30 +373,104 @@ let roots = 0;
 function el(tag, attributes = {}, ...children) {
   const made = /^(svg|path|line|circle|text|title|g|linearGradient|stop|polygon)$/.test(tag) ? document.createElementNS(SVG, tag) : document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
-    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    if (name.startsWith("on")) listen(made, name.slice(2), value);
     else if (value !== false && value != null) made.setAttribute(name, value === true ? "" : value);
   }
   made.append(...children.filter((child) => child != null));
   return made;
 }
 
-const percent = (part) => `${Math.round(100 * part)} %`;
+const listen = (node, types, act) => types.split(" ").forEach((type) => node.addEventListener(type, act));
+const button = (text, onclick, attributes) => el("button", { type: "button", onclick, ...attributes }, text);
+const slider = (label, min, max, step, oninput) => el("input", { type: "range", min, max, step, "aria-label": label, oninput });
+const paragraph = (kind, ...children) => el("p", { class: kind }, ...children);
+const percent = (part) => `${round(100 * part)} %`;
 const short = (text, most = 16) => { const letters = [...text]; return letters.length > most ? `${letters.slice(0, most - 1).join("")}…` : text; };
 // A name in a sentence: its bidi controls end with it.
 const isolated = (name) => `\u2068${name}\u2069`;
-const quoted = (text) => `'${text.replaceAll("'", "'\\''")}'`;
+// Text for a shell; letters that nobody sees, as those of text direction, by their numbers.
+const quoted = (text) => /[\p{Cc}\p{Cf}]/u.test(text)
+  ? `$'${text.replace(/['\\]/g, "\\$&").replace(/[\p{Cc}\p{Cf}]/gu, (letter) => `\\U${letter.codePointAt(0).toString(16).padStart(8, "0")}`)}'`
+  : `'${text.replaceAll("'", "'\\''")}'`;
 // Kinds of standard lights in the menu, and what a reader may know them as.
 const KINDS = [["Daylight and lamps", /^(?!FL|LED)/], ["Fluorescent tubes", /^FL/], ["LEDs", /^LED/]];
 const USUAL = { D50: "warm daylight", D65: "daylight", A: "tungsten lamp", E: "equal energy", FL11: "narrow bands" };
 const HELP = "Tab reaches every control. Dial: arrows move the hand (Shift: farther), Home centres it; on a light, Enter shows it alone, Space switches it, arrows move it. P on the picture picks a pixel, arrows then move it. Escape ends a tour.";
 const TURNING = " Comma, full stop and arrows turn the picture.";
 
+const digits = (value) => +(+value).toFixed(4);
+const standard = (page, name) => page.standards.find((one) => one.name === name);
+
+/** The state as the fragment of an address: what differs from the page as it opens. */
+function addressOf(page, state, now) {
+  const onDial = state.by === "dial", out = new URLSearchParams(), put = (key, value, usual) => { if (String(value) !== String(usual)) out.set(key, value); };
+  if (onDial) { out.set("hand", state.hand.map(digits)); } else put("by", "sliders", now.by);
+  const off = ({ nodes }) => nodes.filter((node) => !node.on).map((node) => node.light), dark = off(state);
+  if (onDial && String(dark) !== String(off(now))) for (const name of dark.length ? dark : [""]) out.append("off", name);
+  state.nodes.forEach(({ light, place }, n) => put(`node.${light}`, place.map(digits), now.nodes[n].place.map(digits)));
+  for (const key of ["stops", "adapt", "observer", "vision", "view", "pixel", "solo"]) put(key, state[key] ?? "", now[key] ?? "");
+  put("master", digits(state.master[+onDial]), now.master[+onDial]);
+  put("keep", state.keep[+onDial], now.keep[+onDial]);
+  page.lights.forEach(({ name }, i) => {
+    const { on, value, source, kelvin, curve } = state.lights[i];
+    if (!onDial) put(`light.${name}`, on ? digits(value) : "off", now.lights[i].on ? digits(now.lights[i].value) : "off");
+    if (source) out.set(`spectrum.${name}`, source === "black body" ? kelvin : source === "drawn" ? curve.map((part) => round(99 * part)).join(" ") : source);
+  });
+  return out.toString();
+}
+
+/** `next`, the state of the page as it opens, with what an address says; nonsense in it is ignored. */
+function stateOf(page, text, next) {
+  const given = new URLSearchParams(text), pair = (key) => { const all = (given.get(key) ?? "").split(",").map(Number); return all.length === 2 && all.every(Number.isFinite) ? all : null; };
+  const hand = pair("hand"), pixel = pair("pixel"), number = (key, usual) => given.has(key) && Number.isFinite(+given.get(key)) ? +given.get(key) : usual;
+  next.by = hand && page.lights.length > 1 ? "dial" : given.get("by") === "sliders" ? "sliders" : next.by;
+  if (hand) next.hand = hand;
+  if (given.has("off")) { const off = given.getAll("off"); next.nodes.forEach((node) => { node.on = !off.includes(node.light); }); }
+  for (const node of next.nodes) node.place = pair(`node.${node.light}`) ?? node.place;
+  const m = +(next.by === "dial");
+  next.master[m] = number("master", next.master[m]);
+  if (given.has("keep")) next.keep[m] = given.get("keep") === "true";
+  next.stops = clamp(number("stops", 0), -4, 4);
+  if (given.has("adapt")) next.adapt = given.get("adapt") === "true";
+  if (given.get("observer") === "1931" || given.get("observer") === "1964") next.observer = given.get("observer");
+  next.vision = page.deficiencies.find(({ name }) => name === given.get("vision"))?.name ?? "";
+  next.view = clamp(floor(number("view", next.view)), 0, page.views - 1);
+  next.solo = next.by === "dial" ? -1 : clamp(floor(number("solo", -1)), -1, page.lights.length - 1);
+  if (pixel) next.pixel = pixel.map((part, axis) => clamp(floor(part), 0, page.size[axis] - 1));
+  page.lights.forEach(({ name }, i) => {
+    const light = next.lights[i], value = given.get(`light.${name}`), source = given.get(`spectrum.${name}`) ?? "";
+    if (value) { light.on = value !== "off"; if (light.on && Number.isFinite(+value)) light.value = clamp(+value, 0, 1e9); }
+    const curve = source.split(" ").map(Number);
+    if (standard(page, source)) light.source = source;
+    else if (curve.length === BANDS && curve.every(Number.isFinite)) { light.source = "drawn"; light.curve = curve.map((part) => clamp(part / 99, 0, 1)); }
+    else if (+source >= 100 && Number.isFinite(+source)) { light.source = "black body"; light.kelvin = +source; }
+  });
+  return next;
+}
+
+/** The command of Relume for a state of the page, whose `mix` has the lights with their weights. */
+function commandOf(page, state, dial, mix) {
+  // The dial of the film, where only its hand was moved and nodes switched off; otherwise the lights themselves.
+  const isOfFilm = state.by === "dial" && state.keep[1] === dial.normalise && state.master[1] === dial.master
+    && state.lights.every(({ source }) => !source)
+    && state.nodes.every((node, n) => node.on <= dial.nodes[n].on && String(node.place) === String(dial.nodes[n].place));
+  const lights = isOfFilm
+    ? ` --dial ${state.hand.map(digits)}${state.nodes.filter((node) => !node.on).map((node) => ` --nodes-off ${quoted(node.light)}`).join("")}`
+    : mix.map(({ index, weight, position }) => {
+      const { source, kelvin } = state.lights[index], { name, weight: stated } = page.lights[index];
+      const other = source === "black body" ? `blackbody ${kelvin}` : source === "drawn" ? `drawn${index + 1}.csv` : source;
+      return ` --light ${quoted(other ? `${other}@${page.positions[position]}=${digits(weight)}` : `${name}=${digits(weight / stated)}`)}`;
+    }).join("");
+  const seen = state.observer === page.observer ? "" : ` --observer ${state.observer}`;
+  return `relume relight film.exr${lights}${seen} -o picture.png`;
+}
+
 /**
  * Builds the page in `root`. `bytes(view)` returns a packed view as a Uint8Array. Options: `draw` ("gl", "cpu"),
  * `address` (keeps the state in the page's address), `changed(state)`. Returns the state, `set`, and `end`.
  */
 export function mount(root, page, bytes, options = {}) {
-  if (page.format !== 1) throw new Error(`this page has the format ${page.format}, and its script reads 1`);
+  if (page.format !== 2) throw new Error(`format ${page.format}, not 2`);
   const id = `relume-${++roots}`, [width, height] = page.size, columns = page.columns;
   const many = page.lights.length > 1, still = matchMedia("(prefers-reduced-motion: reduce)");
   const corner = (i, n) => [Math.sin(2 * Math.PI * i / n), Math.cos(2 * Math.PI * i / n)];
@@ -377,12 +487,11 @@ export function mount(root, page, bytes, options = {}) {
   // Lights as they are mixed now.
   const made = new Map();
   const remembered = (key, make) => { if (!made.has(key)) { if (made.size > 200) made.clear(); made.set(key, make()); } return made.get(key); };
-  const standard = (name) => page.standards.find((one) => one.name === name);
   const sourceOf = (i) => {
     const { source, kelvin, curve } = state.lights[i];
     if (source === "black body") return remembered(kelvin, () => lightOf(page, blackBody(kelvin)));
     if (source === "drawn") return remembered(curve.join(), () => lightOf(page, curve));
-    return standard(source) ?? page.lights[i];
+    return standard(page, source) ?? page.lights[i];
   };
   const shares = () => {
     if (!onDial()) return state.lights.map(({ on, value }, i) => on && (state.solo < 0 || state.solo === i) ? value : 0);
@@ -403,8 +512,8 @@ export function mount(root, page, bytes, options = {}) {
   const status = el("p", { class: "status", role: "status" }, ""), live = el("p", { class: "unseen", "aria-live": "polite" });
   const cross = el("span", { class: "cross", hidden: true }), frame = el("div", { class: "frame", tabindex: 0, role: "group", "aria-label": "Picture" }, cross);
   frame.style.setProperty("--aspect", width / height);
-  const views = page.views > 1 && el("input", { type: "range", min: 0, max: columns - 1, "aria-label": "View around the volume", oninput: () => change({ view: Math.floor(state.view / columns) * columns + +views.value }) });
-  const heights = page.views > columns && el("input", { type: "range", min: 0, max: page.views / columns - 1, "aria-label": "Height of the view, in rows from the lowest", oninput: () => change({ view: state.view % columns + (page.views / columns - 1 - heights.value) * columns }) });
+  const views = page.views > 1 && slider("View around the volume", 0, columns - 1, 1, () => change({ view: floor(state.view / columns) * columns + +views.value }));
+  const heights = page.views > columns && slider("Height of the view, in rows from the lowest", 0, page.views / columns - 1, 1, () => change({ view: state.view % columns + (page.views / columns - 1 - heights.value) * columns }));
   let canvas, drawer, planes, losses = 0, waiting = false, shownView = -1, looking = false, measured = options.draw === "gl", ended = false;
   const packed = new Map();
   const start = (software) => {
@@ -414,7 +523,7 @@ export function mount(root, page, bytes, options = {}) {
     drawer = software ? null : accelerated(page, canvas, options.draw === "gl");
     if (!drawer) { fresh(); drawer = plain(page, canvas); }
     const mine = canvas;
-    mine.addEventListener("webglcontextlost", (event) => { event.preventDefault(); if (!ended && mine === canvas) start(++losses > 1); });
+    listen(mine, "webglcontextlost", (event) => { event.preventDefault(); if (!ended && mine === canvas) start(++losses > 1); });
     shownView = -1;
     look();
   };
@@ -435,9 +544,9 @@ export function mount(root, page, bytes, options = {}) {
         const { view } = state, mine = drawer;
         const next = view === shownView ? [1, -1].map((step) => turnedBy(view, step)).find((near) => !packed.has(near)) : view;
         if (next === undefined) break;
-        if (!packed.has(next)) packed.set(next, await unpack(page, bytes(next)));
+        if (!packed.has(next)) packed.set(next, await unpack(page, next, bytes(next)));
         if (next !== view || view !== state.view || mine !== drawer || ended) continue;
-        while (packed.size > 10) packed.delete([...packed.keys()].sort((a, b) => Math.abs(b - view) - Math.abs(a - view))[0]);
+        while (packed.size > 10) packed.delete([...packed.keys()].sort((a, b) => abs(b - view) - abs(a - view))[0]);
         await mine.load(packed.get(view));
         if (mine !== drawer || ended) continue;
         planes = packed.get(view);
@@ -453,7 +562,7 @@ export function mount(root, page, bytes, options = {}) {
     } finally { looking = false; }
   };
   const turnedBy = (view, step, rows = 0) => {
-    const row = clamp(Math.floor(view / columns) + rows, 0, page.views / columns - 1);
+    const row = clamp(floor(view / columns) + rows, 0, page.views / columns - 1);
     return row * columns + (view % columns + step + columns) % columns;
   };
   const draw = () => {
@@ -465,8 +574,8 @@ export function mount(root, page, bytes, options = {}) {
   // The dial.
   // Names are below the nodes.
   const SIDE = 320, MIDDLE = SIDE / 2 - 16, places = state.nodes.map((node) => node.place).concat([[0, 0]], dial.presets.map((preset) => preset.hand));
-  const span = (axis) => [Math.min(...places.map((place) => place[axis])), Math.max(...places.map((place) => place[axis]))];
-  const [[left, right], [bottom, top]] = [span(0), span(1)], size = Math.max(right - left, top - bottom, 1e-6), scale = (SIDE - 110) / size;
+  const span = (axis) => [min(...places.map((place) => place[axis])), max(...places.map((place) => place[axis]))];
+  const [[left, right], [bottom, top]] = [span(0), span(1)], size = max(right - left, top - bottom, 1e-6), scale = (SIDE - 110) / size;
   const onScreen = ([x, y]) => [SIDE / 2 + (x - (left + right) / 2) * scale, MIDDLE - (y - (bottom + top) / 2) * scale];
   const onPlane = (event) => {
     const box = svg.getBoundingClientRect(), at = [event.clientX - box.left, event.clientY - box.top].map((part) => clamp(part * SIDE / box.width, 8, SIDE - 8));
@@ -496,35 +605,37 @@ export function mount(root, page, bytes, options = {}) {
     if (to) { event.preventDefault(); change({ by: "dial", hand: to }); }
   } }, el("circle", { r: 26, class: "halo" }), el("circle", { r: 13, class: "grip" }), el("circle", { r: 4, class: "dot" }));
   svg.append(hand);
-  let moving = null;
-  svg.addEventListener("pointerdown", (event) => {
+  // Lights are moved by Shift and a drag, or by any drag while the button is pressed, as a finger has no Shift.
+  let moving = null, arranging = false;
+  const arrange = button("Move lights", () => { arranging = !arranging; arrange.setAttribute("aria-pressed", arranging); refresh(); }, { "aria-pressed": "false" });
+  listen(svg, "pointerdown", (event) => {
     const n = marks.findIndex((mark) => mark.contains(event.target));
-    moving = event.shiftKey && n >= 0 ? state.nodes[n] : state;
+    moving = (event.shiftKey || arranging) && n >= 0 ? state.nodes[n] : state;
     svg.setPointerCapture(event.pointerId);
     if (n >= 0) state.nodes[n].on = true;
     if (moving === state) change({ by: "dial", hand: n >= 0 ? [...state.nodes[n].place] : onPlane(event) });
     moving.from = [event.clientX, event.clientY];
   });
-  svg.addEventListener("pointermove", (event) => {
-    if (!moving || Math.hypot(event.clientX - moving.from[0], event.clientY - moving.from[1]) < 3) return;
+  listen(svg, "pointermove", (event) => {
+    if (!moving || hypot(event.clientX - moving.from[0], event.clientY - moving.from[1]) < 3) return;
     const at = onPlane(event);
     if (moving !== state) { moving.place = at; change({}); return; }
     // The hand snaps to a node.
-    const near = state.nodes.find((node) => node.on && Math.hypot(node.place[0] - at[0], node.place[1] - at[1]) * scale < 9);
+    const near = state.nodes.find((node) => node.on && hypot(node.place[0] - at[0], node.place[1] - at[1]) * scale < 9);
     change({ by: "dial", hand: near ? [...near.place] : at });
   });
-  for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, () => { moving = null; });
+  listen(svg, "pointerup pointercancel", () => { moving = null; });
   const usePreset = (preset, show) => {
     state.nodes.forEach((node, n) => { node.on = (dial.nodes[n].on || (preset.on ?? []).includes(node.light)) && !preset.off.includes(node.light); });
     show({ by: "dial", hand: [...preset.hand] });
   };
-  const presets = dial.presets.map((preset) => el("button", { type: "button", title: preset.caption, onclick: () => usePreset(preset, change) }, el("bdi", {}, preset.name)));
-  const caption = el("p", { class: "caption" });
+  const presets = dial.presets.map((preset) => button(el("bdi", {}, preset.name), () => usePreset(preset, change), { title: preset.caption }));
+  const caption = paragraph("caption");
 
   // A tour of the presets, or of the nodes.
   let tour = 0;
   const rest = () => { cancelAnimationFrame(tour); tour = 0; touring.textContent = "▶ Tour"; };
-  const touring = el("button", { type: "button", onclick: () => {
+  const touring = button("▶ Tour", () => {
     if (tour) return rest();
     const stops = dial.presets.length > 1 ? dial.presets.map((preset) => preset.hand) : state.nodes.filter((node) => node.on).map((node) => node.place);
     if (stops.length < 2) return;
@@ -532,7 +643,7 @@ export function mount(root, page, bytes, options = {}) {
     let began, last = -1;
     const go = (now) => {
       began ??= now;
-      const along = (now - began) / 3000, leg = Math.floor(along), part = still.matches ? 0 : along - leg;
+      const along = (now - began) / 3000, leg = floor(along), part = still.matches ? 0 : along - leg;
       const from = stops[leg % stops.length], to = stops[(leg + 1) % stops.length];
       if (leg !== last && dial.presets.length > 1) usePreset(dial.presets[leg % stops.length], show);
       if (leg !== last || part) show({ by: "dial", hand: from.map((x, axis) => x + (to[axis] - x) * part * part * (3 - 2 * part)) });
@@ -540,28 +651,31 @@ export function mount(root, page, bytes, options = {}) {
       tour = requestAnimationFrame(go);
     };
     tour = requestAnimationFrame(go);
-  } }, "▶ Tour");
+  });
 
   // The lights.
-  const path = (spectrum, w, h, peak = Math.max(...spectrum, 1e-9)) => `M${spectrum.map((value, i) => `${(i * w / 80).toFixed(1)},${(h - 2 - clamp(value / peak, 0, 1) * (h - 4)).toFixed(1)}`).join("L")}`;
+  const area = (spectrum) => `M${spectrum.map((value, i) => `${2 * i},${(42 - 40 * clamp(value / max(...spectrum, 1e-9), 0, 1)).toFixed(1)}`).join("L")}L160,44L0,44Z`;
+  const plot = (attributes) => {
+    const curve = el("path", { fill: `url(#${id}-hues)` });
+    return [el("svg", { viewBox: "0 0 160 44", preserveAspectRatio: "none", class: "curve", ...attributes }, curve), (spectrum) => curve.setAttribute("d", area(spectrum))];
+  };
   const hues = el("linearGradient", { id: `${id}-hues` }, ...[380, 440, 490, 510, 580, 620, 780].map((nm, i) => el("stop", { offset: (nm - 380) / 400, "stop-color": ["#40006a", "#3030ff", "#00b0d0", "#20c040", "#e0d000", "#ff4000", "#600000"][i] })));
   const rows = page.lights.map((light, i) => {
-    const here = () => state.lights[i], set = (part) => { Object.assign(here(), part); change({}); };
-    const on = el("input", { type: "checkbox", "aria-label": `${isolated(light.name)}: on`, onchange: () => {
+    const named = isolated(light.name), here = () => state.lights[i], set = (part) => { Object.assign(here(), part); change({}); };
+    const on = el("input", { type: "checkbox", "aria-label": `${named}: on`, onchange: () => {
       if (onDial()) { const node = nodeOf(light.name); if (node) node.on = on.checked; change({}); } else set({ on: on.checked });
     } });
-    const value = el("input", { type: "range", min: 0, max: 3, step: 0.01, "aria-label": `${isolated(light.name)}: strength`, oninput: () => { take(); set({ value: +value.value, on: true }); } });
-    const solo = el("button", { type: "button", class: "small", onclick: () => { take(); change({ solo: state.solo === i ? -1 : i }); } }, "solo");
-    const menu = el("select", { "aria-label": `${isolated(light.name)}: spectrum`, onchange: () => {
-      if (menu.value === "drawn" && !here().curve) here().curve = sourceOf(i).spectrum.map((part, _, all) => part / Math.max(...all));
+    const value = slider(`${named}: strength`, 0, 3, 0.01, () => { take(); set({ value: +value.value, on: true }); });
+    const solo = button("solo", () => { take(); change({ solo: state.solo === i ? -1 : i }); }, { class: "small" });
+    const menu = el("select", { "aria-label": `${named}: spectrum`, onchange: () => {
+      if (menu.value === "drawn" && !here().curve) here().curve = sourceOf(i).spectrum.map((part, _, all) => part / max(...all));
       set({ source: menu.value });
     } }, el("option", { value: "" }, "as rendered"), ...KINDS.map(([kind, first]) => el("optgroup", { label: kind }, ...page.standards.filter(({ name }) => first.test(name)).map(({ name }) => el("option", { value: name }, USUAL[name] ? `${name} (${USUAL[name]})` : name)))), el("option", {}, "black body"), el("option", { value: "drawn" }, "draw a curve"));
-    const kelvin = el("input", { type: "range", min: 1500, max: 12000, step: 50, "aria-label": `${isolated(light.name)}: temperature in kelvin`, oninput: () => set({ kelvin: +kelvin.value }) });
-    const curve = el("path", { fill: `url(#${id}-hues)` });
+    const kelvin = slider(`${named}: temperature in kelvin`, 1500, 12000, 50, () => set({ kelvin: +kelvin.value }));
     let band = 40;
-    const drawing = el("svg", { viewBox: "0 0 160 44", preserveAspectRatio: "none", class: "curve" }, curve);
+    const [drawing, plotted] = plot();
     const point = (at, height) => { const all = [...here().curve]; all[at] = clamp(height, 0, 1); set({ curve: all }); };
-    drawing.addEventListener("keydown", (event) => {
+    listen(drawing, "keydown", (event) => {
       const arrow = here().source === "drawn" && arrows[event.key];
       if (!arrow) return;
       event.preventDefault();
@@ -569,15 +683,15 @@ export function mount(root, page, bytes, options = {}) {
       point(band, here().curve[band] + 0.05 * arrow[1]);
     });
     let before = null;
-    drawing.addEventListener("pointerdown", (event) => { if (here().source === "drawn") { drawing.setPointerCapture(event.pointerId); before = -1; drawn(event); } });
-    drawing.addEventListener("pointermove", (event) => { if (before !== null) drawn(event); });
-    drawing.addEventListener("pointerup", () => { before = null; });
+    listen(drawing, "pointerdown", (event) => { if (here().source === "drawn") { drawing.setPointerCapture(event.pointerId); before = -1; drawn(event); } });
+    listen(drawing, "pointermove", (event) => { if (before !== null) drawn(event); });
+    listen(drawing, "pointerup", () => { before = null; });
     const drawn = (event) => {
-      const box = drawing.getBoundingClientRect(), at = clamp(Math.round((event.clientX - box.left) / box.width * 80), 0, 80);
+      const box = drawing.getBoundingClientRect(), at = clamp(round((event.clientX - box.left) / box.width * 80), 0, 80);
       for (let b = before < 0 ? at : before; ; b += Math.sign(at - b)) { point(b, 1 - (event.clientY - box.top) / box.height); if (b === at) break; }
       before = at;
     };
-    const disc = el("span", { class: "swatch" }), part = el("output"), note = el("p", { class: "note" });
+    const disc = el("span", { class: "swatch" }), part = el("output"), note = paragraph("note");
     const update = (share) => {
       const now = sourceOf(i), { source } = here(), node = nodeOf(light.name);
       on.checked = onDial() ? !!node?.on : here().on;
@@ -589,11 +703,11 @@ export function mount(root, page, bytes, options = {}) {
       menu.value = source;
       disc.style.background = swatch(page, now);
       part.textContent = !onDial() && state.solo >= 0 && state.solo !== i ? "off (solo)" : percent(share);
-      curve.setAttribute("d", `${path(now.spectrum, 160, 44)}L160,44L0,44Z`);
-      for (const [name, text] of Object.entries(source === "drawn" ? { role: "slider", tabindex: 0, "aria-label": `${isolated(light.name)}: drawn spectrum`, "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": Math.round(100 * here().curve[band]), "aria-valuetext": `${380 + 5 * band} nm: ${percent(here().curve[band])}` } : { role: "img", "aria-label": `Spectrum of ${isolated(light.name)}, 380 to 780 nm` })) drawing.setAttribute(name, text);
+      plotted(now.spectrum);
+      for (const [name, text] of Object.entries(source === "drawn" ? { role: "slider", tabindex: 0, "aria-label": `${named}: drawn spectrum`, "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": round(100 * here().curve[band]), "aria-valuetext": `${380 + 5 * band} nm: ${percent(here().curve[band])}` } : { role: "img", "aria-label": `Spectrum of ${named}, 380 to 780 nm` })) drawing.setAttribute(name, text);
       if (source !== "drawn") ["tabindex", "aria-valuenow", "aria-valuetext", "aria-valuemin", "aria-valuemax"].forEach((name) => drawing.removeAttribute(name));
       drawing.classList.toggle("open", source === "drawn");
-      const foreign = !page.model ? "" : now.matrices ? now.error > 0.1 ? `Colours under ${source || isolated(light.name)} are within ΔE00 ${now.error.toFixed(2)}.` : "" : `From ${page.model.k} numbers a pixel: an estimate, within about ΔE00 ${page.model.error.toFixed(1)} for smooth spectra.`;
+      const foreign = !page.model ? "" : now.matrices ? now.error > 0.1 ? `Colours under ${source || named} are within ΔE00 ${now.error.toFixed(2)}.` : "" : `From ${page.model.k} numbers a pixel: an estimate, within about ΔE00 ${page.model.error.toFixed(1)} for smooth spectra.`;
       note.textContent = (source === "black body" ? `${here().kelvin} K${foreign && ". "}` : source === "drawn" ? "Draw on the curve. " : "") + foreign;
     };
     return { row: el("li", {}, el("div", { class: "head" }, on, disc, el("bdi", { title: light.name }, short(light.name, 24)), part, solo), value, el("div", { class: "source" }, menu, drawing), kelvin, note), update };
@@ -607,7 +721,7 @@ export function mount(root, page, bytes, options = {}) {
 
   // Display and the rest.
   const check = (label, get, set) => { const input = el("input", { type: "checkbox", onchange: () => { set(input.checked); change({}); } }); return { node: el("label", { class: "row" }, input, label), update: () => { input.checked = get(); } }; };
-  const range = (label, low, high, by, get, set, words) => { const input = el("input", { type: "range", min: low, max: high, step: by, oninput: () => { set(+input.value); change({}); } }), out = el("output"); return { node: el("label", { class: "row" }, el("span", {}, label), input, out), update: () => { input.value = get(); out.textContent = words(get()); } }; };
+  const range = (label, low, high, by, get, set, words) => { const input = slider(null, low, high, by, () => { set(+input.value); change({}); }), out = el("output"); return { node: el("label", { class: "row" }, el("span", {}, label), input, out), update: () => { input.value = get(); out.textContent = words(get()); } }; };
   const choice = (label, entries, get, set) => { const input = el("select", { onchange: () => { set(input.value); change({}); } }, ...entries.map(([value, text]) => el("option", { value }, text))); return { node: el("label", { class: "row" }, el("span", {}, label), input), update: () => { input.value = get(); } }; };
   const controls = [
     range("Exposure", -4, 4, 0.1, () => state.stops, (v) => { state.stops = v; }, (v) => `${v > 0 ? "+" : ""}${v.toFixed(1)} EV`),
@@ -617,7 +731,6 @@ export function mount(root, page, bytes, options = {}) {
     choice("Observer", [["1931", "CIE 1931, 2°"], ["1964", "CIE 1964, 10°"]], () => state.observer, (v) => { state.observer = v; }),
     choice("Colour vision", [["", "normal"], ...page.deficiencies.map(({ name }) => [name, `${name} (simulated)`])], () => state.vision, (v) => { state.vision = v; }),
   ];
-  const button = (text, act) => el("button", { type: "button", onclick: act }, text);
   const zoom = button("Actual pixels", () => { zoom.textContent = frame.classList.toggle("whole") ? "Fit" : "Actual pixels"; });
   const command = el("input", { readonly: true, "aria-label": "Command of Relume for this mix", onfocus: () => command.select() });
   const keep = (blob, name) => {
@@ -626,22 +739,6 @@ export function mount(root, page, bytes, options = {}) {
     setTimeout(() => URL.revokeObjectURL(url), 1e4);
   };
   const save = () => { drawer.draw(coloursNow()); canvas.toBlob((blob) => keep(blob, "picture.png")); };
-  const written = () => {
-    const number = (value) => +value.toFixed(4);
-    // The dial of the film, where only its hand was moved and nodes switched off; otherwise the lights themselves.
-    const isOfFilm = onDial() && state.keep[1] === dial.normalise && state.master[1] === dial.master
-      && state.lights.every(({ source }) => !source)
-      && state.nodes.every((node, n) => node.on <= dial.nodes[n].on && String(node.place) === String(dial.nodes[n].place));
-    const lights = isOfFilm
-      ? ` --dial ${state.hand.map(number)}${state.nodes.filter((node) => !node.on).map((node) => ` --nodes-off ${quoted(node.light)}`).join("")}`
-      : mixed().map(({ index, weight, position }) => {
-        const { source, kelvin } = state.lights[index], { name, weight: stated } = page.lights[index];
-        const other = source === "black body" ? `blackbody ${kelvin}` : source === "drawn" ? `drawn${index + 1}.csv` : source;
-        return ` --light ${quoted(other ? `${other}@${page.positions[position]}=${number(weight)}` : `${name}=${number(weight / stated)}`)}`;
-      }).join("");
-    const seen = state.observer === page.observer ? "" : ` --observer ${state.observer}`;
-    return `relume relight film.exr${lights}${seen} -o picture.png`;
-  };
   const copying = button("Copy", () => { command.select(); copying.textContent = document.execCommand("copy") ? "Copied" : "Copy"; });
   // Curves that were drawn, as the files that the command names.
   const curves = button("Save drawn curves", () => state.lights.forEach(({ source, curve }, i) => {
@@ -659,7 +756,7 @@ export function mount(root, page, bytes, options = {}) {
       const back = matrix.map((_, j) => matrix.reduce((sum, row, i) => sum + row[j] * roots[first + i], 0));
       back.forEach((root, j) => { roots[first + j] = root; });
     }
-    const values = roots.map((root, c) => root * Math.abs(root) * page.channels[c].scale), colours = coloursNow();
+    const values = roots.map((root, c) => root * abs(root) * page.channels[c].scale), colours = coloursNow();
     const rgb = [0, 1, 2].map((axis) => values.reduce((sum, value, c) => sum + value * colours[c][axis], 0));
     const { spectra } = page.model ?? { spectra: page.components.map((one) => one.spectrum) }, k = spectra.length;
     const sum = new Array(BANDS).fill(0), behind = values.slice(k * page.positions.length);
@@ -673,29 +770,30 @@ export function mount(root, page, bytes, options = {}) {
     const weights = page.model ? [] : page.components.map(({ name }, i) => [name, page.positions.reduce((all, _, p) => all + values[p * k + i], 0)]).filter(([, weight]) => weight > 5e-4).sort((a, b) => b[1] - a[1]);
     cross.style.left = `${100 * (x + 0.5) / width}%`;
     cross.style.top = `${100 * (y + 0.5) / height}%`;
-    const disc = el("span", { class: "swatch" });
+    const disc = el("span", { class: "swatch" }), [chart, plotted] = plot({ role: "img", "aria-label": "Spectrum of the pixel, 380 to 780 nm" });
+    plotted(sum);
     disc.style.background = css(rgb);
-    told.replaceChildren(el("h2", {}, disc, ` Pixel ${x}, ${y}`), el("svg", { viewBox: "0 0 160 44", preserveAspectRatio: "none", class: "curve", role: "img", "aria-label": "Spectrum of the pixel, 380 to 780 nm" }, el("path", { fill: `url(#${id}-hues)`, d: `${path(sum, 160, 44)}L160,44L0,44Z` })), ticks(),
-      el("p", { class: "hint" }, `sRGB ${rgb.map((part) => Math.round(255 * encoded(clamp(part, 0, 1)))).join(", ")}; relative spectrum`),
+    told.replaceChildren(el("h2", {}, disc, ` Pixel ${x}, ${y}`), chart, ticks(),
+      paragraph("hint", `sRGB ${rgb.map((part) => round(255 * encoded(clamp(part, 0, 1)))).join(", ")}; relative spectrum`),
       weights.length ? el("h3", {}, "Material along the ray") : "", 
       ...weights.slice(0, 6).map(([name, weight]) => el("div", { class: "head" }, el("bdi", {}, short(name.replaceAll("_", " "), 24)), el("output", {}, weight.toFixed(3)))),
       ...page.model || weights.length ? [] : ["Background only."]);
   };
   const pick = (event) => {
     const box = canvas.getBoundingClientRect();
-    const at = [(event.clientX - box.left) / box.width * width, (event.clientY - box.top) / box.height * height].map(Math.floor);
+    const at = [(event.clientX - box.left) / box.width * width, (event.clientY - box.top) / box.height * height].map(floor);
     change({ pixel: at.every((part, axis) => part >= 0 && part < page.size[axis]) ? at : null });
   };
   let grabbed = null;
-  frame.addEventListener("pointerdown", (event) => { grabbed = { x: event.clientX, y: event.clientY, view: state.view, moved: false }; });
-  frame.addEventListener("pointermove", (event) => {
+  listen(frame, "pointerdown", (event) => { grabbed = { x: event.clientX, y: event.clientY, view: state.view, moved: false }; });
+  listen(frame, "pointermove", (event) => {
     if (!grabbed || !event.buttons) return;
     const across = event.clientX - grabbed.x, down = event.clientY - grabbed.y;
-    grabbed.moved ||= Math.hypot(across, down) > 4;
-    if (views && grabbed.moved) change({ view: turnedBy(grabbed.view, -Math.round(across / frame.clientWidth * columns) % columns, Math.round(down / 120)) });
+    grabbed.moved ||= hypot(across, down) > 4;
+    if (views && grabbed.moved) change({ view: turnedBy(grabbed.view, -round(across / frame.clientWidth * columns) % columns, round(down / 120)) });
   });
-  frame.addEventListener("pointerup", (event) => { if (grabbed && !grabbed.moved) pick(event); grabbed = null; });
-  frame.addEventListener("keydown", (event) => {
+  listen(frame, "pointerup", (event) => { if (grabbed && !grabbed.moved) pick(event); grabbed = null; });
+  listen(frame, "keydown", (event) => {
     const arrow = arrows[event.key], turn = { ",": -1, ".": 1 }[event.key];
     if (event.key === "p" || event.key === "P") change({ pixel: state.pixel ? null : page.size.map((side) => side >> 1) });
     if (arrow && state.pixel) change({ pixel: state.pixel.map((part, axis) => clamp(part + arrow[axis] * (axis ? -1 : 1) * (event.shiftKey ? 10 : 1), 0, page.size[axis] - 1)) });
@@ -703,52 +801,7 @@ export function mount(root, page, bytes, options = {}) {
     if (arrow) event.preventDefault();
   });
 
-  // The state in the address.
-  const address = () => {
-    const out = new URLSearchParams(), now = opened(), put = (key, value, usual) => { if (String(value) !== String(usual)) out.set(key, value); };
-    const number = (value) => +(+value).toFixed(4);
-    if (onDial()) { out.set("hand", state.hand.map(number)); } else put("by", "sliders", now.by);
-    const off = ({ nodes }) => nodes.filter((node) => !node.on).map((node) => node.light), dark = off(state);
-    if (onDial() && String(dark) !== String(off(now))) for (const name of dark.length ? dark : [""]) out.append("off", name);
-    state.nodes.forEach(({ light, place }, n) => put(`node.${light}`, place.map(number), now.nodes[n].place.map(number)));
-    for (const key of ["stops", "adapt", "observer", "vision", "view", "pixel", "solo"]) put(key, state[key] ?? "", now[key] ?? "");
-    put("master", number(state.master[mode()]), now.master[mode()]);
-    put("keep", state.keep[mode()], now.keep[mode()]);
-    page.lights.forEach(({ name }, i) => {
-      const { on, value, source, kelvin, curve } = state.lights[i];
-      if (!onDial()) put(`light.${name}`, on ? number(value) : "off", now.lights[i].on ? number(now.lights[i].value) : "off");
-      if (source) out.set(`spectrum.${name}`, source === "black body" ? kelvin : source === "drawn" ? curve.map((part) => Math.round(99 * part)).join(" ") : source);
-    });
-    return out.toString();
-  };
-  const read = (text) => {
-    const given = new URLSearchParams(text), next = opened(), pair = (key) => { const all = (given.get(key) ?? "").split(",").map(Number); return all.length === 2 && all.every(Number.isFinite) ? all : null; };
-    const hand = pair("hand"), pixel = pair("pixel"), number = (key, usual) => given.has(key) && Number.isFinite(+given.get(key)) ? +given.get(key) : usual;
-    next.by = hand && many ? "dial" : given.get("by") === "sliders" ? "sliders" : next.by;
-    if (hand) next.hand = hand;
-    if (given.has("off")) { const off = given.getAll("off"); next.nodes.forEach((node) => { node.on = !off.includes(node.light); }); }
-    for (const node of next.nodes) node.place = pair(`node.${node.light}`) ?? node.place;
-    const m = +(next.by === "dial");
-    next.master[m] = number("master", next.master[m]);
-    if (given.has("keep")) next.keep[m] = given.get("keep") === "true";
-    next.stops = clamp(number("stops", 0), -4, 4);
-    if (given.has("adapt")) next.adapt = given.get("adapt") === "true";
-    if (given.get("observer") === "1931" || given.get("observer") === "1964") next.observer = given.get("observer");
-    next.vision = page.deficiencies.find(({ name }) => name === given.get("vision"))?.name ?? "";
-    next.view = clamp(Math.floor(number("view", next.view)), 0, page.views - 1);
-    next.solo = next.by === "dial" ? -1 : clamp(Math.floor(number("solo", -1)), -1, page.lights.length - 1);
-    if (pixel) next.pixel = pixel.map((part, axis) => clamp(Math.floor(part), 0, page.size[axis] - 1));
-    page.lights.forEach(({ name }, i) => {
-      const light = next.lights[i], value = given.get(`light.${name}`), source = given.get(`spectrum.${name}`) ?? "";
-      if (value) { light.on = value !== "off"; if (light.on && Number.isFinite(+value)) light.value = clamp(+value, 0, 1e9); }
-      const curve = source.split(" ").map(Number);
-      if (standard(source)) light.source = source;
-      else if (curve.length === BANDS && curve.every(Number.isFinite)) { light.source = "drawn"; light.curve = curve.map((part) => clamp(part / 99, 0, 1)); }
-      else if (+source >= 100 && Number.isFinite(+source)) { light.source = "black body"; light.kelvin = +source; }
-    });
-    return next;
-  };
-
+  const address = () => addressOf(page, state, opened());
   let later = 0;
   /** Every change by hand ends a tour. */
   const change = (part) => { if (tour) rest(); show(part); };
@@ -783,11 +836,11 @@ export function mount(root, page, bytes, options = {}) {
       mark.querySelector(".part").textContent = told;
     });
     hand.setAttribute("transform", `translate(${at})`);
-    hand.setAttribute("aria-valuenow", Math.round(100 * Math.max(...weights, 0)));
+    hand.setAttribute("aria-valuenow", round(100 * max(...weights, 0)));
     hand.setAttribute("aria-valuetext", inWords());
     root.classList.toggle("by-dial", onDial());
-    hint.textContent = onDial() ? "Drag the white hand: the nearer a light, the stronger it shines. The lights share 100 %." : "The sliders mix the lights. Drag the white hand to mix them by the dial instead.";
-    const now = dial.presets.findIndex((preset) => onDial() && Math.hypot(preset.hand[0] - state.hand[0], preset.hand[1] - state.hand[1]) < 1e-6);
+    hint.textContent = arranging ? "Drag a light to another place." : onDial() ? "Drag the white hand: the nearer a light, the stronger it shines. The lights share 100 %." : "The sliders mix the lights. Drag the white hand to mix them by the dial instead.";
+    const now = dial.presets.findIndex((preset) => onDial() && hypot(preset.hand[0] - state.hand[0], preset.hand[1] - state.hand[1]) < 1e-6);
     presets.forEach((one, i) => one.setAttribute("aria-pressed", i === now));
     caption.textContent = dial.presets[now]?.caption ?? "";
     canvas?.setAttribute("aria-label", label());
@@ -796,33 +849,34 @@ export function mount(root, page, bytes, options = {}) {
       state.stops ? `exposure ${state.stops > 0 ? "+" : ""}${state.stops.toFixed(1)} EV` : "", `observer CIE ${state.observer}`,
       state.adapt ? "white balance" : "", state.vision && `colour vision: ${state.vision}, simulated`,
     ].filter(Boolean).join(", ");
-    if (command.value !== written()) { command.value = written(); copying.textContent = "Copy"; }
+    const told = commandOf(page, state, dial, mixed());
+    if (command.value !== told) { command.value = told; copying.textContent = "Copy"; }
     curves.hidden = state.lights.every(({ source }) => source !== "drawn");
-    if (views) { views.value = state.view % columns; views.setAttribute("aria-valuetext", `${Math.round(360 * (state.view % columns) / columns)}°`); }
-    if (heights) heights.value = page.views / columns - 1 - Math.floor(state.view / columns);
+    if (views) { views.value = state.view % columns; views.setAttribute("aria-valuetext", `${round(360 * (state.view % columns) / columns)}°`); }
+    if (heights) heights.value = page.views / columns - 1 - floor(state.view / columns);
   };
 
-  const words = el("p", { class: "words" }), settings = el("span"), hint = el("p", { class: "hint" });
+  const words = paragraph("words"), settings = el("span"), hint = paragraph("hint");
   root.classList.add("relume");
   root.replaceChildren(
-    el("main", {}, el("h1", {}, el("bdi", {}, page.title)), el("div", { class: "surround" }, frame), views || "", heights || "", el("p", { class: "hint" }, views ? "Drag the picture to turn it, click it for the spectrum of a pixel." : "Click the picture for the spectrum of a pixel."), status, words, live),
+    el("main", {}, el("h1", {}, el("bdi", {}, page.title)), el("div", { class: "surround" }, frame), views || "", heights || "", paragraph("hint", views ? "Drag the picture to turn it, click it for the spectrum of a pixel." : "Click the picture for the spectrum of a pixel."), status, words, live),
     el("aside", { "aria-label": "Light and display" },
       el("svg", { width: 0, height: 0, class: "unseen", "aria-hidden": "true" }, hues),
       told,
       el("section", { "aria-label": "Light" }, el("h2", {}, "Light"),
-        many ? el("div", { class: "of-dial" }, svg, hint, el("div", { class: "buttons" }, ...presets, touring), caption) : "",
+        many ? el("div", { class: "of-dial" }, svg, hint, el("div", { class: "buttons" }, ...presets, touring, arrange), caption) : "",
         el("ul", {}, ...rows.map(({ row }) => row))),
       el("section", { "aria-label": "Display" }, el("h2", {}, "Display"), ...controls.map(({ node }) => node), el("div", { class: "buttons" }, zoom, button("Reset all", () => change(opened())))),
       el("section", { "aria-label": "Save and share" }, el("h2", {}, "Save and share"),
         el("div", { class: "buttons" }, button("Save PNG", save), button("Print", () => print()), curves),
-        options.address ? el("p", { class: "hint" }, "The address of this page holds the light and the display: send it along with the file.") : "",
-        el("p", { class: "hint" }, "The same light on the command line, with Relume and the film of the picture (without exposure, white balance and colour vision):"),
+        options.address ? paragraph("hint", "The address of this page holds the light and the display: send it along with the file.") : "",
+        paragraph("hint", "The same light on the command line, with Relume and the film of the picture (without exposure, white balance and colour vision):"),
         el("div", { class: "source" }, command, copying)),
       el("details", {}, el("summary", {}, "Keys, and about this page"), el("p", {}, HELP + (views ? TURNING : "")), el("p", {}, `Written by ${page.software}. The file holds the picture for every light, not the volume. Rounding changes no colour by more than ΔE00 ${page.largest_error} (1 is just visible) under each light alone, each standard light, and the presets of the dial. The page loads and sends nothing.`))));
-  root.addEventListener("keydown", (event) => { if (event.key === "Escape") rest(); });
-  hand.addEventListener("pointerdown", () => svg.classList.add("used"));
-  if (options.address && location.hash.length > 1) state = read(location.hash.slice(1));
-  const heard = () => { if (location.hash.slice(1) !== address()) change(read(location.hash.slice(1))); };
+  listen(root, "keydown", (event) => { if (event.key === "Escape") rest(); });
+  listen(hand, "pointerdown", () => svg.classList.add("used"));
+  if (options.address && location.hash.length > 1) state = stateOf(page, location.hash.slice(1), opened());
+  const heard = () => { const text = location.hash.slice(1); if (text !== address()) change(stateOf(page, text, opened())); };
   if (options.address) addEventListener("hashchange", heard);
   refresh();
   live.textContent = inWords();
@@ -853,3 +907,6 @@ function render({ model, el: root }) {
 }
 
 export default { render };
+
+// In a page, and not in a notebook; once.
+if (document.querySelector("#relume-page") && !globalThis.relume?.set) openPage();

@@ -18,15 +18,11 @@ use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light, Spectrum};
 
 /// Version of the data of a page.
-const FORMAT: u32 = 1;
-
-/// Call that starts a page, after its module is defined.
-const START: &str = "\nopenPage();\n";
+const FORMAT: u32 = 2;
 
 /// The HTML of `page`, and the number of bytes of its JSON.
 pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u8]) -> (String, usize) {
     let json = json_of(page, lights, planes);
-    let script = format!("{SCRIPT}{START}");
     let views = planes.views.iter().enumerate().map(|(index, bytes)| {
         format!("<script type=\"text/plain\" id=\"relume-view-{index}\">{}</script>\n", STANDARD.encode(bytes))
     });
@@ -34,7 +30,7 @@ pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u
     let policy = format!(
         "default-src 'none'; script-src '{}'; style-src '{}'; img-src data: blob:; base-uri 'none'; form-action 'none'; \
          require-trusted-types-for 'script'",
-        digest(&script),
+        digest(SCRIPT),
         digest(STYLE)
     );
     let title = escaped(page.title);
@@ -46,7 +42,7 @@ pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u
         ("still", &STANDARD.encode(still)),
         ("page", &json),
         ("views", &views),
-        ("script", &script),
+        ("script", SCRIPT),
     ];
     (filled(include_str!("page.html"), &parts), json.len())
 }
@@ -79,8 +75,9 @@ fn digest(text: &str) -> String {
     format!("sha256-{}", STANDARD.encode(Sha256::digest(text.as_bytes())))
 }
 
-/// Text for HTML, in an element or an attribute. Controls are blanks; those of text direction would reverse what follows.
-fn escaped(text: &str) -> String {
+/// Text for HTML, in an element or an attribute in double quotes. Controls are blanks; those of text direction would reverse what follows.
+#[must_use]
+pub fn escaped(text: &str) -> String {
     let mut written = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {
@@ -179,6 +176,7 @@ fn json_of(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String {
         "white": d65_white().0,
         "deficiencies": Deficiency::ALL.map(|one| json!({"name": one.to_string(), "matrix": rows(one.matrix())})),
         "channels": channels(&planes.channels, planes),
+        "large": planes.large,
         "groups": planes.channels.groups.iter().map(|group| json!({
             "first": group.first,
             "matrix": group.rows,
@@ -216,6 +214,6 @@ fn json_of(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String {
 
 /// Storage of the numbers of each channel.
 fn channels(channels: &Channels, planes: &Planes) -> Value {
-    let one = |(&gain, kept): (&f64, &super::Channel)| json!({"zero": kept.zero, "scale": scale(gain, planes.found.step), "wide": kept.wide});
+    let one = |(&gain, kept): (&f64, &super::Channel)| json!({"zero": kept.zero, "scale": scale(gain, planes.found.step), "wide": kept.wide, "empty": kept.empty});
     channels.gains.iter().zip(&planes.kept).map(one).collect()
 }

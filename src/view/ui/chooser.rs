@@ -24,6 +24,7 @@ impl File {
             Self::Picture => "Save the picture as PNG",
             Self::LinearPicture => "Save the picture as linear OpenEXR",
             Self::Accumulators => "Save the film",
+            Self::Page => "Save the picture as a page that relights",
             Self::Session => "Save the session",
         }
     }
@@ -34,6 +35,7 @@ impl File {
             Self::Opened => Action::Open(Box::new(Source::of(&path))),
             Self::Picture | Self::LinearPicture => Action::SavePicture(Some(path)),
             Self::Accumulators => Action::SaveAccumulators(Some(path)),
+            Self::Page => Action::SavePage(Some(path)),
             Self::Session => Action::SaveSession(Some(path)),
         }
     }
@@ -53,6 +55,7 @@ impl File {
             Self::Picture => Some(("PNG pictures", "png")),
             Self::LinearPicture => Some(("OpenEXR pictures", "exr")),
             Self::Accumulators => Some(("Films", "exr")),
+            Self::Page => Some(("Pages", "html")),
             Self::Session => Some(("Scenes and sessions", "toml")),
         }
     }
@@ -269,6 +272,7 @@ fn in_its_colours(context: &Context, show: impl FnOnce()) {
 /// Asks what to do with unsaved work. Returns the resulting action, or `Some(None)` on cancel, or `None` without an
 /// answer.
 fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Option<Action>> {
+    let losing = losing.by(leaving);
     if !losing.anything() {
         // Everything has been saved in the meantime.
         return Some(Some(Action::Leave(leaving.clone())));
@@ -293,7 +297,10 @@ fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Optio
             ui.label("A tour is being saved: its remaining pictures will not be written.");
         }
         if losing.picture {
-            ui.label("A picture or film waits for the full resolution: it will not be saved.");
+            ui.label("A picture, film or page waits for the full resolution: it will not be saved.");
+        }
+        if losing.page {
+            ui.label("A page is being written: it will not be saved.");
         }
         ui.add_space(6.0);
         ui.horizontal_wrapped(|ui| {

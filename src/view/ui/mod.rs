@@ -63,6 +63,8 @@ pub struct Shown<'a> {
     pub loading: Option<(&'a str, Option<f32>, &'a str)>,
     /// Notices, oldest first.
     pub notices: &'a [Notice],
+    /// Name of the page being written, its progress (0 to 1, if known) and current stage.
+    pub page: Option<(&'a str, Option<f32>, &'a str)>,
     /// Whether the device was lost and rendering waits for a restart by the user.
     pub stopped: bool,
     /// Whether a file dialog is open, which then takes keys and mouse.

@@ -73,6 +73,11 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             );
             notice(ui, &text, "Cancel", || asked.push(Action::Tour(None)));
         }
+        if let Some((name, part, stage)) = shown.page {
+            let part = part.map_or_else(String::new, |part| format!(", {:.0} %", 100.0 * part));
+            let stage = if stage.is_empty() { String::new() } else { format!(": {stage}{part}") };
+            notice(ui, &format!("Writing {name}{stage}."), "Cancel", || asked.push(Action::GiveUpPage));
+        }
         if shown.stopped {
             let text = "The device was lost again before the first picture. The scene may be too slow for this device.";
             notice(ui, text, "Start the device again", || asked.push(Action::Restart));

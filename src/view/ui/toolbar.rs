@@ -25,7 +25,7 @@ struct Item {
 }
 
 /// Shortcuts with more modifiers come first, because a shortcut also matches with extra modifiers.
-const FILES: [Item; 10] = [
+const FILES: [Item; 11] = [
     Item {
         text: "Open…",
         help: "Opens another scene or volume, as by dropping it on the window.",
@@ -86,6 +86,13 @@ const FILES: [Item; 10] = [
         text: "Save film as…",
         help: "Saves the film: relume relight makes pictures of it under any light.",
         action: || Action::Choose(File::Accumulators),
+        shortcut: None,
+        saves: true,
+    },
+    Item {
+        text: "Save page as…",
+        help: "Saves the picture as one HTML file: whoever opens it in a browser changes the light, without Relume.",
+        action: || Action::Choose(File::Page),
         shortcut: None,
         saves: true,
     },

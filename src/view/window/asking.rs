@@ -27,7 +27,7 @@ impl Viewer {
                 self.stop_tour();
                 self.change(false, Document::redo);
             }
-            Action::Open(source) if self.losing().anything() => {
+            Action::Open(source) if self.losing().by(&Leaving::Open(source.clone())).anything() => {
                 self.panels.chooser.leave(Leaving::Open(source));
             }
             Action::Open(source) | Action::Leave(Leaving::Open(source)) => self.open(*source),
@@ -37,6 +37,8 @@ impl Viewer {
             Action::Choose(file) => self.choose(file),
             Action::SavePicture(path) => self.save_picture(path),
             Action::SaveAccumulators(path) => self.save_accumulators(path),
+            Action::SavePage(path) => self.save_page(path),
+            Action::GiveUpPage => self.saving.give_up_pages(),
             Action::SaveSession(path) => self.save_session(path),
             Action::SaveWindow(path) => self.saving.capture = Some(path),
             Action::Restart => {
@@ -101,6 +103,7 @@ impl Viewer {
             changes: self.opened.document.as_ref().is_some_and(|document| !document.is_saved()),
             tour: matches!(self.tour, Some(Tour::Saving { .. })),
             picture: self.is_awaited(),
+            page: self.saving.page().is_some(),
         }
     }
 }

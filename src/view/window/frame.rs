@@ -63,6 +63,8 @@ impl Viewer {
         };
         let solving = self.tasks.solving.as_ref().map(Job::progress);
         let solving = solving.as_ref().map(|(part, stage)| (*part, stage.as_str()));
+        let page = self.saving.page();
+        let page = page.as_ref().map(|(name, (part, stage))| (name.as_str(), *part, stage.as_str()));
         let (mut asked, mut place) = (Vec::new(), Rect::ZERO);
         let aspect = self.picture.place.width() / self.picture.place.height().max(1.0);
         let shown = Shown {
@@ -70,6 +72,7 @@ impl Viewer {
             status: &status,
             loading,
             notices: &self.panels.notices,
+            page,
             stopped: self.lost.stopped,
             chooses: self.panels.chooser.is_open(),
             closes: std::mem::take(&mut self.ending.asked),

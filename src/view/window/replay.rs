@@ -81,8 +81,8 @@ impl Viewer {
             Command::Do(Action::Solve(_) | Action::Edit(Edit::Design(_))) if self.tasks.solving.is_some() => {
                 return Ok(Vec::new());
             }
-            // Saved files must show the state at the time of the request.
-            _ if self.is_saving() => return Ok(Vec::new()),
+            // Saved files must show the state at the time of the request; a page being written already has it.
+            _ if self.is_saving_state() => return Ok(Vec::new()),
             Command::Settle => {
                 self.record.report.settled.push(self.counts());
                 Vec::new()

@@ -7,7 +7,10 @@ use super::{Viewer, Woken};
 use crate::document::Edit;
 use crate::document::Source;
 use crate::document::session;
+use crate::number::count;
 use crate::output::numbered;
+use crate::output::page::{PageError, Summary};
+use crate::progress::Progress;
 use crate::view::action::File;
 use crate::view::engine::Engine;
 use crate::view::export::ExportError;
@@ -33,6 +36,16 @@ impl Saving {
         self.writing.drain(..).for_each(|writing| writing.job.end());
     }
 
+    /// Cancels the pages being written.
+    pub(super) fn give_up_pages(&self) {
+        self.writing.iter().filter(|writing| writing.page.is_some()).for_each(|writing| writing.job.cancel());
+    }
+
+    /// Name and progress of a page being written.
+    pub(super) fn page(&self) -> Option<(String, (Option<f32>, String))> {
+        self.writing.iter().find_map(|writing| Some((writing.page.clone()?, writing.job.progress())))
+    }
+
     /// Returns the first numbered name after `name` that is neither taken nor reserved; the names of a tour's numbered
     /// pictures
     /// must be free too.
@@ -56,17 +69,20 @@ impl Saving {
 enum Export {
     Picture(PathBuf),
     Accumulators(PathBuf),
+    Page(PathBuf),
 }
 
-/// File being written, and the notice to show once it is complete.
+/// File being written. Its result is the notice to show.
 struct Writing {
-    job: Job<Result<(), ExportError>>,
-    there: Option<String>,
+    job: Job<Result<Option<String>, ExportError>>,
+    /// Name of a page, which takes seconds and can be cancelled.
+    page: Option<String>,
 }
 
 const PICTURE: &str = "relume.png";
 const LINEAR_PICTURE: &str = "relume.exr";
 const ACCUMULATORS: &str = "relume-accumulators.exr";
+const PAGE: &str = "relume.html";
 const SESSION: &str = "relume-session.toml";
 const TOUR: &str = "relume-tour.png";
 
@@ -78,6 +94,7 @@ impl Viewer {
             File::Picture => self.saving.free(PICTURE),
             File::LinearPicture => self.saving.free(LINEAR_PICTURE),
             File::Accumulators => self.saving.free(ACCUMULATORS),
+            File::Page => self.saving.free(PAGE),
             File::Session => self.saving.free(SESSION),
         };
         self.panels.chooser.open(file, &name);
@@ -93,6 +110,12 @@ impl Viewer {
     pub(super) fn save_accumulators(&mut self, path: Option<PathBuf>) {
         let path = self.saving.named(path, ACCUMULATORS);
         self.saving.waiting.push(Export::Accumulators(path));
+    }
+
+    /// Saves the page once the picture is the finest.
+    pub(super) fn save_page(&mut self, path: Option<PathBuf>) {
+        let path = self.saving.named(path, PAGE);
+        self.saving.waiting.push(Export::Page(path));
     }
 
     /// Starts to save a tour in `frames` pictures.
@@ -153,7 +176,7 @@ impl Viewer {
     /// Drops exports of a picture that another scene has replaced.
     pub(super) fn forget_waiting(&mut self) {
         for export in std::mem::take(&mut self.saving.waiting) {
-            let (Export::Picture(path) | Export::Accumulators(path)) = export;
+            let (Export::Picture(path) | Export::Accumulators(path) | Export::Page(path)) = export;
             self.note(format!("{} was not saved: another file was opened.", path.display()));
         }
     }
@@ -185,35 +208,51 @@ impl Viewer {
             match export {
                 Export::Picture(path) => {
                     let there = format!("Saved the picture as {}.", whole_path(&path));
-                    self.begin(Some(there), move || snapshot.write_picture(&path));
+                    self.begin(None, move |_| snapshot.write_picture(&path).map(|()| Some(there)));
                 }
                 Export::Accumulators(path) => {
                     let there = format!("Saved the film as {}.", whole_path(&path));
                     let state = state.clone();
-                    self.begin(Some(there), move || snapshot.write_accumulators(&state, &path));
+                    self.begin(None, move |_| snapshot.write_accumulators(&state, &path).map(|()| Some(there)));
+                }
+                Export::Page(path) => {
+                    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+                    let state = state.clone();
+                    self.begin(Some(name), move |progress| {
+                        let summary = snapshot.write_page(&state, &path, progress)?;
+                        Ok(Some(saved_page(&path, &summary, state.scene.volume.anatomical)))
+                    });
                 }
             }
         }
     }
 
-    /// Runs `write` in the background; `there` is the notice of success.
-    fn begin(&mut self, there: Option<String>, write: impl FnOnce() -> Result<(), ExportError> + Send + 'static) {
+    /// Runs `write` in the background, which returns the notice of success; `page` is the name of a page.
+    fn begin(
+        &mut self,
+        page: Option<String>,
+        write: impl FnOnce(&dyn Progress) -> Result<Option<String>, ExportError> + Send + 'static,
+    ) {
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
-        self.saving.writing.push(Writing { job: Job::start(wake, move |_| write()), there });
+        self.saving.writing.push(Writing { job: Job::start(wake, write), page });
     }
 
     /// Reports finished files. Returns whether all succeeded.
     pub(super) fn written(&mut self) -> bool {
         let mut all = true;
         for mut writing in std::mem::take(&mut self.saving.writing) {
-            match (writing.job.take(), writing.there) {
-                (None, there) => self.saving.writing.push(Writing { job: writing.job, there }),
-                (Some(Err(error)), _) => {
+            match writing.job.take() {
+                None => self.saving.writing.push(writing),
+                Some(Err(ExportError::Page(PageError::Cancelled))) => {
+                    let name = writing.page.unwrap_or_default();
+                    self.tell_done(format!("{name} was cancelled, and is not written."));
+                }
+                Some(Err(error)) => {
                     self.tell(&error);
                     all = false;
                 }
-                (Some(Ok(())), there) => there.into_iter().for_each(|there| self.tell_done(there)),
+                Some(Ok(there)) => there.into_iter().for_each(|there| self.tell_done(there)),
             }
         }
         all
@@ -263,15 +302,32 @@ impl Viewer {
         let Some(Tour::Saving { path, saved, .. }) = &mut self.tour else { return };
         *saved += 1;
         let path = numbered(path, *saved);
-        self.begin(None, move || snapshot.write_picture(&path));
+        self.begin(None, move |_| snapshot.write_picture(&path).map(|()| None));
     }
 
     /// Whether any export is still to be written.
     pub(super) fn is_saving(&self) -> bool {
-        !(self.saving.waiting.is_empty() && self.saving.writing.is_empty())
+        self.is_saving_state() || self.saving.page().is_some()
+    }
+
+    /// Whether an export is still to be written that a change of the document could alter or delay.
+    pub(super) fn is_saving_state(&self) -> bool {
+        !self.saving.waiting.is_empty()
+            || self.saving.writing.iter().any(|writing| writing.page.is_none())
             || self.saving.capture.is_some()
             || matches!(self.tour, Some(Tour::Saving { .. }))
     }
+}
+
+/// Notice of a saved page.
+fn saved_page(path: &Path, summary: &Summary, anatomical: bool) -> String {
+    let face = if anatomical { " A page of a head shows a face: send it only if the person agrees." } else { "" };
+    format!(
+        "Saved the page as {}: {:.1} MB, with at most ΔE00 {:.2} of rounding.{face}",
+        whole_path(path),
+        count(summary.bytes) / 1e6,
+        summary.largest_error
+    )
 }
 
 /// Absolute path, for display.
