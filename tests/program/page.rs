@@ -78,6 +78,7 @@ fn film(
         adapt: false,
         observer: Observer::default(),
         dial: None,
+        frame: None,
         accumulators: Vec::new(),
         transmittance: Vec::new(),
     };

@@ -15,8 +15,9 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::geometry::{Lattice, Unit};
+use super::geometry::Lattice;
 use super::resample::Grid;
+use super::unit::Unit;
 use super::{Selection, Volume, VolumeError, Voxel, Voxels, allocate, data, with_voxels};
 use crate::number::whole;
 use crate::progress::Progress;
