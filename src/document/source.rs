@@ -189,7 +189,9 @@ impl Source {
     ///
     /// [`SceneError`], [`VolumeError`].
     pub fn read(&self, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
-        let file = match (&self.path, self.bare_volume()) {
+        // A volume without a scene is never shown by the embedded one, also if it cannot be read.
+        let alone = self.bare_volume().or(self.options.volume.as_deref().filter(|_| self.path.is_none()));
+        let file = match (&self.path, alone) {
             (_, Some(path)) => return self.first_look(path, progress),
             (None, None) => load_embedded(&self.options, progress)?,
             (Some(path), None) => load(path, &self.options, progress).map_err(|error| no_scene(path, error))?,

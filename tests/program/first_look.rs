@@ -742,3 +742,34 @@ fn a_film_is_relit_with_exposure_background_and_annotations_as_rendered() {
     folder.refused(2, &["relight", "film.exr", "-o", "f.png", "--exposure", "0"], &["--exposure", "above 0"]);
     folder.refused(2, &["relight", "film.exr", "-o", "f.png", "--title", "x"], &["--annotate"]);
 }
+
+#[test]
+fn an_unreadable_file_is_named_and_not_the_built_in_scene() {
+    let folder = Folder::new().with("short.nrrd", &ball()[..2000]).with("odd.mhd", "NDims = three\n");
+    for (file, words) in
+        [("short.nrrd", "short.nrrd"), ("odd.mhd", "odd.mhd"), ("gone.nrrd", "gone.nrrd"), ("gone.toml", "gone.toml")]
+    {
+        for command in
+            [&["render", file, "-o", "p.png"][..], &["render", "--volume", file, "-o", "p.png"], &["info", file]]
+        {
+            let err = folder.refused(1, command, &[words]).err;
+            assert!(!err.contains("default scene") && !err.contains("no volume"), "{command:?}: {err}");
+        }
+    }
+}
+
+#[test]
+fn a_folder_of_dicom_files_is_a_volume_and_says_so() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("scan")).unwrap();
+    for (name, z, first) in [("a", 0.0, 1), ("b", 2.0, 13)] {
+        let bytes = support::dicom::file(&support::dicom::slice(z, first), support::dicom::EXPLICIT);
+        std::fs::write(folder.path("scan").join(name), bytes).unwrap();
+    }
+    let info = folder.done(&["info", "scan"]).out;
+    assert!(info.contains("4 × 3 × 2") && info.contains("anatomical"), "{info}");
+    // Two series are asked about, with the flag.
+    let other = support::dicom::slice(0.0, 5).text(0x0020_000e, "UI", "1.2.4");
+    std::fs::write(folder.path("scan").join("c"), support::dicom::file(&other, support::dicom::EXPLICIT)).unwrap();
+    folder.refused(1, &["render", "scan", "-o", "p.png"], &["scan", "2 series", "--series N"]);
+}
