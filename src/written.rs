@@ -15,6 +15,18 @@ pub(crate) fn escaped(text: &str) -> String {
     plain.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
+/// The one of `names` that is most similar to `name`, or begins as it does; `None` if none is.
+pub(crate) fn similar<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
+    let begins = |it: &&&str| name.len() > 1 && (it.starts_with(name) || name.starts_with(**it));
+    names.iter().find(begins).copied().or_else(|| nearest(name, names.iter().copied()))
+}
+
+/// The refusal of the name `name`: the allowed `names` of `what`, and the similar one.
+pub(crate) fn refused_name(name: &str, what: &str, names: &[&str]) -> String {
+    let similar = similar(name, names).map_or_else(String::new, |it| format!("; did you mean {it}?"));
+    format!("{what} are {}{similar}", names.join(", "))
+}
+
 /// Adds the most similar expected word to serde's message about an unknown word; rewrites other messages by
 /// [`in_words`].
 pub(crate) fn with_suggestion(message: &str) -> String {

@@ -16,7 +16,9 @@ use hostile::{Counting, Place, Reader, most_held};
 use relume::document;
 use relume::model::{ColourModel, ErrorSummary, LightMatrix, ModelKind};
 use relume::output::FilmFile;
-use relume::output::film::{Component, Components, Dial, DialPreset, Light, Node, Position, PositionKind, Stored};
+use relume::output::film::{
+    Component, Components, Dial, DialPreset, Frame, Light, Node, Position, PositionKind, Stored,
+};
 use relume::progress::{Progress, Quiet};
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{self, Spectrum};
@@ -354,6 +356,7 @@ fn accumulators_to_damage() {
         adapt: true,
         observer: Observer::default(),
         dial: None,
+        frame: None,
         accumulators: vec![0.5; 12],
         transmittance: vec![0.25; 12],
     };
@@ -374,6 +377,12 @@ fn accumulators_to_damage() {
             master: 1.5,
             nodes: vec![node("day", true), node("lamp", false)],
             presets: vec![preset("evening", [0.5, -2.0]), preset("night", [0.0, 0.0])],
+        }),
+        frame: Some(Frame {
+            pixel: Some(0.5),
+            parallel: false,
+            unit: Some("mm".to_owned()),
+            edges: Some(["R", "L", "S", "I"].map(str::to_owned)),
         }),
         ..point.clone()
     };

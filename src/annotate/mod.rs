@@ -2,17 +2,17 @@
 
 mod overlay;
 
-pub use overlay::Overlay;
+pub use overlay::{Entry, Overlay};
 
 use glam::DVec3;
 
 use crate::film::{Components, RelightMatrices};
-use crate::number::readable;
+use crate::number::{count, readable};
 use crate::plan::is_constant;
-use crate::scene::{Camera, Material, Mix, Scene, View, positions};
+use crate::scene::{Camera, Display, Material, Mix, Scene, View, positions};
 use crate::spectrum::colour::LinearSrgb;
 use crate::spectrum::{Absorption, Spectrum};
-use crate::volume::{Geometry, Unit};
+use crate::volume::{Geometry, Unit, Volume};
 
 /// Letters of the negative and positive ends of x, y and z in an anatomical world (left-posterior-superior).
 pub const PATIENT: [[&str; 2]; 3] = [["R", "L"], ["A", "P"], ["I", "S"]];
@@ -123,14 +123,43 @@ impl Edges {
     }
 }
 
+/// Scale and orientation of a picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Frame {
+    /// Length of a pixel, if the camera has a target.
+    pub pixel: Option<PixelLength>,
+    /// Unit of the world, if it is known.
+    pub unit: Option<Unit>,
+    /// Letters at the edges of the picture of an anatomical volume.
+    pub edges: Option<Edges>,
+}
+
+impl Frame {
+    /// That of a picture of `size` (width, height) in pixels that `camera` takes of `volume`.
+    #[must_use]
+    pub fn of(camera: &Camera, volume: &Volume, size: [usize; 2]) -> Self {
+        let [width, height] = size.map(count);
+        let view = camera.view(&volume.geometry, width / height).filter(|_| volume.anatomical);
+        Self {
+            pixel: pixel_length(camera, &volume.geometry, [width, height]),
+            unit: volume.unit,
+            edges: view.as_ref().map(Edges::of),
+        }
+    }
+}
+
 /// Display colours of the materials of `scene` under `mix`, lit from all positions, in their order: the colours of a
 /// legend. A material with coloured absorption has the colour of a layer that transmits a tenth at the absorption peak,
 /// times its reflectance unless that is 0.
 #[must_use]
 pub fn material_colours(scene: &Scene, mix: &Mix) -> Vec<LinearSrgb> {
-    let spectra: Vec<_> = scene.materials.iter().map(seen_of).collect();
-    let (materials, places) = (spectra.len(), positions(scene).len());
-    let matrices = RelightMatrices::new(&Components::Surfaces(spectra), places, None, mix, &scene.display);
+    colours(scene.materials.iter().map(seen_of).collect(), positions(scene).len(), mix, &scene.display)
+}
+
+/// Display colours of surfaces of these `spectra` under `mix`, lit from all of so many positions.
+fn colours(spectra: Vec<Spectrum>, positions: usize, mix: &Mix, display: &Display) -> Vec<LinearSrgb> {
+    let materials = spectra.len();
+    let matrices = RelightMatrices::new(&Components::Surfaces(spectra), positions, None, mix, display);
     let of = |material: usize| -> DVec3 { matrices.colours.iter().skip(material).step_by(materials.max(1)).sum() };
     (0..materials).map(|material| LinearSrgb(of(material).to_array())).collect()
 }

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use super::{Edges, ScaleBar, material_colours, pixel_length};
+use super::{Edges, Frame, ScaleBar, colours, material_colours};
 use crate::film::display_from_xyz;
 use crate::number::count;
 use crate::plan::Planned;
-use crate::scene::{Camera, Mix, Scene};
+use crate::scene::{Display, Mix, MixLight, Scene};
 use crate::spectrum::Spectrum;
 use crate::spectrum::colour::{LinearSrgb, display_code, xyz_of};
 use crate::written::escaped;
@@ -21,32 +21,61 @@ const LEGEND: f64 = 0.7;
 /// Longest name in the legend, in letters.
 const LONGEST_NAME: usize = 28;
 
+/// A line of a legend.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// Name of a material or a light.
+    pub name: String,
+    /// Its colour.
+    pub colour: LinearSrgb,
+    /// Reflectance, or relative power.
+    pub spectrum: Spectrum,
+}
+
 /// Content of an overlay.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Overlay<'a> {
-    /// The scene of the picture.
-    pub scene: &'a Scene,
-    /// Its plan, which names the visible materials.
-    pub planned: &'a Planned,
-    /// The lights of the picture.
-    pub mix: &'a Mix,
+    /// Visible materials.
+    pub materials: Vec<Entry>,
+    /// Lights that are on.
+    pub lights: Vec<Entry>,
     /// Title above the picture.
     pub title: Option<&'a str>,
     /// Whether the background is bright, so that letters are dark.
     pub bright: bool,
 }
 
-/// One line of a legend.
-struct Row<'a> {
-    name: &'a str,
-    colour: LinearSrgb,
-    spectrum: &'a Spectrum,
-}
-
 impl Overlay<'_> {
-    /// The overlay of a picture of `size` (width, height) in pixels by `camera`.
+    /// The overlay, without a title, of a picture of `scene` by `planned` under `mix`.
     #[must_use]
-    pub fn svg(&self, camera: &Camera, size: [usize; 2]) -> String {
+    pub fn of_scene(scene: &Scene, planned: &Planned, mix: &Mix) -> Self {
+        let colours = material_colours(scene, mix);
+        let entry = |&index: &usize| {
+            let (material, &colour) = (scene.materials.get(index)?, colours.get(index)?);
+            Some(Entry { name: material.name.clone(), colour, spectrum: material.reflectance.spectrum().clone() })
+        };
+        let materials = planned.materials.iter().filter_map(entry).collect();
+        Self { materials, lights: lights(mix, &scene.display), title: None, bright: false }
+    }
+
+    /// The overlay, without a title, of a picture of surfaces of these names and reflectances, lit from all of so many
+    /// positions.
+    #[must_use]
+    pub fn of_surfaces(surfaces: &[(String, Spectrum)], positions: usize, mix: &Mix, display: &Display) -> Self {
+        let spectra: Vec<Spectrum> = surfaces.iter().map(|(_, spectrum)| spectrum.clone()).collect();
+        let colours = colours(spectra, positions, mix, display);
+        let entry = |((name, spectrum), colour): (&(String, Spectrum), LinearSrgb)| Entry {
+            name: name.clone(),
+            colour,
+            spectrum: spectrum.clone(),
+        };
+        let materials = surfaces.iter().zip(colours).map(entry).collect();
+        Self { materials, lights: lights(mix, display), title: None, bright: false }
+    }
+
+    /// The overlay of a picture of `size` (width, height) in pixels with this `frame`.
+    #[must_use]
+    pub fn svg(&self, frame: &Frame, size: [usize; 2]) -> String {
         let [width, height] = size.map(count);
         let letter = (width.min(height) * LETTER).max(SMALLEST);
         let [ink, edge] = if self.bright { ["#111111", "#ffffff"] } else { ["#ffffff", "#000000"] };
@@ -68,16 +97,13 @@ impl Overlay<'_> {
             text(width / 2.0, 1.9 * letter, "middle", &style, title);
             top += 2.0 * letter;
         }
-        let geometry = &self.scene.volume.geometry;
-        if let Some(view) = camera.view(geometry, width / height).filter(|_| self.scene.volume.anatomical) {
-            let Edges { left, right, top: above, bottom } = Edges::of(&view);
-            text(0.6 * letter, height / 2.0, "start", "", &left);
-            text(width - 0.6 * letter, height / 2.0, "end", "", &right);
-            text(width / 2.0, top, "middle", "", &above);
-            text(width / 2.0, height - 0.6 * letter, "middle", "", &bottom);
+        if let Some(Edges { left, right, top: above, bottom }) = &frame.edges {
+            text(0.6 * letter, height / 2.0, "start", "", left);
+            text(width - 0.6 * letter, height / 2.0, "end", "", right);
+            text(width / 2.0, top, "middle", "", above);
+            text(width / 2.0, height - 0.6 * letter, "middle", "", bottom);
         }
-        let pixel = pixel_length(camera, geometry, [width, height]);
-        let bar = pixel.and_then(|pixel| ScaleBar::new(pixel, LONGEST_BAR * width, self.scene.volume.unit));
+        let bar = frame.pixel.and_then(|pixel| ScaleBar::new(pixel, LONGEST_BAR * width, frame.unit));
         if let Some(ScaleBar { pixels, text: length, .. }) = bar {
             let (x, y) = (letter, height - letter);
             text(x, y - 0.7 * letter, "start", "", &length);
@@ -94,26 +120,14 @@ impl Overlay<'_> {
 
     /// Appends the legend: visible materials with reflectances, and lights with spectra, in at most `room` pixels.
     fn legend(&self, out: &mut String, top: f64, letter: f64, room: f64) {
-        let Self { scene, planned, mix, .. } = *self;
-        let colours = material_colours(scene, mix);
-        let materials = planned.materials.iter().filter_map(|&index| {
-            let (material, &colour) = (scene.materials.get(index)?, colours.get(index)?);
-            Some(Row { name: &material.name, colour, spectrum: material.reflectance.spectrum() })
-        });
-        let to_display = display_from_xyz(mix, &scene.display);
-        let lights = mix.0.iter().filter(|light| light.weight > 0.0).map(|light| {
-            let spectrum = light.spectrum.spectrum();
-            let colour = to_display * glam::DVec3::from(xyz_of(spectrum).0);
-            let brightest = colour.max_element().max(f64::MIN_POSITIVE);
-            Row { name: &light.name, colour: LinearSrgb((colour / brightest).to_array()), spectrum }
-        });
         let line = 1.5 * letter;
-        let rows: Vec<Option<Row<'_>>> = materials.map(Some).chain([None]).chain(lights.map(Some)).collect();
+        let rows: Vec<Option<&Entry>> =
+            self.materials.iter().map(Some).chain([None]).chain(self.lights.iter().map(Some)).collect();
         let most = crate::number::whole(room / line).max(1);
         for (index, row) in rows.iter().take(most).enumerate() {
             let (x, y) = (letter, count(index).mul_add(line, top));
             // A gap parts materials and lights.
-            let Some(Row { name, colour, spectrum }) = row else { continue };
+            let Some(Entry { name, colour, spectrum }) = row else { continue };
             let half = letter / 2.0;
             let ink = if self.bright { "#111111" } else { "#ffffff" };
             write!(
@@ -142,6 +156,22 @@ impl Overlay<'_> {
             write!(out, "<text x=\"{letter}\" y=\"{y}\">and {} more</text>", rows.len() - most).ok();
         }
     }
+}
+
+/// The lights of `mix` that are on, in colours of equal brightness.
+fn lights(mix: &Mix, display: &Display) -> Vec<Entry> {
+    let to_display = display_from_xyz(mix, display);
+    let entry = |light: &MixLight| {
+        let spectrum = light.spectrum.spectrum();
+        let colour = to_display * glam::DVec3::from(xyz_of(spectrum).0);
+        let brightest = colour.max_element().max(f64::MIN_POSITIVE);
+        Entry {
+            name: light.name.clone(),
+            colour: LinearSrgb((colour / brightest).to_array()),
+            spectrum: spectrum.clone(),
+        }
+    };
+    mix.0.iter().filter(|light| light.weight > 0.0).map(entry).collect()
 }
 
 /// Points of the curve of `spectrum` in a box with this bottom left corner and size, for SVG.

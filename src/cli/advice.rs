@@ -1,10 +1,12 @@
 //! Flags that help against an error.
 
 use std::error::Error;
+use std::path::Path;
 
 use relume::document::SceneError;
 use relume::measure::{Goal, LadderError, MeasureError};
 use relume::model::{ModelError, ModelKind};
+use relume::output::OutputError;
 use relume::output::page::PageError;
 use relume::render::RenderError;
 use relume::volume::{Asked, ByteOrder, RawLayout, Several, VolumeError};
@@ -46,6 +48,7 @@ fn flags(error: &(dyn Error + 'static)) -> Option<String> {
             CliError::Volume(error) => flags(error),
             CliError::Render(error) => flags(error),
             CliError::Plan(error) => flags(error),
+            CliError::Output(error) => of_output(error),
             CliError::Page(error) => of_page(error),
             CliError::Measure(error) => flags(error),
             CliError::Check(error) => flags(error),
@@ -86,8 +89,28 @@ fn of_scene(error: &SceneError) -> Option<String> {
     }
 }
 
+/// Whether the extension of `path` is `extension`.
+fn ends_in(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|it| it.eq_ignore_ascii_case(extension))
+}
+
+fn of_output(error: &OutputError) -> Option<String> {
+    match error {
+        OutputError::Damaged { path, .. } | OutputError::NotAccumulators { path, .. } if !ends_in(path, "exr") => {
+            Some(format!(
+                "; for a scene or a volume, use relume render {0} -o picture.png, which saves its film with --accumulators film.exr",
+                path.display()
+            ))
+        }
+        _ => None,
+    }
+}
+
 fn of_volume(error: &VolumeError) -> Option<String> {
     match error {
+        VolumeError::UnknownFormat { path, .. } if ends_in(path, "exr") => {
+            Some(format!("; for a film, use relume relight {} -o picture.png", path.display()))
+        }
         VolumeError::UnknownFormat { is_known: false, .. } => {
             Some("; for headerless voxels, give --dims and --type".to_owned())
         }

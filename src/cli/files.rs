@@ -5,22 +5,24 @@ use std::hash::{DefaultHasher, Hasher};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde_json::Value;
 
 use relume::document::{Dial, DialNode, DialPreset};
 use relume::film::{Components, Film, RelightMatrices};
-use relume::internal::annotate::Overlay;
+use relume::internal::annotate::{Edges, Frame, Overlay, PixelLength};
+use relume::output::film::Frame as FileFrame;
 use relume::output::film::{
-    Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
+    Component, Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
 };
 use relume::output::{Alpha, Depth, FilmFile, Picture, PictureKind, check_writable, draw_over, write_exr, write_png};
-use relume::scene::{Camera, Display, Mix};
+use relume::scene::{Display, Mix};
 use relume::spectrum::colour::decode_srgb;
-use relume::spectrum::{BANDS, Reflectance};
+use relume::spectrum::{BANDS, Reflectance, Spectrum};
 use relume::tables::Reflected;
+use relume::volume::Unit;
 
 use super::CliError;
 use super::model::reconstruction_json;
@@ -43,6 +45,39 @@ impl Bits {
 /// Kind of the picture `path`, by its extension.
 pub(crate) fn picture_kind(path: &Path) -> Result<PictureKind, CliError> {
     PictureKind::of(path).map_err(|error| CliError::Usage(error.to_string()))
+}
+
+/// Background and annotations of a picture.
+#[derive(Debug, Args)]
+pub(crate) struct DressArgs {
+    /// Put a colour behind the picture, or leave the background transparent (alpha in PNG; EXR files always keep opacity).
+    /// No light changes this colour. The lights do change `background` of a scene, which is a surface.
+    #[arg(long, value_name = "transparent|#RRGGBB", value_parser = backdrop)]
+    pub(crate) background: Option<Backdrop>,
+    /// Draw a scale bar, orientation letters (for anatomical volumes) and a legend of materials and lights into PNG files.
+    #[arg(long)]
+    pub(crate) annotate: bool,
+    /// Title of an annotated picture.
+    #[arg(long, value_name = "TEXT", requires = "annotate")]
+    pub(crate) title: Option<String>,
+}
+
+impl DressArgs {
+    /// Says which annotations a film has no information for.
+    pub(crate) fn warn(&self, saved: &Saved) {
+        if !self.annotate {
+            return;
+        }
+        if saved.frame.is_none() {
+            tracing::warn!(
+                "the film does not state the scale of its picture, so there are no scale bar and no letters; films of this \
+                 version of `relume render` state it"
+            );
+        }
+        if saved.materials.is_empty() {
+            tracing::warn!("the film stores a colour model and no materials, so the legend lists lights alone");
+        }
+    }
 }
 
 /// The background of a picture.
@@ -90,14 +125,13 @@ pub(crate) fn alpha(backdrop: Option<Backdrop>) -> Alpha {
     if backdrop == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack }
 }
 
-/// Linear RGBA of `size` with the backdrop behind it, and the overlay of the picture by `camera` over it; `None` with
+/// Linear RGBA of `size` with the backdrop behind it, and the overlay of a picture of this frame over it; `None` with
 /// neither of them.
 pub(crate) fn dressed(
     linear: &[f32],
     size: [usize; 2],
     backdrop: Option<Backdrop>,
-    overlay: Option<&Overlay<'_>>,
-    camera: &Camera,
+    overlay: Option<(&Overlay<'_>, &Frame)>,
 ) -> Result<Option<Vec<f32>>, CliError> {
     if backdrop.is_none() && overlay.is_none() {
         return Ok(None);
@@ -106,8 +140,8 @@ pub(crate) fn dressed(
     if let Some(backdrop) = backdrop {
         backdrop.behind(&mut rgba);
     }
-    if let Some(overlay) = overlay
-        && !draw_over(Path::new("annotations"), &overlay.svg(camera, size), size[0], &mut rgba)?
+    if let Some((overlay, frame)) = overlay
+        && !draw_over(Path::new("annotations"), &overlay.svg(frame, size), size[0], &mut rgba)?
     {
         tracing::warn!("this system has no fonts, so the annotations have no text; install fonts-dejavu-core");
     }
@@ -129,6 +163,26 @@ pub(crate) fn rgba(pixels: impl Iterator<Item = (DVec3, f64)>) -> Vec<f32> {
     pixels.flat_map(|(c, opacity)| [c.x as f32, c.y as f32, c.z as f32, opacity as f32]).collect()
 }
 
+/// The frame of a picture, for a film file.
+pub(crate) fn frame_for_file(frame: &Frame) -> FileFrame {
+    let Frame { pixel, unit, edges } = frame.clone();
+    FileFrame {
+        pixel: pixel.map(|it| it.units),
+        parallel: pixel.is_some_and(|it| it.exact),
+        unit: unit.map(|it| it.to_string()),
+        edges: edges.map(|Edges { left, right, top, bottom }| [left, right, top, bottom]),
+    }
+}
+
+/// The frame of a film file.
+fn frame_of_file(frame: FileFrame) -> Frame {
+    Frame {
+        pixel: frame.pixel.map(|units| PixelLength { units, exact: frame.parallel }),
+        unit: frame.unit.as_deref().and_then(Unit::named),
+        edges: frame.edges.map(|[left, right, top, bottom]| Edges { left, right, top, bottom }),
+    }
+}
+
 /// A film file, ready to be relit.
 pub(crate) struct Saved {
     pub(crate) components: Components,
@@ -140,6 +194,10 @@ pub(crate) struct Saved {
     pub(crate) background: Option<Reflectance>,
     pub(crate) display: Display,
     pub(crate) dial: Dial,
+    /// Scale and orientation, if the file states them.
+    pub(crate) frame: Option<Frame>,
+    /// Names and reflectances of the materials; empty with a colour model.
+    pub(crate) materials: Vec<(String, Spectrum)>,
     pub(crate) accumulation: Film<f32>,
     /// Largest ΔE00 allowed for a light that is not in the file.
     pub(crate) tolerance: f64,
@@ -186,6 +244,11 @@ pub(crate) fn digest_of(path: &Path) -> Result<u64, CliError> {
     }
 }
 
+/// Whether a reflectance is that of the perfect reflector.
+fn is_white(spectrum: &[f64; BANDS]) -> bool {
+    *spectrum == [1.0; BANDS]
+}
+
 /// Reads the film file `path`.
 pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     let mut file = FilmFile::read(path)?;
@@ -208,7 +271,19 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
         FileComponents::Surfaces(_) => f64::INFINITY,
         FileComponents::Model(Stored { tolerance, .. }) => *tolerance,
     };
+    let materials = match &file.components {
+        FileComponents::Surfaces(surfaces) => {
+            // White for highlights follows the materials.
+            let is_highlight = |it: &&Component| it.name.starts_with("white") && is_white(&it.spectrum);
+            let materials = surfaces.len() - usize::from(surfaces.last().is_some_and(|it| is_highlight(&it)));
+            surfaces.iter().take(materials).map(|it| (it.name.clone(), Spectrum::from_samples(it.spectrum))).collect()
+        }
+        FileComponents::Model(_) => Vec::new(),
+    };
+    let frame = file.frame.take().map(frame_of_file);
     Ok(Saved {
+        frame,
+        materials,
         components: file.spectra(),
         positions: file.positions.iter().map(|position| position.name.clone()).collect(),
         mix: file.stated()?,

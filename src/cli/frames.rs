@@ -88,6 +88,36 @@ fn is_apng(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("apng"))
 }
 
+/// Whether `path` is a film of a kind that Relume does not write.
+fn is_video(path: &Path) -> bool {
+    const VIDEOS: [&str; 9] = ["mp4", "m4v", "mov", "mkv", "avi", "webm", "ogv", "gif", "webp"];
+    path.extension().is_some_and(|extension| VIDEOS.iter().any(|video| extension.eq_ignore_ascii_case(video)))
+}
+
+/// The refusal of the film `path`: what to write, and the command that makes the film of it.
+fn no_video(path: &Path, args: &AnimationArgs) -> String {
+    let numbered = path.with_extension("png");
+    format!(
+        "{}: Relume writes no such film; a still picture is a .png or an .exr; for an animation, write an animated PNG (-o \
+         {}), or numbered pictures (-o {}), of which ffmpeg makes the film: {}",
+        path.display(),
+        path.with_extension("apng").display(),
+        numbered.display(),
+        film_command(&numbered, path, args.fps.unwrap_or(USUAL_FPS))
+    )
+}
+
+/// The command that makes the film `film` of the numbered pictures of `path`.
+fn film_command(path: &Path, film: &Path, fps: u16) -> String {
+    let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+    // ffmpeg counts by the pattern, and films need even sides.
+    let (stem, ending) = (part(path.file_stem()).replace('%', "%%"), part(path.extension()));
+    let pattern = path.with_file_name(format!("{stem}-%04d.{ending}"));
+    let is_picture = ["gif", "webp"].iter().any(|it| film.extension().is_some_and(|of| of.eq_ignore_ascii_case(it)));
+    let form = if is_picture { "" } else { " -vf \"pad=ceil(iw/2)*2:ceil(ih/2)*2\" -pix_fmt yuv420p" };
+    format!("ffmpeg -framerate {fps} -i {pattern:?}{form} {film:?}")
+}
+
 /// Whether `path` is a PNG of one picture.
 fn is_png(path: &Path) -> bool {
     PictureKind::of(path).is_ok_and(|kind| kind == PictureKind::Png)
@@ -101,6 +131,9 @@ impl<'a> Frames<'a> {
             return Err(CliError::Usage(format!("{flag} is for an animation: --turntable, --sweep or --loop")));
         }
         for path in outputs {
+            if is_video(path) {
+                return Err(CliError::Usage(no_video(path, args)));
+            }
             match (is_apng(path), count) {
                 (true, None) => {
                     let name = path.display();
@@ -197,16 +230,10 @@ impl<'a> Frames<'a> {
 
     /// The command that makes a film of the numbered PNGs of `path`.
     fn film(&self, path: &Path) -> String {
-        let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
-        // ffmpeg counts by the pattern, and its film needs even sides.
-        let (stem, ending) = (part(path.file_stem()).replace('%', "%%"), part(path.extension()));
-        let pattern = path.with_file_name(format!("{stem}-%04d.{ending}"));
         format!(
-            "for a film{}: ffmpeg -framerate {} -i {:?} -vf \"pad=ceil(iw/2)*2:ceil(ih/2)*2\" -pix_fmt yuv420p {:?}\n",
+            "for a film{}: {}\n",
             if self.part.is_some() { " of all parts" } else { "" },
-            self.fps,
-            pattern,
-            path.with_extension("mp4")
+            film_command(path, &path.with_extension("mp4"), self.fps)
         )
     }
 

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde_json::{Value, json};
 
+use relume::document::Look;
 use relume::measure::{Choice, Goal, Pixels, Preset, Wanted, check, choose};
 use relume::progress::Progress;
 use relume::render::Renderer;
@@ -31,28 +32,24 @@ pub(crate) struct GoalArgs {
     /// Use the most accurate setting whose frames (march, relight and enlargement) take at most this many milliseconds.
     #[arg(long, help_heading = CHOICE, value_name = "MS", value_parser = milliseconds, allow_negative_numbers = true)]
     budget: Option<f64>,
-    /// Use a predefined goal. interactive: --budget 50; balanced: --max-error 1; reference: --max-error 0.25.
-    #[arg(long, help_heading = CHOICE, value_enum)]
-    preset: Option<PresetName>,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum PresetName {
-    Interactive,
-    Balanced,
-    Reference,
+    /// Use a predefined goal: interactive (--budget 50), balanced (--max-error 1) or reference (--max-error 0.25).
+    #[arg(long, help_heading = CHOICE, value_name = "NAME", value_parser = preset)]
+    preset: Option<Preset>,
 }
 
 impl GoalArgs {
     pub(crate) fn goal(&self) -> Option<Goal> {
-        let preset = self.preset.map(|name| match name {
-            PresetName::Interactive => Preset::Interactive,
-            PresetName::Balanced => Preset::Balanced,
-            PresetName::Reference => Preset::Reference,
-        });
         let error = self.max_error.map(Goal::MaxError);
-        error.or(self.budget.map(Goal::Budget)).or(preset.map(Preset::goal))
+        error.or(self.budget.map(Goal::Budget)).or(self.preset.map(Preset::goal))
     }
+}
+
+/// Parses the name of a goal. The name of a look is told its flag.
+fn preset(name: &str) -> Result<Preset, String> {
+    Preset::named(name).map_err(|error| match Look::named(name) {
+        Ok(_) => format!("{error}; for the look of a volume, use --look {name}"),
+        Err(_) => error,
+    })
 }
 
 fn milliseconds(text: &str) -> Result<f64, String> {

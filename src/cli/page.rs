@@ -220,14 +220,14 @@ fn cameras(args: &Args, scene: &Scene, size: [usize; 2]) -> Result<(Vec<Camera>,
         return Ok((vec![scene.camera.clone()], 1));
     };
     let rows = args.elevations.unwrap_or(1);
-    let (geometry, aspect) = (&scene.volume.geometry, count(size[0]) / count(size[1]));
+    let aspect = count(size[0]) / count(size[1]);
     let row = |row: u16| {
         let up = ROW_DEGREES * (f64::from(rows / 2) - f64::from(row));
         let raised = match row == rows / 2 {
             true => scene.camera.clone(),
-            false => moved(&scene.camera, &scene.camera, geometry, aspect, Move::Orbit { right: 0.0, up }),
+            false => moved(scene, &scene.camera, aspect, Move::Orbit { right: 0.0, up }),
         };
-        turntable(&raised, geometry, aspect, columns)
+        turntable(scene, &raised, aspect, columns)
     };
     let no_line = || CliError::Failed("the camera has no line of sight to turn about".into());
     let mut all: Vec<Camera> = (0..rows).map(row).collect::<Option<Vec<_>>>().ok_or_else(no_line)?.concat();
@@ -380,6 +380,7 @@ pub(super) fn patches_page(
         adapt: false,
         observer: Observer::default(),
         dial: None,
+        frame: None,
         accumulators: Vec::new(),
         transmittance: Vec::new(),
     };

@@ -7,13 +7,14 @@ use std::sync::Arc;
 use serde_json::json;
 
 use relume::film::Components;
+use relume::internal::annotate::Overlay;
 use relume::measure::{Stopwatch, Timing};
 use relume::progress::Progress;
 use relume::spectrum::observer::Observer;
 
 use super::accuracy::tolerance;
 use super::dial::DialArgs;
-use super::files::{self, Bits};
+use super::files::{self, Backdrop, Bits, DressArgs};
 use super::frames::{AnimationArgs, Form, Frame, Frames, digest};
 use super::scene::LightArgs;
 use super::{CliError, Report, model};
@@ -52,9 +53,20 @@ pub(crate) struct Args {
     /// may write one animated PNG (.apng).
     #[arg(short, long, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
+    /// Factor on the linear picture, in place of that of the file (display.exposure of the scene).
+    #[arg(long, value_name = "FACTOR", value_parser = exposure)]
+    exposure: Option<f64>,
+    #[command(flatten)]
+    dress: DressArgs,
     /// Bits per channel of a PNG.
     #[arg(long, value_enum, default_value = "8")]
     bits: Bits,
+}
+
+/// Parses a factor on the linear picture.
+fn exposure(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number <= 1e9);
+    number.ok_or_else(|| "write a factor above 0 and at most 1e9, such as 1.5".to_owned())
 }
 
 /// Parses the year of an observer.
@@ -110,6 +122,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     if let Some(observer) = args.observer {
         saved.display.observer = observer;
     }
+    saved.display.exposure = args.exposure.unwrap_or(saved.display.exposure);
+    let frame = saved.frame.clone().unwrap_or_default();
+    args.dress.warn(&saved);
     let given = match args.lights.lights[..] {
         [] => saved.shown.clone(),
         _ => args.lights.mix(saved.mix.clone(), &saved.positions)?,
@@ -142,13 +157,20 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut relit = clock.read();
     let whole = Stopwatch::start();
     let mut relighting = Timing::default();
-    let form = Form { size: saved.accumulation.size, bits: args.bits, backdrop: None };
-    let inputs_of = |frame: usize| digest(film, &format!("{:?} {:?}", mixes[frame], saved.display));
-    let made = pictures.write(form, ("relighting", progress), inputs_of, |frame| {
+    let form = Form { size: saved.accumulation.size, bits: args.bits, backdrop: args.dress.background };
+    let inputs_of = |frame: usize| digest(film, &format!("{:?} {:?} {:?}", mixes[frame], saved.display, args.dress));
+    let made = pictures.write(form, ("relighting", progress), inputs_of, |index| {
         let clock = Stopwatch::start();
-        let rgba = saved.relight(&mixes[frame]);
+        let linear = saved.relight(&mixes[index]);
         relighting += clock.read();
-        Ok(Frame { linear: rgba, shown: None })
+        let overlay = args.dress.annotate.then(|| Overlay {
+            title: args.dress.title.as_deref(),
+            bright: args.dress.background.is_some_and(Backdrop::is_bright),
+            ..Overlay::of_surfaces(&saved.materials, saved.positions.len(), &mixes[index], &saved.display)
+        });
+        let overlay = overlay.as_ref().map(|overlay| (overlay, &frame));
+        let shown = files::dressed(&linear, form.size, form.backdrop, overlay)?;
+        Ok(Frame { linear, shown })
     })?;
     let written = whole.read() - relighting;
     relit += relighting;

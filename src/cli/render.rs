@@ -7,11 +7,11 @@ use serde_json::{Map, json};
 
 use relume::document::{State, session};
 use relume::film::{Components, Film, RelightMatrices};
-use relume::internal::annotate::Overlay;
+use relume::internal::annotate::{Frame, Overlay};
 use relume::internal::memory;
 use relume::internal::number::{brief, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
-use relume::output::{FilmFile, Picture, PictureKind, write_ready_png};
+use relume::output::{FilmFile, OutputError, Picture, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
@@ -22,7 +22,7 @@ use relume::tables::{LabelMap, Storage};
 use relume::volume::{self, Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
-use super::files::{self, Backdrop, Bits, backdrop, picture_kind};
+use super::files::{self, Backdrop, Bits, DressArgs, picture_kind};
 use super::frames::{AnimationArgs, Frames, digest};
 use super::goal::GoalArgs;
 use super::model::Learnt;
@@ -68,16 +68,8 @@ pub(crate) struct Args {
     /// Bits per channel of a PNG.
     #[arg(long, value_enum, default_value = "8")]
     bits: Bits,
-    /// Put a colour behind the picture, or leave the background transparent (alpha in PNG; EXR files always keep opacity).
-    /// No light changes this colour. The lights do change `background` of a scene, which is a surface.
-    #[arg(long, value_name = "transparent|#RRGGBB", value_parser = backdrop)]
-    background: Option<Backdrop>,
-    /// Draw a scale bar, orientation letters (for anatomical volumes) and a legend of materials and lights into PNG files.
-    #[arg(long)]
-    annotate: bool,
-    /// Title of an annotated picture.
-    #[arg(long, value_name = "TEXT", requires = "annotate")]
-    title: Option<String>,
+    #[command(flatten)]
+    dress: DressArgs,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
@@ -225,8 +217,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let learnt = learn(&scene, &mut planned, &mix)?;
         (planned, learnt)
     };
+    let frame = Frame::of(&scene.camera, &scene.volume, args.size);
     let film_file = |film: Film<f32>| {
-        FilmFile::of_march(&scene, &planned, &file.opening_mix(), file.light.dial_of_film(&file.dial), film)
+        let dial = file.light.dial_of_film(&file.dial);
+        let film = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, film)?;
+        Ok::<_, OutputError>(FilmFile { frame: Some(files::frame_for_file(&frame)), ..film })
     };
     if let Some(path) = &args.accumulators {
         let pixels = Film { size: args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
@@ -247,20 +242,30 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
         spent.join(", ")
     };
-    let overlay = args.annotate.then_some(Overlay {
-        scene: &scene,
-        planned: &planned,
-        mix: &mix,
-        title: args.title.as_deref(),
-        bright: args.background.is_some_and(Backdrop::is_bright),
+    if args.dress.annotate && scene.volume.unit.is_none() {
+        tracing::warn!(
+            "the scale bar has no unit, because the file states none; state it with --spacing, such as --spacing 1x1x1mm, or \
+             with unit = \"mm\" in the sidecar or in [volume] of the scene"
+        );
+    }
+    let overlay = args.dress.annotate.then(|| Overlay {
+        title: args.dress.title.as_deref(),
+        bright: args.dress.background.is_some_and(Backdrop::is_bright),
+        ..Overlay::of_scene(&scene, &planned, &mix)
     });
     if args.turntable.is_some() {
         let ready = ready_device(&scene, &planned, &statistics, (args, args.size), progress)?;
         let mut times = vec![("load", loaded)];
         times.extend(ready.times);
-        let inputs = digest(scene.digest(), &format!("{mix:?} {:?} {}", args.title, args.replan));
-        let look =
-            turntable::Look { mix: &mix, size: args.size, bits: args.bits, backdrop: args.background, overlay, inputs };
+        let inputs = digest(scene.digest(), &format!("{mix:?} {:?} {}", args.dress.title, args.replan));
+        let look = turntable::Look {
+            mix: &mix,
+            size: args.size,
+            bits: args.bits,
+            backdrop: args.dress.background,
+            overlay,
+            inputs,
+        };
         let mut on_device = ready.on_device;
         let written = turntable::write(&mut on_device, &look, &frames, progress)?;
         times.extend(written.times);
@@ -280,7 +285,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 
     let kinds: Vec<PictureKind> = pictures.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
     let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none();
-    let encoded = encoded && args.background.is_none() && !args.annotate;
+    let encoded = encoded && args.dress.background.is_none() && !args.dress.annotate;
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
     let wanted = Wanted {
         linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
@@ -299,10 +304,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 
     let clock = Stopwatch::start();
     let shown = match &marched.linear {
-        Some(linear) => files::dressed(linear, args.size, args.background, overlay.as_ref(), &scene.camera)?,
+        Some(linear) => {
+            files::dressed(linear, args.size, args.dress.background, overlay.as_ref().map(|overlay| (overlay, &frame)))?
+        }
         None => None,
     };
-    let alpha = files::alpha(args.background);
+    let alpha = files::alpha(args.dress.background);
     for path in &pictures {
         let kind = picture_kind(path)?;
         match (&marched.display, &marched.linear) {

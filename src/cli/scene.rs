@@ -45,7 +45,7 @@ pub(crate) struct SceneArgs {
 #[derive(Debug, Args)]
 pub(crate) struct DefineArgs {
     /// Change a value of the scene file, or add one (repeatable), for example -D lights.key.intensity=2 or -D
-    /// transfer.intervals.0.opacity=0.5.
+    /// transfer.intervals.bone.opacity=0.5.
     #[arg(short = 'D', long = "define", value_name = "KEY=VALUE")]
     define: Vec<String>,
 }
@@ -181,7 +181,7 @@ const LOOK: &str = "Look of a volume without a scene";
 #[derive(Debug, Args)]
 pub(crate) struct LookArgs {
     /// Kind of picture: tissue (glassy layers around the densest, solid one), bone, vessel, grey or fluorescence.
-    #[arg(long, help_heading = LOOK, value_name = "NAME", value_parser = look)]
+    #[arg(long, help_heading = LOOK, value_name = "NAME", value_parser = Look::named)]
     look: Option<Look>,
     /// Show a range of values of this width around --level in grey, from transparent to most opaque.
     #[arg(long, help_heading = LOOK, value_name = "WIDTH", value_parser = width, requires = "level", conflicts_with = "look")]
@@ -195,12 +195,6 @@ impl LookArgs {
     pub(crate) fn wish(&self) -> Wish {
         Wish { look: self.look, window: self.window.zip(self.level).map(|(window, level)| [window, level]) }
     }
-}
-
-/// Parses the name of a look.
-fn look(name: &str) -> Result<Look, String> {
-    let names = Look::ALL.map(Look::name).join(", ");
-    Look::ALL.into_iter().find(|look| look.name() == name).ok_or_else(|| format!("the looks are {names}"))
 }
 
 /// Parses the width of a window of values.

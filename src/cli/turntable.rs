@@ -1,7 +1,7 @@
 //! `relume render --turntable`: pictures of a volume that turns once.
 
 use relume::document::moves::turntable;
-use relume::internal::annotate::Overlay;
+use relume::internal::annotate::{self, Overlay};
 use relume::internal::number::count;
 use relume::measure::{Stopwatch, Timing};
 use relume::progress::{Progress, unreported};
@@ -37,10 +37,10 @@ pub(crate) fn write(
     frames: &Frames<'_>,
     progress: &dyn Progress,
 ) -> Result<Written, CliError> {
-    let Look { mix, size: [width, height], bits, backdrop, overlay, inputs } = *look;
+    let Look { mix, size: [width, height], bits, backdrop, ref overlay, inputs } = *look;
     let scene = on_device.scene();
     let aspect = count(width) / count(height);
-    let cameras = turntable(&scene.camera, &scene.volume.geometry, aspect, frames.count());
+    let cameras = turntable(scene, &scene.camera, aspect, frames.count());
     let cameras = cameras.ok_or_else(|| CliError::Failed("the camera has no line of sight to turn about".into()))?;
     let matrices = on_device.matrices(mix);
     let (mut marching, mut relighting) = (Timing::default(), Timing::default());
@@ -57,7 +57,9 @@ pub(crate) fn write(
         relight.run(&matrices)?;
         let linear = relight.read::<f32>()?;
         relighting += clock.read();
-        let shown = files::dressed(&linear, [width, height], backdrop, overlay.as_ref(), &cameras[index])?;
+        let frame = annotate::Frame::of(&cameras[index], &on_device.scene().volume, [width, height]);
+        let shown =
+            files::dressed(&linear, [width, height], backdrop, overlay.as_ref().map(|overlay| (overlay, &frame)))?;
         Ok(Frame { linear, shown })
     })?;
     let writing = whole.read() - marching - relighting;

@@ -1,5 +1,7 @@
 //! `-D key=value`: applies definitions to a scene's text, and attributes errors to the definitions that cause them.
 
+use std::fmt::Write as _;
+
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
@@ -20,34 +22,60 @@ impl Definition {
     }
 }
 
-/// Applies `key.path=value` to `table`. Numbers in the path index lists. A value that is not valid TOML is a string.
-pub(super) fn define(table: &mut Table, definition: &str) -> Result<(), String> {
-    let (path, value) = definition.split_once('=').ok_or("write key=value, for example lights.key.intensity=2")?;
-    let value = format!("v={value}")
+/// Applies `key.path=value` to `table`; returns the definition with indices in place of names. Numbers in the path index
+/// lists, and so do names of tables in them ([`index_in`]). A value that is not valid TOML is a string.
+pub(super) fn define(table: &mut Table, definition: &str) -> Result<String, String> {
+    let (path, stated) = definition.split_once('=').ok_or("write key=value, for example lights.key.intensity=2")?;
+    let value = format!("v={stated}")
         .parse::<Table>()
         .ok()
         // A line break would start another key.
         .filter(|table| table.len() == 1)
         .and_then(|mut table| table.remove("v"))
-        .unwrap_or_else(|| Value::String(value.trim().to_owned()));
+        .unwrap_or_else(|| Value::String(stated.trim().to_owned()));
     let keys: Vec<&str> = path.split('.').map(str::trim).collect();
     let (first, rest) = keys.split_first().filter(|_| !keys.contains(&"")).ok_or("a part of the key is empty")?;
+    let mut resolved = (*first).to_owned();
     let mut place = table.entry(*first).or_insert_with(|| Value::Table(Table::new()));
     for key in rest {
         place = match place {
-            Value::Table(table) => table.entry(*key).or_insert_with(|| Value::Table(Table::new())),
+            Value::Table(table) => {
+                let _ = write!(resolved, ".{key}");
+                table.entry(*key).or_insert_with(|| Value::Table(Table::new()))
+            }
             Value::Array(array) => {
-                let length = array.len();
-                key.parse::<usize>().ok().and_then(|index| array.get_mut(index)).ok_or_else(|| match length {
-                    0 => format!("there is no {key:?} in an empty list"),
-                    _ => format!("there is no {key:?} in this list, whose indices are 0 to {}", length - 1),
-                })?
+                let index = index_in(array, key)?;
+                let _ = write!(resolved, ".{index}");
+                &mut array[index]
             }
             _ => return Err(format!("there is no key {key:?}: the value before it is neither a table nor a list")),
         };
     }
     *place = value;
-    Ok(())
+    Ok(format!("{resolved}={stated}"))
+}
+
+/// Index of `key` in a list: the number, or the table whose `name` or `material` it is.
+fn index_in(array: &[Value], key: &str) -> Result<usize, String> {
+    if let Some(index) = key.parse().ok().filter(|&index: &usize| index < array.len()) {
+        return Ok(index);
+    }
+    let name = |entry: &Value| Some(entry.get("name").or_else(|| entry.get("material"))?.as_str()?.to_owned());
+    let names: Vec<Option<String>> = array.iter().map(name).collect();
+    let called: Vec<usize> = (0..names.len()).filter(|&index| names[index].as_deref() == Some(key)).collect();
+    match (&called[..], array.len()) {
+        (&[index], _) => Ok(index),
+        (&[], 0) => Err(format!("there is no {key:?} in an empty list")),
+        (&[], length) => {
+            let named: Vec<String> = names.into_iter().flatten().collect();
+            let or_names = if named.is_empty() { String::new() } else { format!(", or {}", named.join(", ")) };
+            Err(format!("there is no {key:?} in this list, whose indices are 0 to {}{or_names}", length - 1))
+        }
+        (several, _) => {
+            let indices: Vec<String> = several.iter().map(usize::to_string).collect();
+            Err(format!("{key:?} occurs several times in this list; use an index: {}", indices.join(", ")))
+        }
+    }
 }
 
 /// Last of `definitions` whose key equals `path`, contains it or lies within it.
@@ -134,6 +162,25 @@ mod tests {
         let path = ["camera", "fov"].map(str::to_owned);
         assert_eq!(byte_of(TEXT, &path), TEXT.find("30"));
         assert_eq!(byte_of(TEXT, &["nothing".to_owned()]), None);
+    }
+
+    #[test]
+    fn an_entry_of_a_list_is_found_by_its_index_or_its_material() {
+        let intervals = "[[transfer.intervals]]\nmaterial = \"skin\"\n[[transfer.intervals]]\nmaterial = \"bone\"\n";
+        let defined = |text: &str, key: &str| {
+            let mut table: Table = text.parse().unwrap_or_default();
+            let resolved = define(&mut table, &format!("transfer.intervals.{key}.opacity=0.3"))?;
+            let opacity = |index: usize| table["transfer"]["intervals"][index].get("opacity").and_then(Value::as_float);
+            Ok::<_, String>((resolved, [0, 1].map(opacity)))
+        };
+        for key in ["1", "bone"] {
+            let expected = ("transfer.intervals.1.opacity=0.3".to_owned(), [None, Some(0.3)]);
+            assert_eq!(defined(intervals, key), Ok(expected), "{key}");
+        }
+        let unknown = defined(intervals, "bones").unwrap_err();
+        assert!(unknown.contains("0 to 1, or skin, bone"), "{unknown}");
+        let twice = defined(&intervals.replace("skin", "bone"), "bone").unwrap_err();
+        assert!(twice.contains("use an index: 0, 1"), "{twice}");
     }
 
     #[test]

@@ -174,10 +174,12 @@ fn with_definitions<T>(
         return read(&stated, file);
     }
     let mut table: Table = stated.deserialize()?;
-    for definition in definitions {
-        define(&mut table, &definition.text)
-            .map_err(|message| SceneError::Define { given: definition.given.clone(), message })?;
-    }
+    let resolve = |definition: &Definition| {
+        let failed = |message| SceneError::Define { given: definition.given.clone(), message };
+        let text = define(&mut table, &definition.text).map_err(failed)?;
+        Ok(Definition { given: definition.given.clone(), text })
+    };
+    let definitions: &[Definition] = &definitions.iter().map(resolve).collect::<Result<Vec<_>, SceneError>>()?;
     let changed = toml::to_string(&table)
         .map_err(|error| SceneError::Define { given: all_given(definitions), message: error.to_string() })?;
     let changed_by = Some((text, definitions));

@@ -6,6 +6,7 @@ mod dial;
 mod error;
 mod file;
 pub mod first_look;
+mod fit;
 mod history;
 mod light_request;
 mod mixing;

@@ -2,7 +2,8 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::scene::{Aim, Camera, Projection, View};
+use super::fit;
+use crate::scene::{Aim, Camera, Projection, Scene, View};
 use crate::volume::Geometry;
 
 /// A movement of the camera.
@@ -26,7 +27,7 @@ pub enum Move {
     Dolly(f64),
     /// Rotation in degrees clockwise about the line of sight.
     Roll(f64),
-    /// View from this side of the volume, with all of it in view.
+    /// View from this side of the volume, with all visible voxels in view.
     Axis(Side),
     /// Changes between perspective and parallel rays; the target keeps its size.
     Projection,
@@ -78,23 +79,26 @@ struct Placed {
     half: f64,
 }
 
-/// Returns `camera` after `step`, for the volume of `geometry` and a picture of `width / height = aspect`. `opened` is
-/// the initial camera, and replaces a result that has no line of sight.
+/// Returns the camera of `scene` after `step`, for a picture of `width / height = aspect`. `opened` is the initial camera,
+/// and replaces a result that has no line of sight.
 #[must_use]
-pub fn moved(camera: &Camera, opened: &Camera, geometry: &Geometry, aspect: f64, step: Move) -> Camera {
+pub fn moved(scene: &Scene, opened: &Camera, aspect: f64, step: Move) -> Camera {
+    let (camera, geometry) = (&scene.camera, &scene.volume.geometry);
     let stated = match step {
         Move::Reset => None,
-        Move::Axis(side) => Some(from_side(camera, opened, side)),
+        Move::Axis(side) => Some(fit::fitted(&from_side(camera, opened, side), &fit::visible(scene), geometry)),
         step => go(camera, geometry, aspect, step),
     };
     stated.filter(|camera| camera.view(geometry, aspect).is_some()).unwrap_or_else(|| opened.clone())
 }
 
-/// Cameras of `frames` pictures of a full turn about the up direction, from `camera` on. All have the same distance or,
-/// with parallel rays, the same height: the largest that any of them needs, so that nothing grows or leaves the picture.
-/// `None` if `camera` has no line of sight.
+/// Cameras of `frames` pictures of a full turn of `scene` about the up direction, from `camera` on. All have the same
+/// distance or, with parallel rays, the same height, so that nothing grows: at least that of `camera`, and so large that the
+/// visible voxels, if `camera` shows all of them, never leave the picture or come nearer to its edges than `camera` shows them
+/// or a first look does. A stated height of parallel rays is kept. `None` if `camera` has no line of sight.
 #[must_use]
-pub fn turntable(camera: &Camera, geometry: &Geometry, aspect: f64, frames: u16) -> Option<Vec<Camera>> {
+pub fn turntable(scene: &Scene, camera: &Camera, aspect: f64, frames: u16) -> Option<Vec<Camera>> {
+    let geometry = &scene.volume.geometry;
     let target = camera.aim.target(geometry);
     let axis = camera.up.try_normalize()?;
     let turned = |frame: u16| {
@@ -111,10 +115,21 @@ pub fn turntable(camera: &Camera, geometry: &Geometry, aspect: f64, frames: u16)
         Camera { aim, ..camera.clone() }.view(geometry, aspect)
     };
     let views: Vec<_> = (0..frames).map(turned).collect::<Option<_>>()?;
-    let distance = views.iter().map(|view| (target - view.eye).dot(view.forward)).fold(0.0, f64::max);
-    let half = views.iter().map(|view| view.half[1]).fold(0.0, f64::max);
+    let first = camera.view(geometry, aspect)?;
+    let visible = fit::visible(scene);
+    let reach = fit::reach(&first, &visible);
+    let is_stated = matches!(camera.projection, Projection::Orthographic { height: Some(_) });
+    // A camera that shows a part of the visible voxels keeps its distance.
+    let needed = if reach > 1.0 || is_stated {
+        0.0
+    } else {
+        let limit = reach.max(fit::FILL);
+        views.iter().map(|view| fit::reached_at(view, target, aspect, &visible, limit)).fold(0.0, f64::max)
+    };
+    let (stated, half) = ((target - first.eye).dot(first.forward), first.half[1]);
+    let distance = if first.parallel { stated } else { stated.max(needed) };
     let projection = match camera.projection {
-        Projection::Orthographic { .. } => Projection::Orthographic { height: Some(2.0 * half) },
+        Projection::Orthographic { .. } => Projection::Orthographic { height: Some(2.0 * half.max(needed)) },
         perspective @ Projection::Perspective { .. } => perspective,
     };
     let placed = |view: &View| Camera {
@@ -193,35 +208,110 @@ fn go(camera: &Camera, geometry: &Geometry, aspect: f64, step: Move) -> Option<C
 #[cfg(test)]
 mod tests {
     #![expect(clippy::expect_used, reason = "a test fails by panicking")]
+    use std::sync::Arc;
+
     use super::*;
+    use crate::scene::Term;
+    use crate::volume::{Volume, Voxels};
+
+    /// A block of 8 by 30 by 4 voxels towards a corner of a dark volume.
+    fn block() -> Scene {
+        let dims = [40, 44, 20];
+        let inside = |index: usize| {
+            let [x, y, z] = [index % 40, index / 40 % 44, index / 1760];
+            (30..38).contains(&x) && (10..40).contains(&y) && (2..6).contains(&z)
+        };
+        let voxels = Voxels::U8((0..dims.iter().product()).map(|index| u8::from(inside(index)) * 200).collect());
+        let geometry = Geometry::new("block", dims, DVec3::ONE, DVec3::ZERO, glam::DMat3::IDENTITY);
+        let volume =
+            Volume::new("block", voxels, geometry.expect("a box is a grid")).expect("as many voxels as the grid has");
+        let mut scene = Scene::new("block", Arc::new(volume));
+        scene.transfer.terms.push(Term::interval(0, [100.0, 255.0], [0.0; 2], 0.5, 0.0));
+        scene
+    }
+
+    /// Ends of the picture of the block in width and height, in half pictures from the middle.
+    fn ends(view: &View) -> [[f64; 2]; 2] {
+        let corner = |index: usize| {
+            let at = |axis: usize, ends: [f64; 2]| ends[index >> axis & 1];
+            let point = DVec3::new(at(0, [29.5, 37.5]), at(1, [9.5, 39.5]), at(2, [1.5, 5.5]));
+            2.0 * view.place_of(point).expect("the block lies before the eye") - 1.0
+        };
+        let corners: Vec<glam::DVec2> = (0..8).map(corner).collect();
+        [0, 1].map(|axis| {
+            let places = corners.iter().map(|place| place[axis]);
+            [places.clone().fold(f64::INFINITY, f64::min), places.fold(f64::NEG_INFINITY, f64::max)]
+        })
+    }
+
+    const PROJECTIONS: [Projection; 2] =
+        [Projection::Perspective { fov_degrees: 30.0 }, Projection::Orthographic { height: None }];
 
     #[test]
-    fn a_turntable_keeps_its_distance_and_shows_every_side_whole() {
-        let direction = glam::DMat3::IDENTITY;
-        let geometry = Geometry::new("box", [40, 10, 20], DVec3::ONE, DVec3::ZERO, direction).ok();
-        let geometry = geometry.expect("a box is a grid");
-        for projection in [Projection::Perspective { fov_degrees: 30.0 }, Projection::Orthographic { height: None }] {
-            let camera = Camera { projection, ..Camera::default() };
-            let cameras = turntable(&camera, &geometry, 1.5, 12).expect("it has a line of sight");
-            let views: Vec<View> = cameras.iter().filter_map(|camera| camera.view(&geometry, 1.5)).collect();
-            let first = camera.view(&geometry, 1.5).expect("it has a line of sight");
+    fn a_side_view_shows_the_visible_voxels_at_nine_tenths_of_pictures_of_any_shape() {
+        let mut scene = block();
+        for (projection, aspect) in
+            PROJECTIONS.into_iter().flat_map(|projection| [0.5, 1.0, 1.5, 2.5].map(|aspect| (projection, aspect)))
+        {
+            for side in Side::ALL {
+                scene.camera = Camera { projection, ..Camera::default() };
+                let camera = moved(&scene, &scene.camera, aspect, Move::Axis(side));
+                let view = camera.view(&scene.volume.geometry, aspect).expect("it has a line of sight");
+                let spans = ends(&view).map(|[low, high]| (high - low) / 2.0);
+                let (span, wanted) = (spans[0].max(spans[1]), 0.9);
+                assert!((span / wanted - 1.0).abs() <= 0.02, "{side:?}, {projection:?}, {aspect}: {spans:?}");
+                let reach = ends(&view).concat().into_iter().map(f64::abs).fold(0.0, f64::max);
+                assert!(reach < 0.95, "{side:?}, {projection:?}, {aspect}: {:?}", ends(&view));
+            }
+        }
+    }
+
+    #[test]
+    fn a_turntable_keeps_its_distance_and_its_widest_view_fits() {
+        let scene = block();
+        let geometry = &scene.volume.geometry;
+        for (projection, aspect) in
+            PROJECTIONS.into_iter().flat_map(|projection| [0.7, 1.0, 1.5].map(|aspect| (projection, aspect)))
+        {
+            // The first view is the narrow side of the block.
+            let narrow = Camera {
+                projection,
+                aim: Aim::Orbit { azimuth: 0.0, elevation: 15.0, fill: 1.0, front: DVec3::NEG_Y, around: None },
+                up: DVec3::Z,
+            };
+            let narrow = fit::fitted(&narrow, &fit::visible(&scene), geometry);
+            let cameras = turntable(&scene, &narrow, aspect, 24).expect("it has a line of sight");
+            let views: Vec<View> = cameras.iter().filter_map(|camera| camera.view(geometry, aspect)).collect();
+            let first = narrow.view(geometry, aspect).expect("it has a line of sight");
             assert!(views[0].forward.distance(first.forward) <= 1e-12, "the turn starts at the camera");
-            let target = camera.aim.target(&geometry);
+            let target = narrow.aim.target(geometry);
+            let reach = |view: &View| ends(view).concat().into_iter().map(f64::abs).fold(0.0, f64::max);
             for (index, view) in views.iter().enumerate() {
                 assert!((view.eye.distance(target) - views[0].eye.distance(target)).abs() <= 1e-9, "{index}");
                 assert!((view.half[1] - views[0].half[1]).abs() <= 1e-12, "{index}");
-                let turned = (view.forward - view.forward.dot(DVec3::Y) * DVec3::Y).normalize();
-                let start = (views[0].forward - views[0].forward.dot(DVec3::Y) * DVec3::Y).normalize();
-                let degrees = start.dot(turned).clamp(-1.0, 1.0).acos().to_degrees();
-                let expected = 30.0 * f64::from(u32::try_from(index.min(12 - index)).unwrap_or(0));
+                let level = |view: &View| (view.forward - view.forward.dot(DVec3::Z) * DVec3::Z).normalize();
+                let degrees = level(&views[0]).dot(level(view)).clamp(-1.0, 1.0).acos().to_degrees();
+                let expected = 15.0 * f64::from(u32::try_from(index.min(24 - index)).unwrap_or(0));
                 assert!((degrees - expected).abs() <= 1e-4, "{index}: {degrees}");
-                for corner in 0..8 {
-                    let at = |axis: usize, side: f64| if corner >> axis & 1 == 0 { -0.5 } else { side - 0.5 };
-                    let place = view.place_of(DVec3::new(at(0, 40.0), at(1, 10.0), at(2, 20.0)));
-                    let inside = place.is_some_and(|place| place.min_element() >= 0.0 && place.max_element() <= 1.0);
-                    assert!(inside, "{index}, corner {corner}: {place:?}");
-                }
             }
+            let widest = views.iter().map(reach).fold(0.0, f64::max);
+            assert!((widest / 0.9 - 1.0).abs() <= 0.02, "{projection:?}, {aspect}: {widest}");
+        }
+    }
+
+    #[test]
+    fn a_turntable_of_a_detail_keeps_its_camera() {
+        let scene = block();
+        let geometry = &scene.volume.geometry;
+        let camera = Camera {
+            projection: PROJECTIONS[0],
+            aim: Aim::LookAt { position: DVec3::new(33.0, -2.0, 4.0), target: DVec3::new(33.0, 15.0, 4.0) },
+            up: DVec3::Z,
+        };
+        let cameras = turntable(&scene, &camera, 1.0, 6).expect("it has a line of sight");
+        for turned in &cameras {
+            let view = turned.view(geometry, 1.0).expect("it has a line of sight");
+            assert!((view.eye.distance(DVec3::new(33.0, 15.0, 4.0)) - 17.0).abs() < 1e-9, "{turned:?}");
         }
     }
 }

@@ -4,15 +4,17 @@
 
 use std::collections::BTreeSet;
 use std::io;
-use std::path::{Path, PathBuf, absolute};
+use std::path::{Component, Path, PathBuf, absolute};
 
 use glam::DVec2;
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlError, Value, value};
 
 use super::design::{self, Side};
-use super::{Dial, LightState, Mixing, SceneFile, Source, State};
+use super::{Definition, Dial, LightState, Mixing, SceneFile, Source, State};
 use crate::output::{OutputError, write_atomically};
-use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Integration, Interval, LabelInterpolation, Projection, Scene};
+use crate::scene::{
+    AccumulateAs, Accuracy, Aim, Camera, Integration, Interval, LabelInterpolation, Lighting, Projection, Scene,
+};
 use crate::spectrum::Spectrum;
 use crate::spectrum::observer::Observer;
 use crate::volume::ByteOrder;
@@ -95,16 +97,23 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     let unreadable = |source| SessionError::Text { name: opened.scene.name.clone(), source };
     let mut document: DocumentMut = opened.text.parse().map_err(unreadable)?;
     let [base, folder] = [&*opened.base, path.parent().unwrap_or(Path::new(""))].map(place);
-    let base = base?;
-    if base == folder? {
+    let (base, folder) = (base?, folder?);
+    // A scene that Relume made names no other files than its volume and labels, unless a definition does.
+    let is_made = source.bare_volume().is_some() && !source.options.definitions.iter().any(names_files);
+    let base = if is_made { folder.clone() } else { base };
+    if base == folder {
         document.remove("base");
     } else {
-        document.insert("base", value(utf8(&base)?));
+        document.insert("base", value(from(&base, &folder)?));
     }
-    volume(&mut document, source)?;
+    volume(&mut document, source, &base)?;
     let (scene, then) = (&state.scene, &opened.scene);
     if scene.camera != then.camera {
         document.insert("camera", Item::Table(camera(&scene.camera)));
+    }
+    if scene.lighting != then.lighting {
+        let sides = if scene.lighting == Lighting::OneSided { "one_sided" } else { "two_sided" };
+        document.insert("lighting", value(sides));
     }
     if scene.transfer != then.transfer {
         transfer(table(&mut document, "transfer")?, scene)?;
@@ -159,6 +168,28 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     Ok(document.to_string())
 }
 
+/// Whether a definition may name a file.
+fn names_files(definition: &Definition) -> bool {
+    let key = definition.text.split(['.', '=']).next().unwrap_or_default().trim();
+    !["accuracy", "camera", "crop", "display", "lighting", "mix", "shading", "shadows", "transfer"].contains(&key)
+}
+
+/// `path` as a scene in `folder` names it: relative if it lies in the folder, so that both can be moved together, and
+/// absolute otherwise.
+fn from(path: &Path, folder: &Path) -> Result<String, SessionError> {
+    let path = place(path)?;
+    let steps = path.strip_prefix(folder).ok().filter(|rest| !rest.as_os_str().is_empty());
+    let steps: Option<Vec<_>> = steps.map(|rest| rest.components().collect());
+    match steps.filter(|steps| steps.iter().all(|step| matches!(step, Component::Normal(_)))) {
+        // A slash separates folders on every system.
+        Some(steps) => {
+            let names: Result<Vec<&str>, _> = steps.iter().map(|step| utf8(Path::new(step))).collect();
+            Ok(names?.join("/"))
+        }
+        None => Ok(utf8(&path)?.to_owned()),
+    }
+}
+
 /// Absolute path of the folder `path`, independent of the working directory.
 fn place(path: &Path) -> Result<PathBuf, SessionError> {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
@@ -175,8 +206,8 @@ fn table<'a>(document: &'a mut DocumentMut, name: &'static str) -> Result<&'a mu
     item.as_table_like_mut().ok_or(SessionError::NoTable { name })
 }
 
-/// Writes the command line's changes of the volume.
-fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionError> {
+/// Writes the command line's changes of the volume; its relative paths start at the folder `base`.
+fn volume(document: &mut DocumentMut, source: &Source, base: &Path) -> Result<(), SessionError> {
     let options = &source.options;
     let volume = source.bare_volume().or(options.volume.as_deref());
     let table = table(document, "volume")?;
@@ -184,7 +215,7 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
         for key in ["phantom", "labels", "phantom_labels", "dims", "type", "byte_order", "header_bytes", "slices"] {
             table.remove(key);
         }
-        table.insert("file", value(utf8(&place(path)?)?));
+        table.insert("file", value(from(path, base)?));
     }
     if let Some(layout) = &options.raw {
         table.insert("type", value(layout.voxel_type.to_string()));
@@ -220,7 +251,7 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
         table.insert("resample", value(true));
     }
     if let Some(labels) = &options.labels {
-        table.insert("labels", value(utf8(&place(labels)?)?));
+        table.insert("labels", value(from(labels, base)?));
     }
     if let Some((lengths, unit)) = options.spacing {
         // The key is the spacing of averaged blocks.

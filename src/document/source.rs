@@ -189,7 +189,9 @@ impl Source {
     ///
     /// [`SceneError`], [`VolumeError`].
     pub fn read(&self, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
-        let file = match (&self.path, self.bare_volume()) {
+        // A volume without a scene is never shown by the embedded one, also if it cannot be read.
+        let alone = self.bare_volume().or(self.options.volume.as_deref().filter(|_| self.path.is_none()));
+        let file = match (&self.path, alone) {
             (_, Some(path)) => return self.first_look(path, progress),
             (None, None) => load_embedded(&self.options, progress)?,
             (Some(path), None) => load(path, &self.options, progress).map_err(|error| no_scene(path, error))?,
@@ -236,13 +238,27 @@ pub fn is_sidecar(path: &Path) -> bool {
     table.is_some_and(|it| it.contains_key("dims") || it.contains_key("type") || it.keys().eq(["volume"]))
 }
 
-/// Error for the file `path`, which is not readable as a scene. A file that is not text, or too long for a scene, is
-/// reported as a volume of unknown format.
+/// Error for the file `path`, which is not readable as a scene. A file that is not text, too long for a scene, or a text
+/// that is not TOML, is reported as a volume of unknown format.
 fn no_scene(path: &Path, error: SceneError) -> OpenError {
     let is_all_of_it =
         matches!(error, SceneError::IsVolume { .. } | SceneError::TooLong { .. } | SceneError::NoText { .. });
+    let is_other_text = || {
+        let is_toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+        let text = input::read(path, LONGEST_TOML).ok().and_then(|bytes| String::from_utf8(bytes).ok());
+        !is_toml && text.is_some_and(|text| text.parse::<toml::Table>().is_err())
+    };
+    if !(is_all_of_it || matches!(error, SceneError::Invalid { .. }) && is_other_text()) {
+        return error.into();
+    }
     match volume::open(path, &Selection::default(), &Quiet) {
-        Err(unknown @ VolumeError::UnknownFormat { .. }) if is_all_of_it => unknown.into(),
+        Err(VolumeError::UnknownFormat { path, what, is_known: false, known }) => {
+            let mistake =
+                if matches!(error, SceneError::Invalid { .. }) { format!(" ({error})") } else { String::new() };
+            let what = format!("this is neither a volume nor a scene{mistake}: {what}");
+            VolumeError::UnknownFormat { path, what, is_known: false, known }.into()
+        }
+        Err(unknown @ VolumeError::UnknownFormat { .. }) => unknown.into(),
         _ => error.into(),
     }
 }

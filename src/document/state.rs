@@ -11,7 +11,7 @@ use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, a
 use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::Palette;
-use crate::scene::{Accuracy, GRADIENT_POINTS, Interval, LabelEntry, MOST_RAYS, Mix, Scene};
+use crate::scene::{Accuracy, GRADIENT_POINTS, Interval, LabelEntry, Lighting, MOST_RAYS, Mix, Scene};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 
@@ -38,6 +38,8 @@ pub enum Edit {
     On(usize, bool),
     /// Whether a light casts shadows, by its index. Ambient and point lights cast none.
     Shadows(usize, bool),
+    /// Sides of surfaces that lights shade.
+    Lighting(Lighting),
     /// Selects a single light, or all lights that are on.
     Solo(Option<usize>),
     /// Selects the sliders or the dial.
@@ -120,6 +122,7 @@ impl Edit {
         match self {
             Self::Camera(..)
             | Self::Shadows(..)
+            | Self::Lighting(_)
             | Self::Interval(..)
             | Self::AddInterval(_)
             | Self::RemoveTerm(_)
@@ -305,7 +308,7 @@ impl State {
             transfer,
             lights,
             shading: _,
-            lighting: _,
+            lighting,
             background,
             camera,
             crop,
@@ -316,6 +319,7 @@ impl State {
         let to = &other.scene;
         (dial, light, palette) == (&other.dial, &other.light, &other.palette)
             && (camera, crop, accuracy, display) == (&to.camera, &to.crop, &to.accuracy, &to.display)
+            && *lighting == to.lighting
             && (materials, lights, background) == (&to.materials, &to.lights, &to.background)
             && (transfer, declared(scene)) == (&to.transfer, declared(to))
     }
@@ -350,6 +354,7 @@ impl State {
                     light.shadows = shadows && light.placement.casts_shadows();
                 }
             }
+            Edit::Lighting(lighting) => scene.lighting = lighting,
             Edit::Solo(solo) => {
                 light.mixing = Mixing::Sliders;
                 light.solo = solo.filter(|&index| index < scene.lights.len());
@@ -437,7 +442,7 @@ impl State {
             Edit::Exposure(exposure) => scene.display.exposure = factor(exposure),
             Edit::Adapt(adapt) => scene.display.adapt = adapt,
             Edit::Camera(step, aspect) => {
-                scene.camera = moves::moved(&scene.camera, &opened.scene.camera, &scene.volume.geometry, aspect, step);
+                scene.camera = moves::moved(scene, &opened.scene.camera, aspect, step);
             }
             Edit::Interval(index, interval) => {
                 if let (Some(interval), Some(term)) =

@@ -19,6 +19,12 @@ pub enum TransferPreset {
     Vessels,
     /// MR, which has no units.
     Mr,
+    /// MR weighted by T1: fat and white matter are bright, fluid is dark.
+    MrT1,
+    /// MR weighted by T2: fluid is bright.
+    MrT2,
+    /// Micro-CT: a specimen and its densest parts.
+    MicroCt,
     /// Fluorescence microscopy: the brightest fifth as a haze.
     Fluorescence,
     /// The highest quarter of the voxels that are not air.
@@ -29,13 +35,16 @@ pub enum TransferPreset {
 
 impl TransferPreset {
     /// All presets.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 12] = [
         Self::Bone,
         Self::SoftTissue,
         Self::SkinAndBone,
         Self::Lung,
         Self::Vessels,
         Self::Mr,
+        Self::MrT1,
+        Self::MrT2,
+        Self::MicroCt,
         Self::Fluorescence,
         Self::Densest,
         Self::Layers,
@@ -51,6 +60,9 @@ impl TransferPreset {
             Self::Lung => "CT: lung",
             Self::Vessels => "CT: vessels with contrast",
             Self::Mr => "MR",
+            Self::MrT1 => "MR: T1",
+            Self::MrT2 => "MR: T2",
+            Self::MicroCt => "micro-CT",
             Self::Fluorescence => "fluorescence",
             Self::Densest => "the densest",
             Self::Layers => "layers",
@@ -72,6 +84,11 @@ impl TransferPreset {
             }
             Self::Fluorescence => "Shows the brightest fifth of the values that are not dark as a haze.",
             Self::Mr => "Hides air and the darker half of the other values; the brightest tenth is solid.",
+            Self::MrT1 => {
+                "Shows the brightest quarter, fat and white matter in T1, behind a haze of muscle and grey matter, and hides the darkest third."
+            }
+            Self::MrT2 => "Shows the brightest twentieth, fluid in T2, in a thin haze of the upper half.",
+            Self::MicroCt => "Shows the specimen like glass, and its densest twentieth solid.",
             Self::Densest => "Shows the highest quarter of the values that are not air.",
             Self::Layers => {
                 "Divides the values that are not air into three layers with equal numbers of voxels; the highest is the most solid."
@@ -143,6 +160,18 @@ impl TransferPreset {
             Self::Mr => vec![
                 layer(soft, [quantile(0.5), quantile(0.9)], ramp, 0.03),
                 layer(bone, [quantile(0.9), statistics.max], ramp, 0.3),
+            ],
+            Self::MrT1 => vec![
+                layer(soft, [quantile(1.0 / 3.0), quantile(0.75)], ramp, 0.015),
+                layer(bone, [quantile(0.75), statistics.max], ramp, 0.2),
+            ],
+            Self::MrT2 => vec![
+                layer(soft, [quantile(0.5), quantile(0.95)], ramp, 0.01),
+                layer(bone, [quantile(0.95), statistics.max], ramp, 0.3),
+            ],
+            Self::MicroCt => vec![
+                layer(soft, [quantile(0.05), quantile(0.95)], ramp, 0.03),
+                layer(bone, [quantile(0.95), statistics.max], ramp, 0.5),
             ],
             Self::Densest => vec![layer(bone, [quantile(0.75), statistics.max], ramp, 0.3)],
             Self::Layers => vec![
@@ -251,6 +280,55 @@ mod tests {
     }
 
     #[test]
+    fn presets_by_quantiles_show_the_share_that_they_promise() {
+        // Half of the voxels are 0; the others are distributed evenly from 32 to 64.
+        let values = statistics(0.0, 64.0, |bin| if bin == 0 { 3200 } else { 100 * u64::from(bin >= 32) });
+        let at = |part: f64| 32.0f64.mul_add(part, 32.0);
+        for (preset, ranges) in [
+            (TransferPreset::Mr, &[[0.5, 0.9], [0.9, 1.0]][..]),
+            (TransferPreset::MrT1, &[[1.0 / 3.0, 0.75], [0.75, 1.0]]),
+            (TransferPreset::MrT2, &[[0.5, 0.95], [0.95, 1.0]]),
+            (TransferPreset::MicroCt, &[[0.05, 0.95], [0.95, 1.0]]),
+            (TransferPreset::Fluorescence, &[[0.8, 1.0]]),
+            (TransferPreset::Densest, &[[0.75, 1.0]]),
+            (TransferPreset::Layers, &[[0.0, 1.0 / 3.0], [1.0 / 3.0, 2.0 / 3.0], [2.0 / 3.0, 1.0]]),
+        ] {
+            let intervals = preset.intervals(&values, &[]).unwrap_or_default();
+            assert_eq!(intervals.len(), ranges.len(), "{preset:?}");
+            for (interval, expected) in intervals.iter().zip(ranges) {
+                for (found, part) in interval.range.iter().zip(expected) {
+                    // The lowest value lies anywhere between the air and the first voxel.
+                    let is_lowest = *part <= 0.0 && *found > 0.0 && *found <= at(0.0);
+                    let is_it = is_lowest || (found - at(*part)).abs() < 1e-9;
+                    assert!(is_it, "{preset:?}: {found} is not the quantile {part}");
+                }
+            }
+            // Solid parts hide more than the haze around them.
+            assert!(intervals.is_sorted_by(|one, other| one.opacity < other.opacity), "{preset:?}");
+        }
+    }
+
+    #[test]
+    fn presets_of_a_ct_show_the_tissues_of_their_names() {
+        let ct = statistics(-1024.0, 3071.0, |_| 1);
+        // Hounsfield units that a preset shows, and that it hides.
+        for (preset, shown, hidden) in [
+            (TransferPreset::Bone, &[400.0, 1500.0][..], &[-1000.0, -100.0, 60.0][..]),
+            (TransferPreset::SoftTissue, &[60.0, 1000.0], &[-1000.0, -100.0, 220.0]),
+            (TransferPreset::SkinAndBone, &[-300.0, 1000.0], &[-1000.0, 60.0]),
+            (TransferPreset::Lung, &[-700.0, 1000.0], &[-1000.0, 60.0]),
+            (TransferPreset::Vessels, &[300.0, 1000.0], &[-100.0, 60.0]),
+        ] {
+            let intervals = preset.intervals(&ct, &[]).unwrap_or_default();
+            let shows = |value: f64| {
+                intervals.iter().any(|it| (it.range[0] - it.ramp..=it.range[1] + it.ramp).contains(&value))
+            };
+            assert!(shown.iter().all(|&value| shows(value)), "{preset:?}: {intervals:?}");
+            assert!(!hidden.iter().any(|&value| shows(value)), "{preset:?}: {intervals:?}");
+        }
+    }
+
+    #[test]
     fn a_ct_is_told_by_its_values_and_nothing_else_gets_its_presets() {
         let even = |_| 1;
         assert_eq!(hounsfield(&statistics(-1024.0, 3071.0, even)), Some(0.0));
@@ -265,9 +343,7 @@ mod tests {
         for [min, max] in [[0.0, 255.0], [0.0, 1.0], [-1.0, 1.0], [0.0, 65535.0]] {
             let other = statistics(min, max, even);
             assert_eq!(TransferPreset::Bone.intervals(&other, &[]), None, "{min} to {max}");
-            for preset in
-                [TransferPreset::Mr, TransferPreset::Fluorescence, TransferPreset::Densest, TransferPreset::Layers]
-            {
+            for preset in TransferPreset::ALL.into_iter().skip(5) {
                 let intervals = preset.intervals(&other, &[]).unwrap_or_default();
                 assert!(!intervals.is_empty(), "{preset:?}");
                 for interval in intervals {

@@ -1,5 +1,7 @@
 //! Goals of a picture.
 
+use crate::written::refused_name;
+
 /// Accuracy or time goal of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
@@ -41,6 +43,29 @@ pub enum Preset {
 }
 
 impl Preset {
+    /// All presets, from the fastest to the most accurate.
+    pub const ALL: [Self; 3] = [Self::Interactive, Self::Balanced, Self::Reference];
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Interactive => "interactive",
+            Self::Balanced => "balanced",
+            Self::Reference => "reference",
+        }
+    }
+
+    /// The preset of this name.
+    ///
+    /// # Errors
+    ///
+    /// The names of all presets, and the most similar one.
+    pub fn named(name: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|preset| preset.name() == name);
+        found.ok_or_else(|| refused_name(name, "the presets of accuracy", &Self::ALL.map(Self::name)))
+    }
+
     /// Returns the goal of this preset.
     #[must_use]
     pub const fn goal(self) -> Goal {

@@ -132,6 +132,20 @@ impl Folder {
         self.files.par_iter().filter_map(|file| one(file).transpose()).collect()
     }
 
+    /// The files that are volumes themselves, the first ones by name; `None` if there are none.
+    fn volumes(&self, is_volume: fn(&Path, &[u8]) -> bool) -> Option<String> {
+        /// Most names in a message.
+        const NAMED: usize = 3;
+        let volumes: Vec<_> = self.files.iter().filter(|file| is_volume(file, &[])).collect();
+        let names = volumes.iter().take(NAMED).map(|file| file.display().to_string());
+        let named = names.collect::<Vec<_>>().join(", ");
+        match volumes.len() {
+            0 => None,
+            ..=NAMED => Some(named),
+            count => Some(format!("{named} and {} more", count - NAMED)),
+        }
+    }
+
     /// Sentences about what is left out if the files `read` are read.
     fn notes(&self, read: &[PathBuf]) -> Vec<String> {
         let source = self.path.display();
@@ -170,12 +184,17 @@ impl Folder {
     }
 }
 
-/// Reads the volume of the folder `path`.
+/// Reads the volume of the folder `path`. `is_volume` tells volumes by their paths, for the message about a folder of them.
 ///
 /// # Errors
 ///
 /// As [`open`](super::open()).
-pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+pub(super) fn read(
+    path: &Path,
+    selection: &Selection,
+    progress: &dyn Progress,
+    is_volume: fn(&Path, &[u8]) -> bool,
+) -> Result<Volume, VolumeError> {
     // A store may have millions of files, which nobody lists.
     if zarr::is_node(path) {
         return zarr::read(path, selection, progress);
@@ -195,10 +214,11 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     }
     let count = folder.files.len();
     let s = if count == 1 { "" } else { "s" };
-    Err(unknown(
-        path,
-        format!("this is a folder with {count} file{s}, none of which Relume reads as a part of a volume"),
-    ))
+    let mut what = format!("this is a folder with {count} file{s}, none of which Relume reads as a part of a volume");
+    if let Some(volumes) = folder.volumes(is_volume) {
+        what = format!("this is a folder with volumes, not a volume; open one of them: {volumes}");
+    }
+    Err(unknown(path, what))
 }
 
 /// The error for the folder `path`, which `what` describes.

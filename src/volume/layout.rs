@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use glam::DMat3;
 use serde::{Deserialize, Deserializer, de::Error as _};
 
-use super::VoxelType;
+use super::{Unit, VoxelType};
 use crate::number::{count, whole};
 
 /// Order of the bytes of a number.
@@ -35,6 +35,7 @@ impl ByteOrder {
 /// byte_order = "big"        # or "little", the default
 /// header_bytes = 0          # bytes to skip at the beginning of every file
 /// spacing = [1.0, 1.0, 2.0]
+/// unit = "mm"               # of the spacing: cm, mm, µm, nm or Å; default: unknown
 /// origin = [0.0, 0.0, 0.0]
 /// direction = [1, 0, 0,  0, 1, 0,  0, 0, 1]   # three axes, one after the other
 /// downsample = [2, 2, 1]    # average blocks of voxels
@@ -67,6 +68,9 @@ pub struct RawLayout {
     /// World units between neighbouring voxels.
     #[serde(default = "ones")]
     pub spacing: [f64; 3],
+    /// Unit of the spacing, if it is known.
+    #[serde(default, deserialize_with = "unit")]
+    pub unit: Option<Unit>,
     /// World position of voxel (0, 0, 0).
     #[serde(default)]
     pub origin: [f64; 3],
@@ -99,6 +103,12 @@ fn blocks<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[usize; 3
     from_one(deserializer).map(Some)
 }
 
+fn unit<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Unit>, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    let known = Unit::named(&name).map(Some);
+    known.ok_or_else(|| D::Error::custom(format!("{name:?} is no unit; the units are cm, mm, µm, nm and Å")))
+}
+
 fn voxel_type<'de, D: Deserializer<'de>>(deserializer: D) -> Result<VoxelType, D::Error> {
     String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
 }
@@ -116,6 +126,7 @@ impl RawLayout {
             byte_order: ByteOrder::Little,
             header_bytes: 0,
             spacing: ones(),
+            unit: None,
             origin: [0.0; 3],
             direction: identity(),
             downsample: None,

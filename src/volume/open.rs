@@ -197,7 +197,7 @@ pub fn extensions() -> impl Iterator<Item = &'static str> {
 /// [`VolumeError::Cancelled`] if `progress` requests it, and the error of the reader for a defective file.
 pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     if path.is_dir() {
-        return folder::read(path, selection, progress);
+        return folder::read(path, selection, progress, is_volume);
     }
     if let Some(what) = foreign::describe_address(path) {
         return Err(unknown(path, what, true));

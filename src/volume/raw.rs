@@ -108,6 +108,7 @@ pub(super) fn read(
     let mut volume = Volume::new(&source_name, voxels, geometry)?;
     volume.files = data.paths();
     volume.notes = notes;
+    volume.unit = layout.unit;
     match layout.downsample {
         Some(blocks) => volume.downsample(blocks),
         None => Ok(volume),

@@ -9,6 +9,7 @@ use relume::document::{Document, Edit, Mixing};
 use relume::internal::view::Action;
 use relume::plan::Stale;
 use relume::progress::Quiet;
+use relume::scene::Lighting;
 
 use crate::app::{App, document, light_names, wide};
 
@@ -63,6 +64,25 @@ fn nothing_of_the_light_is_asked_for_that_marches() {
     window.get_by_label("Top").click();
     window.run();
     assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Camera(Move::Axis(Side::Top), _)))));
+}
+
+#[test]
+fn the_shaded_sides_are_chosen_in_the_light_panel_undone_and_kept_by_sessions() {
+    let mut window = wide(document());
+    window.run();
+    let lighting = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().scene.lighting;
+    assert_eq!(lighting(&window), Lighting::TwoSided);
+    window.get_by_label("outer side").click();
+    window.run();
+    assert_eq!(lighting(&window), Lighting::OneSided);
+    assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Lighting(Lighting::OneSided)))));
+    let opened = document();
+    let planned = relume::plan::plan(&opened.state().scene, &Quiet).unwrap();
+    let after = opened.preview(&Edit::Lighting(Lighting::OneSided)).scene;
+    assert!(Stale::between(&opened.state().scene, &planned, &after) >= Stale::Accumulators, "it marches");
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(lighting(&window), Lighting::TwoSided);
 }
 
 #[test]

@@ -196,3 +196,26 @@ fn a_scene_pays_only_for_what_it_uses() {
     }
     assert!(rows.len() > 10, "every feature has a row");
 }
+
+#[test]
+fn a_first_picture_is_timed_by_stages() {
+    let ball = |index: i32| {
+        let [x, y, z] = [index % 12 - 6, index / 12 % 10 - 5, index / 120 - 4];
+        u8::try_from(200 - 5 * (x * x + y * y + z * z)).unwrap_or(0)
+    };
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 12 10 8\nencoding: raw\n\n";
+    let voxels: Vec<u8> = header.bytes().chain((0..12 * 10 * 8).map(ball)).collect();
+    let folder = Folder::new().with("ball.nrrd", voxels);
+    let first = ["bench", "first", "--volume", "ball.nrrd", "--size", "16x16", "--frames", "2"];
+    let json = folder.done(&[&first[..], &["--json"]].concat()).json();
+    let stages = json["first"]["stages"].as_array().unwrap();
+    let names: Vec<&str> = stages.iter().map(|stage| stage["name"].as_str().unwrap()).collect();
+    let expected =
+        ["reading", "statistics", "guess", "scene", "plan", "device", "upload", "march", "relight", "writing"];
+    assert_eq!(names, expected);
+    assert!(stages.iter().all(|stage| stage["times"]["wall_ms"]["median"].is_number()), "{stages:?}");
+    assert!(json["first"]["startup_ms"].as_f64().unwrap() > 0.0);
+    assert!(folder.done(&first).out.contains("ball.nrrd, first picture of 16×16 pixels"));
+    folder.refused(2, &["bench", "first"], &["first needs --volume"]);
+    folder.refused(2, &["bench", "first", "--volume", "scene.toml"], &["scene.toml", "without a scene"]);
+}

@@ -138,11 +138,11 @@ fn spans(path: &std::path::Path) -> [[f64; 2]; 2] {
         .filter(|(_, it)| it.iter().any(|&code| code > 8))
         .map(|(at, _)| at)
         .collect();
-    let side = f64::from(info.width);
+    let sides = [info.width, info.height].map(f64::from);
     [0, 1].map(|axis| {
         let places = || lit.iter().map(|at| [at % width, at / width][axis]);
         let [low, high] = [places().min().unwrap(), places().max().unwrap() + 1];
-        let [low, high] = [low, high].map(|place| f64::from(u32::try_from(place).unwrap()) / side);
+        let [low, high] = [low, high].map(|place| f64::from(u32::try_from(place).unwrap()) / sides[axis]);
         [high - low, f64::midpoint(low, high)]
     })
 }
@@ -636,4 +636,263 @@ fn the_lights_of_a_first_look_are_three_point_lights_that_follow_the_camera() {
             assert!(ratio > 1.03 && (ratio / ratios[0] - 1.0).abs() < 0.03, "{look:?}: {ratios:?}");
         }
     }
+}
+
+#[test]
+fn a_saved_scene_names_a_volume_below_it_so_that_the_folder_can_be_moved() {
+    let folder = Folder::new();
+    for name in ["study", "study/scans", "elsewhere"] {
+        std::fs::create_dir(folder.path(name)).unwrap();
+    }
+    let folder = folder.with("study/scans/ball.nrrd", ball()).with("elsewhere/ball.nrrd", ball());
+    let saved = |volume: &str, scene: &str| {
+        let scene_file = ["--save-scene", scene, "-o", "p.png", "--size", "16x16"];
+        folder.done(&[&["render", volume][..], &scene_file].concat());
+        let text = std::fs::read_to_string(folder.path(scene)).unwrap();
+        let of = |key: &str| text.lines().find(|line| line.starts_with(key)).map(str::to_owned);
+        (of("file = ").unwrap(), of("base = "))
+    };
+    let below = saved("study/scans/ball.nrrd", "study/scan.toml");
+    assert_eq!(below, ("file = \"scans/ball.nrrd\"".to_owned(), None));
+    assert_eq!(saved("elsewhere/ball.nrrd", "elsewhere/scan.toml").0, "file = \"ball.nrrd\"");
+    let other = saved("elsewhere/ball.nrrd", "study/other.toml").0;
+    assert!(other.contains(&*folder.path("elsewhere").to_string_lossy()), "absolute: {other}");
+    std::fs::rename(folder.path("study"), folder.path("moved")).unwrap();
+    folder.done(&["render", "moved/scan.toml", "--size", "16x16", "-o", "q.png"]);
+    assert_eq!(std::fs::read(folder.path("q.png")).unwrap(), {
+        folder.done(&["render", "moved/scans/ball.nrrd", "--size", "16x16", "-o", "p.png"]);
+        std::fs::read(folder.path("p.png")).unwrap()
+    });
+}
+
+#[test]
+fn files_of_another_command_are_told_theirs() {
+    let folder = Folder::new().with("ball.nrrd", ball()).with("notes", "apples: 3\npears: 4\n");
+    folder.done(&[&RENDER[..], &["--accumulators", "film.exr"]].concat());
+    folder.refused(1, &["render", "film.exr", "-o", "q.png"], &["film.exr", "relume relight film.exr -o picture.png"]);
+    for (file, words) in [("scene.toml", "relume render scene.toml"), ("ball.nrrd", "relume render ball.nrrd")] {
+        folder.refused(1, &["relight", file, "-o", "q.png"], &[words, "--accumulators"]);
+    }
+    let neither =
+        folder.refused(1, &["render", "notes", "-o", "q.png"], &["notes", "neither a volume nor a scene"]).err;
+    assert!(neither.contains("NRRD") && neither.contains("--dims"), "what is read, and the way out: {neither}");
+    // Text of a scene keeps the message about its mistake.
+    let odd = folder.with("odd", "version = 1\nlighting = \"none\"\n");
+    odd.refused(1, &["render", "odd", "-o", "q.png"], &["odd:2", "`two_sided`"]);
+}
+
+#[test]
+fn a_folder_of_volumes_names_them() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("scans")).unwrap();
+    let folder = folder.with("scans/a.nhdr", "NRRD0004\n").with("scans/b.nii.gz", [0; 4]).with("scans/notes.txt", "");
+    for command in [&["info", "scans"][..], &["render", "scans", "-o", "p.png"]] {
+        let err = folder.refused(1, command, &["open one of them", "scans/a.nhdr, scans/b.nii.gz"]).err;
+        assert!(!err.contains("notes.txt"), "{err}");
+    }
+}
+
+#[test]
+fn films_that_are_not_written_are_made_by_a_command() {
+    let folder = Folder::new();
+    let turn = ["render", "scene.toml", "--size", "8x8", "--turntable", "4", "--fps", "12", "-o"];
+    for film in ["turn.mp4", "turn.gif", "turn.webm"] {
+        let ffmpeg = format!("ffmpeg -framerate 12 -i \"turn-%04d.png\"");
+        let err = folder.refused(2, &[&turn[..], &[film]].concat(), &["-o turn.apng", "-o turn.png", &ffmpeg]).err;
+        assert!(err.contains(&format!("\"{film}\"")), "{err}");
+    }
+    folder.refused(2, &["render", "scene.toml", "-o", "p.mp4"], &["-o p.apng", "ffmpeg"]);
+}
+
+#[test]
+fn a_light_with_a_direction_is_told_the_kind_that_it_needs() {
+    let scene = SCENE.replace("kind = \"ambient\"\n", "");
+    let folder = Folder::new().with("scene.toml", scene);
+    let define = |text: &'static str| [&RENDER[..], &["-D", text]].concat();
+    let words = ["lights.lamp", "`direction`", "headlight (the default)", "kind = \"directional\""];
+    folder.refused(2, &define("lights.lamp.direction=[0, 0, 1]"), &words);
+    folder.refused(2, &define("lights.lamp.position=[0, 0, 1]"), &["`position`", "kind = \"point\""]);
+    folder.refused(2, &define("lights.lamp.kind=point"), &["point light without a `position`", "[10, 20, 30]"]);
+    folder.refused(2, &define("lights.lamp.kind=directional"), &["directional light without a `direction`"]);
+}
+
+#[test]
+fn names_of_looks_and_presets_are_suggested() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    let render = ["render", "ball.nrrd", "-o", "p.png"];
+    for (flag, name, words) in [
+        ("--look", "bones", "did you mean bone?"),
+        ("--look", "fluo", "did you mean fluorescence?"),
+        ("--look", "zzzzzzzzz", "tissue, bone, vessel, grey, fluorescence"),
+        ("--preset", "inter", "did you mean interactive?"),
+        ("--preset", "bone", "interactive, balanced, reference; for the look of a volume, use --look bone"),
+    ] {
+        folder.refused(2, &[&render[..], &[flag, name]].concat(), &[words]);
+    }
+}
+
+#[test]
+fn the_unit_of_a_sidecar_is_that_of_the_scale_bar() {
+    let sidecar = |unit: &str| format!("dims = [40, 56, 36]\ntype = \"uint16\"\nbyte_order = \"big\"\n{unit}");
+    let folder = Folder::new().with("body.raw", body([40, 56, 36])).with("body.raw.toml", sidecar(""));
+    let picture = ["render", "body.raw", "--size", "120x120", "--annotate", "-o", "p.png"];
+    let warned = folder.done(&picture).err;
+    assert!(warned.contains("the scale bar has no unit") && warned.contains("--spacing 1x1x1mm"), "{warned}");
+    let plain = std::fs::read(folder.path("p.png")).unwrap();
+    let folder = folder.with("body.raw.toml", sidecar("unit = \"um\"\n"));
+    assert!(!folder.done(&picture).err.contains("the scale bar has no unit"), "the unit is known");
+    assert_ne!(std::fs::read(folder.path("p.png")).unwrap(), plain, "the unit stands at the bar");
+    let odd = folder.with("body.raw.toml", sidecar("unit = \"inch\"\n"));
+    odd.refused(1, &["info", "body.raw"], &["inch", "cm, mm, µm, nm and Å"]);
+}
+
+#[test]
+fn a_turntable_fits_its_widest_view_and_does_not_breathe() {
+    // A long bar, seen first from one of its ends.
+    let bar = nrrd([24, 64, 24], "", |[x, y, z]| {
+        let inside = (8..16).contains(&x) && (4..60).contains(&y) && (8..20).contains(&z);
+        u8::from(inside) * 150 + u8::try_from((x + 2 * y + 3 * z).rem_euclid(7)).unwrap()
+    });
+    let folder = Folder::new().with("bar.nrrd", bar);
+    for size in ["72x72", "96x48", "48x96"] {
+        folder.done(&[
+            "render",
+            "bar.nrrd",
+            "--size",
+            size,
+            "--turntable",
+            "12",
+            "-o",
+            "t.png",
+            "-D",
+            "camera.azimuth=0",
+        ]);
+        let spans: Vec<[[f64; 2]; 2]> = (1..=12).map(|n| spans(&folder.path(&format!("t-{n:04}.png")))).collect();
+        let ends = spans.iter().flatten().flat_map(|[span, middle]| [middle - span / 2.0, middle + span / 2.0]);
+        let [low, high] = ends.fold([1.0, 0.0], |[low, high]: [f64; 2], end| [low.min(end), high.max(end)]);
+        assert!(low > 0.0 && high < 1.0, "{size}: cut off, {low} to {high}");
+        let widest = spans.iter().flatten().map(|[span, _]| *span).fold(0.0, f64::max);
+        assert!((0.8..0.95).contains(&widest), "{size}: {widest}");
+    }
+}
+
+#[test]
+fn windows_choose_what_is_seen() {
+    // A bone in fat in air, in Hounsfield units.
+    let value = |[x, y, z]: [i32; 3]| {
+        let far = (x - 20) * (x - 20) + (y - 20) * (y - 20) + (z - 20) * (z - 20);
+        if far < 36 {
+            22
+        } else if far < 256 {
+            9
+        } else {
+            0
+        }
+    };
+    let bytes: Vec<u8> = nrrd([40, 40, 40], "", value);
+    let voxels = bytes[bytes.len() - 40 * 40 * 40..].iter().flat_map(|&it| (i16::from(it) * 100 - 1000).to_le_bytes());
+    let header = "NRRD0004\ntype: int16\ndimension: 3\nsizes: 40 40 40\nencoding: raw\nendian: little\n\n";
+    let folder = Folder::new().with("ct.nrrd", header.bytes().chain(voxels).collect::<Vec<u8>>());
+    // Half the extent of the visible voxels along x, and the opacity of the fat beside the bone.
+    let shown = |window: &str, level: &str| {
+        let arguments = ["render", "ct.nrrd", "--size", "64x64", "--window", window, "--level", level];
+        folder.done(&[&arguments[..], &["-o", "p.exr", "--save-scene", "s.toml"]].concat());
+        let text = std::fs::read_to_string(folder.path("s.toml")).unwrap();
+        let camera =
+            "camera={azimuth=0, elevation=0, front=[0, -1, 0], up=[0, 0, 1], around=[[0, 0, 0], [39, 39, 39]], fill=1}";
+        folder.done(&["render", "s.toml", "--size", "64x64", "-o", "q.exr", "-D", camera]);
+        let rgba = support::exr::Exr::read(&folder.path("q.exr")).rgba();
+        let scene: toml::Table = text.parse().unwrap();
+        let around = scene["camera"]["around"].as_array().unwrap();
+        let x = |corner: usize| around[corner][0].as_float().unwrap();
+        let alpha = rgba[3 * 64 * 64 + 32 * 64 + 32 + 14];
+        ((x(1) - x(0)) / 2.0, f64::from(alpha))
+    };
+    let (bone, fat_of_bone) = shown("1800", "400");
+    let (body, fat_of_body) = shown("400", "-100");
+    // Radii of 6 and 16 voxels.
+    assert!((2.3..3.0).contains(&(body / bone)), "{bone}, {body}");
+    assert!(fat_of_bone < 0.1 && fat_of_body > 0.5, "{fat_of_bone}, {fat_of_body}");
+}
+
+#[test]
+fn noise_around_sparse_vessels_is_left_out() {
+    // A bright vessel along x, and single voxels of noise, fainter than it.
+    let noise = |[x, y, z]: [i32; 3]| (x * 7919 + y * 104_729 + z * 1_299_709).rem_euclid(97);
+    let value = |[x, y, z]: [i32; 3]| {
+        let vessel = (y - 24) * (y - 24) + (z - 24) * (z - 24) < 9;
+        match noise([x, y, z]) {
+            _ if vessel => 190 + u8::try_from((x + y) % 40).unwrap(),
+            0 => 70 + u8::try_from(x % 20).unwrap(),
+            other => u8::try_from(other % 8).unwrap(),
+        }
+    };
+    let folder = Folder::new().with("v.nrrd", nrrd([48, 48, 48], "", value));
+    folder.done(&["render", "v.nrrd", "--size", "8x8", "--save-scene", "s.toml", "-o", "p.png"]);
+    let scene: toml::Table = std::fs::read_to_string(folder.path("s.toml")).unwrap().parse().unwrap();
+    let from = scene["transfer"]["intervals"][0]["range"][0].as_float().unwrap();
+    assert!((90.0..200.0).contains(&from), "above the noise, below the vessel: {from}");
+}
+
+/// The codes of a PNG of 8 bits.
+fn codes(path: &std::path::Path) -> Vec<u8> {
+    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+    let mut decoder = png::Decoder::new(file).read_info().unwrap();
+    let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
+    decoder.next_frame(&mut pixels).unwrap();
+    pixels
+}
+
+#[test]
+fn a_film_is_relit_with_exposure_background_and_annotations_as_rendered() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    let dressed = ["--annotate", "--title", "A ball", "--background", "#204060"];
+    let render = ["render", "ball.nrrd", "--size", "160x120", "--spacing", "0.5x0.5x0.5mm"];
+    folder.done(&[&render[..], &["-o", "a.png", "--accumulators", "film.exr"], &dressed].concat());
+    let relit = |more: &[&str], name: &str| {
+        folder.done(&[&["relight", "film.exr", "-o", name][..], more].concat());
+        codes(&folder.path(name))
+    };
+    let expected = codes(&folder.path("a.png"));
+    let apart =
+        |one: &[u8], other: &[u8]| one.iter().zip(other).filter(|(one, other)| one.abs_diff(**other) > 1).count();
+    let same = relit(&dressed, "b.png");
+    assert_eq!(apart(&same, &expected), 0, "scale bar, legend, title and background are those of render");
+    assert!(apart(&relit(&dressed[3..], "c.png"), &expected) > 100, "without annotations");
+    folder.done(&[&render[..], &["-o", "d.png", "-D", "display.exposure=2.6"]].concat());
+    let brighter = relit(&["--exposure", "2.6"], "e.png");
+    assert_eq!(apart(&brighter, &codes(&folder.path("d.png"))), 0, "the exposure of render");
+    folder.refused(2, &["relight", "film.exr", "-o", "f.png", "--exposure", "0"], &["--exposure", "above 0"]);
+    folder.refused(2, &["relight", "film.exr", "-o", "f.png", "--title", "x"], &["--annotate"]);
+}
+
+#[test]
+fn an_unreadable_file_is_named_and_not_the_built_in_scene() {
+    let folder = Folder::new().with("short.nrrd", &ball()[..2000]).with("odd.mhd", "NDims = three\n");
+    for (file, words) in
+        [("short.nrrd", "short.nrrd"), ("odd.mhd", "odd.mhd"), ("gone.nrrd", "gone.nrrd"), ("gone.toml", "gone.toml")]
+    {
+        for command in
+            [&["render", file, "-o", "p.png"][..], &["render", "--volume", file, "-o", "p.png"], &["info", file]]
+        {
+            let err = folder.refused(1, command, &[words]).err;
+            assert!(!err.contains("default scene") && !err.contains("no volume"), "{command:?}: {err}");
+        }
+    }
+}
+
+#[test]
+fn a_folder_of_dicom_files_is_a_volume_and_says_so() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("scan")).unwrap();
+    for (name, z, first) in [("a", 0.0, 1), ("b", 2.0, 13)] {
+        let bytes = support::dicom::file(&support::dicom::slice(z, first), support::dicom::EXPLICIT);
+        std::fs::write(folder.path("scan").join(name), bytes).unwrap();
+    }
+    let info = folder.done(&["info", "scan"]).out;
+    assert!(info.contains("4 × 3 × 2") && info.contains("anatomical"), "{info}");
+    // Two series are asked about, with the flag.
+    let other = support::dicom::slice(0.0, 5).text(0x0020_000e, "UI", "1.2.4");
+    std::fs::write(folder.path("scan").join("c"), support::dicom::file(&other, support::dicom::EXPLICIT)).unwrap();
+    folder.refused(1, &["render", "scan", "-o", "p.png"], &["scan", "2 series", "--series N"]);
 }

@@ -71,6 +71,7 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> FilmFile {
         adapt: false,
         observer: Observer::default(),
         dial: None,
+        frame: None,
         accumulators: (0..2 * dimension * width * height).map(number).collect(),
         transmittance: (0..numbers * width * height).map(|index| number(index + 7)).collect(),
     }

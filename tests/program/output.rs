@@ -9,7 +9,7 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
 
 use exr::prelude::*;
-use relume::output::film::{Component, Components, Dial, DialPreset, Light, Node, Position, PositionKind};
+use relume::output::film::{Component, Components, Dial, DialPreset, Frame, Light, Node, Position, PositionKind};
 use relume::output::{
     Alpha, BANDS, Depth, FilmFile, OutputError, Picture, write_atomically, write_exr, write_png, write_ready_png,
     write_spectral,
@@ -331,6 +331,12 @@ fn example() -> FilmFile {
                 on: vec!["A".to_owned()],
             }],
         }),
+        frame: Some(Frame {
+            pixel: Some(0.125),
+            parallel: true,
+            unit: Some("µm".to_owned()),
+            edges: Some(["R", "LA", "S", ""].map(str::to_owned)),
+        }),
         accumulators: (0..6 * width * height).map(weight).collect(),
         transmittance: (0..width * height).map(|pixel| weight(pixel) / 24.0).collect(),
     }
@@ -355,6 +361,7 @@ fn accumulators_come_back_as_they_were() {
         adapt: false,
         observer: Observer::default(),
         dial: None,
+        frame: None,
         accumulators: vec![],
         ..full
     };
@@ -420,6 +427,7 @@ fn a_file_of_another_program_is_read() {
         adapt: false,
         observer: Observer::default(),
         dial: None,
+        frame: None,
         accumulators: weights.to_vec(),
         transmittance: transmittance.to_vec(),
     };

@@ -82,6 +82,7 @@ fn film(
         adapt: false,
         observer: Observer::default(),
         dial: None,
+        frame: None,
         accumulators: Vec::new(),
         transmittance: Vec::new(),
     };

@@ -16,7 +16,7 @@ use relume::document::{Document, Edit, Mixing, SessionError, State};
 use relume::document::{Question, Unknown};
 use relume::palette::{Member, ModelTerm};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Accuracy, Interval, Scene};
+use relume::scene::{AccumulateAs, Accuracy, Interval, Lighting, Scene};
 use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
@@ -51,6 +51,7 @@ fn accuracy(step_length: f64, dimension: Option<usize>) -> Accuracy {
 /// A sequence of edits of every kind.
 fn edits() -> Vec<Edit> {
     vec![
+        Edit::Lighting(Lighting::OneSided),
         Edit::Weight(1, 0.3),
         Edit::On(0, false),
         Edit::On(0, true),
@@ -155,6 +156,9 @@ fn paths_of_a_session_start_where_those_of_the_scene_did() {
     assert!(elsewhere.contains("base = \"/data/frogs\"\n"), "{elsewhere}");
     let scene = document::parse("test", &elsewhere, Path::new("/elsewhere"), &SceneOptions::default(), &Quiet).unwrap();
     assert_eq!(scene.base, Path::new("/data/frogs"));
+    // Folders of which one contains the other can be moved together.
+    let above = text("/data/session.toml");
+    assert!(above.contains("base = \"frogs\"\n"), "{above}");
 }
 
 #[test]
@@ -297,7 +301,9 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
         let (scene, _) = source.read(&Quiet).unwrap();
         let document = Document::new(scene);
         let text = session::text(&folder.path("s.toml"), source, document.opened(), document.state()).unwrap();
-        (document.opened().scene.clone(), parse(&text).scene)
+        // The session names the volume beside it by its name.
+        let again = document::parse("s.toml", &text, &folder.path(""), &SceneOptions::default(), &Quiet).unwrap();
+        (document.opened().scene.clone(), again.scene)
     };
 
     let mut source = Source::of(&folder.path("steps.nrrd"));

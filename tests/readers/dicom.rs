@@ -709,15 +709,6 @@ fn codestreams_of_jpeg_ls_have_the_numbers_of_charls() {
             assert!(cut.is_err(), "{name} of {length} bytes");
         }
     }
-    let (_, code) = &files[0];
-    let changed = |at: usize, byte: u8| {
-        let mut code = code.clone();
-        code[at] = byte;
-        opened("v.dcm", &file(&elements(8, &code), lossy))
-    };
-    let scan = code.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap();
-    refused(changed(scan + 7, 200), &["frame 1", "damaged JPEG-LS data", "an error of 200"]);
-    refused(changed(scan + 8, 2), &["its scan is interleaved"]);
 }
 
 #[test]

@@ -218,6 +218,7 @@ fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
         adapt: false,
         observer: Observer::default(),
         dial: None,
+        frame: None,
         accumulators: sums.accumulators,
         transmittance: sums.transmittance,
     }

@@ -3,6 +3,7 @@
 mod against;
 mod cases;
 mod costs;
+mod first;
 mod frames;
 mod load;
 
@@ -32,6 +33,7 @@ Examples:
   relume bench                                        both workloads, shaded and not
   relume bench peer --volume frog.mhd --shading diffuse --frames 9 --json
   relume bench load --volume ct.nrrd                  reading a volume, compared with decoding its bytes
+  relume bench first --volume ct.nrrd                 the first picture of a volume without a scene, by stages
   relume bench all -o costs.html --json > costs.json  every scene and size, the paper's table, cost against k, lights, …
   relume bench all --against costs.json               the same again; exits with 1 if any cost has grown
 
@@ -47,7 +49,7 @@ pub(crate) struct Args {
     /// The workload to measure.
     #[arg(value_enum, default_values_t = [Workload::Peer, Workload::Default])]
     workloads: Vec<Workload>,
-    /// Volume for the workloads `peer…` (the real frog, instead of its phantom) and `load`.
+    /// Volume for the workloads `peer…` (the real frog, instead of its phantom), `load` and `first`.
     #[arg(long, value_name = "FILE")]
     volume: Option<PathBuf>,
     #[command(flatten)]
@@ -60,7 +62,7 @@ pub(crate) struct Args {
     /// The largest volume of `scaling`, in voxels along a side: 64, 128, 256 or 512.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(64..))]
     largest: u32,
-    /// Frames to measure, after two for warming up; number of runs of `load`.
+    /// Frames to measure, after two for warming up; number of runs of `load` and `first`.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
     #[command(flatten)]
@@ -117,11 +119,13 @@ enum Workload {
     Scaling,
     /// Reading a volume, compared with only decoding its bytes: no device.
     Load,
+    /// The first picture of the volume of --volume without a scene, by stages.
+    First,
 }
 
 impl Workload {
     fn makes_frames(self) -> bool {
-        self != Self::Load
+        !matches!(self, Self::Load | Self::First)
     }
 
     /// Name on the command line.
@@ -163,7 +167,7 @@ impl Workload {
                 cases.iter_mut().for_each(|case| case.unshaded = shading == Some(BenchShading::None));
                 return cases;
             }
-            Self::Load => return Vec::new(),
+            Self::Load | Self::First => return Vec::new(),
             Self::Peer => peer(Keeping::Stated, false),
             Self::PeerFourLights => Case { positions: Some(4), ..peer(Keeping::Stated, false) },
             Self::PeerEightMaterials => peer(Keeping::EightWeights, false),
@@ -218,8 +222,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         return Err(CliError::Usage(format!("{flag} has no effect: these workloads have volumes of their own")));
     }
     let framed = args.makes_frames();
-    let flags =
-        [("--size", args.size.is_some()), ("--against", args.against.is_some()), ("--output", args.output.is_some())];
+    let flags = [
+        ("--size", args.size.is_some() && !args.workloads.contains(&Workload::First)),
+        ("--against", args.against.is_some()),
+        ("--output", args.output.is_some()),
+    ];
     for (flag, given) in flags {
         if given && !framed {
             return Err(CliError::Usage(format!("{flag} has no effect: these workloads make no frames")));
@@ -232,6 +239,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         let inputs: Vec<_> = args.volume.iter().chain(&args.against).map(PathBuf::as_path).collect();
         files::check_outputs(&[output], &inputs)?;
     }
+    if args.workloads.contains(&Workload::First) && args.volume.is_none() {
+        return Err(CliError::Usage("first needs --volume FILE: a volume without a scene".to_owned()));
+    }
     let mut reports = Vec::new();
     if framed {
         reports.push(run_frames(args, progress, started)?);
@@ -239,6 +249,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     let whole = reports.iter().all(|report: &Report| report.json["interrupted"] != true);
     if whole && args.workloads.contains(&Workload::Load) {
         reports.push(load::run(args.volume.as_deref(), &args.selection.selection(), args.frames, progress)?);
+    }
+    if whole && args.workloads.contains(&Workload::First) {
+        let picture = (args.size.unwrap_or([800, 800]), &args.device);
+        if let Some(volume) = &args.volume {
+            reports.push(first::run(volume, &args.selection.selection(), picture, args.frames, progress, started)?);
+        }
     }
     let mut all = Report { text: String::new(), json: json!({}) };
     for report in reports {

@@ -181,7 +181,7 @@ pub(super) struct ShadowsFile {
     pub(super) start: Option<At<f64>>,
 }
 
-#[derive(Clone, Copy, Default, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum LightKind {
     Ambient,

@@ -2,6 +2,35 @@
 
 use super::*;
 
+/// Problem of a light of `kind` with or without a direction and a position, if they do not fit it.
+fn misplaced(kind: LightKind, has_direction: bool, has_position: bool) -> String {
+    let (name, needed) = match kind {
+        LightKind::Ambient => ("ambient", None),
+        LightKind::Headlight => ("headlight", None),
+        LightKind::ThreePoint => ("three_point", None),
+        LightKind::Directional => ("directional", Some("direction")),
+        LightKind::Point => ("point", Some("position")),
+    };
+    let given = [("direction", has_direction, "directional"), ("position", has_position, "point")];
+    let problem = match given.into_iter().find(|&(key, given, _)| given && needed != Some(key)) {
+        Some((key, _, other)) => {
+            let default = if kind == LightKind::default() { " (the default)" } else { "" };
+            format!(
+                "has a `{key}`, but its kind is {name}{default}, which has none; add kind = \"{other}\", or remove `{key}`"
+            )
+        }
+        None if needed == Some("position") => {
+            "is a point light without a `position`; add one in world units, such as position = [10, 20, 30]".to_owned()
+        }
+        None => {
+            "is a directional light without a `direction`; add the direction towards the light, such as direction = \
+                 [-0.4, -0.7, -0.6]"
+                .to_owned()
+        }
+    };
+    format!("{problem} (a directional light has a `direction`, a point light a `position`, other lights neither)")
+}
+
 impl Text<'_> {
     /// The lights, and the names of the dark lights, whose intensity is 0. Dark lights get intensity 1, for sliders,
     /// the dial and `--light`, and are switched off when the scene opens.
@@ -18,7 +47,8 @@ impl Text<'_> {
                 let source = self.stated("spectrum", stated, file.spectrum.as_ref())?;
                 let spectrum = self.spectrum(format!("lights.{name}.spectrum"), source, |source| source.light(base))?;
                 warn_below_zero(&format!("lights.{name}.spectrum"), &spectrum);
-                let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
+                let intensity =
+                    self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
                 let intensity = if intensity == 0.0 {
                     dark.insert(name.clone());
                     1.0
@@ -35,9 +65,9 @@ impl Text<'_> {
                     (LightKind::Point, None, Some(position)) => {
                         Placement::Point(self.vector(&format!("lights.{name}.position"), position)?)
                     }
-                    _ => {
-                        let message = format!("lights.{name}: a directional light has a `direction` (towards the light), a point light a `position`, other lights neither");
-                        return Err(self.invalid(stated, message));
+                    (kind, direction, position) => {
+                        let problem = misplaced(kind, direction.is_some(), position.is_some());
+                        return Err(self.invalid(stated, format!("lights.{name} {problem}")));
                     }
                 };
                 Ok(SceneLight { name: name.clone(), spectrum, intensity, placement, shadows: file.shadows })

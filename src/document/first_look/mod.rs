@@ -1,6 +1,6 @@
 //! The first look at a volume without a scene: a scene made from its values.
 
-mod fit;
+mod part;
 mod sample;
 mod values;
 
@@ -15,10 +15,12 @@ pub(in crate::document) use values::otsu;
 pub use values::{Kind, Peak, Values};
 
 use self::sample::Thinned;
+use super::fit;
 use super::moves::Side;
 use crate::number::{brief, count, nearest, rounded, whole};
 use crate::scene::{Aim, Camera, Projection};
 use crate::volume::{Geometry, LabelPreset, Presets, Statistics, Volume, Window};
+use crate::written::refused_name;
 
 /// Designed materials and lights of a first look.
 const DESIGN: &str = include_str!("../../../data/scenes/volume.toml");
@@ -56,6 +58,16 @@ impl Look {
             Self::Grey => "grey",
             Self::Fluorescence => "fluorescence",
         }
+    }
+
+    /// The look of this name.
+    ///
+    /// # Errors
+    ///
+    /// The names of all looks, and the most similar one.
+    pub fn named(name: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|look| look.name() == name);
+        found.ok_or_else(|| refused_name(name, "the looks", &Self::ALL.map(Self::name)))
     }
 }
 
@@ -115,13 +127,34 @@ enum Colour {
     Code(String),
 }
 
+/// How the opacity of a ramp rises with the value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rise {
+    /// Evenly.
+    Even,
+    /// Evenly, in a material that shines and hides nothing.
+    Shining,
+    /// With the fourth power: the lower half of the range, of which there may be much, hides little of the upper.
+    Steep,
+}
+
+impl Rise {
+    /// Positions in the range, and the fraction of the largest opacity there.
+    fn points(self) -> Vec<[f64; 2]> {
+        match self {
+            Self::Even | Self::Shining => vec![[0.0, 0.0], [1.0, 1.0]],
+            Self::Steep => [0.0, 0.25, 0.5, 0.75, 1.0_f64].map(|place| [place, place.powi(4)]).to_vec(),
+        }
+    }
+}
+
 /// How values become opacity.
 enum Shape {
     Layers(Vec<Layer>),
     /// One material whose opacity rises over `range`.
     Ramp {
         layer: Layer,
-        shines: bool,
+        rise: Rise,
     },
 }
 
@@ -209,8 +242,10 @@ fn layers(values: &Values) -> Vec<Layer> {
             _ => Depth::Ray(0.4),
         };
         let role = roles[index.min(roles.len() - 1)];
+        // The outermost layer around a ragged core is no glass.
+        let name = if has_ragged_core && index == 0 { "surface" } else { DESIGNED[role] };
         Layer {
-            name: DESIGNED[role].to_owned(),
+            name: name.to_owned(),
             colour: Colour::Designed(role),
             // The last layer reaches the largest value, of which saturated data have many.
             range: [low + ramp / 2.0, if index + 1 == number { high } else { high - ramp / 2.0 }.max(low + ramp / 2.0)],
@@ -328,6 +363,32 @@ fn thicknesses(thinned: &Thinned, layers: &[Layer], axis: usize) -> Vec<f64> {
     found.into_iter().map(|(voxels, columns)| count(voxels) / count(columns.max(1))).collect()
 }
 
+/// Voxels of the upper half of a window that a ray along `axis` meets, averaged over the rays that meet it; of a steep
+/// ramp, all voxels weighted by their fraction of the largest opacity.
+fn ramp_thickness(thinned: &Thinned, [low, high]: [f64; 2], rise: Rise, axis: usize) -> f64 {
+    let points = rise.points();
+    let middle = f64::midpoint(low, high);
+    let weight = |value: f64| {
+        let place = (value - low) / (high - low).max(f64::MIN_POSITIVE);
+        match rise {
+            Rise::Steep => {
+                let after = points.partition_point(|point| point[0] < place).clamp(1, points.len() - 1);
+                let [[from, one], [to, other]] = [points[after - 1], points[after]];
+                ((other - one) * (place - from) / (to - from) + one).clamp(0.0, 1.0)
+            }
+            Rise::Even | Rise::Shining => f64::from(u8::from(value >= middle)),
+        }
+    };
+    let (mut sum, mut columns) = (0.0, 0);
+    for_columns(thinned, axis, |column| {
+        if column.iter().any(|&value| f64::from(value) >= middle) {
+            columns += 1;
+            sum += column.iter().map(|&value| weight(value.into())).sum::<f64>();
+        }
+    });
+    sum / count(columns.max(1))
+}
+
 /// Ratio of largest to smallest extent from which a volume is viewed as a sheet.
 const FLAT: f64 = 20.0;
 
@@ -427,6 +488,12 @@ fn directions(volume: &Volume, values: &Values) -> Camera {
     Camera { projection, aim: Aim::Orbit { azimuth, elevation, fill: 1.0, front, around: None }, up }
 }
 
+/// Text of the scene that a first look at `volume`, whose file is called `name`, makes; it names no volume.
+#[must_use]
+pub fn scene_text(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> String {
+    first_look(name, volume, statistics, wish).text
+}
+
 /// The scene for `volume`, whose file is called `name`.
 pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> FirstLook {
     // A comment ends with its line.
@@ -446,37 +513,40 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         }
         wish => wish,
     };
-    let (shape, guess) = shape(&values, &volume.presets, wish, axis);
+    let (shape, guess) = shape(&values, &volume.presets, wish, axis, if is_flat { Rise::Even } else { Rise::Steep });
+    let scale = count(values.thinned.stride[axis]) * geometry.spacing[axis] / geometry.spacing.min_element();
     let thickness = |layers: &[Layer]| -> Vec<f64> {
-        let smallest = geometry.spacing.min_element();
-        let scale = count(values.thinned.stride[axis]) * geometry.spacing[axis] / smallest;
         thicknesses(&values.thinned, layers, axis).into_iter().map(|voxels| (voxels * scale).max(1.0)).collect()
     };
     let ranges: Vec<[f64; 2]> = match &shape {
         Shape::Layers(layers) => layers.iter().map(|it| [it.range[0] - it.ramp / 2.0, it.range[1]]).collect(),
         // The beginning of a ramp is hardly visible.
-        Shape::Ramp { layer, .. } => vec![[0.7 * layer.range[0] + 0.3 * layer.range[1], f64::MAX]],
+        Shape::Ramp { layer: Layer { range: [low, high], .. }, rise } => {
+            let from = if *rise == Rise::Steep { 0.5 } else { 0.3 };
+            vec![[(1.0 - from) * low + from * high, f64::MAX]]
+        }
     };
     let shows = |value: f32| ranges.iter().any(|&[low, high]| (low..=high).contains(&f64::from(value)));
     let crop = match values.kind {
         Kind::Ct { water } => {
             let body: Vec<bool> = values.thinned.values.iter().map(|&value| f64::from(value) > water - 300.0).collect();
-            fit::largest_part(&values.thinned, &body, geometry.dims)
+            part::largest_part(&values.thinned, &body, geometry.dims)
         }
         _ => None,
     };
-    let outline = fit::outline(volume, values.thinned.stride, crop, |value| is_flat || shows(rounded(value)));
+    let outline = fit::outline(volume, values.thinned.stride, crop, |_, value| is_flat || shows(rounded(value)));
     // A body is known to be upright.
     let camera = if matches!(values.kind, Kind::Ct { .. }) { camera } else { raised(camera, &outline) };
     let camera = fit::fitted(&camera, &outline, geometry);
     let alone = if crop.is_some() { "; only the largest connected part is shown" } else { "" };
     let guess = format!("{name} has no scene, so Relume made one: {guess}{alone}.");
-    let text = text(name, &guess, &shape, thickness, &camera, crop, geometry);
+    let of_ramp = |range, rise| (scale * ramp_thickness(&values.thinned, range, rise, axis)).max(1.0);
+    let text = text(name, &guess, &shape, (thickness, of_ramp), &camera, crop, geometry);
     FirstLook { text, guess }
 }
 
 /// The layers, and the guess in words.
-fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape, String) {
+fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize, of_window: Rise) -> (Shape, String) {
     let alone = |name: &str, colour, range: [f64; 2], depth| Layer {
         name: name.to_owned(),
         colour,
@@ -498,7 +568,7 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape,
         let layer = alone("grey", Colour::Code("#e8e8e8".to_owned()), range, 4.0);
         let [low, high] = range.map(brief);
         return (
-            Shape::Ramp { layer, shines: false },
+            Shape::Ramp { layer, rise: if window.is_some() { of_window } else { Rise::Even } },
             format!("{kind}, shown in grey: transparent up to {low}, most opaque from {high}"),
         );
     }
@@ -507,7 +577,7 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape,
         let layer = alone("stain", Colour::Code("#46e06a".to_owned()), range, 1.5);
         let [low, high] = range.map(brief);
         return (
-            Shape::Ramp { layer, shines: true },
+            Shape::Ramp { layer, rise: Rise::Shining },
             format!("{kind}, shown as a green X-ray material, brighter from {low} to {high}"),
         );
     }
@@ -522,7 +592,7 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape,
         let layer = alone("channel", Colour::Code(code.clone()), range, 4.0);
         let [low, high] = range.map(brief);
         return (
-            Shape::Ramp { layer, shines: false },
+            Shape::Ramp { layer, rise: Rise::Even },
             format!(
                 "{kind}, shown in the colour of the channel, {code}: transparent up to {low}, most opaque from {high}"
             ),
@@ -584,7 +654,7 @@ fn text(
     name: &str,
     guess: &str,
     shape: &Shape,
-    thickness: impl Fn(&[Layer]) -> Vec<f64>,
+    (thickness, of_ramp): (impl Fn(&[Layer]) -> Vec<f64>, impl Fn([f64; 2], Rise) -> f64),
     camera: &Camera,
     crop: Option<[[usize; 3]; 2]>,
     geometry: &Geometry,
@@ -619,12 +689,22 @@ fn text(
             }
             line("]");
         }
-        Shape::Ramp { layer, .. } => {
+        Shape::Ramp { layer, rise } => {
             let [low, high] = layer.range;
-            let upper = Layer { range: [f64::midpoint(low, high), f64::MAX], ..layer.clone() };
-            let opacity = opacity(layer.depth, thickness(&[upper]).first().copied().unwrap_or(1.0));
-            line("# A window of values: transparent at the low end, most opaque at the high end.");
-            line(&format!("opacity = [[{low:?}, 0.0], [{high:?}, {opacity:?}]]"));
+            let opacity = opacity(layer.depth, of_ramp([low, high], *rise));
+            line(match rise {
+                Rise::Steep => {
+                    "# A window of values: transparent at the low end, most opaque at the high end. Between them the opacity rises \
+                     with the fourth power,\n# so that values of the lower half hide little of the upper."
+                }
+                _ => "# A window of values: transparent at the low end, most opaque at the high end.",
+            });
+            let point = |[place, part]: [f64; 2]| {
+                let value = (high - low).mul_add(place, low);
+                format!("[{value:?}, {:?}]", format!("{:.3e}", part * opacity).parse().unwrap_or(part * opacity))
+            };
+            let points: Vec<String> = rise.points().into_iter().map(point).collect();
+            line(&format!("opacity = [{}]", points.join(", ")));
             line(&format!("material = [[{low:?}, {}]]", quoted(&layer.name)));
         }
     }
@@ -632,7 +712,7 @@ fn text(
         Shape::Layers(layers) => layers.clone(),
         Shape::Ramp { layer, .. } => vec![layer.clone()],
     };
-    let shines = matches!(shape, Shape::Ramp { shines: true, .. });
+    let shines = matches!(shape, Shape::Ramp { rise: Rise::Shining, .. });
     if layers.iter().all(|layer| matches!(layer.colour, Colour::Designed(_))) {
         line(
             "\n# In daylight all materials are visible; each of the other lights shows one material and leaves the others black.",

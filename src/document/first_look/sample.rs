@@ -108,6 +108,35 @@ impl Thinned {
         count(faces) / count(voxels.max(1)).powf(2.0 / 3.0)
     }
 
+    /// Fraction of the voxels from `threshold` on in connected parts of fewer than eight.
+    pub(super) fn specks(&self, threshold: f64) -> f64 {
+        const SPECK: usize = 8;
+        let mut seen = vec![false; self.values.len()];
+        let is_inside = |place: usize| f64::from(self.values[place]) >= threshold;
+        let (mut all, mut specks) = (0, 0);
+        let mut open = Vec::new();
+        for start in 0..self.values.len() {
+            if seen[start] || !is_inside(start) {
+                continue;
+            }
+            seen[start] = true;
+            open.push(start);
+            let mut size = 0;
+            while let Some(place) = open.pop() {
+                size += 1;
+                for next in self.neighbours(place) {
+                    if !seen[next] && is_inside(next) {
+                        seen[next] = true;
+                        open.push(next);
+                    }
+                }
+            }
+            all += size;
+            specks += if size < SPECK { size } else { 0 };
+        }
+        count(specks) / count(all.max(1))
+    }
+
     /// Values on the faces of the volume, up to some thousands.
     pub(super) fn border(&self) -> Vec<f32> {
         let on_face = |place: &usize| {

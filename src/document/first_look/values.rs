@@ -189,8 +189,28 @@ impl Values {
         let of_edges = histogram.value(otsu(&edges));
         let cut = of_edges.min(all);
         let [level, noise] = if surrounded { [middle, high + 0.02 * span] } else { [low_end, low_end] };
-        let from = cut.max(noise);
+        let from = self.above_specks(cut.max(noise));
         [f64::midpoint(level, from).max(noise), from]
+    }
+
+    /// `from`, or if objects are sparse and many of the voxels from there on lie in specks of noise, the smallest value
+    /// without so many (docs/theory/first-look.md).
+    fn above_specks(&self, from: f64) -> f64 {
+        /// Fraction of the voxels below which objects are sparse, as vessels are.
+        const SPARSE: f64 = 0.15;
+        /// Fraction of the objects' voxels in specks that is too much.
+        const MANY: f64 = 0.05;
+        /// Tenths of the objects' voxels that may be noise.
+        const MOST: i32 = 6;
+        if self.share([from, f64::MAX]) > SPARSE || self.thinned.specks(from) <= MANY {
+            return from;
+        }
+        let objects = self.sorted.partition_point(|&value| f64::from(value) < from);
+        let objects = self.sorted.get(objects..).unwrap_or_default();
+        let at = |tenth: i32| objects.get(objects.len() * whole(f64::from(tenth)) / 10).map(|&value| f64::from(value));
+        let quiet = |cut: &f64| *cut > from && self.thinned.specks(*cut) <= MANY;
+        // Where it stays so, as in vessels thinner than the voxels of the copy, these parts are no noise.
+        (1..=MOST).filter_map(at).find(quiet).unwrap_or(from)
     }
 }
 

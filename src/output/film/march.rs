@@ -68,6 +68,7 @@ impl FilmFile {
             adapt: scene.display.adapt,
             observer: scene.display.observer,
             dial: Some(dial),
+            frame: None,
             accumulators: accumulation.accumulators,
             transmittance: accumulation.transmittance,
         })

@@ -7,7 +7,7 @@
 //! program may have written it. Its pixels hold material weights or the coefficients of a colour model.
 //!
 //! The attribute `relume` of the picture's part is a string (OpenEXR type `string`, UTF-8) of TOML text; other
-//! attributes are ignored. Spectra in it are at 380, 385, … 780 nm. Names are not empty, contain no control characters,
+//! attributes but `relumeFrame` (below) are ignored. Spectra in it are at 380, 385, … 780 nm. Names are not empty, contain no control characters,
 //! and are unique in their list. Keys not listed here are refused. Any list may be empty or absent.
 //!
 //! | key | value |
@@ -24,6 +24,16 @@
 //! | `[dial]` | light dial; if absent, the regular polygon of the lights with a luminance of 1. `hand`, only where the dial mixed the lights of the picture (otherwise sliders did): two numbers; `normalise`: whether white keeps its luminance; `master`: that luminance, or else a factor on the weights; `nodes`, in order, each with `light`: name of a light, `place`: two numbers, and `on`: whether the node is on; `presets` (formerly `situations`): dial presets, each with `name`, `caption`, `hand`: two numbers, and `off` and `on`: names of lights whose nodes are off in addition to those of the dial, or on although the dial has them off |
 //!
 //! Channels are 32-bit or 16-bit float in any order, with finite values only. There are no other channels.
+//!
+//! The attribute `relumeFrame` of the same part, a string of TOML text too, may state scale and orientation, for
+//! annotations:
+//!
+//! | key | value |
+//! | --- | --- |
+//! | `pixel` | length of a pixel in world units at the target of the camera, above 0 |
+//! | `parallel` | whether it is the same at every depth; default false |
+//! | `unit` | unit of the world: `"cm"`, `"mm"`, `"µm"`, `"nm"` or `"Å"` |
+//! | `edges` | four texts of at most three of the letters L, R, A, P, S and I: the patient's sides at the left, the right, the top and the bottom of the picture |
 //!
 //! # Material weights
 //!
@@ -99,6 +109,9 @@ use crate::spectrum::observer::Observer;
 /// Name of the attribute with the TOML text.
 const ATTRIBUTE: &str = "relume";
 
+/// Name of the attribute with scale and orientation.
+const FRAME: &str = "relumeFrame";
+
 /// Name, or beginning of the names, of the transmittance channels.
 const TRANSMITTANCE: &str = "transmittance";
 
@@ -143,11 +156,31 @@ pub struct FilmFile {
     pub observer: Observer,
     /// Light dial; `None` is the regular polygon of the lights.
     pub dial: Option<Dial>,
+    /// Scale and orientation of the picture, if they are known.
+    pub frame: Option<Frame>,
     /// Accumulators, rows from the top: position p, component c of a pixel at `(p * components.len() + c) * width *
     /// height + pixel`.
     pub accumulators: Vec<f32>,
     /// Transmittance, 0–1: one number per pixel, or one per component c at `c * width * height + pixel`.
     pub transmittance: Vec<f32>,
+}
+
+/// Scale and orientation of a picture.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Frame {
+    /// Length of a pixel in world units at the target of the camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixel: Option<f64>,
+    /// Whether it is the same at every depth.
+    #[serde(default)]
+    pub parallel: bool,
+    /// Unit of the world, as [`Unit`](crate::volume::Unit) writes it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// Letters of the patient's sides at the left, the right, the top and the bottom.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edges: Option<[String; 4]>,
 }
 
 /// Components of an accumulator.
@@ -309,7 +342,10 @@ impl FilmFile {
         self.check().map_err(inconsistent)?;
         let text = text::written(self).map_err(inconsistent)?;
         let (size, pixels) = ((self.width, self.height), self.width * self.height);
-        let (names, attributes) = (self.channel_names(), [(ATTRIBUTE, &*text)]);
+        let frame = self.frame.as_ref().map(text::written_frame).transpose().map_err(inconsistent)?;
+        let names = self.channel_names();
+        let attributes: Vec<(&str, &str)> =
+            std::iter::once((ATTRIBUTE, &*text)).chain(frame.as_deref().map(|frame| (FRAME, frame))).collect();
         let planes: Vec<&[f32]> =
             self.accumulators.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels)).collect();
         let picture = |first: usize, data: &mut [f32]| {

@@ -16,8 +16,8 @@ use ::exr::prelude::f16;
 use super::rules::{check_cloud, check_planes};
 use super::text::{self, ModelDraft};
 use super::{
-    ATTRIBUTE, BANDS, CLOUD, COEFFICIENTS, Components, FilmFile, OutputError, Stored, UNSEEN, UNSEEN_COEFFICIENTS,
-    channel_names, coefficient_names, has_coefficients,
+    ATTRIBUTE, BANDS, CLOUD, COEFFICIENTS, Components, FRAME, FilmFile, OutputError, Stored, UNSEEN,
+    UNSEEN_COEFFICIENTS, channel_names, coefficient_names, has_coefficients,
 };
 use crate::input;
 use crate::model::ColourModel;
@@ -79,6 +79,8 @@ impl FilmFile {
         let headers = reader.headers();
         let (part, text) = picture_part(headers).map_err(foreign)?;
         let (mut this, model) = text::parse(&text).map_err(wrong_text)?;
+        let frame = text_of(&headers[part], FRAME).map_err(foreign)?;
+        this.frame = frame.as_deref().map(text::parse_frame).transpose().map_err(wrong_text)?;
         Vec2(this.width, this.height) = headers[part].layer_size;
         check_size(this.width, this.height)?;
         let names = match &model {
@@ -170,21 +172,28 @@ impl Wanted {
     }
 }
 
+/// The text of the attribute `name` of a part; `None` if it has no such attribute.
+fn text_of(header: &Header, name: &str) -> Result<Option<String>, String> {
+    match header.own_attributes.other.get(&channels::text(name)) {
+        Some(AttributeValue::Text(text)) if text.as_slice().len() > LONGEST_TEXT => {
+            let length = text.as_slice().len();
+            Err(format!("the attribute `{name}` has {length} bytes; the limit is {LONGEST_TEXT}"))
+        }
+        Some(AttributeValue::Text(text)) => match String::from_utf8(text.as_slice().to_vec()) {
+            Ok(text) => Ok(Some(text)),
+            Err(error) => Err(format!("the attribute `{name}` is not UTF-8: {error}")),
+        },
+        Some(_) => Err(format!("the attribute `{name}` is not a string")),
+        None => Ok(None),
+    }
+}
+
 /// Finds the part of the picture, and the text of its attribute.
 fn picture_part(headers: &[Header]) -> Result<(usize, String), String> {
-    let attribute = |header: &Header| header.own_attributes.other.get(&channels::text(ATTRIBUTE)).cloned();
-    match headers.iter().enumerate().find_map(|(part, header)| Some((part, attribute(header)?))) {
-        Some((_, AttributeValue::Text(text))) if text.as_slice().len() > LONGEST_TEXT => {
-            let length = text.as_slice().len();
-            Err(format!("the attribute `{ATTRIBUTE}` has {length} bytes; the limit is {LONGEST_TEXT}"))
-        }
-        Some((part, AttributeValue::Text(text))) => match String::from_utf8(text.as_slice().to_vec()) {
-            Ok(text) => Ok((part, text)),
-            Err(error) => Err(format!("the attribute `{ATTRIBUTE}` is not UTF-8: {error}")),
-        },
-        Some(_) => Err(format!("the attribute `{ATTRIBUTE}` is not a string")),
-        None => Err(format!("it has no attribute `{ATTRIBUTE}`")),
-    }
+    let found =
+        headers.iter().enumerate().find_map(|(part, header)| Some((part, text_of(header, ATTRIBUTE).transpose()?)));
+    let (part, text) = found.ok_or_else(|| format!("it has no attribute `{ATTRIBUTE}`"))?;
+    Ok((part, text?))
 }
 
 /// Finds the parts with the spectra in and outside the fit of a model, and with their coefficients.

@@ -3,10 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::rules::{check_dimension, check_finite};
-use super::{BANDS, Component, Components, Dial, FilmFile, Light, Position, PositionKind, Stored};
+use super::{BANDS, Component, Components, Dial, FRAME, FilmFile, Frame, Light, Position, PositionKind, Stored};
 use crate::model::{ErrorSummary, LightMatrix, ModelKind};
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light as LightSpectrum, Spectrum};
+use crate::volume::Unit;
 
 /// Version of files with material weights.
 const WEIGHTS: i64 = 1;
@@ -133,6 +134,34 @@ fn is_usual(observer: &Observer) -> bool {
 /// Writes the text of `accumulators`.
 pub(super) fn written(accumulators: &FilmFile) -> Result<String, String> {
     toml::to_string(&Document::from(accumulators)).map_err(|error| error.to_string())
+}
+
+/// The text of the attribute with scale and orientation.
+pub(super) fn written_frame(frame: &Frame) -> Result<String, String> {
+    check_frame(frame)?;
+    toml::to_string(frame).map_err(|error| error.to_string())
+}
+
+/// Parses the text of the attribute with scale and orientation.
+pub(super) fn parse_frame(text: &str) -> Result<Frame, String> {
+    let frame = toml::from_str(text).map_err(|error| format!("{FRAME}: {}", error.message()))?;
+    check_frame(&frame).map(|()| frame)
+}
+
+/// Refuses lengths, units and letters that no picture has.
+fn check_frame(frame: &Frame) -> Result<(), String> {
+    const LETTERS: &str = "LRAPSI";
+    if let Some(pixel) = frame.pixel.filter(|pixel| !(*pixel > 0.0 && pixel.is_finite())) {
+        return Err(format!("{FRAME}: pixel = {pixel} should be above 0 and finite"));
+    }
+    if let Some(unit) = frame.unit.as_ref().filter(|unit| Unit::named(unit).is_none()) {
+        return Err(format!("{FRAME}: the unit {unit:?} is unknown; the units are cm, mm, µm, nm and Å"));
+    }
+    let is_odd = |text: &&String| text.chars().count() > 3 || !text.chars().all(|letter| LETTERS.contains(letter));
+    match frame.edges.iter().flatten().find(is_odd) {
+        Some(text) => Err(format!("{FRAME}: the edge {text:?} should be at most three of the letters {LETTERS}")),
+        None => Ok(()),
+    }
 }
 
 impl From<&FilmFile> for Document {
@@ -270,6 +299,7 @@ pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String
         adapt,
         observer,
         dial,
+        frame: None,
         accumulators: Vec::new(),
         transmittance: Vec::new(),
     };

@@ -2,11 +2,12 @@
 
 use egui::{Checkbox, RichText, Ui, Vec2};
 
-use super::controls::{number, panel, sides, slider, toggle};
+use super::controls::{mark, number, panel, sides, slider, toggle};
 use super::spectrum::{curve, swatch};
 use crate::document::Mixing;
 use crate::document::{BRIGHTEST, Document, Edit};
 use crate::plan::Stale;
+use crate::scene::{Lighting, Shading};
 use crate::view::action::Action;
 
 /// Shows the light panel.
@@ -93,6 +94,32 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         ui.label(RichText::new(whose).small().weak()).on_hover_text(
             "The sliders and the dial each have a master and a switch; these belong to the one that mixes.",
         );
+        if state.scene.shading == Shading::Gradient {
+            shaded_sides(ui, state.scene.lighting, asked);
+        }
+    });
+}
+
+/// Shows the choice of the sides of surfaces that lights shade.
+fn shaded_sides(ui: &mut Ui, lighting: Lighting, asked: &mut Vec<Action>) {
+    ui.horizontal_wrapped(|ui| {
+        mark(ui, Stale::Accumulators);
+        ui.label("Shaded sides").on_hover_text(
+            "Sides of surfaces on which headlights, directional, point and three-point lights fall.",
+        );
+        let choices = [
+            (Lighting::TwoSided, "both sides", "Light falls on both sides of a surface alike: for shells and thin sheets."),
+            (
+                Lighting::OneSided,
+                "outer side",
+                "Light falls on the side towards lower values alone: an object's side in shade is dark, and shows its form.",
+            ),
+        ];
+        for (choice, name, help) in choices {
+            if toggle(ui, lighting == choice, name).on_hover_text(help).clicked() && lighting != choice {
+                asked.push(Action::Edit(Edit::Lighting(choice)));
+            }
+        }
     });
 }
 

@@ -4,9 +4,9 @@ use std::io;
 
 use hayro_jpeg2000::{DecodeSettings, DecoderContext, Image as Jpeg2000};
 use jpeg_decoder::{CodingProcess, ColorTransform, Decoder, PixelFormat};
+use jpegls::CodecError;
 
 use super::image::Layout;
-use super::jpeg_ls;
 use super::syntax::{Coding, MOST_BYTES};
 use crate::volume::guard::guarded;
 use crate::volume::stream::{PackBits, count};
@@ -55,7 +55,7 @@ pub(super) fn decode(coding: Coding, bytes: &[u8], layout: &Layout) -> Result<Nu
     match coding {
         Coding::Rle => rle(bytes, layout).map_err(Failure::from),
         Coding::Jpeg => decoded(|| jpeg(bytes, layout)),
-        Coding::JpegLs => decoded(|| of_jpeg_ls(bytes, layout)),
+        Coding::JpegLs => decoded(|| jpeg_ls(bytes, layout)),
         Coding::Jpeg2000 => decoded(|| jpeg_2000(bytes, layout)),
         Coding::Plain | Coding::Deflated | Coding::Foreign(_) => Err("the frame is not compressed".to_owned().into()),
     }
@@ -198,7 +198,7 @@ fn jpeg(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
     whole(decoded, allocated, layout)
 }
 
-fn of_jpeg_ls(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
+fn jpeg_ls(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
     let header = FrameHeader::of(bytes).ok_or("the frame has no JPEG-LS frame header")?;
     if header.marker != 0xf7 {
         return Err(format!("the frame is no JPEG-LS: its frame header is ff{:02x}", header.marker));
@@ -207,7 +207,9 @@ fn of_jpeg_ls(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
         return Err(format!("JPEG-LS with {} components; Relume decodes one", layout.samples));
     }
     header.check(layout)?;
-    let numbers = jpeg_ls::decode(bytes, [layout.columns, layout.rows])?;
+    let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
+    let decoded = jpegls::decode(bytes, side(layout.columns), side(layout.rows));
+    let (numbers, ..) = decoded.map_err(|error: CodecError| error.to_string())?;
     let mut bytes = bytemuck::cast_slice::<u16, u8>(&numbers).to_vec();
     if cfg!(target_endian = "big") {
         bytes.chunks_exact_mut(2).for_each(<[u8]>::reverse);

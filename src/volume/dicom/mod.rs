@@ -6,7 +6,6 @@
 mod codec;
 mod dataset;
 mod image;
-mod jpeg_ls;
 mod pixels;
 mod segments;
 mod series;
@@ -17,8 +16,9 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::data::Listing;
-use super::geometry::{Lattice, Unit};
+use super::geometry::Lattice;
 use super::resample::Grid;
+use super::unit::Unit;
 use super::{Selection, Volume, VolumeError, Voxel, Voxels, allocate, with_voxels};
 use crate::number::whole;
 use crate::progress::Progress;

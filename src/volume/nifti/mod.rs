@@ -11,10 +11,11 @@ use glam::{DMat3, DVec3};
 
 use super::binary;
 use super::data::{self, Data, DataFile};
-use super::geometry::{Lattice, Unit};
+use super::geometry::Lattice;
 use super::resample::Grid;
 use super::select::Pick;
 use super::stream::{self, Encoding, Skip, Start, count};
+use super::unit::Unit;
 use super::{Selection, Volume, VolumeError, VoxelType, Window, foreign};
 use crate::progress::Progress;
 use header::{Header, Kind, SIZES, Version};
