@@ -246,7 +246,7 @@ pub(crate) fn digest_of(path: &Path) -> Result<u64, CliError> {
 
 /// Whether a reflectance is that of the perfect reflector.
 fn is_white(spectrum: &[f64; BANDS]) -> bool {
-    *spectrum == [1.0; BANDS]
+    Spectrum::from_samples(*spectrum) == Spectrum::constant(1.0)
 }
 
 /// Reads the film file `path`.

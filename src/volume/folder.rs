@@ -141,7 +141,7 @@ impl Folder {
         let named = names.collect::<Vec<_>>().join(", ");
         match volumes.len() {
             0 => None,
-            ..=NAMED => Some(named),
+            1..=NAMED => Some(named),
             count => Some(format!("{named} and {} more", count - NAMED)),
         }
     }

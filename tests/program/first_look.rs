@@ -697,8 +697,8 @@ fn films_that_are_not_written_are_made_by_a_command() {
     let folder = Folder::new();
     let turn = ["render", "scene.toml", "--size", "8x8", "--turntable", "4", "--fps", "12", "-o"];
     for film in ["turn.mp4", "turn.gif", "turn.webm"] {
-        let ffmpeg = format!("ffmpeg -framerate 12 -i \"turn-%04d.png\"");
-        let err = folder.refused(2, &[&turn[..], &[film]].concat(), &["-o turn.apng", "-o turn.png", &ffmpeg]).err;
+        let ffmpeg = "ffmpeg -framerate 12 -i \"turn-%04d.png\"";
+        let err = folder.refused(2, &[&turn[..], &[film]].concat(), &["-o turn.apng", "-o turn.png", ffmpeg]).err;
         assert!(err.contains(&format!("\"{film}\"")), "{err}");
     }
     folder.refused(2, &["render", "scene.toml", "-o", "p.mp4"], &["-o p.apng", "ffmpeg"]);
