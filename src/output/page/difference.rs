@@ -8,7 +8,7 @@ use crate::number::rounded;
 use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 
 /// Pixels of a step of a comparison, for the vector units of a processor.
-const LANES: usize = 8;
+const LANES: usize = 16;
 
 /// What a comparison found.
 #[derive(Debug, PartialEq)]
@@ -135,7 +135,9 @@ fn exact(sums: [f32; 6]) -> f64 {
 fn bounds(sums: &Sums) -> [f32; LANES] {
     let mut bounds = [0.0; LANES];
     for (lane, bound) in bounds.iter_mut().enumerate() {
-        *bound = self::bound(std::array::from_fn(|axis| sums[axis][lane]));
+        // Written out, so that the compiler uses vectors at every level of optimisation.
+        let [x, y, z, dx, dy, dz] = sums;
+        *bound = self::bound([x[lane], y[lane], z[lane], dx[lane], dy[lane], dz[lane]]);
     }
     bounds
 }
@@ -161,7 +163,7 @@ fn cube_root(t: f32) -> f32 {
 #[inline(always)]
 fn change(t: f32, d: f32) -> [f32; 3] {
     let other = t + d;
-    let [one, two] = [t.max(KNEE_CUBED), other.max(KNEE_CUBED)].map(cube_root);
+    let (one, two) = (cube_root(t.max(KNEE_CUBED)), cube_root(other.max(KNEE_CUBED)));
     // a³ − b³ = (a − b)(a² + ab + b²); the slope below the knee is that at the knee.
     let flattest = 1.0 / (one * one + one * two + two * two);
     let steepest = if t.min(other) < KNEE_CUBED { STEEPEST } else { flattest };
@@ -173,7 +175,7 @@ fn change(t: f32, d: f32) -> [f32; 3] {
 /// An upper bound of the ΔE00 of XYZ relative to white and their error.
 #[inline(always)]
 fn bound([x, y, z, dx, dy, dz]: [f32; 6]) -> f32 {
-    let [fx, fy, fz] = [(x, dx), (y, dy), (z, dz)].map(|(t, d)| change(t, d));
+    let (fx, fy, fz) = (change(x, dx), change(y, dy), change(z, dz));
     let dl = 116.0 * (fy[1].abs() + fy[2]);
     let da = 500.0 * ((fx[1] - fy[1]).abs() + fx[2] + fy[2]);
     let db = 200.0 * ((fy[1] - fz[1]).abs() + fy[2] + fz[2]);
