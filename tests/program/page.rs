@@ -199,7 +199,7 @@ fn unpacked(html: &str) -> (Value, Vec<Vec<f64>>) {
         roots.push(codes.into_iter().map(|code| f64::from(i32::try_from(code - zero).unwrap())).collect::<Vec<f64>>());
     }
     assert_eq!([next, large], [stored, bytes.len()], "every byte belongs to a channel");
-    assert_eq!(page["large"][0], (large - stored) / 2);
+    assert_eq!(page["large"][0], (large - stored) / 2, "large residuals");
     let kept = roots.clone();
     for group in page["groups"].as_array().unwrap() {
         let (first, rows) =
