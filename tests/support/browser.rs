@@ -83,7 +83,10 @@ impl Browser {
 
     /// Opens `file` in a new page of this size, and returns the page in its only frame once its picture is drawn.
     pub fn open_frame(&mut self, file: &Path, size: [u32; 2]) -> Page<'_> {
-        self.navigated(file, "", size).wait("document.readyState === 'complete'");
+        let mut around = self.navigated(file, "", size);
+        around.wait("document.readyState === 'complete'");
+        // A frame out of sight draws nothing.
+        around.value("document.querySelector('iframe').scrollIntoView()");
         let begun = Instant::now();
         let session = loop {
             let targets = self.send("Target.getTargets", json!({}), None);
