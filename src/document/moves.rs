@@ -27,7 +27,7 @@ pub enum Move {
     Dolly(f64),
     /// Rotation in degrees clockwise about the line of sight.
     Roll(f64),
-    /// View from this side of the volume, with all visible voxels in view.
+    /// View from this side of the volume, with all of it in view, or for a first look all visible voxels.
     Axis(Side),
     /// Changes between perspective and parallel rays; the target keeps its size.
     Projection,
@@ -86,7 +86,12 @@ pub fn moved(scene: &Scene, opened: &Camera, aspect: f64, step: Move) -> Camera 
     let (camera, geometry) = (&scene.camera, &scene.volume.geometry);
     let stated = match step {
         Move::Reset => None,
-        Move::Axis(side) => Some(fit::fitted(&from_side(camera, opened, side), &fit::visible(scene), geometry)),
+        Move::Axis(side) => {
+            let stated = from_side(camera, opened, side);
+            // The camera of a first look fits the visible voxels, others the whole volume.
+            let is_fitted = matches!(stated.aim, Aim::Orbit { around: Some(_), .. });
+            Some(if is_fitted { fit::fitted(&stated, &fit::visible(scene), geometry) } else { stated })
+        }
         step => go(camera, geometry, aspect, step),
     };
     stated.filter(|camera| camera.view(geometry, aspect).is_some()).unwrap_or_else(|| opened.clone())
@@ -254,7 +259,9 @@ mod tests {
             PROJECTIONS.into_iter().flat_map(|projection| [0.5, 1.0, 1.5, 2.5].map(|aspect| (projection, aspect)))
         {
             for side in Side::ALL {
-                scene.camera = Camera { projection, ..Camera::default() };
+                let around = Some([DVec3::ZERO, DVec3::splat(20.0)]);
+                let aim = Aim::Orbit { azimuth: 0.0, elevation: 15.0, fill: 0.9, front: DVec3::NEG_Y, around };
+                scene.camera = Camera { projection, aim, up: DVec3::Z };
                 let camera = moved(&scene, &scene.camera, aspect, Move::Axis(side));
                 let view = camera.view(&scene.volume.geometry, aspect).expect("it has a line of sight");
                 let spans = ends(&view).map(|[low, high]| (high - low) / 2.0);

@@ -2,7 +2,7 @@
 
 use egui::{Checkbox, RichText, Ui, Vec2};
 
-use super::controls::{mark, number, panel, sides, slider, toggle};
+use super::controls::{number, panel, sides, slider, toggle};
 use super::spectrum::{curve, swatch};
 use crate::document::Mixing;
 use crate::document::{BRIGHTEST, Document, Edit};
@@ -103,9 +103,8 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
 /// Shows the choice of the sides of surfaces that lights shade.
 fn shaded_sides(ui: &mut Ui, lighting: Lighting, asked: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
-        mark(ui, Stale::Accumulators);
         ui.label("Shaded sides").on_hover_text(
-            "Sides of surfaces on which headlights, directional, point and three-point lights fall.",
+            "Sides of surfaces on which headlights, directional, point and three-point lights fall. A change marches the volume again.",
         );
         let choices = [
             (Lighting::TwoSided, "both sides", "Light falls on both sides of a surface alike: for shells and thin sheets."),
