@@ -135,7 +135,7 @@ struct Context {
 struct Decoder<'a> {
     bits: Bits<'a>,
     contexts: Vec<Context>,
-    /// Statistics of the samples that end runs, by RItype: sum of sizes, number, number of negative ones.
+    /// Statistics of the samples that end runs, by `RItype`: sum of sizes, number, number of negative ones.
     ends: [[i32; 3]; 2],
     run: usize,
     most: i32,
