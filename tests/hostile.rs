@@ -446,7 +446,7 @@ fn reading_takes_the_volume_and_little_more() {
         let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
         bytes.extend(u16::try_from(text.len()).unwrap().to_le_bytes());
         bytes.extend(text.bytes());
-        bytes.extend((0..numbers).flat_map(|index| [(index / 1024 % 64) as u8, 0x3c]));
+        bytes.extend((0..numbers).flat_map(|index| [u8::try_from(index / 1024 % 64).unwrap(), 0x3c]));
         bytes
     };
     write("fortran.npy", &npy("<u2", "True", 40 << 20));

@@ -46,12 +46,9 @@ pub(super) fn assumed_spacing(holder: &str, unknown: [bool; 3], spacing: [f64; 3
     }
     let unknown: Vec<usize> = (0..3).filter(|&axis| unknown[axis]).collect();
     let along = list(unknown.iter().map(|&axis| ["x", "y", "z"][axis].to_owned()).collect(), " and ");
-    let used = list(unknown.iter().map(|&axis| spacing[axis].to_string()).collect(), " and ");
-    let used = if unknown.iter().all(|&axis| spacing[axis] == spacing[unknown[0]]) {
-        unknown.first().map_or_else(String::new, |&axis| spacing[axis].to_string())
-    } else {
-        used
-    };
+    let mut used: Vec<String> = unknown.iter().map(|&axis| spacing[axis].to_string()).collect();
+    used.dedup();
+    let used = list(used, " and ");
     (!unknown.is_empty()).then(|| format!("{holder} states no spacing along {along}; Relume uses {used}"))
 }
 

@@ -311,7 +311,7 @@ fn head() -> Vec<u16> {
     (0..HEAD.pow(3)).map(value).collect()
 }
 
-/// The head as NIfTI: rows of the sform to the right, to the front and to the top, for spacings 2, 2 and 3 mm.
+/// The head as `NIfTI`: rows of the sform to the right, to the front and to the top, for spacings 2, 2 and 3 mm.
 fn head_in_nifti() -> Vec<u8> {
     let mut bytes = vec![0_u8; 352];
     bytes[..4].copy_from_slice(&348_i32.to_le_bytes());

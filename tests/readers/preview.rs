@@ -21,7 +21,7 @@ fn assert_middle(path: &Path, selection: &Selection) {
     let (whole, middle) = (open(false), open(true));
     let [nx, ny, nz] = whole.geometry.dims;
     assert!(nz > 1 && middle.geometry.dims == [nx, ny, 1], "{}: {:?}", path.display(), middle.geometry.dims);
-    let origin = whole.geometry.world_from_index(glam::DVec3::new(0.0, 0.0, (nz / 2) as f64));
+    let origin = whole.geometry.world_from_index(glam::DVec3::new(0.0, 0.0, f64::from(u32::try_from(nz / 2).unwrap())));
     assert!(middle.geometry.origin.abs_diff_eq(origin, 1e-9), "{}: {}", path.display(), middle.geometry.origin);
     let size = whole.voxels.bytes().len() / whole.voxels.len();
     let expected = &whole.voxels.bytes()[nx * ny * (nz / 2) * size..][..nx * ny * size];
@@ -32,7 +32,7 @@ fn assert_middle(path: &Path, selection: &Selection) {
 fn a_middle_slice_is_that_of_the_volume() {
     let component = |index| Selection { component: Some(index), ..Selection::default() };
     let slices: Vec<_> =
-        (0..5).map(|z| (format!("{}", 9 - z), file(&slice(f64::from(z) * 2.0, z as u16 * 12), EXPLICIT))).collect();
+        (0..5_u16).map(|z| (format!("{}", 9 - z), file(&slice(f64::from(z) * 2.0, z * 12), EXPLICIT))).collect();
     let slices: Vec<(&str, Vec<u8>)> = slices.iter().map(|(name, bytes)| (name.as_str(), bytes.clone())).collect();
     assert_middle(volumes::folder(&slices).path(), &Selection::default());
     assert_middle(&data("tiff/channels.ome.tif"), &component(1));
@@ -94,10 +94,10 @@ fn nifti(turned: [bool; 2]) -> Volume {
         bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
     }
     bytes[344..348].copy_from_slice(b"n+1\0");
-    let [first, second] = if turned[0] { [1, 2] } else { [2, 1] };
+    let [first, second] = if turned[0] { [1_u8, 2] } else { [2, 1] };
     let rows = [[first, second], [first + 2, second + 2]];
     let rows = if turned[1] { [rows[1], rows[0]] } else { rows };
-    bytes.extend(rows.concat().iter().map(|&value| value as u8));
+    bytes.extend(rows.concat());
     volumes::opened("v.nii", &bytes, &Selection::default()).unwrap()
 }
 

@@ -202,12 +202,12 @@ impl Tiff {
             let page = seen.len() + 1;
             if !seen.insert(next) {
                 return Err(self.wrong(
-                    &format!("page {page}"),
+                    format!("page {page}"),
                     format!("its directory at byte {next} is that of an earlier page"),
                 ));
             }
             if page > MOST_PAGES {
-                return Err(self.wrong(&format!("page {page}"), format!("more than {MOST_PAGES} pages")));
+                return Err(self.wrong(format!("page {page}"), format!("more than {MOST_PAGES} pages")));
             }
             let directory = self.directory(next, page)?;
             next = directory.next;
@@ -223,7 +223,7 @@ impl Tiff {
         let cut = |this: &Self, end: u64| {
             let problem =
                 format!("its directory at byte {at} ends at byte {end}, but the file has only {length} bytes");
-            this.wrong(&format!("page {page}"), problem)
+            this.wrong(format!("page {page}"), problem)
         };
         let begin = at.saturating_add(count_bytes);
         if begin > length {
@@ -243,7 +243,7 @@ impl Tiff {
         self.spent = self.spent.saturating_add(end - at);
         if self.spent > length {
             let problem = format!("the directories up to here have {} bytes, but the file only {length}", self.spent);
-            return Err(self.wrong(&format!("page {page}"), problem));
+            return Err(self.wrong(format!("page {page}"), problem));
         }
         let mut directory = Directory { page, entries: Vec::new(), next: 0 };
         let mut fields = vec![0; usize::try_from(end - begin).unwrap_or(0)];

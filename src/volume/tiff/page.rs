@@ -254,7 +254,7 @@ impl Reading<'_> {
     }
 
     fn wrong(&self, name: &str, problem: String) -> VolumeError {
-        self.tiff.wrong(&self.place(name), problem)
+        self.tiff.wrong(self.place(name), problem)
     }
 
     /// The first value of a tag.
@@ -439,7 +439,7 @@ impl Reading<'_> {
         let wanted = count(across).saturating_mul(count(down)).saturating_mul(count(planes));
         for (entry, name) in [Some(offsets), bytes].into_iter().zip(names) {
             let Some(entry) = entry else { continue };
-            self.tiff.inside(entry, &self.place(name))?;
+            self.tiff.inside(entry, self.place(name))?;
             if entry.count < wanted {
                 let what = if coding.is_tiled { "tiles" } else { "strips" };
                 let problem = format!("{} values, but the page has {wanted} {what}", entry.count);
