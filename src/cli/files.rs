@@ -163,17 +163,6 @@ pub(crate) fn rgba(pixels: impl Iterator<Item = (DVec3, f64)>) -> Vec<f32> {
     pixels.flat_map(|(c, opacity)| [c.x as f32, c.y as f32, c.z as f32, opacity as f32]).collect()
 }
 
-/// The frame of a picture, for a film file.
-pub(crate) fn frame_for_file(frame: &Frame) -> FileFrame {
-    let Frame { pixel, unit, edges } = frame.clone();
-    FileFrame {
-        pixel: pixel.map(|it| it.units),
-        parallel: pixel.is_some_and(|it| it.exact),
-        unit: unit.map(|it| it.to_string()),
-        edges: edges.map(|Edges { left, right, top, bottom }| [left, right, top, bottom]),
-    }
-}
-
 /// The frame of a film file.
 fn frame_of_file(frame: FileFrame) -> Frame {
     Frame {

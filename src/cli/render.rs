@@ -11,7 +11,7 @@ use relume::internal::annotate::{Frame, Overlay};
 use relume::internal::memory;
 use relume::internal::number::{brief, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
-use relume::output::{FilmFile, OutputError, Picture, PictureKind, write_ready_png};
+use relume::output::{FilmFile, Picture, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
@@ -220,8 +220,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let frame = Frame::of(&scene.camera, &scene.volume, args.size);
     let film_file = |film: Film<f32>| {
         let dial = file.light.dial_of_film(&file.dial);
-        let film = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, film)?;
-        Ok::<_, OutputError>(FilmFile { frame: Some(files::frame_for_file(&frame)), ..film })
+        FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, film)
     };
     if let Some(path) = &args.accumulators {
         let pixels = Film { size: args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::{Component, Components, Dial, FilmFile, Light, Position, PositionKind, Stored};
+use super::{Component, Components, Dial, FilmFile, Frame, Light, Position, PositionKind, Stored};
+use crate::annotate::{self, Edges};
 use crate::film;
 use crate::film::Film;
 use crate::output::OutputError;
@@ -68,10 +69,22 @@ impl FilmFile {
             adapt: scene.display.adapt,
             observer: scene.display.observer,
             dial: Some(dial),
-            frame: None,
+            frame: Some(Frame::of(&annotate::Frame::of(&scene.camera, &scene.volume, accumulation.size))),
             accumulators: accumulation.accumulators,
             transmittance: accumulation.transmittance,
         })
+    }
+}
+
+impl Frame {
+    fn of(frame: &annotate::Frame) -> Self {
+        let annotate::Frame { pixel, unit, edges } = frame.clone();
+        Self {
+            pixel: pixel.map(|it| it.units),
+            parallel: pixel.is_some_and(|it| it.exact),
+            unit: unit.map(|it| it.to_string()),
+            edges: edges.map(|Edges { left, right, top, bottom }| [left, right, top, bottom]),
+        }
     }
 }
 
