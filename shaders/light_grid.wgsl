@@ -1,5 +1,6 @@
-// Fills a slice of the light grid for one directional light: nodes read the optical depth of the columns that pass them,
-// and the columns go on to the next slice. Twin of `reference::shadows`.
+// Fills a slice of the light grid for one directional light, or sums the light of one direction of the sky: nodes read the
+// optical depth of the columns that pass them, and the columns go on to the next slice. For a point light, a ray goes from
+// each node to the light. Twin of `reference::shadows`.
 
 // `tables::Sweep` and the lookup of extinctions.
 struct Sweep {
@@ -34,6 +35,17 @@ struct Sweep {
     // First label in the table.
     labels: u32,
     largest_rise: f32,
+    // Number of the direction of the sky.
+    direction: u32,
+    // Distances in `sky` from a node to the next along each axis.
+    strides: vec3u,
+    // Length of a part of a ray to a point light, with `samples`.
+    path: f32,
+    // The point light and the start of its shadows, in units of length.
+    point: vec3f,
+    start: f32,
+    // Units of length per texture coordinate.
+    local_scale: vec3f,
 }
 
 // Rows of a slice that one dispatch fills.
@@ -56,6 +68,8 @@ struct Slice {
 @group(0) @binding(4) var labels: texture_3d<u32>;
 @group(0) @binding(5) var<storage, read_write> columns: array<f32>;
 @group(0) @binding(6) var light_grid: texture_storage_3d<rgba16float, read_write>;
+// Light of the directions so far, at each node.
+@group(0) @binding(7) var<storage, read_write> sky: array<f32>;
 var<immediate> slice: Slice;
 
 var<private> sweep: Sweep;
@@ -125,12 +139,19 @@ fn passed(node: vec2u) -> f32 {
     return fma(fraction.y, far - near, near);
 }
 
+// `sweep.samples`. Mesa's software device compiles a shader with a uniform as the bound of a loop again for every dispatch
+// (docs/theory/device.md), so the bound depends on the invocation in form.
+fn own_samples(invocation: u32) -> u32 {
+    return min(sweep.samples, 0x10000u + invocation);
+}
+
 // Optical depth that a column gains over this slice.
 fn rise(column: vec2u) -> f32 {
     let start = fma(vec3f(f32(column.x)), sweep.across, fma(vec3f(f32(column.y)), sweep.down, sweep.corner));
     let first = f32(slice.number) - sweep.behind;
     var sum = 0.0;
-    for (var i = 0u; i < sweep.samples; i += 1u) {
+    let samples = own_samples(column.x);
+    for (var i = 0u; i < samples; i += 1u) {
         let slices = fma(f32(i) + 0.5, sweep.step, first);
         let place = fma(vec3f(slices), sweep.per_slice, start);
         let inside = all(sweep.low <= place) && all(place <= sweep.high);
@@ -139,12 +160,31 @@ fn rise(column: vec2u) -> f32 {
     return min(sum * sweep.length, sweep.largest_rise);
 }
 
-// The nearest 16-bit float, as in `store.wgsl`.
-fn nearest(number: f32) -> f32 {
-    let bits = bitcast<u32>(number);
-    let normal = bitcast<f32>((bits + 0xfffu + ((bits >> 13u) & 1u)) & 0xffffe000u);
-    let small = round(number * 16777216.0) * 5.9604644775390625e-8;
-    return select(normal, small, number < 6.103515625e-5);
+// Optical depth between a node and the point light.
+fn depth_to_point(node: vec2u) -> f32 {
+    let on_slice = fma(vec3f(f32(slice.index)), sweep.per_slice, sweep.corner);
+    let place = fma(vec3f(f32(node.x)), sweep.across, fma(vec3f(f32(node.y)), sweep.down, on_slice));
+    let way = sweep.point - place * sweep.local_scale;
+    let distance = max(length(way), 1e-6);
+    let along = way / (distance * sweep.local_scale);
+    let is_parallel = abs(along) < vec3f(1e-30);
+    let reach = (select(sweep.low, sweep.high, along > vec3f()) - place) / select(along, vec3f(1.0), is_parallel);
+    let to_face = select(reach, vec3f(1e30), is_parallel);
+    let open = max(min(min(distance, to_face.x), min(to_face.y, to_face.z)) - sweep.start, 0.0);
+    // Rounding does not add a part.
+    let parts = max(ceil(open / sweep.path - 1e-3), 0.0);
+    let of_sample = open / (max(parts, 1.0) * f32(sweep.samples));
+    let samples = own_samples(node.x);
+    var depth = 0.0;
+    for (var part = 0u; part < u32(parts); part += 1u) {
+        var sum = 0.0;
+        for (var i = 0u; i < samples; i += 1u) {
+            let reached = fma(f32(part * sweep.samples + i) + 0.5, of_sample, sweep.start);
+            sum += extinction_at(fma(vec3f(reached), along, place));
+        }
+        depth += min(sum * of_sample, sweep.largest_rise);
+    }
+    return depth;
 }
 
 @compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
@@ -156,10 +196,23 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         node[sweep.axes.x] = slice.index;
         node[sweep.axes.y] = at.x;
         node[sweep.axes.z] = at.y;
-        node.z += sweep.texels;
-        var texel = textureLoad(light_grid, node);
-        texel[sweep.part] = nearest(passed(at));
-        textureStore(light_grid, node, texel);
+        if (SKY) {
+            let i = dot(node, sweep.strides);
+            let light = exp(-passed(at));
+            sky[i] = select(sky[i] + light, light, sweep.direction == 0u);
+        } else {
+            node.z += sweep.texels;
+            var texel = textureLoad(light_grid, node);
+            if (POINT_LIGHT) {
+                texel[sweep.part] = nearest(depth_to_point(at));
+            } else {
+                texel[sweep.part] = nearest(passed(at));
+            }
+            textureStore(light_grid, node, texel);
+        }
+    }
+    if (POINT_LIGHT) {
+        return;
     }
     let column = at + slice.window.xy;
     if (all(column < slice.window.zw)) {

@@ -143,7 +143,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (SHADED) {
         shading = shading_uniform;
     }
-    if (SHADOW_DIRECTIONS > 0u) {
+    if (GRID_LIGHTS > 0u) {
         light_place = light_uniform;
     }
     let pixel = vec2u(id.x, id.y + band.first_row);

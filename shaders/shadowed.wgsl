@@ -13,12 +13,15 @@ struct LightPlace {
 }
 
 @group(0) @binding(14) var<uniform> light_uniform: LightPlace;
-// Optical depths in four directions a texel; of more directions, one grid behind the other along z.
+// Optical depths towards four lights a texel; of more lights, one grid behind the other along z. That of ambient light
+// stands for the mean over the sky.
 @group(0) @binding(15) var light_grid: texture_3d<f32>;
 @group(0) @binding(16) var light_sampler: sampler;
 
 // Copy of the uniform, as for `march`.
 var<private> light_place: LightPlace;
+// Fraction of the ambient shares of directed lights that reaches the step.
+var<private> ambient_light: f32;
 
 fn light_line(base: vec3i, x: f32) -> vec4f {
     let before = textureLoad(light_grid, base, 0);
@@ -30,7 +33,7 @@ fn light_plane(base: vec3i, x: f32, y: f32) -> vec4f {
     return fma(vec4f(y), light_line(base + vec3i(0, 1, 0), x) - before, before);
 }
 
-// Fractions of light that reach `place`, in texture coordinates of the grid, from four directions, number 4·`texel` on.
+// Fractions that reach `place`, in texture coordinates of the grid, of four lights, number 4·`texel` on.
 fn reached_from(place: vec3f, texel: u32) -> vec4f {
     var depths: vec4f;
     if (EXACT_LINEAR) {
@@ -42,7 +45,7 @@ fn reached_from(place: vec3f, texel: u32) -> vec4f {
         let before = light_plane(first, fraction.x, fraction.y);
         let after = light_plane(first + vec3i(0, 0, 1), fraction.x, fraction.y);
         depths = fma(vec4f(fraction.z), after - before, before);
-    } else if (SHADOW_DIRECTIONS > 4u) {
+    } else if (GRID_LIGHTS > 4u) {
         // Half a texel from the next grid.
         let edge = 0.5 * light_place.behind / light_place.nodes.z;
         let z = clamp(place.z, edge, light_place.behind - edge);
@@ -51,21 +54,26 @@ fn reached_from(place: vec3f, texel: u32) -> vec4f {
     } else {
         depths = textureSampleLevel(light_grid, light_sampler, place, 0.0);
     }
-    if (SHADOW_DIRECTIONS == 1u) {
+    if (GRID_LIGHTS == 1u) {
         return vec4f(exp(-depths.x));
     }
     return exp(-depths);
 }
 
-// Light of a step towards the eye for light from `position`, of which the fraction `reached` arrives. The ambient part of
-// a directed light is not reduced.
+// Light of a step towards the eye for light without a direction, of which the fraction `reached` arrives.
+fn unshaded_part(step: Step, reached: f32) -> array<vec4f, LANES> {
+    var source = unshaded(step);
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        source[lane] *= reached;
+    }
+    return source;
+}
+
+// Light of a step towards the eye for light from `position`, of which the fraction `reached` arrives; it does not reduce
+// the ambient share.
 fn shade_shadowed(position: u32, ray: Ray, step: Step, reached: f32) -> array<vec4f, LANES> {
     if (!SHADED) {
-        var source = unshaded(step);
-        for (var lane = 0u; lane < LANES; lane += 1u) {
-            source[lane] *= reached;
-        }
-        return source;
+        return unshaded_part(step, reached);
     }
     var light = ray.view;
     if (DIRECTIONAL > 0u) {
@@ -73,6 +81,11 @@ fn shade_shadowed(position: u32, ray: Ray, step: Step, reached: f32) -> array<ve
             light = shading.lights[position].xyz;
         }
     }
+    return shade_from(light, ray, step, reached);
+}
+
+// Light of a step towards the eye for light from the direction `light`, of which the fraction `reached` arrives.
+fn shade_from(light: vec3f, ray: Ray, step: Step, reached: f32) -> array<vec4f, LANES> {
     let facing = lit(dot(step.normal, light));
     var source = reflect_light(step, facing * reached);
     if (SPECULAR) {
@@ -87,6 +100,15 @@ fn shade_shadowed(position: u32, ray: Ray, step: Step, reached: f32) -> array<ve
         }
     }
     return source;
+}
+
+// Light of a step towards the eye for point light `i` of those with shadows, of which the fraction `reached` arrives.
+fn shade_point(i: u32, ray: Ray, place: vec3f, step: Step, reached: f32) -> array<vec4f, LANES> {
+    if (!SHADED) {
+        return unshaded_part(step, reached);
+    }
+    let light = unit(shading.lights[FIRST_SHADOWED_POINT + i].xyz - place * march.local_scale);
+    return shade_from(light, ray, step, reached);
 }
 
 // Vector of a direction of the three-point light with shadows: key, fill and rim.
@@ -116,13 +138,8 @@ fn shine_of_three(light: vec4f, ray: Ray, step: Step, reached: f32, source: ptr<
 // Without loops, like `add_shadowed`.
 fn shade_three_shadowed(ray: Ray, step: Step, reached: vec3f) -> array<vec4f, LANES> {
     if (!SHADED) {
-        var flat = unshaded(step);
         // THREE_POINT_PARTS of src/scene/lights.rs. As constants of the module they would be in every other shader too.
-        let mean = dot(reached, vec3f(18.0, 2.0, 3.0)) / 23.0;
-        for (var lane = 0u; lane < LANES; lane += 1u) {
-            flat[lane] *= mean;
-        }
-        return flat;
+        return unshaded_part(step, dot(reached, vec3f(18.0, 2.0, 3.0)) / 23.0);
     }
     let key = of_three(0u);
     let fill = of_three(1u);
@@ -181,13 +198,34 @@ fn add_shadowed(
     transmittance: Transmittance,
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) {
+    let grid_place = fma(place, light_place.scale, light_place.offset);
+    var reached: vec4f;
+    if (GRID_LIGHTS > 0u) {
+        reached = reached_from(grid_place, 0u);
+    }
+    if (SKY_DIMMED) {
+        var sky = reached;
+        if (SKY >= 4u) {
+            sky = reached_from(grid_place, SKY / 4u);
+        }
+        ambient_light = sky[SKY % 4u];
+        if (SHADOWED_AMBIENT) {
+            composite(sums, LAST_AMBIENT * LANES, unshaded_part(step, ambient_light), transmittance);
+        }
+    }
     if (OPEN > 0u) {
         for (var open = 0u; open < OPEN; open += 1u) {
             var position = open;
+            if (SHADOWED_AMBIENT) {
+                position += select(0u, 1u, position >= LAST_AMBIENT);
+            }
             if (SHADOWED_HEADLIGHT) {
                 position += select(0u, 1u, position >= LAST_HEADLIGHT);
             }
             position += select(0u, SHADOWED, position >= FIRST_SHADOWED);
+            if (SHADOWED_POINTS > 0u) {
+                position += select(0u, SHADOWED_POINTS, position >= FIRST_SHADOWED_POINT);
+            }
             composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
         }
     }
@@ -196,9 +234,7 @@ fn add_shadowed(
         let left = brightest(transmittance);
         add_light(LAST_HEADLIGHT, ray, step, fma(-0.5 * left, brightest(step.opacity), left), transmittance, sums);
     }
-    if (SHADOW_DIRECTIONS > 0u) {
-        let grid_place = fma(place, light_place.scale, light_place.offset);
-        let reached = reached_from(grid_place, 0u);
+    if (GRID_LIGHTS > 0u) {
         if (SHADOWED > 0u) {
             add_light(FIRST_SHADOWED, ray, step, reached.x, transmittance, sums);
         }
@@ -224,6 +260,13 @@ fn add_shadowed(
         if (SHADOWED_THREE_POINT) {
             let source = shade_three_shadowed(ray, step, reached_of_three(grid_place, reached));
             composite(sums, LAST_THREE_POINT * LANES, source, transmittance);
+        }
+        if (SHADOWED_POINTS > 0u) {
+            for (var i = 0u; i < SHADOWED_POINTS; i += 1u) {
+                let number = FIRST_POINT_NUMBER + i;
+                let part = reached_from(grid_place, number / 4u)[number % 4u];
+                composite(sums, (FIRST_SHADOWED_POINT + i) * LANES, shade_point(i, ray, place, step, part), transmittance);
+            }
         }
     }
 }

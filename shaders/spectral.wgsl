@@ -10,10 +10,15 @@ fn unshaded(step: Step) -> array<vec4f, LANES> {
 
 fn reflect_light(step: Step, facing: f32) -> array<vec4f, LANES> {
     var source: array<vec4f, LANES>;
-    let shade = fma(shading.diffuse[0].x, facing, shading.ambient[0].x);
+    var shade = fma(shading.diffuse[0].x, facing, shading.ambient[0].x);
+    if (AMBIENT_OCCLUDED) {
+        shade = fma(shading.diffuse[0].x, facing, shading.ambient[0].x * ambient_light);
+    }
     for (var lane = 0u; lane < LANES; lane += 1u) {
         if (EQUAL_SHARES) {
             source[lane] = step.source[lane] * shade;
+        } else if (AMBIENT_OCCLUDED) {
+            source[lane] = fma(step.source[DIFFUSE + lane], vec4f(facing), step.source[lane] * ambient_light);
         } else {
             source[lane] = fma(step.source[DIFFUSE + lane], vec4f(facing), step.source[lane]);
         }

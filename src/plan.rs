@@ -19,8 +19,8 @@ pub use warning::PlanWarning;
 use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;
 use crate::scene::{
-    AccumulateAs, Accuracy, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup, Placement,
-    Position, Scene, Shading, ShadowMethod, StoreAs, VolumeAs, positions,
+    AccumulateAs, Accuracy, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup,
+    Placement, Position, Scene, Shading, ShadowMethod, StoreAs, VolumeAs, positions,
 };
 use crate::spectrum::Light;
 use crate::spectrum::observer::Observer;
@@ -167,18 +167,31 @@ pub struct ShadowedPositions {
     pub directional: usize,
     /// Whether the last three-point light casts shadows.
     pub three_point: bool,
+    /// Number of point lights with shadows.
+    pub point: usize,
+    /// Whether the last ambient light casts shadows.
+    pub ambient: bool,
+    /// Whether the ambient shares of directed lights are dimmed.
+    pub occluded: bool,
     /// Method that finds their light.
     pub method: ShadowMethod,
 }
 
-/// Largest number of directions with shadows.
+/// Largest number of lights of a light grid.
 pub const MOST_SHADOWED: usize = 16;
 
 impl ShadowedPositions {
-    /// Number of directions along which the medium dims light: one per directional light, three of a three-point light.
+    /// Number of lights of the light grid: one per directional and point light, three of a three-point light, and one for
+    /// ambient light from all directions.
     #[must_use]
-    pub fn directions(&self) -> usize {
-        self.directional + if self.three_point { 3 } else { 0 }
+    pub fn grid_lights(&self) -> usize {
+        self.directional + if self.three_point { 3 } else { 0 } + self.point + usize::from(self.sky())
+    }
+
+    /// Whether the medium dims ambient light.
+    #[must_use]
+    pub fn sky(&self) -> bool {
+        self.ambient || self.occluded
     }
 }
 
@@ -232,6 +245,13 @@ impl PositionCounts {
         end - shadowed.min(self.directional)..end
     }
 
+    /// Indices of the point lights, if the last `shadowed` of them are meant.
+    #[must_use]
+    pub fn last_point(&self, shadowed: usize) -> std::ops::Range<usize> {
+        let end = self.total() - self.three_point;
+        end - shadowed.min(self.point)..end
+    }
+
     /// Number of vectors of the positions: three for a three-point light, otherwise one.
     #[must_use]
     pub fn vectors(&self) -> usize {
@@ -252,6 +272,12 @@ impl ScenePlan {
         self.positions.last_directional(self.shadows.map_or(0, |shadows| shadows.directional))
     }
 
+    /// Indices of the point lights with shadows.
+    #[must_use]
+    pub fn shadowed_points(&self) -> std::ops::Range<usize> {
+        self.positions.last_point(self.shadows.map_or(0, |shadows| shadows.point))
+    }
+
     /// Index of the headlight with shadows, if there is one.
     #[must_use]
     pub fn shadowed_headlight(&self) -> Option<usize> {
@@ -266,30 +292,51 @@ impl ScenePlan {
         last.filter(|_| self.shadows.is_some_and(|shadows| shadows.three_point))
     }
 
-    /// Number of directions along which the medium dims light.
+    /// Index of the ambient position with shadows, if there is one.
     #[must_use]
-    pub fn shadow_directions(&self) -> usize {
-        self.shadows.map_or(0, |shadows| shadows.directions())
+    pub fn shadowed_ambient(&self) -> Option<usize> {
+        self.positions.ambient.checked_sub(1).filter(|_| self.shadows.is_some_and(|shadows| shadows.ambient))
+    }
+
+    /// Number of lights of the light grid: those of [`Self::shadow_vectors`], and ambient light if the medium dims it.
+    #[must_use]
+    pub fn grid_lights(&self) -> usize {
+        self.shadows.map_or(0, |shadows| shadows.grid_lights())
+    }
+
+    /// Number of ambient light among the lights of the light grid, if the medium dims it: the last.
+    #[must_use]
+    pub fn sky(&self) -> Option<usize> {
+        self.shadows.filter(ShadowedPositions::sky).map(|shadows| shadows.grid_lights() - 1)
+    }
+
+    /// Number of the first point light among the lights of the light grid.
+    #[must_use]
+    pub fn first_point(&self) -> usize {
+        self.shadowed().len() + if self.shadowed_three_point().is_some() { 3 } else { 0 }
     }
 
     /// Indices of the vectors of the positions along which the medium dims light: of directional lights, then of a
-    /// three-point light.
+    /// three-point light, then of point lights.
     pub fn shadow_vectors(&self) -> impl Iterator<Item = usize> + use<> {
         let of_three = self.shadowed_three_point().map(|position| self.positions.first_vector(position));
-        self.shadowed().chain(of_three.into_iter().flat_map(|first| first..first + 3))
+        self.shadowed().chain(of_three.into_iter().flat_map(|first| first..first + 3)).chain(self.shadowed_points())
     }
 
     /// Number of positions without shadows.
     #[must_use]
     pub fn open_positions(&self) -> usize {
-        let shadowed_one = [self.shadowed_headlight(), self.shadowed_three_point()];
-        self.positions.total() - self.shadowed().len() - shadowed_one.into_iter().flatten().count()
+        let shadowed_one = [self.shadowed_ambient(), self.shadowed_headlight(), self.shadowed_three_point()];
+        self.positions.total()
+            - self.shadowed().len()
+            - self.shadowed_points().len()
+            - shadowed_one.into_iter().flatten().count()
     }
 
     /// Whether the march reads a light grid.
     #[must_use]
     pub fn reads_light_grid(&self) -> bool {
-        self.shadows.is_some_and(|shadows| shadows.directions() > 0 && shadows.method == ShadowMethod::Grid)
+        self.shadows.is_some_and(|shadows| shadows.grid_lights() > 0 && shadows.method == ShadowMethod::Grid)
     }
 
     /// Components of an accumulator.
@@ -487,10 +534,10 @@ pub enum PlanError {
         why: &'static str,
     },
     /// Shadows are requested where they cannot be computed.
-    #[error("lights.{light}.shadows = true is not possible: {why}")]
+    #[error("{setting} is not possible: {why}")]
     NoShadows {
-        /// The light.
-        light: String,
+        /// The key and its value.
+        setting: String,
         /// The reason.
         why: String,
     },
@@ -678,6 +725,11 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         headlight: shadowed(|placement| matches!(placement, Placement::Headlight)) > 0,
         directional: shadowed(|placement| matches!(placement, Placement::Directional(_))),
         three_point: shadowed(|placement| matches!(placement, Placement::ThreePoint)) > 0,
+        point: shadowed(|placement| matches!(placement, Placement::Point(_))),
+        ambient: shadowed(|placement| matches!(placement, Placement::Ambient)) > 0,
+        occluded: directed
+            && scene.shadows.ambient == AmbientShares::Occluded
+            && used().any(|material| material.ambient > 0.0),
         method: scene.shadows.method,
     };
     let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some());
@@ -691,7 +743,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             (transmittance, _) => transmittance,
         },
         positions: counts,
-        shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.directions() > 0),
+        shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.grid_lights() > 0),
         shading,
         // A factor of 1 at all magnitudes has no effect.
         gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },

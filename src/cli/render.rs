@@ -206,8 +206,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
     // The reference computes all wavelengths and needs a model only for a film file.
     let (planned, learnt) = if args.reference && args.accumulators.is_none() {
-        // Refuses what no renderer computes, such as shadows of ambient lights.
-        if scene.lights.iter().any(|light| light.shadows) {
+        // Refuses what no renderer computes, such as coloured shadows.
+        if scene.asks_for_shadows() {
             plan_for(&scene, &[], progress)?;
         }
         (plan_full_spectrum(&scene), None)

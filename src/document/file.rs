@@ -226,6 +226,8 @@ const MOST_LABELS: usize = 255;
 const UNIT: RangeInclusive<f64> = 0.0..=1.0;
 /// Range of `shadows.spacing`, in voxels.
 const SHADOW_SPACINGS: RangeInclusive<f64> = 0.5..=64.0;
+/// Range of `shadows.directions`.
+const SKY_DIRECTIONS: RangeInclusive<usize> = 8..=1024;
 /// Range of `shadows.start`, in smallest spacings.
 const SHADOW_STARTS: RangeInclusive<f64> = 0.0..=1000.0;
 const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
@@ -526,6 +528,11 @@ impl Text<'_> {
                 .as_ref()
                 .map(|start| self.number("shadows.start", start, &SHADOW_STARTS))
                 .transpose()?,
+            ambient: file.shadows.ambient,
+            directions: match &file.shadows.directions {
+                Some(directions) => self.whole("shadows.directions", directions, SKY_DIRECTIONS)?,
+                None => usual.directions,
+            },
         };
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
         if camera.view(&volume.geometry, 1.0).is_none() {

@@ -13,7 +13,8 @@ use super::design::{self, Side};
 use super::{Definition, Dial, LightState, Mixing, SceneFile, Source, State};
 use crate::output::{OutputError, write_atomically};
 use crate::scene::{
-    AccumulateAs, Accuracy, Aim, Camera, Integration, Interval, LabelInterpolation, Lighting, Projection, Scene,
+    AccumulateAs, Accuracy, Aim, AmbientShares, Camera, Integration, Interval, LabelInterpolation, Lighting,
+    Projection, Scene,
 };
 use crate::spectrum::Spectrum;
 use crate::spectrum::observer::Observer;
@@ -114,6 +115,10 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     if scene.lighting != then.lighting {
         let sides = if scene.lighting == Lighting::OneSided { "one_sided" } else { "two_sided" };
         document.insert("lighting", value(sides));
+    }
+    if scene.shadows.ambient != then.shadows.ambient {
+        let shares = if scene.shadows.ambient == AmbientShares::Occluded { "occluded" } else { "open" };
+        table(&mut document, "shadows")?.insert("ambient", value(shares));
     }
     if scene.transfer != then.transfer {
         transfer(table(&mut document, "transfer")?, scene)?;

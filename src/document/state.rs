@@ -11,7 +11,7 @@ use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, a
 use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::Palette;
-use crate::scene::{Accuracy, GRADIENT_POINTS, Interval, LabelEntry, Lighting, MOST_RAYS, Mix, Scene};
+use crate::scene::{Accuracy, AmbientShares, GRADIENT_POINTS, Interval, LabelEntry, Lighting, MOST_RAYS, Mix, Scene};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 
@@ -36,10 +36,12 @@ pub enum Edit {
     Weight(usize, f64),
     /// Switches a light on or off.
     On(usize, bool),
-    /// Whether a light casts shadows, by its index. Ambient and point lights cast none.
+    /// Whether a light casts shadows, by its index.
     Shadows(usize, bool),
     /// Sides of surfaces that lights shade.
     Lighting(Lighting),
+    /// Whether the medium dims the ambient shares of directed lights.
+    AmbientShares(AmbientShares),
     /// Selects a single light, or all lights that are on.
     Solo(Option<usize>),
     /// Selects the sliders or the dial.
@@ -123,6 +125,7 @@ impl Edit {
             Self::Camera(..)
             | Self::Shadows(..)
             | Self::Lighting(_)
+            | Self::AmbientShares(_)
             | Self::Interval(..)
             | Self::AddInterval(_)
             | Self::RemoveTerm(_)
@@ -313,13 +316,13 @@ impl State {
             camera,
             crop,
             accuracy,
-            shadows: _,
+            shadows,
             display,
         } = scene;
         let to = &other.scene;
         (dial, light, palette) == (&other.dial, &other.light, &other.palette)
             && (camera, crop, accuracy, display) == (&to.camera, &to.crop, &to.accuracy, &to.display)
-            && *lighting == to.lighting
+            && (*lighting, *shadows) == (to.lighting, to.shadows)
             && (materials, lights, background) == (&to.materials, &to.lights, &to.background)
             && (transfer, declared(scene)) == (&to.transfer, declared(to))
     }
@@ -351,10 +354,11 @@ impl State {
             }
             Edit::Shadows(index, shadows) => {
                 if let Some(light) = scene.lights.get_mut(index) {
-                    light.shadows = shadows && light.placement.casts_shadows();
+                    light.shadows = shadows;
                 }
             }
             Edit::Lighting(lighting) => scene.lighting = lighting,
+            Edit::AmbientShares(ambient) => scene.shadows.ambient = ambient,
             Edit::Solo(solo) => {
                 light.mixing = Mixing::Sliders;
                 light.solo = solo.filter(|&index| index < scene.lights.len());

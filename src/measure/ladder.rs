@@ -14,7 +14,7 @@ use crate::plan::{Integrate, Planned, ScenePlan, plan_full_spectrum};
 use crate::progress::Progress;
 use crate::reference::{Exact, ReferenceError, Stored, render_pixels};
 use crate::scene::{
-    Accuracy, Integration, Interpolation, LabelInterpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs,
+    Accuracy, AmbientShares, Integration, Interpolation, LabelInterpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs,
 };
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use crate::tables::{
@@ -228,6 +228,7 @@ impl<'a> Ladder<'a> {
         let mut scene = self.scene.clone();
         (scene.accuracy.integration, scene.accuracy.rays) = (Integration::Samples, self.rays);
         scene.lights.iter_mut().for_each(|light| light.shadows = false);
+        scene.shadows.ambient = AmbientShares::Open;
         let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
         // The fractions of 81 bands in the light sum to 1 only up to rounding.
         let shows = |(colour, opacity): &(DVec3, f64)| {
@@ -343,7 +344,7 @@ impl<'a> Ladder<'a> {
         if let Some((table, densities)) = &segments {
             stored = stored.with_segments(storage, table, Some(densities));
         }
-        let shadowed = planned.plan.shadow_directions() > 0;
+        let shadowed = planned.plan.grid_lights() > 0;
         let extinctions = shadowed.then(|| ExtinctionTable::new(scene, planned, storage.domain));
         if let Some(extinctions) = &extinctions {
             stored = stored.with_shadows(extinctions);

@@ -96,7 +96,7 @@ impl Rungs {
                 let table = SegmentTable::new(&scene, &planned, storage.domain);
                 (table, TransferTable::densities_of_labels(&scene, &planned))
             }),
-            extinctions: (planned.plan.shadow_directions() > 0)
+            extinctions: (planned.plan.grid_lights() > 0)
                 .then(|| ExtinctionTable::new(&scene, &planned, storage.domain)),
             mix: Mix::of_scene(&scene),
             scene,

@@ -27,7 +27,7 @@ pub(super) fn written(scene: &Scene) -> Vec<(&'static str, &'static str, String)
     ];
     let entries = scene.transfer.entries.map(|entries| ("transfer", "entries", entries.to_string()));
     let accuracy = stated.into_iter().map(|(key, value)| ("accuracy", key, value));
-    let spacing = scene.lights.iter().any(|light| light.shadows).then(|| readable(scene.shadows.spacing));
+    let spacing = scene.asks_for_shadows().then(|| readable(scene.shadows.spacing));
     let shadows = spacing.map(|spacing| ("shadows", "spacing", spacing));
     accuracy.chain(shadows).chain([("transfer", "lookup", toml(scene.transfer.lookup))]).chain(entries).collect()
 }

@@ -219,10 +219,23 @@ impl Planned {
         let Some(shadows) = self.plan.shadows else { return Vec::new() };
         let casting = self.positions.iter().filter(|position| position.shadows);
         let lights = casting.flat_map(|position| &position.lights).filter_map(|&light| scene.lights.get(light));
-        let mut sentences = vec![format!(
-            "Shadows of {}: the medium between a sample and the light dims it; X-ray materials cast none. The spectra of these lights can be exchanged later, too.",
-            listed(lights.map(|light| light.name.as_str()))
-        )];
+        let names: Vec<&str> = lights.map(|light| light.name.as_str()).collect();
+        let mut sentences = Vec::new();
+        if !names.is_empty() {
+            sentences.push(format!(
+                "Shadows of {}: the medium between a sample and the light dims it; X-ray materials cast none. The spectra of these lights can be exchanged later, too.",
+                listed(names.into_iter())
+            ));
+        }
+        if shadows.sky() {
+            let directions = scene.shadows.directions;
+            sentences.push(format!(
+                "Ambient light is the mean of {directions} directions of an evenly bright sky, each dimmed by the medium. The light grid is filled along each of them, at twice the spacing."
+            ));
+        }
+        if shadows.occluded {
+            sentences.push("The ambient shares of directed lights are dimmed like it (shadows.ambient).".to_owned());
+        }
         let apart = self.positions.iter().filter(|position| position.shadows).count();
         if apart > 1 {
             sentences.push(format!("Shadows keep {apart} positions apart; each has numbers of its own in a pixel."));
@@ -240,10 +253,10 @@ impl Planned {
                 "The three directions of a three-point light move with the camera: if it turns, their part of the light grid is filled again.".to_owned(),
             );
         }
-        if shadows.directions() > 0 {
+        if shadows.grid_lights() > 0 {
             if shadows.method == ShadowMethod::Rays {
                 sentences.push(
-                    "A ray goes from each sample towards each of these lights; only the reference does this."
+                    "A ray goes from each sample towards each of these lights, ambient light apart; only the reference does this."
                         .to_owned(),
                 );
             }

@@ -61,11 +61,12 @@ impl Stale {
         add(*camera != after.camera, Self::Accumulators);
         add(*crop != after.crop, Self::Accumulators);
         // Only a light grid or rays depend on them, not the shadows of a headlight.
-        if planned.plan.shadow_directions() > 0 {
-            // The method is compared in the plan.
-            let Shadows { method: _, spacing, start: _ } = *shadows;
+        if planned.plan.grid_lights() > 0 {
+            // The method and the ambient shares are compared in the plan.
+            let Shadows { method: _, spacing, start: _, ambient: _, directions } = *shadows;
             let moved = before.shadow_start() != after.shadow_start();
-            add(spacing != after.shadows.spacing || moved, Self::Accumulators);
+            let of_sky = planned.plan.sky().is_some() && directions != after.shadows.directions;
+            add(spacing != after.shadows.spacing || moved || of_sky, Self::Accumulators);
         }
         add(true, of_accuracy(accuracy, &after.accuracy));
         add(true, of_display(display, &after.display));

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::shadows::Ways;
+use super::shadows::Reaching;
 use super::{End, ReferenceError, Samples, Step, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
@@ -53,8 +53,8 @@ struct Frame<'a, R> {
     variation: R,
     /// Specular exponents.
     exponents: Vec<u32>,
-    /// Ways of the light, if lights with a direction cast shadows.
-    ways: Option<Ways<R>>,
+    /// Light that reaches a sample, if the medium dims light other than a headlight's.
+    reaching: Option<Reaching<R>>,
     size: [usize; 2],
     /// Places of the rays in a pixel.
     places: Vec<[f64; 2]>,
@@ -66,6 +66,7 @@ impl<'a, R: Real> Frame<'a, R> {
         planned: &'a Planned,
         samples: &impl Samples<R>,
         size: [usize; 2],
+        pixels: usize,
         progress: &dyn Progress,
     ) -> Result<Self, ReferenceError> {
         let aspect = count(size[0]) / count(size[1]);
@@ -73,10 +74,10 @@ impl<'a, R: Real> Frame<'a, R> {
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(ReferenceError::TooManySamples { step_length })?;
         let lights = PositionTable::new(scene, planned).0;
-        let ways = if planned.plan.shadow_directions() == 0 {
+        let reaching = if planned.plan.grid_lights() == 0 {
             None
         } else {
-            Some(Ways::new(scene, planned, samples, rays.local_scale, progress)?)
+            Some(Reaching::new(scene, planned, samples, rays.local_scale, pixels, progress)?)
         };
         Ok(Self {
             scene,
@@ -90,7 +91,7 @@ impl<'a, R: Real> Frame<'a, R> {
             termination: R::from_f64(scene.accuracy.termination),
             variation: R::from_f64(scene.accuracy.variation),
             exponents: planned.exponents(scene),
-            ways,
+            reaching,
             size,
             places: ray_places(planned.plan.rays),
         })
@@ -160,8 +161,8 @@ impl<'a, R: Real> Frame<'a, R> {
                 continue;
             }
             for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
-                let light = self.light(position, place, samples, &transmittance, &step);
-                self.shade(position, ray, place, &step, light, &mut source);
+                let light = self.light(position, place, samples, (&transmittance, &step));
+                self.shade(position, ray, place, &step, &light, &mut source);
                 if mixed {
                     composite_matrix(sums, &source, &transmittance);
                 } else {
@@ -225,8 +226,8 @@ impl<'a, R: Real> Frame<'a, R> {
                     return transmittance;
                 }
                 for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
-                    let light = self.light(position, middle, samples, &transmittance, &step);
-                    self.shade(position, ray, middle, &step, light, &mut source);
+                    let light = self.light(position, middle, samples, (&transmittance, &step));
+                    self.shade(position, ray, middle, &step, &light, &mut source);
                     composite(sums, &source, &transmittance);
                 }
                 for (left, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
@@ -284,36 +285,48 @@ impl<'a, R: Real> Frame<'a, R> {
         finish(&sums, &transmittance)
     }
 
-    /// Fractions of the light at `position` that reach the step at `place`, whose light reaches the eye with this
-    /// `transmittance`; 1 without shadows. A three-point light has one for each direction, other lights one for all.
+    /// The light at `position` that reaches the step at `place`, whose light reaches the eye with this transmittance.
     fn light(
         &self,
         position: usize,
         place: [R; 3],
         samples: &impl Samples<R>,
-        transmittance: &[R],
-        step: &Step<R>,
-    ) -> [R; 3] {
+        (transmittance, step): (&[R], &Step<R>),
+    ) -> Reached<R> {
         let plan = &self.planned.plan;
-        if plan.shadowed_headlight() == Some(position) {
-            // The light shines along the ray of the eye: its mean over the step, (1 − e^(−2τΔs))/(2τ) over (1 − e^(−τΔs))/τ.
-            let half = R::from_f64(0.5);
-            return [(-(transmittance[0] * half)).mul_add(step.opacity[0], transmittance[0]); 3];
-        }
         let shadowed = plan.shadowed();
-        match &self.ways {
-            Some(ways) if shadowed.contains(&position) => [ways.light(position - shadowed.start, place, samples); 3],
-            Some(ways) if plan.shadowed_three_point() == Some(position) => {
-                std::array::from_fn(|i| ways.light(shadowed.len() + i, place, samples))
-            }
-            _ => [R::from_f64(1.0); 3],
-        }
+        let one = R::from_f64(1.0);
+        let of = |number: usize| self.reaching.as_ref().map_or(one, |reaching| reaching.light(number, place, samples));
+        let of_sky = || plan.sky().map_or(one, of);
+        let light = if plan.shadowed_headlight() == Some(position) {
+            // The light shines along the ray of the eye: its mean over the step, (1 − e^(−2τΔs))/(2τ) over (1 − e^(−τΔs))/τ.
+            [(-(transmittance[0] * R::from_f64(0.5))).mul_add(step.opacity[0], transmittance[0]); 3]
+        } else if shadowed.contains(&position) {
+            [of(position - shadowed.start); 3]
+        } else if plan.shadowed_three_point() == Some(position) {
+            std::array::from_fn(|i| of(shadowed.len() + i))
+        } else if plan.shadowed_points().contains(&position) {
+            [of(plan.first_point() + position - plan.shadowed_points().start); 3]
+        } else if plan.shadowed_ambient() == Some(position) {
+            [of_sky(); 3]
+        } else {
+            [one; 3]
+        };
+        let occluded = plan.shadows.is_some_and(|shadows| shadows.occluded) && position >= plan.positions.ambient;
+        Reached { light, ambient: if occluded { of_sky() } else { one } }
     }
 
-    /// Sets `source` to the light that a step sends to the eye from the light at `position`, of which the fractions
-    /// `reached` arrive: material weights and white for the highlights, or a spectrum. The ambient part of a directed
-    /// light is not reduced.
-    fn shade(&self, position: usize, ray: &Ray<R>, place: [R; 3], step: &Step<R>, reached: [R; 3], source: &mut [R]) {
+    /// Sets `source` to the light that a step sends to the eye from the light at `position`, as much as has `reached` it:
+    /// material weights and white for the highlights, or a spectrum.
+    fn shade(
+        &self,
+        position: usize,
+        ray: &Ray<R>,
+        place: [R; 3],
+        step: &Step<R>,
+        reached: &Reached<R>,
+        source: &mut [R],
+    ) {
         let plan = &self.planned.plan;
         let PositionCounts { ambient, headlight, directional, point, .. } = plan.positions;
         if position < ambient || plan.shading.is_none() {
@@ -321,8 +334,8 @@ impl<'a, R: Real> Frame<'a, R> {
             let first = plan.parts().unshaded * LANE;
             let parts = self.reflected_parts();
             source[..parts].copy_from_slice(&step.source[first..first + parts]);
-            let reached =
-                if plan.shadowed_three_point() == Some(position) { mean_of_three(reached) } else { reached[0] };
+            let three = plan.shadowed_three_point() == Some(position);
+            let reached = if three { mean_of_three(reached.light) } else { reached.light[0] };
             source.iter_mut().for_each(|part| *part = *part * reached);
             return;
         }
@@ -330,7 +343,7 @@ impl<'a, R: Real> Frame<'a, R> {
             self.shade_three_point(position, ray, step, reached, source);
             return;
         }
-        let [reached, ..] = reached;
+        let Reached { light: [reached, ..], ambient: open } = *reached;
         let light = if position < ambient + headlight {
             ray.view
         } else if position < ambient + headlight + directional {
@@ -340,7 +353,7 @@ impl<'a, R: Real> Frame<'a, R> {
             unit(std::array::from_fn(|axis| self.lights[position].0[axis] - place[axis] * local_scale[axis]))
         };
         let facing = self.facing(dot(step.normal, light));
-        self.reflect(step, facing * reached, source);
+        self.reflect(step, facing * reached, open, source);
         if plan.specular().is_some() {
             let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
             let lit = facing > R::default();
@@ -361,15 +374,15 @@ impl<'a, R: Real> Frame<'a, R> {
     }
 
     /// As [`Self::shade`], for the three directions of the light at `position`, and their weights.
-    fn shade_three_point(&self, position: usize, ray: &Ray<R>, step: &Step<R>, reached: [R; 3], source: &mut [R]) {
+    fn shade_three_point(&self, position: usize, ray: &Ray<R>, step: &Step<R>, reached: &Reached<R>, source: &mut [R]) {
         source.fill(R::default());
         let first = self.planned.plan.positions.first_vector(position);
-        let lights = self.lights[first..first + 3].iter().zip(reached);
+        let lights = self.lights[first..first + 3].iter().zip(reached.light);
         let lights = lights.map(|(&(light, weight), reached)| (light, weight * reached));
         let facing = lights
             .clone()
             .fold(R::default(), |sum, (light, weight)| weight.mul_add(self.facing(dot(step.normal, light)), sum));
-        self.reflect(step, facing, source);
+        self.reflect(step, facing, reached.ambient, source);
         if self.planned.plan.specular().is_some() {
             for (light, weight) in lights {
                 let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
@@ -402,11 +415,12 @@ impl<'a, R: Real> Frame<'a, R> {
         }
     }
 
-    /// Sets `source` to the ambient and diffuse light of a step.
-    fn reflect(&self, step: &Step<R>, facing: R, source: &mut [R]) {
+    /// Sets `source` to the diffuse light of a step, and to its ambient light of which the fraction `open` arrives.
+    fn reflect(&self, step: &Step<R>, facing: R, open: R, source: &mut [R]) {
         let plan = &self.planned.plan;
         let parts = plan.parts();
-        let shade = |material: &Material| R::from_f64(material.diffuse).mul_add(facing, R::from_f64(material.ambient));
+        let shade =
+            |material: &Material| R::from_f64(material.diffuse).mul_add(facing, R::from_f64(material.ambient) * open);
         match plan.accumulate {
             Accumulate::Weights { .. } => {
                 for ((part, &weight), material) in source.iter_mut().zip(&step.source).zip(self.used()) {
@@ -422,7 +436,7 @@ impl<'a, R: Real> Frame<'a, R> {
             Accumulate::Spectral { shares: Shares::Own, .. } => {
                 let [ambient, diffuse] = [parts.ambient, parts.diffuse].map(|first| &step.source[first * LANE..]);
                 for ((part, &ambient), &diffuse) in source.iter_mut().zip(ambient).zip(diffuse) {
-                    *part = diffuse.mul_add(facing, ambient);
+                    *part = diffuse.mul_add(facing, ambient * open);
                 }
             }
         }
@@ -480,6 +494,14 @@ fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &mut S
     let gains: Vec<R> = (0..components.max(1)).map(gain).collect();
     step.source.clear();
     step.source.extend(density.source.iter().enumerate().map(|(i, &lit)| lit * gains[i % gains.len()]));
+}
+
+/// Light that reaches a step.
+struct Reached<R> {
+    /// Fraction from each direction of a three-point light; of another light three times the same.
+    light: [R; 3],
+    /// Fraction of the ambient share of a directed light.
+    ambient: R,
 }
 
 /// A distance beyond any box.
@@ -599,7 +621,7 @@ pub fn render_pixels<R: Real>(
 ) -> Result<Vec<(DVec3, f64)>, ReferenceError> {
     /// Pixels between two checks for cancellation.
     const AT_ONCE: usize = 32;
-    let frame = Frame::<R>::new(scene, planned, samples, size, progress)?;
+    let frame = Frame::<R>::new(scene, planned, samples, size, wanted.len(), progress)?;
     let chunks = wanted.len().div_ceil(AT_ONCE);
     let found: Vec<Vec<_>> = in_parallel(chunks, progress, |chunk| {
         let pixels = wanted.iter().skip(chunk * AT_ONCE).take(AT_ONCE);
@@ -628,7 +650,7 @@ pub fn march_ray<R: Real>(
 ) -> Result<Film<R>, ReferenceError> {
     /// Samples between two checks for cancellation.
     const AT_ONCE: usize = 1024;
-    let frame = Frame::<R>::new(scene, planned, samples, size, progress)?;
+    let frame = Frame::<R>::new(scene, planned, samples, size, 1, progress)?;
     let mut accumulators = vec![R::default(); planned.plan.components() * planned.positions.len()];
     let ray = frame.ray_through(pixel, [0.5; 2]);
     let mut transmittance = frame.march_along(samples, &ray, &mut accumulators, |sample| {
@@ -651,7 +673,7 @@ fn pixels<R: Real, T: Send>(
     progress: &dyn Progress,
     finish: impl Fn(&[R], &[R]) -> T + Sync,
 ) -> Result<Vec<T>, ReferenceError> {
-    let frame = Frame::<R>::new(scene, planned, samples, size, progress)?;
+    let frame = Frame::<R>::new(scene, planned, samples, size, size[0] * size[1], progress)?;
     let rows = in_parallel(size[1], progress, |y| -> Vec<T> {
         (0..size[0]).map(|x| frame.finished(samples, [x, y], &finish)).collect()
     })?;

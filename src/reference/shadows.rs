@@ -7,29 +7,45 @@ use crate::memory;
 use crate::number::{Real, count};
 use crate::plan::Planned;
 use crate::progress::Progress;
-use crate::scene::{Scene, ShadowMethod};
-use crate::tables::{LARGEST_RISE, LightGrid, PositionTable, Sweep};
+use crate::scene::{Scene, ShadowMethod, Shadows};
+use crate::tables::{
+    GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, PositionTable, SKY_SPACING, Sweep, sky_direction,
+};
 
 /// Longest step of a ray to a light, in units of length.
 const LONGEST_STEP: f64 = 0.25;
+/// A distance beyond any box.
+const FAR: f64 = 1e30;
+/// Spacing of the grid of the sky beside rays to the other lights, as a multiple of that of the device's.
+const FINER_SKY: f64 = 0.5;
+/// Directions of the sky beside rays to the other lights, as a multiple of the stated ones.
+const MORE_DIRECTIONS: usize = 4;
 
-/// Ways of the light along [`PositionTable::shadow_directions`], in their order.
+/// Light that reaches a sample from the lights of [`PositionTable::grid_lights`], in their order.
 #[derive(Debug)]
-pub(super) enum Ways<R> {
-    /// Optical depths at the nodes of a grid, a list for each direction.
-    Grid(LightGrid, Vec<Vec<R>>),
-    /// Rays in texture coordinates per unit of length.
-    Rays {
-        directions: Vec<[R; 3]>,
-        /// Corners of the crop box.
-        crop: [[R; 3]; 2],
-        start: R,
-        step_length: R,
-    },
+pub(super) struct Reaching<R> {
+    lights: Vec<Dimming<R>>,
+    /// Corners of the crop box.
+    crop: [[R; 3]; 2],
+    start: R,
+    step_length: R,
 }
 
-impl<R: Real> Ways<R> {
-    /// Prepares the lights of `planned`; fills the grid, if it has one.
+/// How the dimming of one light is found.
+#[derive(Debug)]
+enum Dimming<R> {
+    /// Optical depths at the nodes of a grid.
+    Grid(LightGrid, Vec<R>),
+    /// A ray in this direction, in texture coordinates per unit of length.
+    Ray([R; 3]),
+    /// A ray to this point.
+    RayTo(PointRays),
+    /// The mean over rays in these directions.
+    Rays(Vec<[R; 3]>),
+}
+
+impl<R: Real> Reaching<R> {
+    /// Prepares the lights of `planned` for so many `pixels`; fills the grids that they need.
     ///
     /// # Errors
     ///
@@ -39,57 +55,110 @@ impl<R: Real> Ways<R> {
         planned: &Planned,
         samples: &impl Samples<R>,
         local_scale: glam::DVec3,
+        pixels: usize,
         progress: &dyn Progress,
     ) -> Result<Self, ReferenceError> {
-        let directions = PositionTable::new(scene, planned).shadow_directions(&planned.plan).into_iter();
+        let lights = PositionTable::new(scene, planned).grid_lights(scene, &planned.plan);
         let from = |vector: glam::DVec3| vector.to_array().map(R::from_f64);
-        let grid = LightGrid::new(scene, scene.shadows.spacing);
-        match scene.shadows.method {
-            ShadowMethod::Rays => Ok(Self::Rays {
-                directions: directions.map(|direction| from(direction / local_scale)).collect(),
-                crop: grid.crop.map(from),
-                start: R::from_f64(scene.shadow_start()),
-                step_length: R::from_f64(
-                    (scene.accuracy.step_length / scene.volume.geometry.spacing.min_element()).min(LONGEST_STEP),
-                ),
-            }),
-            ShadowMethod::Grid => {
-                check_memory(
-                    scene.shadows.spacing,
-                    grid.dims,
-                    directions.len() * size_of::<R>(),
-                    memory::available_bytes(),
-                )?;
-                let sweeps = directions.map(|direction| grid.sweep(direction, scene.shadow_start()));
-                let depths = sweeps.map(|sweep| fill(&grid, &sweep, samples, progress)).collect::<Result<_, _>>()?;
-                Ok(Self::Grid(grid, depths))
-            }
+        let (Shadows { method, spacing, .. }, start) = (scene.shadows, scene.shadow_start());
+        let grid = LightGrid::new(scene, spacing);
+        let free = memory::available_bytes();
+        if method == ShadowMethod::Grid {
+            check_memory(spacing, grid.dims, lights.len() * size_of::<R>(), free)?;
         }
-    }
-
-    /// Fraction of the light from direction `index` that reaches `place`.
-    pub(super) fn light(&self, index: usize, place: [R; 3], samples: &impl Samples<R>) -> R {
-        let depth = match self {
-            Self::Grid(grid, depths) => depths.get(index).map_or(R::default(), |depths| read(grid, depths, place)),
-            Self::Rays { directions, crop, start, step_length } => {
-                let along = directions[index];
-                let end = (0..3).fold(R::from_f64(f64::from(f32::MAX)), |end, axis| {
-                    let face = if along[axis] > R::default() { crop[1][axis] } else { crop[0][axis] };
-                    let reach = (face - place[axis]) / along[axis];
-                    if along[axis].abs() < R::from_f64(1e-30) { end } else { end.min(reach) }
-                });
-                let way = (end - *start).max(R::default());
-                let steps = (way / *step_length).ceil();
-                let length = way / steps.max(R::from_f64(1.0));
-                (0..steps.index()).fold(R::default(), |depth, step| {
-                    let reached = (R::from_f64(count(step)) + R::from_f64(0.5)).mul_add(length, *start);
-                    let at = std::array::from_fn(|axis| reached.mul_add(along[axis], place[axis]));
-                    samples.extinction(at).mul_add(length, depth)
-                })
+        let dimming = |light| match (light, method) {
+            (GridLight::From(direction), ShadowMethod::Rays) => Ok(Dimming::Ray(from(direction / local_scale))),
+            (GridLight::From(direction), ShadowMethod::Grid) => {
+                let depths = fill(&grid, &grid.sweep(direction, start), samples, progress)?;
+                Ok(Dimming::Grid(grid, depths.into_iter().map(|depth| samples.stored_depth(depth)).collect()))
+            }
+            (GridLight::At(point), ShadowMethod::Rays) => Ok(Dimming::RayTo(PointRays { point, start, local_scale })),
+            (GridLight::At(point), ShadowMethod::Grid) => {
+                let depths = fill(&grid, &grid.rays(point, start), samples, progress)?;
+                Ok(Dimming::Grid(grid, depths.into_iter().map(|depth| samples.stored_depth(depth)).collect()))
+            }
+            (GridLight::Sky { directions }, ShadowMethod::Rays) if pixels == 1 => {
+                // One ray reads few of the nodes of a grid.
+                let along = (0..directions).map(|i| from(sky_direction(i, directions) / local_scale));
+                Ok(Dimming::Rays(along.collect()))
+            }
+            (GridLight::Sky { directions }, ShadowMethod::Rays) => {
+                let spacing = FINER_SKY * SKY_SPACING * spacing;
+                let sky = LightGrid::new(scene, spacing);
+                check_memory(spacing, sky.dims, 2 * size_of::<R>(), free)?;
+                let directions = MORE_DIRECTIONS * directions;
+                Ok(Dimming::Grid(sky, sky_depths(&sky, directions, start, samples, progress)?))
+            }
+            (GridLight::Sky { directions }, ShadowMethod::Grid) => {
+                let sky = LightGrid::new(scene, SKY_SPACING * spacing);
+                let depths = sky_depths(&sky, directions, start, samples, progress)?;
+                Ok(Dimming::Grid(grid, resampled(&sky, &depths, &grid, samples)))
             }
         };
-        (-depth).exp_m1() + R::from_f64(1.0)
+        Ok(Self {
+            lights: lights.into_iter().map(dimming).collect::<Result<_, _>>()?,
+            crop: grid.crop.map(from),
+            start: R::from_f64(start),
+            step_length: R::from_f64(
+                (scene.accuracy.step_length / scene.volume.geometry.spacing.min_element()).min(LONGEST_STEP),
+            ),
+        })
     }
+
+    /// Fraction of the light number `index` that reaches `place`.
+    pub(super) fn light(&self, index: usize, place: [R; 3], samples: &impl Samples<R>) -> R {
+        let step = self.step_length;
+        let far = R::from_f64(FAR);
+        let depth = match self.lights.get(index) {
+            Some(Dimming::Grid(grid, depths)) => read(grid, depths, place),
+            Some(Dimming::Ray(along)) => self.along(*along, far, place, step, samples),
+            Some(Dimming::RayTo(to)) => {
+                let (along, distance) = to_point(to, place);
+                self.along(along, distance, place, step, samples)
+            }
+            Some(Dimming::Rays(directions)) => {
+                let reaching = |&along| reaching(self.along(along, far, place, R::from_f64(1.0), samples));
+                let sum = directions.iter().map(reaching).fold(R::default(), |sum, light| sum + light);
+                return sum * R::from_f64(1.0 / count(directions.len()));
+            }
+            None => R::default(),
+        };
+        reaching(depth)
+    }
+
+    /// Optical depth from `place` in a direction, for this `distance` or to the face of the crop box, in steps of at most `step`.
+    fn along(&self, along: [R; 3], distance: R, place: [R; 3], step: R, samples: &impl Samples<R>) -> R {
+        let way = (distance.min(to_face(along, place, &self.crop)) - self.start).max(R::default());
+        let steps = (way / step).ceil();
+        let length = way / steps.max(R::from_f64(1.0));
+        (0..steps.index()).fold(R::default(), |depth, step| {
+            let reached = (R::from_f64(count(step)) + R::from_f64(0.5)).mul_add(length, self.start);
+            let at = std::array::from_fn(|axis| reached.mul_add(along[axis], place[axis]));
+            samples.extinction(at).mul_add(length, depth)
+        })
+    }
+}
+
+/// Fraction of light that is left after an optical depth.
+fn reaching<R: Real>(depth: R) -> R {
+    (-depth).exp_m1() + R::from_f64(1.0)
+}
+
+/// Direction from `place` to a point, in texture coordinates per unit of length, and its distance.
+fn to_point<R: Real>(to: &PointRays, place: [R; 3]) -> ([R; 3], R) {
+    let [point, scale] = [to.point, to.local_scale].map(|vector| vector.to_array().map(R::from_f64));
+    let way: [R; 3] = std::array::from_fn(|axis| point[axis] - place[axis] * scale[axis]);
+    let distance = way.iter().fold(R::default(), |sum, &x| x.mul_add(x, sum)).sqrt().max(R::from_f64(1e-6));
+    (std::array::from_fn(|axis| way[axis] / (distance * scale[axis])), distance)
+}
+
+/// Distance from `place` to the face of the box between these corners.
+fn to_face<R: Real>(along: [R; 3], place: [R; 3], corners: &[[R; 3]; 2]) -> R {
+    (0..3).fold(R::from_f64(FAR), |end, axis| {
+        let face = if along[axis] > R::default() { corners[1][axis] } else { corners[0][axis] };
+        let reach = (face - place[axis]) / along[axis];
+        if along[axis].abs() < R::from_f64(1e-30) { end } else { end.min(reach) }
+    })
 }
 
 /// Refuses a grid of `nodes` along its axes with so many bytes per node that it exceeds the `free` bytes.
@@ -135,12 +204,22 @@ fn fill<R: Real>(
         if progress.cancelled() {
             return Err(ReferenceError::Cancelled);
         }
+        let node = |i: usize, j: usize| {
+            sweep.index(slice) * strides[sweep.axes[0]] + i * strides[sweep.axes[1]] + j * strides[sweep.axes[2]]
+        };
+        if let Some(to) = &sweep.to {
+            let row = |j: usize| -> Vec<R> {
+                (0..sweep.nodes[0]).map(|i| depth_to(to, grid, sweep, samples, [i, j, slice])).collect()
+            };
+            let rows: Vec<Vec<R>> = (0..sweep.nodes[1]).into_par_iter().map(row).collect();
+            for (j, row) in rows.into_iter().enumerate() {
+                row.into_iter().enumerate().for_each(|(i, depth)| depths[node(i, j)] = depth);
+            }
+            continue;
+        }
         for j in 0..sweep.nodes[1] {
             for i in 0..sweep.nodes[0] {
-                let node = sweep.index(slice) * strides[sweep.axes[0]]
-                    + i * strides[sweep.axes[1]]
-                    + j * strides[sweep.axes[2]];
-                depths[node] = samples.stored_depth(passed(sweep, &columns, slice, [i, j]));
+                depths[node(i, j)] = passed(sweep, &columns, slice, [i, j]);
             }
         }
         let [across, down] = sweep.window(slice);
@@ -151,6 +230,64 @@ fn fill<R: Real>(
         });
     }
     Ok(depths)
+}
+
+/// Optical depth between a node and a point light; each part of the ray adds at most as much as a slice does.
+fn depth_to<R: Real>(
+    to: &PointRays,
+    grid: &LightGrid,
+    sweep: &Sweep,
+    samples: &impl Samples<R>,
+    [i, j, slice]: [usize; 3],
+) -> R {
+    let from = |vector: glam::DVec3| vector.to_array().map(R::from_f64);
+    let [corner, per_slice, across, down] = sweep.line.map(from);
+    let [i, j, slice] = [i, j, slice].map(|n| R::from_f64(count(n)));
+    let place: [R; 3] = std::array::from_fn(|axis| {
+        i.mul_add(across[axis], j.mul_add(down[axis], slice.mul_add(per_slice[axis], corner[axis])))
+    });
+    let (along, distance) = to_point(to, place);
+    let (start, one) = (R::from_f64(to.start), R::from_f64(1.0));
+    let open = (distance.min(to_face(along, place, &grid.room().map(from))) - start).max(R::default());
+    // Rounding does not add a part.
+    let parts = (open * R::from_f64(1.0 / sweep.path) - R::from_f64(1e-3)).ceil().max(R::default());
+    let length = open / (parts.max(one) * R::from_f64(count(sweep.samples)));
+    (0..parts.index()).fold(R::default(), |depth, part| {
+        let sum = (0..sweep.samples).fold(R::default(), |sum, sample| {
+            let n = R::from_f64(count(part * sweep.samples + sample)) + R::from_f64(0.5);
+            let reached = n.mul_add(length, start);
+            sum + samples.extinction(std::array::from_fn(|axis| reached.mul_add(along[axis], place[axis])))
+        });
+        depth + (sum * length).min(R::from_f64(LARGEST_RISE))
+    })
+}
+
+/// Depths that stand for the mean light of so many `directions` of the sky, at the nodes of `grid`.
+fn sky_depths<R: Real>(
+    grid: &LightGrid,
+    directions: usize,
+    start: f64,
+    samples: &impl Samples<R>,
+    progress: &dyn Progress,
+) -> Result<Vec<R>, ReferenceError> {
+    let mut sums = vec![R::default(); grid.dims.iter().product()];
+    for i in 0..directions {
+        let sweep = grid.sweep(sky_direction(i, directions), start);
+        let depths = fill(grid, &sweep, samples, progress)?;
+        for (sum, depth) in sums.iter_mut().zip(depths) {
+            *sum = *sum + reaching(depth);
+        }
+    }
+    let depth = |sum: R| (-(sum.to_f64() / count(directions)).ln()).clamp(0.0, LARGEST_SKY_DEPTH);
+    Ok(sums.into_iter().map(|sum| R::from_f64(depth(sum))).collect())
+}
+
+/// The `depths` of `from` at the nodes of `to`, which divides the same box.
+fn resampled<R: Real>(from: &LightGrid, depths: &[R], to: &LightGrid, samples: &impl Samples<R>) -> Vec<R> {
+    let [width, height, depth] = to.dims;
+    let node = |axis: usize, i: usize| R::from_f64((count(i) - to.offset[axis]) / to.scale[axis]);
+    let plane = |z: usize| (0..width * height).map(move |i| [node(0, i % width), node(1, i / width), node(2, z)]);
+    (0..depth).flat_map(plane).map(|place| samples.stored_depth(read(from, depths, place))).collect()
 }
 
 /// Depth of the columns at a node of a slice, linear between four of them.

@@ -25,17 +25,6 @@ pub enum Placement {
     ThreePoint,
 }
 
-impl Placement {
-    /// Whether lights from here can cast shadows.
-    #[must_use]
-    pub fn casts_shadows(&self) -> bool {
-        match self {
-            Self::Headlight | Self::Directional(_) | Self::ThreePoint => true,
-            Self::Ambient | Self::Point(_) => false,
-        }
-    }
-}
-
 /// Directions of a three-point light, as parts towards the right and the top of the picture and towards the eye, and
 /// their weights: key, fill and rim (docs/decisions/rendering.md).
 const THREE_POINT: [([f64; 3], f64); 3] = [([-0.5, 0.6, 1.0], 0.9), ([0.8, 0.1, 0.5], 0.1), ([0.4, 0.8, -0.3], 0.15)];

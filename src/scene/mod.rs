@@ -89,14 +89,22 @@ impl Scene {
         self.uses(index, |term| &term.opacity, |entry| entry.opacity)
     }
 
-    /// Whether the light `index` casts shadows that change the picture: they take light without shading, and the diffuse
-    /// and specular parts of shaded light. Ambient and point lights cast none.
+    /// Whether the light `index` casts shadows that change the picture: they take ambient light, light without shading, and
+    /// the diffuse and specular parts of shaded light.
     #[must_use]
     pub fn casts_shadows(&self, index: usize) -> bool {
-        let casts = self.lights.get(index).is_some_and(|light| light.shadows && light.placement.casts_shadows());
+        let Some(light) = self.lights.get(index).filter(|light| light.shadows) else { return false };
         let shaded =
             |(i, material): (usize, &Material)| self.shows(i) && (material.diffuse > 0.0 || material.specular > 0.0);
-        casts && (self.shading == Shading::None || self.materials.iter().enumerate().any(shaded))
+        light.placement == Placement::Ambient
+            || self.shading == Shading::None
+            || self.materials.iter().enumerate().any(shaded)
+    }
+
+    /// Whether the scene asks for any shadows.
+    #[must_use]
+    pub fn asks_for_shadows(&self) -> bool {
+        self.shadows.ambient == AmbientShares::Occluded || self.lights.iter().any(|light| light.shadows)
     }
 
     /// Distance from a sample within which nothing shades it, in voxels along the axis with the smallest spacing. By default 3 where
@@ -234,12 +242,33 @@ pub struct Shadows {
     /// Distance from a sample within which nothing shades it, in voxels along the axis with the smallest spacing; `None` follows
     /// [`Scene::shadow_start`].
     pub start: Option<f64>,
+    /// Whether the ambient shares of directed lights are dimmed as ambient light with shadows is.
+    pub ambient: AmbientShares,
+    /// Directions of an evenly bright sky, of which ambient light with shadows is the mean.
+    pub directions: usize,
 }
 
 impl Default for Shadows {
     fn default() -> Self {
-        Self { method: ShadowMethod::default(), spacing: 2.0, start: None }
+        Self {
+            method: ShadowMethod::default(),
+            spacing: 2.0,
+            start: None,
+            ambient: AmbientShares::default(),
+            directions: 64,
+        }
     }
+}
+
+/// Ambient shares of directed lights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AmbientShares {
+    /// They reach every sample.
+    #[default]
+    Open,
+    /// The medium around a sample dims them: ambient occlusion.
+    Occluded,
 }
 
 /// Method that finds the light at a sample.
@@ -250,7 +279,8 @@ pub enum ShadowMethod {
     #[default]
     Grid,
     /// By a ray from each sample to each light, in steps of a quarter of the smallest spacing, or of a shorter view step.
-    /// For the reference only.
+    /// Ambient light comes from a grid with half the spacing, from four times the directions; for one pixel, by a ray in each
+    /// direction. For the reference only.
     Rays,
 }
 

@@ -3,7 +3,7 @@
 use glam::{DVec3, DVec4};
 
 use super::rays::unit_length;
-use crate::number::rounded;
+use crate::number::{count, rounded};
 use crate::plan::{Accumulate, LANE, Planned, ScenePlan};
 use crate::scene::{Material, Placement, Scene, three_point};
 
@@ -39,20 +39,49 @@ impl PositionTable {
         Self(planned.positions.iter().flat_map(|position| vectors(position.placement)).collect())
     }
 
-    /// Directions along which the medium dims light, in the order of [`ScenePlan::shadow_vectors`]. Those of a three-point
-    /// light are rounded, so that its light grid is kept when the camera moves without a turn.
+    /// The lights of the light grid of `scene`: those of [`ScenePlan::shadow_vectors`], in their order, and ambient light
+    /// if the medium dims it. Directions of a three-point light are rounded, so that its light grid is kept when the camera
+    /// moves without a turn.
     #[must_use]
-    pub fn shadow_directions(&self, plan: &ScenePlan) -> Vec<DVec3> {
-        let stated = plan.shadowed().len();
-        let direction = |(number, vector): (usize, &DVec4)| {
-            let direction = vector.truncate();
-            if number < stated {
-                return direction;
+    pub fn grid_lights(&self, scene: &Scene, plan: &ScenePlan) -> Vec<GridLight> {
+        let (directional, points) = (plan.shadowed().len(), plan.first_point());
+        let light = |(number, vector): (usize, &DVec4)| {
+            let vector = vector.truncate();
+            if number < directional {
+                GridLight::From(vector)
+            } else if number < points {
+                GridLight::From(((vector * FINEST_TURN).round() / FINEST_TURN).normalize_or_zero())
+            } else {
+                GridLight::At(vector)
             }
-            ((direction * FINEST_TURN).round() / FINEST_TURN).normalize_or_zero()
         };
-        plan.shadow_vectors().filter_map(|vector| self.0.get(vector)).enumerate().map(direction).collect()
+        let placed = plan.shadow_vectors().filter_map(|vector| self.0.get(vector)).enumerate().map(light);
+        placed.chain(plan.sky().map(|_| GridLight::Sky { directions: scene.shadows.directions })).collect()
     }
+}
+
+/// A light whose dimming by the medium a light grid holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GridLight {
+    /// From infinity: a unit vector towards the light, along the volume's own axes.
+    From(DVec3),
+    /// From a point: its coordinates in units of length along the volume's own axes, from the texture's corner.
+    At(DVec3),
+    /// From a sky of even brightness: the mean over so many directions.
+    Sky {
+        /// Number of directions.
+        directions: usize,
+    },
+}
+
+/// Unit vector `i` of `directions` that are evenly spread over the sphere: a Fibonacci lattice.
+#[must_use]
+pub fn sky_direction(i: usize, directions: usize) -> DVec3 {
+    let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let z = 1.0 - (2.0 * count(i) + 1.0) / count(directions);
+    let (sine, cosine) = (count(i) * golden_angle).sin_cos();
+    let radius = z.mul_add(-z, 1.0).max(0.0).sqrt();
+    DVec3::new(radius * cosine, radius * sine, z)
 }
 
 /// Shading coefficients, in lanes; unused numbers are zero.

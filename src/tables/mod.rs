@@ -12,11 +12,13 @@ mod transfer;
 
 pub use cells::{CELL, Cells, Occupancy};
 pub use gradient::GradientTable;
-pub use lights::{PositionTable, ShadingTable};
+pub use lights::{GridLight, PositionTable, ShadingTable, sky_direction};
 pub use rays::{MOST_SAMPLES, RayTable, ray_places};
 pub use reflected::Reflected;
 pub use segments::SegmentTable;
 pub(crate) use segments::mean_density;
-pub use shadows::{ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LightGrid, Sweep};
+pub use shadows::{
+    ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, SKY_SPACING, Sweep,
+};
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
 pub use transfer::{LARGEST_DEPTH, Step, Steps, TransferTable};

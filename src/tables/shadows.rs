@@ -12,7 +12,14 @@ use crate::scene::Scene;
 /// the surface, through the interpolation between both.
 pub const LARGEST_RISE: f64 = 4.0;
 
-/// Directions of lights in a texel of the light grid.
+/// Spacing of the grid on which the light of the sky is summed, as a multiple of that of the light grid. The sum over all
+/// directions is smooth.
+pub const SKY_SPACING: f64 = 2.0;
+
+/// Largest optical depth that stands for the mean light of the sky.
+pub const LARGEST_SKY_DEPTH: f64 = 20.0;
+
+/// Lights in a texel of the light grid.
 pub const GRID_LIGHTS: usize = 4;
 
 /// Grey extinction: optical depth per unit of length (the smallest spacing), of each entry of the transfer table and of
@@ -61,8 +68,10 @@ pub struct LightGrid {
     voxel: DVec3,
 }
 
-/// The way of one directional light through a [`LightGrid`]: from slice to slice along one axis, from the light's side.
-/// Columns one node apart follow the light.
+/// The order in which the nodes of a [`LightGrid`] get their depths, slice by slice along one axis.
+///
+/// For a directional light, slices go from the light's side, and columns one node apart follow the light. For a point
+/// light there are no columns: a ray goes from each node to the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     /// The axis of the slices, and the two axes across.
@@ -88,6 +97,19 @@ pub struct Sweep {
     pub samples: usize,
     /// Slices by which a column stays behind the slice that reads it: the start of shadows.
     pub behind: f64,
+    /// Rays to a point light, in place of columns.
+    pub to: Option<PointRays>,
+}
+
+/// Rays from nodes to a point light. `samples` of a [`Sweep`] are then those of a part of a ray of length `path`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointRays {
+    /// Coordinates of the light, in units of length from the texture's corner.
+    pub point: DVec3,
+    /// Distance from a node within which nothing shades it, in units of length.
+    pub start: f64,
+    /// Units of length per texture coordinate.
+    pub local_scale: DVec3,
 }
 
 impl LightGrid {
@@ -111,7 +133,7 @@ impl LightGrid {
         }
     }
 
-    /// The grid of `lights` directions in a sentence.
+    /// The grid of so many `lights` in a sentence.
     #[must_use]
     pub fn explain(&self, lights: usize) -> String {
         let [x, y, z] = self.dims;
@@ -123,7 +145,7 @@ impl LightGrid {
         )
     }
 
-    /// Bytes of its texels for light from `lights` directions.
+    /// Bytes of its texels for so many `lights`.
     #[must_use]
     pub fn bytes(&self, lights: usize) -> f64 {
         let nodes: f64 = self.dims.iter().map(|&n| count(n)).product();
@@ -156,6 +178,31 @@ impl LightGrid {
             path,
             samples: whole((voxels.length() * path - 1e-9).ceil()).max(1),
             behind: start / path,
+            to: None,
+        }
+    }
+
+    /// The rays to a light at `point`, in units of length from the texture's corner, with shadows from `start` on.
+    #[must_use]
+    pub fn rays(&self, point: DVec3, start: f64) -> Sweep {
+        let axes = [2, 0, 1];
+        let path = (self.spacing * self.voxel).min_element();
+        let nodes = [self.dims[0], self.dims[1]];
+        // Voxels along each axis.
+        let voxels = self.spacing * self.scale;
+        Sweep {
+            axes,
+            slices: self.dims[2],
+            descending: false,
+            shear: [0.0; 2],
+            line: self.line(axes, false, [0.0; 2], [0.0; 2]),
+            first: [0.0; 2],
+            columns: nodes,
+            nodes,
+            path,
+            samples: whole((path - 1e-9).ceil()).max(1),
+            behind: 0.0,
+            to: Some(PointRays { point, start, local_scale: voxels * self.voxel }),
         }
     }
 }
@@ -178,6 +225,13 @@ impl LightGrid {
 }
 
 impl Sweep {
+    /// Approximate number of samples per column, or per node of a point light.
+    #[must_use]
+    pub fn work(&self) -> usize {
+        let parts = self.to.map_or(1.0, |to| (0.5 * to.local_scale.length() / self.path).ceil());
+        self.samples * whole(parts).max(1)
+    }
+
     /// Columns, from the first to before the last, that `slice` reads or that advance from it: the others are outside the
     /// crop box. As slices go on, columns enter and leave once.
     #[must_use]

@@ -25,7 +25,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("vulkan", &["shader"]),
     ("present", &["vulkan"]),
     ("render", &["vulkan", "film", "shader", "tables", "plan", "scene", "model", "volume", "progress", "number"]),
-    ("output", &["film", "plan", "scene", "input", "model", "spectrum", "volume", "progress", "number"]),
+    ("output", &["annotate", "film", "plan", "scene", "input", "model", "spectrum", "volume", "progress", "number"]),
     (
         "document",
         &["input", "output", "palette", "scene", "model", "spectrum", "volume", "progress", "number", "written"],

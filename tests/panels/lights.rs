@@ -5,11 +5,11 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use relume::document::moves::{Move, Side};
-use relume::document::{Document, Edit, Mixing};
+use relume::document::{self, Document, Edit, Mixing};
 use relume::internal::view::Action;
 use relume::plan::Stale;
 use relume::progress::Quiet;
-use relume::scene::Lighting;
+use relume::scene::{AmbientShares, Lighting};
 
 use crate::app::{App, document, light_names, wide};
 
@@ -83,6 +83,25 @@ fn the_shaded_sides_are_chosen_in_the_light_panel_undone_and_kept_by_sessions() 
     window.get_by_label("Undo").click();
     window.run();
     assert_eq!(lighting(&window), Lighting::TwoSided);
+}
+
+#[test]
+fn ambient_occlusion_is_switched_in_the_light_panel_undone_and_kept_by_sessions() {
+    let mut window = wide(document());
+    window.run();
+    let ambient = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().scene.shadows.ambient;
+    assert_eq!(ambient(&window), AmbientShares::Open);
+    window.get_by_label("ambient occlusion").click();
+    window.run();
+    assert_eq!(ambient(&window), AmbientShares::Occluded);
+    let mut edited = document();
+    edited.edit(&Edit::AmbientShares(AmbientShares::Occluded));
+    let path = std::path::Path::new("session.toml");
+    let text = document::session::text(path, &document::Source::default(), edited.opened(), edited.state()).unwrap();
+    assert!(text.contains("[shadows]\nambient = \"occluded\""), "{text}");
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(ambient(&window), AmbientShares::Open);
 }
 
 #[test]

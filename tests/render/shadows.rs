@@ -15,9 +15,11 @@ use relume::progress::Quiet;
 use relume::reference::{self, End, Samples, Step};
 use relume::render::{Dispatching, Renderer, SceneRenderer};
 use relume::scene::{
-    Aim, Integration, Interpolation, Lighting, Lookup, Placement, Projection, Scene, SceneLight, Shading, ShadowMethod,
+    Aim, AmbientShares, Integration, Interpolation, Lighting, Lookup, Placement, Projection, Scene, SceneLight,
+    Shading, ShadowMethod,
 };
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
+use relume::tables::sky_direction;
 use relume::volume::{Geometry, Volume, Voxels};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float, of};
@@ -430,9 +432,16 @@ fn shadows_keep_positions_apart_that_share_a_shade_without_them() {
         (plan.positions, plan.shadows)
     };
     let two = PositionCounts { directional: 2, ..PositionCounts::default() };
-    let grid = |directional, three_point| {
-        Some(ShadowedPositions { headlight: false, directional, three_point, method: ShadowMethod::Grid })
+    let none = ShadowedPositions {
+        headlight: false,
+        directional: 0,
+        three_point: false,
+        point: 0,
+        ambient: false,
+        occluded: false,
+        method: ShadowMethod::Grid,
     };
+    let grid = |directional, three_point| Some(ShadowedPositions { directional, three_point, ..none });
     assert_eq!(shadows(&scene), (two, grid(2, false)), "opposite directions, unshaded");
     scene.lights[0].shadows = false;
     let mixed = PositionCounts { ambient: 1, directional: 1, ..PositionCounts::default() };
@@ -443,6 +452,21 @@ fn shadows_keep_positions_apart_that_share_a_shade_without_them() {
     scene.shading = Shading::Gradient;
     scene.materials.iter_mut().for_each(|material| (material.diffuse, material.specular) = (0.0, 0.0));
     assert_eq!(shadows(&scene).1, None, "nothing but ambient parts, which shadows leave");
+    scene.shadows.ambient = AmbientShares::Occluded;
+    assert_eq!(shadows(&scene).1, Some(ShadowedPositions { occluded: true, ..none }), "unless they are occluded");
+    scene.materials.iter_mut().for_each(|material| material.ambient = 0.0);
+    assert_eq!(shadows(&scene).1, None, "no ambient parts");
+    scene.lights[0].placement = Placement::Ambient;
+    scene.lights[1].placement = Placement::Ambient;
+    scene.lights[1].shadows = true;
+    let two = PositionCounts { ambient: 2, ..PositionCounts::default() };
+    assert_eq!(shadows(&scene), (two, Some(ShadowedPositions { ambient: true, ..none })), "with and without shadows");
+    scene.lights[0].placement = Placement::Point(DVec3::ONE);
+    scene.lights[0].shadows = true;
+    scene.shading = Shading::None;
+    let (counts, shadowed) = shadows(&scene);
+    assert_eq!((counts.ambient, counts.point), (1, 1));
+    assert_eq!(shadowed, Some(ShadowedPositions { ambient: true, point: 1, ..none }), "a point light, unshaded");
 }
 
 #[test]
@@ -454,17 +478,23 @@ fn shadows_that_cannot_be_computed_are_refused_with_their_light() {
         assert_eq!(error.code(), "shadows-impossible");
         error.to_string()
     };
-    assert_eq!(
-        refused(|scene| scene.lights[1].placement = Placement::Ambient),
-        "lights.lamp.shadows = true is not possible: it is ambient; only directional lights, three-point lights and headlights cast shadows"
-    );
-    assert!(refused(|scene| scene.lights[1].placement = Placement::Point(DVec3::ONE)).contains("it is point"));
-    let coloured = refused(|scene| {
+    let colour = |scene: &mut Scene| {
         let glass = scenes::named("coloured_three");
         scene.materials[0].absorption = glass.materials.iter().find_map(|material| material.absorption.clone());
         scene.transfer.terms[0].absorption = vec![(0.0, 0.1)];
-    });
+    };
+    let coloured = refused(colour);
+    assert!(coloured.starts_with("lights.day.shadows = true is not possible"), "{coloured}");
     assert!(coloured.contains("the absorption of large is coloured"), "{coloured}");
+    let occluded = refused(|scene| {
+        let glass = scenes::named("coloured_three");
+        scene.materials[0].absorption = glass.materials.iter().find_map(|material| material.absorption.clone());
+        scene.transfer.terms[0].absorption = vec![(0.0, 0.1)];
+        scene.shading = Shading::Gradient;
+        scene.lights.iter_mut().for_each(|light| light.shadows = false);
+        scene.shadows.ambient = AmbientShares::Occluded;
+    });
+    assert!(occluded.starts_with("shadows.ambient = \"occluded\" is not possible"), "{occluded}");
     let many = refused(|scene| {
         let light = scene.lights[0].clone();
         scene.lights = (0..64_u32)
@@ -499,6 +529,19 @@ fn with_sides(mut scene: Scene, sides: DVec3) -> Scene {
 #[test]
 fn the_light_grid_approaches_rays_as_its_spacing_falls() {
     let cubes = DVec3::ONE;
+    for (i, point) in POINTS.into_iter().enumerate() {
+        let spaced = |spacing: f64| {
+            let mut scene = occluded("none");
+            scene.lights.truncate(1);
+            scene.lights[0].placement = Placement::Point(point);
+            scene.shadows.spacing = spacing;
+            let [rays, grid] = both_methods(&scene);
+            let error: f64 = rays.iter().zip(&grid).map(|(ray, grid)| (ray - grid).abs()).sum();
+            error / rays.iter().sum::<f64>()
+        };
+        let errors = [4.0, 2.0, 1.0].map(spaced);
+        assert!(errors[1] < 0.7 * errors[0] && errors[2] < 0.7 * errors[1], "point {i}: {errors:?}");
+    }
     for (shading, start, sides) in [
         ("none", 0.0, cubes),
         ("gradient", 0.0, cubes),
@@ -537,6 +580,127 @@ fn beside_three_point(shading: &str, more: usize) -> Scene {
         scene.lights.push(SceneLight { name: format!("more {i}"), placement, ..lamp.clone() });
     }
     scene
+}
+
+/// A sky beside `more` directional lights, all with shadows.
+fn under_sky(shading: &str, more: usize) -> Scene {
+    let mut scene = beside_three_point(shading, more);
+    scene.lights[0].placement = Placement::Ambient;
+    scene
+}
+
+/// Points in front of [`occluded`], in it and behind it.
+const POINTS: [DVec3; 3] = [DVec3::new(50.0, -30.0, 60.0), DVec3::new(4.2, 12.1, 25.3), DVec3::new(-40.0, 30.0, 5.0)];
+
+#[test]
+fn the_sky_is_the_mean_of_its_directions() {
+    for (shading, directions) in [("none", 16), ("gradient", 48)] {
+        let mut sky = under_sky(shading, 0);
+        // Shades of directional lights without shading, or with ambient parts only, are 1.
+        sky.materials.iter_mut().for_each(|material| (material.ambient, material.diffuse) = (1.0, 0.0));
+        sky.shadows.directions = directions;
+        let found = |spacing: f64| {
+            let mut scene = sky.clone();
+            scene.shadows.spacing = spacing;
+            weights(scene, SIZE)
+        };
+        let mut mean = vec![0.0; SIZE[0] * SIZE[1]];
+        for first in (0..directions).step_by(16) {
+            let mut scene = sky.clone();
+            // Gradient shading does not touch unshaded light.
+            scene.shading = Shading::None;
+            scene.shadows.start = Some(sky.shadow_start());
+            scene.shadows.method = ShadowMethod::Rays;
+            let light = scene.lights[0].clone();
+            let direction = |i| Placement::Directional(sky_direction(i, directions));
+            let lights = (first..first + 16).map(|i| SceneLight {
+                name: format!("{i}"),
+                placement: direction(i),
+                ..light.clone()
+            });
+            scene.lights = lights.collect();
+            let rungs = Rungs::new(scene, SIZE);
+            let film = rungs.march::<f64>(&rungs.exact());
+            assert_eq!(film.accumulators.len(), 16 * film.components * mean.len());
+            for position in film.accumulators.chunks_exact(film.components * mean.len()) {
+                mean.iter_mut().zip(position).for_each(|(mean, weight)| *mean += weight / float(directions));
+            }
+        }
+        let total: f64 = mean.iter().sum();
+        let error = |found: &[f64]| found.iter().zip(&mean).map(|(a, b)| (a - b).abs()).sum::<f64>() / total;
+        let [coarse, fine] = [1.0, 0.5].map(|spacing| error(&found(spacing)));
+        assert!(fine < 0.4 * coarse && coarse < 0.03, "{shading}: {coarse} at 2 voxels, {fine} at 1");
+    }
+}
+
+#[test]
+fn a_ball_under_an_even_sky_has_the_brightness_of_its_closed_form() {
+    let step = 1.0 / 100.0;
+    // In the middle and half a radius from it, with a node of the sky every so many voxels.
+    let shown = |spacing: f64| {
+        let mut scene = block(DVec3::splat(2.0), 1.5, "kind = \"ambient\"", step, 3.0);
+        (scene.shadows.spacing, scene.shadows.directions) = (spacing, 16);
+        let planned = plan(&scene, &Quiet).unwrap();
+        let of_size = |size: [usize; 2]| {
+            let film = reference::march(&scene, &planned, &Ball { depth: 1.5, step }, size, &Quiet).unwrap();
+            film.accumulators.iter().map(|weight| 0.8 * weight).collect::<Vec<f64>>()
+        };
+        [of_size([3, 3])[4], of_size([4, 3])[5]]
+    };
+    let [coarse, fine] = [0.04, 0.02].map(shown);
+    for ((coarse, fine), expected) in coarse.into_iter().zip(fine).zip([0.264_483, 0.286_100]) {
+        // The ball has a sharp edge: the error goes with the spacing.
+        assert!((fine - expected).abs() <= 0.6 * (coarse - expected).abs(), "{coarse}, {fine}, not {expected}");
+        let limit = 2.0 * fine - coarse;
+        assert!((limit - expected).abs() <= SINGLE, "{coarse}, {fine}, not {expected}");
+    }
+}
+
+#[test]
+fn occluded_ambient_shares_are_those_of_ambient_light_with_shadows() {
+    let mut both = occluded("gradient");
+    both.lights.truncate(1);
+    both.lights[0].shadows = false;
+    both.materials.iter_mut().for_each(|material| (material.ambient, material.diffuse) = (0.3, 0.6));
+    both.shadows.ambient = AmbientShares::Occluded;
+    let mut diffuse = both.clone();
+    diffuse.materials.iter_mut().for_each(|material| material.ambient = 0.0);
+    let mut sky = both.clone();
+    sky.lights[0].placement = Placement::Ambient;
+    sky.lights[0].shadows = true;
+    sky.accuracy = both.accuracy.clone();
+    let marched = |scene: Scene| {
+        let rungs = Rungs::new(scene, SIZE);
+        rungs.march::<f64>(&rungs.exact()).accumulators
+    };
+    let [both, diffuse, sky] = [both, diffuse, sky].map(marched);
+    assert!(both.iter().any(|&weight| weight > 0.1));
+    for ((both, diffuse), sky) in both.iter().zip(&diffuse).zip(&sky) {
+        assert!((both - (diffuse + 0.3 * sky)).abs() <= 1e-12, "{both}, not {diffuse} + 0.3 · {sky}");
+    }
+}
+
+#[test]
+fn a_distant_point_light_is_a_directional_light() {
+    for shading in ["none", "gradient"] {
+        let lit = |placement: Placement, method: ShadowMethod| {
+            let mut scene = occluded(shading);
+            scene.lights.truncate(1);
+            scene.lights[0].placement = placement;
+            scene.shadows.method = method;
+            let rungs = Rungs::new(scene, SIZE);
+            rungs.march::<f64>(&rungs.exact()).accumulators
+        };
+        let direction = DVec3::new(0.6, -0.3, 0.7).normalize();
+        for (method, most) in [(ShadowMethod::Rays, 1e-6), (ShadowMethod::Grid, 0.03)] {
+            let far = lit(Placement::Point(1e8 * direction), method);
+            let parallel = lit(Placement::Directional(direction), method);
+            let total: f64 = parallel.iter().sum();
+            let error = far.iter().zip(&parallel).map(|(a, b)| (a - b).abs()).sum::<f64>() / total;
+            // Rays from nodes and columns differ by their interpolation.
+            assert!(error <= most, "{shading}, {method:?}: {error}");
+        }
+    }
 }
 
 /// Scenes of every kind of light, shading and medium that shadows meet.
@@ -588,6 +752,49 @@ fn shadowed_of_every_kind() -> Vec<(&'static str, Scene)> {
         ("labels", shadowed("labels")),
         ("rotated", shadowed("rotated")),
         ("one-sided", changed("gradient", |scene| scene.lighting = Lighting::OneSided)),
+        ("sky, unshaded", under_sky("none", 0)),
+        ("sky beside one light", under_sky("gradient", 1)),
+        ("sky in the second texel", under_sky("none", 4)),
+        ("sky and segments", {
+            let mut scene = under_sky("gradient", 1);
+            scene.accuracy.integration = Integration::Segments;
+            scene
+        }),
+        ("sky of few directions, cropped, exact filter", {
+            let mut scene = under_sky("gradient", 2);
+            scene.crop = Some([DVec3::new(2.0, 3.5, 0.0), DVec3::new(20.0, 24.0, 35.2)]);
+            scene.accuracy.interpolation = Interpolation::ExactLinear;
+            scene.shadows.directions = 8;
+            scene
+        }),
+        ("occluded ambient shares", changed("gradient", |scene| scene.shadows.ambient = AmbientShares::Occluded)),
+        ("occluded ambient shares of lights without shadows", {
+            changed("gradient", |scene| {
+                scene.shadows.ambient = AmbientShares::Occluded;
+                scene.lights.iter_mut().for_each(|light| light.shadows = false);
+                scene.materials[0].ambient = 0.7;
+                scene.materials[0].specular = 0.3;
+            })
+        }),
+        ("occluded three-point", {
+            let mut scene = beside_three_point("gradient", 2);
+            scene.shadows.ambient = AmbientShares::Occluded;
+            scene
+        }),
+        ("point outside", changed("gradient", |scene| scene.lights[1].placement = Placement::Point(POINTS[0]))),
+        ("point inside", changed("none", |scene| scene.lights[1].placement = Placement::Point(POINTS[1]))),
+        ("points beside everything", {
+            let mut scene = beside_three_point("gradient", 2);
+            let light = scene.lights[1].clone();
+            for (name, point, shadows) in [("a", POINTS[0], true), ("b", POINTS[1], true), ("c", POINTS[2], false)] {
+                let placement = Placement::Point(point);
+                scene.lights.push(SceneLight { name: name.to_owned(), placement, shadows, ..light.clone() });
+            }
+            scene.lights.push(SceneLight { name: "sky".to_owned(), placement: Placement::Ambient, ..light.clone() });
+            scene.materials[0].specular = 0.4;
+            scene.shadows.start = Some(1.5);
+            scene
+        }),
         ("three-point", beside_three_point("gradient", 0)),
         ("three-point, unshaded", beside_three_point("none", 0)),
         ("three-point in the texel of a directional light", beside_three_point("gradient", 1)),
@@ -642,11 +849,16 @@ fn numbers<R: Real>(film: &Film<R>) -> Vec<u64> {
 #[test]
 fn any_division_of_march_and_fill_leaves_the_same_bytes() {
     with_renderer(|renderer| {
-        let marched = |renderer: &Renderer| numbers(&Rungs::new(occluded("gradient"), SIZE).gpu(renderer));
-        let whole = marched(renderer);
-        for samples in [64, 1000] {
-            let dispatching = Dispatching { samples: Some(samples), slice: 7, ..Dispatching::default() };
-            assert!(marched(&renderer.clone().with_dispatching(dispatching)) == whole, "{samples} samples at once");
+        let mut sky = under_sky("gradient", 1);
+        sky.shadows.directions = 8;
+        sky.lights[1].placement = Placement::Point(POINTS[1]);
+        for scene in [occluded("gradient"), sky] {
+            let marched = |renderer: &Renderer| numbers(&Rungs::new(scene.clone(), SIZE).gpu(renderer));
+            let whole = marched(renderer);
+            for samples in [64, 1000] {
+                let dispatching = Dispatching { samples: Some(samples), slice: 7, ..Dispatching::default() };
+                assert!(marched(&renderer.clone().with_dispatching(dispatching)) == whole, "{samples} samples at once");
+            }
         }
     });
 }
@@ -697,6 +909,35 @@ fn a_light_grid_is_filled_again_only_where_its_depths_change() {
         };
         assert_eq!(fills(&xray(0.2)).0, 2);
         assert_eq!(fills(&xray(0.4)).0, 0, "the opacity of an X-ray material");
+    });
+}
+
+#[test]
+fn the_light_of_the_sky_is_summed_again_only_where_it_changes() {
+    with_renderer(|renderer| {
+        let first = SceneRenderer::new(renderer, under_sky("gradient", 1), &Quiet).unwrap();
+        let fills = |change: fn(&mut Scene)| {
+            let mut scene = first.scene().clone();
+            change(&mut scene);
+            let before = renderer.light_fills();
+            let planned = plan(&scene, &Quiet).unwrap();
+            let film = first.with_scene(scene, planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
+            (renderer.light_fills() - before, numbers(&renderer.read(&film).unwrap()))
+        };
+        let (count, begun) = fills(|_| {});
+        assert_eq!(count, 2, "one light and the sky");
+        assert_eq!(fills(|scene| scene.camera.up = DVec3::X).0, 0, "another camera");
+        assert_eq!(fills(|scene| scene.shadows.directions = 8).0, 1, "other directions");
+        let (count, back) = fills(|_| {});
+        assert_eq!(count, 1, "the directions of before");
+        assert!(back == begun, "the same light again");
+        // Its depths move to the first number of the texel.
+        assert_eq!(fills(|scene| scene.lights[1].shadows = false).0, 0, "the other light casts none");
+        assert_eq!(
+            fills(|scene| scene.lights[1].placement = Placement::Directional(DVec3::X)).0,
+            1,
+            "another direction"
+        );
     });
 }
 
@@ -884,7 +1125,10 @@ fn opened(more: &str) -> Result<SceneFile, document::SceneError> {
 fn keys_of_shadows_are_read_and_checked() {
     let scene = opened("[shadows]\nspacing = 0.5\nstart = 2\nmethod = \"rays\"").unwrap().scene;
     assert_eq!((scene.shadows.spacing, scene.shadow_start(), scene.shadows.method), (0.5, 2.0, ShadowMethod::Rays));
+    let sky = opened("[shadows]\nambient = \"occluded\"\ndirections = 16").unwrap().scene;
+    assert_eq!((sky.shadows.ambient, sky.shadows.directions), (AmbientShares::Occluded, 16));
     let mut usual = opened("").unwrap().scene;
+    assert_eq!((usual.shadows.ambient, usual.shadows.directions), (AmbientShares::Open, 64));
     assert_eq!((usual.shadows.spacing, usual.shadow_start()), (2.0, 3.0));
     usual.shading = Shading::None;
     assert_eq!((usual.shadows.spacing, usual.shadow_start()), (2.0, 0.0));
@@ -892,7 +1136,9 @@ fn keys_of_shadows_are_read_and_checked() {
         ("spacing = 0", "from 0.5 to 64"),
         ("start = -1", "from 0 to 1000"),
         ("method = \"grids\"", "grids"),
-        ("directions = 64", "directions"),
+        ("directions = 7", "from 8 to 1024"),
+        ("ambient = \"dim\"", "dim"),
+        ("reach = 3", "reach"),
     ] {
         let error = opened(&format!("[shadows]\n{wrong}")).unwrap_err();
         let told = format!("{error:?} {error}");
@@ -907,11 +1153,12 @@ fn a_light_keeps_its_switched_shadows_in_a_session_and_in_the_history() {
         edited.edit(&Edit::Shadows(light, true));
     }
     let cast = |scene: &Scene| scene.lights.iter().map(|light| light.shadows).collect::<Vec<_>>();
-    assert_eq!(cast(&edited.state().scene), [true, true, false, true], "an ambient light casts none");
+    assert_eq!(cast(&edited.state().scene), [true; 4]);
     let path = Path::new("session.toml");
     let text = document::session::text(path, &Source::default(), edited.opened(), edited.state()).unwrap();
     let again = document::parse("again", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-    assert_eq!(cast(&again.scene), [true, true, false, true]);
+    assert_eq!(cast(&again.scene), [true; 4]);
+    edited.undo();
     edited.undo();
     edited.undo();
     edited.undo();

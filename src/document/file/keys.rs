@@ -13,8 +13,8 @@ use crate::document::Mixing;
 use crate::model::ModelKind;
 use crate::palette::PaletteFile;
 use crate::scene::{
-    AccumulateAs, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup, Shading, ShadowMethod,
-    StoreAs, VolumeAs,
+    AccumulateAs, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup, Shading,
+    ShadowMethod, StoreAs, VolumeAs,
 };
 use crate::spectrum::SpectrumSource;
 use crate::spectrum::deficiency::Deficiency;
@@ -179,6 +179,9 @@ pub(super) struct ShadowsFile {
     pub(super) method: ShadowMethod,
     pub(super) spacing: Option<At<f64>>,
     pub(super) start: Option<At<f64>>,
+    #[serde(default)]
+    pub(super) ambient: AmbientShares,
+    pub(super) directions: Option<At<i64>>,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize)]

@@ -9,12 +9,15 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::dispatching::TableMemory;
-use super::source::{light_grid_source, light_order_source};
+use super::source::{Fill, light_grid_source, light_order_source, sky_source};
 use crate::number::{count, rounded, unsigned, whole};
 use crate::plan::{Planned, ScenePlan};
 use crate::render::{RenderError, Renderer, Uploaded};
 use crate::scene::{Interpolation, Lookup, Scene};
-use crate::tables::{ExtinctionTable, GRID_LIGHTS, GradientTable, LARGEST_RISE, LightGrid, PositionTable, Sweep};
+use crate::tables::{
+    ExtinctionTable, GRID_LIGHTS, GradientTable, GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PositionTable,
+    SKY_SPACING, Sweep, sky_direction,
+};
 use crate::vulkan::{Buffer, ComputePipeline, Filter, Format, HostUse, Image3d, Resource, ResourceSet, Sampler};
 
 /// Pixels of a workgroup, across and down.
@@ -57,7 +60,13 @@ struct SweepUniform {
     texels: u32,
     labels: u32,
     largest_rise: f32,
-    unused: f32,
+    direction: u32,
+    strides: [u32; 3],
+    path: f32,
+    point: [f32; 3],
+    start: f32,
+    local_scale: [f32; 3],
+    unused: u32,
 }
 
 /// Push constants of a dispatch, in the layout of `shaders/light_grid.wgsl`.
@@ -88,6 +97,19 @@ impl Order {
     const NONE: u32 = u32::MAX;
 }
 
+/// Push constants that set the depths of ambient light, in the layout of `shaders/sky.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct ToDepths {
+    nodes: [u32; 3],
+    texels: u32,
+    summed: [u32; 3],
+    part: u32,
+    directions: f32,
+    largest_depth: f32,
+    unused: [u32; 2],
+}
+
 /// Uniform of a march that reads the grid, in the layout of `shaders/shadowed.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -102,6 +124,8 @@ struct Place {
 #[derive(Clone, Debug, PartialEq)]
 struct Key {
     grid: LightGrid,
+    /// Grid on which the light of the sky is summed.
+    sky: LightGrid,
     start: f64,
     extinctions: ExtinctionTable,
     gradients: GradientTable,
@@ -124,8 +148,8 @@ pub(super) struct DeviceGrid {
 /// State of a fill. It may rest after every slice.
 #[derive(Debug, Default)]
 struct Filling {
-    /// Direction of each light, and whether its depths are complete.
-    lights: Vec<(DVec3, bool)>,
+    /// Each light, and whether its depths are complete.
+    lights: Vec<(GridLight, bool)>,
     /// The light being filled.
     current: Option<Current>,
     /// Samples of columns that fit into a submission.
@@ -135,11 +159,22 @@ struct Filling {
 #[derive(Debug)]
 struct Current {
     light: usize,
+    /// Sum over the sky; `None` for a light with one direction.
+    summing: Option<Summing>,
     sweep: Sweep,
     pipeline: ComputePipeline,
     set: ResourceSet,
     slice: usize,
     row: usize,
+}
+
+/// Light of the sky, of which some directions have been summed.
+#[derive(Debug)]
+struct Summing {
+    directions: usize,
+    /// Number of the direction that is being added.
+    direction: usize,
+    sums: Buffer,
 }
 
 impl Renderer {
@@ -157,7 +192,7 @@ impl Renderer {
         let room = count(usize::try_from(limits.device_heap_bytes).unwrap_or(usize::MAX)) * MEMORY_PART;
         let room = room.min(count(usize::try_from(limits.max_allocation_bytes).unwrap_or(usize::MAX)));
         let extent = limits.max_extent_3d(Format::Rgba16Float);
-        let lights = plan.shadow_directions();
+        let lights = plan.grid_lights();
         let fits = |spacing: f64| {
             let grid = LightGrid::new(scene, spacing);
             let texels = lights.div_ceil(GRID_LIGHTS);
@@ -187,16 +222,19 @@ impl Renderer {
     ) -> Result<Option<Arc<DeviceGrid>>, RenderError> {
         let plan = &planned.plan;
         let Some(spacing) = self.light_spacing(scene, plan) else { return Ok(None) };
-        let directions = PositionTable::new(scene, planned).shadow_directions(plan);
+        let lights = PositionTable::new(scene, planned).grid_lights(scene, plan);
+        let grids = |spacing: f64| [spacing, SKY_SPACING * spacing].map(|spacing| LightGrid::new(scene, spacing));
+        let [grid, sky] = grids(spacing);
         let mut key = Key {
-            grid: LightGrid::new(scene, spacing),
+            grid,
+            sky,
             start: scene.shadow_start(),
             extinctions: ExtinctionTable::new(scene, planned, uploaded.storage.domain),
             gradients: GradientTable::new(scene, &uploaded.storage),
             lookup: plan.lookup,
             interpolation: plan.interpolation,
         };
-        let texels = directions.len().div_ceil(GRID_LIGHTS);
+        let texels = lights.len().div_ceil(GRID_LIGHTS);
         let mut kept = uploaded.kept.0.lock().unwrap_or_else(PoisonError::into_inner);
         let [fine, coarser] = &mut *kept;
         let known = |kept: &Option<Arc<dyn Any + Send + Sync>>| {
@@ -206,11 +244,11 @@ impl Renderer {
         let mut kept = fine;
         if coarse {
             let serves =
-                |grid: &Arc<DeviceGrid>| grid.key == key && grid.is_complete() && grid.filling().is_of(&directions);
+                |grid: &Arc<DeviceGrid>| grid.key == key && grid.is_complete() && grid.filling().is_of(&lights);
             if let Some(grid) = known(kept).filter(serves) {
                 return Ok(Some(grid));
             }
-            key.grid = LightGrid::new(scene, COARSER * spacing);
+            [key.grid, key.sky] = grids(COARSER * spacing);
             kept = coarser;
         }
         let mut before = known(kept).filter(|grid| grid.key == key);
@@ -218,10 +256,10 @@ impl Renderer {
             // A march in progress reads the grid as it is; this is the third reference without one.
             let is_shared = Arc::strong_count(grid) > 2;
             let filling = grid.filling();
-            let stays = !is_shared && grid.texels >= texels && filling.stay(&directions);
-            filling.is_of(&directions) || stays
+            let stays = !is_shared && grid.texels >= texels && filling.stay(&lights);
+            filling.is_of(&lights) || stays
         }) {
-            grid.filling().aim_at(&directions);
+            grid.filling().aim_at(&lights);
             return Ok(Some(grid));
         }
         // Frees the old grid before the new one is made, if nothing else uses it.
@@ -236,7 +274,7 @@ impl Renderer {
             texels,
             filling: Mutex::default(),
         });
-        grid.filling().aim_at(&directions);
+        grid.filling().aim_at(&lights);
         if let Some(before) = before {
             self.take_over(&before, &grid)?;
         }
@@ -249,7 +287,7 @@ impl Renderer {
     fn take_over(&self, before: &DeviceGrid, grid: &DeviceGrid) -> Result<(), RenderError> {
         let complete = before.filling().lights.clone();
         let mut filling = grid.filling();
-        let known = |wanted: DVec3| complete.iter().position(|&(direction, complete)| complete && direction == wanted);
+        let known = |wanted: GridLight| complete.iter().position(|&(light, complete)| complete && light == wanted);
         let numbers: Vec<Option<usize>> = filling.lights.iter().map(|light| known(light.0)).collect();
         if numbers.iter().all(Option::is_none) {
             return Ok(());
@@ -297,23 +335,23 @@ impl Renderer {
 }
 
 impl Filling {
-    /// Whether its lights have these directions.
-    fn is_of(&self, directions: &[DVec3]) -> bool {
-        self.lights.iter().map(|light| light.0).eq(directions.iter().copied())
+    /// Whether it is for these lights.
+    fn is_of(&self, lights: &[GridLight]) -> bool {
+        self.lights.iter().map(|light| light.0).eq(lights.iter().copied())
     }
 
-    /// Whether no complete depth of `directions` has another number.
-    fn stay(&self, directions: &[DVec3]) -> bool {
-        let elsewhere = |(number, light): (usize, &(DVec3, bool))| {
-            light.1 && directions.get(number) != Some(&light.0) && directions.contains(&light.0)
+    /// Whether no complete depth of `lights` has another number.
+    fn stay(&self, lights: &[GridLight]) -> bool {
+        let elsewhere = |(number, light): (usize, &(GridLight, bool))| {
+            light.1 && lights.get(number) != Some(&light.0) && lights.contains(&light.0)
         };
         !self.lights.iter().enumerate().any(elsewhere)
     }
 
-    /// Marks the lights whose direction changes as incomplete.
-    fn aim_at(&mut self, directions: &[DVec3]) {
-        let lights = directions.iter().enumerate().map(|(i, &direction)| {
-            (direction, self.lights.get(i).is_some_and(|&(known, complete)| complete && known == direction))
+    /// Marks the lights that change as incomplete.
+    fn aim_at(&mut self, lights: &[GridLight]) {
+        let lights = lights.iter().enumerate().map(|(i, &light)| {
+            (light, self.lights.get(i).is_some_and(|&(known, complete)| complete && known == light))
         });
         let lights: Vec<_> = lights.collect();
         if self.current.as_ref().is_some_and(|current| {
@@ -359,7 +397,25 @@ impl DeviceGrid {
             Some(now) if now.light == light => now,
             _ => {
                 renderer.shared.light_fills.fetch_add(1, Ordering::Relaxed);
-                current.insert(self.begin(renderer, planned, uploaded, light, lights[light].0)?)
+                let begun = match lights[light].0 {
+                    GridLight::From(direction) => self.begin(
+                        renderer,
+                        planned,
+                        uploaded,
+                        light,
+                        self.key.grid.sweep(direction, self.key.start),
+                        None,
+                    ),
+                    GridLight::At(point) => {
+                        self.begin(renderer, planned, uploaded, light, self.key.grid.rays(point, self.key.start), None)
+                    }
+                    GridLight::Sky { directions } => {
+                        let bytes = self.key.sky.dims.iter().product::<usize>() * size_of::<f32>();
+                        let sums = Buffer::device(&renderer.device, "sky", bytes as u64)?;
+                        self.begin_sky(renderer, planned, uploaded, light, Summing { directions, direction: 0, sums })
+                    }
+                };
+                current.insert(begun?)
             }
         };
         let begun = Instant::now();
@@ -372,7 +428,7 @@ impl DeviceGrid {
                 let groups = [columns.div_ceil(GROUP[0]), rows.div_ceil(GROUP[1]), 1];
                 recorder.compute_to_compute();
                 recorder.dispatch(&now.pipeline, &now.set, bytemuck::bytes_of(&slice), groups)?;
-                samples += f64::from(columns) * f64::from(rows) * count(now.sweep.samples);
+                samples += f64::from(columns) * f64::from(rows) * count(now.sweep.work());
             }
             recorder.compute_to_compute();
             Ok(())
@@ -384,25 +440,83 @@ impl DeviceGrid {
         }
         let seconds = begun.elapsed().as_secs_f64().max(1e-5);
         *budget = Some((samples * SUBMISSION.as_secs_f64() / seconds).clamp(most / 4.0, most * 4.0).max(1.0));
-        if now.slice >= now.sweep.slices {
-            *current = None;
-            lights[light].1 = true;
+        if now.slice < now.sweep.slices {
+            return Ok(());
         }
+        let summing = now.summing.take();
+        *current = None;
+        match summing {
+            Some(Summing { directions, direction, sums }) if direction + 1 < directions => {
+                let next = Summing { directions, direction: direction + 1, sums };
+                *current = Some(self.begin_sky(renderer, planned, uploaded, light, next)?);
+                return Ok(());
+            }
+            Some(complete) => self.set_sky(renderer, light, &complete)?,
+            None => {}
+        }
+        lights[light].1 = true;
         Ok(())
     }
 
-    /// Sets up the sweep of `light`.
+    /// Sets up the sweep of the next direction of the sky, which is `light`.
+    fn begin_sky(
+        &self,
+        renderer: &Renderer,
+        planned: &Planned,
+        uploaded: &Uploaded,
+        light: usize,
+        summing: Summing,
+    ) -> Result<Current, RenderError> {
+        let sweep = self.key.sky.sweep(sky_direction(summing.direction, summing.directions), self.key.start);
+        self.begin(renderer, planned, uploaded, light, sweep, Some(summing))
+    }
+
+    /// Sets the depths of `light`, the sky, from its sums.
+    fn set_sky(&self, renderer: &Renderer, light: usize, complete: &Summing) -> Result<(), RenderError> {
+        let (pipeline, set) = renderer.bind(sky_source(GROUP), |name| {
+            Some(match name {
+                "sky" => Resource::Storage(&complete.sums),
+                "light_grid" => Resource::StorageTexture(&self.image),
+                _ => return None,
+            })
+        })?;
+        let nodes = self.key.grid.dims.map(unsigned);
+        let constants = ToDepths {
+            nodes,
+            texels: unsigned(light / GRID_LIGHTS * self.key.grid.dims[2]),
+            summed: self.key.sky.dims.map(unsigned),
+            part: unsigned(light % GRID_LIGHTS),
+            directions: rounded(count(complete.directions)),
+            largest_depth: rounded(LARGEST_SKY_DEPTH),
+            unused: [0; 2],
+        };
+        renderer.device.run("sky", |recorder| {
+            recorder.compute_to_compute();
+            let groups = [nodes[0].div_ceil(GROUP[0]), nodes[1].div_ceil(GROUP[1]), nodes[2]];
+            recorder.dispatch(&pipeline, &set, bytemuck::bytes_of(&constants), groups)?;
+            recorder.compute_to_compute();
+            Ok(())
+        })?;
+        Ok(())
+    }
+
+    /// Sets up the sweep of `light`, or that of one direction of the sky.
     fn begin(
         &self,
         renderer: &Renderer,
         planned: &Planned,
         uploaded: &Uploaded,
         light: usize,
-        direction: DVec3,
+        sweep: Sweep,
+        summing: Option<Summing>,
     ) -> Result<Current, RenderError> {
-        let (device, plan, Key { grid, start, extinctions, gradients, .. }) =
+        let (device, plan, Key { grid, sky, extinctions, gradients, .. }) =
             (&renderer.device, &planned.plan, &self.key);
-        let sweep = grid.sweep(direction, *start);
+        let (grid, fill) = match (&summing, sweep.to) {
+            (Some(_), _) => (sky, Fill::Sky),
+            (None, Some(_)) => (grid, Fill::Point),
+            (None, None) => (grid, Fill::Directional),
+        };
         let uniform = |name: &str, bytes: &[u8]| -> Result<Buffer, RenderError> {
             let buffer = Buffer::host(device, name, bytes.len() as u64, HostUse::Uniform)?;
             buffer.write(0, bytes)?;
@@ -436,7 +550,13 @@ impl DeviceGrid {
             texels: unsigned(light / GRID_LIGHTS * grid.dims[2]),
             labels: unsigned(extinctions.values.len()),
             largest_rise: rounded(LARGEST_RISE),
-            unused: 0.0,
+            direction: unsigned(summing.as_ref().map_or(0, |summing| summing.direction)),
+            strides: [1, grid.dims[0], grid.dims[0] * grid.dims[1]].map(unsigned),
+            path: rounded(sweep.path),
+            point: sweep.to.map_or([0.0; 3], |to| vector(to.point)),
+            start: rounded(sweep.to.map_or(0.0, |to| to.start)),
+            local_scale: sweep.to.map_or([1.0; 3], |to| vector(to.local_scale)),
+            unused: 0,
         };
         let sweep_buffer = uniform("sweep", bytemuck::bytes_of(&sweep_uniform))?;
         let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients.0))?;
@@ -446,7 +566,7 @@ impl DeviceGrid {
         let planes = Buffer::device(device, "columns", planes as u64)?;
         let filter = if plan.interpolation == Interpolation::Linear { Filter::Linear } else { Filter::Nearest };
         let sampler = Sampler::new(device, "volume", filter)?;
-        let (pipeline, set) = renderer.bind(light_grid_source(plan, GROUP, memory), |name| {
+        let (pipeline, set) = renderer.bind(light_grid_source(plan, GROUP, memory, fill), |name| {
             Some(match name {
                 "sweep_uniform" => Resource::Uniform(&sweep_buffer),
                 "gradient_table" => Resource::Uniform(&gradients),
@@ -454,6 +574,7 @@ impl DeviceGrid {
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
                 "columns" => Resource::Storage(&planes),
+                "sky" => Resource::Storage(&summing.as_ref()?.sums),
                 "light_grid" => Resource::StorageTexture(&self.image),
                 "extinctions" => match memory {
                     TableMemory::Storage => Resource::Storage(&table),
@@ -462,7 +583,7 @@ impl DeviceGrid {
                 _ => return None,
             })
         })?;
-        Ok(Current { light, sweep, pipeline, set, slice: 0, row: 0 })
+        Ok(Current { light, summing, sweep, pipeline, set, slice: 0, row: 0 })
     }
 }
 
@@ -478,6 +599,8 @@ impl Current {
         let before = self.slice.checked_sub(1).map_or([0; 4], bounds);
         let [columns, height] = [window[2] - window[0], window[3] - window[1]];
         let [columns, height] = [columns.max(unsigned(sweep.nodes[0])), height.max(unsigned(sweep.nodes[1]))];
+        // The rays of a point light have more samples than a column has in a slice.
+        let most_columns = most_columns * sweep.samples / sweep.work();
         let most = whole(count(most_columns) / f64::from(columns)).max(GROUP[1] as usize);
         let first_row = unsigned(self.row);
         let rows = (height - first_row).min(unsigned(most));

@@ -196,7 +196,7 @@ impl Renderer {
         if plan.transmittance == Transmittance::Mixed && plan.components() > LARGEST_MATRIX {
             return Err(RenderError::Matrix { dimension: plan.components(), largest: LARGEST_MATRIX });
         }
-        if plan.shadows.is_some_and(|shadows| shadows.directions() > 0 && shadows.method == ShadowMethod::Rays) {
+        if plan.shadows.is_some_and(|shadows| shadows.grid_lights() > 0 && shadows.method == ShadowMethod::Rays) {
             return Err(RenderError::LightRays);
         }
         self.shared.marches.fetch_add(1, Ordering::Relaxed);

@@ -120,7 +120,16 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
             "THREE_VECTORS",
             unsigned(plan.shadowed_three_point().map_or(0, |position| plan.positions.first_vector(position))),
         )
-        .u32("SHADOW_DIRECTIONS", unsigned(if plan.layers() == 0 { 0 } else { plan.shadow_directions() }))
+        .u32("SHADOWED_POINTS", unsigned(if plan.layers() == 0 { 0 } else { plan.shadowed_points().len() }))
+        .u32("FIRST_SHADOWED_POINT", unsigned(plan.shadowed_points().start))
+        .u32("FIRST_POINT_NUMBER", unsigned(plan.first_point()))
+        .bool("SHADOWED_AMBIENT", plan.layers() > 0 && plan.shadowed_ambient().is_some())
+        .u32("LAST_AMBIENT", unsigned(plan.shadowed_ambient().unwrap_or(0)))
+        .bool("AMBIENT_OCCLUDED", plan.shadows.is_some_and(|shadows| shadows.occluded))
+        .u32("GRID_LIGHTS", unsigned(if plan.layers() == 0 { 0 } else { plan.grid_lights() }))
+        .bool("SKY_DIMMED", plan.layers() > 0 && plan.sky().is_some())
+        // Number of ambient light in the light grid.
+        .u32("SKY", unsigned(plan.sky().unwrap_or(0)))
         // Positions without shadows.
         .u32("OPEN", unsigned(if plan.layers() == 0 { 0 } else { plan.open_positions() }))
         .bool("SHADED", plan.shading.is_some())
@@ -149,9 +158,22 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
 }
 
+/// What a sweep fills.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Fill {
+    /// The depths of a directional light.
+    Directional,
+    /// The depths of a point light.
+    Point,
+    /// The sums over the directions of the sky.
+    Sky,
+}
+
 /// Source of the shader that fills a light grid for `plan`, with the extinctions in this memory.
-pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: TableMemory) -> Source {
+pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: TableMemory, fill: Fill) -> Source {
     let constants = Constants::new()
+        .bool("SKY", fill == Fill::Sky)
+        .bool("POINT_LIGHT", fill == Fill::Point)
         .bool("STORED_GRADIENT", plan.stores_gradient())
         .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
         .u32("GRADIENT_PIECES", unsigned(plan.gradient_opacity.saturating_sub(1)))
@@ -167,8 +189,15 @@ pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: Table
         TableMemory::Storage => text!("extinctions_storage.wgsl"),
         TableMemory::Uniform => text!("extinctions_uniform.wgsl"),
     };
-    let parts = vec![extinctions, text!("gradient_opacity.wgsl"), text!("fetch.wgsl"), text!("light_grid.wgsl")];
+    let half = text!("nearest_half.wgsl");
+    let parts = vec![extinctions, text!("gradient_opacity.wgsl"), text!("fetch.wgsl"), half, text!("light_grid.wgsl")];
     Source { name: "light grid", constants, parts }
+}
+
+/// Source of the shader that sets the depths of ambient light.
+pub(super) fn sky_source(group: [u32; 2]) -> Source {
+    let constants = Constants::new().u32("GROUP_WIDTH", group[0]).u32("GROUP_HEIGHT", group[1]);
+    Source { name: "sky", constants, parts: vec![text!("nearest_half.wgsl"), text!("sky.wgsl")] }
 }
 
 /// Source of the shader that gives depths of a light grid other numbers.

@@ -7,7 +7,7 @@ use super::spectrum::{curve, swatch};
 use crate::document::Mixing;
 use crate::document::{BRIGHTEST, Document, Edit};
 use crate::plan::Stale;
-use crate::scene::{Lighting, Shading};
+use crate::scene::{AmbientShares, Lighting, Shading};
 use crate::view::action::Action;
 
 /// Shows the light panel.
@@ -39,13 +39,9 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             };
             let solo = |ui: &mut Ui| {
                 let alone = state.light.solo == Some(index) && by_slider;
-                let casts = light.placement.casts_shadows();
-                let shadows = ui.add_enabled_ui(casts, |ui| toggle(ui, light.shadows, "shadows")).inner;
-                let shadows = shadows
-                    .on_hover_text(
-                        "Shadows: the medium between a sample and this light dims it. This marches the volume again.",
-                    )
-                    .on_disabled_hover_text("Only directional lights, three-point lights and headlights cast shadows.");
+                let shadows = toggle(ui, light.shadows, "shadows").on_hover_text(
+                    "Shadows: the medium between a sample and this light dims it. This marches the volume again.",
+                );
                 if shadows.clicked() {
                     return Some(Action::Edit(Edit::Shadows(index, !light.shadows)));
                 }
@@ -96,6 +92,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         );
         if state.scene.shading == Shading::Gradient {
             shaded_sides(ui, state.scene.lighting, asked);
+            ambient_shares(ui, state.scene.shadows.ambient, asked);
         }
     });
 }
@@ -120,6 +117,18 @@ fn shaded_sides(ui: &mut Ui, lighting: Lighting, asked: &mut Vec<Action>) {
             }
         }
     });
+}
+
+/// Shows whether the medium dims the ambient shares of directed lights.
+fn ambient_shares(ui: &mut Ui, shares: AmbientShares, asked: &mut Vec<Action>) {
+    let mut occluded = shares == AmbientShares::Occluded;
+    let switch = ui.checkbox(&mut occluded, "ambient occlusion").on_hover_text(
+        "Hollows and inner parts get less of the ambient light that headlights, directional, point and three-point lights bring along. A change marches the volume again, and sums the light of a sky first.",
+    );
+    if switch.changed() {
+        let shares = if occluded { AmbientShares::Occluded } else { AmbientShares::Open };
+        asked.push(Action::Edit(Edit::AmbientShares(shares)));
+    }
 }
 
 /// Names a number for screen readers and tests.
