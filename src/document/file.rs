@@ -559,6 +559,7 @@ impl Text<'_> {
             background,
             camera,
             crop,
+            block: None,
             accuracy,
             shadows,
             display,

@@ -312,6 +312,7 @@ impl State {
             background,
             camera,
             crop,
+            block: _,
             accuracy,
             shadows: _,
             display,

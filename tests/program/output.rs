@@ -362,6 +362,7 @@ fn accumulators_come_back_as_they_were() {
         observer: Observer::default(),
         dial: None,
         frame: None,
+        part: None,
         accumulators: vec![],
         ..full
     };
@@ -428,6 +429,7 @@ fn a_file_of_another_program_is_read() {
         observer: Observer::default(),
         dial: None,
         frame: None,
+        part: None,
         accumulators: weights.to_vec(),
         transmittance: transmittance.to_vec(),
     };
