@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use relume::internal::memory;
 use relume::measure::Stopwatch;
 use relume::output::OutputError;
 use relume::output::PictureKind;
@@ -35,7 +36,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     PictureKind::require_exr(&args.output).map_err(|error| CliError::Usage(format!("-o {error}")))?;
     check_outputs(&[&args.output], &args.parts.iter().map(PathBuf::as_path).collect::<Vec<&Path>>())?;
     let clock = Stopwatch::start();
-    let composited = composite(&args.parts, progress).map_err(|error| match error {
+    let composited = composite(&args.parts, memory::available_bytes(), progress).map_err(|error| match error {
         OutputError::Cancelled { .. } => CliError::Cancelled,
         error => error.into(),
     })?;

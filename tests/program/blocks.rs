@@ -3,6 +3,8 @@
 use std::process::Command;
 
 use relume::output::FilmFile;
+use relume::output::film::composite;
+use relume::progress::Quiet;
 
 use crate::support::program::Folder;
 
@@ -79,6 +81,9 @@ fn parts_that_do_not_composite_are_refused_with_a_sentence() {
     refused(&["p1.exr", "cut.exr"], &["cut.exr"]);
     folder.refused(1, &["composite", "p1.exr", "p2.exr", "p3.exr", "p4.exr", "-o", "none/film.exr"], &["none"]);
     folder.refused(2, &["composite", "p1.exr", "-o", "film.png"], &[".exr"]);
+    let paths = ["p1.exr", "p2.exr", "p3.exr", "p4.exr"].map(|name| folder.path(name));
+    let error = composite(&paths, Some(1000), &Quiet).unwrap_err();
+    assert!(error.to_string().contains("bytes of memory, and 1000 are free"), "{error}");
     // What a block cannot do.
     folder.refused(1, &part("1/2", "n.exr", &["-D", "accuracy.rays=4"]), &["4 rays a pixel", "accuracy.rays=1"]);
     folder.refused(1, &part("1/4096000", "n.exr", &[]), &["no 4096000 blocks", "4096"]);

@@ -134,6 +134,8 @@ struct Known<'a> {
     path: &'a Path,
     part: FilmPart,
     header: FilmFile,
+    /// Bytes of its pixels.
+    bytes: u64,
 }
 
 /// Reads the part at `path`.
@@ -178,11 +180,17 @@ fn check_same(first: &Known<'_>, other: &Known<'_>) -> Result<(), OutputError> {
 /// The operations and their order follow from the tree alone, so the film is the same to the bit for any order and
 /// grouping of the parts. Of the pixels, one film a level of the tree is in memory; each file is read twice.
 ///
+/// `available_bytes` is the memory for pixels, if it is known.
+///
 /// # Errors
 ///
 /// [`OutputError::Parts`] if a block is missing or doubled, or parts differ in version, number of blocks, size, camera,
-/// scene or lights; [`OutputError::Cancelled`]; and those of [`FilmFile::read`].
-pub fn composite(paths: &[PathBuf], progress: &dyn Progress) -> Result<Composited, OutputError> {
+/// scene or lights, or if they exceed the memory; [`OutputError::Cancelled`]; and those of [`FilmFile::read`].
+pub fn composite(
+    paths: &[PathBuf],
+    available_bytes: Option<u64>,
+    progress: &dyn Progress,
+) -> Result<Composited, OutputError> {
     let total = paths.len() as u64;
     let mut known: Vec<Known<'_>> = Vec::new();
     for (done, path) in (0_u64..).zip(paths) {
@@ -191,8 +199,9 @@ pub fn composite(paths: &[PathBuf], progress: &dyn Progress) -> Result<Composite
             return Err(OutputError::Cancelled { path: path.clone() });
         }
         let (part, film) = part_at(path)?;
+        let bytes = 4 * (film.accumulators.len() + film.transmittance.len()) as u64;
         let header = FilmFile { accumulators: Vec::new(), transmittance: Vec::new(), ..film };
-        let this = Known { path, part, header };
+        let this = Known { path, part, header, bytes };
         if let Some(first) = known.first() {
             check_same(first, &this)?;
         }
@@ -226,6 +235,18 @@ pub fn composite(paths: &[PathBuf], progress: &dyn Progress) -> Result<Composite
         return Err(refused(
             front.path,
             format!("block {missing} of {blocks} is missing beside this part; render it with --block I/{blocks}"),
+        ));
+    }
+    // The front of each level, and the back, their composite and the lines of a file.
+    let levels = u64::from(usize::BITS - (blocks - 1).leading_zeros()).min(total);
+    let needed = front.bytes.saturating_mul(levels + 3);
+    if let Some(available) = available_bytes.filter(|&available| needed > available) {
+        return Err(refused(
+            front.path,
+            format!(
+                "to composite {total} parts of this size needs {needed} bytes of memory, and {available} are free; \
+                 composite fewer blocks at once or a smaller picture"
+            ),
         ));
     }
     let mut done = 0;
