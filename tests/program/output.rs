@@ -337,6 +337,7 @@ fn example() -> FilmFile {
             unit: Some("µm".to_owned()),
             edges: Some(["R", "LA", "S", ""].map(str::to_owned)),
         }),
+        part: None,
         accumulators: (0..6 * width * height).map(weight).collect(),
         transmittance: (0..width * height).map(|pixel| weight(pixel) / 24.0).collect(),
     }
