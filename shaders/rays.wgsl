@@ -126,6 +126,12 @@ fn ray_through(pixel: vec2u) -> Ray {
     let first = first_behind(shown.x, start);
     let steps = max(first_behind(shown.y, start) - first, 0.0);
     let samples = select(0u, min(u32(steps), march.samples), shown.y > shown.x);
+    if (BLOCK) {
+        // A ray in the face between two blocks belongs to the upper one.
+        let within = abs(direction) < vec3f(1e-30) & base == march.crop_high;
+        let next = any(within & vec3<bool>(OPEN_X, OPEN_Y, OPEN_Z));
+        return Ray(base, direction, start, first + 0.5, select(samples, 0u, next), -(direction * march.local_scale));
+    }
     return Ray(base, direction, start, first + 0.5, samples, -(direction * march.local_scale));
 }
 

@@ -357,6 +357,7 @@ fn accumulators_to_damage() {
         observer: Observer::default(),
         dial: None,
         frame: None,
+        part: None,
         accumulators: vec![0.5; 12],
         transmittance: vec![0.25; 12],
     };

@@ -241,6 +241,15 @@ fn is_white(spectrum: &[f64; BANDS]) -> bool {
 /// Reads the film file `path`.
 pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     let mut file = FilmFile::read(path)?;
+    if let Some(part) = &file.part {
+        tracing::warn!(
+            "{} is a part of a film: blocks {} to {} of {}; `relume composite` makes the whole film",
+            path.display(),
+            part.first,
+            part.last,
+            part.blocks
+        );
+    }
     let dial = match file.dial.take() {
         None => Dial::regular(file.lights.iter().map(|light| light.name.as_str())),
         Some(FileDial { hand: _, normalise, master, nodes, presets }) => {

@@ -3,6 +3,7 @@
 mod accuracy;
 mod advice;
 mod bench;
+mod composite;
 mod convert;
 mod design;
 mod dial;
@@ -76,6 +77,8 @@ enum Command {
     View(view::Args),
     /// Relight a saved film: no volume, no march, no GPU.
     Relight(relight::Args),
+    /// Composite the parts of a film that `relume render --block` saved.
+    Composite(composite::Args),
     /// Write a film or a scene as one HTML file that anyone can relight in a browser.
     Page(page::Args),
     /// Solve a palette for spectra with its target colours, and report conflicts.
@@ -221,6 +224,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Render(args) => render::run(args, &terminal),
         Command::View(args) => view::run(args),
         Command::Relight(args) => relight::run(args, &terminal),
+        Command::Composite(args) => composite::run(args, &terminal),
         Command::Page(args) => page::run(args, &terminal),
         Command::Design(args) => design::run(args, &terminal),
         Command::Figures(args) => figures::run(args, &terminal),
@@ -248,7 +252,11 @@ pub(crate) fn main() -> ExitCode {
             // The result of these commands is files.
             let writes = matches!(
                 cli.command,
-                Command::Render(_) | Command::Relight(_) | Command::Page(_) | Command::Figures(_)
+                Command::Render(_)
+                    | Command::Relight(_)
+                    | Command::Composite(_)
+                    | Command::Page(_)
+                    | Command::Figures(_)
             );
             if cli.json {
                 terminal::print(&report.json_text());

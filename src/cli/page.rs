@@ -381,6 +381,7 @@ pub(super) fn patches_page(
         observer: Observer::default(),
         dial: None,
         frame: None,
+        part: None,
         accumulators: Vec::new(),
         transmittance: Vec::new(),
     };

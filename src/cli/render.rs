@@ -11,12 +11,13 @@ use relume::internal::annotate::{Frame, Overlay};
 use relume::internal::memory;
 use relume::internal::number::{brief, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
-use relume::output::{FilmFile, Picture, PictureKind, write_ready_png};
+use relume::output::film::FilmPart;
+use relume::output::{FilmFile, OutputError, Picture, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
 use relume::render::{Renderer, SceneRenderer};
-use relume::scene::{Mix, Placement, Scene, Shading, positions};
+use relume::scene::{Block, Blocks, MOST_BLOCKS, Mix, Placement, Scene, Shading, positions};
 use relume::spectrum::{BANDS, Light};
 use relume::tables::{LabelMap, Storage};
 use relume::volume::{self, Statistics, VoxelType};
@@ -81,6 +82,10 @@ pub(crate) struct Args {
     /// Save the film for `relume relight`; docs/FORMATS.md describes the file.
     #[arg(long, value_name = "FILE.exr")]
     accumulators: Option<PathBuf>,
+    /// March block I of N of the volume only, and save its part of the film: for `relume composite` (docs/SCALE.md).
+    #[arg(long, value_name = "I/N", value_parser = block, requires = "accumulators")]
+    #[arg(conflicts_with_all = ["output", "spectral", "turntable", "goal"])]
+    block: Option<Block>,
     /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).
     #[arg(long, value_name = "FILE.exr")]
     spectral: Option<PathBuf>,
@@ -104,6 +109,39 @@ fn free_name(path: &Path) -> Option<PathBuf> {
     let names = std::iter::once(format!("{stem}.png")).chain((2..MOST).map(|n| format!("{stem}-{n}.png")));
     // A link to nothing is a name in use.
     names.map(PathBuf::from).find(|name| name.symlink_metadata().is_err())
+}
+
+/// Reads `I/N`.
+fn block(text: &str) -> Result<Block, String> {
+    let numbers = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+    match numbers {
+        Some((number, count)) if (1..=count).contains(&number) => Ok(Block { index: number - 1, count }),
+        _ => Err("write I/N with I from 1 to N, such as 3/16".to_owned()),
+    }
+}
+
+/// Refuses blocks that the volume does not have, and scenes whose parts do not composite.
+fn check_block(block: Block, scene: &Scene, planned: &Planned) -> Result<(), CliError> {
+    let refused = |why: String| Err(CliError::Failed(format!("--block {}/{}: {why}", block.index + 1, block.count)));
+    let rays = scene.accuracy.rays;
+    if rays > 1 {
+        return refused(format!(
+            "the scene has {rays} rays a pixel, and means of rays do not composite; add -D accuracy.rays=1"
+        ));
+    }
+    if planned.plan.shadowed_headlight().is_some() {
+        return refused(
+            "the headlight casts shadows, which come from the blocks in front; set shadows = false for it".to_owned(),
+        );
+    }
+    if Blocks::new(&scene.volume.geometry, block.count).is_none() {
+        let [x, y, z] = scene.volume.geometry.dims;
+        return refused(format!(
+            "a volume of {x}×{y}×{z} voxels has no {} blocks; the limits are {MOST_BLOCKS} and one voxel a block",
+            block.count
+        ));
+    }
+    Ok(())
 }
 
 fn renderer_for(args: &Args) -> Result<Renderer, CliError> {
@@ -217,10 +255,16 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let learnt = learn(&scene, &mut planned, &mix)?;
         (planned, learnt)
     };
+    let scene = Scene { block: args.block, ..scene };
+    if let Some(block) = args.block {
+        check_block(block, &scene, &planned)?;
+    }
     let frame = Frame::of(&scene.camera, &scene.volume, args.size);
     let film_file = |film: Film<f32>| {
         let dial = file.light.dial_of_film(&file.dial);
-        FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, film)
+        let part = FilmPart::of_scene(&scene, film.size);
+        let film = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, film)?;
+        Ok::<_, OutputError>(FilmFile { part, ..film })
     };
     if let Some(path) = &args.accumulators {
         let pixels = Film { size: args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };

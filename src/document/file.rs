@@ -566,6 +566,7 @@ impl Text<'_> {
             background,
             camera,
             crop,
+            block: None,
             accuracy,
             shadows,
             display,

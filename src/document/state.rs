@@ -315,6 +315,7 @@ impl State {
             background,
             camera,
             crop,
+            block: _,
             accuracy,
             shadows,
             display,

@@ -50,11 +50,15 @@ impl Part<'_> {
         );
         header.own_attributes.layer_name = self.name.map(text);
         header.own_attributes.software_name = Some(text(SOFTWARE));
-        header.own_attributes.other = self
-            .attributes
-            .iter()
-            .map(|&(name, value)| (text(name), AttributeValue::Text(text(value))))
-            .collect::<HashMap<_, _>>();
+        // The `exr` crate writes a map in the order of its random hashes. Equal films should be equal files, so maps are made
+        // until one has the order of the list.
+        header.own_attributes.other = loop {
+            let entries = self.attributes.iter().map(|&(name, value)| (text(name), AttributeValue::Text(text(value))));
+            let map = entries.collect::<HashMap<_, _>>();
+            if map.keys().zip(self.attributes).all(|(key, &(name, _))| *key == text(name)) {
+                break map;
+            }
+        };
         header.shared_attributes.chromaticities = Some(SRGB);
         header
     }

@@ -232,6 +232,14 @@ pub enum OutputError {
         /// Position and cause.
         detail: String,
     },
+    /// Parts do not composite.
+    #[error("{}: {detail}", path.display())]
+    Parts {
+        /// The part.
+        path: PathBuf,
+        /// Numbers and way out.
+        detail: String,
+    },
     /// The film is inconsistent, in memory or in a file.
     #[error("this film cannot be stored or relit: {detail}")]
     Inconsistent {
@@ -263,6 +271,7 @@ impl OutputError {
             Self::Damaged { .. } => "exr-damaged",
             Self::NotAccumulators { .. } => "exr-not-film",
             Self::Attribute { .. } => "film-attribute-invalid",
+            Self::Parts { .. } => "film-parts-differ",
             Self::Inconsistent { .. } => "film-inconsistent",
         }
     }

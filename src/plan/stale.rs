@@ -43,6 +43,7 @@ impl Stale {
             background,
             camera,
             crop,
+            block,
             accuracy,
             shadows,
             display,
@@ -59,7 +60,7 @@ impl Stale {
         add(*background != after.background, spectra);
         // A march completes its light grid first: directions of three-point lights turn with the camera.
         add(*camera != after.camera, Self::Accumulators);
-        add(*crop != after.crop, Self::Accumulators);
+        add(*crop != after.crop || *block != after.block, Self::Accumulators);
         // Only a light grid or rays depend on them, not the shadows of a headlight.
         if planned.plan.grid_lights() > 0 {
             // The method and the ambient shares are compared in the plan.

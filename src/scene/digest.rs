@@ -23,6 +23,7 @@ impl Scene {
             background,
             camera,
             crop,
+            block,
             accuracy,
             shadows,
             display,
@@ -30,6 +31,9 @@ impl Scene {
         let mut hasher = DefaultHasher::new();
         format!("{materials:?} {transfer:?} {lights:?} {shading:?} {lighting:?} {background:?}").hash(&mut hasher);
         format!("{camera:?} {crop:?} {accuracy:?} {shadows:?} {display:?}").hash(&mut hasher);
+        if let Some(block) = block {
+            block.hash(&mut hasher);
+        }
         hash_voxels(volume, &mut hasher);
         if let Some(labels) = labels {
             format!("{:?}", labels.declared).hash(&mut hasher);

@@ -1,5 +1,6 @@
 //! The scene: materials, transfer function, lights, camera, and their volume.
 
+mod blocks;
 mod camera;
 mod digest;
 mod lights;
@@ -7,6 +8,7 @@ mod transfer;
 
 use std::sync::Arc;
 
+pub use blocks::{Block, Blocks, MOST_BLOCKS, low_leaves};
 pub use camera::{Aim, Camera, Projection, View};
 pub(crate) use camera::{centre, unit};
 pub(crate) use lights::{INTENSITY, THREE_POINT_PARTS, THREE_POINT_SUM};
@@ -45,6 +47,8 @@ pub struct Scene {
     pub camera: Camera,
     /// Crop box: opposite corners in voxel indices; `None` is the whole volume.
     pub crop: Option<[glam::DVec3; 2]>,
+    /// The block to march, if only one: a part of the picture. Gradients and shadows are those of the whole volume.
+    pub block: Option<Block>,
     /// Accuracy settings.
     pub accuracy: Accuracy,
     /// Computation of shadows; each light states whether it casts them.
@@ -77,6 +81,7 @@ impl Scene {
             background: None,
             camera: Camera::default(),
             crop: None,
+            block: None,
             accuracy: Accuracy::new(spacing),
             shadows: Shadows::default(),
             display: Display::default(),

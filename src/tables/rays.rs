@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::CELL;
 use crate::number::{count, unsigned, whole};
-use crate::scene::{Scene, View};
+use crate::scene::{Blocks, Scene, View};
 use crate::volume::Geometry;
 
 /// Parameters of all pixels' rays, in texture coordinates of the volume (0 to 1 along each axis).
@@ -42,6 +42,8 @@ pub struct RayTable {
     pub crop_low: DVec3,
     /// Upper corner of the crop box.
     pub crop_high: DVec3,
+    /// Axes along which the upper face belongs to the next block. A ray in this face has its samples there.
+    pub open: [bool; 3],
     /// Macrocells along the texture: scales texture coordinates to macrocells, before `cell_offset` is added.
     pub cell_scale: DVec3,
     /// Position of the texture's edge relative to voxel 0, in macrocells; negative.
@@ -98,6 +100,34 @@ pub(super) fn crop_box(scene: &Scene) -> [DVec3; 2] {
     texture_box(geometry, scene.crop.unwrap_or_else(|| whole_box(geometry)))
 }
 
+/// Opposite corners of the box that is marched, and the axes along which its upper face belongs to the next block: the
+/// crop box, or its part in the block of `scene`. `None` if the volume has no such block.
+///
+/// A face between two blocks is the same number for both. A ray therefore passes it at the same sample for both, and
+/// every sample belongs to one block, whatever the rounding.
+fn marched_box(scene: &Scene) -> Option<([DVec3; 2], [bool; 3])> {
+    let [low, high] = crop_box(scene);
+    let Some(block) = scene.block else { return Some(([low, high], [false; 3])) };
+    let dims = scene.volume.geometry.dims;
+    let [first, end] = Blocks::new(&scene.volume.geometry, block.count)?.voxels(block.index)?;
+    let (mut corners, mut open) = ([low, high], [false; 3]);
+    for axis in 0..3 {
+        let face = |voxel: usize| count(voxel) / count(dims[axis]);
+        if first[axis] > 0 {
+            corners[0][axis] = low[axis].max(face(first[axis]));
+        }
+        if end[axis] < dims[axis] && face(end[axis]) <= high[axis] {
+            corners[1][axis] = face(end[axis]);
+            open[axis] = true;
+        }
+    }
+    // A box outside the crop box has no samples: far away and without extent, so that no ray meets it.
+    if corners[0].cmpgt(corners[1]).any() {
+        corners = [DVec3::splat(-1e6); 2];
+    }
+    Some((corners, open))
+}
+
 /// Unit of length in world units: the smallest spacing.
 #[must_use]
 pub(super) fn unit_length(geometry: &Geometry) -> f64 {
@@ -132,7 +162,8 @@ impl RayTable {
             (eye_distance * half_u, eye_distance * half_v, half_u, half_v)
         };
 
-        let ([low, high], [crop_low, crop_high]) = (texture_box(geometry, whole_box(geometry)), crop_box(scene));
+        let ([low, high], ([crop_low, crop_high], open)) =
+            (texture_box(geometry, whole_box(geometry)), marched_box(scene)?);
         let most_samples = |low: DVec3, high: DVec3| {
             let longest = ((high - low) * dims * geometry.spacing).length();
             (longest / scene.accuracy.step_length).ceil() + 1.0
@@ -157,6 +188,7 @@ impl RayTable {
             high,
             crop_low,
             crop_high,
+            open,
             cell_scale: dims / cell,
             cell_offset: DVec3::splat(-0.5 / cell),
             local_scale: geometry.spacing / unit * dims,

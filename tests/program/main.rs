@@ -4,6 +4,7 @@
 mod accuracy;
 mod bad_input;
 mod bench;
+mod blocks;
 mod choice;
 mod cli;
 mod compatibility;

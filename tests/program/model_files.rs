@@ -72,6 +72,7 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> FilmFile {
         observer: Observer::default(),
         dial: None,
         frame: None,
+        part: None,
         accumulators: (0..2 * dimension * width * height).map(number).collect(),
         transmittance: (0..numbers * width * height).map(|index| number(index + 7)).collect(),
     }

@@ -337,6 +337,7 @@ fn example() -> FilmFile {
             unit: Some("µm".to_owned()),
             edges: Some(["R", "LA", "S", ""].map(str::to_owned)),
         }),
+        part: None,
         accumulators: (0..6 * width * height).map(weight).collect(),
         transmittance: (0..width * height).map(|pixel| weight(pixel) / 24.0).collect(),
     }
@@ -362,6 +363,7 @@ fn accumulators_come_back_as_they_were() {
         observer: Observer::default(),
         dial: None,
         frame: None,
+        part: None,
         accumulators: vec![],
         ..full
     };
@@ -428,6 +430,7 @@ fn a_file_of_another_program_is_read() {
         observer: Observer::default(),
         dial: None,
         frame: None,
+        part: None,
         accumulators: weights.to_vec(),
         transmittance: transmittance.to_vec(),
     };

@@ -83,6 +83,7 @@ fn film(
         observer: Observer::default(),
         dial: None,
         frame: None,
+        part: None,
         accumulators: Vec::new(),
         transmittance: Vec::new(),
     };

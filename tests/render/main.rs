@@ -1,6 +1,7 @@
 //! Pictures of every scene, on the host and on a device.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod blocks;
 mod harness;
 mod interpolation;
 mod labels;

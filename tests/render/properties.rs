@@ -219,6 +219,7 @@ fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
         observer: Observer::default(),
         dial: None,
         frame: None,
+        part: None,
         accumulators: sums.accumulators,
         transmittance: sums.transmittance,
     }

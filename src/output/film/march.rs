@@ -70,6 +70,7 @@ impl FilmFile {
             observer: scene.display.observer,
             dial: Some(dial),
             frame: Some(Frame::of(&annotate::Frame::of(&scene.camera, &scene.volume, accumulation.size))),
+            part: None,
             accumulators: accumulation.accumulators,
             transmittance: accumulation.transmittance,
         })

@@ -12,7 +12,8 @@
 //!
 //! | key | value |
 //! | --- | --- |
-//! | `version` | 1 with material weights, 2 with a colour model, 3 with a colour model and spectra outside its fit |
+//! | `version` | 1 with material weights, 2 with a colour model, 3 with a colour model and spectra outside its fit; in a part 4, 5 and 6 |
+//! | `part` | in a part only: see below |
 //! | `exposure` | factor on the linear picture; default 1 |
 //! | `adapt` | whether the white of the mix is adapted to D65 (Bradford); default false |
 //! | `observer` | `"1931"` or `"1964"`: the CIE 2-degree or 10-degree standard observer; default 1931. Displays assume the 1931 observer: for 1964, XYZ are scaled so that D65 has Y = 1, and adapted from the 1964 to the 1931 white of D65 (Bradford). All XYZ here are these |
@@ -89,12 +90,27 @@
 //! **The picture** has at each pixel the XYZ `Σ_p Σ_i c(p, i) · W(p, i)`, where W(p) is the sum of weight · W over the
 //! lights at position p. The background adds `Σ_p Σ_i T(i) · (P background)(i) · W(p, i)`, or, for a single T, T times
 //! its exact XYZ under all lights.
+//!
+//! # Parts
+//!
+//! A part is the film of some blocks of the volume (docs/SCALE.md). Its text has the table `[part]`, and its version is
+//! larger by 3, so that older programs refuse it. Parts of all blocks composite to a film file of version 1, 2 or 3.
+//!
+//! | key of `[part]` | value |
+//! | --- | --- |
+//! | `blocks` | number of blocks of the volume, 2 to 4096: leaves of a tree whose first ⌊n/2⌋ of n leaves are on the low side |
+//! | `first`, `last` | numbers of the blocks in this film, from 1: all leaves of a node of the tree |
+//! | `order` | a letter for each cut of the tree in preorder: `l` if its low side is in front, `h` otherwise |
+//! | `program`, `scene`, `camera` | version of the program, digests of the scene and of its camera; equal in all parts |
 
+mod composite;
 mod march;
 mod read;
 mod relit;
 mod rules;
 mod text;
+
+pub use composite::{Composited, FilmPart, composite};
 
 use std::path::Path;
 
@@ -158,6 +174,8 @@ pub struct FilmFile {
     pub dial: Option<Dial>,
     /// Scale and orientation of the picture, if they are known.
     pub frame: Option<Frame>,
+    /// The blocks of the volume in this film, if not all.
+    pub part: Option<FilmPart>,
     /// Accumulators, rows from the top: position p, component c of a pixel at `(p * components.len() + c) * width *
     /// height + pixel`.
     pub accumulators: Vec<f32>,

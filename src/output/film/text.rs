@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::rules::{check_dimension, check_finite};
-use super::{BANDS, Component, Components, Dial, FRAME, FilmFile, Frame, Light, Position, PositionKind, Stored};
+use super::{
+    BANDS, Component, Components, Dial, FRAME, FilmFile, FilmPart, Frame, Light, Position, PositionKind, Stored,
+};
 use crate::model::{ErrorSummary, LightMatrix, ModelKind};
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light as LightSpectrum, Spectrum};
@@ -26,6 +28,8 @@ const LARGEST_SHARE: f64 = 1e9;
 #[serde(deny_unknown_fields)]
 struct Document {
     version: i64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    part: Option<FilmPart>,
     #[serde(default = "one")]
     exposure: f64,
     #[serde(default)]
@@ -209,11 +213,13 @@ impl From<&FilmFile> for Document {
             projection: stored.model.projection().iter().map(|row| row.samples().to_vec()).collect(),
         };
         Self {
-            version: match stored {
-                None => WEIGHTS,
-                Some(stored) if stored.model.unseen().spectra.is_empty() => MODEL,
-                Some(_) => CHECKED,
-            },
+            version: if accumulators.part.is_some() { CHECKED } else { 0 }
+                + match stored {
+                    None => WEIGHTS,
+                    Some(stored) if stored.model.unseen().spectra.is_empty() => MODEL,
+                    Some(_) => CHECKED,
+                },
+            part: accumulators.part.clone(),
             exposure: accumulators.exposure,
             adapt: accumulators.adapt,
             observer: accumulators.observer,
@@ -249,10 +255,19 @@ pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String
         None => error.message().to_owned(),
     };
     let VersionOnly { version } = toml::from_str(text).map_err(located)?;
-    if ![WEIGHTS, MODEL, CHECKED].contains(&version) {
-        return Err(format!("unknown version {version}; this program reads the versions {WEIGHTS} to {CHECKED}"));
+    if !(WEIGHTS..=2 * CHECKED).contains(&version) {
+        let last = 2 * CHECKED;
+        return Err(format!("unknown version {version}; this program reads the versions {WEIGHTS} to {last}"));
     }
     let mut document: Document = toml::from_str(text).map_err(located)?;
+    match (&document.part, version > CHECKED) {
+        (Some(part), true) => part.check()?,
+        (None, false) => {}
+        (Some(_), false) => return Err(format!("a file with a `[part]` needs a version above {CHECKED}")),
+        (None, true) => return Err(format!("a file of version {version} needs a `[part]`")),
+    }
+    // Versions of parts follow those of films.
+    let version = if version > CHECKED { version - CHECKED } else { version };
     match (version, &document.model) {
         (WEIGHTS, Some(_)) => return Err(format!("a file with a `[model]` needs the version {MODEL} or {CHECKED}")),
         (MODEL | CHECKED, None) => return Err(format!("a file of version {version} needs a `[model]`")),
@@ -287,7 +302,7 @@ pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String
     };
     let lights = document.lights.into_iter().map(light).collect::<Result<_, String>>()?;
     let background = document.background.map(|spectrum| bands("`background`", spectrum)).transpose()?;
-    let Document { exposure, adapt, observer, dial, .. } = document;
+    let Document { exposure, adapt, observer, dial, part, .. } = document;
     let accumulators = FilmFile {
         width: 0,
         height: 0,
@@ -300,6 +315,7 @@ pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String
         observer,
         dial,
         frame: None,
+        part,
         accumulators: Vec::new(),
         transmittance: Vec::new(),
     };

@@ -17,6 +17,8 @@ pub struct Dispatching {
     pub slice: u32,
     /// Memory of the tables, if they fit there.
     pub tables: TableMemory,
+    /// Axes along which the upper face of the marched box belongs to the next block; a march sets them.
+    pub open: [bool; 3],
 }
 
 /// Memory of the tables of the transfer function and of the labels.
@@ -39,6 +41,6 @@ impl TableMemory {
 impl Default for Dispatching {
     fn default() -> Self {
         // Lavapipe's lanes are eight neighbours in x.
-        Self { group: [8, 8], samples: None, slice: SLICE, tables: TableMemory::Storage }
+        Self { group: [8, 8], samples: None, slice: SLICE, tables: TableMemory::Storage, open: [false; 3] }
     }
 }

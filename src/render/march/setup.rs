@@ -249,30 +249,31 @@ impl Renderer {
 
         let grid = self.light_grid(scene, planned, uploaded, coarse)?;
 
-        let (pipeline, set) = self.bind(source(plan, Dispatching { tables, ..self.dispatching }), |name| {
-            if let Some(resource) = grid.as_ref().and_then(|grid| grid.resource(name)) {
-                return Some(resource);
-            }
-            Some(match name {
-                "march_uniform" => Resource::Uniform(&march),
-                "shading_uniform" => Resource::Uniform(&shading),
-                "segments_uniform" => Resource::Uniform(&segments),
-                "gradient_table" => Resource::Uniform(&gradients),
-                "volume" => Resource::Texture(&uploaded.volume),
-                "volume_sampler" => Resource::Sampler(&sampler),
-                "occupancy" => Resource::Storage(&occupied),
-                "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
-                "accumulators" => Resource::StorageImage(&accumulators),
-                "transmittances" => Resource::StorageImage(&transmittance),
-                _ => {
-                    let (_, buffer) = tabled.iter().find(|(table, _)| *table == name)?;
-                    match tables {
-                        TableMemory::Storage => Resource::Storage(buffer),
-                        TableMemory::Uniform => Resource::Uniform(buffer),
-                    }
+        let (pipeline, set) =
+            self.bind(source(plan, Dispatching { tables, open: rays.open, ..self.dispatching }), |name| {
+                if let Some(resource) = grid.as_ref().and_then(|grid| grid.resource(name)) {
+                    return Some(resource);
                 }
-            })
-        })?;
+                Some(match name {
+                    "march_uniform" => Resource::Uniform(&march),
+                    "shading_uniform" => Resource::Uniform(&shading),
+                    "segments_uniform" => Resource::Uniform(&segments),
+                    "gradient_table" => Resource::Uniform(&gradients),
+                    "volume" => Resource::Texture(&uploaded.volume),
+                    "volume_sampler" => Resource::Sampler(&sampler),
+                    "occupancy" => Resource::Storage(&occupied),
+                    "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
+                    "accumulators" => Resource::StorageImage(&accumulators),
+                    "transmittances" => Resource::StorageImage(&transmittance),
+                    _ => {
+                        let (_, buffer) = tabled.iter().find(|(table, _)| *table == name)?;
+                        match tables {
+                            TableMemory::Storage => Resource::Storage(buffer),
+                            TableMemory::Uniform => Resource::Uniform(buffer),
+                        }
+                    }
+                })
+            })?;
 
         let slice = self.dispatching.slice.min(longest_slice(plan));
         let dispatching = Dispatching { slice, ..self.dispatching };

@@ -80,7 +80,7 @@ pub(in crate::render) fn common(plan: &ScenePlan) -> Constants {
 }
 
 /// Constants of the march shader for `plan`.
-fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
+fn constants(plan: &ScenePlan, Dispatching { group, open, .. }: Dispatching) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
     let [_, transmittance] = images(plan, StoreAs::Single, "read_write");
     let one_exponent = specular.and_then(|specular| specular.one_exponent);
@@ -89,6 +89,10 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
     };
     common(plan)
+        .bool("BLOCK", open.contains(&true))
+        .bool("OPEN_X", open[0])
+        .bool("OPEN_Y", open[1])
+        .bool("OPEN_Z", open[2])
         .u32("LANES", unsigned(plan.lanes().max(1)))
         .u32("COMPONENTS", unsigned(dimension))
         .u32("TABLE_LANES", unsigned(parts.lanes.max(1)))
@@ -209,7 +213,7 @@ pub(super) fn light_order_source(group: [u32; 2]) -> Source {
 /// Source of the march shader of `plan`.
 pub(in crate::render) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
     let parts = parts(plan, dispatching.tables);
-    Source { name: "march", constants: constants(plan, dispatching.group), parts }
+    Source { name: "march", constants: constants(plan, dispatching), parts }
 }
 
 #[cfg(test)]

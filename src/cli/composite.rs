@@ -1,0 +1,66 @@
+//! `relume composite`: the film of parts that `relume render --block` saved.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use relume::internal::memory;
+use relume::measure::Stopwatch;
+use relume::output::OutputError;
+use relume::output::PictureKind;
+use relume::output::film::composite;
+use relume::progress::Progress;
+
+use super::files::check_outputs;
+use super::{CliError, Report};
+
+const EXAMPLES: &str = "\
+Examples:
+  relume render scene.toml --block 1/2 --accumulators part-1.exr
+  relume render scene.toml --block 2/2 --accumulators part-2.exr
+  relume composite part-*.exr -o film.exr             (then: relume relight film.exr …)";
+
+/// Arguments of `relume composite`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    /// Parts of one film, in any order: all blocks of the volume, or those of a part of its tree.
+    #[arg(required = true, value_name = "PART.exr")]
+    parts: Vec<PathBuf>,
+    /// Film file to write.
+    #[arg(short, long, value_name = "FILE.exr")]
+    output: PathBuf,
+}
+
+pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    PictureKind::require_exr(&args.output).map_err(|error| CliError::Usage(format!("-o {error}")))?;
+    check_outputs(&[&args.output], &args.parts.iter().map(PathBuf::as_path).collect::<Vec<&Path>>())?;
+    let clock = Stopwatch::start();
+    let composited = composite(&args.parts, memory::available_bytes(), progress).map_err(|error| match error {
+        OutputError::Cancelled { .. } => CliError::Cancelled,
+        error => error.into(),
+    })?;
+    let spent = clock.read();
+    let clock = Stopwatch::start();
+    composited.film.write(&args.output)?;
+    let written = clock.read();
+    let [first, last, blocks] = composited.blocks;
+    let is_whole = composited.film.part.is_none();
+    let path = args.output.display().to_string();
+    if !is_whole {
+        tracing::warn!(
+            "{path} is a part: blocks {first} to {last} of {blocks}; composite it with the others for the whole film"
+        );
+    }
+    let (width, height) = (composited.film.width, composited.film.height);
+    Ok(Report {
+        text: format!("wrote {path}: blocks {first} to {last} of {blocks}\ncomposite {:.0} ms\n", spent.wall_ms),
+        json: json!({
+            "outputs": [path],
+            "size": [width, height],
+            "blocks": {"first": first, "last": last, "count": blocks},
+            "whole": is_whole,
+            "times": {"composite": spent, "write": written},
+        }),
+    })
+}

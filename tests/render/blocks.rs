@@ -1,0 +1,152 @@
+//! Blocks of a volume: the composite of their films is the film of one march.
+
+use glam::DVec3;
+use relume::film::Film;
+use relume::internal::number::Real;
+use relume::scene::{Aim, Block, Blocks, Camera, Placement, Projection, Scene, low_leaves};
+use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
+
+use crate::support::rungs::{Rungs, with_renderer};
+use crate::support::scenes::{self, SIZE};
+
+/// Composites `films` of the leaves of a tree in the order of its cuts.
+fn composited<R: Real>(films: &[Film<R>], low_first: &[bool]) -> Film<R> {
+    if let [film] = films {
+        return film.clone();
+    }
+    let (low, high) = films.split_at(low_leaves(films.len()));
+    let (is_low_first, cuts) = low_first.split_first().unwrap();
+    let (of_low, of_high) = cuts.split_at(low.len() - 1);
+    let (low, high) = (composited(low, of_low), composited(high, of_high));
+    if *is_low_first { low.over(&high) } else { high.over(&low) }.unwrap()
+}
+
+/// Largest difference of a number of two films.
+fn difference<R: Real>(one: &Film<R>, other: &Film<R>) -> f64 {
+    let numbers = |film: &Film<R>| -> Vec<f64> {
+        film.accumulators.iter().chain(&film.transmittance).map(|number| number.to_f64()).collect()
+    };
+    let (one, other) = (numbers(one), numbers(other));
+    assert_eq!(one.len(), other.len());
+    assert!(other.iter().any(|number| number.abs() > 0.01 && (number - 1.0).abs() > 0.01), "nothing shows");
+    one.iter().zip(&other).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max)
+}
+
+/// Blocks of `scene` as scenes, and the order of the cuts.
+fn parts(scene: &Scene, size: [usize; 2], leaves: usize) -> (Vec<Scene>, Vec<bool>) {
+    let geometry = &scene.volume.geometry;
+    let aspect = f64::from(u32::try_from(size[0]).unwrap()) / f64::from(u32::try_from(size[1]).unwrap());
+    let view = scene.camera.view(geometry, aspect).unwrap();
+    let low_first = Blocks::new(geometry, leaves).unwrap().low_first(geometry, &view);
+    let block = |index| Scene { block: Some(Block { index, count: leaves }), ..scene.clone() };
+    ((0..leaves).map(block).collect(), low_first)
+}
+
+/// A camera at `eye`, relative to the centre in halves of the volume, that looks along `forward`.
+fn looking(scene: &Scene, eye: DVec3, forward: DVec3, parallel: bool) -> Camera {
+    let geometry = &scene.volume.geometry;
+    let half = (DVec3::from_array(geometry.dims.map(|n| f64::from(u32::try_from(n).unwrap()))) - 1.0) / 2.0;
+    let world = |place: DVec3| geometry.origin + geometry.direction * (geometry.spacing * half * (place + 1.0));
+    let (eye, target) = (world(eye), world(eye + forward));
+    let projection = if parallel {
+        Projection::Orthographic { height: Some(half.y * geometry.spacing.y * 2.0) }
+    } else {
+        Projection::Perspective { fov_degrees: 50.0 }
+    };
+    Camera { projection, aim: Aim::LookAt { position: eye, target }, up: DVec3::new(0.1, -1.0, 0.2) }
+}
+
+fn cases() -> Vec<(&'static str, Scene, [usize; 2])> {
+    let usual = |name: &str| scenes::named(name);
+    let seen = |scene: Scene, eye: [f64; 3], forward: [f64; 3], parallel| {
+        let camera = looking(&scene, eye.into(), forward.into(), parallel);
+        Scene { camera, ..scene }
+    };
+    let straight = |scene: Scene, parallel| {
+        let mut scene = seen(scene, [0.0, 0.0, if parallel { -3.0 } else { -0.5 }], [0.0, 0.0, 1.0], parallel);
+        scene.camera.up = DVec3::NEG_Y;
+        scene
+    };
+    let cropped = |mut scene: Scene| {
+        let last = DVec3::from_array(scene.volume.geometry.dims.map(|n| f64::from(u32::try_from(n - 1).unwrap())));
+        scene.crop = Some([last * DVec3::new(0.13, 0.3, 0.0), last * DVec3::new(0.9, 1.0, 0.6)]);
+        scene
+    };
+    let shadowed = |mut scene: Scene| {
+        for light in scene.lights.iter_mut().filter(|light| matches!(light.placement, Placement::Directional(_))) {
+            light.shadows = true;
+        }
+        scene
+    };
+    let odd = [SIZE[0] + 1, SIZE[1] + 1];
+    vec![
+        ("samples", usual("diffuse_three"), SIZE),
+        ("specular", usual("specular_three"), SIZE),
+        ("coloured", usual("coloured_three"), SIZE),
+        ("x-ray", usual("xray"), SIZE),
+        ("labels", usual("coloured_labels"), SIZE),
+        ("segments", scenes::in_segments(usual("diffuse_three")), SIZE),
+        ("coloured segments", scenes::in_segments(usual("coloured_labels")), SIZE),
+        ("shadows", shadowed(usual("diffuse_three")), SIZE),
+        ("cropped", cropped(usual("diffuse_three")), SIZE),
+        ("cropped segments", cropped(scenes::in_segments(usual("diffuse_three"))), SIZE),
+        ("parallel", seen(usual("diffuse_three"), [2.0, -2.0, 2.5], [-2.0, 2.0, -2.5], true), SIZE),
+        ("inside", seen(usual("coloured_three"), [0.1, 0.2, -0.3], [0.5, -0.3, 1.0], false), SIZE),
+        ("parallel in a face", straight(usual("diffuse_three"), true), odd),
+        ("inside in a face", straight(usual("diffuse_three"), false), odd),
+    ]
+}
+
+#[test]
+fn the_composite_of_blocks_is_one_march() {
+    let mut printed = false;
+    for (name, mut scene, size) in cases() {
+        scene.accuracy.termination = 0.0;
+        let whole = Rungs::new(scene.clone(), size);
+        let exact = whole.march::<f64>(&whole.exact());
+        let on_device = with_renderer(|renderer| whole.gpu(renderer));
+        for leaves in [1, 2, 3, 4, 7, 8] {
+            let (scenes, low_first) = parts(&scene, size, leaves);
+            let rungs: Vec<Rungs> =
+                scenes.into_iter().map(|scene| Rungs::planned(scene, whole.planned.clone(), size)).collect();
+            let films: Vec<Film<f64>> = rungs.iter().map(|rungs| rungs.march(&rungs.exact())).collect();
+            let worst = difference(&composited(&films, &low_first), &exact);
+            assert!(worst <= 1e-12, "{name} in {leaves} blocks: {worst}");
+            with_renderer(|renderer| {
+                let films: Vec<Film<f32>> = rungs.iter().map(|rungs| rungs.gpu(renderer)).collect();
+                let (film, expected) = (composited(&films, &low_first), on_device.as_ref().unwrap());
+                let worst = difference(&film, expected);
+                let matrices = whole.xyz_matrices();
+                let lab = |xyz: DVec3| lab_from_xyz(Xyz(xyz.to_array()), d65_white());
+                let pairs = film.relight(&matrices).into_iter().zip(expected.relight(&matrices));
+                let colour = pairs.map(|(one, other)| ciede2000(lab(one), lab(other))).fold(0.0, f64::max);
+                println!("{name} in {leaves} blocks: numbers differ by {worst:.1e}, ΔE00 by {colour:.1e} at most");
+                assert!(worst <= 1e-6, "{name} in {leaves} blocks on the device: {worst}");
+                assert!(colour <= 0.01, "{name} in {leaves} blocks on the device: ΔE00 {colour}");
+                printed = true;
+            });
+        }
+    }
+    assert!(printed || std::env::var_os("GPU_TESTS").is_some(), "no device");
+}
+
+/// Every block begins with all light, so one behind an opaque block is marched too, and dimmed afterwards.
+#[test]
+fn early_termination_leaves_out_as_much_light_as_in_one_march() {
+    let mut scene = scenes::named("diffuse_three");
+    let limit = 0.01;
+    scene.accuracy.termination = limit;
+    let ended = Rungs::new(scene.clone(), SIZE);
+    let ended = ended.march::<f64>(&ended.exact());
+    let (scenes, low_first) = parts(&scene, SIZE, 4);
+    let films: Vec<Film<f64>> =
+        scenes.into_iter().map(|scene| Rungs::new(scene, SIZE)).map(|rungs| rungs.march(&rungs.exact())).collect();
+    scene.accuracy.termination = 0.0;
+    let whole = Rungs::new(scene, SIZE);
+    let whole = whole.march::<f64>(&whole.exact());
+    assert!(difference(&ended, &whole) > 0.0, "nothing terminates early");
+    for (film, blocks) in [(ended, 1.0), (composited(&films, &low_first), 4.0)] {
+        let worst = difference(&film, &whole);
+        assert!(worst <= limit * blocks, "{worst}, with a termination of {limit} in {blocks} blocks");
+    }
+}
