@@ -10,15 +10,21 @@ fn unshaded(step: Step) -> array<vec4f, LANES> {
 
 fn reflect_light(step: Step, facing: f32) -> array<vec4f, LANES> {
     var source: array<vec4f, LANES>;
-    var shade = fma(shading.diffuse[0].x, facing, shading.ambient[0].x);
-    if (AMBIENT_OCCLUDED) {
-        shade = fma(shading.diffuse[0].x, facing, shading.ambient[0].x * ambient_light);
+    if (OPEN_SHARES < TABLE_LANES) {
+        let open = fma(shading.diffuse[0].x, facing, shading.ambient[0].x * ambient_light);
+        for (var lane = 0u; lane < LANES; lane += 1u) {
+            if (EQUAL_SHARES) {
+                source[lane] = step.source[lane] * open;
+            } else {
+                source[lane] = fma(step.source[DIFFUSE + lane], vec4f(facing), step.source[lane] * ambient_light);
+            }
+        }
+        return source;
     }
+    let shade = fma(shading.diffuse[0].x, facing, shading.ambient[0].x);
     for (var lane = 0u; lane < LANES; lane += 1u) {
         if (EQUAL_SHARES) {
             source[lane] = step.source[lane] * shade;
-        } else if (AMBIENT_OCCLUDED) {
-            source[lane] = fma(step.source[DIFFUSE + lane], vec4f(facing), step.source[lane] * ambient_light);
         } else {
             source[lane] = fma(step.source[DIFFUSE + lane], vec4f(facing), step.source[lane]);
         }

@@ -11,7 +11,7 @@ fn unshaded(step: Step) -> array<vec4f, LANES> {
 fn reflect_light(step: Step, facing: f32) -> array<vec4f, LANES> {
     var source: array<vec4f, LANES>;
     for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-        if (AMBIENT_OCCLUDED) {
+        if (OPEN_SHARES < TABLE_LANES) {
             let ambient = shading.ambient[lane] * ambient_light;
             source[lane] = step.source[lane] * fma(shading.diffuse[lane], vec4f(facing), ambient);
         } else {

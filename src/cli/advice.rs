@@ -95,6 +95,9 @@ fn ends_in(path: &Path, extension: &str) -> bool {
 }
 
 fn of_output(error: &OutputError) -> Option<String> {
+    if let OutputError::Parts { .. } = error {
+        return Some("; relume render --block I/N --accumulators FILE.exr makes the parts".to_owned());
+    }
     match error {
         OutputError::Damaged { path, .. } | OutputError::NotAccumulators { path, .. } if !ends_in(path, "exr") => {
             Some(format!(

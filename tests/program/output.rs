@@ -443,7 +443,8 @@ fn a_wrong_text_is_refused_with_its_line_and_reason() {
     let path = folder.path().join("foreign.exr");
     let good = small_text();
     let cases = [
-        (good.replace("version = 1", "version = 4"), "unknown version 4"),
+        (good.replace("version = 1", "version = 7"), "unknown version 7"),
+        (good.replace("version = 1", "version = 4"), "a file of version 4 needs a `[part]`"),
         (good.replace("version = 1", "version = 2"), "version 2 needs a `[model]`"),
         (good.replace("version = 1\n", ""), "missing field `version`"),
         (good.replace("weight = 2", "wieght = 2"), "line 11: unknown field `wieght`"),

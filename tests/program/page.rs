@@ -13,6 +13,7 @@ use html5ever::tendril::TendrilSink;
 use html5ever::tokenizer::TokenizerOpts;
 use html5ever::{ParseOpts, parse_document};
 use markup5ever_rcdom::RcDom;
+use relume::document::{self, SceneOptions};
 use relume::film::Film;
 use relume::output::FilmFile;
 use relume::output::film::{Component, Components, Light, Position, PositionKind};
@@ -26,6 +27,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use support::browser::Browser;
 use support::program::Folder;
+use support::rungs::Rungs;
 
 /// Deterministic numbers from 0 to 1 (Steele et al. 2014).
 struct Random(u64);
@@ -259,6 +261,83 @@ fn packing_keeps_its_tolerance_in_fifty_films_under_every_light_for_both_observe
         // The search compares in f32.
         assert!(found <= tolerance * 1.0001, "film {seed}: {found} above {tolerance}");
     }
+}
+
+/// A scene file with materials, layers, lights, camera and dial that `random` chooses.
+fn random_scene(random: &mut Random, phantom: &str) -> String {
+    let surfaces = ["foliage", "dark skin", "orange", "blue sky", "white 9.5", "red", "0.4"];
+    let lights = ["D65", "A", "FL11", "LED-B3", "D50"];
+    let mut text = String::from("version = 1\n");
+    if random.next() < 0.5 {
+        text += &format!("background = {:.2}\n", random.next());
+    }
+    text += &format!("[volume]\nphantom = \"{phantom}\"\ndims = [16, 14, 12]\n");
+    let is_coloured = random.next() < 0.4;
+    let layers = 1 + random.below(4);
+    let mut intervals = String::new();
+    for layer in 0..layers {
+        let surface = surfaces[random.below(surfaces.len())];
+        let surface = if surface == "0.4" { surface.to_owned() } else { format!("\"{surface}\"") };
+        text += &format!("[materials.m{layer}]\nreflectance = {surface}\nspecular = {:.2}\n", 0.4 * random.next());
+        if is_coloured {
+            text += &format!(
+                "absorption = {{ gaussian = [{{ centre = {}, sigma = 40, height = 1.0 }}] }}\n",
+                450 + 40 * random.below(5)
+            );
+        }
+        let (from, opacity) =
+            (0.1 + 0.8 * support::scenes::float(layer) / support::scenes::float(layers), random.next());
+        let whole = if phantom == "frog" { 255.0 } else { 1.0 };
+        let to = from + 0.6 / support::scenes::float(layers);
+        intervals += &format!(
+            "[[transfer.intervals]]\nmaterial = \"m{layer}\"\nrange = [{:.3}, {:.3}]\nramp = {:.3}\nopacity = {:.3}\n",
+            from * whole,
+            to * whole,
+            0.05 * whole,
+            0.02 + 0.5 * opacity * opacity
+        );
+        if is_coloured {
+            intervals += &format!("absorption = {:.3}\n", 0.3 * random.next());
+        }
+    }
+    text += &intervals;
+    for light in 0..1 + random.below(3) {
+        let spectrum = lights[random.below(lights.len())];
+        text += &format!("[lights.l{light}]\nspectrum = \"{spectrum}\"\nintensity = {:.2}\n", 0.2 + random.next());
+        match random.below(3) {
+            0 => text += "kind = \"ambient\"\n",
+            1 => {
+                let [x, y] = [random.next() - 0.5, random.next() - 0.5];
+                text += &format!("kind = \"directional\"\ndirection = [{x:.2}, {y:.2}, -0.6]\n");
+            }
+            _ => {}
+        }
+    }
+    let (azimuth, elevation) = (360.0 * random.next(), 120.0 * random.next() - 60.0);
+    text + &format!("[camera]\nazimuth = {azimuth:.0}\nelevation = {elevation:.0}\n")
+}
+
+#[test]
+fn packing_keeps_its_tolerance_in_fifty_rendered_scenes() {
+    let mut random = Random(2028);
+    let (mut lit, mut with_model) = (0, 0);
+    for seed in 0..50_u32 {
+        let phantom = ["frog", "gaussian"][random.below(2)];
+        let tolerance = [0.25, 0.5, 1.0][random.below(3)];
+        let text = random_scene(&mut random, phantom);
+        let opened = document::parse("random", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+        let rungs = Rungs::new(opened.scene.clone(), [8, 6]);
+        let march = rungs.march::<f32>(&rungs.stored());
+        let dial = opened.light.dial_of_film(&opened.dial);
+        let mut header = FilmFile::of_march(&rungs.scene, &rungs.planned, &opened.opening_mix(), dial, march).unwrap();
+        let view = header.take_film();
+        lit += u32::from(view.accumulators.iter().any(|&number| number > 0.01));
+        with_model += u32::from(matches!(header.components, Components::Model(_)));
+        let found = largest(&header, std::slice::from_ref(&view), tolerance);
+        // The search compares in f32.
+        assert!(found <= tolerance * 1.0001, "scene {seed}: {found} above {tolerance}");
+    }
+    assert!(lit >= 45 && (5..45).contains(&with_model), "{lit} pictures show something, {with_model} have a model");
 }
 
 #[test]

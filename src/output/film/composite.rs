@@ -143,7 +143,7 @@ fn part_at(path: &Path) -> Result<(FilmPart, FilmFile), OutputError> {
     let mut film = FilmFile::read(path)?;
     match film.part.take() {
         Some(part) => Ok((part, film)),
-        None => Err(refused(path, "this film is whole, not a part; parts are of `relume render --block`")),
+        None => Err(refused(path, "this film is whole, not a part")),
     }
 }
 
@@ -232,10 +232,7 @@ pub fn composite(
     }
     if !missing.is_empty() {
         let missing = missing.join(", ");
-        return Err(refused(
-            front.path,
-            format!("block {missing} of {blocks} is missing beside this part; render it with --block I/{blocks}"),
-        ));
+        return Err(refused(front.path, format!("block {missing} of {blocks} is missing beside this part")));
     }
     // The front of each level, and the back, their composite and the lines of a file.
     let levels = u64::from(usize::BITS - (blocks - 1).leading_zeros()).min(total);

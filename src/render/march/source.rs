@@ -83,6 +83,7 @@ pub(in crate::render) fn common(plan: &ScenePlan) -> Constants {
 fn constants(plan: &ScenePlan, Dispatching { group, open, .. }: Dispatching) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
     let [_, transmittance] = images(plan, StoreAs::Single, "read_write");
+    let table_lanes = unsigned(parts.lanes.max(1));
     let one_exponent = specular.and_then(|specular| specular.one_exponent);
     let (materials, dimension, shares, exponents) = match plan.accumulate {
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
@@ -95,7 +96,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, open, .. }: Dispatching) -> 
         .bool("OPEN_Z", open[2])
         .u32("LANES", unsigned(plan.lanes().max(1)))
         .u32("COMPONENTS", unsigned(dimension))
-        .u32("TABLE_LANES", unsigned(parts.lanes.max(1)))
+        .u32("TABLE_LANES", table_lanes)
         .u32("SHADING_LANES", unsigned(plan.shading_lanes()))
         .u32("UNSHADED", unsigned(parts.unshaded))
         .u32("DIFFUSE", unsigned(parts.diffuse))
@@ -129,7 +130,8 @@ fn constants(plan: &ScenePlan, Dispatching { group, open, .. }: Dispatching) -> 
         .u32("FIRST_POINT_NUMBER", unsigned(plan.first_point()))
         .bool("SHADOWED_AMBIENT", plan.layers() > 0 && plan.shadowed_ambient().is_some())
         .u32("LAST_AMBIENT", unsigned(plan.shadowed_ambient().unwrap_or(0)))
-        .bool("AMBIENT_OCCLUDED", plan.shadows.is_some_and(|shadows| shadows.occluded))
+        // Lanes of ambient shares that the medium does not dim. In this form no plan without shadows has another module.
+        .u32("OPEN_SHARES", if plan.shadows.is_some_and(|shadows| shadows.occluded) { 0 } else { table_lanes })
         .u32("GRID_LIGHTS", unsigned(if plan.layers() == 0 { 0 } else { plan.grid_lights() }))
         .bool("SKY_DIMMED", plan.layers() > 0 && plan.sky().is_some())
         // Number of ambient light in the light grid.
