@@ -86,7 +86,7 @@ impl Renderer {
             }
             march.step(self, uploaded)?;
             let [done, all] = march.rows();
-            progress.report("marching", done, all);
+            progress.report("marching", done as u64, all as u64);
         }
         *self.learnt() = Some((planned.plan.clone(), march.speed()));
         march.finish(self)
@@ -108,11 +108,10 @@ impl March {
 
     /// Number of finished rows, and of all rows: those of the picture, once for each ray of a pixel.
     #[must_use]
-    pub fn rows(&self) -> [u64; 2] {
-        let height = u64::from(self.schedule.size[1]);
-        let all = self.left.planned.plan.rays as u64 * height;
-        let now = u64::from(self.schedule.row).min(height);
-        [all - (self.places.len() as u64 + 1) * height + now, all]
+    pub fn rows(&self) -> [usize; 2] {
+        let [height, row] = [self.schedule.size[1], self.schedule.row].map(|rows| rows as usize);
+        let all = self.left.planned.plan.rays * height;
+        [all - (self.places.len() + 1) * height + row.min(height), all]
     }
 
     /// Width and height in pixels.

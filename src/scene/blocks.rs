@@ -89,6 +89,7 @@ impl Blocks {
 
 #[cfg(test)]
 mod tests {
+    #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
     use super::Blocks;
     use crate::volume::Geometry;
 

@@ -473,7 +473,7 @@ impl Engine {
     pub fn progress(&self) -> Option<f64> {
         let marching = self.marching.as_ref()?;
         let [done, all] = marching.march.rows();
-        Some(done as f64 / all.max(1) as f64)
+        Some(count(done) / count(all.max(1)))
     }
 
     /// Returns the film's values at the pixel at `place`, given as fractions of the width and height from the top left;

@@ -272,7 +272,7 @@ fn random_scene(random: &mut Random, phantom: &str) -> String {
         text += &format!("background = {:.2}\n", random.next());
     }
     text += &format!("[volume]\nphantom = \"{phantom}\"\ndims = [16, 14, 12]\n");
-    let is_coloured = random.next() < 0.4;
+    let is_coloured = random.next() < 0.15;
     let layers = 1 + random.below(4);
     let mut intervals = String::new();
     for layer in 0..layers {
@@ -337,7 +337,7 @@ fn packing_keeps_its_tolerance_in_fifty_rendered_scenes() {
         // The search compares in f32.
         assert!(found <= tolerance * 1.0001, "scene {seed}: {found} above {tolerance}");
     }
-    assert!(lit >= 45 && (5..45).contains(&with_model), "{lit} pictures show something, {with_model} have a model");
+    assert!(lit >= 45 && (3..45).contains(&with_model), "{lit} pictures show something, {with_model} have a model");
 }
 
 #[test]

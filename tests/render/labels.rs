@@ -119,7 +119,7 @@ fn the_device_mixes_any_number_of_labels_as_the_reference_does() {
     with_renderer(|renderer| {
         for labels in [3_u16, 127, 128, 255] {
             let of = |[x, y, z]: [usize; 3]| {
-                if in_ball([x, y, z]) { ((x + 7 * y + 31 * z) % 256) as u16 % (labels + 1) } else { 0 }
+                if in_ball([x, y, z]) { u16::try_from((x + 7 * y + 31 * z) % 256).unwrap() % (labels + 1) } else { 0 }
             };
             let declared = (1..=labels).map(|label| entry(label.into(), 0.02 + 0.9 * f64::from(label) / 256.0));
             for segments in [false, true] {
