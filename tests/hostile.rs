@@ -20,7 +20,6 @@ use relume::output::film::{
     Component, Components, Dial, DialPreset, Frame, Light, Node, Position, PositionKind, Stored,
 };
 use relume::progress::{Progress, Quiet};
-use relume::spectrum::observer::Observer;
 use relume::spectrum::{self, Spectrum};
 use relume::volume::{self, Selection, Volume, VolumeError};
 use rustix::time::{ClockId, clock_gettime};
@@ -341,25 +340,18 @@ fn accumulators_of_anything_are_read_or_refused() {
 #[ignore = "writes the files of accumulators in tests/data/hostile"]
 fn accumulators_to_damage() {
     let ramp: [f64; 81] = std::array::from_fn(|band| f64::from(u8::try_from(band).unwrap()) / 81.0);
+    let bone = Component { name: "bone".to_owned(), spectrum: ramp };
     let point = FilmFile {
-        width: 4,
-        height: 3,
-        components: Components::Surfaces(vec![Component { name: "bone".to_owned(), spectrum: ramp }]),
         positions: vec![Position {
             name: "key".to_owned(),
             kind: PositionKind::Point([1.0, 2.0, 3.0]),
             shadows: false,
         }],
         lights: vec![Light { name: "day".to_owned(), position: 0, weight: 2.0, shown: None, spectrum: ramp }],
-        background: None,
-        exposure: 1.0,
         adapt: true,
-        observer: Observer::default(),
-        dial: None,
-        frame: None,
-        part: None,
         accumulators: vec![0.5; 12],
         transmittance: vec![0.25; 12],
+        ..FilmFile::empty([4, 3], Components::Surfaces(vec![bone]))
     };
     let node = |light: &str, on| Node { light: light.to_owned(), place: [0.0, f64::from(u8::from(on))], on };
     let preset = |name: &str, hand| DialPreset {

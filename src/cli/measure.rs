@@ -46,7 +46,7 @@ pub(crate) struct Args {
     /// Settings to measure in addition to that of the scene (repeatable). Relume combines all values of all given knobs.
     ///
     /// KNOB is model, k, accumulate, storage, step (in voxels), termination, rays (per pixel), integration, variation, spacing (of
-    /// the light grid, in voxels), interpolation, labels, volume, gradients, entries, lookup, skipping or scale (of the picture, 0.05
+    /// the light grid, in voxels), directions (of the sky), interpolation, labels, volume, gradients, entries, lookup, skipping or scale (of the picture, 0.05
     /// to 1). Commas separate VALUES. A..B is a range: for k all whole numbers from A to B, for termination A, 10A, 100A and so on,
     /// for rays A, 4A, 16A, for other knobs A, 2A, 4A and so on. Without --sweep, every knob is swept by itself, but for those
     /// that take a truth of their own (rays) or have no effect on most scenes.

@@ -17,7 +17,6 @@ use relume::plan::{PlanError, Planned, plan_for};
 use relume::progress::{Progress, unreported};
 use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{AccumulateAs, Aim, Camera, Mix, Projection, Scene, positions};
-use relume::spectrum::observer::Observer;
 use relume::spectrum::{Light, Reflectance};
 use relume::volume::Statistics;
 use relume::vulkan::{Device, DeviceChoice, Validation};
@@ -370,20 +369,9 @@ pub(super) fn patches_page(
         spectrum: *light.spectrum().samples(),
     };
     let header = FilmFile {
-        width,
-        height,
-        components: film::Components::Surfaces(materials.iter().map(component).collect()),
         positions: vec![film::Position { name: "light".to_owned(), kind: film::PositionKind::Ambient, shadows: false }],
         lights: lights.iter().enumerate().map(light).collect(),
-        background: None,
-        exposure: 1.0,
-        adapt: false,
-        observer: Observer::default(),
-        dial: None,
-        frame: None,
-        part: None,
-        accumulators: Vec::new(),
-        transmittance: Vec::new(),
+        ..FilmFile::empty([width, height], film::Components::Surfaces(materials.iter().map(component).collect()))
     };
     packed_small(&header, &[film], "The materials of the palette", progress)
 }

@@ -138,14 +138,14 @@ struct March {
     rays: usize,
     integration: Integration,
     variation: u64,
-    /// Spacing of the light grid; rays without one.
-    spacing: Option<u64>,
+    /// Spacing of the light grid and directions of the sky; rays without them.
+    grid: Option<(u64, usize)>,
 }
 
 impl March {
     fn of(accuracy: &Accuracy, shadows: &Shadows) -> Self {
         Self {
-            spacing: (shadows.method == ShadowMethod::Grid).then(|| shadows.spacing.to_bits()),
+            grid: (shadows.method == ShadowMethod::Grid).then(|| (shadows.spacing.to_bits(), shadows.directions)),
             step_length: accuracy.step_length.to_bits(),
             termination: accuracy.termination.to_bits(),
             interpolation: accuracy.interpolation,

@@ -36,6 +36,8 @@ pub enum Knob {
     Variation,
     /// Spacing of the light grid, in voxels.
     Spacing,
+    /// Directions of the sky.
+    Directions,
     /// Interpolation between voxels.
     Interpolation,
     /// Labels between voxels.
@@ -78,7 +80,7 @@ pub(super) enum Growth {
 
 impl Knob {
     /// All knobs.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::Model,
         Self::K,
         Self::Accumulate,
@@ -89,6 +91,7 @@ impl Knob {
         Self::Integration,
         Self::Variation,
         Self::Spacing,
+        Self::Directions,
         Self::Interpolation,
         Self::Labels,
         Self::Volume,
@@ -113,6 +116,7 @@ impl Knob {
             Self::Integration => "integration",
             Self::Variation => "variation",
             Self::Spacing => "spacing",
+            Self::Directions => "directions",
             Self::Interpolation => "interpolation",
             Self::Labels => "labels",
             Self::Volume => "volume",
@@ -137,6 +141,7 @@ impl Knob {
             Self::Rays => "rays of a pixel, whose mean it is",
             Self::Integration => "samples of the medium, or segments between two values",
             Self::Spacing => "voxels between nodes of the light grid",
+            Self::Directions => "directions of the sky",
             Self::Variation => "variation from which a segment is divided",
             Self::Interpolation => "interpolation between voxels",
             Self::Labels => "labels between voxels: shares of those around, or the nearest",
@@ -163,6 +168,7 @@ impl Knob {
             Self::Integration => Choices::Names(vec!["auto", "segments", "samples"]),
             Self::Variation => numbers(1e-6..=1.0, false, Growth::Times(10.0)),
             Self::Spacing => numbers(0.5..=64.0, false, Growth::Times(2.0)),
+            Self::Directions => numbers(8.0..=1024.0, true, Growth::Times(2.0)),
             Self::Interpolation => Choices::Names(vec!["nearest", "linear", "exact-linear", "cubic"]),
             Self::Labels => Choices::Names(vec!["smooth", "nearest"]),
             Self::Volume => Choices::Names(vec!["auto", "f32", "u16"]),
@@ -214,6 +220,7 @@ impl Knob {
             }
             (Self::Variation, Value::Number(variation)) => accuracy.variation = variation,
             (Self::Spacing, Value::Number(spacing)) => scene.shadows.spacing = spacing,
+            (Self::Directions, Value::Number(directions)) => scene.shadows.directions = whole(directions),
             (Self::Interpolation, Value::Name(name)) => {
                 accuracy.interpolation = match name {
                     "nearest" => Interpolation::Nearest,

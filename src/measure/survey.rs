@@ -13,6 +13,7 @@ use super::ladder::{Cause, Ladder, Lattice};
 use super::measured::{CloseUp, Cost, Frames, Measured, Run};
 use super::setting::Setting;
 use super::shown::{looked_up, picture};
+use crate::number::count;
 use crate::plan::{Planned, ScenePlan, plan};
 use crate::progress::{Progress, unreported};
 use crate::render::{Renderer, SceneRenderer};
@@ -74,8 +75,8 @@ pub struct Survey<'a> {
 struct Same {
     plan: ScenePlan,
     carrier: String,
-    /// Step length, termination, variation, scale and spacing of the light grid.
-    numbers: [f64; 5],
+    /// Step length, termination, variation, scale, spacing of the light grid and directions of the sky.
+    numbers: [f64; 6],
     /// Entries of the transfer table.
     entries: usize,
 }
@@ -201,6 +202,7 @@ impl<'a> Survey<'a> {
                 scene.accuracy.variation,
                 setting.scale(),
                 scene.shadows.spacing,
+                count(scene.shadows.directions),
             ],
             entries: table.entries(),
         };

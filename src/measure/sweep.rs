@@ -203,12 +203,12 @@ mod tests {
     }
 
     #[test]
-    fn the_usual_sweep_turns_every_knob_but_five_one_at_a_time() {
+    fn the_usual_sweep_turns_every_knob_but_six_one_at_a_time() {
         let usual = settings(&[]).unwrap();
         assert!(usual.iter().all(|setting| setting.knobs().count() <= 1), "{usual:?}");
-        // Without segments, the variation has no effect; without shadows, the spacing of the light grid; labels of their own
+        // Without segments, the variation has no effect; without shadows, spacing and directions of the light grid; labels of their own
         // are rare. Several rays take a truth of many rays.
-        let idle = [Knob::Accumulate, Knob::Rays, Knob::Variation, Knob::Labels, Knob::Spacing];
+        let idle = [Knob::Accumulate, Knob::Rays, Knob::Variation, Knob::Labels, Knob::Spacing, Knob::Directions];
         for knob in Knob::ALL.into_iter().filter(|knob| !idle.contains(knob)) {
             assert!(usual.iter().any(|setting| setting.get(knob).is_some()), "{knob}");
         }

@@ -27,8 +27,8 @@ pub(super) fn written(scene: &Scene) -> Vec<(&'static str, &'static str, String)
     ];
     let entries = scene.transfer.entries.map(|entries| ("transfer", "entries", entries.to_string()));
     let accuracy = stated.into_iter().map(|(key, value)| ("accuracy", key, value));
-    let spacing = scene.asks_for_shadows().then(|| readable(scene.shadows.spacing));
-    let shadows = spacing.map(|spacing| ("shadows", "spacing", spacing));
+    let shadows = [("spacing", readable(scene.shadows.spacing)), ("directions", scene.shadows.directions.to_string())];
+    let shadows = shadows.into_iter().filter(|_| scene.asks_for_shadows()).map(|(key, value)| ("shadows", key, value));
     accuracy.chain(shadows).chain([("transfer", "lookup", toml(scene.transfer.lookup))]).chain(entries).collect()
 }
 

@@ -16,7 +16,6 @@ use relume::output::{BANDS, FilmFile};
 use relume::progress::Quiet;
 use relume::scene::Mix;
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, xyz_of};
-use relume::spectrum::observer::Observer;
 use relume::spectrum::{Spectrum, standard};
 
 use support::exr::{Exr, damage};
@@ -58,9 +57,6 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> FilmFile {
         spectrum: *light.spectrum().samples(),
     };
     FilmFile {
-        width,
-        height,
-        components: Components::Model(Stored { model, coloured, tolerance: 0.7 }),
         positions: vec![
             Position { name: "transmittance".to_owned(), kind: PositionKind::Ambient, shadows: false },
             Position { name: "key.0".to_owned(), kind: PositionKind::Point([1.0, 2.0, 3.0]), shadows: false },
@@ -68,13 +64,9 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> FilmFile {
         lights: lights.iter().enumerate().map(light).collect(),
         background: Some([0.25; BANDS]),
         exposure: 2.0,
-        adapt: false,
-        observer: Observer::default(),
-        dial: None,
-        frame: None,
-        part: None,
         accumulators: (0..2 * dimension * width * height).map(number).collect(),
         transmittance: (0..numbers * width * height).map(|index| number(index + 7)).collect(),
+        ..FilmFile::empty([width, height], Components::Model(Stored { model, coloured, tolerance: 0.7 }))
     }
 }
 

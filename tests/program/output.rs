@@ -354,18 +354,8 @@ fn accumulators_come_back_as_they_were() {
     // Position 1, component 0.
     assert_eq!(values(&layer, "all around.KnÃ¶chel"), full.accumulators[2 * 72..3 * 72]);
     let empty = FilmFile {
-        components: Components::Surfaces(vec![]),
-        positions: vec![],
-        lights: vec![],
-        background: None,
-        exposure: 1.0,
-        adapt: false,
-        observer: Observer::default(),
-        dial: None,
-        frame: None,
-        part: None,
-        accumulators: vec![],
-        ..full
+        transmittance: full.transmittance,
+        ..FilmFile::empty([full.width, full.height], Components::Surfaces(vec![]))
     };
     empty.write(&path).unwrap();
     assert_eq!(FilmFile::read(&path).unwrap(), empty);
@@ -418,21 +408,13 @@ fn a_file_of_another_program_is_read() {
     let (weights, transmittance) = ([0.1, 0.2, 0.3, 0.4], [1.0, 0.5, 0.25, 0.0]);
     write_by_hand(&path, &small_text(), &[("transmittance", halves(transmittance)), ("key.bone", floats(weights))]);
     let found = FilmFile::read(&path).unwrap();
+    let bone = Component { name: "bone".to_owned(), spectrum: [0.5; BANDS] };
     let expected = FilmFile {
-        width: 2,
-        height: 2,
-        components: Components::Surfaces(vec![Component { name: "bone".to_owned(), spectrum: [0.5; BANDS] }]),
         positions: vec![Position { name: "key".to_owned(), kind: PositionKind::Headlight, shadows: false }],
         lights: vec![Light { name: "E".to_owned(), position: 0, weight: 2.0, shown: None, spectrum: [1.0; BANDS] }],
-        background: None,
-        exposure: 1.0,
-        adapt: false,
-        observer: Observer::default(),
-        dial: None,
-        frame: None,
-        part: None,
         accumulators: weights.to_vec(),
         transmittance: transmittance.to_vec(),
+        ..FilmFile::empty([2, 2], Components::Surfaces(vec![bone]))
     };
     assert_eq!(found, expected);
 }

@@ -72,22 +72,11 @@ fn film(
         spectrum: *standard::light(names[position % 4]).unwrap().spectrum().samples(),
     };
     let header = FilmFile {
-        width: size[0],
-        height: size[1],
-        components: Components::Surfaces(components.iter().enumerate().map(component).collect()),
         positions: (0..positions)
             .map(|index| Position { name: format!("p{index}"), kind: PositionKind::Ambient, shadows: false })
             .collect(),
         lights: (0..positions).map(light).collect(),
-        background: None,
-        exposure: 1.0,
-        adapt: false,
-        observer: Observer::default(),
-        dial: None,
-        frame: None,
-        part: None,
-        accumulators: Vec::new(),
-        transmittance: Vec::new(),
+        ..FilmFile::empty(size, Components::Surfaces(components.iter().enumerate().map(component).collect()))
     };
     let accumulators =
         (0..planes).flat_map(|plane| (0..pixels).map(move |pixel| (plane, pixel))).map(|(a, b)| narrow(weight(a, b)));

@@ -208,20 +208,11 @@ fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
         shadows: place.shadows,
     };
     FilmFile {
-        width: SIZE[0],
-        height: SIZE[1],
-        components: FileComponents::Surfaces(spectra.iter().enumerate().map(component).collect()),
         positions: planned.positions.iter().map(position).collect(),
-        lights: Vec::new(),
         background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
-        exposure: 1.0,
-        adapt: false,
-        observer: Observer::default(),
-        dial: None,
-        frame: None,
-        part: None,
         accumulators: sums.accumulators,
         transmittance: sums.transmittance,
+        ..FilmFile::empty(SIZE, FileComponents::Surfaces(spectra.iter().enumerate().map(component).collect()))
     }
 }
 

@@ -14,7 +14,7 @@ const fn word(name: &'static str, keys: &'static [&'static str], meaning: &'stat
 }
 
 /// Terms that are column heads of the table of all numbers also give the heads' tooltips.
-const WORDS: [Word; 45] = [
+const WORDS: [Word; 46] = [
     word(
         "ΔE00",
         &["ΔE00"],
@@ -109,6 +109,11 @@ const WORDS: [Word; 45] = [
         "spacing",
         &["spacing=", "light grid"],
         "voxels between two nodes of the light grid, from which shadows are read; as a cause (light grid): the light is interpolated between nodes",
+    ),
+    word(
+        "directions",
+        &["directions="],
+        "directions of the evenly bright sky from which ambient light with shadows comes; their error is part of the light grid's",
     ),
     word("volume", &["volume="], "bits per voxel on the device"),
     word(

@@ -183,6 +183,29 @@ pub struct FilmFile {
     pub transmittance: Vec<f32>,
 }
 
+impl FilmFile {
+    /// A film of `size` (width, height) without positions, lights, background and numbers, shown as it is.
+    #[must_use]
+    pub fn empty([width, height]: [usize; 2], components: Components) -> Self {
+        Self {
+            width,
+            height,
+            components,
+            positions: Vec::new(),
+            lights: Vec::new(),
+            background: None,
+            exposure: 1.0,
+            adapt: false,
+            observer: Observer::default(),
+            dial: None,
+            frame: None,
+            part: None,
+            accumulators: Vec::new(),
+            transmittance: Vec::new(),
+        }
+    }
+}
+
 /// Scale and orientation of a picture.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

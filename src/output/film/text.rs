@@ -304,9 +304,6 @@ pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String
     let background = document.background.map(|spectrum| bands("`background`", spectrum)).transpose()?;
     let Document { exposure, adapt, observer, dial, part, .. } = document;
     let accumulators = FilmFile {
-        width: 0,
-        height: 0,
-        components: Components::Surfaces(components),
         positions,
         lights,
         background,
@@ -314,10 +311,8 @@ pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String
         adapt,
         observer,
         dial,
-        frame: None,
         part,
-        accumulators: Vec::new(),
-        transmittance: Vec::new(),
+        ..FilmFile::empty([0, 0], Components::Surfaces(components))
     };
     Ok((accumulators, model))
 }

@@ -110,18 +110,20 @@ impl Lights {
     }
 
     /// Mixes under which packing keeps its tolerance: the picture as it opens, the presets of the dial, each standard
-    /// light in place of all, and each light alone, as it is and as each standard light, as bright as the dial makes it.
+    /// light in place of all, and each light alone, as it is and as each standard light, with its own weight and as bright
+    /// as the dial makes it. Neither of the two has the larger error in every pixel.
     pub(super) fn mixes(&self) -> Vec<Mix> {
-        let single = |light: &MixLight| {
+        let single = |light: &MixLight| -> Vec<Mix> {
             let at_hand = self.on_dial(vec![light.clone()]);
-            if at_hand.0[0].weight > light.weight { at_hand } else { Mix(vec![light.clone()]) }
+            let differs = (at_hand.0[0].weight - light.weight).abs() > 1e-9 * light.weight;
+            std::iter::once(Mix(vec![light.clone()])).chain(differs.then_some(at_hand)).collect()
         };
         let as_standard = |light: &MixLight| -> Vec<Mix> {
             let other =
                 |(_, standard): &(&str, Light)| single(&MixLight { spectrum: standard.clone(), ..light.clone() });
-            self.standards.iter().map(other).collect()
+            self.standards.iter().flat_map(other).collect()
         };
-        let alone = self.stated.0.iter().flat_map(|light| std::iter::once(single(light)).chain(as_standard(light)));
+        let alone = self.stated.0.iter().flat_map(|light| single(light).into_iter().chain(as_standard(light)));
         let in_place = self.standards.iter().map(|(_, standard)| {
             let light = |light: &MixLight| MixLight { spectrum: standard.clone(), ..light.clone() };
             Mix(self.stated.0.iter().map(light).collect())

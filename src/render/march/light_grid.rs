@@ -12,7 +12,7 @@ use super::dispatching::TableMemory;
 use super::source::{Fill, light_grid_source, light_order_source, sky_source};
 use crate::number::{count, rounded, unsigned, whole};
 use crate::plan::{Planned, ScenePlan};
-use crate::render::{RenderError, Renderer, Uploaded};
+use crate::render::{RenderError, Renderer, Source, Uploaded};
 use crate::scene::{Interpolation, Lookup, Scene};
 use crate::tables::{
     ExtinctionTable, GRID_LIGHTS, GradientTable, GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PositionTable,
@@ -292,25 +292,13 @@ impl Renderer {
         if numbers.iter().all(Option::is_none) {
             return Ok(());
         }
-        let (pipeline, set) = self.bind(light_order_source(GROUP), |name| {
-            Some(match name {
-                "depths" => Resource::Texture(&before.image),
-                "light_grid" => Resource::StorageTexture(&grid.image),
-                _ => return None,
-            })
-        })?;
         let nodes = grid.key.grid.dims.map(unsigned);
-        let groups = [nodes[0].div_ceil(GROUP[0]), nodes[1].div_ceil(GROUP[1]), nodes[2]];
-        self.device.run("light order", |recorder| {
-            recorder.compute_to_compute();
-            for (texel, numbers) in numbers.chunks(GRID_LIGHTS).enumerate() {
-                let number = |i: usize| numbers.get(i).copied().flatten().map_or(Order::NONE, unsigned);
-                let order = Order { from: std::array::from_fn(number), nodes, texel: unsigned(texel) };
-                recorder.dispatch(&pipeline, &set, bytemuck::bytes_of(&order), groups)?;
-            }
-            recorder.compute_to_compute();
-            Ok(())
-        })?;
+        let orders = numbers.chunks(GRID_LIGHTS).enumerate().map(|(texel, numbers)| {
+            let number = |i: usize| numbers.get(i).copied().flatten().map_or(Order::NONE, unsigned);
+            Order { from: std::array::from_fn(number), nodes, texel: unsigned(texel) }
+        });
+        let depths = ("depths", Resource::Texture(&before.image));
+        grid.over_nodes(self, light_order_source(GROUP), depths, &orders.collect::<Vec<_>>())?;
         for (light, number) in filling.lights.iter_mut().zip(numbers) {
             light.1 = number.is_some();
         }
@@ -473,16 +461,8 @@ impl DeviceGrid {
 
     /// Sets the depths of `light`, the sky, from its sums.
     fn set_sky(&self, renderer: &Renderer, light: usize, complete: &Summing) -> Result<(), RenderError> {
-        let (pipeline, set) = renderer.bind(sky_source(GROUP), |name| {
-            Some(match name {
-                "sky" => Resource::Storage(&complete.sums),
-                "light_grid" => Resource::StorageTexture(&self.image),
-                _ => return None,
-            })
-        })?;
-        let nodes = self.key.grid.dims.map(unsigned);
         let constants = ToDepths {
-            nodes,
+            nodes: self.key.grid.dims.map(unsigned),
             texels: unsigned(light / GRID_LIGHTS * self.key.grid.dims[2]),
             summed: self.key.sky.dims.map(unsigned),
             part: unsigned(light % GRID_LIGHTS),
@@ -490,10 +470,29 @@ impl DeviceGrid {
             largest_depth: rounded(LARGEST_SKY_DEPTH),
             unused: [0; 2],
         };
-        renderer.device.run("sky", |recorder| {
+        self.over_nodes(renderer, sky_source(GROUP), ("sky", Resource::Storage(&complete.sums)), &[constants])
+    }
+
+    /// Runs a shader that writes every node, once for each of these push constants; it reads the `input` of this name.
+    fn over_nodes<C: Pod>(
+        &self,
+        renderer: &Renderer,
+        source: Source,
+        (input, resource): (&str, Resource<'_>),
+        constants: &[C],
+    ) -> Result<(), RenderError> {
+        let label = source.name;
+        let (pipeline, set) = renderer.bind(source, |name| match name {
+            "light_grid" => Some(Resource::StorageTexture(&self.image)),
+            _ => (name == input).then_some(resource),
+        })?;
+        let nodes = self.key.grid.dims.map(unsigned);
+        let groups = [nodes[0].div_ceil(GROUP[0]), nodes[1].div_ceil(GROUP[1]), nodes[2]];
+        renderer.device.run(label, |recorder| {
             recorder.compute_to_compute();
-            let groups = [nodes[0].div_ceil(GROUP[0]), nodes[1].div_ceil(GROUP[1]), nodes[2]];
-            recorder.dispatch(&pipeline, &set, bytemuck::bytes_of(&constants), groups)?;
+            for constants in constants {
+                recorder.dispatch(&pipeline, &set, bytemuck::bytes_of(constants), groups)?;
+            }
             recorder.compute_to_compute();
             Ok(())
         })?;
