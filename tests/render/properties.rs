@@ -10,7 +10,6 @@ use relume::output::film::{Component, Components as FileComponents, FilmFile, Po
 use relume::render::{Dispatching, Renderer, TableMemory};
 use relume::scene::{Mix, Placement, Scene, SceneLight};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use relume::spectrum::observer::Observer;
 use relume::spectrum::{Light, Spectrum};
 use support::device::open;
 use support::rungs::{Rungs, magnitudes, with_renderer};
