@@ -169,9 +169,9 @@ pub struct ShadowedPositions {
     pub three_point: bool,
     /// Number of point lights with shadows.
     pub point: usize,
-    /// Whether the last ambient light casts shadows.
+    /// The last ambient light casts shadows.
     pub ambient: bool,
-    /// Whether the ambient shares of directed lights are dimmed.
+    /// The medium dims the ambient shares of directed lights.
     pub occluded: bool,
     /// Method that finds their light.
     pub method: ShadowMethod,
@@ -188,7 +188,7 @@ impl ShadowedPositions {
         self.directional + if self.three_point { 3 } else { 0 } + self.point + usize::from(self.sky())
     }
 
-    /// Whether the medium dims ambient light.
+    /// True if the medium dims ambient light.
     #[must_use]
     pub fn sky(&self) -> bool {
         self.ambient || self.occluded

@@ -11,8 +11,7 @@ use relume::internal::annotate::{Frame, Overlay};
 use relume::internal::memory;
 use relume::internal::number::{brief, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
-use relume::output::film::FilmPart;
-use relume::output::{FilmFile, OutputError, Picture, PictureKind, write_ready_png};
+use relume::output::{FilmFile, Picture, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
@@ -137,7 +136,7 @@ fn check_block(block: Block, scene: &Scene, planned: &Planned) -> Result<(), Cli
     if Blocks::new(&scene.volume.geometry, block.count).is_none() {
         let [x, y, z] = scene.volume.geometry.dims;
         return refused(format!(
-            "a volume of {x}×{y}×{z} voxels has no {} blocks; the limits are {MOST_BLOCKS} and one voxel a block",
+            "a volume of {x}×{y}×{z} voxels has no {} blocks; write at most {MOST_BLOCKS}, and fewer than it has voxels",
             block.count
         ));
     }
@@ -262,9 +261,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let frame = Frame::of(&scene.camera, &scene.volume, args.size);
     let film_file = |film: Film<f32>| {
         let dial = file.light.dial_of_film(&file.dial);
-        let part = FilmPart::of_scene(&scene, film.size);
-        let film = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, film)?;
-        Ok::<_, OutputError>(FilmFile { part, ..film })
+        FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, film)
     };
     if let Some(path) = &args.accumulators {
         let pixels = Film { size: args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };

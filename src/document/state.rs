@@ -36,11 +36,11 @@ pub enum Edit {
     Weight(usize, f64),
     /// Switches a light on or off.
     On(usize, bool),
-    /// Whether a light casts shadows, by its index.
+    /// Shadows of a light, by its index: on or off.
     Shadows(usize, bool),
     /// Sides of surfaces that lights shade.
     Lighting(Lighting),
-    /// Whether the medium dims the ambient shares of directed lights.
+    /// Ambient shares of directed lights: open or occluded.
     AmbientShares(AmbientShares),
     /// Selects a single light, or all lights that are on.
     Solo(Option<usize>),

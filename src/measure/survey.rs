@@ -320,10 +320,16 @@ impl<'a> Survey<'a> {
         let scene = setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
         let on_device = self.upload(scene, planned, 0, progress)?;
-        let mut frames = std::mem::take(&mut self.known[index].frames);
         let size = setting.marched_size(self.options.size);
+        if on_device.planned().plan.reads_light_grid() {
+            // Settings share a volume, and so one light grid; that of another setting may have replaced it.
+            on_device.march(size, progress)?;
+        }
+        let fills = self.renderer.light_fills();
+        let mut frames = std::mem::take(&mut self.known[index].frames);
         let timed = self.frame(&on_device, size, &mut frames, progress);
         self.known[index].frames = frames;
+        debug_assert_eq!(self.renderer.light_fills(), fills, "a timed frame reads a complete light grid");
         timed
     }
 

@@ -170,8 +170,9 @@ impl<'a, R: Real> Frame<'a, R> {
             if step.does_nothing() {
                 continue;
             }
+            let sky = self.sky_light(place, samples);
             for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
-                let light = self.light(position, place, samples, (&transmittance, &step));
+                let light = self.light(position, place, samples, (&transmittance, &step, sky));
                 self.shade(position, ray, place, &step, &light, &mut source);
                 if mixed {
                     composite_matrix(sums, &source, &transmittance);
@@ -235,8 +236,9 @@ impl<'a, R: Real> Frame<'a, R> {
                 if !seen(&RaySample { index: n, place: middle, length: end - done, transmittance: &transmittance }) {
                     return transmittance;
                 }
+                let sky = self.sky_light(middle, samples);
                 for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
-                    let light = self.light(position, middle, samples, (&transmittance, &step));
+                    let light = self.light(position, middle, samples, (&transmittance, &step, sky));
                     self.shade(position, ray, middle, &step, &light, &mut source);
                     composite(sums, &source, &transmittance);
                 }
@@ -295,19 +297,25 @@ impl<'a, R: Real> Frame<'a, R> {
         finish(&sums, &transmittance)
     }
 
-    /// The light at `position` that reaches the step at `place`, whose light reaches the eye with this transmittance.
+    /// Fraction of the light of the sky that reaches `place`; 1 if the medium does not dim it.
+    fn sky_light(&self, place: [R; 3], samples: &impl Samples<R>) -> R {
+        let sky = self.reaching.as_ref().zip(self.planned.plan.sky());
+        sky.map_or(R::from_f64(1.0), |(reaching, number)| reaching.light(number, place, samples))
+    }
+
+    /// The light at `position` that reaches the step at `place`, whose light reaches the eye with this transmittance, under
+    /// this light of the `sky`.
     fn light(
         &self,
         position: usize,
         place: [R; 3],
         samples: &impl Samples<R>,
-        (transmittance, step): (&[R], &Step<R>),
+        (transmittance, step, sky): (&[R], &Step<R>, R),
     ) -> Reached<R> {
         let plan = &self.planned.plan;
         let shadowed = plan.shadowed();
         let one = R::from_f64(1.0);
         let of = |number: usize| self.reaching.as_ref().map_or(one, |reaching| reaching.light(number, place, samples));
-        let of_sky = || plan.sky().map_or(one, of);
         let light = if plan.shadowed_headlight() == Some(position) {
             // The light shines along the ray of the eye: its mean over the step, (1 − e^(−2τΔs))/(2τ) over (1 − e^(−τΔs))/τ.
             [(-(transmittance[0] * R::from_f64(0.5))).mul_add(step.opacity[0], transmittance[0]); 3]
@@ -318,12 +326,12 @@ impl<'a, R: Real> Frame<'a, R> {
         } else if plan.shadowed_points().contains(&position) {
             [of(plan.first_point() + position - plan.shadowed_points().start); 3]
         } else if plan.shadowed_ambient() == Some(position) {
-            [of_sky(); 3]
+            [sky; 3]
         } else {
             [one; 3]
         };
         let occluded = plan.shadows.is_some_and(|shadows| shadows.occluded) && position >= plan.positions.ambient;
-        Reached { light, ambient: if occluded { of_sky() } else { one } }
+        Reached { light, ambient: if occluded { sky } else { one } }
     }
 
     /// Sets `source` to the light that a step sends to the eye from the light at `position`, as much as has `reached` it:

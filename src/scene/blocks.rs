@@ -75,8 +75,8 @@ impl Blocks {
         self.boxes.get(index).copied()
     }
 
-    /// Whether the low side is in front, for each cut: along every ray of `view`, all samples of one side precede those
-    /// of the other. The eye lies on the side in front; parallel rays come from it.
+    /// Side in front of each cut, true for the low side: along every ray of `view`, all its samples precede those of the
+    /// other side. The eye lies on the side in front; parallel rays come from it.
     #[must_use]
     pub fn low_first(&self, geometry: &Geometry, view: &View) -> Vec<bool> {
         let local_from_world = geometry.direction.inverse();

@@ -94,7 +94,7 @@ impl Scene {
         self.uses(index, |term| &term.opacity, |entry| entry.opacity)
     }
 
-    /// Whether the light `index` casts shadows that change the picture: they take ambient light, light without shading, and
+    /// True if the light `index` casts shadows that change the picture: they take ambient light, light without shading, and
     /// the diffuse and specular parts of shaded light.
     #[must_use]
     pub fn casts_shadows(&self, index: usize) -> bool {
@@ -106,7 +106,7 @@ impl Scene {
             || self.materials.iter().enumerate().any(shaded)
     }
 
-    /// Whether the scene asks for any shadows.
+    /// True if the scene asks for any shadows.
     #[must_use]
     pub fn asks_for_shadows(&self) -> bool {
         self.shadows.ambient == AmbientShares::Occluded || self.lights.iter().any(|light| light.shadows)
@@ -247,7 +247,7 @@ pub struct Shadows {
     /// Distance from a sample within which nothing shades it, in voxels along the axis with the smallest spacing; `None` follows
     /// [`Scene::shadow_start`].
     pub start: Option<f64>,
-    /// Whether the ambient shares of directed lights are dimmed as ambient light with shadows is.
+    /// Ambient shares of directed lights: open, or dimmed like ambient light with shadows.
     pub ambient: AmbientShares,
     /// Directions of an evenly bright sky, of which ambient light with shadows is the mean.
     pub directions: usize,

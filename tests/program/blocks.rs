@@ -84,7 +84,7 @@ fn parts_that_do_not_composite_are_refused_with_a_sentence() {
     let paths = ["p1.exr", "p2.exr", "p3.exr", "p4.exr"].map(|name| folder.path(name));
     let error = composite(&paths, Some(1000), &Quiet).unwrap_err();
     assert!(error.to_string().contains("bytes of memory, and 1000 are free"), "{error}");
-    // What a block cannot do.
+    // Scenes and flags that blocks refuse.
     folder.refused(1, &part("1/2", "n.exr", &["-D", "accuracy.rays=4"]), &["4 rays a pixel", "accuracy.rays=1"]);
     folder.refused(1, &part("1/4096000", "n.exr", &[]), &["no 4096000 blocks", "4096"]);
     folder.refused(2, &part("3/2", "n.exr", &[]), &["write I/N"]);

@@ -16,7 +16,7 @@ use relume::measure::{
 };
 use relume::plan::plan_full_spectrum;
 use relume::progress::{Progress, Quiet};
-use relume::scene::{Projection, Scene};
+use relume::scene::{AmbientShares, Projection, Scene};
 use support::program::{Folder, SCENE};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, GLASS, glass_straight_on, parsed};
@@ -199,6 +199,24 @@ fn settings_are_timed_in_turn_until_all_have_as_many_runs() {
         assert_eq!(upload(&rows[0]), upload(of("scale=0.5")), "one volume, one upload");
         assert_ne!(upload(&rows[0]), upload(of("volume=f32")), "another one");
         assert_eq!(rows[0].times, of("step=1").times, "what is the same is timed once");
+    });
+}
+
+#[test]
+fn directions_of_the_sky_are_measured_and_no_timed_frame_fills_a_light_grid() {
+    let mut scene = parsed(SCENE);
+    // Nodes near enough for the directions to have the largest error.
+    (scene.shadows.ambient, scene.shadows.spacing) = (AmbientShares::Occluded, 1.0);
+    let options = SurveyOptions { pixels: 24, runs: 3, ..OPTIONS };
+    let settings = sweep(&["directions=8,32"]);
+    with_renderer(|renderer| {
+        let mut survey = Survey::new(renderer, &scene, &settings, options, &Quiet).unwrap();
+        let mut rows: Vec<Measured> = settings.iter().map(|setting| survey.measure(setting, &Quiet).unwrap()).collect();
+        let of = |name: &str| rows.iter().find(|row| row.setting.to_string() == name).unwrap();
+        let [few, many] = ["directions=8", "directions=32"].map(|name| by(of(name), Cause::LightGrid).delta_e.mean);
+        assert!(many < few && few > 0.0, "ΔE00 {few} from 8 directions, {many} from 32");
+        // Asserts in turn that the light grid of each setting is complete before its time is taken.
+        survey.time_in_turn(&mut rows, &Quiet).unwrap();
     });
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Component, Components, Dial, FilmFile, Frame, Light, Position, PositionKind, Stored};
+use super::{Component, Components, Dial, FilmFile, FilmPart, Frame, Light, Position, PositionKind, Stored};
 use crate::annotate::{self, Edges};
 use crate::film;
 use crate::film::Film;
@@ -70,7 +70,7 @@ impl FilmFile {
             observer: scene.display.observer,
             dial: Some(dial),
             frame: Some(Frame::of(&annotate::Frame::of(&scene.camera, &scene.volume, accumulation.size))),
-            part: None,
+            part: FilmPart::of_scene(scene, accumulation.size),
             accumulators: accumulation.accumulators,
             transmittance: accumulation.transmittance,
         })

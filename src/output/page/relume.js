@@ -133,7 +133,7 @@ async function inflated(bytes, length) {
 
 /**
  * Adds their predictions (left + above − corner, within their range) to the codes of a row from `at`, in place; the row
- * before it is done. Only what lies between the first and the last code of both is looked at: most of a picture is empty.
+ * before it is done. Skips the empty ends of both rows: most of a picture is empty.
  */
 function unpredict(plane, at, width, mask) {
   if (at === 0) for (let x = 1; x < width; x++) plane[x] = plane[x] + plane[x - 1] & mask;

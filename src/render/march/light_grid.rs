@@ -323,12 +323,12 @@ impl Renderer {
 }
 
 impl Filling {
-    /// Whether it is for these lights.
+    /// True if it fills the depths of these lights, in this order.
     fn is_of(&self, lights: &[GridLight]) -> bool {
         self.lights.iter().map(|light| light.0).eq(lights.iter().copied())
     }
 
-    /// Whether no complete depth of `lights` has another number.
+    /// True if no complete depth of `lights` has another number.
     fn stay(&self, lights: &[GridLight]) -> bool {
         let elsewhere = |(number, light): (usize, &(GridLight, bool))| {
             light.1 && lights.get(number) != Some(&light.0) && lights.contains(&light.0)

@@ -164,7 +164,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, open, .. }: Dispatching) -> 
         .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
 }
 
-/// What a sweep fills.
+/// Result of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fill {
     /// The depths of a directional light.
