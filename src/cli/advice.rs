@@ -1,6 +1,7 @@
 //! Flags that help against an error.
 
 use std::error::Error;
+use std::io;
 use std::path::Path;
 
 use relume::document::SceneError;
@@ -9,7 +10,7 @@ use relume::model::{ModelError, ModelKind};
 use relume::output::OutputError;
 use relume::output::page::PageError;
 use relume::render::RenderError;
-use relume::volume::{Asked, ByteOrder, RawLayout, Several, VolumeError};
+use relume::volume::{self, Asked, ByteOrder, RawLayout, Several, VolumeError};
 
 use super::CliError;
 
@@ -79,8 +80,33 @@ fn flags(error: &(dyn Error + 'static)) -> Option<String> {
     of_scene.or(of_volume).or(of_render).or(of_model)
 }
 
+/// What lies where there is no file `path`: its folder's scenes and volumes.
+fn instead_of(path: &Path, error: &io::Error) -> Option<String> {
+    const LISTED: usize = 5;
+    if error.kind() != io::ErrorKind::NotFound {
+        return None;
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = std::path::absolute(folder).ok()?;
+    let Ok(entries) = std::fs::read_dir(&folder) else {
+        return Some(format!("; there is no folder {}", folder.display()));
+    };
+    let is_known = |name: &String| {
+        let name = name.to_lowercase();
+        volume::extensions().chain(["toml"]).any(|it| name.ends_with(&format!(".{it}")))
+    };
+    let mut names: Vec<String> =
+        entries.flatten().map(|it| it.file_name().to_string_lossy().into_owned()).filter(is_known).collect();
+    names.sort();
+    let more = if names.len() > LISTED { ", …" } else { "" };
+    names.truncate(LISTED);
+    let has = if names.is_empty() { "no scene and no volume".to_owned() } else { names.join(", ") };
+    Some(format!("; {} has {has}{more}", folder.display()))
+}
+
 fn of_scene(error: &SceneError) -> Option<String> {
     match error {
+        SceneError::Read { path, source } => instead_of(path, source),
         SceneError::IsVolume { path } => Some(format!(": use --volume {}", path.display())),
         SceneError::TooLong { .. } | SceneError::NoText { .. } => Some("; if it is a volume, use --volume".to_owned()),
         SceneError::NoVolume { .. } => Some(", or give one with --volume FILE".to_owned()),
@@ -111,6 +137,7 @@ fn of_output(error: &OutputError) -> Option<String> {
 
 fn of_volume(error: &VolumeError) -> Option<String> {
     match error {
+        VolumeError::Open { path, source } => instead_of(path, source),
         VolumeError::UnknownFormat { path, .. } if ends_in(path, "exr") => {
             Some(format!("; for a film, use relume relight {} -o picture.png", path.display()))
         }

@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use relume::document::session;
 use relume::measure::Stopwatch;
 use relume::output::page::escaped;
 use relume::output::{write_atomically, write_drawing};
-use relume::palette::{self, Facts, Member, SmoothCost, Smoothing, Solution};
+use relume::palette::{self, Facts, Member, Palette, SmoothCost, Smoothing, Solution};
 use relume::progress::Progress;
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Xyz, d65_white, display_code, is_displayable, lab_from_xyz, linear_srgb_from_xyz};
@@ -22,6 +23,7 @@ Examples:
   relume design palette.toml -o solved.toml --report palette.html
   relume design palette.toml --compare-smoothness     what smoother spectra cost
   relume design palette.toml --smoothness smoother -o solved.toml
+  relume design edited.toml --save-scene solved.toml  a scene whose [palette.cells] were edited, with new spectra
 
 The keys of a palette file are in docs/PALETTE.md; a scene takes its spectra from one with [palette] use = \"FILE\".";
 
@@ -35,6 +37,9 @@ pub(crate) struct Args {
     /// Write a palette file with all solved spectra.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Write the scene with the solved spectra in place of those that it has: for a scene with a [palette].
+    #[arg(long, value_name = "FILE.toml")]
+    save_scene: Option<PathBuf>,
     /// Draw a report: matrix of colours, spectra, and contrasts by colour vision (.html, .svg or .png; repeatable).
     #[arg(long, value_name = "FILE")]
     report: Vec<PathBuf>,
@@ -81,9 +86,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let reports = args.report.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<Vec<_>, CliError>>()?;
     let stated = palette::load(&args.palette)?;
     let palette = args.smoothness.map_or_else(|| stated.clone(), |smoothness| stated.smoothed(smoothness));
-    let outputs: Vec<&PathBuf> = args.output.iter().chain(&args.report).collect();
+    let outputs: Vec<&PathBuf> = args.output.iter().chain(&args.save_scene).chain(&args.report).collect();
     let inputs: Vec<&Path> = palette.inputs.iter().chain([&args.palette]).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
+    let scene_text = std::fs::read_to_string(&args.palette).unwrap_or_default();
+    let scene: Option<toml::Table> =
+        scene_text.parse().ok().filter(|table: &toml::Table| table.contains_key("palette"));
+    if args.save_scene.is_some() && scene.is_none() {
+        let palette = args.palette.display();
+        return Err(CliError::Usage(format!(
+            "--save-scene is for a scene with a [palette], and {palette} is a palette; use -o"
+        )));
+    }
     let clock = Stopwatch::start();
     let solution = palette::solve(&palette, progress)?;
     let times = clock.read();
@@ -95,6 +109,17 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     };
     if let Some(path) = &args.output {
         write_text(path, &solution.to_toml())?;
+    }
+    if let Some(path) = &args.save_scene {
+        let scene = session::solved_text(path, &args.palette, &scene_text, &solution)
+            .map_err(|error| CliError::Failed(format!("--save-scene {}: {error}", path.display())))?;
+        write_text(path, &scene)?;
+    } else if let Some(names) = scene.as_ref().and_then(|scene| with_own_spectra(scene, &solution.palette)) {
+        tracing::warn!(
+            "{} has spectra of its own for {names}, and its pictures show those; --save-scene FILE.toml writes the scene \
+             with the spectra that were solved here",
+            args.palette.display()
+        );
     }
     for (path, kind) in reports {
         let svg = solution.to_svg();
@@ -167,6 +192,18 @@ fn html(solution: &Solution, svg: &str, progress: &dyn Progress) -> Result<Strin
          {frame}</section>\n</body>\n</html>\n",
         names.join(", ")
     ))
+}
+
+/// Names of the open materials and lights of `palette` whose spectra `scene` states.
+fn with_own_spectra(scene: &toml::Table, palette: &Palette) -> Option<String> {
+    let of = |list: &str, key: &str, members: &[Member]| -> Vec<String> {
+        let member = |name: &str| scene.get(list).and_then(|all| all.get(name)).and_then(|it| it.get(key));
+        let open = members.iter().filter(|it| it.spectrum.is_none() && member(&it.name).is_some());
+        open.map(|it| it.name.clone()).collect()
+    };
+    let names =
+        [of("materials", "reflectance", &palette.materials), of("lights", "spectrum", &palette.lights)].concat();
+    (!names.is_empty()).then(|| names.join(", "))
 }
 
 fn percent(share: f64) -> String {

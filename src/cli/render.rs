@@ -1,17 +1,18 @@
 //! `relume render`: marches a scene once and writes pictures, its film and spectra.
 
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde_json::{Map, json};
 
-use relume::document::{State, session};
+use relume::document::{SceneFile, Source, State, session};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::annotate::{Frame, Overlay};
 use relume::internal::memory;
 use relume::internal::number::{brief, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
-use relume::output::{FilmFile, Picture, PictureKind, write_ready_png};
+use relume::output::{FilmFile, Picture, PictureKind, write_atomically, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
@@ -89,7 +90,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE.exr")]
     spectral: Option<PathBuf>,
     /// Save the scene of the picture as a scene file to edit. For a volume without a scene, this is the scene that Relume
-    /// made.
+    /// made. An existing file with another content is kept with .bak after its name.
     #[arg(long, value_name = "FILE.toml")]
     save_scene: Option<PathBuf>,
 }
@@ -272,11 +273,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut loaded = read;
     loaded += clock.read();
 
-    let save_scene = || match &args.save_scene {
-        Some(path) => session::save(path, &source, &file, &State::new(&file))
-            .map_err(|error| CliError::Failed(format!("--save-scene {}: {error}", path.display()))),
-        None => Ok(()),
-    };
+    let save_scene = || args.save_scene.as_ref().map_or(Ok(()), |path| save_scene(path, &source, &file));
     let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
     let spent = |times: &[(&str, Timing)]| -> String {
         let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
@@ -395,11 +392,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         _ => String::new(),
     };
     let kept = checked.as_ref().map_or("", |(text, _)| text);
-    let text = format!("wrote {}\n{new}{}\n{kept}", listed.join(", "), spent(&times));
+    let text = format!("wrote {}; {}\n{new}{}\n{kept}", listed.join(", "), lit_by(&mix), spent(&times));
     let times: Map<_, _> = times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
         "outputs": listed,
         "size": args.size,
+        "lights": mix.0.iter().map(|light| json!({ "name": light.name, "weight": light.weight })).collect::<Vec<_>>(),
         "device": marched.device,
         "plan": super::info::plan_json(&scene, &planned, &marched.storage, learnt),
         "times": times,
@@ -413,6 +411,34 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         json["reconstruction"] = json!(reconstruction);
     }
     Ok(Report { text, json })
+}
+
+/// Saves the scene as `path`. A scene that is there, and may have been edited, is kept as `path.bak`.
+fn save_scene(path: &Path, source: &Source, file: &SceneFile) -> Result<(), CliError> {
+    let refused = |error: &dyn Error| CliError::Failed(format!("--save-scene {}: {error}", path.display()));
+    let text = session::text(path, source, file, &State::new(file)).map_err(|error| refused(&error))?;
+    let write = |path: &Path, bytes: &[u8]| write_atomically(path, |out| out.write_all(bytes));
+    if let Some(former) = std::fs::read(path).ok().filter(|former| former != text.as_bytes()) {
+        let mut kept = path.as_os_str().to_owned();
+        kept.push(".bak");
+        let kept = PathBuf::from(kept);
+        write(&kept, &former).map_err(|error| refused(&error))?;
+        tracing::info!("{} had another content, which is now in {}", path.display(), kept.display());
+    }
+    write(path, text.as_bytes()).map_err(|error| refused(&error))
+}
+
+/// `lit by day, lamp × 0.5`.
+fn lit_by(mix: &Mix) -> String {
+    let mut lights: Vec<String> = Vec::new();
+    for light in mix.0.iter().filter(|light| light.weight != 0.0) {
+        let weight = if light.weight == 1.0 { String::new() } else { format!(" × {}", brief(light.weight)) };
+        let told = format!("{}{weight}", light.name);
+        if !lights.contains(&told) {
+            lights.push(told);
+        }
+    }
+    if lights.is_empty() { "no light is on".to_owned() } else { format!("lit by {}", lights.join(", ")) }
 }
 
 /// Fits the colour model, if there is one, to the lights of `mix` that were not in its plan.

@@ -281,6 +281,10 @@ impl Text<'_> {
             if message == "missing field `version`" {
                 message += "; write version = 1";
             }
+            if toml::from_str(self.text).is_ok_and(|table: Table| table.contains_key("cells")) {
+                message +=
+                    "; this is a palette: relume design solves it, and a scene uses it by [palette] use = \"FILE\"";
+            }
             if Path::new(&self.name).extension().is_some_and(|ending| ending != "toml") {
                 message += "; scenes are TOML files";
             }
@@ -462,8 +466,8 @@ impl Text<'_> {
         };
         let background = background.filter(|surface| surface.spectrum().samples().iter().any(|&sample| sample != 0.0));
         let (lights, dark) = self.lights(&file.lights, base)?;
-        let dial = self.dial(&file.dial, &lights)?;
-        let light = self.mix(&file.mix, &lights, &dark)?;
+        let mut dial = self.dial(&file.dial, &lights)?;
+        let light = self.mix(&file.mix, (&lights, &mut dial), &dark)?;
         let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref))?;
         let declared = self.label_entries(&file.labels, &materials)?;
         let usual = Accuracy::new(1.0);

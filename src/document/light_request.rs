@@ -57,7 +57,12 @@ pub fn requested(
                         lights.join(", "),
                         chain(&error)
                     )),
-                    None => fail(format!("{}; lights of the scene: {}", chain(&error), lights.join(", "))),
+                    None => fail(format!(
+                        "there is no light {:?} in the scene; its lights are {}; otherwise: {}",
+                        request.name,
+                        lights.join(", "),
+                        chain(&error)
+                    )),
                 }
             })?;
             warn_below_zero(&format!("the light {}", request.name), &spectrum);

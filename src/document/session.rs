@@ -12,6 +12,7 @@ use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlErr
 use super::design::{self, Side};
 use super::{Definition, Dial, LightState, Mixing, SceneFile, Source, State};
 use crate::output::{OutputError, write_atomically};
+use crate::palette::Solution;
 use crate::scene::{
     AccumulateAs, Accuracy, Aim, AmbientShares, Camera, Integration, Interval, LabelInterpolation, Lighting,
     Projection, Scene,
@@ -168,7 +169,37 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     // The index of the preset does not matter, only its light.
     let light = LightState { preset: None, ..state.light.clone() };
     if light != LightState::stated(scene.lights.len()) || !dark.is_empty() {
-        document.insert("mix", Item::Table(mix(&light, scene, &dark)));
+        document.insert("mix", Item::Table(mix(&light, &state.dial, scene, &dark)));
+    }
+    Ok(document.to_string())
+}
+
+/// The text of the scene file `scene` with the open spectra of its palette as in `solution`, to be saved as `path`.
+///
+/// # Errors
+///
+/// [`SessionError`].
+pub fn solved_text(path: &Path, scene: &Path, text: &str, solution: &Solution) -> Result<String, SessionError> {
+    let unreadable = |source| SessionError::Text { name: scene.display().to_string(), source };
+    let mut document: DocumentMut = text.parse().map_err(unreadable)?;
+    let stated = document.get("base").and_then(Item::as_str).unwrap_or_default();
+    let base = scene.parent().unwrap_or(Path::new("")).join(stated);
+    let (base, folder) = (place(&base)?, place(path.parent().unwrap_or(Path::new("")))?);
+    if base == folder {
+        document.remove("base");
+    } else {
+        document.insert("base", value(from(&base, &folder)?));
+    }
+    let palette = &solution.palette;
+    for (row, found) in palette.materials.iter().zip(&solution.materials).filter(|(row, _)| row.spectrum.is_none()) {
+        if row.name == design::BACKGROUND {
+            document.insert("background", samples(found.spectrum()));
+        } else {
+            set(&mut document, "materials", &row.name, "reflectance", samples(found.spectrum()))?;
+        }
+    }
+    for (column, found) in palette.lights.iter().zip(&solution.lights).filter(|(column, _)| column.spectrum.is_none()) {
+        set(&mut document, "lights", &column.name, "spectrum", samples(found.spectrum()))?;
     }
     Ok(document.to_string())
 }
@@ -333,6 +364,23 @@ fn without_places(table: &Table) -> Table {
     copy
 }
 
+fn samples(spectrum: &Spectrum) -> Item {
+    let mut table = InlineTable::new();
+    table.insert("samples", numbers(*spectrum.samples()).into());
+    value(table)
+}
+
+/// Sets `key` of the member `name` of `list`, which is added if there is none.
+fn set(document: &mut DocumentMut, list: &'static str, name: &str, key: &str, item: Item) -> Result<(), SessionError> {
+    let members = table(document, list)?;
+    if members.get(name).is_none() {
+        members.insert(name, Item::Table(Table::new()));
+    }
+    let member = members.get_mut(name).and_then(Item::as_table_like_mut).ok_or(SessionError::NoTable { name: list })?;
+    member.insert(key, item);
+    Ok(())
+}
+
 /// Writes changed spectra, the `open` spectra of the palette, and changed switches of shadows. Spectra are samples. A spectrum in the scene takes precedence
 /// over its palette.
 fn spectra(
@@ -341,21 +389,7 @@ fn spectra(
     then: &Scene,
     open: &[(Side, &str, &Spectrum)],
 ) -> Result<(), SessionError> {
-    let samples = |spectrum: &Spectrum| {
-        let mut table = InlineTable::new();
-        table.insert("samples", numbers(*spectrum.samples()).into());
-        value(table)
-    };
-    let mut set = |list: &'static str, name: &str, key: &str, item: Item| -> Result<(), SessionError> {
-        let members = table(document, list)?;
-        if members.get(name).is_none() {
-            members.insert(name, Item::Table(Table::new()));
-        }
-        let member =
-            members.get_mut(name).and_then(Item::as_table_like_mut).ok_or(SessionError::NoTable { name: list })?;
-        member.insert(key, item);
-        Ok(())
-    };
+    let mut set = |list, name: &str, key: &str, item| set(document, list, name, key, item);
     for &(side, name, spectrum) in open.iter().filter(|(_, name, _)| *name != design::BACKGROUND) {
         match side {
             Side::Material => set("materials", name, "reflectance", samples(spectrum))?,
@@ -512,11 +546,12 @@ fn dark(document: &DocumentMut) -> BTreeSet<String> {
     dark.map(|(name, _)| name.to_owned()).collect()
 }
 
-fn mix(light: &LightState, scene: &Scene, dark: &BTreeSet<String>) -> Table {
+fn mix(light: &LightState, dial: &Dial, scene: &Scene, dark: &BTreeSet<String>) -> Table {
     let mut table = Table::new();
     let of_lights = || scene.lights.iter().map(|light| light.name.as_str()).zip(&light.sliders);
     table.insert("by", value(if light.mixing == Mixing::Dial { "dial" } else { "sliders" }));
-    table.insert("hand", value(point(light.hand)));
+    let under = dial.nodes.iter().find(|node| node.place == light.hand);
+    table.insert("hand", under.map_or_else(|| value(point(light.hand)), |node| value(&node.light)));
     let weights = of_lights().map(|(name, slider)| (name, Value::from(slider.weight)));
     table.insert("weights", value(weights.collect::<InlineTable>()));
     table.insert("off", value(names(of_lights().filter(|(_, slider)| !slider.on).map(|(name, _)| name))));

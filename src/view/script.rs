@@ -182,7 +182,7 @@ impl Script {
     pub fn parse(name: &str, text: &str) -> Result<Self, ScriptError> {
         let mut commands = Vec::new();
         for (number, line) in (1..).zip(text.lines()) {
-            let words: Vec<&str> = line.split('#').next().unwrap_or_default().split_whitespace().collect();
+            let words: Vec<&str> = line.split_whitespace().take_while(|word| !is_comment(word)).collect();
             if let Some((&verb, rest)) = words.split_first() {
                 let at = format!("{name}:{number}");
                 let command = command(verb, rest).map_err(|message| ScriptError::Line { at, message })?;
@@ -204,6 +204,12 @@ impl Script {
         let line = self.commands.get(index).map_or(0, |(line, _)| *line);
         ScriptError::Line { at: format!("{}:{line}", self.name), message }
     }
+}
+
+/// Whether `word` begins a comment; `#rrggbb` is a colour.
+fn is_comment(word: &str) -> bool {
+    let is_colour = |rest: &str| rest.len() == 6 && rest.bytes().all(|letter| letter.is_ascii_hexdigit());
+    word.strip_prefix('#').is_some_and(|rest| !is_colour(rest))
 }
 
 fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {

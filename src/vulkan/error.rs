@@ -7,6 +7,15 @@ use super::Format;
 /// Hint on how to install a Vulkan device.
 const INSTALL: &str = "on Debian or Ubuntu `apt-get install libvulkan1 mesa-vulkan-drivers` installs a software device";
 
+/// The environment variable that leaves the loader only some drivers, if one does.
+fn only_of_variable() -> String {
+    let names = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
+    let set = names.into_iter().find_map(|name| Some((name, std::env::var_os(name)?)));
+    set.map_or_else(String::new, |(name, value)| {
+        format!(" ({name} is set to {}: only its drivers are used)", value.display())
+    })
+}
+
 /// Error of a Vulkan operation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -18,7 +27,7 @@ pub enum VulkanError {
         source: ash::LoadingError,
     },
     /// The loader finds no driver.
-    #[error("the Vulkan loader finds no driver; {INSTALL} (if VK_DRIVER_FILES is set, only its drivers are used)")]
+    #[error("the Vulkan loader finds no driver; {INSTALL}{}", only_of_variable())]
     NoDriver,
     /// No driver has a device.
     #[error("the Vulkan drivers have no device; {INSTALL}")]

@@ -166,6 +166,16 @@ fn scripts_set_everything_of_the_slices() {
     ] {
         assert_eq!(of(line).unwrap(), Command::Do(Action::Arrange(change)), "{line}");
     }
+    // A colour is no comment.
+    for (line, is_read) in [
+        ("slices on # comment", true),
+        ("# 3", false),
+        ("#comment", false),
+        ("palette target 0 0 #ceb49c #comment", true),
+    ] {
+        let script = Script::parse("test", line).unwrap();
+        assert_eq!(script.command(0).is_some(), is_read, "{line}");
+    }
     for (line, told) in
         [("slices window 2 1", "does not ascend"), ("slices at 1 2", "3 numbers"), ("slices x", "slices on, off")]
     {

@@ -229,7 +229,24 @@ fn what_is_no_scene_is_refused() {
         folder = folder.with(name, bytes);
         folder.refused(1, &["render", name, "-o", "p.png"], words);
     }
-    folder.refused(1, &["render", "missing.toml", "-o", "p.png"], &["missing.toml", "because: No such file"]);
+    folder.refused(
+        1,
+        &["render", "missing.toml", "-o", "p.png"],
+        &[
+            "missing.toml; /",
+            "has binary.toml, empty.toml, large.toml, novolume.toml, scene.toml, …",
+            "because: No such file",
+        ],
+    );
+    folder.refused(1, &["render", "gone/scan.mhd"], &["there is no folder /", "gone"]);
+    let palette = "[lights.day]\nspectrum = \"D65\"\n[materials.a]\n[cells]\na = { day = \"#804020\" }\n";
+    let folder = folder.with("palette.toml", palette);
+    folder.refused(
+        1,
+        &["render", "palette.toml", "-o", "p.png"],
+        &["this is a palette: relume design", "[palette] use"],
+    );
+    folder.refused(1, &["design", "palette.toml", "--save-scene", "s.toml"], &["palette.toml is a palette; use -o"]);
     folder.refused(
         1,
         &["render", ".", "-o", "p.png"],
@@ -498,7 +515,8 @@ fn without_a_vulkan_device_the_way_to_get_one_is_said() {
     for arguments in [render(&[]), vec!["info"], vec!["bench", "--frames", "1"]] {
         let mut command = folder.command(&arguments);
         command.env("VK_DRIVER_FILES", "/dev/null").env("VK_ICD_FILENAMES", "/dev/null");
-        Outcome::of(&mut command).assert_refused(3, &["driver", "apt-get install", "mesa-vulkan-drivers"]);
+        let words = ["driver", "apt-get install", "mesa-vulkan-drivers", "VK_DRIVER_FILES is set to /dev/null"];
+        Outcome::of(&mut command).assert_refused(3, &words);
     }
     assert_eq!(folder.names(), ["scene.toml"]);
     // Volumes, scenes, the reference and relighting need no device.

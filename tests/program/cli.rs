@@ -76,8 +76,9 @@ fn render_tells_programs_what_it_did() {
     let folder = Folder::new();
     let outcome = folder.done(&["render", "scene.toml", "--size", SIZE, "-o", "p.png", "--json"]);
     let json = outcome.json();
-    assert_eq!(keys(&json), ["device", "march", "outputs", "peak_mb", "plan", "size", "times", "warnings"]);
+    assert_eq!(keys(&json), ["device", "lights", "march", "outputs", "peak_mb", "plan", "size", "times", "warnings"]);
     assert_eq!(json["outputs"], serde_json::json!(["p.png"]));
+    assert_eq!(json["lights"][0], serde_json::json!({ "name": "lamp", "weight": 0.5 }));
     assert_eq!(json["size"], serde_json::json!([32, 32]));
     assert_eq!(json["plan"]["positions"], serde_json::json!(["lamp", "day"]));
     assert_eq!(json["plan"]["materials"], serde_json::json!(["bone", "flesh"]));

@@ -166,9 +166,9 @@ fn render_of_a_volume_is_the_picture_of_the_window_to_the_bit() {
 
 #[test]
 fn the_scene_of_a_volume_is_saved_with_comments_and_renders_the_same() {
-    let folder = Folder::new().with("ball.nrrd", ball());
     for look in [&[][..], &["--look", "bone"], &["--look", "grey"], &["--look", "fluorescence"], &["--look", "vessel"]]
     {
+        let folder = Folder::new().with("ball.nrrd", ball());
         let shown =
             [&["render", "ball.nrrd", "--size", "40x40", "-o", "a.png", "--save-scene", "a.toml"][..], look].concat();
         let outcome = folder.done(&shown);
@@ -181,6 +181,7 @@ fn the_scene_of_a_volume_is_saved_with_comments_and_renders_the_same() {
         let text = std::fs::read_to_string(folder.path("a.toml")).unwrap();
         assert!(text.starts_with("# First look at ball.nrrd") && text.contains("# Opacity is"), "{text}");
     }
+    let folder = Folder::new().with("ball.nrrd", ball());
     let window = ["--window", "100", "--level", "110"];
     folder.done(&[&["render", "ball.nrrd", "--size", "40x40", "-o", "a.png"][..], &window].concat());
     folder.refused(2, &["render", "ball.nrrd", "--window", "100"], &["--level"]);
@@ -202,6 +203,40 @@ fn an_edited_cell_of_a_solved_palette_is_not_ignored_in_silence() {
     for word in ["palette.cells", "under day", "#3060ff", "remove `reflectance`"] {
         assert!(warning.contains(word), "no {word} in {warning}");
     }
+    let designed = folder.done(&["design", "b.toml"]).err;
+    assert!(designed.contains("b.toml has spectra of its own for ") && designed.contains("--save-scene"), "{designed}");
+    std::fs::create_dir(folder.path("there")).unwrap();
+    let designed = folder.done(&["design", "b.toml", "--save-scene", "there/c.toml"]);
+    assert!(designed.err.is_empty() && designed.out.contains("wrote there/c.toml"), "{}", designed.err);
+    let render = |name: &str| folder.done(&["render", name, "--size", "8x8", "-o", "p.exr", "--json"]);
+    let outcome = render("there/c.toml");
+    assert!(!outcome.err.contains("palette.cells"), "the spectra are those of the palette: {}", outcome.err);
+    let json: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
+    assert_eq!(json["lights"], serde_json::json!([{ "name": "day", "weight": 1.0 }]), "{json}");
+}
+
+#[test]
+fn a_scene_that_was_edited_is_kept_where_another_is_saved() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    let save = ["render", "ball.nrrd", "--size", "8x8", "-o", "a.png", "--save-scene", "a.toml"];
+    let first = folder.done(&save);
+    assert!(first.out.contains("wrote a.png, a.toml; lit by day\n"), "{}", first.out);
+    let scene = std::fs::read_to_string(folder.path("a.toml")).unwrap();
+    assert!(scene.contains("hand = \"day\""), "a name that stays right where lights are added: {scene}");
+    folder.done(&save);
+    assert!(!folder.path("a.toml.bak").exists(), "the same scene");
+    std::fs::write(folder.path("a.toml"), format!("{scene}# edited\n")).unwrap();
+    let note = folder.done(&save).err;
+    assert!(note.contains("a.toml had another content, which is now in a.toml.bak"), "{note}");
+    assert_eq!(std::fs::read_to_string(folder.path("a.toml")).unwrap(), scene);
+    assert!(std::fs::read_to_string(folder.path("a.toml.bak")).unwrap().ends_with("# edited\n"));
+    let renamed = scene.replace("hand = \"day\"", "hand = \"noon\"");
+    std::fs::write(folder.path("b.toml"), renamed).unwrap();
+    folder.refused(
+        1,
+        &["render", "b.toml", "-o", "b.png"],
+        &["mix.hand: noon: there is no such light; there are: day"],
+    );
 }
 
 #[test]

@@ -974,6 +974,54 @@ fn the_address_holds_the_mix() {
 }
 
 #[test]
+fn what_a_page_says_is_what_it_shows() {
+    let folder = with_films();
+    folder.done(&["page", "session.exr", "-o", "page.html"]);
+    let mut browser = Browser::new();
+    let mut page = browser.open(&folder.path("page.html"), "", [1200, 900]);
+    let pressed = "document.querySelectorAll('.of-dial .buttons [aria-pressed=true]').length";
+    let caption = "document.querySelector('.caption').textContent";
+    // A preset is pressed, and its caption shown, until a light of it changes.
+    for change in [
+        "document.querySelector('li input[type=checkbox]').click()",
+        "relume.state.lights[0].source = 'A', relume.set({})",
+        "relume.set({by:'dial',hand:[0.1,0.1]})",
+    ] {
+        page.value("[...document.querySelectorAll('button')].find((one) => one.textContent === 'Reset all').click()");
+        page.value("document.querySelector('.of-dial .buttons button').click()");
+        assert_eq!(page.value(pressed), 1, "before {change}");
+        assert_ne!(page.value(caption), "", "before {change}");
+        page.value(change);
+        assert_eq!(page.value(pressed), 0, "after {change}");
+        assert_eq!(page.value(caption), "", "after {change}");
+    }
+    // On the dial, solo moves the hand to the light.
+    page.value("relume.set({by:'dial',hand:[...relume.state.nodes[0].place]}); document.querySelectorAll('li .small')[1].click()");
+    assert_eq!(
+        page.value("[relume.state.by, document.querySelectorAll('li .head output')[1].textContent]"),
+        json!(["dial", "100 %"])
+    );
+    // The hand stays on the dial.
+    page.value("document.querySelector('.hand').focus(); relume.set({by:'dial',hand:[0,0]})");
+    for _ in 0..99 {
+        page.press("ArrowLeft");
+    }
+    let [x, least] = [
+        "document.querySelector('.hand').getBoundingClientRect().left",
+        "document.querySelector('.dial').getBoundingClientRect().left",
+    ]
+    .map(|text| page.value(text).as_f64().unwrap());
+    assert!(x >= least - 30.0, "the hand at {x}, the dial from {least}");
+    // Reset is of everything.
+    page.value("['Move lights', 'Actual pixels'].forEach((text) => [...document.querySelectorAll('button')].find((one) => one.textContent === text).click())");
+    page.value("relume.set({pixel:[1,1]})");
+    page.press("Escape");
+    assert_eq!(page.value("relume.state.pixel"), json!(null));
+    page.value("[...document.querySelectorAll('button')].find((one) => one.textContent === 'Reset all').click()");
+    assert_eq!(page.value("document.querySelectorAll('.whole, [aria-pressed=true]').length"), 0);
+}
+
+#[test]
 fn a_phone_shows_the_whole_page_and_a_printer_the_picture_with_its_light() {
     let folder = with_films();
     folder.done(&["page", "session.exr", "-o", "page.html"]);

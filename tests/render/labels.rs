@@ -123,7 +123,11 @@ fn the_device_mixes_any_number_of_labels_as_the_reference_does() {
             };
             let declared = (1..=labels).map(|label| entry(label.into(), 0.02 + 0.9 * f64::from(label) / 256.0));
             for segments in [false, true] {
-                let mut scene = labelled(volume(of), declared.clone().collect());
+                // Voxels without a label are seen too.
+                let haze = "intervals = [{ material = \"organ\", range = [1, 9], opacity = 0.1 }]";
+                let among = Labels { volume: Arc::new(volume(of)), declared: declared.clone().collect() };
+                let values = volume(|[x, y, z]| u16::try_from((x + 2 * y + z) % 3).unwrap());
+                let mut scene = Scene { labels: Some(among), ..scene(haze, values) };
                 if segments {
                     scene = scenes::in_segments(scene);
                 }

@@ -216,7 +216,7 @@ pub(super) struct DialFile {
 pub(super) struct MixFile {
     #[serde(default)]
     pub(super) by: Mixing,
-    pub(super) hand: Option<At<[f64; 2]>>,
+    pub(super) hand: Option<At<HandFile>>,
     #[serde(default)]
     pub(super) weights: BTreeMap<String, At<f64>>,
     #[serde(default)]

@@ -101,17 +101,7 @@ impl Text<'_> {
         }
         for stated in file.presets.iter().chain(&file.situations) {
             let key = format!("dial.presets, {}", stated.name);
-            let hand = match stated.hand.get_ref() {
-                HandFile::Node(name) => {
-                    dial.node_mut(name)
-                        .map_err(|message| self.invalid(&stated.hand, format!("{key}: {message}")))?
-                        .place
-                }
-                HandFile::Place(place) if !place.iter().all(|part| part.is_finite()) => {
-                    return Err(self.invalid(&stated.hand, format!("{key}: the position of the hand is not finite")));
-                }
-                HandFile::Place(place) => DVec2::from_array(*place),
-            };
+            let hand = self.hand(&key, &stated.hand, &mut dial)?;
             for name in stated.off.iter().chain(&stated.on) {
                 dial.node_mut(name.get_ref()).map_err(|message| self.invalid(name, format!("{key}: {message}")))?;
             }
@@ -123,11 +113,25 @@ impl Text<'_> {
         Ok(dial)
     }
 
+    /// Position of a hand on `dial`, the value of `key`.
+    fn hand(&self, key: &str, stated: &At<HandFile>, dial: &mut Dial) -> Result<DVec2, SceneError> {
+        match stated.get_ref() {
+            HandFile::Node(name) => {
+                let node = dial.node_mut(name).map_err(|message| self.invalid(stated, format!("{key}: {message}")))?;
+                Ok(node.place)
+            }
+            HandFile::Place(place) if !place.iter().all(|part| part.is_finite()) => {
+                Err(self.invalid(stated, format!("{key}: the position of the hand is not finite")))
+            }
+            HandFile::Place(place) => Ok(DVec2::from_array(*place)),
+        }
+    }
+
     /// Initial mix of the scene's `lights`; `dark` lights are off.
     pub(super) fn mix(
         &self,
         file: &MixFile,
-        lights: &[SceneLight],
+        (lights, dial): (&[SceneLight], &mut Dial),
         dark: &BTreeSet<String>,
     ) -> Result<LightState, SceneError> {
         let names = || lights.iter().map(|light| light.name.as_str()).collect::<Vec<_>>().join(", ");
@@ -155,10 +159,7 @@ impl Text<'_> {
         }
         state.solo = file.solo.as_ref().map(|name| named("solo", name)).transpose()?;
         if let Some(hand) = &file.hand {
-            state.hand = DVec2::from_array(*hand.get_ref());
-            if !state.hand.is_finite() {
-                return Err(self.invalid(hand, "mix.hand has a component that is not finite"));
-            }
+            state.hand = self.hand("mix.hand", hand, dial)?;
         }
         Ok(state)
     }

@@ -733,7 +733,7 @@ fn text(
         line("\n[lights.day]\nspectrum = \"D65\"");
         line(if shines { "kind = \"ambient\"" } else { "kind = \"three_point\"" });
     }
-    line("\n# The hand of the light dial is on the first light, daylight.\n[mix]\nby = \"dial\"\nhand = [0.0, 1.0]");
+    line("\n# The hand of the light dial is on daylight.\n[mix]\nby = \"dial\"\nhand = \"day\"");
     if let Aim::Orbit { azimuth, elevation, fill, front, around } = camera.aim {
         line("\n# The camera orbits the box `around` and fits it by `fill`.\n[camera]");
         line(&format!("azimuth = {azimuth:?}\nelevation = {elevation:?}\nfill = {fill:?}"));

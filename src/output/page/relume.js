@@ -396,7 +396,7 @@ let roots = 0;
 
 /** An element: attributes, `on…` listeners, and children, which are text unless they are nodes. */
 function el(tag, attributes = {}, ...children) {
-  const made = /^(svg|path|line|circle|text|title|g|linearGradient|stop|polygon)$/.test(tag) ? document.createElementNS(SVG, tag) : document.createElement(tag);
+  const made = /^(svg|path|line|circle|text|title|g|linearGradient|stop)$/.test(tag) ? document.createElementNS(SVG, tag) : document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
     if (name.startsWith("on")) listen(made, name.slice(2), value);
     else if (value !== false && value != null) made.setAttribute(name, value === true ? "" : value);
@@ -420,7 +420,7 @@ const quoted = (text) => /[\p{Cc}\p{Cf}]/u.test(text)
 // Kinds of standard lights in the menu, and what a reader may know them as.
 const KINDS = [["Daylight and lamps", /^(?!FL|LED)/], ["Fluorescent tubes", /^FL/], ["LEDs", /^LED/]];
 const USUAL = { D50: "warm daylight", D65: "daylight", A: "tungsten lamp", E: "equal energy", FL11: "narrow bands" };
-const HELP = "Tab reaches every control. Dial: arrows move the hand (Shift: farther), Home centres it; on a light, Enter shows it alone, Space switches it, arrows move it. P on the picture picks a pixel, arrows then move it. Escape ends a tour.";
+const HELP = "Tab reaches every control. Dial: arrows move the hand (Shift: farther), Home centres it; on a light, Enter shows it alone, Space switches it, arrows move it. P on the picture picks a pixel, which arrows move. Escape ends tour and pick.";
 const TURNING = " Comma, full stop and arrows turn the picture.";
 
 const digits = (value) => +(+value).toFixed(4);
@@ -577,7 +577,7 @@ export function mount(root, page, bytes, options = {}) {
         planes = packed.get(view);
         shownView = view;
         if (isSlow(mine)) { start(true); continue; }
-        status.textContent = drawer.gl ? "" : "Drawn without a graphics processor.";
+        status.textContent = "";
         root.dataset.ready = drawer.name;
         draw();
       }
@@ -613,7 +613,7 @@ export function mount(root, page, bytes, options = {}) {
     const arrow = arrows[event.key];
     if (!arrow) return null;
     event.preventDefault();
-    return place.map((part, axis) => part + arrow[axis] * size * (event.shiftKey ? 0.1 : 0.02));
+    return place.map((part, axis) => clamp(part + arrow[axis] * size * (event.shiftKey ? 0.1 : 0.02), [left, bottom][axis] - size / 5, [right, top][axis] + size / 5));
   };
   const marks = state.nodes.map((node, n) => {
     const mark = el("g", { class: "node", role: "checkbox", tabindex: 0, onkeydown: (event) => {
@@ -650,8 +650,9 @@ export function mount(root, page, bytes, options = {}) {
     change({ by: "dial", hand: near ? [...near.place] : at });
   });
   listen(svg, "pointerup pointercancel", () => { moving = null; });
+  const isOn = (preset, { light }, n) => (dial.nodes[n].on || !!preset.on?.includes(light)) && !preset.off.includes(light);
   const usePreset = (preset, show) => {
-    state.nodes.forEach((node, n) => { node.on = (dial.nodes[n].on || (preset.on ?? []).includes(node.light)) && !preset.off.includes(node.light); });
+    state.nodes.forEach((node, n) => { node.on = isOn(preset, node, n); });
     show({ by: "dial", hand: [...preset.hand] });
   };
   const presets = dial.presets.map((preset) => button(el("bdi", {}, preset.name), () => usePreset(preset, change), { title: preset.caption }));
@@ -691,7 +692,11 @@ export function mount(root, page, bytes, options = {}) {
       if (onDial()) { const node = nodeOf(light.name); if (node) node.on = on.checked; change({}); } else set({ on: on.checked });
     } });
     const value = slider(`${named}: strength`, 0, 3, 0.01, () => { take(); set({ value: +value.value, on: true }); });
-    const solo = button("solo", () => { take(); change({ solo: state.solo === i ? -1 : i }); }, { class: "small" });
+    const solo = button("solo", () => {
+      const node = onDial() && nodeOf(light.name);
+      if (node) { node.on = true; change({ hand: [...node.place] }); }
+      else change({ solo: state.solo === i ? -1 : i });
+    }, { class: "small", "aria-label": `${named}: solo` });
     const menu = el("select", { "aria-label": `${named}: spectrum`, onchange: () => {
       if (menu.value === "drawn" && !here().curve) here().curve = sourceOf(i).spectrum.map((part, _, all) => part / max(...all));
       set({ source: menu.value });
@@ -722,7 +727,7 @@ export function mount(root, page, bytes, options = {}) {
       on.checked = onDial() ? !!node?.on : here().on;
       on.disabled = onDial() && !node;
       value.value = onDial() ? share : here().value;
-      solo.setAttribute("aria-pressed", state.solo === i);
+      solo.setAttribute("aria-pressed", onDial() ? share === 1 : state.solo === i);
       kelvin.hidden = source !== "black body";
       kelvin.value = here().kelvin;
       menu.value = source;
@@ -730,7 +735,7 @@ export function mount(root, page, bytes, options = {}) {
       part.textContent = !onDial() && state.solo >= 0 && state.solo !== i ? "off (solo)" : percent(share);
       plotted(now.spectrum);
       for (const [name, text] of Object.entries(source === "drawn" ? { role: "slider", tabindex: 0, "aria-label": `${named}: drawn spectrum`, "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": round(100 * here().curve[band]), "aria-valuetext": `${380 + 5 * band} nm: ${percent(here().curve[band])}` } : { role: "img", "aria-label": `Spectrum of ${named}, 380 to 780 nm` })) drawing.setAttribute(name, text);
-      if (source !== "drawn") ["tabindex", "aria-valuenow", "aria-valuetext", "aria-valuemin", "aria-valuemax"].forEach((name) => drawing.removeAttribute(name));
+      if (source !== "drawn") for (const { name } of [...drawing.attributes]) if (/^(tab|aria-v)/.test(name)) drawing.removeAttribute(name);
       drawing.classList.toggle("open", source === "drawn");
       const foreign = !page.model ? "" : now.matrices ? now.error > 0.1 ? `Colours under ${source || named} are within ΔE00 ${now.error.toFixed(2)}.` : "" : `From ${page.model.k} numbers a pixel: an estimate, within about ΔE00 ${page.model.error.toFixed(1)} for smooth spectra.`;
       note.textContent = (source === "black body" ? `${here().kelvin} K${foreign && ". "}` : source === "drawn" ? "Draw on the curve. " : "") + foreign;
@@ -856,19 +861,20 @@ export function mount(root, page, bytes, options = {}) {
       mark.setAttribute("transform", `translate(${onScreen(node.place)})`);
       const told = node.on || !onDial() ? percent(onDial() ? weights[n] : parts[i]) : "off";
       mark.setAttribute("aria-checked", node.on);
-      mark.setAttribute("aria-label", `${isolated(node.light)}, ${told}`);
+      mark.ariaLabel = `${isolated(node.light)}, ${told}`;
       mark.querySelector(".disc").style.fill = swatch(page, sourceOf(i));
       mark.querySelector(".part").textContent = told;
     });
     hand.setAttribute("transform", `translate(${at})`);
-    hand.setAttribute("aria-valuenow", round(100 * max(...weights, 0)));
-    hand.setAttribute("aria-valuetext", inWords());
+    hand.ariaValueNow = round(100 * max(...weights, 0));
+    hand.ariaValueText = inWords();
     root.classList.toggle("by-dial", onDial());
-    hint.textContent = arranging ? "Drag a light to another place." : onDial() ? "Drag the white hand: the nearer a light, the stronger it shines. The lights share 100 %." : "The sliders mix the lights. Drag the white hand to mix them by the dial instead.";
-    const now = dial.presets.findIndex((preset) => onDial() && hypot(preset.hand[0] - state.hand[0], preset.hand[1] - state.hand[1]) < 1e-6);
+    hint.textContent = arranging ? "Drag a light to another place." : onDial() ? "Drag the white hand: the nearer a light, the stronger it shines. The lights share 100 %." : "The sliders mix the lights. Drag the white hand to mix them here.";
+    // A caption holds for the lights as they were rendered.
+    const now = dial.presets.findIndex((preset) => onDial() && `${preset.hand.map(digits)}` === `${state.hand.map(digits)}` && state.nodes.every((node, n) => node.on === isOn(preset, node, n)) && state.lights.every(({ source }) => !source));
     presets.forEach((one, i) => one.setAttribute("aria-pressed", i === now));
     caption.textContent = dial.presets[now]?.caption ?? "";
-    canvas?.setAttribute("aria-label", label());
+    if (canvas) canvas.ariaLabel = label();
     words.replaceChildren(`Light: ${inWords()}. Display: `, settings);
     settings.textContent = [
       state.stops ? `exposure ${state.stops > 0 ? "+" : ""}${state.stops.toFixed(1)} EV` : "", `observer CIE ${state.observer}`,
@@ -877,28 +883,28 @@ export function mount(root, page, bytes, options = {}) {
     const told = commandOf(page, state, dial, mixed());
     if (command.value !== told) { command.value = told; copying.textContent = "Copy"; }
     curves.hidden = state.lights.every(({ source }) => source !== "drawn");
-    if (views) { views.value = state.view % columns; views.setAttribute("aria-valuetext", `${round(360 * (state.view % columns) / columns)}°`); }
+    if (views) { views.value = state.view % columns; views.ariaValueText = `${round(360 * (state.view % columns) / columns)}°`; }
     if (heights) heights.value = page.views / columns - 1 - floor(state.view / columns);
   };
 
   const words = paragraph("words"), settings = el("span"), hint = paragraph("hint");
   root.classList.add("relume");
   root.replaceChildren(
-    el("main", {}, el("h1", {}, el("bdi", {}, page.title)), el("div", { class: "surround" }, frame), views || "", heights || "", paragraph("hint", views ? "Drag the picture to turn it, click it for the spectrum of a pixel." : "Click the picture for the spectrum of a pixel."), status, words, live),
+    el("main", {}, el("h1", {}, el("bdi", {}, page.title)), el("div", { class: "surround" }, frame), views || "", heights || "", paragraph("hint", `${views ? "Drag to turn. " : ""}Click the picture for the spectrum of a pixel.`), status, words, live),
     el("aside", { "aria-label": "Light and display" },
       el("svg", { width: 0, height: 0, class: "unseen", "aria-hidden": "true" }, hues),
-      told,
       el("section", { "aria-label": "Light" }, el("h2", {}, "Light"),
         many ? el("div", { class: "of-dial" }, svg, hint, el("div", { class: "buttons" }, ...presets, touring, arrange), caption) : "",
+        told,
         el("ul", {}, ...rows.map(({ row }) => row))),
-      el("section", { "aria-label": "Display" }, el("h2", {}, "Display"), ...controls.map(({ node }) => node), el("div", { class: "buttons" }, zoom, button("Reset all", () => change(opened())))),
+      el("section", { "aria-label": "Display" }, el("h2", {}, "Display"), ...controls.map(({ node }) => node), el("div", { class: "buttons" }, zoom, button("Reset all", () => { if (arranging) arrange.click(); if (zoom.textContent === "Fit") zoom.click(); change(opened()); }))),
       el("section", { "aria-label": "Save and share" }, el("h2", {}, "Save and share"),
         el("div", { class: "buttons" }, button("Save PNG", save), button("Print", () => print()), curves),
-        options.address ? paragraph("hint", "The address of this page holds the light and the display: send it along with the file.") : "",
-        paragraph("hint", "The same light on the command line, with Relume and the film of the picture (without exposure, white balance and colour vision):"),
+        options.address ? paragraph("hint", "The address of this page holds light and display: send it with the file.") : "",
+        paragraph("hint", "The same light by Relume, from the film of the picture (without exposure, white balance and colour vision):"),
         el("div", { class: "source" }, command, copying)),
-      el("details", {}, el("summary", {}, "Keys, and about this page"), el("p", {}, HELP + (views ? TURNING : "")), el("p", {}, `Written by ${page.software}. The file holds the picture for every light, not the volume. Rounding changes no colour by more than ΔE00 ${page.largest_error} (1 is just visible) under each light alone, each standard light, and the presets of the dial. The page loads and sends nothing.`))));
-  listen(root, "keydown", (event) => { if (event.key === "Escape") rest(); });
+      el("details", {}, el("summary", {}, "Keys and about"), el("p", {}, HELP + (views ? TURNING : "")), el("p", {}, `Written by ${page.software}. The file holds the picture for every light, not the volume. Rounding changes no colour by more than ΔE00 ${page.largest_error} (1 is just visible) under each light alone, each standard light, and the presets of the dial. The page loads and sends nothing.`))));
+  listen(root, "keydown", (event) => { if (event.key === "Escape") change({ pixel: null }); });
   listen(hand, "pointerdown", () => svg.classList.add("used"));
   if (options.address && location.hash.length > 1) state = stateOf(page, location.hash.slice(1), opened());
   const heard = () => { const text = location.hash.slice(1); if (text !== address()) change(stateOf(page, text, opened())); };
