@@ -249,7 +249,7 @@ mod tests {
 
     #[test]
     fn the_guessed_layout_of_raw_voxels_can_be_typed() {
-        let guess = RawLayout { header_bytes: 3, ..RawLayout::new([4, 2, 1], relume::volume::VoxelType::U8) };
+        let guess = RawLayout { header_bytes: 3, ..RawLayout::new([4, 2, 1], volume::VoxelType::U8) };
         let guess = Some(Box::new(guess));
         let path = std::path::PathBuf::from("v.raw");
         let error = VolumeError::NoLayout { sidecar: path.clone(), path, bytes: 11, guess };

@@ -431,9 +431,9 @@ fn save_scene(path: &Path, source: &Source, file: &SceneFile) -> Result<(), CliE
 /// `lit by day, lamp × 0.5`.
 fn lit_by(mix: &Mix) -> String {
     let mut lights: Vec<String> = Vec::new();
-    for light in mix.0.iter().filter(|light| light.weight != 0.0) {
-        let weight = if light.weight == 1.0 { String::new() } else { format!(" × {}", brief(light.weight)) };
-        let told = format!("{}{weight}", light.name);
+    for light in mix.0.iter().filter(|light| light.weight > 0.0) {
+        let weight = brief(light.weight);
+        let told = if weight == "1" { light.name.clone() } else { format!("{} × {weight}", light.name) };
         if !lights.contains(&told) {
             lights.push(told);
         }
