@@ -13,6 +13,7 @@ use serde_json::Value;
 use relume::document::{Dial, DialNode, DialPreset};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::annotate::{Edges, Frame, Overlay, PixelLength};
+use relume::internal::number::count;
 use relume::output::film::Frame as FileFrame;
 use relume::output::film::{
     Component, Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
@@ -50,9 +51,10 @@ pub(crate) fn picture_kind(path: &Path) -> Result<PictureKind, CliError> {
 /// Background and annotations of a picture.
 #[derive(Debug, Args)]
 pub(crate) struct DressArgs {
-    /// Put a colour behind the picture, or leave the background transparent (alpha in PNG; EXR files always keep opacity).
+    /// Put a colour behind the picture, or two with a gradient from top to bottom, or leave the background transparent (alpha
+    /// in PNG; EXR files always keep opacity).
     /// No light changes this colour. The lights do change `background` of a scene, which is a surface.
-    #[arg(long, value_name = "transparent|#RRGGBB", value_parser = backdrop)]
+    #[arg(long, value_name = "transparent|#RRGGBB[..#RRGGBB]", value_parser = backdrop)]
     pub(crate) background: Option<Backdrop>,
     /// Draw a scale bar, orientation letters (for anatomical volumes) and a legend of materials and lights into PNG files.
     #[arg(long)]
@@ -85,17 +87,24 @@ impl DressArgs {
 pub(crate) enum Backdrop {
     /// Nothing: PNG files get an alpha channel.
     Transparent,
-    /// A colour of the screen in linear sRGB, which no light changes.
-    Colour([f64; 3]),
+    /// Colours of the screen at the top and at the bottom, as parts of the codes of sRGB, which no light changes. Codes
+    /// between them, as they look evenly graded.
+    Colours([[f64; 3]; 2]),
 }
 
-/// Parses `transparent` or `#rrggbb`.
+/// Parses `transparent`, `#rrggbb` or `#rrggbb..#rrggbb`.
 pub(crate) fn backdrop(text: &str) -> Result<Backdrop, String> {
-    let code = |at: usize| u8::from_str_radix(text.get(at..at + 2)?, 16).ok().map(|code| f64::from(code) / 255.0);
-    match (text, text.strip_prefix('#').map(str::len), [1, 3, 5].map(code)) {
+    let colour = |text: &str| {
+        let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6)?;
+        let code = |at: usize| Some(f64::from(u8::from_str_radix(digits.get(at..at + 2)?, 16).ok()?) / 255.0);
+        Some([code(0)?, code(2)?, code(4)?])
+    };
+    let (top, bottom) = text.split_once("..").unwrap_or((text, text));
+    match (text, colour(top), colour(bottom)) {
         ("transparent", ..) => Ok(Backdrop::Transparent),
-        (_, Some(6), [Some(red), Some(green), Some(blue)]) => Ok(Backdrop::Colour([red, green, blue].map(decode_srgb))),
-        _ => Err("write transparent, or a colour such as #ffffff".to_owned()),
+        (_, Some(top), Some(bottom)) => Ok(Backdrop::Colours([top, bottom])),
+        _ => Err("write transparent, a colour such as #ffffff, or two from top to bottom, such as #202838..#000000"
+            .to_owned()),
     }
 }
 
@@ -103,19 +112,27 @@ impl Backdrop {
     /// Whether dark letters are easier to read on it than bright ones.
     pub(crate) fn is_bright(self) -> bool {
         // Relative luminance of mid grey, L* = 50.
-        matches!(self, Self::Colour([red, green, blue]) if 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.18)
+        let Self::Colours([top, bottom]) = self else { return false };
+        let [red, green, blue] = [0, 1, 2].map(|channel| decode_srgb(f64::midpoint(top[channel], bottom[channel])));
+        0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.18
     }
 
-    /// The picture of linear RGBA over this backdrop.
+    /// The picture of linear RGBA, `width` pixels wide, over this backdrop.
     #[expect(clippy::cast_possible_truncation, reason = "pictures are stored in f32")]
-    pub(crate) fn behind(self, rgba: &mut [f32]) {
-        let Self::Colour(colour) = self else { return };
-        for pixel in rgba.as_chunks_mut::<4>().0 {
-            let clear = 1.0 - f64::from(pixel[3]);
-            for (channel, behind) in pixel.iter_mut().zip(colour) {
-                *channel = (f64::from(*channel) + clear * behind) as f32;
+    pub(crate) fn behind(self, rgba: &mut [f32], width: usize) {
+        let Self::Colours([top, bottom]) = self else { return };
+        let rows = rgba.as_chunks_mut::<4>().0.chunks_mut(width.max(1));
+        let last = count(rows.len().max(2) - 1);
+        for (y, row) in rows.enumerate() {
+            let down = count(y) / last;
+            let colour = [0, 1, 2].map(|channel| decode_srgb((1.0 - down) * top[channel] + down * bottom[channel]));
+            for pixel in row {
+                let clear = 1.0 - f64::from(pixel[3]);
+                for (channel, behind) in pixel.iter_mut().zip(colour) {
+                    *channel = (f64::from(*channel) + clear * behind) as f32;
+                }
+                pixel[3] = 1.0;
             }
-            pixel[3] = 1.0;
         }
     }
 }
@@ -138,7 +155,7 @@ pub(crate) fn dressed(
     }
     let mut rgba = linear.to_vec();
     if let Some(backdrop) = backdrop {
-        backdrop.behind(&mut rgba);
+        backdrop.behind(&mut rgba, size[0]);
     }
     if let Some((overlay, frame)) = overlay
         && !draw_over(Path::new("annotations"), &overlay.svg(frame, size), size[0], &mut rgba)?

@@ -549,16 +549,21 @@ fn a_shallow_object_is_seen_from_higher_up() {
     assert!((elevation(8) - 45.0).abs() < 1e-9);
 }
 
+/// Samples per pixel, and the samples.
+fn png(path: &std::path::Path) -> (usize, Vec<u8>) {
+    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+    let mut decoder = png::Decoder::new(file).read_info().unwrap();
+    let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
+    let info = decoder.next_frame(&mut pixels).unwrap();
+    (info.color_type.samples(), pixels)
+}
+
 #[test]
 fn a_picture_has_any_background_or_none() {
     let folder = Folder::new().with("ball.nrrd", ball());
     let corner = |background: &str| {
         folder.done(&["render", "ball.nrrd", "--size", "32x32", "-o", "p.png", "--background", background]);
-        let file = std::io::BufReader::new(std::fs::File::open(folder.path("p.png")).unwrap());
-        let mut decoder = png::Decoder::new(file).read_info().unwrap();
-        let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
-        let info = decoder.next_frame(&mut pixels).unwrap();
-        let samples = info.color_type.samples();
+        let (samples, pixels) = png(&folder.path("p.png"));
         let middle = samples * (16 * 32 + 16);
         (pixels[..samples].to_vec(), pixels[middle..middle + samples].to_vec())
     };
@@ -566,7 +571,20 @@ fn a_picture_has_any_background_or_none() {
     assert_eq!((outside.len(), outside[3]), (4, 0), "nothing is behind");
     assert!(inside[3] > 200, "{inside:?}");
     assert_eq!(corner("#20c0ff").0, [0x20, 0xc0, 0xff]);
-    folder.refused(2, &["render", "ball.nrrd", "-o", "p.png", "--background", "white"], &["#ffffff"]);
+    // A gradient of codes from the top to the bottom row.
+    let column = |from: &str| {
+        corner(from);
+        let (samples, rgb) = png(&folder.path("p.png"));
+        [0, 16, 31].map(|y| rgb[samples * 32 * y..][..3].to_vec())
+    };
+    let [top, middle, bottom] = column("#20c0ff..#000000");
+    assert_eq!((top, bottom), (vec![0x20, 0xc0, 0xff], vec![0, 0, 0]));
+    let expected = [0x20, 0xc0, 0xff].map(|code| f64::from(code) * 15.0 / 31.0);
+    assert!(middle.iter().zip(expected).all(|(&code, part)| (f64::from(code) - part).abs() <= 1.0), "{middle:?}");
+    for wrong in ["white", "#fffffg", "#ffffff..", "..#ffffff", "#ffffff..#00"] {
+        let words = ["#ffffff", "#202838..#000000"];
+        folder.refused(2, &["render", "ball.nrrd", "-o", "p.png", "--background", wrong], &words);
+    }
 }
 
 /// Names of materials are whole numbers of at most seven digits.

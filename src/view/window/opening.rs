@@ -165,6 +165,11 @@ impl Viewer {
             self.opened.selection = loaded.on_device.scene().volume.selection.clone();
             self.opened.title = self.opened.source.title(&self.opened.selection);
             (self.tasks.curve, self.tasks.chosen) = (None, None);
+            if let Some(guess) = &loaded.file.guess {
+                self.tell_done(format!(
+                    "{guess} To change it, use the presets or window and level of the transfer function, or the materials."
+                ));
+            }
         }
         (self.tasks.measuring, self.tasks.solving) = (None, None);
         self.tasks.verdicts.clear();
