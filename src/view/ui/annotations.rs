@@ -115,7 +115,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
     if ruler.on {
         let told = match ruler.ends {
             [Some(_), None] => "Click the other end of the line",
-            _ => "Click an end of the line, in the picture or in a slice (M ends measuring)",
+            _ => "Click an end of the line (M: no more measuring)",
         };
         text(&painter, rect.center_top() + vec2(0.0, 26.0), Align2::CENTER_TOP, told, 12.5, Color32::WHITE);
     }
