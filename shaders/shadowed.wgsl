@@ -72,7 +72,7 @@ fn unshaded_part(step: Step, reached: f32) -> array<vec4f, LANES> {
 // Light of a step towards the eye for light from `position`, of which the fraction `reached` arrives; it does not reduce
 // the ambient share.
 fn shade_shadowed(position: u32, ray: Ray, step: Step, reached: f32) -> array<vec4f, LANES> {
-    if (!SHADED) {
+    if (!SHADED && PHASES == 0u) {
         return unshaded_part(step, reached);
     }
     var light = ray.view;
@@ -86,6 +86,9 @@ fn shade_shadowed(position: u32, ray: Ray, step: Step, reached: f32) -> array<ve
 
 // Light of a step towards the eye for light from the direction `light`, of which the fraction `reached` arrives.
 fn shade_from(light: vec3f, ray: Ray, step: Step, reached: f32) -> array<vec4f, LANES> {
+    if (PHASES > 0u) {
+        return scattered_from(light, ray, step, reached);
+    }
     let facing = lit(dot(step.normal, light));
     var source = reflect_light(step, facing * reached);
     if (SPECULAR) {
@@ -104,7 +107,7 @@ fn shade_from(light: vec3f, ray: Ray, step: Step, reached: f32) -> array<vec4f, 
 
 // Light of a step towards the eye for point light `i` of those with shadows, of which the fraction `reached` arrives.
 fn shade_point(i: u32, ray: Ray, place: vec3f, step: Step, reached: f32) -> array<vec4f, LANES> {
-    if (!SHADED) {
+    if (!SHADED && PHASES == 0u) {
         return unshaded_part(step, reached);
     }
     let light = unit(shading.lights[FIRST_SHADOWED_POINT + i].xyz - place * march.local_scale);
@@ -137,6 +140,9 @@ fn shine_of_three(light: vec4f, ray: Ray, step: Step, reached: f32, source: ptr<
 // Light of a step towards the eye for the three-point light with shadows, of whose directions these fractions arrive.
 // Without loops, like `add_shadowed`.
 fn shade_three_shadowed(ray: Ray, step: Step, reached: vec3f) -> array<vec4f, LANES> {
+    if (PHASES > 0u) {
+        return scattered_from_three(THREE_VECTORS, ray, step, reached);
+    }
     if (!SHADED) {
         // THREE_POINT_PARTS of src/scene/lights.rs. As constants of the module they would be in every other shader too.
         return unshaded_part(step, dot(reached, vec3f(18.0, 2.0, 3.0)) / 23.0);

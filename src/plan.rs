@@ -49,6 +49,9 @@ pub struct ScenePlan {
     pub shadows: Option<ShadowedPositions>,
     /// Shading of directed lights; `None` if every light reaches every point equally.
     pub shading: Option<ShadingTerms>,
+    /// Phase functions by which a step scatters directed light: with weights, one per material in use; otherwise, one per
+    /// distinct parameter, with its own part of a table entry. 0 if every material scatters evenly.
+    pub phases: usize,
     /// Points of the factor on the opacity by the gradient magnitude; 0 without such a factor.
     pub gradient_opacity: usize,
     /// Whether labels take precedence over the transfer function.
@@ -129,7 +132,8 @@ pub enum Transmittance {
 /// Offsets of the parts of the source in a table entry, in vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parts {
-    /// Source of ambient light; one number per material if weights are accumulated.
+    /// Source of ambient light; one number per material if weights are accumulated. With phase functions, the sum of the
+    /// parts of all of them, of which this is the first.
     pub unshaded: usize,
     /// Ambient part for a directed light.
     pub ambient: usize,
@@ -380,6 +384,12 @@ impl ScenePlan {
         numbers.div_ceil(LANE).max(1)
     }
 
+    /// Vectors that hold the phase functions.
+    #[must_use]
+    pub fn phase_lanes(&self) -> usize {
+        self.phases.div_ceil(LANE).max(1)
+    }
+
     /// Layout of the source in a table entry.
     #[must_use]
     pub fn parts(&self) -> Parts {
@@ -392,7 +402,7 @@ impl ScenePlan {
                 let own = shares == Shares::Own;
                 let unshaded = if own { 2 * lanes } else { 0 };
                 let highlights = match (own, self.positions.ambient) {
-                    (false, _) => lanes,
+                    (false, _) => self.phases.max(1) * lanes,
                     (true, 0) => 2 * lanes,
                     (true, _) => 3 * lanes,
                 };
@@ -734,6 +744,11 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     };
     let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some());
     let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
+    let phases = match accumulate {
+        _ if !scene.has_phases() || counts.total() == counts.ambient => 0,
+        Accumulate::Weights { materials } => materials,
+        Accumulate::Spectral { .. } => needs::phases(used()).len(),
+    };
     let labels = scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty());
     let factors = &scene.transfer.gradient_opacity;
     let mut plan = ScenePlan {
@@ -745,6 +760,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         positions: counts,
         shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.grid_lights() > 0),
         shading,
+        phases,
         // A factor of 1 at all magnitudes has no effect.
         gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },
         labels,

@@ -577,6 +577,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "materials": names,
         "diffuse": plan.shading.is_some_and(|terms| terms.diffuse),
         "specular": plan.specular().is_some(),
+        "phase_functions": plan.phases > 0,
         "one_sided": plan.shading.is_some_and(|terms| terms.one_sided),
         "gradient_opacity": plan.gradient_opacity > 0,
         "labels": plan.labels,

@@ -1,6 +1,6 @@
-//! Requirements of a scene on its plan: transmittance, optical depth, spectra and exponents.
+//! Requirements of a scene on its plan: transmittance, optical depth, spectra, exponents and phase functions.
 
-use super::{Planned, Transmittance};
+use super::{Accumulate, Planned, Transmittance};
 use crate::model::Ingredients;
 use crate::scene::{Material, Scene};
 use crate::spectrum::Spectrum;
@@ -12,6 +12,15 @@ pub(super) fn exponents<'a>(materials: impl Iterator<Item = &'a Material>) -> Ve
     exponents.sort_unstable();
     exponents.dedup();
     exponents
+}
+
+/// Distinct phase functions of `materials`, ascending.
+pub(super) fn phases<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<f64> {
+    // 0 and −0 scatter alike.
+    let mut phases: Vec<f64> = materials.map(|material| material.phase + 0.0).collect();
+    phases.sort_unstable_by(f64::total_cmp);
+    phases.dedup();
+    phases
 }
 
 /// Grey if and only if the sum of all absorption is equal at all wavelengths.
@@ -91,5 +100,17 @@ impl Planned {
     pub fn exponents(&self, scene: &Scene) -> Vec<u32> {
         let used = self.materials.iter().filter_map(|&material| scene.materials.get(material));
         if self.plan.specular().is_some() { exponents(used) } else { Vec::new() }
+    }
+
+    /// The phase functions of [`ScenePlan::phases`](super::ScenePlan::phases), in the order of the weights or ascending;
+    /// none if every material scatters evenly.
+    #[must_use]
+    pub fn phases(&self, scene: &Scene) -> Vec<f64> {
+        let used = self.materials.iter().filter_map(|&material| scene.materials.get(material));
+        match self.plan.accumulate {
+            _ if self.plan.phases == 0 => Vec::new(),
+            Accumulate::Weights { .. } => used.map(|material| material.phase).collect(),
+            Accumulate::Spectral { .. } => phases(used),
+        }
     }
 }

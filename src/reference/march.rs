@@ -3,6 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::phase::{Phase, add_even, add_scattered};
 use super::shadows::Reaching;
 use super::{End, ReferenceError, Samples, Step, store};
 use crate::film::relit_pixel;
@@ -11,7 +12,7 @@ use crate::number::{Real, count, dot, power, unit};
 use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, Planned, PositionCounts, Shares, Transmittance};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene, THREE_POINT_PARTS};
-use crate::tables::{PositionTable, RayTable, ray_places};
+use crate::tables::{self, PositionTable, RayTable, ray_places};
 
 /// A ray through a pixel.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +54,8 @@ struct Frame<'a, R> {
     variation: R,
     /// Specular exponents.
     exponents: Vec<u32>,
+    /// Phase functions of the components.
+    phases: Vec<Phase<R>>,
     /// Light that reaches a sample, if the medium dims light other than a headlight's.
     reaching: Option<Reaching<R>>,
     size: [usize; 2],
@@ -91,6 +94,7 @@ impl<'a, R: Real> Frame<'a, R> {
             termination: R::from_f64(scene.accuracy.termination),
             variation: R::from_f64(scene.accuracy.variation),
             exponents: planned.exponents(scene),
+            phases: tables::Phase::of_plan(scene, planned).iter().map(Phase::new).collect(),
             reaching,
             size,
             places: ray_places(planned.plan.rays),
@@ -347,6 +351,10 @@ impl<'a, R: Real> Frame<'a, R> {
     ) {
         let plan = &self.planned.plan;
         let PositionCounts { ambient, headlight, directional, point, .. } = plan.positions;
+        if plan.phases > 0 {
+            self.scatter(position, ray, place, step, reached, source);
+            return;
+        }
         if position < ambient || plan.shading.is_none() {
             source.fill(R::default());
             let first = plan.parts().unshaded * LANE;
@@ -362,14 +370,7 @@ impl<'a, R: Real> Frame<'a, R> {
             return;
         }
         let Reached { light: [reached, ..], ambient: open } = *reached;
-        let light = if position < ambient + headlight {
-            ray.view
-        } else if position < ambient + headlight + directional {
-            self.lights[position].0
-        } else {
-            let local_scale = self.rays.local_scale.to_array().map(R::from_f64);
-            unit(std::array::from_fn(|axis| self.lights[position].0[axis] - place[axis] * local_scale[axis]))
-        };
+        let light = self.direction(position, ray, place);
         let facing = self.facing(dot(step.normal, light));
         self.reflect(step, facing * reached, open, source);
         if plan.specular().is_some() {
@@ -388,6 +389,50 @@ impl<'a, R: Real> Frame<'a, R> {
             } else {
                 self.highlight(step, shine, source);
             }
+        }
+    }
+
+    /// Unit vector from `place` to the light at `position`, which is neither ambient nor a three-point light.
+    fn direction(&self, position: usize, ray: &Ray<R>, place: [R; 3]) -> [R; 3] {
+        let PositionCounts { ambient, headlight, directional, .. } = self.planned.plan.positions;
+        if position < ambient + headlight {
+            ray.view
+        } else if position < ambient + headlight + directional {
+            self.lights[position].0
+        } else {
+            let local_scale = self.rays.local_scale.to_array().map(R::from_f64);
+            unit(std::array::from_fn(|axis| self.lights[position].0[axis] - place[axis] * local_scale[axis]))
+        }
+    }
+
+    /// As [`Self::shade`], without shading and by phase functions.
+    fn scatter(
+        &self,
+        position: usize,
+        ray: &Ray<R>,
+        place: [R; 3],
+        step: &Step<R>,
+        reached: &Reached<R>,
+        source: &mut [R],
+    ) {
+        let plan = &self.planned.plan;
+        let PositionCounts { ambient, three_point, .. } = plan.positions;
+        source.fill(R::default());
+        if position < ambient {
+            add_even(plan, step, reached.light[0], source);
+            return;
+        }
+        let mut add = |light: [R; 3], reached: R| {
+            add_scattered(plan, &self.phases, step, [ray.view, light], reached, source);
+        };
+        if position < plan.positions.total() - three_point {
+            add(self.direction(position, ray, place), reached.light[0]);
+            return;
+        }
+        let first = plan.positions.first_vector(position);
+        let lights = self.lights[first..first + 3].iter().zip(reached.light);
+        for ((&(light, _), reached), part) in lights.zip(THREE_POINT_PARTS) {
+            add(light, reached * R::from_f64(part));
         }
     }
 

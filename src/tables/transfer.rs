@@ -136,6 +136,8 @@ pub struct Steps<'a> {
     absorptions: Vec<Vec<f64>>,
     /// Exponents of the highlights with components of their own.
     exponents: Vec<u32>,
+    /// Phase functions with components of their own.
+    phases: Vec<f64>,
     /// Model that projects the transmittance of each step (the paper's order).
     by_step: Option<&'a ColourModel>,
     /// Matrices of the model, if the transmittance is a matrix.
@@ -164,6 +166,7 @@ impl<'a> Steps<'a> {
             reflectances: scene.materials.iter().map(coefficients).collect(),
             absorptions: scene.materials.iter().map(absorptions).collect(),
             exponents: planned.exponents(scene),
+            phases: planned.phases(scene),
             by_step: model.filter(|model| {
                 model.kind() == ModelKind::Sharpened(Order::Step)
                     && planned.plan.transmittance == Transmittance::Coloured
@@ -334,8 +337,10 @@ impl<'a> Steps<'a> {
         };
         for (m, depth) in used.filter(|&(_, depth)| depth > 0.0) {
             let material = &self.scene.materials[m];
+            let phase =
+                self.phases.iter().position(|phase| phase.to_bits() == (material.phase + 0.0).to_bits()).unwrap_or(0);
             let spectra: &[(usize, f64)] = match shares {
-                Shares::Equal => &[(parts.unshaded, 1.0)],
+                Shares::Equal => &[(parts.unshaded + phase * plan.lanes(), 1.0)],
                 Shares::Own if plan.positions.ambient > 0 => {
                     &[(parts.ambient, material.ambient), (parts.diffuse, material.diffuse), (parts.unshaded, 1.0)]
                 }

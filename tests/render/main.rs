@@ -7,6 +7,7 @@ mod interpolation;
 mod labels;
 mod ladder;
 mod peercy;
+mod phases;
 mod plan;
 mod probe;
 mod properties;

@@ -175,6 +175,7 @@ pub fn bounds<R: Real>(
         transmittance: Transmittance::Coloured,
         positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
         shading: None,
+        phases: 0,
         ..planned.plan.clone()
     };
     let everywhere =

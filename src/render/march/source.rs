@@ -47,6 +47,11 @@ fn parts(plan: &ScenePlan, tables: TableMemory) -> Vec<(&'static str, &'static s
         (Integrate::Segments, _) => vec![text!("segments_coloured.wgsl"), text!("segments.wgsl")],
     });
     parts.push(text!("shadowed.wgsl"));
+    parts.extend(match (plan.phases, plan.accumulate) {
+        (0, _) => vec![text!("no_phase.wgsl")],
+        (_, Accumulate::Weights { .. }) => vec![text!("phase_weights.wgsl"), text!("phase.wgsl")],
+        (_, Accumulate::Spectral { .. }) => vec![text!("phase_spectral.wgsl"), text!("phase.wgsl")],
+    });
     parts
 }
 
@@ -139,6 +144,8 @@ fn constants(plan: &ScenePlan, Dispatching { group, open, .. }: Dispatching) -> 
         // Positions without shadows.
         .u32("OPEN", unsigned(if plan.layers() == 0 { 0 } else { plan.open_positions() }))
         .bool("SHADED", plan.shading.is_some())
+        .u32("PHASES", unsigned(if plan.layers() == 0 { 0 } else { plan.phases }))
+        .u32("PHASE_LANES", unsigned(plan.phase_lanes()))
         .bool("GRADIENT", plan.gradient())
         .bool("STORED_GRADIENT", plan.stores_gradient())
         .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
@@ -232,6 +239,7 @@ mod tests {
             positions: PositionCounts { directional: 1, ..PositionCounts::default() },
             shadows: None,
             shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
+            phases: 0,
             gradient_opacity: 0,
             labels: false,
             smooth_labels: false,
