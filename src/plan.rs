@@ -179,9 +179,11 @@ pub struct ShadowedPositions {
     pub occluded: bool,
     /// Method that finds their light.
     pub method: ShadowMethod,
+    /// Materials with coloured absorption, through each of which light has a depth of its own; 0 if all absorption is grey.
+    pub absorbers: usize,
 }
 
-/// Largest number of lights of a light grid.
+/// Largest number of depths per node of a light grid.
 pub const MOST_SHADOWED: usize = 16;
 
 impl ShadowedPositions {
@@ -190,6 +192,12 @@ impl ShadowedPositions {
     #[must_use]
     pub fn grid_lights(&self) -> usize {
         self.directional + if self.three_point { 3 } else { 0 } + self.point + usize::from(self.sky())
+    }
+
+    /// Number of depths per node of the light grid: of each light through all that is grey, and through each absorber.
+    #[must_use]
+    pub fn grid_depths(&self) -> usize {
+        self.grid_lights() * (1 + self.absorbers)
     }
 
     /// True if the medium dims ambient light.
@@ -306,6 +314,18 @@ impl ScenePlan {
     #[must_use]
     pub fn grid_lights(&self) -> usize {
         self.shadows.map_or(0, |shadows| shadows.grid_lights())
+    }
+
+    /// Number of depths per node of the light grid: [`Self::absorbers`] and one more for each light.
+    #[must_use]
+    pub fn grid_depths(&self) -> usize {
+        self.shadows.map_or(0, |shadows| shadows.grid_depths())
+    }
+
+    /// Number of coloured absorbers of shadows; 0 without shadows.
+    #[must_use]
+    pub fn absorbers(&self) -> usize {
+        self.shadows.map_or(0, |shadows| shadows.absorbers)
     }
 
     /// Number of ambient light among the lights of the light grid, if the medium dims it: the last.
@@ -624,6 +644,8 @@ fn coloured(scene: &Scene) -> String {
 /// The plan of `scene`, before its [`check`].
 fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let weights = planned(scene, None);
+    // Before a model is fitted in vain.
+    shadows::check(&weights, scene)?;
     if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
         return Err(PlanError::NotGrey { materials: coloured(scene) });
     }
@@ -728,6 +750,8 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             }
         }
     };
+    let transmittance = transmittance(scene);
+    let coloured = transmittance == Transmittance::Coloured;
     let shadowed = |kind: fn(&Placement) -> bool| {
         positions.iter().filter(|position| position.shadows && kind(&position.placement)).count()
     };
@@ -741,6 +765,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             && scene.shadows.ambient == AmbientShares::Occluded
             && used().any(|material| material.ambient > 0.0),
         method: scene.shadows.method,
+        absorbers: if coloured { needs::absorbers(scene).count() } else { 0 },
     };
     let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some());
     let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
@@ -753,7 +778,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let factors = &scene.transfer.gradient_opacity;
     let mut plan = ScenePlan {
         accumulate,
-        transmittance: match (transmittance(scene), model.as_ref().map(|model| model.kind())) {
+        transmittance: match (transmittance, model.as_ref().map(|model| model.kind())) {
             (Transmittance::Coloured, Some(ModelKind::Peercy)) => Transmittance::Mixed,
             (transmittance, _) => transmittance,
         },

@@ -548,7 +548,7 @@ fn explanation(scene: &Scene, planned: &Planned, storage: &Storage) -> Vec<Strin
     sentences.push(storage.explain(scene.volume.geometry.dims));
     if planned.plan.reads_light_grid() {
         let grid = LightGrid::new(scene, scene.shadows.spacing);
-        sentences.push(grid.explain(planned.plan.grid_lights()));
+        sentences.push(grid.explain(planned.plan.grid_lights(), planned.plan.absorbers()));
     }
     sentences
 }

@@ -243,6 +243,14 @@ impl Planned {
                 listed(names.into_iter())
             ));
         }
+        if shadows.absorbers > 0 {
+            let absorbers = self.absorbers(scene);
+            let names = absorbers.iter().filter_map(|&m| scene.materials.get(m)).map(|material| material.name.as_str());
+            sentences.push(format!(
+                "Shadows through {} are coloured: light has a depth of its own through each, whatever its spectrum; an absorption spectrum can be exchanged without a new light grid.",
+                listed(names)
+            ));
+        }
         if shadows.sky() {
             let directions = scene.shadows.directions;
             sentences.push(format!(

@@ -36,28 +36,28 @@ fn turns<R: Real>(view: [R; 3], light: [R; 3]) -> [R; 2] {
     [dot(ahead, ahead), dot(back, back)]
 }
 
-/// Adds to `source` what `step` scatters from the direction `light` towards `view`, of light of which the fraction `reached`
-/// arrives. The `phases` are those of `plan`.
+/// Adds to `source` what `step` scatters from the direction `light` towards `view`, of light of which these fractions of the
+/// components have `reached` it. The `phases` are those of `plan`.
 pub(super) fn add_scattered<R: Real>(
     plan: &ScenePlan,
     phases: &[Phase<R>],
     step: &Step<R>,
     [view, light]: [[R; 3]; 2],
-    reached: R,
+    reached: impl Fn(usize) -> R,
     source: &mut [R],
 ) {
     let turns = turns(view, light);
-    let parts = phases.iter().map(|phase| phase.of(turns) * reached);
+    let parts = phases.iter().map(|phase| phase.of(turns));
     match plan.accumulate {
         Accumulate::Weights { .. } => {
             for ((sum, &weight), part) in source.iter_mut().zip(&step.source).zip(parts) {
-                *sum = weight.mul_add(part, *sum);
+                *sum = weight.mul_add(part * reached(0), *sum);
             }
         }
         Accumulate::Spectral { .. } => {
             for (part, scattered) in parts.zip(step.source.chunks((plan.lanes() * LANE).max(1))) {
-                for (sum, &scattered) in source.iter_mut().zip(scattered) {
-                    *sum = scattered.mul_add(part, *sum);
+                for (component, (sum, &scattered)) in source.iter_mut().zip(scattered).enumerate() {
+                    *sum = scattered.mul_add(part * reached(component), *sum);
                 }
             }
         }

@@ -13,7 +13,7 @@ mod transfer;
 
 pub use cells::{CELL, Cells, Occupancy};
 pub use gradient::GradientTable;
-pub use lights::{GridLight, PositionTable, ShadingTable, sky_direction};
+pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction};
 pub use phase::{Phase, PhaseTable};
 pub use rays::{MOST_SAMPLES, RayTable, ray_places};
 pub use reflected::Reflected;

@@ -10,6 +10,7 @@ use glam::{DMat3, DVec3};
 use relume::document::{self, Document, Edit, SceneFile, SceneOptions, Source};
 use relume::film::Film;
 use relume::internal::number::Real;
+use relume::model::{ModelKind, Order};
 use relume::plan::{Integrate, PositionCounts, ShadowedPositions, Stale, plan};
 use relume::progress::Quiet;
 use relume::reference::{self, End, Samples, Step};
@@ -218,7 +219,7 @@ impl Samples<f64> for Ball {
     }
 
     // The unit of length is the spacing of the box's two voxels.
-    fn extinction(&self, place: [f64; 3]) -> f64 {
+    fn extinction(&self, place: [f64; 3], _: usize) -> f64 {
         if Self::holds(place) { 2.0 * self.depth } else { 0.0 }
     }
 }
@@ -440,6 +441,7 @@ fn shadows_keep_positions_apart_that_share_a_shade_without_them() {
         ambient: false,
         occluded: false,
         method: ShadowMethod::Grid,
+        absorbers: 0,
     };
     let grid = |directional, three_point| Some(ShadowedPositions { directional, three_point, ..none });
     assert_eq!(shadows(&scene), (two, grid(2, false)), "opposite directions, unshaded");
@@ -478,14 +480,39 @@ fn shadows_that_cannot_be_computed_are_refused_with_their_light() {
         assert_eq!(error.code(), "shadows-impossible");
         error.to_string()
     };
-    let colour = |scene: &mut Scene| {
+    fn colour(scene: &mut Scene) {
         let glass = scenes::named("coloured_three");
         scene.materials[0].absorption = glass.materials.iter().find_map(|material| material.absorption.clone());
         scene.transfer.terms[0].absorption = vec![(0.0, 0.1)];
-    };
-    let coloured = refused(colour);
-    assert!(coloured.starts_with("lights.day.shadows = true is not possible"), "{coloured}");
-    assert!(coloured.contains("the absorption of large is coloured"), "{coloured}");
+    }
+    let coloured = refused(|scene| {
+        colour(scene);
+        scene.lights[1].placement = Placement::Ambient;
+    });
+    assert!(coloured.starts_with("lights.lamp.shadows = true is not possible"), "{coloured}");
+    assert!(coloured.contains("the absorption of large is coloured, and the light of a sky"), "{coloured}");
+    let of_matrices = refused(|scene| {
+        colour(scene);
+        scene.accuracy.model = ModelKind::Peercy;
+    });
+    assert!(of_matrices.starts_with("lights.day.shadows = true is not possible"), "{of_matrices}");
+    assert!(of_matrices.contains("the model peercy has no optical depth"), "{of_matrices}");
+    let by_step = refused(|scene| {
+        colour(scene);
+        scene.accuracy.model = ModelKind::Sharpened(Order::Step);
+    });
+    assert!(by_step.contains("the model sharpened has no optical depth"), "{by_step}");
+    let deep = refused(|scene| {
+        colour(scene);
+        let light = scene.lights[0].clone();
+        scene.lights = (0..9_u32)
+            .map(|i| {
+                let direction = DVec3::new(f64::from(i), 1.0, 5.0).normalize();
+                SceneLight { placement: Placement::Directional(direction), ..light.clone() }
+            })
+            .collect();
+    });
+    assert!(deep.contains("9 directions through 1 coloured absorber, which needs 18 depths"), "{deep}");
     let occluded = refused(|scene| {
         let glass = scenes::named("coloured_three");
         scene.materials[0].absorption = glass.materials.iter().find_map(|material| material.absorption.clone());

@@ -92,9 +92,16 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     let phases = plan.phases * (1 + lanes) * (plan.positions.total() + 2 * plan.positions.three_point);
     // Loops over positions without and with shadows, over the lanes of their light, and over a highlight's.
     let shadowed = if plan.shadows.is_some() { plan.positions.total() * (2 + 3 * lanes + 2 * parts) } else { 0 };
+    // Of each depth of coloured shadows, over the lanes of its absorber; of each light, over those of its shades.
+    let absorbed = if plan.absorbers() > 0 {
+        2 * plan.grid_depths() * (1 + lanes) + plan.positions.total() * 12 * lanes
+    } else {
+        0
+    };
     // Loops over the voxels around, over the parts of their steps, and over the numbers of their opacities.
     let labels = if plan.smooth_labels { 8 * (1 + parts + 2 * plan.transmittance_numbers()) } else { 0 };
     let once = shadowed
+        + absorbed
         + phases
         + labels
         + three_point
