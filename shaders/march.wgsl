@@ -4,7 +4,8 @@
 // `coloured.wgsl` or `mixed.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, the
 // factor on its opacity by the gradient magnitude in `gradient_opacity.wgsl`, and the integration of a run of steps in
 // `samples.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or `segments_coloured.wgsl`. The rays are in
-// `rays.wgsl`, the values between voxels in `fetch.wgsl`, and the light of positions with shadows in `shadowed.wgsl`.
+// `rays.wgsl`, the values between voxels in `fetch.wgsl`, the light of positions with shadows in `shadowed.wgsl`, and that
+// of phase functions in `phase.wgsl`, with `phase_weights.wgsl` or `phase_spectral.wgsl`.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
 // resolved before the shader is compiled.
 
@@ -65,6 +66,9 @@ fn shade_three_point(position: u32, ray: Ray, step: Step) -> array<vec4f, LANES>
 fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANES> {
     if (position < AMBIENT) {
         return unshaded(step);
+    }
+    if (PHASES > 0u) {
+        return scattered_at(position, ray, place, step);
     }
     if (THREE_POINT > 0u) {
         if (position >= AMBIENT + HEADLIGHT + DIRECTIONAL + POINT) {
@@ -142,6 +146,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     march = march_uniform;
     if (SHADED) {
         shading = shading_uniform;
+    }
+    if (PHASES > 0u) {
+        read_phases();
     }
     if (GRID_LIGHTS > 0u) {
         light_place = light_uniform;

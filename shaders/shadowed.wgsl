@@ -1,60 +1,10 @@
-// Light of positions with shadows. Part of `march.wgsl`; only plans with shadows call it, and their transmittance is
-// grey. Twin of `reference::shadows`.
-
-// Place of the light grid.
-struct LightPlace {
-    // Scale and offset from texture coordinates of the volume to those of the grid of the first four directions.
-    scale: vec3f,
-    offset: vec3f,
-    // Nodes along each axis.
-    nodes: vec3f,
-    // Distance from the grid of four directions to that of the next four, along z.
-    behind: f32,
-}
-
-@group(0) @binding(14) var<uniform> light_uniform: LightPlace;
-// Optical depths towards four lights a texel; of more lights, one grid behind the other along z. That of ambient light
-// stands for the mean over the sky.
-@group(0) @binding(15) var light_grid: texture_3d<f32>;
-@group(0) @binding(16) var light_sampler: sampler;
-
-// Copy of the uniform, as for `march`.
-var<private> light_place: LightPlace;
-// Fraction of the ambient shares of directed lights that reaches the step.
-var<private> ambient_light: f32;
-
-fn light_line(base: vec3i, x: f32) -> vec4f {
-    let before = textureLoad(light_grid, base, 0);
-    return fma(vec4f(x), textureLoad(light_grid, base + vec3i(1, 0, 0), 0) - before, before);
-}
-
-fn light_plane(base: vec3i, x: f32, y: f32) -> vec4f {
-    let before = light_line(base, x);
-    return fma(vec4f(y), light_line(base + vec3i(0, 1, 0), x) - before, before);
-}
+// Light of positions with shadows, where all absorption is grey. Part of `march.wgsl`; only plans with shadows call it. Twin
+// of `reference::shadows`.
 
 // Fractions that reach `place`, in texture coordinates of the grid, of four lights, number 4·`texel` on.
 fn reached_from(place: vec3f, texel: u32) -> vec4f {
-    var depths: vec4f;
-    if (EXACT_LINEAR) {
-        let all = vec3f(textureDimensions(light_grid));
-        let node = clamp(fma(place, all, vec3f(-0.5)), vec3f(), light_place.nodes - 1.0);
-        let base = min(floor(node), light_place.nodes - 2.0);
-        let fraction = node - base;
-        let first = vec3i(base) + vec3i(0, 0, i32(texel * u32(light_place.nodes.z)));
-        let before = light_plane(first, fraction.x, fraction.y);
-        let after = light_plane(first + vec3i(0, 0, 1), fraction.x, fraction.y);
-        depths = fma(vec4f(fraction.z), after - before, before);
-    } else if (GRID_LIGHTS > 4u) {
-        // Half a texel from the next grid.
-        let edge = 0.5 * light_place.behind / light_place.nodes.z;
-        let z = clamp(place.z, edge, light_place.behind - edge);
-        let behind = fma(f32(texel), light_place.behind, z);
-        depths = textureSampleLevel(light_grid, light_sampler, vec3f(place.xy, behind), 0.0);
-    } else {
-        depths = textureSampleLevel(light_grid, light_sampler, place, 0.0);
-    }
-    if (GRID_LIGHTS == 1u) {
+    let depths = depths_from(place, texel);
+    if (GRID_DEPTHS == 1u) {
         return vec4f(exp(-depths.x));
     }
     return exp(-depths);
@@ -72,7 +22,7 @@ fn unshaded_part(step: Step, reached: f32) -> array<vec4f, LANES> {
 // Light of a step towards the eye for light from `position`, of which the fraction `reached` arrives; it does not reduce
 // the ambient share.
 fn shade_shadowed(position: u32, ray: Ray, step: Step, reached: f32) -> array<vec4f, LANES> {
-    if (!SHADED) {
+    if (!SHADED && PHASES == 0u) {
         return unshaded_part(step, reached);
     }
     var light = ray.view;
@@ -86,6 +36,9 @@ fn shade_shadowed(position: u32, ray: Ray, step: Step, reached: f32) -> array<ve
 
 // Light of a step towards the eye for light from the direction `light`, of which the fraction `reached` arrives.
 fn shade_from(light: vec3f, ray: Ray, step: Step, reached: f32) -> array<vec4f, LANES> {
+    if (PHASES > 0u) {
+        return scattered_from(light, ray, step, reached);
+    }
     let facing = lit(dot(step.normal, light));
     var source = reflect_light(step, facing * reached);
     if (SPECULAR) {
@@ -104,7 +57,7 @@ fn shade_from(light: vec3f, ray: Ray, step: Step, reached: f32) -> array<vec4f, 
 
 // Light of a step towards the eye for point light `i` of those with shadows, of which the fraction `reached` arrives.
 fn shade_point(i: u32, ray: Ray, place: vec3f, step: Step, reached: f32) -> array<vec4f, LANES> {
-    if (!SHADED) {
+    if (!SHADED && PHASES == 0u) {
         return unshaded_part(step, reached);
     }
     let light = unit(shading.lights[FIRST_SHADOWED_POINT + i].xyz - place * march.local_scale);
@@ -137,6 +90,9 @@ fn shine_of_three(light: vec4f, ray: Ray, step: Step, reached: f32, source: ptr<
 // Light of a step towards the eye for the three-point light with shadows, of whose directions these fractions arrive.
 // Without loops, like `add_shadowed`.
 fn shade_three_shadowed(ray: Ray, step: Step, reached: vec3f) -> array<vec4f, LANES> {
+    if (PHASES > 0u) {
+        return scattered_from_three(THREE_VECTORS, ray, step, reached);
+    }
     if (!SHADED) {
         // THREE_POINT_PARTS of src/scene/lights.rs. As constants of the module they would be in every other shader too.
         return unshaded_part(step, dot(reached, vec3f(18.0, 2.0, 3.0)) / 23.0);

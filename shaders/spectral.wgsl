@@ -4,6 +4,11 @@ fn unshaded(step: Step) -> array<vec4f, LANES> {
     var source: array<vec4f, LANES>;
     for (var lane = 0u; lane < LANES; lane += 1u) {
         source[lane] = step.source[UNSHADED + lane];
+        if (PHASES > 1u) {
+            for (var i = 1u; i < PHASES; i += 1u) {
+                source[lane] += step.source[i * LANES + lane];
+            }
+        }
     }
     return source;
 }

@@ -49,6 +49,9 @@ pub struct ScenePlan {
     pub shadows: Option<ShadowedPositions>,
     /// Shading of directed lights; `None` if every light reaches every point equally.
     pub shading: Option<ShadingTerms>,
+    /// Phase functions by which a step scatters directed light: with weights, one per material in use; otherwise, one per
+    /// distinct parameter, with its own part of a table entry. 0 if every material scatters evenly.
+    pub phases: usize,
     /// Points of the factor on the opacity by the gradient magnitude; 0 without such a factor.
     pub gradient_opacity: usize,
     /// Whether labels take precedence over the transfer function.
@@ -129,7 +132,8 @@ pub enum Transmittance {
 /// Offsets of the parts of the source in a table entry, in vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parts {
-    /// Source of ambient light; one number per material if weights are accumulated.
+    /// Source of ambient light; one number per material if weights are accumulated. With phase functions, the sum of the
+    /// parts of all of them, of which this is the first.
     pub unshaded: usize,
     /// Ambient part for a directed light.
     pub ambient: usize,
@@ -175,9 +179,11 @@ pub struct ShadowedPositions {
     pub occluded: bool,
     /// Method that finds their light.
     pub method: ShadowMethod,
+    /// Materials with coloured absorption, through each of which light has a depth of its own; 0 if all absorption is grey.
+    pub absorbers: usize,
 }
 
-/// Largest number of lights of a light grid.
+/// Largest number of depths per node of a light grid.
 pub const MOST_SHADOWED: usize = 16;
 
 impl ShadowedPositions {
@@ -186,6 +192,12 @@ impl ShadowedPositions {
     #[must_use]
     pub fn grid_lights(&self) -> usize {
         self.directional + if self.three_point { 3 } else { 0 } + self.point + usize::from(self.sky())
+    }
+
+    /// Number of depths per node of the light grid: of each light through all that is grey, and through each absorber.
+    #[must_use]
+    pub fn grid_depths(&self) -> usize {
+        self.grid_lights() * (1 + self.absorbers)
     }
 
     /// True if the medium dims ambient light.
@@ -304,6 +316,18 @@ impl ScenePlan {
         self.shadows.map_or(0, |shadows| shadows.grid_lights())
     }
 
+    /// Number of depths per node of the light grid: [`Self::absorbers`] and one more for each light.
+    #[must_use]
+    pub fn grid_depths(&self) -> usize {
+        self.shadows.map_or(0, |shadows| shadows.grid_depths())
+    }
+
+    /// Number of coloured absorbers of shadows; 0 without shadows.
+    #[must_use]
+    pub fn absorbers(&self) -> usize {
+        self.shadows.map_or(0, |shadows| shadows.absorbers)
+    }
+
     /// Number of ambient light among the lights of the light grid, if the medium dims it: the last.
     #[must_use]
     pub fn sky(&self) -> Option<usize> {
@@ -380,6 +404,12 @@ impl ScenePlan {
         numbers.div_ceil(LANE).max(1)
     }
 
+    /// Vectors that hold the phase functions.
+    #[must_use]
+    pub fn phase_lanes(&self) -> usize {
+        self.phases.div_ceil(LANE).max(1)
+    }
+
     /// Layout of the source in a table entry.
     #[must_use]
     pub fn parts(&self) -> Parts {
@@ -392,7 +422,7 @@ impl ScenePlan {
                 let own = shares == Shares::Own;
                 let unshaded = if own { 2 * lanes } else { 0 };
                 let highlights = match (own, self.positions.ambient) {
-                    (false, _) => lanes,
+                    (false, _) => self.phases.max(1) * lanes,
                     (true, 0) => 2 * lanes,
                     (true, _) => 3 * lanes,
                 };
@@ -614,6 +644,8 @@ fn coloured(scene: &Scene) -> String {
 /// The plan of `scene`, before its [`check`].
 fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let weights = planned(scene, None);
+    // Before a model is fitted in vain.
+    shadows::check(&weights, scene)?;
     if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
         return Err(PlanError::NotGrey { materials: coloured(scene) });
     }
@@ -718,6 +750,8 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             }
         }
     };
+    let transmittance = transmittance(scene);
+    let coloured = transmittance == Transmittance::Coloured;
     let shadowed = |kind: fn(&Placement) -> bool| {
         positions.iter().filter(|position| position.shadows && kind(&position.placement)).count()
     };
@@ -731,20 +765,27 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             && scene.shadows.ambient == AmbientShares::Occluded
             && used().any(|material| material.ambient > 0.0),
         method: scene.shadows.method,
+        absorbers: if coloured { needs::absorbers(scene).count() } else { 0 },
     };
     let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some());
     let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
+    let phases = match accumulate {
+        _ if !scene.has_phases() || counts.total() == counts.ambient => 0,
+        Accumulate::Weights { materials } => materials,
+        Accumulate::Spectral { .. } => needs::phases(used()).len(),
+    };
     let labels = scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty());
     let factors = &scene.transfer.gradient_opacity;
     let mut plan = ScenePlan {
         accumulate,
-        transmittance: match (transmittance(scene), model.as_ref().map(|model| model.kind())) {
+        transmittance: match (transmittance, model.as_ref().map(|model| model.kind())) {
             (Transmittance::Coloured, Some(ModelKind::Peercy)) => Transmittance::Mixed,
             (transmittance, _) => transmittance,
         },
         positions: counts,
         shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.grid_lights() > 0),
         shading,
+        phases,
         // A factor of 1 at all magnitudes has no effect.
         gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },
         labels,

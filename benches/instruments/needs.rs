@@ -174,8 +174,8 @@ impl<S: Samples<f64>> Samples<f64> for Counting<'_, S> {
         self.inner.mean(ends, middle, density)
     }
 
-    fn extinction(&self, place: [f64; 3]) -> f64 {
-        self.inner.extinction(place)
+    fn extinction(&self, place: [f64; 3], number: usize) -> f64 {
+        self.inner.extinction(place, number)
     }
 
     fn stored_depth(&self, depth: f64) -> f64 {

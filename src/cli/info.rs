@@ -548,7 +548,7 @@ fn explanation(scene: &Scene, planned: &Planned, storage: &Storage) -> Vec<Strin
     sentences.push(storage.explain(scene.volume.geometry.dims));
     if planned.plan.reads_light_grid() {
         let grid = LightGrid::new(scene, scene.shadows.spacing);
-        sentences.push(grid.explain(planned.plan.grid_lights()));
+        sentences.push(grid.explain(planned.plan.grid_lights(), planned.plan.absorbers()));
     }
     sentences
 }
@@ -577,6 +577,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "materials": names,
         "diffuse": plan.shading.is_some_and(|terms| terms.diffuse),
         "specular": plan.specular().is_some(),
+        "phase_functions": plan.phases > 0,
         "one_sided": plan.shading.is_some_and(|terms| terms.one_sided),
         "gradient_opacity": plan.gradient_opacity > 0,
         "labels": plan.labels,

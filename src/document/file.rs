@@ -30,7 +30,7 @@ use crate::palette::{self, Member, Misplaced};
 use crate::progress::Progress;
 use crate::scene::{
     Accuracy, Aim, Camera, Display, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, MOST_RAYS, Material, MaterialCurve,
-    OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Shadows, Term, Transfer, unit,
+    OPAQUE_DEPTH, PHASES, Placement, Projection, Scene, SceneLight, Shadows, Term, Transfer, unit,
 };
 use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
 use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Unit, Volume, VolumeError};

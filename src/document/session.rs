@@ -381,8 +381,8 @@ fn set(document: &mut DocumentMut, list: &'static str, name: &str, key: &str, it
     Ok(())
 }
 
-/// Writes changed spectra, the `open` spectra of the palette, and changed switches of shadows. Spectra are samples. A spectrum in the scene takes precedence
-/// over its palette.
+/// Writes changed spectra, the `open` spectra of the palette, and changed switches of shadows and phase functions. Spectra
+/// are samples. A spectrum in the scene takes precedence over its palette.
 fn spectra(
     document: &mut DocumentMut,
     now: &Scene,
@@ -399,6 +399,11 @@ fn spectra(
     for (new, old) in now.materials.iter().zip(&then.materials).filter(|(new, old)| new.reflectance != old.reflectance)
     {
         set("materials", &old.name, "reflectance", samples(new.reflectance.spectrum()))?;
+    }
+    for (new, old) in
+        now.materials.iter().zip(&then.materials).filter(|(new, old)| new.phase.to_bits() != old.phase.to_bits())
+    {
+        set("materials", &old.name, "phase", value(new.phase))?;
     }
     for (new, old) in now.lights.iter().zip(&then.lights).filter(|(new, old)| new.spectrum != old.spectrum) {
         set("lights", &old.name, "spectrum", samples(new.spectrum.spectrum()))?;

@@ -11,7 +11,9 @@ use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, a
 use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::Palette;
-use crate::scene::{Accuracy, AmbientShares, GRADIENT_POINTS, Interval, LabelEntry, Lighting, MOST_RAYS, Mix, Scene};
+use crate::scene::{
+    Accuracy, AmbientShares, GRADIENT_POINTS, Interval, LabelEntry, Lighting, MOST_RAYS, Mix, PHASES, Scene,
+};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 
@@ -38,6 +40,8 @@ pub enum Edit {
     On(usize, bool),
     /// Shadows of a light, by its index: on or off.
     Shadows(usize, bool),
+    /// Phase function of a material, by its index; numbers beyond [`PHASES`] become its ends.
+    Phase(usize, f64),
     /// Sides of surfaces that lights shade.
     Lighting(Lighting),
     /// Ambient shares of directed lights: open or occluded.
@@ -124,6 +128,7 @@ impl Edit {
         match self {
             Self::Camera(..)
             | Self::Shadows(..)
+            | Self::Phase(..)
             | Self::Lighting(_)
             | Self::AmbientShares(_)
             | Self::Interval(..)
@@ -356,6 +361,11 @@ impl State {
             Edit::Shadows(index, shadows) => {
                 if let Some(light) = scene.lights.get_mut(index) {
                     light.shadows = shadows;
+                }
+            }
+            Edit::Phase(index, phase) => {
+                if let Some(material) = scene.materials.get_mut(index).filter(|_| phase.is_finite()) {
+                    material.phase = phase.clamp(*PHASES.start(), *PHASES.end());
                 }
             }
             Edit::Lighting(lighting) => scene.lighting = lighting,

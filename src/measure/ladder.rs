@@ -345,10 +345,8 @@ impl<'a> Ladder<'a> {
             stored = stored.with_segments(storage, table, Some(densities));
         }
         let shadowed = planned.plan.grid_lights() > 0;
-        let extinctions = shadowed.then(|| ExtinctionTable::new(scene, planned, storage.domain));
-        if let Some(extinctions) = &extinctions {
-            stored = stored.with_shadows(extinctions);
-        }
+        let extinctions = if shadowed { ExtinctionTable::of_plan(scene, planned, storage.domain) } else { Vec::new() };
+        stored = stored.with_shadows(&extinctions);
         let matrices = self.matrices(scene, planned);
         let found = render_pixels(scene, planned, &stored, &matrices, self.size, &self.pixels, progress)?;
         Ok(found.into_iter().map(|(colour, _)| colour).collect())

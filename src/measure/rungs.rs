@@ -28,7 +28,7 @@ pub struct Rungs {
     /// Table of segments, and the densities of labels, if the plan integrates in segments.
     pub segments: Option<(SegmentTable, TransferTable)>,
     /// Extinction of shadows, if lights with a direction cast them.
-    pub extinctions: Option<ExtinctionTable>,
+    pub extinctions: Vec<ExtinctionTable>,
     /// Label of every voxel, if the plan uses labels.
     pub labels: Option<LabelMap>,
     /// Mix of the scene's own lights.
@@ -96,8 +96,11 @@ impl Rungs {
                 let table = SegmentTable::new(&scene, &planned, storage.domain);
                 (table, TransferTable::densities_of_labels(&scene, &planned))
             }),
-            extinctions: (planned.plan.grid_lights() > 0)
-                .then(|| ExtinctionTable::new(&scene, &planned, storage.domain)),
+            extinctions: if planned.plan.grid_lights() > 0 {
+                ExtinctionTable::of_plan(&scene, &planned, storage.domain)
+            } else {
+                Vec::new()
+            },
             mix: Mix::of_scene(&scene),
             scene,
             planned,
@@ -132,10 +135,7 @@ impl Rungs {
             Some((table, densities)) => stored.with_segments(&self.storage, table, Some(densities)),
             None => stored,
         };
-        match &self.extinctions {
-            Some(extinctions) => stored.with_shadows(extinctions),
-            None => stored,
-        }
+        stored.with_shadows(&self.extinctions)
     }
 
     /// Marches `samples` with the reference.

@@ -13,6 +13,8 @@ pub(crate) struct Chain {
     behind: Option<Vec<usize>>,
     /// Fraction of the light behind the steps that shading leaves.
     lit_behind: f64,
+    /// Absorptions between the light and what is behind the steps, with their optical depths at the peak.
+    lit_behind_through: Vec<(usize, f64)>,
 }
 
 /// A homogeneous piece of a medium.
@@ -20,6 +22,8 @@ pub(crate) struct Chain {
 struct Step {
     /// Fraction of the light that shading leaves.
     lit: f64,
+    /// Absorptions between the light and the step, with their optical depths at the peak.
+    lit_through: Vec<(usize, f64)>,
     /// Scattering sources and their optical depths, equal at all wavelengths.
     scattered: Vec<(usize, f64)>,
     /// Absorptions and their optical depths at the peak.
@@ -69,6 +73,10 @@ pub(crate) struct Supply {
     pub(crate) absorptions: usize,
     /// Largest optical depth of coloured absorption.
     pub(crate) largest_depth: f64,
+    /// Whether light comes through absorptions, too, of as large a depth.
+    pub(crate) two_ways: bool,
+    /// Largest optical depth of all ways together.
+    pub(crate) deepest: f64,
 }
 
 impl Chain {
@@ -78,7 +86,7 @@ impl Chain {
     }
 
     fn of(steps: Vec<Step>, behind: Option<Vec<usize>>) -> Self {
-        Self { steps, behind, lit_behind: 1.0 }
+        Self { steps, behind, lit_behind: 1.0, lit_behind_through: Vec::new() }
     }
 
     /// Draws a random chain of a class.
@@ -92,7 +100,8 @@ impl Chain {
             }
             ChainClass::Absorbed | ChainClass::SinglyAbsorbed => {
                 let any = class == ChainClass::Absorbed;
-                let largest = supply.largest_depth;
+                // Of a reflection, only the sum of both ways counts.
+                let largest = supply.deepest;
                 let depth = if any && random.unit() < 0.5 {
                     random.between(0.25 * largest, largest)
                 } else {
@@ -102,7 +111,7 @@ impl Chain {
                 let absorbers = if several { 2 + random.index(supply.absorptions.saturating_sub(1)) } else { 1 };
                 let absorbed = shared(depth, absorbers, supply.absorptions, random);
                 let behind = Some(vec![random.index(supply.sources)]);
-                Self::of(vec![Step { lit: 1.0, scattered: Vec::new(), absorbed }], behind)
+                Self::of(vec![Step { lit: 1.0, lit_through: Vec::new(), scattered: Vec::new(), absorbed }], behind)
             }
             ChainClass::GreyRays(steps) => Self::grey_ray(steps, supply, random),
             ChainClass::ColouredRays(steps) => Self::coloured_ray(steps, supply, random),
@@ -116,7 +125,7 @@ impl Chain {
     fn grey_ray(steps: usize, supply: Supply, random: &mut Random) -> Self {
         let depth = random.between_magnitudes(0.3, 20.0);
         let scattered = clouds(supply.scattering, steps, depth, random);
-        let step = |scattered| Step { lit: 1.0, scattered, absorbed: Vec::new() };
+        let step = |scattered| Step { lit: 1.0, lit_through: Vec::new(), scattered, absorbed: Vec::new() };
         Self::of(scattered.into_iter().map(step).collect(), drawn_behind(supply, random))
     }
 
@@ -126,8 +135,29 @@ impl Chain {
         let scattered = clouds(supply.scattering, steps, depth - coloured, random);
         let absorbed = clouds(supply.absorptions, steps, coloured, random);
         let pairs = scattered.into_iter().zip(absorbed);
-        let steps = pairs.map(|(scattered, absorbed)| Step { lit: 1.0, scattered, absorbed }).collect();
-        Self::of(steps, drawn_behind(supply, random))
+        let step = |(scattered, absorbed)| Step { lit: 1.0, lit_through: Vec::new(), scattered, absorbed };
+        let ray = Self::of(pairs.map(step).collect(), drawn_behind(supply, random));
+        if supply.two_ways { ray.lit_through_absorptions(supply, random) } else { ray }
+    }
+
+    /// Adds absorptions on the way of the light, whose depth rises or falls evenly from one end to the other. A background is
+    /// not shadowed.
+    fn lit_through_absorptions(mut self, supply: Supply, random: &mut Random) -> Self {
+        let largest = supply.largest_depth;
+        let [front, back] = [(); 2].map(|()| random.between_magnitudes(0.05_f64.min(largest), largest));
+        let several = random.unit() < 0.5;
+        let absorbers = if several { 2 + random.index(supply.absorptions.saturating_sub(1)) } else { 1 };
+        let shares = shared(1.0, absorbers, supply.absorptions, random);
+        let through = |depth: f64| shares.iter().map(|&(absorption, share)| (absorption, share * depth)).collect();
+        let steps = crate::number::count(self.steps.len());
+        for (index, step) in self.steps.iter_mut().enumerate() {
+            let place = (crate::number::count(index) + 0.5) / steps;
+            step.lit_through = through((back - front).mul_add(place, front));
+        }
+        if supply.sources == supply.scattering {
+            self.lit_behind_through = through(back);
+        }
+        self
     }
 
     /// Adds shading that rises or falls geometrically from one end to the other. A background is not shaded.
@@ -160,6 +190,14 @@ impl Chain {
                 total += *depth;
             }
         }
+        let ways = varied.steps.iter_mut().map(|step| &mut step.lit_through);
+        for through in ways.chain(std::iter::once(&mut varied.lit_behind_through)) {
+            through.iter_mut().for_each(|(absorption, depth)| *depth *= absorbing[*absorption]);
+            let total: f64 = through.iter().map(|(_, depth)| depth).sum();
+            if total > supply.largest_depth {
+                through.iter_mut().for_each(|(_, depth)| *depth *= supply.largest_depth / total);
+            }
+        }
         if total > supply.largest_depth {
             let absorbed = varied.steps.iter_mut().flat_map(|step| &mut step.absorbed);
             absorbed.for_each(|(_, depth)| *depth *= supply.largest_depth / total);
@@ -186,6 +224,11 @@ impl Chain {
                     source[component] += step.lit * scattering * sources[index][component];
                 }
             }
+            if !step.lit_through.is_empty() {
+                for (source, depth) in source.iter_mut().zip(depths(&step.lit_through)) {
+                    *source *= (-depth).exp();
+                }
+            }
             let grey = step.absorbed.is_empty().then(|| absorbed_share(depth.first().copied().unwrap_or(0.0)));
             for component in 0..dimension {
                 let depth = depth[component];
@@ -196,9 +239,12 @@ impl Chain {
             }
         }
         if let Some(behind) = &self.behind {
+            let through = &self.lit_behind_through;
+            let lit = if through.is_empty() { vec![0.0; dimension] } else { depths(through) };
             for (component, light) in light.iter_mut().enumerate() {
                 let reflected: f64 = behind.iter().map(|&source| sources[source][component]).product();
-                *light += transmittance[component] * self.lit_behind * reflected;
+                let lit = if through.is_empty() { self.lit_behind } else { self.lit_behind * (-lit[component]).exp() };
+                *light += transmittance[component] * lit * reflected;
             }
         }
         light
@@ -229,6 +275,11 @@ impl Chain {
                     *sent += step.lit * scattering * reflected;
                 }
             }
+            if !step.lit_through.is_empty() {
+                for (sent, depth) in sent.iter_mut().zip(depth(&step.lit_through).samples()) {
+                    *sent *= (-depth).exp();
+                }
+            }
             for (sent, depth) in sent.iter_mut().zip(depths) {
                 *sent *= if depth == 0.0 { 1.0 } else { absorbed_share(depth) / depth };
             }
@@ -244,7 +295,17 @@ impl Chain {
         }
         if let Some(behind) = &self.behind {
             let mut last_first = behind.iter().rev();
-            let mut reflected = last_first.next().map_or(white, |&source| matrices.vector(sources[source].samples()));
+            let lit = (!self.lit_behind_through.is_empty()).then(|| depth(&self.lit_behind_through));
+            let vector = |source: usize| match &lit {
+                None => matrices.vector(sources[source].samples()),
+                Some(depth) => {
+                    let samples = sources[source].samples().iter().zip(depth.samples());
+                    let mut lit = [0.0; BANDS];
+                    lit.iter_mut().zip(samples).for_each(|(lit, (part, depth))| *lit = part * (-depth).exp());
+                    matrices.vector(&lit)
+                }
+            };
+            let mut reflected = last_first.next().map_or(white, |&source| vector(source));
             for &source in last_first {
                 let mut next = vec![0.0; dimension];
                 add_product(&mut next, &matrices.matrix(sources[source].samples()), &reflected, 1.0);

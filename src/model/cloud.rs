@@ -46,6 +46,9 @@ impl Cloud {
             scattering,
             absorptions: absorptions.len(),
             largest_depth: ingredients.largest_depth.clamp(0.0, LARGEST_DEPTH),
+            two_ways: coloured && ingredients.two_ways,
+            deepest: (ingredients.largest_depth * if ingredients.two_ways { 2.0 } else { 1.0 })
+                .clamp(0.0, LARGEST_DEPTH),
         };
         let mut random = Random::new(seed);
         let mut chains: Vec<Chain> = (0..sources.len()).map(Chain::reflection).collect();

@@ -62,6 +62,8 @@ pub struct Ingredients {
     /// Largest possible optical depth of coloured absorption; 0 if all absorption is grey. Limited to
     /// [`LARGEST_DEPTH`].
     pub largest_depth: f64,
+    /// Whether light reaches samples through coloured absorption, too: twice the depths.
+    pub two_ways: bool,
 }
 
 /// Matrix from a model's coefficients to colours under one light, with its errors.

@@ -3,7 +3,9 @@
 use super::{Integrate, MOST_PARTS, PlanWarning, Planned, Transmittance, narrow, narrower};
 use crate::model::ModelKind;
 use crate::number::{brief, readable};
-use crate::scene::{AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lookup, Scene, ShadowMethod};
+use crate::scene::{
+    AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lookup, Scene, Shading, ShadowMethod,
+};
 
 impl Planned {
     /// Settings that this plan does not use.
@@ -15,7 +17,10 @@ impl Planned {
             (model != ModelKind::default()).then(|| format!("the model {model}")),
         ];
         let stated = stated.into_iter().flatten().filter(|_| self.model.is_none());
-        stated.map(|setting| PlanWarning::Unused { setting }).collect()
+        let phases = listed(scene.states_phases().map(|material| material.name.as_str()));
+        let without = scene.shading == Shading::Gradient && scene.states_phases().next().is_some();
+        let phases = without.then_some(PlanWarning::PhaseUnused { materials: phases });
+        stated.map(|setting| PlanWarning::Unused { setting }).chain(phases).collect()
     }
 
     /// A sentence for each material whose absorption would amplify light in the colour model, and is clamped at 0.
@@ -147,6 +152,17 @@ impl Planned {
                 if terms.one_sided { "; only the side towards lower values is lit" } else { "" }
             ),
         });
+        if plan.phases > 0 {
+            let phases = scene.states_phases().map(|material| {
+                let side = if material.phase > 0.0 { "forwards" } else { "backwards" };
+                format!("{} (phase = {}, mostly {side})", material.name, readable(material.phase))
+            });
+            let phases: Vec<String> = phases.collect();
+            sentences.push(format!(
+                "Light is scattered by phase functions in {}: its brightness depends on the angle between the light and the eye, so each direction has numbers of its own in a pixel. Ambient light comes from everywhere, and does not.",
+                listed(phases.iter().map(String::as_str))
+            ));
+        }
         sentences.extend(self.explain_shadows(scene));
         if plan.gradient_opacity > 0 {
             sentences.push(format!(
@@ -225,6 +241,14 @@ impl Planned {
             sentences.push(format!(
                 "Shadows of {}: the medium between a sample and the light dims it; X-ray materials cast none. The spectra of these lights can be exchanged later, too.",
                 listed(names.into_iter())
+            ));
+        }
+        if shadows.absorbers > 0 {
+            let absorbers = self.absorbers(scene);
+            let names = absorbers.iter().filter_map(|&m| scene.materials.get(m)).map(|material| material.name.as_str());
+            sentences.push(format!(
+                "Shadows through {} are coloured: light has a depth of its own through each, whatever its spectrum; an absorption spectrum can be exchanged without a new light grid.",
+                listed(names)
             ));
         }
         if shadows.sky() {

@@ -42,7 +42,7 @@ pub(super) fn error(planned: &Planned, scene: &Scene) -> f64 {
     match &planned.model {
         Some(model) => {
             let brightest = scene.lights.iter().map(|light| brightness(scene, light)).fold(1.0, f64::max);
-            model.half_precision_error(brightest, largest_total(scene))
+            model.half_precision_error(brightest, largest_total(planned, scene))
         }
         None => of_weights(planned, scene),
     }
@@ -56,10 +56,20 @@ fn brightness(scene: &Scene, light: &SceneLight) -> f64 {
 /// Largest number in a pixel that shows only `material`.
 fn largest_number(planned: &Planned, material: &Material) -> f64 {
     let most = if planned.plan.positions.three_point > 0 { THREE_POINT_SUM } else { 1.0 };
-    let shares = if planned.plan.shading.is_some() { material.ambient + material.diffuse * most } else { 1.0 };
+    let shares = if planned.plan.shading.is_some() {
+        material.ambient + material.diffuse * most
+    } else {
+        largest_phase(planned, material)
+    };
     let coefficients =
         planned.model.as_ref().map_or_else(|| vec![1.0], |model| model.coefficients(material.reflectance.spectrum()));
     coefficients.iter().fold(0.0_f64, |most, part| most.max(part.abs())) * shares + material.specular * most
+}
+
+/// Largest value of the phase function of `material`, if the plan has phase functions: (1 − g²)/(1 − |g|)³.
+fn largest_phase(planned: &Planned, material: &Material) -> f64 {
+    let size = material.phase.abs();
+    if planned.plan.phases > 0 { (1.0 + size) / (1.0 - size).powi(2) } else { 1.0 }
 }
 
 /// Largest sum of an X-ray material along the longest path.
@@ -71,10 +81,12 @@ fn largest_sum(scene: &Scene, material: usize) -> f64 {
     of_terms.chain(of_labels).map(depth_from_opacity).sum::<f64>() * longest_way(scene)
 }
 
-/// Largest sum of weights: 1, or the sum of the X-ray materials if that is larger.
-fn largest_total(scene: &Scene) -> f64 {
+/// Largest sum of weights: 1, or the sum of the X-ray materials if that is larger, times the largest phase function.
+fn largest_total(planned: &Planned, scene: &Scene) -> f64 {
     let xrays = (0..scene.materials.len()).filter(|&material| scene.materials[material].xray);
-    xrays.map(|material| largest_sum(scene, material)).sum::<f64>().max(1.0)
+    let used = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
+    let phase = used.map(|material| largest_phase(planned, material)).fold(1.0, f64::max);
+    xrays.map(|material| largest_sum(scene, material)).sum::<f64>().max(1.0) * phase
 }
 
 /// Error of material weights.
@@ -98,7 +110,7 @@ fn of_weights(planned: &Planned, scene: &Scene) -> f64 {
                 all[axis] += colour[axis].abs();
             }
         }
-        let (shown, total) = (brightness(scene, light), largest_total(scene));
+        let (shown, total) = (brightness(scene, light), largest_total(planned, scene));
         let dark = |axis: usize| shown * (2.0 * total * negative[axis] + LEAST / ROUNDING * all[axis]);
         largest_difference(white, white) + largest_difference([0.0; 3], std::array::from_fn(dark))
     });

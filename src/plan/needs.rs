@@ -1,6 +1,6 @@
-//! Requirements of a scene on its plan: transmittance, optical depth, spectra and exponents.
+//! Requirements of a scene on its plan: transmittance, optical depth, spectra, exponents and phase functions.
 
-use super::{Planned, Transmittance};
+use super::{Accumulate, Planned, Transmittance};
 use crate::model::Ingredients;
 use crate::scene::{Material, Scene};
 use crate::spectrum::Spectrum;
@@ -12,6 +12,20 @@ pub(super) fn exponents<'a>(materials: impl Iterator<Item = &'a Material>) -> Ve
     exponents.sort_unstable();
     exponents.dedup();
     exponents
+}
+
+/// Materials that absorb.
+pub(super) fn absorbers(scene: &Scene) -> impl Iterator<Item = usize> {
+    (0..scene.materials.len()).filter(|&material| scene.absorbs(material))
+}
+
+/// Distinct phase functions of `materials`, ascending.
+pub(super) fn phases<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<f64> {
+    // 0 and −0 scatter alike.
+    let mut phases: Vec<f64> = materials.map(|material| material.phase + 0.0).collect();
+    phases.sort_unstable_by(f64::total_cmp);
+    phases.dedup();
+    phases
 }
 
 /// Grey if and only if the sum of all absorption is equal at all wavelengths.
@@ -72,8 +86,7 @@ impl Planned {
     #[must_use]
     pub fn ingredients(&self, scene: &Scene) -> Ingredients {
         let coloured = self.plan.transmittance != Transmittance::Grey;
-        let absorbing: Vec<usize> =
-            (0..scene.materials.len()).filter(|&material| coloured && scene.absorbs(material)).collect();
+        let absorbing: Vec<usize> = absorbers(scene).filter(|_| coloured).collect();
         let absorptions = absorbing.iter().filter_map(|&m| scene.materials[m].absorption.as_ref());
         Ingredients {
             reflectances: self.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().clone()).collect(),
@@ -83,6 +96,7 @@ impl Planned {
             lights: scene.lights.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect(),
             mixed: self.positions.len() > 1,
             largest_depth: if coloured { largest_depth(scene) } else { 0.0 },
+            two_ways: self.plan.absorbers() > 0,
         }
     }
 
@@ -91,5 +105,23 @@ impl Planned {
     pub fn exponents(&self, scene: &Scene) -> Vec<u32> {
         let used = self.materials.iter().filter_map(|&material| scene.materials.get(material));
         if self.plan.specular().is_some() { exponents(used) } else { Vec::new() }
+    }
+
+    /// The coloured absorbers of shadows: indices into [`Scene::materials`].
+    #[must_use]
+    pub fn absorbers(&self, scene: &Scene) -> Vec<usize> {
+        absorbers(scene).take(self.plan.absorbers()).collect()
+    }
+
+    /// The phase functions of [`ScenePlan::phases`](super::ScenePlan::phases), in the order of the weights or ascending;
+    /// none if every material scatters evenly.
+    #[must_use]
+    pub fn phases(&self, scene: &Scene) -> Vec<f64> {
+        let used = self.materials.iter().filter_map(|&material| scene.materials.get(material));
+        match self.plan.accumulate {
+            _ if self.plan.phases == 0 => Vec::new(),
+            Accumulate::Weights { .. } => used.map(|material| material.phase).collect(),
+            Accumulate::Spectral { .. } => phases(used),
+        }
     }
 }

@@ -1,25 +1,46 @@
 //! Shadows that a plan cannot have.
 
 use super::{MOST_SHADOWED, PlanError, Planned, Transmittance, coloured};
-use crate::scene::Scene;
+use crate::model::{ModelKind, Order};
+use crate::scene::{Placement, Scene, SceneLight};
 
-/// Refuses shadows in coloured media, and of too many lights.
+/// Refuses shadows of an evenly bright sky in coloured media, models without a depth per component, and too many depths.
 pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let Some(shadows) = planned.plan.shadows else { return Ok(()) };
-    let casting = scene.lights.iter().find(|light| light.shadows);
-    let setting = casting.map_or_else(
-        || "shadows.ambient = \"occluded\"".to_owned(),
-        |light| format!("lights.{}.shadows = true", light.name),
-    );
-    let refused = |why: String| Err(PlanError::NoShadows { setting: setting.clone(), why });
+    let of_light = |light: &SceneLight| format!("lights.{}.shadows = true", light.name);
+    let of_shares = || "shadows.ambient = \"occluded\"".to_owned();
+    let mut casting = scene.lights.iter().filter(|light| light.shadows);
+    let setting = casting.clone().next().map_or_else(of_shares, of_light);
+    let refused = |setting: String, why: String| Err(PlanError::NoShadows { setting, why });
     if planned.plan.transmittance != Transmittance::Grey {
-        return refused(format!("the absorption of {} is coloured, and shadows are grey", coloured(scene)));
+        let coloured = coloured(scene);
+        if shadows.sky() {
+            let sky = casting.find(|light| light.placement == Placement::Ambient);
+            let why = format!(
+                "the absorption of {coloured} is coloured, and the light of a sky is dimmed in grey media only"
+            );
+            return refused(sky.map_or_else(of_shares, of_light), why);
+        }
+        let model = scene.accuracy.model;
+        if matches!(model, ModelKind::Peercy | ModelKind::Sharpened(Order::Step)) {
+            let why = format!(
+                "the absorption of {coloured} is coloured, and the model {model} has no optical depth for each of its numbers; take another model"
+            );
+            return refused(setting, why);
+        }
     }
-    let directions = shadows.grid_lights();
-    if directions > MOST_SHADOWED {
-        return refused(format!(
-            "light with shadows comes from {directions} directions, and at most {MOST_SHADOWED} are possible"
-        ));
+    let (directions, depths) = (shadows.grid_lights(), shadows.grid_depths());
+    if depths > MOST_SHADOWED {
+        let why = match shadows.absorbers {
+            0 => format!(
+                "light with shadows comes from {directions} directions, and at most {MOST_SHADOWED} are possible"
+            ),
+            absorbers => format!(
+                "light with shadows comes from {directions} directions through {absorbers} coloured absorber{}, which needs {depths} depths per node of the light grid, and at most {MOST_SHADOWED} are possible",
+                if absorbers == 1 { "" } else { "s" }
+            ),
+        };
+        return refused(setting, why);
     }
     Ok(())
 }

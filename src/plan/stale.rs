@@ -54,7 +54,16 @@ impl Stale {
         let mut add = |changed: bool, stage: Self| stale = stale.max(if changed { stage } else { Self::Nothing });
         add(!Arc::ptr_eq(volume, &after.volume), Self::Volume);
         add(true, of_labels(labels.as_ref(), after.labels.as_ref()));
-        add(true, of_lists(materials, &after.materials, |before, after| of_materials(before, after, spectra)));
+        let phases = match planned.plan.phases {
+            // A phase function that has an effect in one of the scenes changes the plan.
+            0 => Self::Nothing,
+            _ if planned.model.is_some() => Self::Tables,
+            _ => Self::Accumulators,
+        };
+        add(
+            true,
+            of_lists(materials, &after.materials, |before, after| of_materials(before, after, [spectra, phases])),
+        );
         add(*transfer != after.transfer, Self::Tables);
         add(true, of_lists(lights, &after.lights, |before, after| of_lights(before, after, spectra)));
         add(*background != after.background, spectra);
@@ -88,6 +97,7 @@ impl Stale {
             positions: counts,
             shadows,
             shading,
+            phases,
             gradient_opacity,
             labels: _,
             smooth_labels: _,
@@ -102,15 +112,16 @@ impl Stale {
             storage,
         } = *plan;
         let later = &after.plan;
-        let tables = (accumulate, transmittance, (counts, shadows), shading, gradient_opacity, (lookup, integration))
-            != (
-                later.accumulate,
-                later.transmittance,
-                (later.positions, later.shadows),
-                later.shading,
-                later.gradient_opacity,
-                (later.lookup, later.integration),
-            );
+        let tables =
+            (accumulate, transmittance, (counts, shadows), (shading, phases), gradient_opacity, (lookup, integration))
+                != (
+                    later.accumulate,
+                    later.transmittance,
+                    (later.positions, later.shadows),
+                    (later.shading, later.phases),
+                    later.gradient_opacity,
+                    (later.lookup, later.integration),
+                );
         if tables || *materials != after.materials || positions.len() != after.positions.len() {
             return Self::Tables;
         }
@@ -149,18 +160,17 @@ fn of_labels(before: Option<&Labels>, after: Option<&Labels>) -> Stale {
     of_lists(declared, &after.declared, of_entries)
 }
 
-fn of_materials(before: &Material, after: &Material, spectra: Stale) -> Stale {
-    let Material { name: _, reflectance, absorption, ambient, diffuse, specular, exponent, xray } = before;
+fn of_materials(before: &Material, after: &Material, [spectra, phases]: [Stale; 2]) -> Stale {
+    let Material { name: _, reflectance, absorption, ambient, diffuse, specular, exponent, xray, phase } = before;
     let same_medium = *absorption == after.absorption
         && (*ambient, *diffuse, *specular) == (after.ambient, after.diffuse, after.specular)
         && (*exponent, *xray) == (after.exponent, after.xray);
     if !same_medium {
-        Stale::Tables
-    } else if *reflectance != after.reflectance {
-        spectra
-    } else {
-        Stale::Nothing
+        return Stale::Tables;
     }
+    let colour = if *reflectance == after.reflectance { Stale::Nothing } else { spectra };
+    let turned = if *phase == after.phase { Stale::Nothing } else { phases };
+    colour.max(turned)
 }
 
 fn of_lights(before: &SceneLight, after: &SceneLight, spectra: Stale) -> Stale {

@@ -13,6 +13,11 @@ pub enum PlanWarning {
         /// The setting, such as "k = 8".
         setting: String,
     },
+    /// Phase functions of some materials have no effect, because gradients shade the scene.
+    PhaseUnused {
+        /// Names of the materials.
+        materials: String,
+    },
     /// The absorption of some materials would amplify light in the colour model, and is clamped at 0.
     Amplified {
         /// A sentence for each material.
@@ -42,6 +47,7 @@ impl PlanWarning {
     pub fn code(&self) -> &'static str {
         match self {
             Self::Unused { .. } => "setting-unused",
+            Self::PhaseUnused { .. } => "phase-unused",
             Self::Amplified { .. } => "absorption-clamped",
             Self::FewerAreBetter { .. } => "fewer-coefficients-better",
             Self::Observer { .. } => "observer-over-tolerance",
@@ -58,6 +64,10 @@ impl fmt::Display for PlanWarning {
                     "{setting} has no effect: pixels keep material weights, which are exact for this scene"
                 )
             }
+            Self::PhaseUnused { materials } => write!(
+                formatter,
+                "the phase function of {materials} has no effect: gradients shade the scene; use shading = \"none\", or remove `phase`"
+            ),
             Self::Amplified { sentences } => formatter.write_str(sentences.join(" ").trim_end_matches('.')),
             Self::FewerAreBetter { stated: (k, error), fewer: (fewer, smaller) } => write!(
                 formatter,

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::phase::{Phase, add_even, add_scattered};
 use super::shadows::Reaching;
 use super::{End, ReferenceError, Samples, Step, store};
 use crate::film::relit_pixel;
@@ -11,7 +12,7 @@ use crate::number::{Real, count, dot, power, unit};
 use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, Planned, PositionCounts, Shares, Transmittance};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene, THREE_POINT_PARTS};
-use crate::tables::{PositionTable, RayTable, ray_places};
+use crate::tables::{self, PositionTable, RayTable, ray_places};
 
 /// A ray through a pixel.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +54,8 @@ struct Frame<'a, R> {
     variation: R,
     /// Specular exponents.
     exponents: Vec<u32>,
+    /// Phase functions of the components.
+    phases: Vec<Phase<R>>,
     /// Light that reaches a sample, if the medium dims light other than a headlight's.
     reaching: Option<Reaching<R>>,
     size: [usize; 2],
@@ -91,6 +94,7 @@ impl<'a, R: Real> Frame<'a, R> {
             termination: R::from_f64(scene.accuracy.termination),
             variation: R::from_f64(scene.accuracy.variation),
             exponents: planned.exponents(scene),
+            phases: tables::Phase::of_plan(scene, planned).iter().map(Phase::new).collect(),
             reaching,
             size,
             places: ray_places(planned.plan.rays),
@@ -158,7 +162,7 @@ impl<'a, R: Real> Frame<'a, R> {
         }
         let mixed = self.planned.plan.transmittance == Transmittance::Mixed;
         let mut transmittance = self.all_light();
-        let mut step = Step::default();
+        let (mut step, mut reached) = (Step::default(), Reached::default());
         let mut source = vec![R::default(); self.planned.plan.components()];
         for n in 0..ray.samples {
             let s = (R::from_f64(count(n)) + ray.offset).mul_add(self.step_length, ray.start);
@@ -172,8 +176,8 @@ impl<'a, R: Real> Frame<'a, R> {
             }
             let sky = self.sky_light(place, samples);
             for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
-                let light = self.light(position, place, samples, (&transmittance, &step, sky));
-                self.shade(position, ray, place, &step, &light, &mut source);
+                self.light(position, place, samples, (&transmittance, &step, sky), &mut reached);
+                self.shade(position, ray, place, &step, &reached, &mut source);
                 if mixed {
                     composite_matrix(sums, &source, &transmittance);
                 } else {
@@ -209,7 +213,7 @@ impl<'a, R: Real> Frame<'a, R> {
             std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]))
         };
         let mut transmittance = self.all_light();
-        let (mut density, mut step) = (Step::default(), Step::default());
+        let (mut density, mut step, mut reached) = (Step::default(), Step::default(), Reached::default());
         let mut source = vec![zero; self.planned.plan.components()];
         if ray.samples == 0 {
             return transmittance;
@@ -222,9 +226,9 @@ impl<'a, R: Real> Frame<'a, R> {
             let parts = self.parts([&before, &after], varied, &density);
             let (mut from, mut done) = (before, zero);
             for part in 1..=parts.ceil().index() {
-                let reached = R::from_f64(count(part));
-                let (end, to) = if reached < parts {
-                    let end = reached / parts;
+                let number = R::from_f64(count(part));
+                let (end, to) = if number < parts {
+                    let end = number / parts;
                     (end, samples.end(place(first + end)))
                 } else {
                     (one, after)
@@ -238,8 +242,8 @@ impl<'a, R: Real> Frame<'a, R> {
                 }
                 let sky = self.sky_light(middle, samples);
                 for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
-                    let light = self.light(position, middle, samples, (&transmittance, &step, sky));
-                    self.shade(position, ray, middle, &step, &light, &mut source);
+                    self.light(position, middle, samples, (&transmittance, &step, sky), &mut reached);
+                    self.shade(position, ray, middle, &step, &reached, &mut source);
                     composite(sums, &source, &transmittance);
                 }
                 for (left, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
@@ -300,38 +304,52 @@ impl<'a, R: Real> Frame<'a, R> {
     /// Fraction of the light of the sky that reaches `place`; 1 if the medium does not dim it.
     fn sky_light(&self, place: [R; 3], samples: &impl Samples<R>) -> R {
         let sky = self.reaching.as_ref().zip(self.planned.plan.sky());
-        sky.map_or(R::from_f64(1.0), |(reaching, number)| reaching.light(number, place, samples))
+        let mut reached = [R::from_f64(1.0)];
+        if let Some((reaching, number)) = sky {
+            reaching.light(number, place, samples, &mut reached);
+        }
+        reached[0]
     }
 
-    /// The light at `position` that reaches the step at `place`, whose light reaches the eye with this transmittance, under
-    /// this light of the `sky`.
+    /// Sets `reached` to the light at `position` that reaches the step at `place`, whose light reaches the eye with this
+    /// transmittance, under this light of the `sky`.
     fn light(
         &self,
         position: usize,
         place: [R; 3],
         samples: &impl Samples<R>,
         (transmittance, step, sky): (&[R], &Step<R>, R),
-    ) -> Reached<R> {
+        reached: &mut Reached<R>,
+    ) {
         let plan = &self.planned.plan;
         let shadowed = plan.shadowed();
         let one = R::from_f64(1.0);
-        let of = |number: usize| self.reaching.as_ref().map_or(one, |reaching| reaching.light(number, place, samples));
-        let light = if plan.shadowed_headlight() == Some(position) {
-            // The light shines along the ray of the eye: its mean over the step, (1 − e^(−2τΔs))/(2τ) over (1 − e^(−τΔs))/τ.
-            [(-(transmittance[0] * R::from_f64(0.5))).mul_add(step.opacity[0], transmittance[0]); 3]
-        } else if shadowed.contains(&position) {
-            [of(position - shadowed.start); 3]
-        } else if plan.shadowed_three_point() == Some(position) {
-            std::array::from_fn(|i| of(shadowed.len() + i))
-        } else if plan.shadowed_points().contains(&position) {
-            [of(plan.first_point() + position - plan.shadowed_points().start); 3]
-        } else if plan.shadowed_ambient() == Some(position) {
-            [sky; 3]
-        } else {
-            [one; 3]
-        };
+        reached.components = if plan.absorbers() > 0 { plan.components() } else { 1 };
+        reached.light.clear();
+        reached.light.resize(3 * reached.components, one);
         let occluded = plan.shadows.is_some_and(|shadows| shadows.occluded) && position >= plan.positions.ambient;
-        Reached { light, ambient: if occluded { sky } else { one } }
+        reached.ambient = if occluded { sky } else { one };
+        // Of all lights but a three-point light only the first is read.
+        let mut lights = reached.light.chunks_exact_mut(reached.components);
+        let mut set = |number: usize| {
+            if let (Some(reaching), Some(light)) = (&self.reaching, lights.next()) {
+                reaching.light(number, place, samples, light);
+            }
+        };
+        if plan.shadowed_headlight() == Some(position) {
+            // The light shines along the ray of the eye: its mean over the step, (1 − e^(−2τΔs))/(2τ) over (1 − e^(−τΔs))/τ.
+            for ((light, &left), &opacity) in reached.light.iter_mut().zip(transmittance).zip(&step.opacity) {
+                *light = (-(left * R::from_f64(0.5))).mul_add(opacity, left);
+            }
+        } else if shadowed.contains(&position) {
+            set(position - shadowed.start);
+        } else if plan.shadowed_three_point() == Some(position) {
+            (0..3).for_each(|i| set(shadowed.len() + i));
+        } else if plan.shadowed_points().contains(&position) {
+            set(plan.first_point() + position - plan.shadowed_points().start);
+        } else if plan.shadowed_ambient() == Some(position) {
+            reached.light.fill(sky);
+        }
     }
 
     /// Sets `source` to the light that a step sends to the eye from the light at `position`, as much as has `reached` it:
@@ -347,31 +365,29 @@ impl<'a, R: Real> Frame<'a, R> {
     ) {
         let plan = &self.planned.plan;
         let PositionCounts { ambient, headlight, directional, point, .. } = plan.positions;
+        if plan.phases > 0 {
+            self.scatter(position, ray, place, step, reached, source);
+            return;
+        }
         if position < ambient || plan.shading.is_none() {
             source.fill(R::default());
             let first = plan.parts().unshaded * LANE;
             let parts = self.reflected_parts();
             source[..parts].copy_from_slice(&step.source[first..first + parts]);
             let three = plan.shadowed_three_point() == Some(position);
-            let reached = if three { mean_of_three(reached.light) } else { reached.light[0] };
-            source.iter_mut().for_each(|part| *part = *part * reached);
+            for (component, part) in source.iter_mut().enumerate() {
+                let of = |light| reached.of(light, component);
+                *part = *part * if three { mean_of_three([of(0), of(1), of(2)]) } else { of(0) };
+            }
             return;
         }
         if position >= ambient + headlight + directional + point {
             self.shade_three_point(position, ray, step, reached, source);
             return;
         }
-        let Reached { light: [reached, ..], ambient: open } = *reached;
-        let light = if position < ambient + headlight {
-            ray.view
-        } else if position < ambient + headlight + directional {
-            self.lights[position].0
-        } else {
-            let local_scale = self.rays.local_scale.to_array().map(R::from_f64);
-            unit(std::array::from_fn(|axis| self.lights[position].0[axis] - place[axis] * local_scale[axis]))
-        };
+        let light = self.direction(position, ray, place);
         let facing = self.facing(dot(step.normal, light));
-        self.reflect(step, facing * reached, open, source);
+        self.reflect(step, |component| facing * reached.of(0, component), reached.ambient, source);
         if plan.specular().is_some() {
             let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
             let lit = facing > R::default();
@@ -382,8 +398,8 @@ impl<'a, R: Real> Frame<'a, R> {
                 self.highlight(step, shine, &mut white);
                 // The weight of white is set, not added to.
                 source[self.reflected_parts()..].fill(R::default());
-                for (part, white) in source.iter_mut().zip(white) {
-                    *part = reached.mul_add(white, *part);
+                for (component, (part, white)) in source.iter_mut().zip(white).enumerate() {
+                    *part = reached.of(0, component).mul_add(white, *part);
                 }
             } else {
                 self.highlight(step, shine, source);
@@ -391,25 +407,70 @@ impl<'a, R: Real> Frame<'a, R> {
         }
     }
 
+    /// Unit vector from `place` to the light at `position`, which is neither ambient nor a three-point light.
+    fn direction(&self, position: usize, ray: &Ray<R>, place: [R; 3]) -> [R; 3] {
+        let PositionCounts { ambient, headlight, directional, .. } = self.planned.plan.positions;
+        if position < ambient + headlight {
+            ray.view
+        } else if position < ambient + headlight + directional {
+            self.lights[position].0
+        } else {
+            let local_scale = self.rays.local_scale.to_array().map(R::from_f64);
+            unit(std::array::from_fn(|axis| self.lights[position].0[axis] - place[axis] * local_scale[axis]))
+        }
+    }
+
+    /// As [`Self::shade`], without shading and by phase functions.
+    fn scatter(
+        &self,
+        position: usize,
+        ray: &Ray<R>,
+        place: [R; 3],
+        step: &Step<R>,
+        reached: &Reached<R>,
+        source: &mut [R],
+    ) {
+        let plan = &self.planned.plan;
+        let PositionCounts { ambient, three_point, .. } = plan.positions;
+        source.fill(R::default());
+        if position < ambient {
+            add_even(plan, step, reached.of(0, 0), source);
+            return;
+        }
+        let mut add = |light: [R; 3], reached: &dyn Fn(usize) -> R| {
+            add_scattered(plan, &self.phases, step, [ray.view, light], reached, source);
+        };
+        if position < plan.positions.total() - three_point {
+            add(self.direction(position, ray, place), &|component| reached.of(0, component));
+            return;
+        }
+        let first = plan.positions.first_vector(position);
+        let lights = self.lights[first..first + 3].iter().zip(THREE_POINT_PARTS);
+        for (i, (&(light, _), part)) in lights.enumerate() {
+            add(light, &|component| reached.of(i, component) * R::from_f64(part));
+        }
+    }
+
     /// As [`Self::shade`], for the three directions of the light at `position`, and their weights.
     fn shade_three_point(&self, position: usize, ray: &Ray<R>, step: &Step<R>, reached: &Reached<R>, source: &mut [R]) {
         source.fill(R::default());
         let first = self.planned.plan.positions.first_vector(position);
-        let lights = self.lights[first..first + 3].iter().zip(reached.light);
-        let lights = lights.map(|(&(light, weight), reached)| (light, weight * reached));
-        let facing = lights
-            .clone()
-            .fold(R::default(), |sum, (light, weight)| weight.mul_add(self.facing(dot(step.normal, light)), sum));
+        let lights = &self.lights[first..first + 3];
+        let facing = |component: usize| {
+            lights.iter().enumerate().fold(R::default(), |sum, (i, &(light, weight))| {
+                (weight * reached.of(i, component)).mul_add(self.facing(dot(step.normal, light)), sum)
+            })
+        };
         self.reflect(step, facing, reached.ambient, source);
         if self.planned.plan.specular().is_some() {
-            for (light, weight) in lights {
+            for (i, &(light, weight)) in lights.iter().enumerate() {
                 let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
                 let lit = !self.one_sided() || self.facing(dot(step.normal, light)) > R::default();
                 let shine = if lit { self.facing(dot(step.normal, halfway)) } else { R::default() };
                 let mut white = vec![R::default(); source.len()];
                 self.highlight(step, shine, &mut white);
-                for (part, white) in source.iter_mut().zip(white) {
-                    *part = weight.mul_add(white, *part);
+                for (component, (part, white)) in source.iter_mut().zip(white).enumerate() {
+                    *part = (weight * reached.of(i, component)).mul_add(white, *part);
                 }
             }
         }
@@ -433,28 +494,33 @@ impl<'a, R: Real> Frame<'a, R> {
         }
     }
 
-    /// Sets `source` to the diffuse light of a step, and to its ambient light of which the fraction `open` arrives.
-    fn reflect(&self, step: &Step<R>, facing: R, open: R, source: &mut [R]) {
+    /// Sets `source` to the diffuse light of a step, by the shade of each component, and to its ambient light of which the
+    /// fraction `open` arrives.
+    fn reflect(&self, step: &Step<R>, facing: impl Fn(usize) -> R, open: R, source: &mut [R]) {
         let plan = &self.planned.plan;
         let parts = plan.parts();
-        let shade =
-            |material: &Material| R::from_f64(material.diffuse).mul_add(facing, R::from_f64(material.ambient) * open);
+        let shade = |material: &Material, facing: R| {
+            R::from_f64(material.diffuse).mul_add(facing, R::from_f64(material.ambient) * open)
+        };
         match plan.accumulate {
             Accumulate::Weights { .. } => {
                 for ((part, &weight), material) in source.iter_mut().zip(&step.source).zip(self.used()) {
-                    *part = weight * shade(material);
+                    *part = weight * shade(material, facing(0));
                 }
             }
             Accumulate::Spectral { shares: Shares::Equal, .. } => {
-                let shade = self.used().next().map_or(R::default(), shade);
-                for (part, &reflected) in source.iter_mut().zip(&step.source[parts.unshaded * LANE..]) {
-                    *part = reflected * shade;
+                let first = self.used().next();
+                for (component, (part, &reflected)) in
+                    source.iter_mut().zip(&step.source[parts.unshaded * LANE..]).enumerate()
+                {
+                    *part = reflected * first.map_or(R::default(), |first| shade(first, facing(component)));
                 }
             }
             Accumulate::Spectral { shares: Shares::Own, .. } => {
                 let [ambient, diffuse] = [parts.ambient, parts.diffuse].map(|first| &step.source[first * LANE..]);
-                for ((part, &ambient), &diffuse) in source.iter_mut().zip(ambient).zip(diffuse) {
-                    *part = diffuse.mul_add(facing, ambient * open);
+                for (component, ((part, &ambient), &diffuse)) in source.iter_mut().zip(ambient).zip(diffuse).enumerate()
+                {
+                    *part = diffuse.mul_add(facing(component), ambient * open);
                 }
             }
         }
@@ -515,11 +581,21 @@ fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &mut S
 }
 
 /// Light that reaches a step.
+#[derive(Debug, Default)]
 struct Reached<R> {
-    /// Fraction from each direction of a three-point light; of another light three times the same.
-    light: [R; 3],
+    /// Fractions of each light: one per component with coloured absorbers, otherwise one for all.
+    components: usize,
+    /// Fractions from each direction of a three-point light; of another light only the first ones count.
+    light: Vec<R>,
     /// Fraction of the ambient share of a directed light.
     ambient: R,
+}
+
+impl<R: Real> Reached<R> {
+    /// Fraction of a `component` of the light number `i`.
+    fn of(&self, i: usize, component: usize) -> R {
+        self.light[i * self.components + if self.components == 1 { 0 } else { component }]
+    }
 }
 
 /// A distance beyond any box.

@@ -2,6 +2,7 @@
 
 mod gradient;
 mod march;
+mod phase;
 mod samples;
 mod shadows;
 mod store;

@@ -162,8 +162,9 @@ pub trait Samples<R: Real>: Sync {
     /// sum over its numbers of the differences between the mean and both ends; 1 where a label begins or ends.
     fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R;
 
-    /// Optical depth per unit of length (the smallest spacing) at `place`, for shadows.
-    fn extinction(&self, place: [R; 3]) -> R;
+    /// Optical depth per unit of length (the smallest spacing) at `place`, for shadows: `number` 0 is that of all that is grey,
+    /// the others are those of the plan's coloured absorbers.
+    fn extinction(&self, place: [R; 3], number: usize) -> R;
 
     /// A depth as the light grid keeps it.
     fn stored_depth(&self, depth: R) -> R {
@@ -181,7 +182,8 @@ pub struct Exact<'a> {
     steps: Steps<'a>,
     label_steps: Vec<tables::Step>,
     label_densities: Vec<tables::Step>,
-    label_extinctions: Vec<f64>,
+    /// Of each depth of shadows.
+    label_extinctions: Vec<Vec<f64>>,
     bends: Vec<f64>,
 }
 
@@ -192,7 +194,8 @@ impl<'a> Exact<'a> {
         let steps = Steps::new(scene, planned);
         let label_steps = steps.of_labels();
         let label_densities = steps.densities_of_labels();
-        let label_extinctions = steps.extinctions_of_labels();
+        let label_extinctions =
+            (0..=planned.plan.absorbers()).map(|number| steps.extinctions_of_labels(number)).collect();
         let bends = scene.transfer.bends();
         Self { scene, planned, storage, labels, steps, label_steps, label_densities, label_extinctions, bends }
     }
@@ -312,9 +315,9 @@ impl Samples<f64> for Exact<'_> {
         variation
     }
 
-    fn extinction(&self, place: [f64; 3]) -> f64 {
-        let own = || self.steps.extinction(self.value_at(place)) * self.gradient_factor(place);
-        self.shares(place).number(own, |row| self.label_extinctions[row])
+    fn extinction(&self, place: [f64; 3], number: usize) -> f64 {
+        let own = || self.steps.extinction(self.value_at(place), number) * self.gradient_factor(place);
+        self.shares(place).number(own, |row| self.label_extinctions[number][row])
     }
 }
 
@@ -357,7 +360,7 @@ pub struct Stored<'a, R> {
     coordinate_offset: R,
     gradient_scale: [R; 3],
     segments: Option<Segments<'a, R>>,
-    extinctions: Option<&'a ExtinctionTable>,
+    extinctions: &'a [ExtinctionTable],
 }
 
 /// Table of segments, and the scale and offset from texels to its coordinates.
@@ -391,14 +394,14 @@ impl<'a, R: Real> Stored<'a, R> {
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
             segments: None,
-            extinctions: None,
+            extinctions: &[],
         }
     }
 
-    /// The same with the extinction of shadows.
+    /// The same with the extinctions of shadows.
     #[must_use]
-    pub fn with_shadows(self, extinctions: &'a ExtinctionTable) -> Self {
-        Self { extinctions: Some(extinctions), ..self }
+    pub fn with_shadows(self, extinctions: &'a [ExtinctionTable]) -> Self {
+        Self { extinctions, ..self }
     }
 
     /// The same with the tables of segments: of values, and the densities of labels.
@@ -531,8 +534,8 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
     }
 
     // Twin of `extinction_at` in `shaders/light_grid.wgsl`.
-    fn extinction(&self, place: [R; 3]) -> R {
-        let Some(table) = self.extinctions else { return R::default() };
+    fn extinction(&self, place: [R; 3], number: usize) -> R {
+        let Some(table) = self.extinctions.get(number) else { return R::default() };
         let number = |number: &f32| R::from_f64(f64::from(*number));
         let own = || {
             let (value, gradient) = self.fetch(place);

@@ -9,7 +9,8 @@ use crate::plan::Planned;
 use crate::progress::Progress;
 use crate::scene::{Scene, ShadowMethod, Shadows};
 use crate::tables::{
-    GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, PositionTable, SKY_SPACING, Sweep, sky_direction,
+    GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, PositionTable, SKY_SPACING, Steps, Sweep,
+    sky_direction,
 };
 
 /// Longest step of a ray to a light, in units of length.
@@ -25,6 +26,8 @@ const MORE_DIRECTIONS: usize = 4;
 #[derive(Debug)]
 pub(super) struct Reaching<R> {
     lights: Vec<Dimming<R>>,
+    /// Coefficients of each coloured absorber.
+    absorbers: Vec<Vec<R>>,
     /// Corners of the crop box.
     crop: [[R; 3]; 2],
     start: R,
@@ -34,8 +37,8 @@ pub(super) struct Reaching<R> {
 /// How the dimming of one light is found.
 #[derive(Debug)]
 enum Dimming<R> {
-    /// Optical depths at the nodes of a grid.
-    Grid(LightGrid, Vec<R>),
+    /// Optical depths at the nodes of a grid: of all that is grey, and of each coloured absorber.
+    Grid(LightGrid, Vec<Vec<R>>),
     /// A ray in this direction, in texture coordinates per unit of length.
     Ray([R; 3]),
     /// A ray to this point.
@@ -64,19 +67,20 @@ impl<R: Real> Reaching<R> {
         let grid = LightGrid::new(scene, spacing);
         let free = memory::available_bytes();
         if method == ShadowMethod::Grid {
-            check_memory(spacing, grid.dims, lights.len() * size_of::<R>(), free)?;
+            check_memory(spacing, grid.dims, planned.plan.grid_depths() * size_of::<R>(), free)?;
         }
+        let filled = |sweep: &Sweep| -> Result<_, ReferenceError> {
+            let depths = |number| -> Result<Vec<R>, ReferenceError> {
+                let depths = fill(&grid, sweep, samples, number, progress)?;
+                Ok(depths.into_iter().map(|depth| samples.stored_depth(depth)).collect())
+            };
+            Ok(Dimming::Grid(grid, (0..=planned.plan.absorbers()).map(depths).collect::<Result<_, _>>()?))
+        };
         let dimming = |light| match (light, method) {
             (GridLight::From(direction), ShadowMethod::Rays) => Ok(Dimming::Ray(from(direction / local_scale))),
-            (GridLight::From(direction), ShadowMethod::Grid) => {
-                let depths = fill(&grid, &grid.sweep(direction, start), samples, progress)?;
-                Ok(Dimming::Grid(grid, depths.into_iter().map(|depth| samples.stored_depth(depth)).collect()))
-            }
+            (GridLight::From(direction), ShadowMethod::Grid) => filled(&grid.sweep(direction, start)),
             (GridLight::At(point), ShadowMethod::Rays) => Ok(Dimming::RayTo(PointRays { point, start, local_scale })),
-            (GridLight::At(point), ShadowMethod::Grid) => {
-                let depths = fill(&grid, &grid.rays(point, start), samples, progress)?;
-                Ok(Dimming::Grid(grid, depths.into_iter().map(|depth| samples.stored_depth(depth)).collect()))
-            }
+            (GridLight::At(point), ShadowMethod::Grid) => filled(&grid.rays(point, start)),
             (GridLight::Sky { directions }, ShadowMethod::Rays) if pixels == 1 => {
                 // One ray reads few of the nodes of a grid.
                 let along = (0..directions).map(|i| from(sky_direction(i, directions) / local_scale));
@@ -87,16 +91,19 @@ impl<R: Real> Reaching<R> {
                 let sky = LightGrid::new(scene, spacing);
                 check_memory(spacing, sky.dims, 2 * size_of::<R>(), free)?;
                 let directions = MORE_DIRECTIONS * directions;
-                Ok(Dimming::Grid(sky, sky_depths(&sky, directions, start, samples, progress)?))
+                Ok(Dimming::Grid(sky, vec![sky_depths(&sky, directions, start, samples, progress)?]))
             }
             (GridLight::Sky { directions }, ShadowMethod::Grid) => {
                 let sky = LightGrid::new(scene, SKY_SPACING * spacing);
                 let depths = sky_depths(&sky, directions, start, samples, progress)?;
-                Ok(Dimming::Grid(grid, resampled(&sky, &depths, &grid, samples)))
+                Ok(Dimming::Grid(grid, vec![resampled(&sky, &depths, &grid, samples)]))
             }
         };
         Ok(Self {
             lights: lights.into_iter().map(dimming).collect::<Result<_, _>>()?,
+            absorbers: (Steps::new(scene, planned).absorber_coefficients().into_iter())
+                .map(|coefficients| coefficients.into_iter().map(R::from_f64).collect())
+                .collect(),
             crop: grid.crop.map(from),
             start: R::from_f64(start),
             step_length: R::from_f64(
@@ -105,36 +112,51 @@ impl<R: Real> Reaching<R> {
         })
     }
 
-    /// Fraction of the light number `index` that reaches `place`.
-    pub(super) fn light(&self, index: usize, place: [R; 3], samples: &impl Samples<R>) -> R {
-        let step = self.step_length;
+    /// Sets `reached` to the fractions of the light number `index` that reach `place`: one per component with coloured
+    /// absorbers, otherwise one for all.
+    pub(super) fn light(&self, index: usize, place: [R; 3], samples: &impl Samples<R>, reached: &mut [R]) {
         let far = R::from_f64(FAR);
-        let depth = match self.lights.get(index) {
-            Some(Dimming::Grid(grid, depths)) => read(grid, depths, place),
-            Some(Dimming::Ray(along)) => self.along(*along, far, place, step, samples),
+        if let Some(Dimming::Rays(directions)) = self.lights.get(index) {
+            let light = |&along| reaching(self.along(along, far, place, R::from_f64(1.0), samples, 0));
+            let sum = directions.iter().map(light).fold(R::default(), |sum, light| sum + light);
+            reached.fill(sum * R::from_f64(1.0 / count(directions.len())));
+            return;
+        }
+        reached.fill(self.depth(index, 0, place, samples));
+        for (absorber, coefficients) in self.absorbers.iter().enumerate() {
+            let depth = self.depth(index, absorber + 1, place, samples);
+            for (sum, &coefficient) in reached.iter_mut().zip(coefficients) {
+                *sum = depth.mul_add(coefficient, *sum);
+            }
+        }
+        reached.iter_mut().for_each(|depth| *depth = reaching(*depth));
+    }
+
+    /// Optical depth `number` from `place` to the light number `index`.
+    fn depth(&self, index: usize, number: usize, place: [R; 3], samples: &impl Samples<R>) -> R {
+        let (step, far) = (self.step_length, R::from_f64(FAR));
+        match self.lights.get(index) {
+            Some(Dimming::Grid(grid, depths)) => {
+                depths.get(number).map_or(R::default(), |depths| read(grid, depths, place))
+            }
+            Some(Dimming::Ray(along)) => self.along(*along, far, place, step, samples, number),
             Some(Dimming::RayTo(to)) => {
                 let (along, distance) = to_point(to, place);
-                self.along(along, distance, place, step, samples)
+                self.along(along, distance, place, step, samples, number)
             }
-            Some(Dimming::Rays(directions)) => {
-                let reaching = |&along| reaching(self.along(along, far, place, R::from_f64(1.0), samples));
-                let sum = directions.iter().map(reaching).fold(R::default(), |sum, light| sum + light);
-                return sum * R::from_f64(1.0 / count(directions.len()));
-            }
-            None => R::default(),
-        };
-        reaching(depth)
+            Some(Dimming::Rays(_)) | None => R::default(),
+        }
     }
 
     /// Optical depth from `place` in a direction, for this `distance` or to the face of the crop box, in steps of at most `step`.
-    fn along(&self, along: [R; 3], distance: R, place: [R; 3], step: R, samples: &impl Samples<R>) -> R {
+    fn along(&self, along: [R; 3], distance: R, place: [R; 3], step: R, samples: &impl Samples<R>, number: usize) -> R {
         let way = (distance.min(to_face(along, place, &self.crop)) - self.start).max(R::default());
         let steps = (way / step).ceil();
         let length = way / steps.max(R::from_f64(1.0));
         (0..steps.index()).fold(R::default(), |depth, step| {
             let reached = (R::from_f64(count(step)) + R::from_f64(0.5)).mul_add(length, self.start);
             let at = std::array::from_fn(|axis| reached.mul_add(along[axis], place[axis]));
-            samples.extinction(at).mul_add(length, depth)
+            samples.extinction(at, number).mul_add(length, depth)
         })
     }
 }
@@ -190,11 +212,12 @@ fn read<R: Real>(grid: &LightGrid, depths: &[R], place: [R; 3]) -> R {
     between(plane(0), plane(1), fraction[2])
 }
 
-/// Optical depths at the nodes of `grid` towards the light of `sweep`.
+/// Optical depths `number` at the nodes of `grid` towards the light of `sweep`.
 fn fill<R: Real>(
     grid: &LightGrid,
     sweep: &Sweep,
     samples: &impl Samples<R>,
+    number: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<R>, ReferenceError> {
     let mut depths = vec![R::default(); grid.dims.iter().product()];
@@ -209,7 +232,7 @@ fn fill<R: Real>(
         };
         if let Some(to) = &sweep.to {
             let row = |j: usize| -> Vec<R> {
-                (0..sweep.nodes[0]).map(|i| depth_to(to, grid, sweep, samples, [i, j, slice])).collect()
+                (0..sweep.nodes[0]).map(|i| depth_to(to, grid, sweep, (samples, number), [i, j, slice])).collect()
             };
             let rows: Vec<Vec<R>> = (0..sweep.nodes[1]).into_par_iter().map(row).collect();
             for (j, row) in rows.into_iter().enumerate() {
@@ -225,7 +248,7 @@ fn fill<R: Real>(
         let [across, down] = sweep.window(slice);
         columns.par_chunks_mut(sweep.columns[0]).enumerate().filter(|(j, _)| down.contains(j)).for_each(|(j, row)| {
             for i in across.clone() {
-                row[i] = row[i] + rise(grid, sweep, samples, slice, [i, j]);
+                row[i] = row[i] + rise(grid, sweep, (samples, number), slice, [i, j]);
             }
         });
     }
@@ -237,7 +260,7 @@ fn depth_to<R: Real>(
     to: &PointRays,
     grid: &LightGrid,
     sweep: &Sweep,
-    samples: &impl Samples<R>,
+    (samples, number): (&impl Samples<R>, usize),
     [i, j, slice]: [usize; 3],
 ) -> R {
     let from = |vector: glam::DVec3| vector.to_array().map(R::from_f64);
@@ -256,7 +279,7 @@ fn depth_to<R: Real>(
         let sum = (0..sweep.samples).fold(R::default(), |sum, sample| {
             let n = R::from_f64(count(part * sweep.samples + sample)) + R::from_f64(0.5);
             let reached = n.mul_add(length, start);
-            sum + samples.extinction(std::array::from_fn(|axis| reached.mul_add(along[axis], place[axis])))
+            sum + samples.extinction(std::array::from_fn(|axis| reached.mul_add(along[axis], place[axis])), number)
         });
         depth + (sum * length).min(R::from_f64(LARGEST_RISE))
     })
@@ -273,7 +296,7 @@ fn sky_depths<R: Real>(
     let mut sums = vec![R::default(); grid.dims.iter().product()];
     for i in 0..directions {
         let sweep = grid.sweep(sky_direction(i, directions), start);
-        let depths = fill(grid, &sweep, samples, progress)?;
+        let depths = fill(grid, &sweep, samples, 0, progress)?;
         for (sum, depth) in sums.iter_mut().zip(depths) {
             *sum = *sum + reaching(depth);
         }
@@ -310,7 +333,13 @@ fn passed<R: Real>(sweep: &Sweep, columns: &[R], slice: usize, node: [usize; 2])
 }
 
 /// Optical depth that a column gains over a slice.
-fn rise<R: Real>(grid: &LightGrid, sweep: &Sweep, samples: &impl Samples<R>, slice: usize, column: [usize; 2]) -> R {
+fn rise<R: Real>(
+    grid: &LightGrid,
+    sweep: &Sweep,
+    (samples, number): (&impl Samples<R>, usize),
+    slice: usize,
+    column: [usize; 2],
+) -> R {
     let from = |vector: glam::DVec3| vector.to_array().map(R::from_f64);
     let [corner, per_slice, across, down] = sweep.line.map(from);
     let [low, high] = grid.room().map(from);
@@ -323,7 +352,7 @@ fn rise<R: Real>(grid: &LightGrid, sweep: &Sweep, samples: &impl Samples<R>, sli
             slices.mul_add(per_slice[axis], i.mul_add(across[axis], j.mul_add(down[axis], corner[axis])))
         });
         let inside = (0..3).all(|axis| low[axis] <= place[axis] && place[axis] <= high[axis]);
-        if inside { sum + samples.extinction(place) } else { sum }
+        if inside { sum + samples.extinction(place, number) } else { sum }
     });
     (sum * R::from_f64(sweep.path / count(sweep.samples))).min(R::from_f64(LARGEST_RISE))
 }

@@ -61,8 +61,8 @@ pub struct Position {
 
 /// The positions of a scene: ambient first, then headlight, directional, point and three-point. Of each kind, those
 /// without shadows come first, in the order of the scene.
-/// Lights whose shading no material can distinguish share a position, and an unshaded scene without shadows has at most
-/// one.
+/// Lights whose shading no material can distinguish share a position, and an unshaded scene without shadows and phase
+/// functions has at most one.
 #[must_use]
 pub fn positions(scene: &Scene) -> Vec<Position> {
     let mut positions: Vec<Position> = Vec::new();
@@ -93,6 +93,9 @@ fn canonical(scene: &Scene, placement: Placement) -> Placement {
     let flat = |material: &super::Material| material.diffuse == 0.0 && material.specular == 0.0;
     let white = |material: &super::Material| flat(material) && material.ambient >= 1.0;
     let mut shown = scene.materials.iter().enumerate().filter(|&(i, _)| scene.shows(i)).map(|(_, material)| material);
+    if scene.has_phases() {
+        return placement;
+    }
     if scene.shading == Shading::None || shown.clone().all(white) {
         return Placement::Ambient;
     }

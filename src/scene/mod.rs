@@ -106,6 +106,18 @@ impl Scene {
             || self.materials.iter().enumerate().any(shaded)
     }
 
+    /// Whether phase functions change the picture: those of visible materials without shading.
+    #[must_use]
+    pub fn has_phases(&self) -> bool {
+        self.shading == Shading::None && self.states_phases().next().is_some()
+    }
+
+    /// Visible materials with a phase function other than the even one.
+    pub(crate) fn states_phases(&self) -> impl Iterator<Item = &Material> {
+        let shown = self.materials.iter().enumerate().filter(|&(index, _)| self.shows(index));
+        shown.map(|(_, material)| material).filter(|material| material.phase != 0.0)
+    }
+
     /// True if the scene asks for any shadows.
     #[must_use]
     pub fn asks_for_shadows(&self) -> bool {
@@ -163,6 +175,9 @@ pub struct Material {
     pub exponent: u32,
     /// X-ray material: adds light but occludes nothing (§5.2 of the paper).
     pub xray: bool,
+    /// Mean cosine of the angle by which a scattered ray turns, in [`PHASES`]: 0 scatters evenly in all directions, a
+    /// positive number mostly forwards. It has an effect in scenes without shading (docs/theory/phase-functions.md).
+    pub phase: f64,
 }
 
 impl Material {
@@ -178,6 +193,7 @@ impl Material {
             specular: 0.0,
             exponent: 20,
             xray: false,
+            phase: 0.0,
         }
     }
 
@@ -350,6 +366,9 @@ pub enum Integration {
     /// Point samples, one in the middle of each step.
     Samples,
 }
+
+/// Range of the parameter of a phase function.
+pub const PHASES: std::ops::RangeInclusive<f64> = -0.99..=0.99;
 
 /// Largest number of rays of a pixel.
 pub const MOST_RAYS: usize = 256;

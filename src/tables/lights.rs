@@ -58,6 +58,22 @@ impl PositionTable {
         let placed = plan.shadow_vectors().filter_map(|vector| self.0.get(vector)).enumerate().map(light);
         placed.chain(plan.sky().map(|_| GridLight::Sky { directions: scene.shadows.directions })).collect()
     }
+
+    /// The depths of [`Self::grid_lights`]: of each light in turn, that of all that is grey, and one per coloured absorber.
+    #[must_use]
+    pub fn grid_depths(&self, scene: &Scene, plan: &ScenePlan) -> Vec<GridDepth> {
+        let lights = self.grid_lights(scene, plan).into_iter();
+        lights.flat_map(|light| (0..=plan.absorbers()).map(move |number| GridDepth { light, number })).collect()
+    }
+}
+
+/// An optical depth at each node of a light grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridDepth {
+    /// Its light.
+    pub light: GridLight,
+    /// 0: the depth of all that is grey; i: that of the coloured absorber i − 1.
+    pub number: usize,
 }
 
 /// A light whose dimming by the medium a light grid holds.

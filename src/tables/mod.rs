@@ -3,6 +3,7 @@
 mod cells;
 mod gradient;
 mod lights;
+mod phase;
 mod rays;
 mod reflected;
 mod segments;
@@ -12,7 +13,8 @@ mod transfer;
 
 pub use cells::{CELL, Cells, Occupancy};
 pub use gradient::GradientTable;
-pub use lights::{GridLight, PositionTable, ShadingTable, sky_direction};
+pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction};
+pub use phase::{Phase, PhaseTable};
 pub use rays::{MOST_SAMPLES, RayTable, ray_places};
 pub use reflected::Reflected;
 pub use segments::SegmentTable;

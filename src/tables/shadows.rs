@@ -19,11 +19,11 @@ pub const SKY_SPACING: f64 = 2.0;
 /// Largest optical depth that stands for the mean light of the sky.
 pub const LARGEST_SKY_DEPTH: f64 = 20.0;
 
-/// Lights in a texel of the light grid.
+/// Depths in a texel of the light grid.
 pub const GRID_LIGHTS: usize = 4;
 
-/// Grey extinction: optical depth per unit of length (the smallest spacing), of each entry of the transfer table and of
-/// each row of the label table. X-ray materials count only with their absorption.
+/// Extinction that light with shadows meets: optical depth per unit of length (the smallest spacing), of each entry of the
+/// transfer table and of each row of the label table. X-ray materials count only with their absorption.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExtinctionTable {
     /// By value.
@@ -33,15 +33,18 @@ pub struct ExtinctionTable {
 }
 
 impl ExtinctionTable {
-    /// Builds the table of `scene` over `domain`, with the entries of its transfer table.
+    /// Builds the tables of `scene` over `domain`, with the entries of its transfer table: of all that is grey, and of each
+    /// coloured absorber.
     #[must_use]
-    pub fn new(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> Self {
+    pub fn of_plan(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> Vec<Self> {
         let steps = Steps::new(scene, planned);
-        let values = TransferTable::values(scene, domain);
-        Self {
-            values: values.map(|value| rounded(steps.extinction(value))).collect(),
-            labels: steps.extinctions_of_labels().into_iter().map(rounded).collect(),
-        }
+        let table = |number: usize| Self {
+            values: TransferTable::values(scene, domain)
+                .map(|value| rounded(steps.extinction(value, number)))
+                .collect(),
+            labels: steps.extinctions_of_labels(number).into_iter().map(rounded).collect(),
+        };
+        (0..=planned.plan.absorbers()).map(table).collect()
     }
 
     /// Scale and offset from a texel's value to a coordinate, 0 to `values.len() − 1`.
@@ -133,23 +136,28 @@ impl LightGrid {
         }
     }
 
-    /// The grid of so many `lights` in a sentence.
+    /// The grid of so many `lights`, through so many coloured `absorbers`, in a sentence.
     #[must_use]
-    pub fn explain(&self, lights: usize) -> String {
+    pub fn explain(&self, lights: usize, absorbers: usize) -> String {
         let [x, y, z] = self.dims;
+        let through = match absorbers {
+            0 => String::new(),
+            1 => ", through a coloured absorber and all else".to_owned(),
+            _ => format!(", through each of {absorbers} coloured absorbers and all else"),
+        };
         format!(
-            "A light grid of {x}×{y}×{z} nodes, one every {} voxels, keeps the optical depth towards light from {lights} direction{} ({} MB). It is filled again only if the medium, the crop box or a direction changes.",
+            "A light grid of {x}×{y}×{z} nodes, one every {} voxels, keeps the optical depth towards light from {lights} direction{}{through} ({} MB). It is filled again only if the medium, the crop box or a direction changes.",
             brief(self.spacing.max_element()),
             if lights == 1 { "" } else { "s" },
-            readable((self.bytes(lights) / 1e5).ceil() / 10.0)
+            readable((self.bytes(lights * (1 + absorbers)) / 1e5).ceil() / 10.0)
         )
     }
 
-    /// Bytes of its texels for so many `lights`.
+    /// Bytes of its texels for so many `depths` per node.
     #[must_use]
-    pub fn bytes(&self, lights: usize) -> f64 {
+    pub fn bytes(&self, depths: usize) -> f64 {
         let nodes: f64 = self.dims.iter().map(|&n| count(n)).product();
-        8.0 * nodes * count(lights.div_ceil(GRID_LIGHTS))
+        8.0 * nodes * count(depths.div_ceil(GRID_LIGHTS))
     }
 
     /// The sweep of a light in `direction` (towards the light, along the volume's axes), with shadows from `start` on,

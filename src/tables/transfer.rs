@@ -136,6 +136,10 @@ pub struct Steps<'a> {
     absorptions: Vec<Vec<f64>>,
     /// Exponents of the highlights with components of their own.
     exponents: Vec<u32>,
+    /// Phase functions with components of their own.
+    phases: Vec<f64>,
+    /// Coloured absorbers of shadows.
+    absorbers: Vec<usize>,
     /// Model that projects the transmittance of each step (the paper's order).
     by_step: Option<&'a ColourModel>,
     /// Matrices of the model, if the transmittance is a matrix.
@@ -164,6 +168,8 @@ impl<'a> Steps<'a> {
             reflectances: scene.materials.iter().map(coefficients).collect(),
             absorptions: scene.materials.iter().map(absorptions).collect(),
             exponents: planned.exponents(scene),
+            phases: planned.phases(scene),
+            absorbers: planned.absorbers(scene),
             by_step: model.filter(|model| {
                 model.kind() == ModelKind::Sharpened(Order::Step)
                     && planned.plan.transmittance == Transmittance::Coloured
@@ -178,21 +184,34 @@ impl<'a> Steps<'a> {
         self.of_medium(&self.scene.transfer.medium(value, self.scene.materials.len()))
     }
 
-    /// Returns the extinction at a data value under grey transmittance: optical depth per unit of length, the smallest
-    /// spacing.
+    /// Returns the extinction at a data value that light with shadows meets: optical depth per unit of length, the smallest
+    /// spacing. Depth `number` 0 is that of all that is grey, the others are those of the plan's coloured absorbers, at the peak
+    /// of their spectra.
     #[must_use]
-    pub fn extinction(&self, value: f64) -> f64 {
-        self.extinction_of(&self.scene.transfer.medium(value, self.scene.materials.len()))
+    pub fn extinction(&self, value: f64, number: usize) -> f64 {
+        self.extinction_of(&self.scene.transfer.medium(value, self.scene.materials.len()), number)
+    }
+
+    /// Coefficients of each coloured absorber of shadows.
+    #[must_use]
+    pub fn absorber_coefficients(&self) -> Vec<Vec<f64>> {
+        self.absorbers.iter().filter_map(|&material| self.absorptions.get(material).cloned()).collect()
     }
 
     /// Returns [`Self::extinction`] of each declared label: label `i` of the scene at index `i + 1`, 0 at 0.
     #[must_use]
-    pub fn extinctions_of_labels(&self) -> Vec<f64> {
-        self.label_media().iter().map(|medium| self.extinction_of(medium)).collect()
+    pub fn extinctions_of_labels(&self, number: usize) -> Vec<f64> {
+        self.label_media().iter().map(|medium| self.extinction_of(medium, number)).collect()
     }
 
-    fn extinction_of(&self, medium: &Medium) -> f64 {
+    fn extinction_of(&self, medium: &Medium, number: usize) -> f64 {
         let lengths = self.scene.volume.geometry.spacing.min_element() / self.scene.transfer.opacity_length;
+        if let Some(&absorber) = number.checked_sub(1).and_then(|absorber| self.absorbers.get(absorber)) {
+            return medium.absorption.get(absorber).copied().unwrap_or(0.0) * lengths;
+        }
+        if !self.absorbers.is_empty() {
+            return self.occluding(medium) * lengths;
+        }
         self.depths(medium, self.occluding(medium), lengths).first().copied().unwrap_or(0.0)
     }
 
@@ -334,8 +353,10 @@ impl<'a> Steps<'a> {
         };
         for (m, depth) in used.filter(|&(_, depth)| depth > 0.0) {
             let material = &self.scene.materials[m];
+            let phase =
+                self.phases.iter().position(|phase| phase.to_bits() == (material.phase + 0.0).to_bits()).unwrap_or(0);
             let spectra: &[(usize, f64)] = match shares {
-                Shares::Equal => &[(parts.unshaded, 1.0)],
+                Shares::Equal => &[(parts.unshaded + phase * plan.lanes(), 1.0)],
                 Shares::Own if plan.positions.ambient > 0 => {
                     &[(parts.ambient, material.ambient), (parts.diffuse, material.diffuse), (parts.unshaded, 1.0)]
                 }

@@ -291,6 +291,23 @@ fn four_natural_materials_need_at_most_eight_nodes_in_the_median() {
     assert!(dimensions[2] <= 8, "{dimensions:?}");
 }
 
+/// T7: shadows in stained media. Each sample is seen and lit through absorbers.
+#[test]
+fn models_of_light_through_absorbers_on_both_ways_keep_their_tolerance() {
+    let one_way = Ingredients { largest_depth: 4.0, ..coloured() };
+    let both = Ingredients { two_ways: true, ..one_way.clone() };
+    let [narrow, wide] =
+        [&one_way, &both].map(|ingredients| fit_automatic(ingredients, ModelKind::Nodes, 1.0, &Quiet).unwrap());
+    assert!(wide.lights().iter().all(|(.., matrix)| matrix.unseen.is_some_and(|unseen| unseen.max <= 1.0)));
+    // Chains that neither fit nor check has seen.
+    let classes = [(ChainClass::Absorbed, 800), (ChainClass::ColouredRays(24), 300), (ChainClass::ShadedRays(24), 300)];
+    let unseen = Cloud::new(&both, &classes, 91).unwrap();
+    let [one, two] = [&narrow, &wide].map(|model| errors(model, &unseen, Amplification::Held).max);
+    println!("k = {} and {}: {one} with one way, {two} with both", narrow.dimension(), wide.dimension());
+    assert!(two <= 1.0, "k = {}: {two}", wide.dimension());
+    assert!(one > two, "a model of one way: {one}, of both: {two}");
+}
+
 // Exact cases.
 
 /// C7 in f64; `spectral.rs` tests it on the device.

@@ -55,6 +55,46 @@ fn a_curve_of_a_material_is_drawn_by_its_handles_and_a_drag_is_one_step_back() {
 }
 
 #[test]
+fn a_phase_function_has_a_slider_where_nothing_shades() {
+    let opened = |shading: &str| {
+        let text = SCENE.replacen("version = 1", &format!("version = 1\nshading = \"{shading}\""), 1);
+        Document::new(document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap())
+    };
+    let mut shaded = App::open(Vec2::new(1000.0, 3000.0), Some(opened("gradient")));
+    shaded.run();
+    assert!(shaded.query_by_label("flesh: phase function").is_none(), "it would have no effect");
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(opened("none")));
+    window.run();
+    let phase = |window: &Harness<'_, App>| {
+        let document = window.state().document.as_ref().unwrap();
+        document.state().scene.materials.iter().find(|it| it.name == "flesh").unwrap().phase
+    };
+    assert!(phase(&window).abs() <= 0.0);
+    let rect = window.get_by_label("flesh: phase function").rect();
+    let press = |pos, pressed| {
+        let button = PointerButton::Primary;
+        Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE }
+    };
+    let at = |part: f32| rect.lerp_inside(Vec2::new(part, 0.5));
+    for event in [
+        Event::PointerMoved(at(0.5)),
+        press(at(0.5), true),
+        Event::PointerMoved(at(0.6)),
+        Event::PointerMoved(at(0.75)),
+        press(at(0.75), false),
+    ] {
+        window.event(event);
+        window.run();
+    }
+    window.state_mut().document.as_mut().unwrap().rest();
+    let dragged = phase(&window);
+    assert!(dragged > 0.4 && dragged < 0.7, "{dragged}");
+    window.get_by_label("Undo").click();
+    window.run();
+    assert!(phase(&window).abs() <= 0.0, "a drag is one step back");
+}
+
+#[test]
 fn the_swatch_of_a_material_that_absorbs_is_the_light_seen_through_it() {
     let shapes = [
         "[materials.flesh]\nabsorption = { 380 = 0, 560 = 0, 580 = 1, 780 = 1 }",

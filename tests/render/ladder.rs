@@ -441,8 +441,8 @@ impl Samples<f32> for EightBits<'_> {
         self.0.mean(ends, middle, density)
     }
 
-    fn extinction(&self, place: [f32; 3]) -> f32 {
-        self.0.extinction(place)
+    fn extinction(&self, place: [f32; 3], number: usize) -> f32 {
+        self.0.extinction(place, number)
     }
 }
 

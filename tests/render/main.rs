@@ -2,11 +2,13 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod blocks;
+mod coloured_shadows;
 mod harness;
 mod interpolation;
 mod labels;
 mod ladder;
 mod peercy;
+mod phases;
 mod plan;
 mod probe;
 mod properties;

@@ -10,6 +10,7 @@ use glam::{DMat3, DVec3};
 use relume::document::{self, Document, Edit, SceneFile, SceneOptions, Source};
 use relume::film::Film;
 use relume::internal::number::Real;
+use relume::model::{ModelKind, Order};
 use relume::plan::{Integrate, PositionCounts, ShadowedPositions, Stale, plan};
 use relume::progress::Quiet;
 use relume::reference::{self, End, Samples, Step};
@@ -26,7 +27,7 @@ use support::scenes::{self, SIZE, float, of};
 
 /// A box of a constant medium with this optical depth per unit of length, unshaded, seen along +z by parallel rays;
 /// `light` is the table of its light.
-fn block(extent: DVec3, depth: f64, light: &str, step: f64, height: f64) -> Scene {
+pub(super) fn block(extent: DVec3, depth: f64, light: &str, step: f64, height: f64) -> Scene {
     let geometry = Geometry::new("block", [2, 2, 2], extent, -extent / 2.0, DMat3::IDENTITY).unwrap();
     let opacity = -(-depth).exp_m1();
     let text = format!(
@@ -63,25 +64,25 @@ fn block(extent: DVec3, depth: f64, light: &str, step: f64, height: f64) -> Scen
     scene
 }
 
-fn towards(direction: [f64; 3]) -> String {
+pub(super) fn towards(direction: [f64; 3]) -> String {
     format!("kind = \"directional\"\ndirection = {direction:?}")
 }
 
 /// Weights of the first material of a picture.
-fn weights(scene: Scene, size: [usize; 2]) -> Vec<f64> {
+pub(super) fn weights(scene: Scene, size: [usize; 2]) -> Vec<f64> {
     let rungs = Rungs::new(scene, size);
     rungs.march(&rungs.exact()).accumulators[..size[0] * size[1]].to_vec()
 }
 
-fn middle(scene: Scene) -> f64 {
+pub(super) fn middle(scene: Scene) -> f64 {
     weights(scene, [1, 1])[0]
 }
 
 /// Largest error of single scattering at a step of 1/200.
-const SINGLE: f64 = 2e-3;
+pub(super) const SINGLE: f64 = 2e-3;
 
 /// Slabs seen along their normal: τ, cosine of the light, whether it is behind, and the closed form.
-fn slabs() -> impl Iterator<Item = (f64, [f64; 3], f64)> {
+pub(super) fn slabs() -> impl Iterator<Item = (f64, [f64; 3], f64)> {
     [0.5_f64, 2.0].into_iter().flat_map(|depth| {
         [1.0_f64, 0.5].into_iter().flat_map(move |cosine| {
             let sine = (1.0 - cosine * cosine).sqrt();
@@ -190,9 +191,9 @@ fn nothing_within_the_start_of_shadows_shades() {
 }
 
 /// A ball of radius 1 around the middle of a box from −1 to 1, of this optical depth per unit of length.
-struct Ball {
-    depth: f64,
-    step: f64,
+pub(super) struct Ball {
+    pub(super) depth: f64,
+    pub(super) step: f64,
 }
 
 impl Ball {
@@ -218,7 +219,7 @@ impl Samples<f64> for Ball {
     }
 
     // The unit of length is the spacing of the box's two voxels.
-    fn extinction(&self, place: [f64; 3]) -> f64 {
+    fn extinction(&self, place: [f64; 3], _: usize) -> f64 {
         if Self::holds(place) { 2.0 * self.depth } else { 0.0 }
     }
 }
@@ -263,7 +264,7 @@ fn a_headlight_is_exact_at_every_step() {
 }
 
 /// Two soft balls without shading, one light, seen by parallel rays from the direction `eye`.
-fn balls_lit(eye: DVec3, light: DVec3) -> Scene {
+pub(super) fn balls_lit(eye: DVec3, light: DVec3) -> Scene {
     let direction = light.to_array();
     let text = format!(
         r#"
@@ -309,7 +310,7 @@ fn light_and_eye_can_be_exchanged() {
 }
 
 /// A small ball above a large one, lit from above by a grey and by a coloured light from aside; both cast shadows.
-fn occluded(shading: &str) -> Scene {
+pub(super) fn occluded(shading: &str) -> Scene {
     let text = format!(
         r#"
         shading = "{shading}"
@@ -440,6 +441,7 @@ fn shadows_keep_positions_apart_that_share_a_shade_without_them() {
         ambient: false,
         occluded: false,
         method: ShadowMethod::Grid,
+        absorbers: 0,
     };
     let grid = |directional, three_point| Some(ShadowedPositions { directional, three_point, ..none });
     assert_eq!(shadows(&scene), (two, grid(2, false)), "opposite directions, unshaded");
@@ -478,14 +480,39 @@ fn shadows_that_cannot_be_computed_are_refused_with_their_light() {
         assert_eq!(error.code(), "shadows-impossible");
         error.to_string()
     };
-    let colour = |scene: &mut Scene| {
+    fn colour(scene: &mut Scene) {
         let glass = scenes::named("coloured_three");
         scene.materials[0].absorption = glass.materials.iter().find_map(|material| material.absorption.clone());
         scene.transfer.terms[0].absorption = vec![(0.0, 0.1)];
-    };
-    let coloured = refused(colour);
-    assert!(coloured.starts_with("lights.day.shadows = true is not possible"), "{coloured}");
-    assert!(coloured.contains("the absorption of large is coloured"), "{coloured}");
+    }
+    let coloured = refused(|scene| {
+        colour(scene);
+        scene.lights[1].placement = Placement::Ambient;
+    });
+    assert!(coloured.starts_with("lights.lamp.shadows = true is not possible"), "{coloured}");
+    assert!(coloured.contains("the absorption of large is coloured, and the light of a sky"), "{coloured}");
+    let of_matrices = refused(|scene| {
+        colour(scene);
+        scene.accuracy.model = ModelKind::Peercy;
+    });
+    assert!(of_matrices.starts_with("lights.day.shadows = true is not possible"), "{of_matrices}");
+    assert!(of_matrices.contains("the model peercy has no optical depth"), "{of_matrices}");
+    let by_step = refused(|scene| {
+        colour(scene);
+        scene.accuracy.model = ModelKind::Sharpened(Order::Step);
+    });
+    assert!(by_step.contains("the model sharpened has no optical depth"), "{by_step}");
+    let deep = refused(|scene| {
+        colour(scene);
+        let light = scene.lights[0].clone();
+        scene.lights = (0..9_u32)
+            .map(|i| {
+                let direction = DVec3::new(f64::from(i), 1.0, 5.0).normalize();
+                SceneLight { placement: Placement::Directional(direction), ..light.clone() }
+            })
+            .collect();
+    });
+    assert!(deep.contains("9 directions through 1 coloured absorber, which needs 18 depths"), "{deep}");
     let occluded = refused(|scene| {
         let glass = scenes::named("coloured_three");
         scene.materials[0].absorption = glass.materials.iter().find_map(|material| material.absorption.clone());
@@ -567,10 +594,10 @@ fn the_light_grid_approaches_rays_as_its_spacing_falls() {
 
 /// Largest ΔE00 between weights on the device and 81 bands on the same grid: f16 depths of a device's sums differ by one
 /// unit in the last place at some nodes.
-const SAME_GRID: f64 = 0.01;
+pub(super) const SAME_GRID: f64 = 0.01;
 
 /// A three-point light beside `more` directional lights, all with shadows.
-fn beside_three_point(shading: &str, more: usize) -> Scene {
+pub(super) fn beside_three_point(shading: &str, more: usize) -> Scene {
     let mut scene = occluded(shading);
     let lamp = scene.lights[1].clone();
     scene.lights.truncate(1);
@@ -590,7 +617,8 @@ fn under_sky(shading: &str, more: usize) -> Scene {
 }
 
 /// Points in front of [`occluded`], in it and behind it.
-const POINTS: [DVec3; 3] = [DVec3::new(50.0, -30.0, 60.0), DVec3::new(4.2, 12.1, 25.3), DVec3::new(-40.0, 30.0, 5.0)];
+pub(super) const POINTS: [DVec3; 3] =
+    [DVec3::new(50.0, -30.0, 60.0), DVec3::new(4.2, 12.1, 25.3), DVec3::new(-40.0, 30.0, 5.0)];
 
 #[test]
 fn the_sky_is_the_mean_of_its_directions() {
@@ -704,7 +732,7 @@ fn a_distant_point_light_is_a_directional_light() {
 }
 
 /// Scenes of every kind of light, shading and medium that shadows meet.
-fn shadowed_of_every_kind() -> Vec<(&'static str, Scene)> {
+pub(super) fn shadowed_of_every_kind() -> Vec<(&'static str, Scene)> {
     let changed = |shading: &str, change: fn(&mut Scene)| {
         let mut scene = occluded(shading);
         change(&mut scene);
@@ -812,7 +840,7 @@ fn shadowed_of_every_kind() -> Vec<(&'static str, Scene)> {
 }
 
 /// Largest ΔE00 between pictures in XYZ where white has Y = 1.
-fn largest_difference(found: &[DVec3], expected: &[DVec3]) -> f64 {
+pub(super) fn largest_difference(found: &[DVec3], expected: &[DVec3]) -> f64 {
     let lab = |xyz: &DVec3| lab_from_xyz(Xyz(xyz.to_array()), d65_white());
     found.iter().zip(expected).map(|(a, b)| ciede2000(lab(a), lab(b))).fold(0.0, f64::max)
 }
@@ -842,7 +870,7 @@ fn shadowed_weights_on_the_device_equal_81_bands_on_the_same_grid() {
     });
 }
 
-fn numbers<R: Real>(film: &Film<R>) -> Vec<u64> {
+pub(super) fn numbers<R: Real>(film: &Film<R>) -> Vec<u64> {
     film.accumulators.iter().chain(&film.transmittance).map(|number| number.to_f64().to_bits()).collect()
 }
 

@@ -86,7 +86,7 @@ impl<F: Fn([f64; 3]) -> (Step<f64>, Difference) + Sync> Samples<f64> for Boundin
         unreachable!("bounds are those of samples")
     }
 
-    fn extinction(&self, _: [f64; 3]) -> f64 {
+    fn extinction(&self, _: [f64; 3], _: usize) -> f64 {
         unreachable!("bounds are those of scenes without shadows")
     }
 }
@@ -175,6 +175,7 @@ pub fn bounds<R: Real>(
         transmittance: Transmittance::Coloured,
         positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
         shading: None,
+        phases: 0,
         ..planned.plan.clone()
     };
     let everywhere =

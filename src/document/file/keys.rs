@@ -121,6 +121,7 @@ pub(super) struct MaterialFile {
     pub(super) exponent: Option<At<i64>>,
     #[serde(default)]
     pub(super) xray: bool,
+    pub(super) phase: Option<At<f64>>,
     pub(super) emission: Option<At<Value>>,
     pub(super) fluorescence: Option<At<Value>>,
 }

@@ -46,6 +46,12 @@ impl Text<'_> {
                     specular: share("specular", file.specular.as_ref(), plain.specular)?,
                     exponent,
                     xray: file.xray,
+                    phase: self.optional(
+                        &format!("materials.{name}.phase"),
+                        file.phase.as_ref(),
+                        &PHASES,
+                        plain.phase,
+                    )?,
                     ..plain
                 })
             })

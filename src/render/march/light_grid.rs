@@ -15,8 +15,8 @@ use crate::plan::{Planned, ScenePlan};
 use crate::render::{RenderError, Renderer, Source, Uploaded};
 use crate::scene::{Interpolation, Lookup, Scene};
 use crate::tables::{
-    ExtinctionTable, GRID_LIGHTS, GradientTable, GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PositionTable,
-    SKY_SPACING, Sweep, sky_direction,
+    ExtinctionTable, GRID_LIGHTS, GradientTable, GridDepth, GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid,
+    PositionTable, SKY_SPACING, Sweep, sky_direction,
 };
 use crate::vulkan::{Buffer, ComputePipeline, Filter, Format, HostUse, Image3d, Resource, ResourceSet, Sampler};
 
@@ -127,7 +127,8 @@ struct Key {
     /// Grid on which the light of the sky is summed.
     sky: LightGrid,
     start: f64,
-    extinctions: ExtinctionTable,
+    /// Of each depth of a light.
+    extinctions: Vec<ExtinctionTable>,
     gradients: GradientTable,
     lookup: Lookup,
     interpolation: Interpolation,
@@ -148,9 +149,9 @@ pub(super) struct DeviceGrid {
 /// State of a fill. It may rest after every slice.
 #[derive(Debug, Default)]
 struct Filling {
-    /// Each light, and whether its depths are complete.
-    lights: Vec<(GridLight, bool)>,
-    /// The light being filled.
+    /// Each depth of the nodes, and whether it is complete.
+    depths: Vec<(GridDepth, bool)>,
+    /// The depth being filled.
     current: Option<Current>,
     /// Samples of columns that fit into a submission.
     budget: Option<f64>,
@@ -158,7 +159,7 @@ struct Filling {
 
 #[derive(Debug)]
 struct Current {
-    light: usize,
+    depth: usize,
     /// Sum over the sky; `None` for a light with one direction.
     summing: Option<Summing>,
     sweep: Sweep,
@@ -192,13 +193,13 @@ impl Renderer {
         let room = count(usize::try_from(limits.device_heap_bytes).unwrap_or(usize::MAX)) * MEMORY_PART;
         let room = room.min(count(usize::try_from(limits.max_allocation_bytes).unwrap_or(usize::MAX)));
         let extent = limits.max_extent_3d(Format::Rgba16Float);
-        let lights = plan.grid_lights();
+        let depths = plan.grid_depths();
         let fits = |spacing: f64| {
             let grid = LightGrid::new(scene, spacing);
-            let texels = lights.div_ceil(GRID_LIGHTS);
+            let texels = depths.div_ceil(GRID_LIGHTS);
             let [width, height, depth] = grid.dims;
             let sides = [width, height, depth * texels];
-            grid.bytes(lights) <= room && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)
+            grid.bytes(depths) <= room && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)
         };
         // A scene that was built in code may have any number.
         let mut spacing = scene.shadows.spacing.max(0.5);
@@ -222,19 +223,19 @@ impl Renderer {
     ) -> Result<Option<Arc<DeviceGrid>>, RenderError> {
         let plan = &planned.plan;
         let Some(spacing) = self.light_spacing(scene, plan) else { return Ok(None) };
-        let lights = PositionTable::new(scene, planned).grid_lights(scene, plan);
+        let depths = PositionTable::new(scene, planned).grid_depths(scene, plan);
         let grids = |spacing: f64| [spacing, SKY_SPACING * spacing].map(|spacing| LightGrid::new(scene, spacing));
         let [grid, sky] = grids(spacing);
         let mut key = Key {
             grid,
             sky,
             start: scene.shadow_start(),
-            extinctions: ExtinctionTable::new(scene, planned, uploaded.storage.domain),
+            extinctions: ExtinctionTable::of_plan(scene, planned, uploaded.storage.domain),
             gradients: GradientTable::new(scene, &uploaded.storage),
             lookup: plan.lookup,
             interpolation: plan.interpolation,
         };
-        let texels = lights.len().div_ceil(GRID_LIGHTS);
+        let texels = depths.len().div_ceil(GRID_LIGHTS);
         let mut kept = uploaded.kept.0.lock().unwrap_or_else(PoisonError::into_inner);
         let [fine, coarser] = &mut *kept;
         let known = |kept: &Option<Arc<dyn Any + Send + Sync>>| {
@@ -244,7 +245,7 @@ impl Renderer {
         let mut kept = fine;
         if coarse {
             let serves =
-                |grid: &Arc<DeviceGrid>| grid.key == key && grid.is_complete() && grid.filling().is_of(&lights);
+                |grid: &Arc<DeviceGrid>| grid.key == key && grid.is_complete() && grid.filling().is_of(&depths);
             if let Some(grid) = known(kept).filter(serves) {
                 return Ok(Some(grid));
             }
@@ -256,10 +257,10 @@ impl Renderer {
             // A march in progress reads the grid as it is; this is the third reference without one.
             let is_shared = Arc::strong_count(grid) > 2;
             let filling = grid.filling();
-            let stays = !is_shared && grid.texels >= texels && filling.stay(&lights);
-            filling.is_of(&lights) || stays
+            let stays = !is_shared && grid.texels >= texels && filling.stay(&depths);
+            filling.is_of(&depths) || stays
         }) {
-            grid.filling().aim_at(&lights);
+            grid.filling().aim_at(&depths);
             return Ok(Some(grid));
         }
         // Frees the old grid before the new one is made, if nothing else uses it.
@@ -274,7 +275,7 @@ impl Renderer {
             texels,
             filling: Mutex::default(),
         });
-        grid.filling().aim_at(&lights);
+        grid.filling().aim_at(&depths);
         if let Some(before) = before {
             self.take_over(&before, &grid)?;
         }
@@ -285,10 +286,10 @@ impl Renderer {
 
     /// Copies the complete depths of `before` to `grid`, which has the same nodes, for the lights of equal direction.
     fn take_over(&self, before: &DeviceGrid, grid: &DeviceGrid) -> Result<(), RenderError> {
-        let complete = before.filling().lights.clone();
+        let complete = before.filling().depths.clone();
         let mut filling = grid.filling();
-        let known = |wanted: GridLight| complete.iter().position(|&(light, complete)| complete && light == wanted);
-        let numbers: Vec<Option<usize>> = filling.lights.iter().map(|light| known(light.0)).collect();
+        let known = |wanted: GridDepth| complete.iter().position(|&(depth, complete)| complete && depth == wanted);
+        let numbers: Vec<Option<usize>> = filling.depths.iter().map(|depth| known(depth.0)).collect();
         if numbers.iter().all(Option::is_none) {
             return Ok(());
         }
@@ -299,8 +300,8 @@ impl Renderer {
         });
         let depths = ("depths", Resource::Texture(&before.image));
         grid.over_nodes(self, light_order_source(GROUP), depths, &orders.collect::<Vec<_>>())?;
-        for (light, number) in filling.lights.iter_mut().zip(numbers) {
-            light.1 = number.is_some();
+        for (depth, number) in filling.depths.iter_mut().zip(numbers) {
+            depth.1 = number.is_some();
         }
         Ok(())
     }
@@ -323,31 +324,31 @@ impl Renderer {
 }
 
 impl Filling {
-    /// True if it fills the depths of these lights, in this order.
-    fn is_of(&self, lights: &[GridLight]) -> bool {
-        self.lights.iter().map(|light| light.0).eq(lights.iter().copied())
+    /// True if it fills these depths, in this order.
+    fn is_of(&self, depths: &[GridDepth]) -> bool {
+        self.depths.iter().map(|depth| depth.0).eq(depths.iter().copied())
     }
 
-    /// True if no complete depth of `lights` has another number.
-    fn stay(&self, lights: &[GridLight]) -> bool {
-        let elsewhere = |(number, light): (usize, &(GridLight, bool))| {
-            light.1 && lights.get(number) != Some(&light.0) && lights.contains(&light.0)
+    /// True if no complete depth of `depths` has another number.
+    fn stay(&self, depths: &[GridDepth]) -> bool {
+        let elsewhere = |(number, depth): (usize, &(GridDepth, bool))| {
+            depth.1 && depths.get(number) != Some(&depth.0) && depths.contains(&depth.0)
         };
-        !self.lights.iter().enumerate().any(elsewhere)
+        !self.depths.iter().enumerate().any(elsewhere)
     }
 
-    /// Marks the lights that change as incomplete.
-    fn aim_at(&mut self, lights: &[GridLight]) {
-        let lights = lights.iter().enumerate().map(|(i, &light)| {
-            (light, self.lights.get(i).is_some_and(|&(known, complete)| complete && known == light))
+    /// Marks the depths that change as incomplete.
+    fn aim_at(&mut self, depths: &[GridDepth]) {
+        let depths = depths.iter().enumerate().map(|(i, &depth)| {
+            (depth, self.depths.get(i).is_some_and(|&(known, complete)| complete && known == depth))
         });
-        let lights: Vec<_> = lights.collect();
+        let depths: Vec<_> = depths.collect();
         if self.current.as_ref().is_some_and(|current| {
-            self.lights.get(current.light).map(|light| light.0) != lights.get(current.light).map(|light| light.0)
+            self.depths.get(current.depth).map(|depth| depth.0) != depths.get(current.depth).map(|depth| depth.0)
         }) {
             self.current = None;
         }
-        self.lights = lights;
+        self.depths = depths;
     }
 }
 
@@ -356,9 +357,9 @@ impl DeviceGrid {
         self.filling.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether the depths of all lights are complete.
+    /// Whether all depths are complete.
     pub(super) fn is_complete(&self) -> bool {
-        self.filling().lights.iter().all(|light| light.1)
+        self.filling().depths.iter().all(|depth| depth.1)
     }
 
     /// The resource of this name in the march.
@@ -379,28 +380,30 @@ impl DeviceGrid {
         uploaded: &Uploaded,
     ) -> Result<(), RenderError> {
         let mut filling = self.filling();
-        let Filling { lights, current, budget } = &mut *filling;
-        let Some(light) = lights.iter().position(|light| !light.1) else { return Ok(()) };
+        let Filling { depths, current, budget } = &mut *filling;
+        let Some(depth) = depths.iter().position(|depth| !depth.1) else { return Ok(()) };
         let now = match current {
-            Some(now) if now.light == light => now,
+            Some(now) if now.depth == depth => now,
             _ => {
                 renderer.shared.light_fills.fetch_add(1, Ordering::Relaxed);
-                let begun = match lights[light].0 {
+                let GridDepth { light, number } = depths[depth].0;
+                let sets = (depth, number);
+                let begun = match light {
                     GridLight::From(direction) => self.begin(
                         renderer,
                         planned,
                         uploaded,
-                        light,
+                        sets,
                         self.key.grid.sweep(direction, self.key.start),
                         None,
                     ),
                     GridLight::At(point) => {
-                        self.begin(renderer, planned, uploaded, light, self.key.grid.rays(point, self.key.start), None)
+                        self.begin(renderer, planned, uploaded, sets, self.key.grid.rays(point, self.key.start), None)
                     }
                     GridLight::Sky { directions } => {
                         let bytes = self.key.sky.dims.iter().product::<usize>() * size_of::<f32>();
                         let sums = Buffer::device(&renderer.device, "sky", bytes as u64)?;
-                        self.begin_sky(renderer, planned, uploaded, light, Summing { directions, direction: 0, sums })
+                        self.begin_sky(renderer, planned, uploaded, depth, Summing { directions, direction: 0, sums })
                     }
                 };
                 current.insert(begun?)
@@ -422,7 +425,7 @@ impl DeviceGrid {
             Ok(())
         });
         if let Err(error) = done {
-            // Slices that were recorded may not have been filled: the light begins again.
+            // Slices that were recorded may not have been filled: the depth begins again.
             *current = None;
             return Err(error.into());
         }
@@ -436,36 +439,36 @@ impl DeviceGrid {
         match summing {
             Some(Summing { directions, direction, sums }) if direction + 1 < directions => {
                 let next = Summing { directions, direction: direction + 1, sums };
-                *current = Some(self.begin_sky(renderer, planned, uploaded, light, next)?);
+                *current = Some(self.begin_sky(renderer, planned, uploaded, depth, next)?);
                 return Ok(());
             }
-            Some(complete) => self.set_sky(renderer, light, &complete)?,
+            Some(complete) => self.set_sky(renderer, depth, &complete)?,
             None => {}
         }
-        lights[light].1 = true;
+        depths[depth].1 = true;
         Ok(())
     }
 
-    /// Sets up the sweep of the next direction of the sky, which is `light`.
+    /// Sets up the sweep of the next direction of the sky, which is `depth`.
     fn begin_sky(
         &self,
         renderer: &Renderer,
         planned: &Planned,
         uploaded: &Uploaded,
-        light: usize,
+        depth: usize,
         summing: Summing,
     ) -> Result<Current, RenderError> {
         let sweep = self.key.sky.sweep(sky_direction(summing.direction, summing.directions), self.key.start);
-        self.begin(renderer, planned, uploaded, light, sweep, Some(summing))
+        self.begin(renderer, planned, uploaded, (depth, 0), sweep, Some(summing))
     }
 
-    /// Sets the depths of `light`, the sky, from its sums.
-    fn set_sky(&self, renderer: &Renderer, light: usize, complete: &Summing) -> Result<(), RenderError> {
+    /// Sets `depth`, that of the sky, from its sums.
+    fn set_sky(&self, renderer: &Renderer, depth: usize, complete: &Summing) -> Result<(), RenderError> {
         let constants = ToDepths {
             nodes: self.key.grid.dims.map(unsigned),
-            texels: unsigned(light / GRID_LIGHTS * self.key.grid.dims[2]),
+            texels: unsigned(depth / GRID_LIGHTS * self.key.grid.dims[2]),
             summed: self.key.sky.dims.map(unsigned),
-            part: unsigned(light % GRID_LIGHTS),
+            part: unsigned(depth % GRID_LIGHTS),
             directions: rounded(count(complete.directions)),
             largest_depth: rounded(LARGEST_SKY_DEPTH),
             unused: [0; 2],
@@ -499,18 +502,19 @@ impl DeviceGrid {
         Ok(())
     }
 
-    /// Sets up the sweep of `light`, or that of one direction of the sky.
+    /// Sets up the sweep of `depth`, which is this number of its light, or that of one direction of the sky.
     fn begin(
         &self,
         renderer: &Renderer,
         planned: &Planned,
         uploaded: &Uploaded,
-        light: usize,
+        (depth, number): (usize, usize),
         sweep: Sweep,
         summing: Option<Summing>,
     ) -> Result<Current, RenderError> {
         let (device, plan, Key { grid, sky, extinctions, gradients, .. }) =
             (&renderer.device, &planned.plan, &self.key);
+        let extinctions = &extinctions[number];
         let (grid, fill) = match (&summing, sweep.to) {
             (Some(_), _) => (sky, Fill::Sky),
             (None, Some(_)) => (grid, Fill::Point),
@@ -545,8 +549,8 @@ impl DeviceGrid {
             columns: sweep.columns.map(unsigned),
             nodes: sweep.nodes.map(unsigned),
             axes: sweep.axes.map(unsigned),
-            part: unsigned(light % GRID_LIGHTS),
-            texels: unsigned(light / GRID_LIGHTS * grid.dims[2]),
+            part: unsigned(depth % GRID_LIGHTS),
+            texels: unsigned(depth / GRID_LIGHTS * grid.dims[2]),
             labels: unsigned(extinctions.values.len()),
             largest_rise: rounded(LARGEST_RISE),
             direction: unsigned(summing.as_ref().map_or(0, |summing| summing.direction)),
@@ -582,7 +586,7 @@ impl DeviceGrid {
                 _ => return None,
             })
         })?;
-        Ok(Current { light, summing, sweep, pipeline, set, slice: 0, row: 0 })
+        Ok(Current { depth, summing, sweep, pipeline, set, slice: 0, row: 0 })
     }
 }
 

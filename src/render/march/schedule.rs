@@ -88,12 +88,27 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes) + through;
     let thinning = if plan.gradient_opacity > 0 { plan.gradient_opacity + lanes + parts } else { 0 };
     let three_point = plan.positions.three_point * (3 + 3 * (1 + 2 * lanes + exponents * (1 + lanes)));
+    // Loops over phase functions with the lanes of their light, for each direction.
+    let phases = plan.phases * (1 + lanes) * (plan.positions.total() + 2 * plan.positions.three_point);
     // Loops over positions without and with shadows, over the lanes of their light, and over a highlight's.
     let shadowed = if plan.shadows.is_some() { plan.positions.total() * (2 + 3 * lanes + 2 * parts) } else { 0 };
+    // Of each depth of coloured shadows, over the lanes of its absorber; of each light, over those of its shades.
+    let absorbed = if plan.absorbers() > 0 {
+        2 * plan.grid_depths() * (1 + lanes) + plan.positions.total() * 12 * lanes
+    } else {
+        0
+    };
     // Loops over the voxels around, over the parts of their steps, and over the numbers of their opacities.
     let labels = if plan.smooth_labels { 8 * (1 + parts + 2 * plan.transmittance_numbers()) } else { 0 };
-    let once =
-        shadowed + labels + three_point + 2 * parts + coloured + thinning + plan.positions.total() * per_position;
+    let once = shadowed
+        + absorbed
+        + phases
+        + labels
+        + three_point
+        + 2 * parts
+        + coloured
+        + thinning
+        + plan.positions.total() * per_position;
     let per_sample = match plan.integration {
         Integrate::Samples => 4 + once,
         // The most parts, each with a mean and a density more than a sample; and the same for the segment as a whole.

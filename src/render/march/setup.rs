@@ -15,7 +15,8 @@ use crate::plan::{Integrate, LANE, Planned, Transmittance};
 use crate::render::{RenderError, Renderer, Uploaded};
 use crate::scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use crate::tables::{
-    CELL, GradientTable, Occupancy, PositionTable, RayTable, SegmentTable, ShadingTable, TransferTable, ray_places,
+    CELL, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
+    TransferTable, ray_places,
 };
 use crate::vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
@@ -222,6 +223,8 @@ impl Renderer {
         };
         let march = uniform("march", bytemuck::bytes_of(&MarchUniform::new(scene, uploaded, &rays, &values, size)))?;
         let shading = uniform("shading", &shading_bytes(scene, planned))?;
+        let absorbers = uniform("absorbers", &absorber_bytes(scene, planned))?;
+        let phases = uniform("phases", &phase_bytes(scene, planned))?;
         let gradients = GradientTable::new(scene, &uploaded.storage).0;
         let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
@@ -257,6 +260,8 @@ impl Renderer {
                 Some(match name {
                     "march_uniform" => Resource::Uniform(&march),
                     "shading_uniform" => Resource::Uniform(&shading),
+                    "phases_uniform" => Resource::Uniform(&phases),
+                    "absorbers" => Resource::Uniform(&absorbers),
                     "segments_uniform" => Resource::Uniform(&segments),
                     "gradient_table" => Resource::Uniform(&gradients),
                     "volume" => Resource::Texture(&uploaded.volume),
@@ -352,4 +357,25 @@ fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
     table.exponent.resize(lanes, [0; LANE]);
     bytes.extend_from_slice(bytemuck::cast_slice(&table.exponent));
     bytes
+}
+
+/// Bytes of the shader's struct `Phases`.
+fn phase_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
+    let PhaseTable { gain, least, forward, backward } = PhaseTable::new(scene, planned);
+    [gain, least, forward, backward].iter().flat_map(|lanes| bytemuck::cast_slice(lanes).to_vec()).collect()
+}
+
+/// Bytes of the shader's struct `Absorbers`: the coefficients of each coloured absorber of shadows, in lanes.
+fn absorber_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
+    let lanes = planned.plan.lanes();
+    let mut vectors = Vec::new();
+    if planned.plan.absorbers() > 0 {
+        for coefficients in Steps::new(scene, planned).absorber_coefficients() {
+            let number = |i: usize| coefficients.get(i).map_or(0.0, |&number| rounded(number));
+            vectors
+                .extend((0..lanes).map(|lane| std::array::from_fn::<f32, LANE, _>(|part| number(lane * LANE + part))));
+        }
+    }
+    vectors.resize(vectors.len().max(1), [0.0; LANE]);
+    bytemuck::cast_slice(&vectors).to_vec()
 }

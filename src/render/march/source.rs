@@ -46,7 +46,16 @@ fn parts(plan: &ScenePlan, tables: TableMemory) -> Vec<(&'static str, &'static s
         (Integrate::Segments, Transmittance::Grey) => vec![text!("segments_grey.wgsl"), text!("segments.wgsl")],
         (Integrate::Segments, _) => vec![text!("segments_coloured.wgsl"), text!("segments.wgsl")],
     });
-    parts.push(text!("shadowed.wgsl"));
+    parts.push(text!("light_depths.wgsl"));
+    parts.push(match plan.absorbers() {
+        0 => text!("shadowed.wgsl"),
+        _ => text!("shadowed_coloured.wgsl"),
+    });
+    parts.extend(match (plan.phases, plan.accumulate) {
+        (0, _) => vec![text!("no_phase.wgsl")],
+        (_, Accumulate::Weights { .. }) => vec![text!("phase_weights.wgsl"), text!("phase.wgsl")],
+        (_, Accumulate::Spectral { .. }) => vec![text!("phase_spectral.wgsl"), text!("phase.wgsl")],
+    });
     parts
 }
 
@@ -133,12 +142,17 @@ fn constants(plan: &ScenePlan, Dispatching { group, open, .. }: Dispatching) -> 
         // Lanes of ambient shares that the medium does not dim. In this form no plan without shadows has another module.
         .u32("OPEN_SHARES", if plan.shadows.is_some_and(|shadows| shadows.occluded) { 0 } else { table_lanes })
         .u32("GRID_LIGHTS", unsigned(if plan.layers() == 0 { 0 } else { plan.grid_lights() }))
+        .u32("GRID_DEPTHS", unsigned(if plan.layers() == 0 { 0 } else { plan.grid_depths() }))
+        .u32("ABSORBERS", unsigned(plan.absorbers()))
+        .u32("ABSORBER_VECTORS", unsigned((plan.absorbers() * plan.lanes()).max(1)))
         .bool("SKY_DIMMED", plan.layers() > 0 && plan.sky().is_some())
         // Number of ambient light in the light grid.
         .u32("SKY", unsigned(plan.sky().unwrap_or(0)))
         // Positions without shadows.
         .u32("OPEN", unsigned(if plan.layers() == 0 { 0 } else { plan.open_positions() }))
         .bool("SHADED", plan.shading.is_some())
+        .u32("PHASES", unsigned(if plan.layers() == 0 { 0 } else { plan.phases }))
+        .u32("PHASE_LANES", unsigned(plan.phase_lanes()))
         .bool("GRADIENT", plan.gradient())
         .bool("STORED_GRADIENT", plan.stores_gradient())
         .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
@@ -232,6 +246,7 @@ mod tests {
             positions: PositionCounts { directional: 1, ..PositionCounts::default() },
             shadows: None,
             shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
+            phases: 0,
             gradient_opacity: 0,
             labels: false,
             smooth_labels: false,

@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use egui::{ComboBox, Id, Rect, RichText, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, pos2, vec2};
+use egui::{ComboBox, Id, Rect, RichText, Sense, Slider, Stroke, Ui, Vec2, WidgetInfo, WidgetType, pos2, vec2};
 
 use super::accuracy::Effort;
-use super::controls::{panel, sides};
+use super::controls::{number, panel, sides};
 use super::spectrum::{curve, narrow, plot, strip};
 use crate::document::design::{BANDS_PER_HANDLE, HANDLES, Side, Spectra};
 use crate::document::{Document, Edit};
 use crate::number::count;
 use crate::plan::Stale;
-use crate::scene::Scene;
+use crate::scene::{Material, PHASES, Scene, Shading};
 use crate::spectrum::{Absorption, BANDS, Kind, Spectrum, standard, wavelength_nm};
 use crate::view::action::Action;
 
@@ -81,6 +81,9 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
             if let Some(absorption) = &now.absorption {
                 absorbed(ui, &now.name, absorption);
             }
+            if scene.shading == Shading::None {
+                phase(ui, index, now, asked);
+            }
             if drawn_material(ui).as_deref() == Some(&now.name) {
                 handles(ui, index, &now.name, back.0, asked);
             }
@@ -88,6 +91,22 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
         ui.separator();
         for (now, then) in scene.lights.iter().zip(&opened.lights) {
             row(ui, scene, opened, Side::Light, &now.name, (now.spectrum.spectrum(), then.spectrum.spectrum()), asked);
+        }
+    });
+}
+
+/// Slider of a material's phase function.
+fn phase(ui: &mut Ui, index: usize, material: &Material, asked: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("scatters").small());
+        let mut phase = material.phase;
+        let help = "Where the material scatters light: at 0 evenly in all directions, above 0 forwards, so that light from behind shines through, and below 0 backwards, to where it came from. A change marches the volume again.";
+        let slider = ui.add(Slider::new(&mut phase, PHASES).step_by(0.01).show_value(false)).on_hover_text(help);
+        slider.widget_info(|| WidgetInfo::slider(true, phase, format!("{}: phase function", material.name)));
+        let field = number(ui, &mut phase, 2, |drag| drag.speed(0.01).range(PHASES)).on_hover_text(help);
+        field.widget_info(|| WidgetInfo::slider(true, phase, format!("{}: phase function, as a number", material.name)));
+        if slider.changed() || field.changed() {
+            asked.push(Action::Edit(Edit::Phase(index, phase)));
         }
     });
 }
