@@ -2,10 +2,41 @@
 
 /// Bytes that a program can allocate before the system swaps or kills it; `None` if the system does not report them.
 ///
-/// Reads `MemAvailable` of `proc_meminfo(5)`, which ignores the limits of a container.
+/// Reads `MemAvailable` of `proc_meminfo(5)`, and the limits of the program's container.
 #[must_use]
 pub fn available_bytes() -> Option<u64> {
-    available_in(&std::fs::read_to_string("/proc/meminfo").ok()?)
+    let system = available_in(&std::fs::read_to_string("/proc/meminfo").ok()?)?;
+    let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    Some(system.min(left_in_groups(&groups, |path| std::fs::read_to_string(path).ok())))
+}
+
+/// Bytes that the control groups of a program leave it; `u64::MAX` without a limit. `groups` is its `/proc/self/cgroup`, and
+/// `read` reads a file. Both versions of `cgroups(7)`: a limit holds for a group and for those above it. Pages of files that
+/// were not used lately are given back first, so they count as free.
+fn left_in_groups(groups: &str, read: impl Fn(&str) -> Option<String>) -> u64 {
+    let mut left = u64::MAX;
+    for line in groups.lines() {
+        let mut parts = line.splitn(3, ':');
+        let (Some(_), Some(kinds), Some(path)) = (parts.next(), parts.next(), parts.next()) else { continue };
+        let (root, limit, used, unused) = match kinds {
+            "" => ("/sys/fs/cgroup", "memory.max", "memory.current", "inactive_file "),
+            kinds if kinds.split(',').any(|kind| kind == "memory") => {
+                ("/sys/fs/cgroup/memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file ")
+            }
+            _ => continue,
+        };
+        // A container may see its own group as the root.
+        let path = path.trim_end_matches('/');
+        let above = path.char_indices().filter(|&(_, letter)| letter == '/').map(|(at, _)| &path[..at]);
+        for group in above.chain([path]) {
+            let number = |file: &str| read(&format!("{root}{group}/{file}"))?.trim().parse::<u64>().ok();
+            let (Some(limit), Some(used)) = (number(limit), number(used)) else { continue };
+            let statistics = read(&format!("{root}{group}/memory.stat")).unwrap_or_default();
+            let unused = statistics.lines().find_map(|line| line.strip_prefix(unused)?.trim().parse::<u64>().ok());
+            left = left.min(limit.saturating_sub(used.saturating_sub(unused.unwrap_or(0))));
+        }
+    }
+    left
 }
 
 /// `MemAvailable` (in "kB" of 1024 bytes), in bytes.
@@ -39,5 +70,26 @@ mod tests {
         let text = "MemTotal:       16384 kB\nMemFree:            7 kB\nMemAvailable:   2 kB\n";
         assert_eq!(available_in(text), Some(2048));
         assert_eq!(available_in("MemTotal: 1 kB\n"), None);
+    }
+
+    #[test]
+    fn the_least_of_the_limits_of_a_container_holds() {
+        let files = [
+            ("/sys/fs/cgroup/memory.max", "max\n"),
+            ("/sys/fs/cgroup/memory.current", "900\n"),
+            ("/sys/fs/cgroup/slice/memory.max", "1000\n"),
+            ("/sys/fs/cgroup/slice/memory.current", "700\n"),
+            ("/sys/fs/cgroup/slice/memory.stat", "anon 5\ninactive_file 200\n"),
+            ("/sys/fs/cgroup/slice/job/memory.max", "2000\n"),
+            ("/sys/fs/cgroup/slice/job/memory.current", "300\n"),
+            ("/sys/fs/cgroup/memory/old/memory.limit_in_bytes", "400\n"),
+            ("/sys/fs/cgroup/memory/old/memory.usage_in_bytes", "500\n"),
+            ("/sys/fs/cgroup/memory/old/memory.stat", "inactive_file 1\ntotal_inactive_file 150\n"),
+        ];
+        let read = |path: &str| files.iter().find(|(name, _)| *name == path).map(|(_, text)| (*text).to_owned());
+        assert_eq!(left_in_groups("0::/slice/job\n", read), 500, "of the group above");
+        assert_eq!(left_in_groups("5:cpu:/\n4:hugetlb,memory:/old\n0::/slice\n", read), 50);
+        assert_eq!(left_in_groups("0::/\n", read), u64::MAX, "without a limit");
+        assert_eq!(left_in_groups("4:memory:/elsewhere\n\nrubbish\n", read), u64::MAX);
     }
 }

@@ -1,6 +1,7 @@
 //! Instruments for developers: whether features, chosen settings, colour models and palettes keep their limits.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "results and progress are for the terminal")]
 
+mod bricks;
 mod consistency;
 mod goals;
 mod model;
@@ -21,6 +22,7 @@ use relume::progress::{Progress, Quiet};
 use relume::render::Renderer;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
+use bricks::{BrickRow, brick_rows};
 use consistency::{halved_steps, relit_against_rendered};
 use goals::{GoalRow, GoalScene, GoalSummary, goal_row};
 use model::{AutomaticSummary, LIGHT_GROUPS, ModelSetting, automatic_dimension, model_row, nodes_beside_rgb};
@@ -51,6 +53,9 @@ struct Args {
     /// The frog for `shadows`; default: the phantom.
     #[arg(long, value_name = "FILE")]
     volume: Option<std::path::PathBuf>,
+    /// Voxels along each axis of the phantom for `bricks`.
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u16).range(64..=2048))]
+    edge: u16,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
@@ -75,6 +80,8 @@ enum Instrument {
     Model,
     /// Error of the light grid against rays, and times of shadows beside the march without, in the frog of the peer scene.
     Shadows,
+    /// Cost of a volume in bricks beside that of the whole volume. Fails above 1.25 times the march.
+    Bricks,
     /// Design of the palettes in data/palettes and of the figures: no device.
     Palette,
 }
@@ -129,6 +136,12 @@ fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
             let rows = shadow_rows(&renderer, args.volume.as_deref())?;
             let holds = rows.iter().all(ShadowRow::holds);
             Ok(Report { text: shadows::text(&rows), json: json!({ "shadows": rows, "holds": holds }) })
+        }
+        Instrument::Bricks => {
+            let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+            let rows = brick_rows(&renderer, args.edge.into())?;
+            let holds = rows.iter().all(BrickRow::holds);
+            Ok(Report { text: bricks::text(&rows), json: json!({ "bricks": rows, "holds": holds }) })
         }
         Instrument::Goals => goals(args.scenes, &args.device),
         Instrument::Model => models(args.scenes.into()),

@@ -182,10 +182,11 @@ fn of_render(error: &RenderError) -> Option<String> {
     match error {
         RenderError::Volume(error) => of_volume(error),
         RenderError::Matrix { largest, .. } => Some(format!(": take --k {largest} or less, or --reference")),
-        RenderError::TooLarge { .. } => Some(": take --downsample to average blocks of voxels".to_owned()),
-        RenderError::Memory { format, .. } => {
-            let shading = if format.has_gradient() { ", or shading = \"none\", which stores no gradients" } else { "" };
-            Some(format!(": take --downsample{shading}"))
+        RenderError::Slot { .. } => {
+            Some(": take a larger --device-memory, or --downsample to average blocks of voxels".to_owned())
+        }
+        RenderError::Bricked { .. } => {
+            Some(": take shadows = false for the lights, --downsample, or a larger --device-memory".to_owned())
         }
         RenderError::PictureSize { .. } => {
             Some(": take a smaller --size, fewer light positions, or --reference".to_owned())
@@ -218,29 +219,16 @@ fn of_model(error: &ModelError) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use relume::tables::VolumeFormat;
-
     use super::*;
 
-    fn memory(format: VolumeFormat) -> RenderError {
-        RenderError::Memory { needed_mb: 9, format, device: "d".to_owned(), heap_mb: 8 }
-    }
-
-    #[test]
-    fn to_store_no_gradients_is_advised_where_there_are_any() {
-        for format in
-            [VolumeFormat::R16Unorm, VolumeFormat::R32Float, VolumeFormat::Rgba16Snorm, VolumeFormat::Rgba32Float]
-        {
-            let message = sentence(&CliError::from(memory(format)));
-            assert!(message.starts_with("the volume needs 9 MB") && message.contains("--downsample"), "{message}");
-            assert_eq!(message.contains("shading = \"none\""), format.has_gradient(), "{message}");
-        }
+    fn slot() -> RenderError {
+        RenderError::Slot { needed_kb: 9, edge: 67, device: "d".to_owned(), budget_kb: 8, limit: [256; 3] }
     }
 
     #[test]
     fn an_error_has_the_same_flags_as_itself_and_as_a_transparent_cause() {
-        let message = ": take --downsample";
-        let alone = memory(VolumeFormat::R16Unorm);
+        let message = ": take a larger --device-memory, or --downsample to average blocks of voxels";
+        let alone = slot();
         assert_eq!(flags(&alone).as_deref(), Some(message));
         let surveyed = CliError::from(MeasureError::from(alone));
         assert_eq!(flags(&surveyed).as_deref(), Some(message));

@@ -16,7 +16,7 @@ use relume::output::{FilmFile, Picture, PictureKind, write_atomically, write_rea
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
-use relume::render::{Renderer, SceneRenderer};
+use relume::render::{BrickCounts, Renderer, SceneRenderer};
 use relume::scene::{Block, Blocks, MOST_BLOCKS, Mix, Placement, Scene, Shading, positions};
 use relume::spectrum::{BANDS, Light};
 use relume::tables::{LabelMap, Storage};
@@ -74,6 +74,10 @@ pub(crate) struct Args {
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
+    /// Memory of the device for the volume, such as 512MiB or 2GiB. A larger volume is uploaded in bricks, those that the
+    /// picture needs (docs/SCALE.md). Default: all of it, and half of it for bricks.
+    #[arg(long, value_name = "SIZE", value_parser = memory_size, conflicts_with = "reference")]
+    device_memory: Option<u64>,
     /// Render on the CPU with all 81 bands in f64: slow, but without errors of colour model, tables and rounding.
     #[arg(long, conflicts_with_all = ["device", "goal"])]
     reference: bool,
@@ -120,6 +124,28 @@ fn block(text: &str) -> Result<Block, String> {
     }
 }
 
+/// Reads a number of bytes, or of KiB, MiB, GiB or TiB.
+fn memory_size(text: &str) -> Result<u64, String> {
+    let (number, shift) = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40)]
+        .into_iter()
+        .find_map(|(unit, shift)| Some((text.strip_suffix(unit)?, shift)))
+        .unwrap_or((text, 0));
+    let bytes = number.trim().parse::<u64>().ok().and_then(|number| number.checked_mul(1 << shift));
+    bytes
+        .filter(|&bytes| bytes > 0)
+        .ok_or_else(|| "write a whole number of bytes, KiB, MiB, GiB or TiB, such as 512MiB".to_owned())
+}
+
+/// States how many bricks a march held and loaded.
+fn told_of(bricks: Option<BrickCounts>) -> String {
+    let Some(BrickCounts { visible, held, loaded, again, rounds }) = bricks else { return String::new() };
+    let again = if again > 0 { format!(", {again} of them again") } else { String::new() };
+    format!(
+        "the volume is larger than the device's memory or textures: {loaded} bricks loaded{again} in {rounds} rounds, of \
+         {visible} that can be visible, with room for {held}\n"
+    )
+}
+
 /// Refuses blocks that the volume does not have, and scenes whose parts do not composite.
 fn check_block(block: Block, scene: &Scene, planned: &Planned) -> Result<(), CliError> {
     let refused = |why: String| Err(CliError::Failed(format!("--block {}/{}: {why}", block.index + 1, block.count)));
@@ -145,7 +171,11 @@ fn check_block(block: Block, scene: &Scene, planned: &Planned) -> Result<(), Cli
 }
 
 fn renderer_for(args: &Args) -> Result<Renderer, CliError> {
-    Ok(Renderer::new(Device::open(&args.device, Validation::Off)?))
+    let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    Ok(match args.device_memory {
+        Some(bytes) => renderer.with_memory(bytes),
+        None => renderer,
+    })
 }
 
 /// Results of a march on the CPU or a device.
@@ -161,6 +191,8 @@ struct Marched {
     storage: Storage,
     times: Vec<(&'static str, Timing)>,
     details: serde_json::Value,
+    /// Bricks of the march, if the volume is in bricks.
+    bricks: Option<BrickCounts>,
 }
 
 /// Results that the outputs need.
@@ -392,7 +424,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         _ => String::new(),
     };
     let kept = checked.as_ref().map_or("", |(text, _)| text);
-    let text = format!("wrote {}; {}\n{new}{}\n{kept}", listed.join(", "), lit_by(&mix), spent(&times));
+    let bricks = told_of(marched.bricks);
+    let text = format!("wrote {}; {}\n{new}{bricks}{}\n{kept}", listed.join(", "), lit_by(&mix), spent(&times));
     let times: Map<_, _> = times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
         "outputs": listed,
@@ -612,7 +645,9 @@ fn on_device(
             "cells": {"occupied": accumulators.occupied[0], "total": accumulators.occupied[1]},
             "volume_bytes": uploaded.bytes(),
             "pixel_bytes": planned.plan.pixel_bytes(),
+            "bricks": accumulators.bricks,
         }),
+        bricks: accumulators.bricks,
     };
     if wanted.display {
         let relight = renderer.relight_display(&accumulators)?;
@@ -679,5 +714,6 @@ fn on_cpu(
         storage,
         times: vec![("reference", clock.read())],
         details: json!(null),
+        bricks: None,
     })
 }

@@ -65,7 +65,7 @@ enum Shares<R> {
 }
 
 impl<R: Real> Shares<R> {
-    /// The labels at `place`, in texture coordinates. Twin of `share_of` in `shaders/fetch.wgsl`.
+    /// The labels at `place`, in texture coordinates. Twin of `share_of` in `shaders/whole.wgsl`.
     fn at(map: Option<&LabelMap>, planned: &Planned, dims: [usize; 3], place: [R; 3]) -> Self {
         let Some(map) = map else { return Self::One(0) };
         if !planned.plan.smooth_labels {

@@ -4,6 +4,7 @@ mod dispatching;
 mod light_grid;
 mod mean;
 mod read;
+mod rounds;
 mod schedule;
 mod setup;
 mod source;
@@ -13,6 +14,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 pub use dispatching::{Dispatching, TableMemory};
+pub use rounds::BrickCounts;
 pub use schedule::Speed;
 pub use setup::MarchUniform;
 
@@ -20,6 +22,7 @@ pub(super) use dispatching::SLICE;
 pub(super) use read::read_layer;
 pub(super) use source::{common, images, source};
 
+use super::pool::Pool;
 use super::{RenderError, Renderer, Uploaded};
 use crate::number::whole;
 use crate::plan::Planned;
@@ -28,6 +31,7 @@ use crate::scene::Scene;
 use crate::vulkan::{ComputePipeline, ResourceSet, StorageImage};
 use light_grid::DeviceGrid;
 use mean::Mean;
+use rounds::Rounds;
 use schedule::Schedule;
 
 /// A film on the device. Clones share its images.
@@ -45,6 +49,8 @@ pub struct DeviceFilm {
     pub occupied: [usize; 2],
     /// Spacing of its light grid in voxels, if it has one: the stated one, or more where memory is short.
     pub light_spacing: Option<f64>,
+    /// Bricks that its march loaded, if the volume is in bricks.
+    pub bricks: Option<BrickCounts>,
     pub(super) accumulators: StorageImage,
     pub(super) transmittance: StorageImage,
 }
@@ -57,6 +63,8 @@ pub struct March {
     schedule: Schedule,
     left: DeviceFilm,
     grid: Option<Arc<DeviceGrid>>,
+    /// Rounds of a volume in bricks.
+    rounds: Option<Rounds>,
     /// Places of the rays of a pixel that remain after the current one, the last first.
     places: Vec<[f32; 2]>,
     /// Mean of the finished rays; `None` if a pixel has one ray.
@@ -97,7 +105,10 @@ impl March {
     /// Whether only [`Self::finish`] remains.
     #[must_use]
     pub fn is_done(&self) -> bool {
-        self.schedule.is_done() && self.places.is_empty() && self.mean.as_ref().is_none_or(|mean| mean.has_all())
+        self.schedule.is_done()
+            && self.rounds.as_ref().is_none_or(|rounds| rounds.done)
+            && self.places.is_empty()
+            && self.mean.as_ref().is_none_or(|mean| mean.has_all())
     }
 
     /// Whether its light grid is complete, or it has none.
@@ -111,7 +122,12 @@ impl March {
     pub fn rows(&self) -> [usize; 2] {
         let [height, row] = [self.schedule.size[1], self.schedule.row].map(|rows| rows as usize);
         let all = self.left.planned.plan.rays * height;
-        [all - (self.places.len() + 1) * height + row.min(height), all]
+        let done = match &self.rounds {
+            Some(rounds) if rounds.done => height,
+            Some(rounds) if !rounds.is_single() => rounds.passed(height),
+            _ => row.min(height),
+        };
+        [all - (self.places.len() + 1) * height + done, all]
     }
 
     /// Width and height in pixels.
@@ -136,25 +152,43 @@ impl March {
         if let Some(grid) = self.grid.as_ref().filter(|grid| !grid.is_complete()) {
             return grid.advance(renderer, &self.left.planned, uploaded);
         }
+        if let (Some(rounds), Some(pool)) = (&mut self.rounds, &uploaded.pool) {
+            if rounds.is_loading() {
+                return rounds.load(renderer, uploaded, pool);
+            }
+            if self.schedule.is_done()
+                && !rounds.done
+                && let Some(round) = rounds.settle(renderer, pool)?
+            {
+                self.schedule.begin_round(round);
+                return Ok(());
+            }
+        }
         if self.schedule.is_done() {
             if let Some(mean) = &mut self.mean {
                 mean.add(renderer)?;
             }
             if let Some(place) = self.places.pop() {
                 self.schedule.begin_rays(place);
+                if let Some(rounds) = &mut self.rounds {
+                    rounds.restart()?;
+                }
             }
         }
         let Some((band, rows)) = self.schedule.next() else { return Ok(()) };
+        // No other march moves bricks under this dispatch.
+        let held = uploaded.pool.as_ref().map(Pool::held);
         let begun = Instant::now();
         let took = renderer.device.run_timed("march", |recorder| {
-            // A later ray overwrites what the mean has read.
-            if band.first_sample > 0 || self.mean.is_some() {
+            // A later ray overwrites what the mean has read, and a later round what an earlier one has written.
+            if band.first_sample > 0 || self.mean.is_some() || self.rounds.is_some() {
                 recorder.compute_to_compute();
             }
             let group = self.schedule.dispatching.group;
             let groups = [self.schedule.size[0].div_ceil(group[0]), rows.div_ceil(group[1]), 1];
             recorder.dispatch(&self.pipeline, &self.set, bytemuck::bytes_of(&band), groups)
         })?;
+        drop(held);
         renderer.shared.longest_dispatch.fetch_max(whole(self.schedule.taken) as u64, Ordering::Relaxed);
         self.schedule.took(begun.elapsed());
         self.left.device_time = self.left.device_time.zip(took).map(|(sum, took)| sum + took);
@@ -168,11 +202,10 @@ impl March {
     ///
     /// [`RenderError::Vulkan`].
     pub fn finish(self, renderer: &Renderer) -> Result<DeviceFilm, RenderError> {
+        let left = DeviceFilm { bricks: self.rounds.map(|rounds| rounds.counts), ..self.left };
         renderer.store(match self.mean {
-            None => self.left,
-            Some(mean) => {
-                DeviceFilm { accumulators: mean.accumulators, transmittance: mean.transmittance, ..self.left }
-            }
+            None => left,
+            Some(mean) => DeviceFilm { accumulators: mean.accumulators, transmittance: mean.transmittance, ..left },
         })
     }
 }

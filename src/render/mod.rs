@@ -5,6 +5,7 @@
 
 mod march;
 mod pipelines;
+mod pool;
 mod relight;
 mod scene;
 mod store;
@@ -14,7 +15,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-pub use march::{DeviceFilm, Dispatching, March, MarchUniform, Speed, TableMemory};
+pub use march::{BrickCounts, DeviceFilm, Dispatching, March, MarchUniform, Speed, TableMemory};
+pub use pool::Residence;
 pub use relight::{Relight, RelightUniform};
 pub use scene::SceneRenderer;
 pub use upload::Uploaded;
@@ -70,27 +72,35 @@ pub enum RenderError {
         /// Step length in world units.
         step_length: f64,
     },
-    /// The volume has more voxels along an axis than a texture of the device.
-    #[error("the volume has {dims:?} voxels; {device} holds at most {limit:?}")]
-    TooLarge {
-        /// Dimensions of the volume.
-        dims: [usize; 3],
+    /// The device has no room for a brick of the volume.
+    #[error(
+        "a brick of the volume needs {edge} texels along each axis and {needed_kb} kB; {device} has {budget_kb} kB for it, in textures of at most {limit:?}"
+    )]
+    Slot {
+        /// Size of the brick with the voxels around it.
+        needed_kb: u64,
+        /// Its texels along an axis.
+        edge: u32,
         /// Name of the device.
         device: String,
-        /// Its limits.
+        /// Memory for bricks.
+        budget_kb: u64,
+        /// Largest texture.
         limit: [u32; 3],
     },
-    /// The volume's texture does not fit into the device's memory.
-    #[error("the volume needs {needed_mb} MB as {format:?}; {device} has {heap_mb} MB")]
-    Memory {
-        /// Size of the texture.
-        needed_mb: u64,
-        /// Format of the texture.
-        format: VolumeFormat,
-        /// Name of the device.
-        device: String,
-        /// Size of its memory.
-        heap_mb: u64,
+    /// The scene needs more of the volume on the device than its bricks.
+    #[error("the device holds the volume in bricks, and {what} need all of it at once")]
+    Bricked {
+        /// What needs all of it, in the plural.
+        what: &'static str,
+    },
+    /// A sample reads more voxels around a brick than were uploaded with it.
+    #[error("the march reads {needed} voxels around each brick, and the bricks were uploaded with {has}")]
+    Apron {
+        /// Voxels that the march reads.
+        needed: u32,
+        /// Voxels that the slots have.
+        has: u32,
     },
     /// A picture has more pixels along a side, or more layers, than the device supports.
     #[error(
@@ -148,8 +158,9 @@ impl RenderError {
             Self::Matrix { .. } => "matrix-too-large",
             Self::Camera => "camera-without-direction",
             Self::TooManySamples { .. } => "samples-too-many",
-            Self::TooLarge { .. } => "volume-too-large",
-            Self::Memory { .. } => "volume-memory-exceeded",
+            Self::Slot { .. } => "volume-memory-exceeded",
+            Self::Bricked { .. } => "bricks-unsupported",
+            Self::Apron { .. } => "bricks-too-narrow",
             Self::PictureSize { .. } => "picture-too-large",
             Self::PictureMemory { .. } => "picture-memory-exceeded",
             Self::LightRays => "shadow-rays-unsupported",
@@ -163,6 +174,12 @@ impl RenderError {
 pub struct Renderer {
     device: Device,
     dispatching: Dispatching,
+    /// Largest number of bytes of a volume on the device, if it is not the device's own.
+    memory_bytes: Option<u64>,
+    /// Largest number of texels along an axis of a volume's texture, if it is not the device's own.
+    longest_axis: Option<u32>,
+    /// Whether volumes that fit are in bricks, too.
+    always_bricked: bool,
     /// Initial speed of a march of an unknown plan.
     speed: Speed,
     shared: Arc<Shared>,
@@ -206,7 +223,15 @@ impl Renderer {
     #[must_use]
     pub fn new(device: Device) -> Self {
         let dispatching = Dispatching { tables: TableMemory::fastest(&device), ..Dispatching::default() };
-        Self { device, dispatching, speed: Speed::default(), shared: Arc::default() }
+        Self {
+            device,
+            dispatching,
+            memory_bytes: None,
+            longest_axis: None,
+            always_bricked: false,
+            speed: Speed::default(),
+            shared: Arc::default(),
+        }
     }
 
     /// Number of marches begun.
@@ -245,6 +270,25 @@ impl Renderer {
     pub fn with_dispatching(self, dispatching: Dispatching) -> Self {
         let slice = dispatching.slice.clamp(1, march::SLICE);
         Self { dispatching: Dispatching { slice, ..dispatching }, ..self }
+    }
+
+    /// The same renderer with at most `bytes` of a volume on the device. A larger volume is marched in bricks, and these
+    /// are the bytes of its pool.
+    #[must_use]
+    pub fn with_memory(self, bytes: u64) -> Self {
+        Self { memory_bytes: Some(bytes), ..self }
+    }
+
+    /// The same renderer as if the device had textures of at most `texels` along an axis.
+    #[must_use]
+    pub fn with_longest_axis(self, texels: u32) -> Self {
+        Self { longest_axis: Some(texels), ..self }
+    }
+
+    /// The same renderer with every volume in bricks, for measurements. The picture is the same.
+    #[must_use]
+    pub fn always_in_bricks(self) -> Self {
+        Self { always_bricked: true, ..self }
     }
 
     /// The device.

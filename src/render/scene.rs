@@ -71,7 +71,9 @@ impl SceneRenderer {
     /// Whether the uploaded volume is the one of `scene`, stored as `planned` needs it.
     #[must_use]
     pub fn holds(&self, scene: &Scene, planned: &Planned) -> bool {
-        Arc::ptr_eq(&self.scene.volume, &scene.volume) && self.planned.plan.is_stored_as(&planned.plan)
+        Arc::ptr_eq(&self.scene.volume, &scene.volume)
+            && self.planned.plan.is_stored_as(&planned.plan)
+            && self.uploaded.reaches(scene, &planned.plan)
     }
 
     /// Replaces the scene. Uploads its volume only if the device does not hold it yet ([`holds`](Self::holds)).

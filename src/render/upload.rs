@@ -3,11 +3,12 @@
 use std::any::Any;
 use std::sync::{Arc, Mutex};
 
+use super::pool::{Loaded, Pool, PoolSize, Residence, voxel_bytes};
 use super::{RenderError, Renderer};
-use crate::plan::Planned;
+use crate::plan::{Planned, ScenePlan};
 use crate::progress::Progress;
 use crate::scene::{Interpolation, Scene};
-use crate::tables::{Cells, LabelMap, Storage, VolumeFormat};
+use crate::tables::{BrickGrid, Cells, LabelMap, Storage, VolumeFormat, apron};
 use crate::volume::Statistics;
 use crate::vulkan::{Buffer, Format, HostUse, Image3d};
 
@@ -25,6 +26,8 @@ pub struct Uploaded {
     pub labels: Option<LabelMap>,
     pub(super) volume: Image3d,
     pub(super) label_image: Option<Image3d>,
+    /// The bricks in these textures, if they are the slots of a pool.
+    pub(super) pool: Option<Pool>,
     pub(super) kept: Kept,
 }
 
@@ -44,6 +47,43 @@ impl Uploaded {
     }
 }
 
+impl Uploaded {
+    /// The textures that a pool fills, and their texels.
+    pub(super) fn loaded(&self) -> Loaded<'_> {
+        Loaded {
+            storage: &self.storage,
+            labels: self.labels.as_ref(),
+            volume: &self.volume,
+            label_image: self.label_image.as_ref(),
+        }
+    }
+
+    /// Where the volume is.
+    #[must_use]
+    pub fn residence(&self) -> Residence {
+        self.pool.as_ref().map_or(Residence::Whole, |pool| Residence::Bricked { apron: pool.apron })
+    }
+
+    /// Whether a march of `scene` under `plan` reads only voxels that the slots of a pool have around a brick.
+    #[must_use]
+    pub fn reaches(&self, scene: &Scene, plan: &ScenePlan) -> bool {
+        self.pool.as_ref().is_none_or(|pool| apron(scene, plan) <= pool.apron)
+    }
+
+    /// Refuses a march of a volume in bricks that needs more of it than a brick.
+    pub(super) fn check_march(&self, scene: &Scene, plan: &ScenePlan) -> Result<(), RenderError> {
+        let Some(pool) = &self.pool else { return Ok(()) };
+        if plan.reads_light_grid() {
+            return Err(RenderError::Bricked { what: "shadows" });
+        }
+        if !self.reaches(scene, plan) {
+            let (needed, has) = (apron(scene, plan), pool.apron);
+            return Err(RenderError::Apron { needed, has });
+        }
+        Ok(())
+    }
+}
+
 impl From<VolumeFormat> for Format {
     fn from(format: VolumeFormat) -> Self {
         match format {
@@ -56,7 +96,8 @@ impl From<VolumeFormat> for Format {
 }
 
 impl Renderer {
-    /// Uploads the volume of `scene`, whose values have `statistics`, in the storage of `planned`, slab by slab.
+    /// Uploads the volume of `scene`, whose values have `statistics`, in the storage of `planned`, slab by slab. Of a volume
+    /// that exceeds the device's textures or memory, marches upload the bricks that they need.
     ///
     /// # Errors
     ///
@@ -71,41 +112,50 @@ impl Renderer {
         let storage = Storage::new(&planned.plan, &scene.volume, statistics);
         let dims = scene.volume.geometry.dims;
         let format = Format::from(storage.format);
-        self.check(planned, &storage, dims)?;
-        let volume = self.fill("volume", format, dims, progress, |slices| storage.slab(&scene.volume, slices))?;
+        self.check_filter(planned, &storage)?;
         let labels = match &scene.labels {
             Some(labels) if planned.plan.labels => Some(LabelMap::new(labels).map_err(RenderError::Labels)?),
             _ => None,
         };
         let smooth = planned.plan.smooth_labels;
+        let label_format =
+            labels.as_ref().map(|map| if map.texel_bytes(smooth) == 1 { Format::R8Uint } else { Format::R16Uint });
+        let voxel_bytes = voxel_bytes(&storage, labels.as_ref(), smooth);
+        let limit = self.largest_texture(format);
+        let voxels = dims.iter().fold(1_u64, |product, &n| product.saturating_mul(n as u64));
+        let fits = !self.always_bricked
+            && dims.iter().zip(limit).all(|(&n, limit)| n as u64 <= u64::from(limit))
+            && voxels.saturating_mul(voxel_bytes) <= self.volume_budget();
+        if !fits {
+            if planned.plan.reads_light_grid() {
+                return Err(RenderError::Bricked { what: "shadows" });
+            }
+            let cells = Cells::new(&scene.volume, &storage, labels.as_ref());
+            let (grid, apron) = (BrickGrid::new(cells.dims), apron(scene, &planned.plan));
+            let size = PoolSize::new(&self.device, grid, apron, voxel_bytes, self.pool_budget(), limit)?;
+            let volume = Image3d::new(&self.device, "bricks", format, size.extent())?;
+            let label_image = label_format
+                .map(|format| Image3d::new(&self.device, "bricks of labels", format, size.extent()))
+                .transpose()?;
+            let pool = Some(Pool::new(&self.device, size, grid, &scene.volume, voxel_bytes, smooth)?);
+            return Ok(Uploaded { storage, cells, labels, volume, label_image, pool, kept: Kept::default() });
+        }
+        let volume = self.fill("volume", format, dims, progress, |slices| storage.slab(&scene.volume, slices))?;
         let label_image = labels
             .as_ref()
-            .map(|map| {
-                let format = if map.texel_bytes(smooth) == 1 { Format::R8Uint } else { Format::R16Uint };
-                self.fill("labels", format, dims, progress, |slices| map.texels(dims, slices, smooth))
-            })
+            .zip(label_format)
+            .map(|(map, format)| self.fill("labels", format, dims, progress, |slices| map.texels(dims, slices, smooth)))
             .transpose()?;
         let cells = Cells::new(&scene.volume, &storage, labels.as_ref());
-        Ok(Uploaded { storage, cells, labels, volume, label_image, kept: Kept::default() })
+        Ok(Uploaded { storage, cells, labels, volume, label_image, pool: None, kept: Kept::default() })
     }
 
-    /// Refuses a volume that the device cannot hold or filter.
-    fn check(&self, planned: &Planned, storage: &Storage, dims: [usize; 3]) -> Result<(), RenderError> {
-        let (limits, format) = (self.device.limits(), Format::from(storage.format));
-        let device = self.device.info().name.clone();
-        let limit = limits.max_extent_3d(format);
-        if dims.iter().zip(limit).any(|(&n, limit)| n as u64 > u64::from(limit)) {
-            return Err(RenderError::TooLarge { dims, device, limit });
-        }
-        if planned.plan.interpolation == Interpolation::Linear && !limits.linear_filter(format) {
+    /// Refuses a volume that the device cannot filter.
+    fn check_filter(&self, planned: &Planned, storage: &Storage) -> Result<(), RenderError> {
+        let format = Format::from(storage.format);
+        if planned.plan.interpolation == Interpolation::Linear && !self.device.limits().linear_filter(format) {
+            let device = self.device.info().name.clone();
             return Err(RenderError::Filter { format: storage.format, device });
-        }
-        let label_bytes = if planned.plan.labels { dims.iter().map(|&n| n as u64).product() } else { 0 };
-        let needed = storage.bytes(dims).saturating_add(label_bytes);
-        let heap = limits.device_heap_bytes.min(limits.max_allocation_bytes);
-        if needed > heap {
-            let (needed_mb, heap_mb) = (needed.div_ceil(1 << 20), heap >> 20);
-            return Err(RenderError::Memory { needed_mb, format: storage.format, device, heap_mb });
         }
         Ok(())
     }

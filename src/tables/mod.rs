@@ -1,5 +1,7 @@
 //! Scene data that the march reads, computed in f64 and rounded once.
 
+mod boxes;
+mod bricks;
 mod cells;
 mod gradient;
 mod lights;
@@ -11,6 +13,7 @@ mod shadows;
 mod storage;
 mod transfer;
 
+pub use bricks::{BRICK, BrickGrid, apron, slot_edge};
 pub use cells::{CELL, Cells, Occupancy};
 pub use gradient::GradientTable;
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction};

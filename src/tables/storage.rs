@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::boxes::texels_of_box;
 use crate::number::rounded;
 use crate::number::{count, readable, whole};
 use crate::plan::ScenePlan;
@@ -224,36 +225,50 @@ impl Storage {
         with_voxels!(&volume.voxels, stored => {
             let grid = Grid { stored, dims: volume.geometry.dims };
             bytes.par_chunks_mut(row_bytes).enumerate().for_each(|(row, out)| {
-                self.row(&grid, slices.start * ny + row, out);
+                self.row(&grid, slices.start * ny + row, 0..nx, out);
             });
         });
         bytes
     }
 
-    fn row<T: Voxel>(&self, grid: &Grid<'_, T>, row: usize, out: &mut [u8]) {
+    /// Encodes a box of `edge` voxels along each axis that begins at `first`. Outside the grid, the texels at its faces
+    /// are repeated.
+    #[must_use]
+    pub fn texels_of_box(&self, volume: &Volume, first: [i64; 3], edge: usize) -> Vec<u8> {
+        let dims = volume.geometry.dims;
+        with_voxels!(&volume.voxels, stored => {
+            let grid = Grid { stored, dims };
+            texels_of_box(dims, first, edge, self.format.bytes(), |y, z, xs, out| {
+                self.row(&grid, y + dims[1] * z, xs, out);
+            })
+        })
+    }
+
+    fn row<T: Voxel>(&self, grid: &Grid<'_, T>, row: usize, xs: Range<usize>, out: &mut [u8]) {
         let size = self.format.bytes();
+        let first = xs.start;
         match self.format {
             VolumeFormat::R16Unorm => {
-                for (out, value) in out.chunks_exact_mut(size).zip(grid.line(row)) {
+                for (out, value) in out.chunks_exact_mut(size).zip(&grid.line(row)[xs]) {
                     let code = unsigned_code(self.normalised(value.to_f64()) * self.codes);
                     out.copy_from_slice(&code.to_ne_bytes());
                 }
             }
             VolumeFormat::R32Float => {
-                for (out, value) in out.chunks_exact_mut(size).zip(grid.line(row)) {
+                for (out, value) in out.chunks_exact_mut(size).zip(&grid.line(row)[xs]) {
                     out.copy_from_slice(&rounded(self.normalised(value.to_f64())).to_ne_bytes());
                 }
             }
-            VolumeFormat::Rgba16Snorm => grid.differences(self, row, |x, value, difference| {
+            VolumeFormat::Rgba16Snorm => grid.differences(self, row, xs, |x, value, difference| {
                 let code = |axis: usize| signed_code(difference[axis] * self.difference_codes[axis]);
                 let value = signed_code(value * self.codes - SNORM16);
                 let texel = [code(0), code(1), code(2), value];
-                out[x * size..(x + 1) * size].copy_from_slice(bytemuck::bytes_of(&texel));
+                out[(x - first) * size..(x - first + 1) * size].copy_from_slice(bytemuck::bytes_of(&texel));
             }),
-            VolumeFormat::Rgba32Float => grid.differences(self, row, |x, value, difference| {
+            VolumeFormat::Rgba32Float => grid.differences(self, row, xs, |x, value, difference| {
                 let code = |axis: usize| rounded(difference[axis] * self.difference_codes[axis]);
                 let texel = [code(0), code(1), code(2), rounded(value)];
-                out[x * size..(x + 1) * size].copy_from_slice(bytemuck::bytes_of(&texel));
+                out[(x - first) * size..(x - first + 1) * size].copy_from_slice(bytemuck::bytes_of(&texel));
             }),
         }
     }
@@ -308,7 +323,7 @@ fn largest_differences(storage: &Storage, volume: &Volume) -> [f64; 3] {
         let rows = grid.dims[1] * grid.dims[2];
         (0..rows).into_par_iter().map(|row| {
             let mut largest = [0.0_f64; 3];
-            grid.differences(storage, row, |_, _, difference| {
+            grid.differences(storage, row, 0..grid.dims[0], |_, _, difference| {
                 for (largest, difference) in largest.iter_mut().zip(difference) {
                     *largest = largest.max(difference.abs());
                 }
@@ -337,9 +352,9 @@ impl<T: Voxel> Grid<'_, T> {
         &self.stored[row * self.dims[0]..(row + 1) * self.dims[0]]
     }
 
-    /// Calls `with` with x, the normalised value and the central differences v(i+1) − v(i−1) of normalised values along
+    /// Calls `with` for `xs` with x, the normalised value and the central differences v(i+1) − v(i−1) of normalised values along
     /// each axis; they are one-sided and doubled at the faces, and 0 along an axis of one voxel.
-    fn differences(&self, storage: &Storage, row: usize, mut with: impl FnMut(usize, f64, [f64; 3])) {
+    fn differences(&self, storage: &Storage, row: usize, xs: Range<usize>, mut with: impl FnMut(usize, f64, [f64; 3])) {
         let [nx, ny, nz] = self.dims;
         let (y, z) = (row % ny, row / ny);
         let pair = |i: usize, n: usize| -> (usize, usize, f64) {
@@ -348,19 +363,22 @@ impl<T: Voxel> Grid<'_, T> {
         };
         let (y0, y1, y_factor) = pair(y, ny);
         let (z0, z1, z_factor) = pair(z, nz);
+        let near = xs.start.saturating_sub(1)..(xs.end + 1).min(nx);
+        let first = near.start;
         let line = |y: usize, z: usize| -> Vec<f64> {
-            self.line(y + ny * z).iter().map(|value| storage.normalised(value.to_f64())).collect()
+            self.line(y + ny * z)[near.clone()].iter().map(|value| storage.normalised(value.to_f64())).collect()
         };
         let here = line(y, z);
         let (below, above, behind, before) = (line(y0, z), line(y1, z), line(y, z0), line(y, z1));
-        for x in 0..nx {
+        for x in xs {
             let (x0, x1, x_factor) = pair(x, nx);
+            let (x, x0, x1) = (x - first, x0 - first, x1 - first);
             let difference = [
                 (here[x1] - here[x0]) * x_factor,
                 (above[x] - below[x]) * y_factor,
                 (before[x] - behind[x]) * z_factor,
             ];
-            with(x, here[x], difference);
+            with(x + first, here[x], difference);
         }
     }
 }
@@ -451,28 +469,47 @@ impl LabelMap {
     /// the row, plus 1 if the labels of this voxel and the next ones along the axes differ.
     #[must_use]
     pub fn texels(&self, dims: [usize; 3], slices: Range<usize>, smooth: bool) -> Vec<u8> {
-        let [width, height, depth] = dims;
+        let [width, height, _] = dims;
         let slice = width * height;
         if !smooth {
             return self.rows[slices.start * slice..slices.end * slice].to_vec();
         }
-        let of_line = |line: usize| -> Vec<u16> {
-            let [y, z] = [line % height, line / height];
-            let row = |y: usize, z: usize| &self.rows[slice * z + width * y..][..width];
-            let around = [y, (y + 1).min(height - 1)].map(|y| [z, (z + 1).min(depth - 1)].map(|z| row(y, z)));
-            let texel = |x: usize| {
-                let (here, next) = (around[0][0][x], (x + 1).min(width - 1));
-                let mixed = around.iter().flatten().any(|row| row[x] != here || row[next] != here);
-                2 * u16::from(here) + u16::from(mixed)
-            };
-            (0..width).map(texel).collect()
-        };
+        let of_line = |line: usize| self.smooth_row(dims, line % height, line / height, 0..width);
         let lines = (slices.start * height..slices.end * height).into_par_iter().map(of_line).collect::<Vec<_>>();
         let texels = lines.into_iter().flatten();
         match self.texel_bytes(true) {
             1 => texels.map(|texel| texel.to_le_bytes()[0]).collect(),
             _ => texels.flat_map(u16::to_ne_bytes).collect(),
         }
+    }
+
+    /// The texels of [`Self::texels`] in a box of `edge` voxels along each axis that begins at `first`. Outside the map,
+    /// the texels at its faces are repeated.
+    #[must_use]
+    pub fn texels_of_box(&self, dims: [usize; 3], first: [i64; 3], edge: usize, smooth: bool) -> Vec<u8> {
+        let [width, height, _] = dims;
+        let bytes = self.texel_bytes(smooth);
+        texels_of_box(dims, first, edge, bytes, |y, z, xs, out| match (smooth, bytes) {
+            (false, _) => out.copy_from_slice(&self.rows[width * (y + height * z)..][xs]),
+            (true, 1) => {
+                for (out, texel) in out.iter_mut().zip(self.smooth_row(dims, y, z, xs)) {
+                    *out = texel.to_le_bytes()[0];
+                }
+            }
+            (true, _) => out.copy_from_slice(bytemuck::cast_slice(&self.smooth_row(dims, y, z, xs))),
+        })
+    }
+
+    /// Twice the row of each voxel, plus 1 if the labels of this voxel and the next ones along the axes differ.
+    fn smooth_row(&self, [width, height, depth]: [usize; 3], y: usize, z: usize, xs: Range<usize>) -> Vec<u16> {
+        let row = |y: usize, z: usize| &self.rows[width * (y + height * z)..][..width];
+        let around = [y, (y + 1).min(height - 1)].map(|y| [z, (z + 1).min(depth - 1)].map(|z| row(y, z)));
+        let texel = |x: usize| {
+            let (here, next) = (around[0][0][x], (x + 1).min(width - 1));
+            let mixed = around.iter().flatten().any(|row| row[x] != here || row[next] != here);
+            2 * u16::from(here) + u16::from(mixed)
+        };
+        xs.map(texel).collect()
     }
 
     /// Bytes of a texel of [`Self::texels`].

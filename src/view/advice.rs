@@ -52,7 +52,7 @@ fn control(error: &(dyn Error + 'static)) -> Option<&'static str> {
     match error.downcast_ref() {
         Some(RenderError::Volume(error)) => return control(error),
         Some(RenderError::Matrix { .. }) => return Some("; set a smaller k, or choose another model"),
-        Some(RenderError::TooLarge { .. } | RenderError::Memory { .. }) => {
+        Some(RenderError::Slot { .. } | RenderError::Bricked { .. }) => {
             return Some("; write `downsample` into the [volume] of the scene");
         }
         Some(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }) => {

@@ -90,9 +90,32 @@ impl Recorder {
             let mistake = format!("slices {}..{} are outside its {depth} slices", z.start, z.end);
             return Err(VulkanError::misuse(image.name(), mistake));
         }
-        let slices = z.end - z.start;
+        self.upload_box(image, [0, 0, z.start], [width, height, z.end - z.start], buffer, offset)
+    }
+
+    /// [`Self::upload`] of the box of `extent` texels that begins at `first`.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::upload`], for a box outside the image.
+    pub fn upload_box(
+        &mut self,
+        image: &Image3d,
+        first: [u32; 3],
+        extent: [u32; 3],
+        buffer: &Buffer,
+        offset: u64,
+    ) -> Result<(), VulkanError> {
+        let inside = |axis: usize| {
+            extent[axis] > 0 && first[axis].checked_add(extent[axis]).is_some_and(|end| end <= image.extent()[axis])
+        };
+        if !(0..3).all(inside) {
+            let mistake = format!("{extent:?} texels from {first:?} on are outside its {:?} texels", image.extent());
+            return Err(VulkanError::misuse(image.name(), mistake));
+        }
+        let [width, height, depth] = extent;
         let texel = u64::from(image.format().texel_bytes());
-        let bytes = u64::from(width) * u64::from(height) * u64::from(slices) * texel;
+        let bytes = u64::from(width) * u64::from(height) * u64::from(depth) * texel;
         image.check_device(self.device())?;
         check_source(self.device(), buffer)?;
         check_copy(buffer, offset, bytes, texel)?;
@@ -102,11 +125,12 @@ impl Recorder {
             (image.layout(), COMPUTE_READS_TEXTURE),
             (vk::ImageLayout::TRANSFER_DST_OPTIMAL, TRANSFER_WRITES),
         );
+        let [x, y, z] = first.map(u32::cast_signed);
         let region = vk::BufferImageCopy::default()
             .buffer_offset(offset)
             .image_subresource(one_layer(0))
-            .image_offset(vk::Offset3D::default().z(z.start.cast_signed()))
-            .image_extent(vk::Extent3D { width, height, depth: slices });
+            .image_offset(vk::Offset3D { x, y, z })
+            .image_extent(vk::Extent3D { width, height, depth });
         // SAFETY: recording; the region was checked to lie in both the image and the buffer. Both are kept until the
         // submission ends, and the barrier before has brought the image into this layout.
         unsafe {

@@ -24,7 +24,10 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("shader", &[]),
     ("vulkan", &["shader"]),
     ("present", &["vulkan"]),
-    ("render", &["vulkan", "film", "shader", "tables", "plan", "scene", "model", "volume", "progress", "number"]),
+    (
+        "render",
+        &["vulkan", "film", "shader", "tables", "plan", "scene", "model", "volume", "memory", "progress", "number"],
+    ),
     ("output", &["annotate", "film", "plan", "scene", "input", "model", "spectrum", "volume", "progress", "number"]),
     (
         "document",

@@ -5,6 +5,7 @@ mod accuracy;
 mod bad_input;
 mod bench;
 mod blocks;
+mod bricks;
 mod choice;
 mod cli;
 mod compatibility;

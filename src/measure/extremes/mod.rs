@@ -223,9 +223,9 @@ impl ExtremeError {
 
     /// Whether a device is too small for the scene, which counts as an answer.
     fn is_limit(&self) -> bool {
-        use RenderError::{Filter, Memory, PictureMemory, PictureSize, TooLarge};
+        use RenderError::{Bricked, Filter, PictureMemory, PictureSize, Slot};
         let Self::Rung(RungError::Render(error)) = self else { return false };
-        matches!(error, Filter { .. } | Memory { .. } | PictureMemory { .. } | PictureSize { .. } | TooLarge { .. })
+        matches!(error, Filter { .. } | Bricked { .. } | PictureMemory { .. } | PictureSize { .. } | Slot { .. })
     }
 }
 

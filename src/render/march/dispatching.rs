@@ -1,5 +1,6 @@
 //! Division of a march into workgroups and dispatches, and the memory of its tables.
 
+use crate::render::pool::Residence;
 use crate::vulkan::{Device, DeviceKind};
 
 /// Largest number of samples along a ray per dispatch.
@@ -19,6 +20,8 @@ pub struct Dispatching {
     pub tables: TableMemory,
     /// Axes along which the upper face of the marched box belongs to the next block; a march sets them.
     pub open: [bool; 3],
+    /// Where the volume is; a march sets it.
+    pub residence: Residence,
 }
 
 /// Memory of the tables of the transfer function and of the labels.
@@ -41,6 +44,13 @@ impl TableMemory {
 impl Default for Dispatching {
     fn default() -> Self {
         // Lavapipe's lanes are eight neighbours in x.
-        Self { group: [8, 8], samples: None, slice: SLICE, tables: TableMemory::Storage, open: [false; 3] }
+        Self {
+            group: [8, 8],
+            samples: None,
+            slice: SLICE,
+            tables: TableMemory::Storage,
+            open: [false; 3],
+            residence: Residence::Whole,
+        }
     }
 }

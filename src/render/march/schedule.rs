@@ -5,6 +5,7 @@ use std::time::Duration;
 use bytemuck::{Pod, Zeroable};
 
 use super::dispatching::{Dispatching, SLICE};
+use super::rounds::Round;
 use crate::number::{count, unsigned, whole};
 use crate::plan::{Accumulate, Integrate, ScenePlan, Transmittance};
 use crate::vulkan::DeviceKind;
@@ -129,6 +130,9 @@ pub(super) struct Schedule {
     pub(super) row: u32,
     rows: u32,
     sample: u32,
+    /// End of the rows, and first sample, of the present rays.
+    end_row: u32,
+    first_sample: u32,
     slice: u32,
     /// Place of the rays in their pixels, from 0 to 1 across and down.
     place: [f32; 2],
@@ -158,6 +162,8 @@ impl Schedule {
             row: 0,
             rows: 0,
             sample: 0,
+            end_row: size[1],
+            first_sample: 0,
             slice: 0,
             place: [0.5; 2],
             budget,
@@ -170,7 +176,17 @@ impl Schedule {
 
     /// Begins with the rays through `place` of each pixel, at the speed measured so far.
     pub(super) fn begin_rays(&mut self, place: [f32; 2]) {
-        (self.row, self.sample, self.place) = (0, 0, place);
+        self.place = place;
+        self.begin_round(Round { first_row: 0, end_row: self.size[1], first_sample: 0 });
+    }
+
+    /// Begins with the samples of the present rays that wait for bricks.
+    pub(super) fn begin_round(&mut self, Round { first_row, end_row, first_sample }: Round) {
+        let group = self.dispatching.group[1];
+        // Whole workgroups, as in the round before.
+        self.row = first_row / group * group;
+        self.end_row = end_row.min(self.size[1]);
+        (self.sample, self.first_sample) = (first_sample, first_sample);
     }
 
     /// Number of samples that fit in the slow part of the march, if known. Ignores the slowest dispatch, whose delay
@@ -199,7 +215,7 @@ impl Schedule {
     }
 
     pub(super) fn is_done(&self) -> bool {
-        self.row >= self.size[1]
+        self.row >= self.end_row
     }
 
     /// Returns the next dispatch and its rows; `None` at the end of the march.
@@ -207,7 +223,7 @@ impl Schedule {
         if self.is_done() {
             return None;
         }
-        if self.sample == 0 {
+        if self.sample == self.first_sample {
             // Whole rays if a row of workgroups fits, otherwise equal parts of rays.
             let width = f64::from(self.size[0]);
             let Dispatching { group, slice: longest, .. } = self.dispatching;
@@ -223,11 +239,11 @@ impl Schedule {
         }
         let end_sample = self.sample.saturating_add(self.slice);
         let band = Band { first_row: self.row, first_sample: self.sample, end_sample, place: self.place };
-        let rows = self.rows.min(self.size[1] - self.row);
+        let rows = self.rows.min(self.end_row - self.row);
         self.taken = f64::from(self.size[0]) * f64::from(rows) * f64::from(self.slice.min(self.samples.max(1)));
         if end_sample >= self.samples {
             self.row += rows;
-            self.sample = 0;
+            self.sample = self.first_sample;
         } else {
             self.sample = end_sample;
         }

@@ -7,6 +7,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::dispatching::{Dispatching, TableMemory};
 use super::mean::Mean;
+use super::rounds::Rounds;
 use super::schedule::{Schedule, Speed, longest_slice};
 use super::source::{UNIFORM_BYTES, VECTOR_BYTES, formats, source};
 use super::{DeviceFilm, March};
@@ -200,6 +201,7 @@ impl Renderer {
         if plan.shadows.is_some_and(|shadows| shadows.grid_lights() > 0 && shadows.method == ShadowMethod::Rays) {
             return Err(RenderError::LightRays);
         }
+        uploaded.check_march(scene, plan)?;
         self.shared.marches.fetch_add(1, Ordering::Relaxed);
         let aspect = count(size[0]) / count(size[1]);
         let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(RenderError::Camera)?;
@@ -252,8 +254,15 @@ impl Renderer {
 
         let grid = self.light_grid(scene, planned, uploaded, coarse)?;
 
+        let rounds = uploaded
+            .pool
+            .as_ref()
+            .map(|pool| Rounds::new(self, pool, &rays, &occupancy, !plan.skipping, size))
+            .transpose()?;
+
+        let residence = uploaded.residence();
         let (pipeline, set) =
-            self.bind(source(plan, Dispatching { tables, open: rays.open, ..self.dispatching }), |name| {
+            self.bind(source(plan, Dispatching { tables, open: rays.open, residence, ..self.dispatching }), |name| {
                 if let Some(resource) = grid.as_ref().and_then(|grid| grid.resource(name)) {
                     return Some(resource);
                 }
@@ -268,6 +277,10 @@ impl Renderer {
                     "volume_sampler" => Resource::Sampler(&sampler),
                     "occupancy" => Resource::Storage(&occupied),
                     "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
+                    "bricks_uniform" => Resource::Uniform(&uploaded.pool.as_ref()?.uniform),
+                    "pages" => Resource::Storage(&uploaded.pool.as_ref()?.pages),
+                    "next_samples" => Resource::Storage(&rounds.as_ref()?.next),
+                    "wanted" => Resource::Storage(&rounds.as_ref()?.wanted),
                     "accumulators" => Resource::StorageImage(&accumulators),
                     "transmittances" => Resource::StorageImage(&transmittance),
                     _ => {
@@ -294,10 +307,11 @@ impl Renderer {
             device_time: Some(Duration::ZERO),
             occupied,
             light_spacing: self.light_spacing(scene, plan),
+            bricks: None,
             accumulators,
             transmittance,
         };
-        Ok(March { pipeline, set, schedule, left, grid, places, mean })
+        Ok(March { pipeline, set, schedule, left, grid, rounds, places, mean })
     }
 
     /// Memory and buffers of the tables of values and labels, by their names in the shader.

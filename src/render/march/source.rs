@@ -4,8 +4,10 @@ use super::dispatching::{Dispatching, TableMemory};
 use crate::number::unsigned;
 use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
 use crate::render::Source;
+use crate::render::pool::Residence;
 use crate::scene::{Interpolation, Lookup, StoreAs};
 use crate::shader::Constants;
+use crate::tables::{BRICK, CELL, slot_edge};
 use crate::vulkan::Format;
 
 /// Bytes of a table in a uniform buffer, the limit of most devices.
@@ -20,8 +22,9 @@ macro_rules! text {
     };
 }
 
-/// Shader texts by name: source, transmittance, memory of tables, factor on the opacity, the march, and its integration.
-fn parts(plan: &ScenePlan, tables: TableMemory) -> Vec<(&'static str, &'static str)> {
+/// Shader texts by name: source, transmittance, memory of tables, factor on the opacity, the march through a whole volume
+/// or through bricks, and its integration.
+fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -> Vec<(&'static str, &'static str)> {
     let mut parts = vec![
         match plan.accumulate {
             Accumulate::Weights { .. } => text!("weights.wgsl"),
@@ -39,8 +42,11 @@ fn parts(plan: &ScenePlan, tables: TableMemory) -> Vec<(&'static str, &'static s
         text!("gradient_opacity.wgsl"),
         text!("rays.wgsl"),
         text!("fetch.wgsl"),
-        text!("march.wgsl"),
     ];
+    parts.extend(match residence {
+        Residence::Whole => [text!("whole.wgsl"), text!("march.wgsl"), text!("slices.wgsl")],
+        Residence::Bricked { .. } => [text!("bricks.wgsl"), text!("march.wgsl"), text!("rounds.wgsl")],
+    });
     parts.extend(match (plan.integration, plan.transmittance) {
         (Integrate::Samples, _) => vec![text!("samples.wgsl")],
         (Integrate::Segments, Transmittance::Grey) => vec![text!("segments_grey.wgsl"), text!("segments.wgsl")],
@@ -88,8 +94,19 @@ pub(in crate::render) fn common(plan: &ScenePlan) -> Constants {
     Constants::new().u32("LAYERS", unsigned(plan.layers().max(1))).u32("LAYERS_USED", unsigned(plan.layers()))
 }
 
+/// Adds the constants of `bricks.wgsl` and `rounds.wgsl`.
+fn bricked(constants: Constants, plan: &ScenePlan, residence: Residence) -> Constants {
+    let Residence::Bricked { apron } = residence else { return constants };
+    constants
+        .u32("BRICK", BRICK)
+        .u32("BRICK_CELLS", BRICK / unsigned(CELL))
+        .u32("APRON", apron)
+        .u32("SLOT_EDGE", slot_edge(apron))
+        .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
+}
+
 /// Constants of the march shader for `plan`.
-fn constants(plan: &ScenePlan, Dispatching { group, open, .. }: Dispatching) -> Constants {
+fn constants(plan: &ScenePlan, Dispatching { group, open, residence, .. }: Dispatching) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
     let [_, transmittance] = images(plan, StoreAs::Single, "read_write");
     let table_lanes = unsigned(parts.lanes.max(1));
@@ -98,7 +115,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, open, .. }: Dispatching) -> 
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
     };
-    common(plan)
+    bricked(common(plan), plan, residence)
         .bool("BLOCK", open.contains(&true))
         .bool("OPEN_X", open[0])
         .bool("OPEN_Y", open[1])
@@ -210,7 +227,14 @@ pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: Table
         TableMemory::Uniform => text!("extinctions_uniform.wgsl"),
     };
     let half = text!("nearest_half.wgsl");
-    let parts = vec![extinctions, text!("gradient_opacity.wgsl"), text!("fetch.wgsl"), half, text!("light_grid.wgsl")];
+    let parts = vec![
+        extinctions,
+        text!("gradient_opacity.wgsl"),
+        text!("fetch.wgsl"),
+        text!("whole.wgsl"),
+        half,
+        text!("light_grid.wgsl"),
+    ];
     Source { name: "light grid", constants, parts }
 }
 
@@ -228,7 +252,7 @@ pub(super) fn light_order_source(group: [u32; 2]) -> Source {
 
 /// Source of the march shader of `plan`.
 pub(in crate::render) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
-    let parts = parts(plan, dispatching.tables);
+    let parts = parts(plan, dispatching);
     Source { name: "march", constants: constants(plan, dispatching), parts }
 }
 

@@ -1,0 +1,60 @@
+// March of a whole volume: a slice of each ray in each dispatch. Part of `march.wgsl`.
+
+@compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    march = march_uniform;
+    if (SHADED) {
+        shading = shading_uniform;
+    }
+    if (PHASES > 0u) {
+        read_phases();
+    }
+    if (GRID_LIGHTS > 0u) {
+        light_place = light_uniform;
+    }
+    let pixel = vec2u(id.x, id.y + band.first_row);
+    if (pixel.x >= march.width || pixel.y >= march.height) {
+        return;
+    }
+    let ray = ray_through(pixel);
+    var sums: array<vec4f, LAYERS>;
+    var transmittance = all_light();
+    if (band.first_sample > 0u) {
+        for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+            sums[layer] = textureLoad(accumulators, pixel, layer);
+        }
+        transmittance = load_transmittance(pixel);
+    }
+    let end = select(min(ray.samples, band.end_sample), 0u, brightest(transmittance) < march.termination);
+    var n = band.first_sample;
+    if (SKIPPING) {
+        // Samples per macrocell along each axis.
+        let samples_per_cell = 1.0 / (max(abs(ray.direction * march.cell_scale), vec3f(1e-30)) * march.step_length);
+        let forward = select(vec3f(), vec3f(1.0), ray.direction > vec3f());
+        let last_cell = vec3f(march.cells) - 1.0;
+        loop {
+            // Skips to the next sample in an occupied macrocell.
+            var leave = n;
+            loop {
+                if (n >= end) { break; }
+                let cells = fma(place_of(ray, n), march.cell_scale, march.cell_offset);
+                let cell = clamp(floor(cells), vec3f(), last_cell);
+                let ahead = abs(cell + forward - cells) * samples_per_cell;
+                leave = n + max(1u, u32(ceil(min(min(ahead.x, ahead.y), min(ahead.z, 1e6)))));
+                let index = u32(cell.x) + march.cells.x * (u32(cell.y) + march.cells.y * u32(cell.z));
+                if (((occupancy[index / 32u] >> (index % 32u)) & 1u) != 0u) { break; }
+                n = leave;
+            }
+            if (n >= end) { break; }
+            leave = min(leave, end);
+            transmittance = march_run(ray, n, leave, transmittance, &sums);
+            n = select(leave, end, brightest(transmittance) < march.termination);
+        }
+    } else {
+        transmittance = march_run(ray, n, end, transmittance, &sums);
+    }
+    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+        textureStore(accumulators, pixel, layer, sums[layer]);
+    }
+    store_transmittance(pixel, transmittance);
+}

@@ -1,0 +1,197 @@
+//! Rounds of a march in bricks: rays go on until the next brick is missing, and the bricks that they want are loaded.
+
+use std::collections::VecDeque;
+
+use crate::number::{count, whole};
+use crate::render::pool::Pool;
+use crate::render::{RenderError, Renderer, Uploaded};
+use crate::tables::{Occupancy, RayTable};
+use crate::vulkan::{Buffer, HostUse};
+
+/// Words before the bits of the wanted bricks, as in `shaders/rounds.wgsl`.
+const WANTED_BITS: usize = 3;
+
+/// Bricks of a march.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct BrickCounts {
+    /// Bricks of the volume with a visible macrocell.
+    pub visible: usize,
+    /// Bricks that the device has room for.
+    pub held: usize,
+    /// Bricks that the march loaded, each time counted.
+    pub loaded: usize,
+    /// Bricks among them that it had loaded before.
+    pub again: usize,
+    /// Rounds, for all rays of a pixel together.
+    pub rounds: usize,
+}
+
+/// The rounds of a march.
+#[derive(Debug)]
+pub(super) struct Rounds {
+    /// Next sample of each pixel.
+    pub(super) next: Buffer,
+    /// Rows, sample and bricks that rays wait for.
+    pub(super) wanted: Buffer,
+    read_back: Buffer,
+    /// A number for each brick that only grows along a ray.
+    ranks: Vec<i64>,
+    /// Bricks with a visible macrocell, in the order of their ranks.
+    visible: Vec<usize>,
+    /// Bricks to load before the next round.
+    loading: VecDeque<usize>,
+    /// Bricks that the next round needs.
+    kept: Vec<bool>,
+    /// Bricks that this march has loaded.
+    known: Vec<bool>,
+    /// Lowest rank of a brick that rays wait for.
+    lowest: i64,
+    /// Whether all rays have ended.
+    pub(super) done: bool,
+    pub(super) counts: BrickCounts,
+}
+
+/// Rows and first sample of a round.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Round {
+    /// First row with a waiting ray.
+    pub(super) first_row: u32,
+    /// End of the rows with a waiting ray.
+    pub(super) end_row: u32,
+    /// Smallest number of a sample that a ray waits at.
+    pub(super) first_sample: u32,
+}
+
+/// Bytes of `buffer`.
+fn length(buffer: &Buffer) -> usize {
+    usize::try_from(buffer.bytes()).unwrap_or(usize::MAX)
+}
+
+impl Rounds {
+    /// Rounds for a picture of `size` whose bricks are in `pool`. `all`: every macrocell is marched, occupied or not.
+    pub(super) fn new(
+        renderer: &Renderer,
+        pool: &Pool,
+        rays: &RayTable,
+        occupancy: &Occupancy,
+        all: bool,
+        size: [usize; 2],
+    ) -> Result<Self, RenderError> {
+        let bricks = pool.grid.len();
+        let words = WANTED_BITS + bricks.div_ceil(32);
+        let bytes = 4 * words as u64;
+        let device = &renderer.device;
+        let ranks = pool.grid.ranks(rays);
+        let mut visible = if all { (0..bricks).collect() } else { pool.grid.occupied(occupancy) };
+        visible.sort_by_key(|&brick| (ranks[brick], brick));
+        // Where all fit, nothing has to be asked for.
+        let fit = visible.len() <= pool.capacity();
+        let mut kept = vec![false; bricks];
+        for &brick in visible.iter().filter(|_| fit) {
+            kept[brick] = true;
+        }
+        let rounds = Self {
+            next: Buffer::host(device, "next samples", 4 * (size[0] * size[1]) as u64, HostUse::Storage)?,
+            wanted: Buffer::host(device, "wanted bricks", bytes, HostUse::Storage)?,
+            read_back: Buffer::host(device, "wanted bricks, read back", bytes, HostUse::ReadBack)?,
+            ranks,
+            loading: if fit { visible.iter().copied().collect() } else { VecDeque::new() },
+            kept,
+            known: vec![false; bricks],
+            lowest: i64::MIN,
+            done: false,
+            counts: BrickCounts { visible: visible.len(), held: pool.capacity(), rounds: 1, ..BrickCounts::default() },
+            visible,
+        };
+        rounds.begin()?;
+        Ok(rounds)
+    }
+
+    fn begin(&self) -> Result<(), RenderError> {
+        self.next.write(0, &vec![0; length(&self.next)])?;
+        self.reset()
+    }
+
+    fn reset(&self) -> Result<(), RenderError> {
+        let mut words = vec![0_u32; length(&self.wanted) / 4];
+        words[..WANTED_BITS].copy_from_slice(&[u32::MAX, 0, u32::MAX]);
+        Ok(self.wanted.write(0, bytemuck::cast_slice(&words))?)
+    }
+
+    /// Begins the next ray of each pixel.
+    pub(super) fn restart(&mut self) -> Result<(), RenderError> {
+        self.done = false;
+        self.lowest = i64::MIN;
+        self.counts.rounds += 1;
+        self.begin()
+    }
+
+    /// Whether bricks are to be loaded before the next dispatch.
+    pub(super) fn is_loading(&self) -> bool {
+        !self.loading.is_empty()
+    }
+
+    /// Loads some of the bricks of the next round.
+    pub(super) fn load(&mut self, renderer: &Renderer, uploaded: &Uploaded, pool: &Pool) -> Result<(), RenderError> {
+        let mut held = pool.held();
+        self.loading.retain(|&brick| !held.has(brick));
+        let (kept, ranks, lowest) = (&self.kept, &self.ranks, self.lowest);
+        // Bricks that all rays have left go first, then those that rays reach last.
+        let spare = |brick: usize| if ranks[brick] < lowest { i64::MAX - 1 } else { ranks[brick] };
+        let loading: &[usize] = self.loading.make_contiguous();
+        let loaded = pool.load(renderer, uploaded.loaded(), &mut held, loading, |brick| kept[brick], spare)?;
+        for brick in self.loading.drain(..loaded) {
+            self.counts.loaded += 1;
+            self.counts.again += usize::from(self.known[brick]);
+            self.known[brick] = true;
+        }
+        if loaded == 0 {
+            // Another march holds the slots; the rays will ask again.
+            self.loading.clear();
+        }
+        Ok(())
+    }
+
+    /// Ends a round: returns the next one, whose bricks are to be loaded first; `None` if all rays have ended.
+    pub(super) fn settle(&mut self, renderer: &Renderer, pool: &Pool) -> Result<Option<Round>, RenderError> {
+        let bytes = self.wanted.bytes();
+        renderer.device.run("wanted bricks", |recorder| {
+            recorder.compute_to_transfer();
+            recorder.copy(&self.wanted, 0, &self.read_back, 0, bytes)?;
+            recorder.transfer_to_host();
+            Ok(())
+        })?;
+        let mut words = vec![0_u32; length(&self.wanted) / 4];
+        self.read_back.read(0, bytemuck::cast_slice_mut(&mut words))?;
+        let (&[first_row, last_row, first_sample], bits) = words.split_first_chunk().unwrap_or((&[u32::MAX; 3], &[]));
+        let mut wanted: Vec<usize> = (0..self.ranks.len())
+            .filter(|brick| bits.get(brick / 32).is_some_and(|word| word >> (brick % 32) & 1 == 1))
+            .collect();
+        if first_row == u32::MAX || wanted.is_empty() {
+            self.done = true;
+            return Ok(None);
+        }
+        wanted.sort_by_key(|&brick| (self.ranks[brick], brick));
+        self.lowest = wanted.first().map_or(i64::MIN, |&brick| self.ranks[brick]);
+        wanted.truncate(pool.capacity());
+        self.kept.fill(false);
+        for &brick in &wanted {
+            self.kept[brick] = true;
+        }
+        self.loading = wanted.into();
+        self.counts.rounds += 1;
+        self.reset()?;
+        Ok(Some(Round { first_row, end_row: last_row + 1, first_sample }))
+    }
+
+    /// Of `rows`, the share that corresponds to the bricks that all rays have left.
+    pub(super) fn passed(&self, rows: usize) -> usize {
+        let left = self.visible.partition_point(|&brick| self.ranks[brick] < self.lowest);
+        whole(count(rows) * count(left) / count(self.visible.len().max(1))).min(rows)
+    }
+
+    /// Whether there is room for all bricks at once.
+    pub(super) fn is_single(&self) -> bool {
+        self.visible.len() <= self.counts.held
+    }
+}

@@ -1,0 +1,315 @@
+//! The pool: bricks of a volume on a device that cannot hold it whole.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{RenderError, Renderer};
+use crate::number::{count, rounded, unsigned};
+use crate::tables::{BRICK, BrickGrid, LabelMap, Storage, slot_edge};
+use crate::volume::Volume;
+use crate::vulkan::{Buffer, Device, DeviceKind, Format, HostUse, Image3d};
+
+/// Bytes of the bricks that one submission uploads, at least one brick.
+const STAGING_BYTES: u64 = 8 << 20;
+/// Largest number of slots along an axis: ten bits of a page.
+const MOST_SLOTS: u64 = 1024;
+
+/// Where the voxels of a volume are during a march.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Residence {
+    /// All on the device, in one texture.
+    #[default]
+    Whole,
+    /// On the host, and on the device those bricks that rays need.
+    Bricked {
+        /// Voxels of a slot before the first of its brick; behind the last it has one more.
+        apron: u32,
+    },
+}
+
+/// Textures that a pool fills, and their texels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Loaded<'a> {
+    pub(super) storage: &'a Storage,
+    pub(super) labels: Option<&'a LabelMap>,
+    pub(super) volume: &'a Image3d,
+    pub(super) label_image: Option<&'a Image3d>,
+}
+
+/// Uniform of the pool, in the layout of `shaders/bricks.wgsl`.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+struct BrickUniform {
+    dims: [f32; 3],
+    unused: u32,
+    counts: [u32; 3],
+    unused_too: u32,
+    texel: [f32; 3],
+    unused_as_well: u32,
+}
+
+/// Slots for bricks, and the bricks that they hold.
+#[derive(Debug)]
+pub(super) struct Pool {
+    /// The bricks of the volume.
+    pub(super) grid: BrickGrid,
+    /// Voxels of a slot in front of its brick.
+    pub(super) apron: u32,
+    /// Slots along each axis.
+    slots: [u32; 3],
+    source: Arc<Volume>,
+    smooth_labels: bool,
+    /// Page of each brick.
+    pub(super) pages: Buffer,
+    pub(super) uniform: Buffer,
+    staging: Buffer,
+    held: Mutex<Held>,
+}
+
+/// Bricks in slots.
+#[derive(Debug)]
+pub(super) struct Held {
+    /// Slot of each brick.
+    slot_of: Vec<Option<usize>>,
+    /// Brick of each slot.
+    brick_in: Vec<Option<usize>>,
+}
+
+/// Sizes of a pool that a device can hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PoolSize {
+    apron: u32,
+    slots: [u32; 3],
+}
+
+/// Slots along each axis: as many as `most`, at most `limit` along each axis.
+fn slots_within(most: u64, limit: [u64; 3]) -> [u64; 3] {
+    let mut best = [0; 3];
+    for x in 1..=limit[0].min(most) {
+        for y in 1..=limit[1].min(most / x) {
+            let slots = [x, y, limit[2].min(most / (x * y))];
+            if slots.iter().product::<u64>() > best.iter().product() {
+                best = slots;
+            }
+        }
+    }
+    best
+}
+
+impl PoolSize {
+    /// The pool for `grid` within `budget` bytes on a device with textures of at most `limit` texels along each axis.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Slot`] if there is no room for one brick.
+    pub(super) fn new(
+        device: &Device,
+        grid: BrickGrid,
+        apron: u32,
+        voxel_bytes: u64,
+        budget: u64,
+        limit: [u32; 3],
+    ) -> Result<Self, RenderError> {
+        let edge = u64::from(slot_edge(apron));
+        let slot_bytes = edge.pow(3) * voxel_bytes;
+        let most = (budget / slot_bytes).min(grid.len() as u64);
+        let along = limit.map(|limit| (u64::from(limit) / edge).min(MOST_SLOTS));
+        let slots = slots_within(most, along);
+        if slots.contains(&0) {
+            return Err(RenderError::Slot {
+                needed_kb: slot_bytes.div_ceil(1000),
+                edge: slot_edge(apron),
+                device: device.info().name.clone(),
+                budget_kb: budget / 1000,
+                limit,
+            });
+        }
+        Ok(Self { apron, slots: slots.map(|slots| u32::try_from(slots).unwrap_or(u32::MAX)) })
+    }
+
+    /// Texels of the pool along each axis.
+    pub(super) fn extent(self) -> [u32; 3] {
+        self.slots.map(|slots| slots * slot_edge(self.apron))
+    }
+}
+
+impl Pool {
+    /// The pool of `volume`; its slots are those of an image of [`PoolSize::extent`].
+    pub(super) fn new(
+        device: &Device,
+        size: PoolSize,
+        grid: BrickGrid,
+        volume: &Arc<Volume>,
+        voxel_bytes: u64,
+        smooth_labels: bool,
+    ) -> Result<Self, RenderError> {
+        let texel = size.extent().map(|texels| rounded(1.0 / f64::from(texels)));
+        let uniform = BrickUniform {
+            dims: volume.geometry.dims.map(|n| rounded(count(n))),
+            counts: grid.counts.map(unsigned),
+            texel,
+            ..BrickUniform::default()
+        };
+        let buffer = Buffer::host(device, "bricks", size_of::<BrickUniform>() as u64, HostUse::Uniform)?;
+        buffer.write(0, bytemuck::bytes_of(&uniform))?;
+        let pages = Buffer::host(device, "pages", 4 * grid.len() as u64, HostUse::Storage)?;
+        pages.write(0, &vec![0; 4 * grid.len()])?;
+        let slot_bytes = u64::from(slot_edge(size.apron)).pow(3) * voxel_bytes;
+        let staged = STAGING_BYTES.max(slot_bytes + 32);
+        let staging = Buffer::host(device, "staging", staged.next_multiple_of(16), HostUse::Upload)?;
+        let slots = size.slots.iter().map(|&n| n as usize).product();
+        let held = Held { slot_of: vec![None; grid.len()], brick_in: vec![None; slots] };
+        Ok(Self {
+            grid,
+            apron: size.apron,
+            slots: size.slots,
+            source: Arc::clone(volume),
+            smooth_labels,
+            pages,
+            uniform: buffer,
+            staging,
+            held: Mutex::new(held),
+        })
+    }
+
+    /// Number of slots.
+    pub(super) fn capacity(&self) -> usize {
+        self.slots.iter().map(|&n| n as usize).product()
+    }
+
+    /// The bricks in slots, for one march at a time.
+    pub(super) fn held(&self) -> MutexGuard<'_, Held> {
+        self.held.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn place(&self, slot: usize) -> [u32; 3] {
+        let [width, height, _] = self.slots.map(|n| n as usize);
+        [slot % width, slot / width % height, slot / (width * height)].map(unsigned)
+    }
+
+    /// Loads the first of `bricks` that fit into one submission, and returns their number. A slot is free, or holds a
+    /// brick that `is_kept` is false for; of those, the ones with the highest number `spare(brick)` are replaced first.
+    pub(super) fn load(
+        &self,
+        renderer: &Renderer,
+        textures: Loaded<'_>,
+        held: &mut Held,
+        bricks: &[usize],
+        is_kept: impl Fn(usize) -> bool,
+        spare: impl Fn(usize) -> i64,
+    ) -> Result<usize, RenderError> {
+        let edge = slot_edge(self.apron) as usize;
+        let mut room: Vec<usize> =
+            (0..held.brick_in.len()).filter(|&slot| held.brick_in[slot].is_none_or(|brick| !is_kept(brick))).collect();
+        room.sort_by_key(|&slot| held.brick_in[slot].map(&spare).unwrap_or(i64::MAX));
+        // Texels of the bricks by image, with their places.
+        let mut copies: Vec<(&Image3d, [u32; 3], u64)> = Vec::new();
+        let (mut filled, mut loaded) = (0_u64, Vec::new());
+        for &brick in bricks {
+            let first = self
+                .grid
+                .place(brick)
+                .map(|at| i64::try_from(at * BRICK as usize).unwrap_or(i64::MAX) - i64::from(self.apron));
+            let texels = textures.storage.texels_of_box(&self.source, first, edge);
+            let of_labels = textures
+                .labels
+                .map(|map| map.texels_of_box(self.source.geometry.dims, first, edge, self.smooth_labels));
+            let all = [Some((textures.volume, texels)), textures.label_image.zip(of_labels)];
+            let needed: u64 = all.iter().flatten().map(|(_, texels)| (texels.len() as u64).next_multiple_of(16)).sum();
+            if filled + needed > self.staging.bytes() {
+                break;
+            }
+            let Some(slot) = room.pop() else { break };
+            if let Some(replaced) = held.brick_in[slot].take() {
+                held.slot_of[replaced] = None;
+                self.pages.write(4 * replaced as u64, &0_u32.to_ne_bytes())?;
+            }
+            let place = self.place(slot);
+            for (image, texels) in all.into_iter().flatten() {
+                self.staging.write(filled, &texels)?;
+                copies.push((image, place.map(|at| at * slot_edge(self.apron)), filled));
+                filled += (texels.len() as u64).next_multiple_of(16);
+            }
+            loaded.push((brick, slot, place));
+        }
+        renderer.device.run("bricks", |recorder| {
+            for (image, first, offset) in &copies {
+                recorder.upload_box(image, *first, [slot_edge(self.apron); 3], &self.staging, *offset)?;
+            }
+            Ok(())
+        })?;
+        for &(brick, slot, [x, y, z]) in &loaded {
+            held.brick_in[slot] = Some(brick);
+            held.slot_of[brick] = Some(slot);
+            self.pages.write(4 * brick as u64, &(1 + (x | y << 10 | z << 20)).to_ne_bytes())?;
+        }
+        Ok(loaded.len())
+    }
+}
+
+impl Held {
+    /// Whether a slot holds `brick`.
+    pub(super) fn has(&self, brick: usize) -> bool {
+        self.slot_of[brick].is_some()
+    }
+}
+
+impl Renderer {
+    /// Bytes for a volume that the device holds whole: its memory, or what the user allows.
+    pub(super) fn volume_budget(&self) -> u64 {
+        let limits = self.device.limits();
+        let heap = limits.device_heap_bytes.min(limits.max_allocation_bytes);
+        self.memory_bytes.map_or(heap, |bytes| heap.min(bytes))
+    }
+
+    /// Bytes of a pool: what the user allows, or half of the device's memory; on a software device half of what is free.
+    pub(super) fn pool_budget(&self) -> u64 {
+        let limits = self.device.limits();
+        let free = (self.device.info().kind == DeviceKind::Software).then(crate::memory::available_bytes).flatten();
+        let half = free.map_or(limits.device_heap_bytes, |free| free.min(limits.device_heap_bytes)) / 2;
+        self.memory_bytes.unwrap_or(half).min(limits.max_allocation_bytes)
+    }
+
+    /// Largest extent of a texture of `format`.
+    pub(super) fn largest_texture(&self, format: Format) -> [u32; 3] {
+        let limit = self.device.limits().max_extent_3d(format);
+        limit.map(|limit| self.longest_axis.map_or(limit, |longest| limit.min(longest)))
+    }
+}
+
+/// Bytes of a voxel and its label.
+pub(super) fn voxel_bytes(storage: &Storage, labels: Option<&LabelMap>, smooth: bool) -> u64 {
+    (storage.format.bytes() + labels.map_or(0, |map| map.texel_bytes(smooth))) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shader::Constants;
+
+    #[test]
+    fn the_uniform_lies_where_the_shader_reads_it() {
+        let (structure, _) = include_str!("../../shaders/bricks.wgsl").split_once("@group").unwrap_or_default();
+        let layout = crate::shader::struct_layout(&[("bricks", structure)], &Constants::new(), "Bricks").ok();
+        let theirs = layout.as_ref().map(|layout| {
+            layout.fields.iter().map(|field| (field.name.as_str(), field.offset as usize)).collect::<Vec<_>>()
+        });
+        let ours = vec![
+            ("dims", std::mem::offset_of!(BrickUniform, dims)),
+            ("counts", std::mem::offset_of!(BrickUniform, counts)),
+            ("texel", std::mem::offset_of!(BrickUniform, texel)),
+        ];
+        assert_eq!(theirs, Some(ours));
+        assert_eq!(layout.map(|layout| layout.size as usize), Some(size_of::<BrickUniform>()));
+    }
+
+    #[test]
+    fn a_pool_has_nearly_as_many_slots_as_fit() {
+        assert_eq!(slots_within(59, [30, 30, 30]).iter().product::<u64>(), 58);
+        assert_eq!(slots_within(313, [30, 1, 1]), [30, 1, 1]);
+        assert_eq!(slots_within(100_000, [3, 3, 3]), [3, 3, 3]);
+        assert_eq!(slots_within(0, [3, 3, 3]), [0; 3]);
+        assert_eq!(slots_within(5, [0, 3, 3]), [0; 3]);
+    }
+}

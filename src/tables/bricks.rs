@@ -1,0 +1,135 @@
+//! Bricks of a volume: which voxels a slot holds, which can be visible, and in which order rays meet them
+//! (docs/theory/bricks.md).
+
+use glam::DVec3;
+
+use super::{CELL, Occupancy, RayTable};
+use crate::number::{count, unsigned, whole};
+use crate::plan::{Integrate, ScenePlan};
+use crate::scene::{Gradients, Interpolation, Scene};
+
+/// Voxels along an edge of a brick: whole macrocells.
+pub const BRICK: u32 = 64;
+
+/// Texels along an edge of a slot: a brick and its apron. Brick b owns the macrocells from 8b on, so the voxel indices
+/// [64b, 64b + 64], and linear interpolation at the upper end and a rounding beyond it reads two voxels behind the last.
+#[must_use]
+pub fn slot_edge(apron: u32) -> u32 {
+    BRICK + 2 * apron + 1
+}
+
+/// Voxels in front of a brick that its samples read under `plan`; behind it there is one more.
+#[must_use]
+pub fn apron(scene: &Scene, plan: &ScenePlan) -> u32 {
+    let cubic = u32::from(plan.interpolation == Interpolation::Cubic);
+    let differences = u32::from(plan.gradient() && plan.gradients == Gradients::Central);
+    let reach = match plan.integration {
+        Integrate::Samples => 1,
+        // A segment reaches half a step beyond the macrocell of its middle; a little more for rounding.
+        Integrate::Segments => {
+            let half = scene.accuracy.step_length / 2.0 / scene.volume.geometry.spacing.min_element();
+            unsigned(whole((half + 0.01).ceil())).max(1)
+        }
+    };
+    reach + cubic + differences
+}
+
+/// The bricks of a volume, numbered with x fastest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BrickGrid {
+    /// Bricks along each axis.
+    pub counts: [usize; 3],
+}
+
+impl BrickGrid {
+    /// The bricks of a volume with `cells` macrocells along each axis.
+    #[must_use]
+    pub fn new(cells: [usize; 3]) -> Self {
+        Self { counts: cells.map(|cells| cells.div_ceil(BRICK as usize / CELL).max(1)) }
+    }
+
+    /// Number of bricks.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.counts.iter().product()
+    }
+
+    /// Whether it has no bricks; never.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Place of `brick` among the bricks along each axis.
+    #[must_use]
+    pub fn place(&self, brick: usize) -> [usize; 3] {
+        let [width, height, _] = self.counts;
+        [brick % width, brick / width % height, brick / (width * height)]
+    }
+
+    /// The bricks with an occupied macrocell, in the order of their numbers.
+    #[must_use]
+    pub fn occupied(&self, occupancy: &Occupancy) -> Vec<usize> {
+        let mut occupied = vec![false; self.len()];
+        let [width, height, _] = occupancy.dims;
+        let edge = BRICK as usize / CELL;
+        for (i, &word) in occupancy.words.iter().enumerate() {
+            let mut bits = word;
+            while bits != 0 {
+                let cell = 32 * i + bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                let [x, y, z] = [cell % width, cell / width % height, cell / (width * height)].map(|at| at / edge);
+                occupied[x + self.counts[0] * (y + self.counts[1] * z)] = true;
+            }
+        }
+        occupied.iter().enumerate().filter(|(_, occupied)| **occupied).map(|(brick, _)| brick).collect()
+    }
+
+    /// For each brick a number that only grows along any of `rays`: the sum over the axes of its distance to the brick of
+    /// the eye, or to the nearest one; for parallel rays, of its places in the direction of the rays.
+    #[must_use]
+    pub fn ranks(&self, rays: &RayTable) -> Vec<i64> {
+        let parallel = rays.direction_u == DVec3::ZERO && rays.direction_v == DVec3::ZERO;
+        let eye = rays.base - rays.eye_distance * rays.direction;
+        let cells = (eye * rays.cell_scale + rays.cell_offset).to_array();
+        let place = |axis: usize| -> usize {
+            let brick = cells[axis] / count(BRICK as usize / CELL);
+            whole(brick.floor().max(0.0)).min(self.counts[axis] - 1)
+        };
+        let eye = [0, 1, 2].map(place);
+        let signed = |number: usize| i64::try_from(number).unwrap_or(i64::MAX);
+        let along = |axis: usize, at: usize| {
+            let direction = rays.direction[axis];
+            match (parallel, direction > 0.0, direction < 0.0) {
+                (false, ..) => signed(at.abs_diff(eye[axis])),
+                (true, true, _) => signed(at),
+                (true, _, true) => -signed(at),
+                (true, false, false) => 0,
+            }
+        };
+        (0..self.len())
+            .map(|brick| self.place(brick).into_iter().enumerate().map(|(axis, at)| along(axis, at)).sum())
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_brick_is_occupied_if_one_of_its_macrocells_is() {
+        let grid = BrickGrid::new([17, 8, 9]);
+        assert_eq!(grid.counts, [3, 1, 2]);
+        let occupied = |cells: &[[usize; 3]]| {
+            let mut words = vec![0; (17 * 8 * 9_usize).div_ceil(32)];
+            for [x, y, z] in cells {
+                let cell = x + 17 * (y + 8 * z);
+                words[cell / 32] |= 1 << (cell % 32);
+            }
+            grid.occupied(&Occupancy { dims: [17, 8, 9], words, occupied: cells.len() })
+        };
+        assert_eq!(occupied(&[]), [0_usize; 0]);
+        assert_eq!(occupied(&[[16, 7, 8], [7, 0, 0], [8, 7, 7], [0, 0, 0]]), [0, 1, 5]);
+    }
+}

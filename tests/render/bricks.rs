@@ -1,0 +1,318 @@
+//! Volumes in bricks: the film is that of the whole volume, whatever the pool holds.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use relume::film::Film;
+use relume::progress::Quiet;
+use relume::render::{BrickCounts, Dispatching, Renderer, SceneRenderer};
+use relume::scene::{Aim, Gradients, Interpolation, Scene};
+use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
+use relume::tables::{apron, slot_edge};
+use relume::volume::{Geometry, Volume, Voxels};
+
+use crate::support::device::open;
+use crate::support::rungs::{Rungs, with_renderer};
+use crate::support::scenes;
+
+const SIZE: [usize; 2] = [40, 34];
+/// Voxels of a large volume along one of the small one's.
+const FACTOR: usize = 5;
+
+fn bits(film: &Film<f32>) -> Vec<u32> {
+    film.accumulators.iter().chain(&film.transmittance).map(|number| number.to_bits()).collect()
+}
+
+/// `volume` with [`FACTOR`] times the voxels along each axis of the same body, changed by `value(stored, x, y, z)`.
+fn enlarged(volume: &Volume, value: impl Fn(f64, [usize; 3]) -> u16) -> Volume {
+    let small = volume.geometry.dims;
+    let dims = small.map(|n| n * FACTOR);
+    let stored = |[x, y, z]: [usize; 3]| volume.voxels.value(x + small[0] * (y + small[1] * z)).unwrap();
+    let mut voxels = Vec::with_capacity(dims.iter().product());
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for x in 0..dims[0] {
+                voxels.push(value(stored([x, y, z].map(|at| at / FACTOR)), [x, y, z]));
+            }
+        }
+    }
+    let Geometry { spacing, origin, direction, .. } = volume.geometry;
+    let geometry = Geometry::new("enlarged", dims, spacing / scenes::float(FACTOR), origin, direction).unwrap();
+    Volume::new("enlarged", Voxels::U16(voxels), geometry).unwrap()
+}
+
+/// `scene` with a volume of several bricks along each axis, whose values differ from voxel to voxel.
+fn large(mut scene: Scene) -> Scene {
+    let factor = scenes::float(FACTOR);
+    let rippled = |stored: f64, [x, y, z]: [usize; 3]| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within 16 bits")]
+        let stored = stored.clamp(0.0, 65000.0) as u16;
+        let ripple = u16::try_from((7 * x + 13 * y + 29 * z) % 17).unwrap();
+        if stored > 300 { stored + 10 * ripple } else { stored }
+    };
+    scene.volume = Arc::new(enlarged(&scene.volume, rippled));
+    if let Some(labels) = &mut scene.labels {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "labels are small whole numbers")]
+        let as_stored = |stored: f64, _: [usize; 3]| stored as u16;
+        labels.volume = Arc::new(enlarged(&labels.volume, as_stored));
+    }
+    scene.crop = scene.crop.map(|corners| corners.map(|corner| corner * factor));
+    scene.accuracy.step_length /= factor;
+    scene.accuracy.interpolation = match scene.accuracy.interpolation {
+        Interpolation::Linear => Interpolation::ExactLinear,
+        other => other,
+    };
+    scene
+}
+
+/// Bytes of `slots` slots for the plan of `rungs`, and a little more.
+fn memory_of(rungs: &Rungs, slots: u64) -> u64 {
+    let plan = &rungs.planned.plan;
+    let texel = if plan.stores_gradient() { 8 } else { 2 } + if plan.labels { 1 } else { 0 };
+    let edge = u64::from(slot_edge(apron(&rungs.scene, plan)));
+    slots * edge.pow(3) * texel + 1000
+}
+
+/// The film of `rungs` in a pool of `slots` slots, and its bricks.
+fn in_bricks(rungs: &Rungs, renderer: &Renderer, slots: u64) -> (Film<f32>, BrickCounts) {
+    let renderer = renderer.clone().always_in_bricks().with_memory(memory_of(rungs, slots));
+    let film = rungs.gpu_accumulators(&renderer);
+    let counts = film.bricks.unwrap();
+    assert!(counts.held as u64 <= slots, "{counts:?} in {slots}");
+    (renderer.read(&film).unwrap(), counts)
+}
+
+fn assert_same(name: &str, rungs: &Rungs, renderer: &Renderer, pools: &[u64]) -> Vec<BrickCounts> {
+    let film = rungs.gpu_accumulators(renderer);
+    assert!(film.bricks.is_none(), "{name}: it fits");
+    let whole = bits(&renderer.read(&film).unwrap());
+    let counted = pools.iter().map(|&slots| {
+        let (film, counts) = in_bricks(rungs, renderer, slots);
+        let bricked = bits(&film);
+        let differ = whole.iter().zip(&bricked).filter(|(one, other)| one != other).count();
+        assert!(differ == 0, "{name}: {differ} of {} numbers differ: {counts:?}", whole.len());
+        counts
+    });
+    counted.collect()
+}
+
+#[test]
+fn films_of_bricks_are_films_of_the_whole_volume_to_the_bit() {
+    let names = [
+        "diffuse_one",
+        "specular_three",
+        "xray",
+        "labels",
+        "nearest_labels",
+        "orthographic",
+        "cropped",
+        "rotated",
+        "coloured_three",
+        "coloured_labels",
+    ];
+    with_renderer(|renderer| {
+        for (name, scene) in scenes::both_ways(&names) {
+            let rungs = Rungs::new(large(scene), SIZE);
+            let counts = assert_same(&name, &rungs, renderer, &[2, 6, 1000]);
+            assert!(counts[0].rounds > 3 && counts[2].rounds == 1, "{name}: {counts:?}");
+            assert!(counts[2].loaded == counts[2].visible && counts[2].again == 0, "{name}: {counts:?}");
+        }
+    });
+}
+
+#[test]
+fn every_interpolation_and_gradient_reads_the_voxels_around_a_brick() {
+    with_renderer(|renderer| {
+        for interpolation in [Interpolation::Nearest, Interpolation::ExactLinear, Interpolation::Cubic] {
+            for gradients in [Gradients::Packed, Gradients::Central] {
+                // Nearest voxels have no segments.
+                let integrated: &[bool] =
+                    if interpolation == Interpolation::Nearest { &[false] } else { &[false, true] };
+                for &segments in integrated {
+                    let mut scene = large(scenes::named("diffuse_one"));
+                    if segments {
+                        scene = scenes::in_segments(scene);
+                        // Segments that reach beyond a macrocell by more than a voxel.
+                        scene.accuracy.step_length *= 5.0;
+                    }
+                    (scene.accuracy.interpolation, scene.accuracy.gradients) = (interpolation, gradients);
+                    let name = format!("{interpolation:?}, {gradients:?}, segments: {segments}");
+                    assert_same(&name, &Rungs::new(scene, SIZE), renderer, &[3, 1000]);
+                }
+            }
+        }
+    });
+}
+
+/// Central differences of nearest voxels and all marched macrocells, and rays that are cut into slices.
+#[test]
+fn slices_rays_of_a_pixel_and_unskipped_macrocells_change_no_bit() {
+    let Some(device) = open() else { return };
+    let renderer = Renderer::new(device);
+    let mut scene = large(scenes::named("specular_three"));
+    scene.accuracy.rays = 3;
+    scene.accuracy.termination = 1e-3;
+    let rungs = Rungs::new(scene.clone(), SIZE);
+    let cut =
+        renderer.clone().with_dispatching(Dispatching { samples: Some(20_000), slice: 50, ..Dispatching::default() });
+    assert_same("cut into slices", &rungs, &cut, &[4, 1000]);
+    scene.accuracy.rays = 1;
+    scene.accuracy.skipping = false;
+    let rungs = Rungs::new(scene, SIZE);
+    let counts = assert_same("not skipped", &rungs, &renderer, &[9, 1000]);
+    assert_eq!(counts[1].visible, 27, "all are marched");
+    let messages = renderer.device().validation_messages();
+    assert!(messages.is_empty(), "the validation layer says:\n{}", messages.join("\n"));
+}
+
+/// A wrong order would leave rays without their bricks, round after round.
+#[test]
+fn rays_of_all_directions_end_wherever_the_eye_is() {
+    with_renderer(|renderer| {
+        for parallel in [false, true] {
+            for octant in 0..8_u32 {
+                let signs: [f64; 3] = std::array::from_fn(|axis| if octant >> axis & 1 == 0 { 1.0 } else { -1.0 });
+                let mut scene = large(scenes::named(if parallel { "orthographic" } else { "inside" }));
+                let centre = DVec3::new(15.0, 13.0, 12.0);
+                let signs = DVec3::from_array(signs);
+                // Inside the volume, or outside.
+                let (position, target) = if parallel {
+                    (centre + DVec3::new(50.0, 40.0, 30.0) * signs, centre)
+                } else {
+                    (centre + DVec3::new(1.1, -0.8, 0.6) * signs, centre + DVec3::new(5.0, 4.0, 3.0) * signs)
+                };
+                scene.camera.aim = Aim::LookAt { position, target };
+                let name = format!("{signs:?}, parallel: {parallel}");
+                let counts = assert_same(&name, &Rungs::new(scene, SIZE), renderer, &[1, 9]);
+                assert!(counts[1].rounds <= 12, "{name}: a ray passes at most seven bricks: {counts:?}");
+                assert!(counts.iter().all(|counts| counts.again == 0), "{name}: {counts:?}");
+            }
+        }
+    });
+}
+
+/// The filter of the device gets other texture coordinates, and may round otherwise.
+#[test]
+#[expect(clippy::print_stdout, reason = "the measured differences")]
+fn the_filter_of_the_device_moves_colours_by_little() {
+    with_renderer(|renderer| {
+        for name in ["diffuse_one", "specular_three", "orthographic"] {
+            for gradients in [Gradients::Packed, Gradients::Central] {
+                let mut scene = large(scenes::named(name));
+                (scene.accuracy.interpolation, scene.accuracy.gradients) = (Interpolation::Linear, gradients);
+                let rungs = Rungs::new(scene, SIZE);
+                let matrices = rungs.xyz_matrices();
+                let whole = rungs.gpu(renderer).relight(&matrices);
+                let (film, _) = in_bricks(&rungs, renderer, 5);
+                let lab = |colour: DVec3| lab_from_xyz(Xyz(colour.to_array()), d65_white());
+                let bricked = film.relight(&matrices);
+                let mut found: Vec<f64> =
+                    whole.iter().zip(&bricked).map(|(one, other)| ciede2000(lab(*one), lab(*other))).collect();
+                found.sort_by(f64::total_cmp);
+                let (p95, worst) = (found[found.len() * 95 / 100], found[found.len() - 1]);
+                println!("{name}, {gradients:?}: ΔE00 p95 {p95:.6}, largest {worst:.6}");
+                assert!(p95 <= 0.02 && worst <= 0.2, "{name}, {gradients:?}: p95 {p95}, largest {worst}");
+            }
+        }
+    });
+}
+
+#[test]
+fn bricks_behind_an_opaque_skin_are_not_loaded() {
+    with_renderer(|renderer| {
+        let mut scene = scenes::named("orthographic");
+        scene.volume = Arc::new(scenes::slab([200, 190, 180], 40_000));
+        scene.accuracy.interpolation = Interpolation::ExactLinear;
+        scene.accuracy.termination = 1e-3;
+        for term in &mut scene.transfer.terms {
+            term.opacity = vec![(0.0, 1.0)];
+        }
+        let target = DVec3::new(100.0, 95.0, 90.0);
+        scene.camera.aim = Aim::LookAt { position: target - DVec3::new(300.0, 0.0, 0.0), target };
+        let rungs = Rungs::new(scene, SIZE);
+        let counts = assert_same("opaque", &rungs, renderer, &[5, 20]);
+        assert!(counts.iter().all(|counts| 2 * counts.loaded <= counts.visible), "{counts:?}");
+        assert!(counts.iter().all(|counts| counts.again == 0), "{counts:?}");
+    });
+}
+
+#[test]
+fn an_axis_longer_than_the_textures_of_the_device_is_rendered() {
+    with_renderer(|renderer| {
+        let dims = [2000, 12, 14];
+        let mut scene = scenes::named("diffuse_one");
+        scene.volume = Arc::new(scenes::sampled(dims, |p| {
+            60000.0 * (-(p.y * p.y + p.z * p.z)).exp() * (0.5 + 0.5 * (40.0 * p.x).sin())
+        }));
+        scene.accuracy.interpolation = Interpolation::ExactLinear;
+        let rungs = Rungs::new(scene, SIZE);
+        let whole = bits(&rungs.gpu(renderer));
+        let limited = renderer.clone().with_longest_axis(140);
+        let film = rungs.gpu_accumulators(&limited);
+        assert!(bits(&limited.read(&film).unwrap()) == whole, "{:?}", film.bricks);
+        let counts = film.bricks.unwrap();
+        assert!(counts.held == 8 && counts.visible == 32 && counts.again == 0, "{counts:?}");
+    });
+}
+
+/// The volume that no texture of 2048 texels holds, in two pools.
+#[test]
+fn twenty_thousand_slices_are_rendered_on_a_device_with_two_thousand_texels_an_axis() {
+    with_renderer(|renderer| {
+        let dims = [20_000, 64, 64];
+        let voxels = (0..dims.iter().product::<usize>()).map(|i| {
+            let (x, y) = (i % dims[0], i / dims[0] % dims[1]);
+            u8::try_from(x / 40 % 200 + y % 50).unwrap()
+        });
+        let geometry = Geometry::unit("long", dims).unwrap();
+        let mut scene = scenes::named("unshaded_one");
+        scene.volume = Arc::new(Volume::new("long", Voxels::U8(voxels.collect()), geometry).unwrap());
+        for term in &mut scene.transfer.terms {
+            term.opacity = vec![(0.0, 0.0), (255.0, 0.01)];
+        }
+        scene.accuracy.interpolation = Interpolation::ExactLinear;
+        let rungs = Rungs::new(scene, SIZE);
+        let [one, other] = [(2048, 60_000_000), (1000, 30_000_000)].map(|(longest, memory)| {
+            let limited = renderer.clone().with_longest_axis(longest).with_memory(memory);
+            let film = rungs.gpu_accumulators(&limited);
+            let counts = film.bricks.unwrap();
+            assert!(counts.visible == 313 && counts.again == 0, "{counts:?}");
+            assert!(counts.held >= usize::try_from(memory).unwrap() / 700_000, "{counts:?}");
+            limited.read(&film).unwrap()
+        });
+        assert!(bits(&one) == bits(&other), "the pool changes no bit");
+        assert!(one.transmittance.iter().any(|&passed| passed < 0.9), "the rays meet the volume");
+    });
+}
+
+#[test]
+fn what_needs_the_whole_volume_is_refused_by_name() {
+    with_renderer(|renderer| {
+        let mut scene = large(scenes::named("diffuse_one"));
+        scene.lights[0].shadows = true;
+        let renderer = renderer.clone().always_in_bricks();
+        let error = SceneRenderer::new(&renderer, scene.clone(), &Quiet).unwrap_err();
+        assert_eq!(error.to_string(), "the device holds the volume in bricks, and shadows need all of it at once");
+        // The same for a scene that gets shadows later.
+        let shadowed = Rungs::new(scene.clone(), SIZE);
+        scene.lights[0].shadows = false;
+        let on_device = SceneRenderer::new(&renderer, scene, &Quiet).unwrap();
+        let later = on_device.with_scene(shadowed.scene.clone(), shadowed.planned.clone(), &Quiet).unwrap();
+        assert_eq!(later.march(SIZE, &Quiet).unwrap_err().code(), "bricks-unsupported");
+    });
+}
+
+#[test]
+fn a_device_without_room_for_a_brick_says_how_much_one_needs() {
+    with_renderer(|renderer| {
+        let rungs = Rungs::new(large(scenes::named("unshaded_one")), SIZE);
+        let new =
+            |renderer: Renderer| SceneRenderer::new(&renderer, rungs.scene.clone(), &Quiet).unwrap_err().to_string();
+        let small = new(renderer.clone().with_memory(500_000));
+        assert!(small.contains("needs 67 texels along each axis and 602 kB"), "{small}");
+        let short = new(renderer.clone().with_longest_axis(64));
+        assert!(short.contains("at most [64, 64, 64]"), "{short}");
+        let enough = renderer.clone().with_memory(700_000);
+        assert!(SceneRenderer::new(&enough, rungs.scene.clone(), &Quiet).is_ok(), "one slot is enough");
+    });
+}
