@@ -72,7 +72,7 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no usable Vulkan device, 130 inte
 #[derive(Debug, Subcommand)]
 enum Command {
     /// March a scene and write pictures, its film or spectra.
-    Render(render::Args),
+    Render(Box<render::Args>),
     /// Open a scene or a volume in a window and change its lights.
     View(view::Args),
     /// Relight a saved film: no volume, no march, no GPU.
