@@ -239,14 +239,14 @@ fn what_is_no_scene_is_refused() {
         ],
     );
     folder.refused(1, &["render", "gone/scan.mhd"], &["there is no folder /", "gone"]);
-    let palette = "[lights.day]\nspectrum = \"D65\"\n[materials.a]\n[cells]\na = { day = \"#804020\" }\n";
+    let palette = "version = 1\n[lights.day]\nspectrum = \"D65\"\n[materials.a]\n[cells]\na = { day = \"#804020\" }\n";
     let folder = folder.with("palette.toml", palette);
     folder.refused(
         1,
         &["render", "palette.toml", "-o", "p.png"],
         &["this is a palette: relume design", "[palette] use"],
     );
-    folder.refused(1, &["design", "palette.toml", "--save-scene", "s.toml"], &["palette.toml is a palette; use -o"]);
+    folder.refused(2, &["design", "palette.toml", "--save-scene", "s.toml"], &["palette.toml is a palette; use -o"]);
     folder.refused(
         1,
         &["render", ".", "-o", "p.png"],
@@ -481,16 +481,17 @@ fn a_picture_over_the_devices_limit_is_refused_with_both_numbers() {
 }
 
 #[test]
-fn a_volume_over_the_devices_extent_is_refused_with_both_numbers() {
+fn a_volume_over_the_devices_extent_is_marched_in_bricks() {
     // No known device has 3D images of more than 16384 texels per side.
-    let folder = Folder::new().with("long.raw", vec![0; 20_000]);
-    let arguments = ["--volume", "long.raw", "--dims", "20000x1x1", "--type", "uint8"];
-    folder.refused(1, &render(&arguments), &["[20000, 1, 1]", "at most", "--downsample"]);
+    let folder = Folder::new().with("long.raw", vec![200; 20_000]);
+    let arguments = ["--volume", "long.raw", "--dims", "20000x1x1", "--type", "uint8", "--json"];
+    let bricks = folder.done(&render(&arguments)).json()["march"]["bricks"].clone();
+    assert_eq!(bricks["visible"], 313, "{bricks}");
 }
 
 #[test]
 #[expect(clippy::print_stderr, reason = "a test that did not run says so")]
-fn a_volume_over_the_devices_memory_is_refused_with_both_numbers() {
+fn a_volume_over_the_devices_memory_is_marched_in_bricks() {
     let device = Device::open(&DeviceChoice::Auto, Validation::Off).unwrap();
     let limits = device.limits();
     // Value and gradient take 8 bytes per voxel; the file is sparse.
@@ -504,9 +505,9 @@ fn a_volume_over_the_devices_memory_is_refused_with_both_numbers() {
     let file = std::fs::OpenOptions::new().write(true).open(folder.path("large.raw")).unwrap();
     file.set_len(side * side * slices).unwrap();
     let dims = format!("{side}x{side}x{slices}");
-    let arguments = ["--volume", "large.raw", "--dims", &dims, "--type", "uint8"];
-    let needed = format!("{} MB", slices * 8);
-    folder.refused(1, &render(&arguments), &["needs", &needed, "--downsample"]);
+    let arguments = ["--volume", "large.raw", "--dims", &dims, "--type", "uint8", "--json"];
+    let bricks = folder.done(&render(&arguments)).json()["march"]["bricks"].clone();
+    assert_eq!(bricks["visible"], 0, "the file holds zeros: {bricks}");
 }
 
 #[test]

@@ -87,7 +87,7 @@ fn render_tells_programs_what_it_did() {
     }
     assert_eq!(outcome.err, "", "nothing was odd");
     let text = folder.done(&["render", "scene.toml", "--size", SIZE, "-o", "p.png"]).out;
-    assert!(text.starts_with("wrote p.png\n"), "{text}");
+    assert!(text.starts_with("wrote p.png; lit by lamp × 0.5, day\n"), "{text}");
 }
 
 #[test]
