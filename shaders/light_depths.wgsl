@@ -56,3 +56,19 @@ fn depths_from(place: vec3f, texel: u32) -> vec4f {
     }
     return depths;
 }
+
+// Position number `open` of those without shadows.
+fn open_position(open: u32) -> u32 {
+    var position = open;
+    if (SHADOWED_AMBIENT) {
+        position += select(0u, 1u, position >= LAST_AMBIENT);
+    }
+    if (SHADOWED_HEADLIGHT) {
+        position += select(0u, 1u, position >= LAST_HEADLIGHT);
+    }
+    position += select(0u, SHADOWED, position >= FIRST_SHADOWED);
+    if (SHADOWED_POINTS > 0u) {
+        position += select(0u, SHADOWED_POINTS, position >= FIRST_SHADOWED_POINT);
+    }
+    return position;
+}

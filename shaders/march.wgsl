@@ -68,11 +68,11 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
     if (position < AMBIENT) {
         return unshaded(step);
     }
-    if (PHASES > 0u) {
-        return scattered_at(position, ray, place, step);
-    }
     if (THREE_POINT > 0u) {
         if (position >= AMBIENT + HEADLIGHT + DIRECTIONAL + POINT) {
+            if (PHASES > 0u) {
+                return scattered_from_three(position, ray, step, vec3f(1.0));
+            }
             return shade_three_point(position, ray, step);
         }
     }
@@ -86,6 +86,9 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
         if (position >= AMBIENT + HEADLIGHT + DIRECTIONAL) {
             light = unit(shading.lights[position].xyz - place * march.local_scale);
         }
+    }
+    if (PHASES > 0u) {
+        return scattered_from(light, ray, step, 1.0);
     }
     var facing = 0.0;
     if (ONE_SIDED) {

@@ -4,10 +4,6 @@
 fn read_phases() {
 }
 
-fn scattered_at(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANES> {
-    return unshaded(step);
-}
-
 fn scattered_from(light: vec3f, ray: Ray, step: Step, reached: f32) -> array<vec4f, LANES> {
     return unshaded(step);
 }

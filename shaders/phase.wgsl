@@ -52,24 +52,3 @@ fn scattered_from_three(position: u32, ray: Ray, step: Step, reached: vec3f) -> 
     }
     return source;
 }
-
-// Light of a step towards the eye for light from `position`, which is not ambient, without shadows.
-fn scattered_at(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANES> {
-    if (THREE_POINT > 0u) {
-        if (position >= AMBIENT + HEADLIGHT + DIRECTIONAL + POINT) {
-            return scattered_from_three(position, ray, step, vec3f(1.0));
-        }
-    }
-    var light = ray.view;
-    if (DIRECTIONAL > 0u) {
-        if (position >= AMBIENT + HEADLIGHT) {
-            light = shading.lights[position].xyz;
-        }
-    }
-    if (POINT > 0u) {
-        if (position >= AMBIENT + HEADLIGHT + DIRECTIONAL) {
-            light = unit(shading.lights[position].xyz - place * march.local_scale);
-        }
-    }
-    return scattered_from(light, ray, step, 1.0);
-}

@@ -86,7 +86,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         textureStore(accumulators, pixel, layer, sums[layer]);
     }
     store_transmittance(pixel, transmittance);
-    // What is skipped beyond the slice is empty, and the next slice skips it again.
+    // Samples skipped beyond the slice are empty, and the next slice skips them again.
     let next = min(n, end);
     next_samples[at] = select(next, FINISHED, dark || next >= ray.samples);
     if (missing != FINISHED) {

@@ -171,17 +171,7 @@ fn add_shadowed(
     }
     if (OPEN > 0u) {
         for (var open = 0u; open < OPEN; open += 1u) {
-            var position = open;
-            if (SHADOWED_AMBIENT) {
-                position += select(0u, 1u, position >= LAST_AMBIENT);
-            }
-            if (SHADOWED_HEADLIGHT) {
-                position += select(0u, 1u, position >= LAST_HEADLIGHT);
-            }
-            position += select(0u, SHADOWED, position >= FIRST_SHADOWED);
-            if (SHADOWED_POINTS > 0u) {
-                position += select(0u, SHADOWED_POINTS, position >= FIRST_SHADOWED_POINT);
-            }
+            let position = open_position(open);
             composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
         }
     }

@@ -99,6 +99,7 @@ fn shade_from(light: vec3f, ray: Ray, step: Step, reached: array<vec4f, LANES>) 
 fn shade_three_shadowed(ray: Ray, step: Step, place: vec3f) -> array<vec4f, LANES> {
     var source: array<vec4f, LANES>;
     var facing: array<vec4f, LANES>;
+    var shine: array<vec4f, LANES>;
     // THREE_POINT_PARTS of src/scene/lights.rs.
     var parts = vec3f(18.0, 2.0, 3.0) / 23.0;
     for (var i = 0u; i < 3u; i += 1u) {
@@ -108,6 +109,13 @@ fn shade_three_shadowed(ray: Ray, step: Step, place: vec3f) -> array<vec4f, LANE
             let shade = light.w * lit(dot(step.normal, light.xyz));
             for (var lane = 0u; lane < LANES; lane += 1u) {
                 facing[lane] = fma(reached[lane], vec4f(shade), facing[lane]);
+            }
+            if (SPECULAR) {
+                var factor = reached;
+                for (var lane = 0u; lane < LANES; lane += 1u) {
+                    factor[lane] *= light.w;
+                }
+                add_shine(light.xyz, ray, step, factor, &shine);
             }
         } else {
             let from_light = shade_from(light.xyz, ray, step, reached);
@@ -120,13 +128,8 @@ fn shade_three_shadowed(ray: Ray, step: Step, place: vec3f) -> array<vec4f, LANE
     if (SHADED) {
         source = reflect_by(step, facing);
         if (SPECULAR) {
-            for (var i = 0u; i < 3u; i += 1u) {
-                let light = shading.lights[THREE_VECTORS + i];
-                var factor = reached_by(place, SHADOWED + i);
-                for (var lane = 0u; lane < LANES; lane += 1u) {
-                    factor[lane] *= light.w;
-                }
-                add_shine(light.xyz, ray, step, factor, &source);
+            for (var lane = 0u; lane < LANES; lane += 1u) {
+                source[lane] += shine[lane];
             }
         }
     }
@@ -142,14 +145,7 @@ fn add_shadowed(
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) {
     for (var open = 0u; open < OPEN; open += 1u) {
-        var position = open;
-        if (SHADOWED_HEADLIGHT) {
-            position += select(0u, 1u, position >= LAST_HEADLIGHT);
-        }
-        position += select(0u, SHADOWED, position >= FIRST_SHADOWED);
-        if (SHADOWED_POINTS > 0u) {
-            position += select(0u, SHADOWED_POINTS, position >= FIRST_SHADOWED_POINT);
-        }
+        let position = open_position(open);
         composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
     }
     if (SHADOWED_HEADLIGHT) {

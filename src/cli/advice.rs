@@ -80,7 +80,7 @@ fn flags(error: &(dyn Error + 'static)) -> Option<String> {
     of_scene.or(of_volume).or(of_render).or(of_model)
 }
 
-/// What lies where there is no file `path`: its folder's scenes and volumes.
+/// Scenes and volumes of the folder of `path`, for the error that there is no such file.
 fn instead_of(path: &Path, error: &io::Error) -> Option<String> {
     const LISTED: usize = 5;
     if error.kind() != io::ErrorKind::NotFound {

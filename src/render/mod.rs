@@ -91,7 +91,7 @@ pub enum RenderError {
     /// The scene needs more of the volume on the device than its bricks.
     #[error("the device holds the volume in bricks, and {what} need all of it at once")]
     Bricked {
-        /// What needs all of it, in the plural.
+        /// The feature that needs all of it, in the plural.
         what: &'static str,
     },
     /// A sample reads more voxels around a brick than were uploaded with it.

@@ -15,7 +15,7 @@ const STAGING_BYTES: u64 = 8 << 20;
 /// Largest number of slots along an axis: ten bits of a page.
 const MOST_SLOTS: u64 = 1024;
 
-/// Where the voxels of a volume are during a march.
+/// Residence of the voxels of a volume during a march.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Residence {
     /// All on the device, in one texture.
@@ -113,7 +113,7 @@ impl PoolSize {
     ) -> Result<Self, RenderError> {
         let edge = u64::from(slot_edge(apron));
         let slot_bytes = edge.pow(3) * voxel_bytes;
-        let most = (budget / slot_bytes).min(grid.len() as u64);
+        let most = (budget / slot_bytes).min(grid.bricks() as u64);
         let along = limit.map(|limit| (u64::from(limit) / edge).min(MOST_SLOTS));
         let slots = slots_within(most, along);
         if slots.contains(&0) {
@@ -153,13 +153,13 @@ impl Pool {
         };
         let buffer = Buffer::host(device, "bricks", size_of::<BrickUniform>() as u64, HostUse::Uniform)?;
         buffer.write(0, bytemuck::bytes_of(&uniform))?;
-        let pages = Buffer::host(device, "pages", 4 * grid.len() as u64, HostUse::Storage)?;
-        pages.write(0, &vec![0; 4 * grid.len()])?;
+        let pages = Buffer::host(device, "pages", 4 * grid.bricks() as u64, HostUse::Storage)?;
+        pages.write(0, &vec![0; 4 * grid.bricks()])?;
         let slot_bytes = u64::from(slot_edge(size.apron)).pow(3) * voxel_bytes;
         let staged = STAGING_BYTES.max(slot_bytes + 32);
         let staging = Buffer::host(device, "staging", staged.next_multiple_of(16), HostUse::Upload)?;
         let slots = size.slots.iter().map(|&n| n as usize).product();
-        let held = Held { slot_of: vec![None; grid.len()], brick_in: vec![None; slots] };
+        let held = Held { slot_of: vec![None; grid.bricks()], brick_in: vec![None; slots] };
         Ok(Self {
             grid,
             apron: size.apron,

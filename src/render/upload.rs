@@ -58,7 +58,7 @@ impl Uploaded {
         }
     }
 
-    /// Where the volume is.
+    /// Residence of the volume.
     #[must_use]
     pub fn residence(&self) -> Residence {
         self.pool.as_ref().map_or(Residence::Whole, |pool| Residence::Bricked { apron: pool.apron })

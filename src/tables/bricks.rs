@@ -50,14 +50,8 @@ impl BrickGrid {
 
     /// Number of bricks.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub fn bricks(&self) -> usize {
         self.counts.iter().product()
-    }
-
-    /// Whether it has no bricks; never.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// Place of `brick` among the bricks along each axis.
@@ -70,7 +64,7 @@ impl BrickGrid {
     /// The bricks with an occupied macrocell, in the order of their numbers.
     #[must_use]
     pub fn occupied(&self, occupancy: &Occupancy) -> Vec<usize> {
-        let mut occupied = vec![false; self.len()];
+        let mut occupied = vec![false; self.bricks()];
         let [width, height, _] = occupancy.dims;
         let edge = BRICK as usize / CELL;
         for (i, &word) in occupancy.words.iter().enumerate() {
@@ -107,7 +101,7 @@ impl BrickGrid {
                 (true, false, false) => 0,
             }
         };
-        (0..self.len())
+        (0..self.bricks())
             .map(|brick| self.place(brick).into_iter().enumerate().map(|(axis, at)| along(axis, at)).sum())
             .collect()
     }

@@ -20,7 +20,7 @@ pub struct Dispatching {
     pub tables: TableMemory,
     /// Axes along which the upper face of the marched box belongs to the next block; a march sets them.
     pub open: [bool; 3],
-    /// Where the volume is; a march sets it.
+    /// Residence of the volume; a march sets it.
     pub residence: Residence,
 }
 

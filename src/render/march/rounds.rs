@@ -77,14 +77,14 @@ impl Rounds {
         all: bool,
         size: [usize; 2],
     ) -> Result<Self, RenderError> {
-        let bricks = pool.grid.len();
+        let bricks = pool.grid.bricks();
         let words = WANTED_BITS + bricks.div_ceil(32);
         let bytes = 4 * words as u64;
         let device = &renderer.device;
         let ranks = pool.grid.ranks(rays);
         let mut visible = if all { (0..bricks).collect() } else { pool.grid.occupied(occupancy) };
         visible.sort_by_key(|&brick| (ranks[brick], brick));
-        // Where all fit, nothing has to be asked for.
+        // If all fit, all are loaded at once.
         let fit = visible.len() <= pool.capacity();
         let mut kept = vec![false; bricks];
         for &brick in visible.iter().filter(|_| fit) {
