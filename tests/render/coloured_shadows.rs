@@ -130,6 +130,13 @@ fn of_every_kind() -> Vec<(&'static str, Scene)> {
     vec![
         ("one absorber", glass(occluded("none"), 1)),
         ("two absorbers by gradients", glass(occluded("gradient"), 2)),
+        (
+            "highlights of a three-point light",
+            changed(glass(beside_three_point("gradient", 1), 1), |scene| {
+                scene.lighting = Lighting::OneSided;
+                scene.materials[0].specular = 0.4;
+            }),
+        ),
         ("every light", every),
         ("every light, unshaded", unshaded),
         ("phase functions", phases),
