@@ -206,7 +206,13 @@ impl Pool {
         // Texels of the bricks by image, with their places.
         let mut copies: Vec<(&Image3d, [u32; 3], u64)> = Vec::new();
         let (mut filled, mut loaded) = (0_u64, Vec::new());
+        // Bytes of a brick, once one is packed: all have as many, and the first fits.
+        let mut needed = 0;
         for &brick in bricks {
+            if filled + needed > self.staging.bytes() {
+                break;
+            }
+            let Some(slot) = room.pop() else { break };
             let first = self
                 .grid
                 .place(brick)
@@ -216,11 +222,7 @@ impl Pool {
                 .labels
                 .map(|map| map.texels_of_box(self.source.geometry.dims, first, edge, self.smooth_labels));
             let all = [Some((textures.volume, texels)), textures.label_image.zip(of_labels)];
-            let needed: u64 = all.iter().flatten().map(|(_, texels)| (texels.len() as u64).next_multiple_of(16)).sum();
-            if filled + needed > self.staging.bytes() {
-                break;
-            }
-            let Some(slot) = room.pop() else { break };
+            needed = all.iter().flatten().map(|(_, texels)| (texels.len() as u64).next_multiple_of(16)).sum();
             if let Some(replaced) = held.brick_in[slot].take() {
                 held.slot_of[replaced] = None;
                 self.pages.write(4 * replaced as u64, &0_u32.to_ne_bytes())?;
