@@ -32,6 +32,36 @@ pub struct Entry {
     pub spectrum: Spectrum,
 }
 
+impl Entry {
+    /// Those of the materials of these `indices` under `mix`.
+    #[must_use]
+    pub fn of_materials(scene: &Scene, indices: &[usize], mix: &Mix) -> Vec<Self> {
+        let colours = material_colours(scene, mix);
+        let entry = |&index: &usize| {
+            let (material, &colour) = (scene.materials.get(index)?, colours.get(index)?);
+            Some(Self { name: material.name.clone(), colour, spectrum: material.reflectance.spectrum().clone() })
+        };
+        indices.iter().filter_map(entry).collect()
+    }
+
+    /// Those of the lights of `mix` that are on, in colours of equal brightness.
+    #[must_use]
+    pub fn of_lights(mix: &Mix, display: &Display) -> Vec<Self> {
+        let to_display = display_from_xyz(mix, display);
+        let entry = |light: &MixLight| {
+            let spectrum = light.spectrum.spectrum();
+            let colour = to_display * glam::DVec3::from(xyz_of(spectrum).0);
+            let brightest = colour.max_element().max(f64::MIN_POSITIVE);
+            Self {
+                name: light.name.clone(),
+                colour: LinearSrgb((colour / brightest).to_array()),
+                spectrum: spectrum.clone(),
+            }
+        };
+        mix.0.iter().filter(|light| light.weight > 0.0).map(entry).collect()
+    }
+}
+
 /// Content of an overlay.
 #[derive(Clone, Debug)]
 pub struct Overlay<'a> {
@@ -49,13 +79,8 @@ impl Overlay<'_> {
     /// The overlay, without a title, of a picture of `scene` by `planned` under `mix`.
     #[must_use]
     pub fn of_scene(scene: &Scene, planned: &Planned, mix: &Mix) -> Self {
-        let colours = material_colours(scene, mix);
-        let entry = |&index: &usize| {
-            let (material, &colour) = (scene.materials.get(index)?, colours.get(index)?);
-            Some(Entry { name: material.name.clone(), colour, spectrum: material.reflectance.spectrum().clone() })
-        };
-        let materials = planned.materials.iter().filter_map(entry).collect();
-        Self { materials, lights: lights(mix, &scene.display), title: None, bright: false }
+        let materials = Entry::of_materials(scene, &planned.materials, mix);
+        Self { materials, lights: Entry::of_lights(mix, &scene.display), title: None, bright: false }
     }
 
     /// The overlay, without a title, of a picture of surfaces of these names and reflectances, lit from all of so many
@@ -70,7 +95,7 @@ impl Overlay<'_> {
             spectrum: spectrum.clone(),
         };
         let materials = surfaces.iter().zip(colours).map(entry).collect();
-        Self { materials, lights: lights(mix, display), title: None, bright: false }
+        Self { materials, lights: Entry::of_lights(mix, display), title: None, bright: false }
     }
 
     /// The overlay of a picture of `size` (width, height) in pixels with this `frame`.
@@ -156,22 +181,6 @@ impl Overlay<'_> {
             write!(out, "<text x=\"{letter}\" y=\"{y}\">and {} more</text>", rows.len() - most).ok();
         }
     }
-}
-
-/// The lights of `mix` that are on, in colours of equal brightness.
-fn lights(mix: &Mix, display: &Display) -> Vec<Entry> {
-    let to_display = display_from_xyz(mix, display);
-    let entry = |light: &MixLight| {
-        let spectrum = light.spectrum.spectrum();
-        let colour = to_display * glam::DVec3::from(xyz_of(spectrum).0);
-        let brightest = colour.max_element().max(f64::MIN_POSITIVE);
-        Entry {
-            name: light.name.clone(),
-            colour: LinearSrgb((colour / brightest).to_array()),
-            spectrum: spectrum.clone(),
-        }
-    };
-    mix.0.iter().filter(|light| light.weight > 0.0).map(entry).collect()
 }
 
 /// Points of the curve of `spectrum` in a box with this bottom left corner and size, for SVG.

@@ -144,13 +144,15 @@ fn of_volume(error: &VolumeError) -> Option<String> {
         VolumeError::UnknownFormat { is_known: false, .. } => {
             Some("; for headerless voxels, give --dims and --type".to_owned())
         }
-        VolumeError::NoLayout { guess: Some(guess), .. } => {
-            let RawLayout { dims: [x, y, z], voxel_type, byte_order, header_bytes, .. } = &**guess;
-            let before = if *header_bytes > 0 { format!(" --header-bytes {header_bytes}") } else { String::new() };
-            let order = if *byte_order == ByteOrder::Big { " --big-endian" } else { "" };
-            Some(format!(": --dims {x}x{y}x{z} --type {voxel_type}{order}{before}"))
-        }
-        VolumeError::NoLayout { guess: None, .. } => Some("; --dims and --type give them".to_owned()),
+        VolumeError::NoLayout { guesses, .. } => Some(match guesses.first() {
+            Some(RawLayout { dims: [x, y, z], voxel_type, byte_order, header_bytes, .. }) => {
+                let before = if *header_bytes > 0 { format!(" --header-bytes {header_bytes}") } else { String::new() };
+                let order = if *byte_order == ByteOrder::Big { " --big-endian" } else { "" };
+                let which = if guesses.len() > 1 { "; the first is" } else { ":" };
+                format!("{which} --dims {x}x{y}x{z} --type {voxel_type}{order}{before}")
+            }
+            None => "; --dims and --type give them".to_owned(),
+        }),
         VolumeError::HasHeader { .. } => Some(": omit --dims and --type".to_owned()),
         VolumeError::AxesUnknown { .. } => Some(" with --axes".to_owned()),
         VolumeError::Lean { .. } | VolumeError::Uneven { .. } => Some("; --resample does it".to_owned()),
@@ -238,9 +240,8 @@ mod tests {
     #[test]
     fn the_guessed_layout_of_raw_voxels_can_be_typed() {
         let guess = RawLayout { header_bytes: 3, ..RawLayout::new([4, 2, 1], volume::VoxelType::U8) };
-        let guess = Some(Box::new(guess));
         let path = std::path::PathBuf::from("v.raw");
-        let error = VolumeError::NoLayout { sidecar: path.clone(), path, bytes: 11, guess };
+        let error = VolumeError::NoLayout { sidecar: path.clone(), path, bytes: 11, guesses: vec![guess] };
         let message = sentence(&error);
         assert!(message.ends_with(": --dims 4x2x1 --type uint8 --header-bytes 3"), "{message}");
     }

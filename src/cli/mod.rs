@@ -173,7 +173,7 @@ impl From<OpenError> for CliError {
         match error {
             OpenError::Scene(error) => Self::Scene(error),
             OpenError::Volume(error) => Self::Volume(error),
-            error => Self::Failed(error.to_string()),
+            error => Self::Usage(error.to_string()),
         }
     }
 }

@@ -180,7 +180,9 @@ const LOOK: &str = "Look of a volume without a scene";
 /// The picture of a volume without a scene.
 #[derive(Debug, Args)]
 pub(crate) struct LookArgs {
-    /// Kind of picture: tissue (glassy layers around the densest, solid one), bone, vessel, grey or fluorescence.
+    /// Kind of picture: tissue (glassy layers around the densest, solid one), bone, vessel, grey or fluorescence, or a
+    /// transfer preset of the window: soft-tissue, skin, lung, ct-bone, ct-vessels (CT), mr, mr-t1, mr-t2, micro-ct, haze,
+    /// densest or layers.
     #[arg(long, help_heading = LOOK, value_name = "NAME", value_parser = Look::named)]
     look: Option<Look>,
     /// Show a range of values of this width around --level in grey, from transparent to most opaque.
@@ -275,8 +277,8 @@ impl SceneArgs {
         if let Some(guess) = &file.guess {
             tracing::info!("{guess}");
             tracing::info!(
-                "To change it, use --look (tissue, bone, vessel, grey or fluorescence), use --window and --level, or edit the \
-                 scene that --save-scene FILE writes."
+                "To change it, use --look (tissue, bone, vessel, grey, fluorescence or a transfer preset: see --help), use \
+                 --window and --level, or edit the scene that --save-scene FILE writes."
             );
         }
         let scene = &file.scene;

@@ -11,6 +11,13 @@ use crate::volume::{Geometry, Volume};
 pub(super) const FILL: f64 = 0.9;
 /// Rounds of the fit, each of which corrects the centre, and of that of the box.
 const ROUNDS: usize = 16;
+/// Aspect ratios at which the box of a fit is compared with its points.
+const ASPECTS: [f64; 5] = [0.5, 0.75, 1.0, 1.33, 1.78];
+/// Steps of the logarithms of the sides of a box.
+const COARSEST: f64 = 0.25;
+const FINEST: f64 = 1e-3;
+/// Misfit of a box whose sides differ from those of the points by a factor of e.
+const SHAPE: f64 = 2e-3;
 /// Cosine of the elevation below which the upright axis is nearly the line of sight.
 const STEEP: f64 = 0.3;
 /// Most rows of voxels that are searched for visible ones.
@@ -139,18 +146,8 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], geometry: &Geometry) -> 
     let half = (high - low) / 2.0;
     let [size, near] = scales(camera.projection);
     let sides = [view.right, view.up];
-    // Distances at which the points reach as far in width and in height from `centre` as they may.
-    let needed = |centre: DVec3| {
-        sides.map(|side| {
-            let of_point = |point: &DVec3| {
-                let from_centre = *point - centre;
-                from_centre.dot(side).abs() / (size * FILL) - near * from_centre.dot(view.forward)
-            };
-            points.par_iter().map(of_point).reduce(|| 0.0, f64::max)
-        })
-    };
     let farthest = |centre: DVec3| {
-        let [width, height] = needed(centre);
+        let [width, height] = distance_for(points, centre, &view, [size * FILL; 2], near);
         width.max(height)
     };
     let mut centre = (low + high) / 2.0;
@@ -178,33 +175,63 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], geometry: &Geometry) -> 
         });
         centre += step[0] * view.right + step[1] * lift;
     }
-    let (needed, distance) = (needed(centre), farthest(centre));
-    let of_box = |half: DVec3| {
-        sides.map(|side| {
-            let with = |sign: f64| (half * (sign / (size * FILL) * side - near * view.forward).abs()).element_sum();
-            with(1.0).max(with(-1.0))
-        })
+    // The distance at which the points, or a box around the centre, fill a picture of this aspect ratio.
+    let of_points = |aspect: f64| distance_for(points, centre, &view, [size * aspect * FILL, size * FILL], near);
+    let of_box = |half: DVec3, aspect: f64| {
+        let corners: Vec<DVec3> = (0..8).map(|corner| centre + half * sign_of(corner)).collect();
+        distance_for(&corners, centre, &view, [size * aspect * FILL, size * FILL], near)
     };
-    // The box is stretched across and along its upright axis until both distances are those of the points.
-    let upright = view.up.abs().max_position();
-    let mut fitting = half;
-    for _ in 0..ROUNDS {
-        let [width, height] = of_box(fitting);
-        let mut by = DVec3::splat(needed[0] / width);
-        by[upright] = needed[1] / height;
-        if !by.is_finite() {
-            break;
+    let distance = farthest(centre);
+    let wanted = ASPECTS.map(|aspect| larger(of_points(aspect)));
+    // How far the distances for the box are from those for the points, a little more for a box of another shape.
+    let misfit = |box_half: DVec3| {
+        let of_aspect = |(&aspect, wanted): (&f64, &f64)| (larger(of_box(box_half, aspect)) / wanted).ln().abs();
+        let shape = (box_half / half).map(f64::ln).length_squared();
+        SHAPE.mul_add(shape, ASPECTS.iter().zip(&wanted).map(of_aspect).fold(0.0, f64::max))
+    };
+    // Steps to the best neighbour in a grid of ratios, which becomes finer where there is none.
+    let mut fitting = (half, misfit(half));
+    let mut step = COARSEST;
+    while step > FINEST {
+        let neighbour = |place: usize| {
+            let exponents = [place % 3, place / 3 % 3, place / 9].map(|it| count(it) - 1.0);
+            let one = fitting.0 * DVec3::from_array(exponents.map(|it| (step * it).exp()));
+            (one, misfit(one))
+        };
+        let best = (0..27).map(neighbour).min_by(|one, other| one.1.total_cmp(&other.1));
+        match best.filter(|best| best.1 < fitting.1) {
+            Some(best) => fitting = best,
+            None => step /= 2.0,
         }
-        fitting *= by;
     }
-    let [width, height] = of_box(fitting);
-    fitting *= distance / width.max(height);
+    let fitting = fitting.0 * (distance / larger(of_box(fitting.0, 1.0)));
     let fitting = if fitting.is_finite() && fitting.max_element() > 0.0 { fitting } else { half };
     Camera {
         projection: camera.projection,
         aim: Aim::Orbit { azimuth, elevation, fill: FILL, front, around: Some([centre - fitting, centre + fitting]) },
         up: camera.up,
     }
+}
+
+/// Signs of the coordinates of a corner, from 0 to 7.
+fn sign_of(corner: u32) -> DVec3 {
+    DVec3::from_array([0, 1, 2].map(|axis| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 }))
+}
+
+fn larger([one, other]: [f64; 2]) -> f64 {
+    one.max(other)
+}
+
+/// Distances from `centre` along the line of sight of `view` at which `points` reach `limits` of the width and the height at
+/// distance 1; nearer points reach farther by `near`.
+fn distance_for(points: &[DVec3], centre: DVec3, view: &View, limits: [f64; 2], near: f64) -> [f64; 2] {
+    let of_point = |point: &DVec3| {
+        let from_centre = *point - centre;
+        let depth = near * from_centre.dot(view.forward);
+        [from_centre.dot(view.right).abs() / limits[0] - depth, from_centre.dot(view.up).abs() / limits[1] - depth]
+    };
+    let farther = |one: [f64; 2], other: [f64; 2]| [one[0].max(other[0]), one[1].max(other[1])];
+    points.par_iter().map(of_point).reduce(|| [0.0; 2], farther)
 }
 
 /// Distance from `target`, or with parallel rays half the height of the picture, at which `points` reach at most the

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::file::{parse_around, volume_alone};
-use super::first_look::{first_look, labels_text, otsu};
+use super::first_look::{NoCt, first_look, labels_text, otsu};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded};
 use crate::input;
 use crate::number::count;
@@ -29,6 +29,9 @@ pub enum OpenError {
     /// An error of the volume.
     #[error(transparent)]
     Volume(#[from] VolumeError),
+    /// A look that these values do not have.
+    #[error(transparent)]
+    Look(#[from] NoCt),
 }
 
 /// Information that is missing to read a file.
@@ -67,6 +70,7 @@ impl OpenError {
         match self {
             Self::Scene(error) => error.code(),
             Self::Volume(error) => error.code(),
+            Self::Look(_) => "look",
         }
     }
 
@@ -74,8 +78,9 @@ impl OpenError {
     #[must_use]
     pub fn question(&self) -> Option<Question> {
         let (file, unknown) = match self {
-            Self::Volume(VolumeError::NoLayout { path, bytes, guess, .. }) => {
-                (path.clone(), Unknown::Layout { bytes: *bytes, guess: guess.clone() })
+            Self::Volume(VolumeError::NoLayout { path, bytes, guesses, .. }) => {
+                let guess = guesses.first().cloned().map(Box::new);
+                (path.clone(), Unknown::Layout { bytes: *bytes, guess })
             }
             // The scene may answer this, or the user.
             Self::Volume(VolumeError::Choose { source_name, there })
@@ -212,7 +217,7 @@ impl Source {
         let (mut volume, stored) = volume_alone(&whole_name, &options, progress).map_err(of_volume)?;
         let statistics = volume.statistics()?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let look = first_look(&name, &volume, &statistics, options.wish);
+        let look = first_look(&name, &volume, &statistics, options.wish)?;
         volume.geometry = stored;
         let mut text = look.text;
         if let Some(labels) = &options.labels {

@@ -69,6 +69,37 @@ impl TransferPreset {
         }
     }
 
+    /// Its name on the command line, one word.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Bone => "ct-bone",
+            Self::SoftTissue => "soft-tissue",
+            Self::SkinAndBone => "skin",
+            Self::Lung => "lung",
+            Self::Vessels => "ct-vessels",
+            Self::Mr => "mr",
+            Self::MrT1 => "mr-t1",
+            Self::MrT2 => "mr-t2",
+            Self::MicroCt => "micro-ct",
+            Self::Fluorescence => "haze",
+            Self::Densest => "densest",
+            Self::Layers => "layers",
+        }
+    }
+
+    /// Names of its layers, in ascending order of values, where they are tissues.
+    pub(super) const fn tissues(self) -> &'static [&'static str] {
+        match self {
+            Self::Bone => &["bone"],
+            Self::SoftTissue => &["flesh", "bone"],
+            Self::SkinAndBone => &["skin", "bone"],
+            Self::Lung => &["lung", "bone"],
+            Self::Vessels => &["vessel", "bone"],
+            _ => &[],
+        }
+    }
+
     /// Description in one sentence.
     #[must_use]
     pub fn help(self) -> &'static str {
@@ -99,10 +130,8 @@ impl TransferPreset {
     /// The description, with the offset of Hounsfield units if the values suggest one.
     #[must_use]
     pub fn help_for(self, statistics: &Statistics) -> String {
-        let speaks_of_them =
-            matches!(self, Self::Bone | Self::SoftTissue | Self::SkinAndBone | Self::Lung | Self::Vessels);
         match hounsfield(statistics) {
-            Some(zero) if speaks_of_them && zero != 0.0 => {
+            Some(zero) if self.is_of_ct() && zero != 0.0 => {
                 format!(
                     "{} If these values are from a CT, they have an offset of {zero}: {zero} is water.",
                     self.help()
@@ -112,17 +141,34 @@ impl TransferPreset {
         }
     }
 
+    /// Whether it is for CT alone.
+    #[must_use]
+    pub const fn is_of_ct(self) -> bool {
+        matches!(self, Self::Bone | Self::SoftTissue | Self::SkinAndBone | Self::Lung | Self::Vessels)
+    }
+
     /// Intervals for these values and materials; `None` for a CT preset if the values are not those of a CT.
     #[must_use]
     pub fn intervals(self, statistics: &Statistics, materials: &[Material]) -> Option<Vec<Interval>> {
-        let hounsfield = || hounsfield(statistics);
+        self.intervals_of(statistics, hounsfield(statistics), |words, part| of(materials, words, part))
+    }
+
+    /// [`Self::intervals`] where water has the value `water`, if these are values of a CT, with the materials that `of`
+    /// finds by words in their names, or else at a fraction of their list.
+    pub(super) fn intervals_of(
+        self,
+        statistics: &Statistics,
+        water: Option<f64>,
+        of: impl Fn(&[&str], f64) -> usize,
+    ) -> Option<Vec<Interval>> {
+        let hounsfield = || water;
         let quantile = |part: f64| quantile(statistics, part);
         let span = statistics.max - statistics.min;
         let ramp = span / 100.0;
         let layer = |material, range, ramp, opacity| Interval { material, range, ramp, opacity, absorption: 0.0 };
-        let skin = of(materials, &["skin", "faint", "flesh"], 0.0);
-        let soft = of(materials, &["muscle", "flesh", "tissue", "middle"], 0.5);
-        let bone = of(materials, &["bone", "skelet", "solid"], 1.0);
+        let skin = of(&["skin", "faint", "flesh"], 0.0);
+        let soft = of(&["muscle", "flesh", "tissue", "middle"], 0.5);
+        let bone = of(&["bone", "skelet", "solid"], 1.0);
         Some(match self {
             Self::Bone => {
                 let zero = hounsfield()?;
@@ -233,7 +279,7 @@ pub fn ct_windows(statistics: &Statistics) -> Vec<Window> {
 
 /// Value of 0 Hounsfield units (water) if the values are those of a CT. Air is at -1000; scanners that store no sign
 /// add 1024.
-fn hounsfield(statistics: &Statistics) -> Option<f64> {
+pub(super) fn hounsfield(statistics: &Statistics) -> Option<f64> {
     let Statistics { min, max, .. } = *statistics;
     match (min, max) {
         (-4096.0..=-500.0, 300.0..=40000.0) => Some(0.0),

@@ -108,13 +108,15 @@ pub enum Note {
     Scale,
     /// Anatomical letters at the edges.
     Letters,
-    /// Names and colours of the visible materials.
+    /// Names, colours and spectra of the visible materials and of the lights that are on.
     Legend,
+    /// Name of the scene or volume.
+    Title,
 }
 
 impl Note {
     /// All annotations.
-    pub const ALL: [Self; 3] = [Self::Scale, Self::Letters, Self::Legend];
+    pub const ALL: [Self; 4] = [Self::Scale, Self::Letters, Self::Legend, Self::Title];
 
     /// Name in the window; in scripts in lower case, its first word.
     #[must_use]
@@ -123,6 +125,7 @@ impl Note {
             Self::Scale => "Scale bar",
             Self::Letters => "Letters at the edges",
             Self::Legend => "Legend",
+            Self::Title => "Title",
         }
     }
 }
@@ -180,7 +183,7 @@ impl Default for Layout {
             ruler: Ruler::default(),
             help: false,
             lesson: None,
-            notes: [true, true, false],
+            notes: [true, true, false, false],
         }
     }
 }

@@ -381,7 +381,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             Command::Do(Action::Arrange(Arrange::Lesson(step.checked_sub(1))))
         }
         "note" => {
-            const USE: &str = "note NAME on, or note NAME off; NAME is scale, letters or legend";
+            const USE: &str = "note NAME on, or note NAME off; NAME is scale, letters, legend or title";
             let (name, rest) = rest.split_first().ok_or(USE)?;
             let named = |note: &Note| note.name().to_lowercase().split(' ').next() == Some(*name);
             let note = Note::ALL.into_iter().find(named).ok_or(USE)?;

@@ -54,7 +54,7 @@ pub enum VolumeError {
          header_bytes 0, spacing 1 1 1, origin 0 0 0, direction identity){}",
         path.display(),
         sidecar.display(),
-        perhaps(guess.as_deref())
+        perhaps(guesses)
     )]
     NoLayout {
         /// The file of voxels.
@@ -63,8 +63,8 @@ pub enum VolumeError {
         sidecar: PathBuf,
         /// Size of the file in bytes.
         bytes: u64,
-        /// Layout guessed from the name and size of the file.
-        guess: Option<Box<RawLayout>>,
+        /// Layouts guessed from the name, the size and the values of the file, the likeliest first.
+        guesses: Vec<RawLayout>,
     },
     /// A layout is given for a file with a header.
     #[error("{}: the file has a header; dims and type apply only to headerless files", path.display())]
@@ -433,11 +433,16 @@ fn sound(decoded: u64) -> String {
     }
 }
 
-/// Describes the guessed layout.
-fn perhaps(guess: Option<&RawLayout>) -> String {
-    guess.map_or_else(String::new, |RawLayout { dims: [x, y, z], voxel_type, byte_order, header_bytes, .. }| {
+/// Describes the guessed layouts.
+fn perhaps(guesses: &[RawLayout]) -> String {
+    let words = |RawLayout { dims: [x, y, z], voxel_type, byte_order, header_bytes, .. }: &RawLayout| {
         let before = if *header_bytes > 0 { format!(", after {header_bytes} bytes") } else { String::new() };
         let order = if *byte_order == ByteOrder::Big { ", big-endian" } else { "" };
-        format!("; its name, size and values suggest dims {x}×{y}×{z} and type {voxel_type}{order}{before}")
-    })
+        format!("dims {x}×{y}×{z} and type {voxel_type}{order}{before}")
+    };
+    let words: Vec<String> = guesses.iter().map(words).collect();
+    if words.is_empty() {
+        return String::new();
+    }
+    format!("; its name, size and values suggest {}", words.join(", or "))
 }

@@ -12,6 +12,8 @@ const SIDES: std::ops::RangeInclusive<usize> = 8..=4096;
 const OBLONG: usize = 4;
 /// Most divisors of the number of voxels that are considered; highly composite numbers have hundreds.
 const MOST_DIVISORS: usize = 96;
+/// Most suggestions.
+pub(super) const GUESSES: usize = 3;
 /// Suggested dimensions have differences below this fraction of those of the stated dimensions.
 const CLEARLY: f64 = 0.7;
 
@@ -48,23 +50,23 @@ impl<F: Fn(usize) -> f64> Differences<F> {
 pub(super) fn better(value: impl Fn(usize) -> f64, voxels: usize, stated: [usize; 3]) -> Option<[usize; 3]> {
     let mut differences = Differences { value, voxels, known: BTreeMap::new() };
     let own = differences.of(stated);
-    let (best, least) = likeliest(&mut differences, voxels)?;
+    let &(best, least) = likeliest(&mut differences, voxels).first()?;
     (best != stated && least < CLEARLY * own).then_some(best)
 }
 
-/// Dimensions of `voxels` voxels with the smallest differences, and the ratio of these to the differences of voxels
-/// that are far apart; 0 is a constant. Only `known` voxels from the beginning have values.
-pub(super) fn guessed(value: impl Fn(usize) -> f64, known: usize, voxels: usize) -> Option<([usize; 3], f64)> {
+/// Dimensions of `voxels` voxels with the smallest differences, the best first, and the ratios of these to the differences
+/// of voxels that are far apart; none for a constant. Only `known` voxels from the beginning have values.
+pub(super) fn guessed(value: impl Fn(usize) -> f64, known: usize, voxels: usize) -> Vec<([usize; 3], f64)> {
     let mut differences = Differences { value, voxels: known, known: BTreeMap::new() };
     let far = differences.at(known / 2 + 1).max(differences.at(known / 3 + 1));
-    let (best, least) = likeliest(&mut differences, voxels)?;
-    (far > 0.0 && least > 0.0).then_some((best, least / far))
+    let found = likeliest(&mut differences, voxels).into_iter().filter(|(_, least)| far > 0.0 && *least > 0.0);
+    found.map(|(dims, least)| (dims, least / far)).collect()
 }
 
-/// The dimensions with the smallest differences, and these differences.
-fn likeliest<F: Fn(usize) -> f64>(differences: &mut Differences<F>, voxels: usize) -> Option<([usize; 3], f64)> {
+/// At most [`GUESSES`] dimensions with the smallest differences, and these differences.
+fn likeliest<F: Fn(usize) -> f64>(differences: &mut Differences<F>, voxels: usize) -> Vec<([usize; 3], f64)> {
     let divisors: Vec<usize> = SIDES.filter(|side| voxels.is_multiple_of(*side)).take(MOST_DIVISORS).collect();
-    let mut best: Option<([usize; 3], f64)> = None;
+    let mut best: Vec<([usize; 3], f64)> = Vec::new();
     for &nx in &divisors {
         let oblong = |ny: &usize| nx.max(*ny) <= OBLONG * nx.min(*ny) && voxels.is_multiple_of(nx * ny);
         for &ny in divisors.iter().filter(|ny| oblong(ny)) {
@@ -73,8 +75,10 @@ fn likeliest<F: Fn(usize) -> f64>(differences: &mut Differences<F>, voxels: usiz
                 continue;
             }
             let difference = differences.of(dims);
-            if best.is_none_or(|(_, least)| difference < least) {
-                best = Some((dims, difference));
+            let rank = best.partition_point(|&(_, least)| least <= difference);
+            if rank < GUESSES {
+                best.insert(rank, (dims, difference));
+                best.truncate(GUESSES);
             }
         }
     }

@@ -17,6 +17,7 @@ mod hint;
 mod layout;
 mod lengths;
 mod metaimage;
+mod modality;
 mod mrc;
 mod nifti;
 mod nrrd;
@@ -51,6 +52,7 @@ pub(crate) use open::{has_header, is_volume, refusal};
 pub use phantom::Phantom;
 
 pub use layout::{ByteOrder, RawLayout};
+pub use modality::Modality;
 pub use presets::{LabelPreset, Presets, Window};
 pub use preview::Preview;
 pub use select::Selection;

@@ -143,10 +143,11 @@ pub(super) fn read_beside_sidecar(
         let by_name = RawLayout::guessed(&name.to_string_lossy(), bytes);
         // A cube may be a guess by the size alone.
         let is_named = by_name.as_ref().is_some_and(|RawLayout { dims: [x, y, z], .. }| x != y || y != z);
-        let by_content = || guessed_by_content(path, bytes);
-        let guess = if is_named { by_name } else { by_content().or(by_name) };
-        let guess = guess.map(Box::new);
-        return Err(VolumeError::NoLayout { path: path.to_owned(), sidecar, bytes, guess });
+        let mut guesses = if is_named { Vec::new() } else { guessed_by_content(path, bytes) };
+        if guesses.is_empty() {
+            guesses.extend(by_name);
+        }
+        return Err(VolumeError::NoLayout { path: path.to_owned(), sidecar, bytes, guesses });
     };
     let mut layout = RawLayout::from_sidecar(sidecar)?;
     if let Some(other) = layout.file.as_ref().filter(|&file| *file != name) {
@@ -166,10 +167,12 @@ const EXAMINED: u64 = 1 << 26;
 /// Neighbouring rows and slices of a guess differ less than this fraction of voxels that are far apart.
 const ALIKE: f64 = 0.5;
 
-/// Guesses the layout of the file `path` by the likeness of its neighbouring rows and slices.
-fn guessed_by_content(path: &Path, bytes: u64) -> Option<RawLayout> {
+/// Guesses at the layout of the file `path` by the likeness of its neighbouring rows and slices, the best first.
+fn guessed_by_content(path: &Path, bytes: u64) -> Vec<RawLayout> {
     let mut beginning = Vec::new();
-    stream::open(path).ok()?.take(EXAMINED).read_to_end(&mut beginning).ok()?;
+    if stream::open(path).ok().and_then(|file| file.take(EXAMINED).read_to_end(&mut beginning).ok()).is_none() {
+        return Vec::new();
+    }
     let little = |at: usize| Some(u16::from_le_bytes(*beginning.get(2 * at..)?.first_chunk()?));
     let big = |at: usize| Some(u16::from_be_bytes(*beginning.get(2 * at..)?.first_chunk()?));
     let float = |at: usize| Some(f32::from_le_bytes(*beginning.get(4 * at..)?.first_chunk()?));
@@ -181,13 +184,15 @@ fn guessed_by_content(path: &Path, bytes: u64) -> Option<RawLayout> {
         (VoxelType::F32, ByteOrder::Little, Box::new(|at| float(at).map_or(f64::NAN, f64::from))),
     ];
     let of_type = |(voxel_type, byte_order, value): (VoxelType, ByteOrder, Read<'_>)| {
-        let voxels = usize::try_from(bytes).ok()?;
-        let voxels = Some(voxels).filter(|it| it.is_multiple_of(voxel_type.bytes()))? / voxel_type.bytes();
-        let (dims, ratio) = hint::guessed(value, beginning.len() / voxel_type.bytes(), voxels)?;
-        Some((RawLayout { byte_order, ..RawLayout::new(dims, voxel_type) }, ratio)).filter(|(_, ratio)| *ratio < ALIKE)
+        let voxels = usize::try_from(bytes).unwrap_or_default();
+        let voxels = if voxels.is_multiple_of(voxel_type.bytes()) { voxels / voxel_type.bytes() } else { 0 };
+        let layout = move |(dims, ratio)| (RawLayout { byte_order, ..RawLayout::new(dims, voxel_type) }, ratio);
+        hint::guessed(value, beginning.len() / voxel_type.bytes(), voxels).into_iter().map(layout)
     };
-    let guesses = readings.into_iter().filter_map(of_type);
-    guesses.min_by(|one, two| one.1.total_cmp(&two.1)).map(|(layout, _)| layout)
+    let mut guesses: Vec<(RawLayout, f64)> =
+        readings.into_iter().flat_map(of_type).filter(|(_, ratio)| *ratio < ALIKE).collect();
+    guesses.sort_by(|one, two| one.1.total_cmp(&two.1));
+    guesses.into_iter().take(hint::GUESSES).map(|(layout, _)| layout).collect()
 }
 
 /// Reads the volume that `layout`, from the sidecar `path`, describes.

@@ -84,10 +84,33 @@ fn the_legend_names_the_visible_materials() {
         });
         inside.collect::<Vec<_>>()
     };
-    assert!(names(&window).contains(&"flesh".to_owned()), "{:?}", names(&window));
+    for name in ["flesh", "day", "lamp"] {
+        assert!(names(&window).contains(&name.to_owned()), "no {name}: {:?}", names(&window));
+    }
+    let curves = |window: &Harness<'_, App>| {
+        let shapes = &window.output().shapes;
+        let is_curve = |shape: &egui::Shape| matches!(shape, egui::Shape::Path(path) if path.points.len() == 81 && legend.contains(path.points[0]));
+        shapes.iter().filter(|clipped| is_curve(&clipped.shape)).count()
+    };
+    assert_eq!(curves(&window), names(&window).len(), "each has its spectrum");
+    window.state_mut().document.as_mut().unwrap().edit(&Edit::On(1, false));
+    window.run();
+    assert!(!names(&window).contains(&"lamp".to_owned()), "it is off: {:?}", names(&window));
     window.key_press(Key::L);
     window.run();
     assert!(window.query_by_label("legend").is_none());
+}
+
+#[test]
+fn the_title_over_the_picture_is_the_name_of_the_file() {
+    let mut window = opened();
+    let is_shown = |window: &Harness<'_, App>| {
+        let text = |clipped: &egui::epaint::ClippedShape| matches!(&clipped.shape, egui::Shape::Text(text) if text.galley.text() == "body.nrrd");
+        window.output().shapes.iter().any(text)
+    };
+    assert!(!is_shown(&window));
+    arrange(&mut window, Arrange::Note(Note::Title, true));
+    assert!(is_shown(&window));
 }
 
 #[test]
@@ -190,7 +213,9 @@ fn scripts_set_annotations_line_and_help() {
         assert_eq!(of(line).unwrap(), Command::Do(Action::Arrange(change)), "{line}");
     }
     assert_eq!(of("ruler at 0.25 0.5").unwrap(), Command::Ruler(DVec2::new(0.25, 0.5)));
-    for (line, told) in [("note x on", "scale, letters or legend"), ("ruler", "at X Y"), ("ruler at 1", "2 numbers")] {
+    for (line, told) in
+        [("note x on", "scale, letters, legend or title"), ("ruler", "at X Y"), ("ruler at 1", "2 numbers")]
+    {
         let error = of(line).unwrap_err().to_string();
         assert!(error.contains(told), "{line}: {error}");
     }

@@ -94,6 +94,7 @@ impl App {
         let mut asked = Vec::new();
         let shown = Shown {
             document: app.document.as_ref(),
+            title: "body.nrrd — Relume",
             status: &Status::default(),
             loading: None,
             notices: &app.notices,

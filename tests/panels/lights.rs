@@ -29,6 +29,20 @@ fn a_switch_and_solo_of_the_light_panel_decide_which_lights_shine() {
 }
 
 #[test]
+fn names_of_designed_lights_are_readable_in_a_small_window() {
+    let mut scene = document().opened().clone();
+    let name = "for_large_labels";
+    name.clone_into(&mut scene.scene.lights[1].name);
+    let mut window = App::open(Vec2::new(1280.0, 720.0), Some(Document::new(scene)));
+    window.run();
+    let shown = window.output().shapes.iter().filter_map(|clipped| match &clipped.shape {
+        egui::Shape::Text(text) if text.galley.text() == name => Some(text.galley.elided),
+        _ => None,
+    });
+    assert_eq!(shown.collect::<std::collections::BTreeSet<bool>>(), [false].into(), "all names are whole");
+}
+
+#[test]
 fn all_lights_off_is_a_notice_that_turns_them_on_again() {
     let mut document = document();
     for light in 0..2 {

@@ -103,7 +103,8 @@ fn wrong_dimensions_of_the_right_size_are_doubted_and_unknown_ones_are_guessed()
     let wrong = folder.done(&[&["info", "body.raw", "--dims", "56x40x36"][..], &layout].concat());
     assert!(wrong.err.contains("dims 40×56×36"), "{}", wrong.err);
     assert_eq!(folder.done(&[&["info", "body.raw", "--dims", "40x56x36"][..], &layout].concat()).err, "");
-    folder.refused(1, &["info", "body.raw"], &["--dims 40x56x36 --type uint16 --big-endian"]);
+    let words = ["suggest dims 40×56×36", ", or dims", "--dims 40x56x36 --type uint16 --big-endian"];
+    folder.refused(1, &["info", "body.raw"], &words);
 }
 
 /// An NRRD file of bytes.
@@ -186,7 +187,11 @@ fn the_scene_of_a_volume_is_saved_with_comments_and_renders_the_same() {
     folder.done(&[&["render", "ball.nrrd", "--size", "40x40", "-o", "a.png"][..], &window].concat());
     folder.refused(2, &["render", "ball.nrrd", "--window", "100"], &["--level"]);
     folder.refused(2, &[&RENDER[..], &window].concat(), &["--look, --window and --level are for a volume"]);
-    folder.refused(2, &["render", "ball.nrrd", "--look", "skin"], &["tissue, bone, vessel, grey, fluorescence"]);
+    folder.refused(
+        2,
+        &["render", "ball.nrrd", "--look", "teeth"],
+        &["tissue, bone, vessel, grey, fluorescence, ct-bone"],
+    );
 }
 
 #[test]
@@ -258,6 +263,22 @@ fn the_camera_fits_what_is_visible_and_not_the_box_of_the_volume() {
     assert!(spans.iter().all(|[_, middle]| (middle - 0.5).abs() <= 0.02), "{spans:?}");
 }
 
+/// A shallow slab is seen from above, and fits pictures of other shapes less closely than a square one.
+#[test]
+fn the_camera_fits_wide_and_high_pictures() {
+    let slab = nrrd([48, 40, 24], "", |[x, y, z]| {
+        let inside = (4..44).contains(&x) && (6..34).contains(&y) && (8..14).contains(&z);
+        u8::from(inside) * 150 + u8::try_from((x + 2 * y + 3 * z).rem_euclid(7)).unwrap()
+    });
+    let folder = Folder::new().with("slab.nrrd", slab);
+    for size in ["256x256", "320x240", "320x180", "240x320", "180x320"] {
+        folder.done(&["render", "slab.nrrd", "--size", size, "-o", "p.png"]);
+        let spans = spans(&folder.path("p.png"));
+        let larger = spans[0][0].max(spans[1][0]);
+        assert!((larger - 0.9).abs() <= 0.04, "{size}: {spans:?}");
+    }
+}
+
 #[test]
 fn a_patient_stands_upright_and_a_stack_has_z_up() {
     // A tall body with a small bright head at the upper end of z, which the file may call inferior.
@@ -326,10 +347,81 @@ fn labels_have_colours_that_can_be_told_apart() {
     assert!(outcome.err.contains("a segmentation with 3 labels"), "{}", outcome.err);
     let text = std::fs::read_to_string(folder.path("s.toml")).unwrap();
     assert!(
-        ["label_1", "label_5", "label_9"].iter().all(|name| text.contains(&format!("[materials.{name}]"))),
+        ["label_1", "label_5", "label_9"].iter().all(|name| text.contains(&format!("[materials.{name}."))),
         "{text}"
     );
     assert!(text.contains("interpolation = \"nearest\""), "{text}");
+    // Each light shows its own label alone, and daylight shows all.
+    let lit = |light: &str| -> Vec<usize> {
+        let size = ["render", "s.toml", "--size", "64x64", "-o", "q.png", "--light", light];
+        folder.done(&[&size[..], &["-D", "accuracy.rays=1"]].concat());
+        let (_, pixels) = png(&folder.path("q.png"));
+        let bright = pixels.chunks_exact(3).enumerate().filter(|(_, it)| it.iter().any(|&code| code > 8));
+        bright.map(|(at, _)| at % 64).collect()
+    };
+    let [one, five, nine] = ["for_label_1", "for_label_5", "for_label_9"].map(lit);
+    let day = lit("day");
+    assert!([&one, &five, &nine].iter().all(|it| it.len() > 100), "{} {} {}", one.len(), five.len(), nine.len());
+    // They lie from left to right.
+    let ends = |columns: &[usize]| [*columns.iter().min().unwrap(), *columns.iter().max().unwrap()];
+    let [one, five, nine, day] = [one, five, nine, day].map(|columns| ends(&columns));
+    assert!(
+        one[1] < five[1] && five[1] < nine[1] && one[0] < five[0] && five[0] < nine[0],
+        "{one:?} {five:?} {nine:?}"
+    );
+    assert_eq!(day, [one[0], nine[1]], "all of them");
+}
+
+/// A MetaImage with the values of a CT, a body with a bone in air, whose header has the line `more`.
+fn ct(more: &str) -> Vec<u8> {
+    let stored = |index: i32| {
+        let [x, y, z] = [index % 24 - 12, index / 24 % 24 - 12, index / 576 - 12];
+        match x * x + y * y + z * z {
+            0..9 => 1200_i16,
+            9..81 => 20 + i16::try_from(index % 7).unwrap(),
+            _ => -1000,
+        }
+    };
+    let header = format!(
+        "ObjectType = Image\nNDims = 3\nDimSize = 24 24 24\nElementType = MET_SHORT\n{more}ElementDataFile = LOCAL\n"
+    );
+    header.into_bytes().into_iter().chain((0..24 * 24 * 24).flat_map(|index| stored(index).to_le_bytes())).collect()
+}
+
+#[test]
+fn the_modality_of_a_file_decides_whether_it_is_a_ct() {
+    for (modality, words) in [
+        ("", "a CT in Hounsfield units"),
+        ("Modality = MET_MOD_CT\n", "a CT in Hounsfield units"),
+        ("Modality = MET_MOD_MR\n", "an MR scan, whose values have no known unit"),
+    ] {
+        let folder = Folder::new().with("v.mha", ct(modality));
+        let err = folder.done(&["render", "v.mha", "--size", "8x8", "-o", "p.png"]).err;
+        assert!(err.contains(words), "{modality}: {err}");
+    }
+}
+
+#[test]
+fn a_look_may_be_a_transfer_preset_of_the_window() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    let words = ["the look lung is for CT", "0 to 220", "mr-t1"];
+    folder.refused(2, &["render", "ball.nrrd", "--look", "lung", "-o", "p.png"], &words);
+    let mut seen = std::collections::BTreeSet::new();
+    for (look, name) in
+        [("mr", "MR"), ("mr-t1", "MR: T1"), ("mr-t2", "MR: T2"), ("micro-ct", "micro-CT"), ("haze", "fluorescence")]
+    {
+        let arguments =
+            ["render", "ball.nrrd", "--size", "24x24", "--look", look, "-o", "p.png", "--save-scene", "s.toml"];
+        folder.done(&arguments);
+        let text = std::fs::read_to_string(folder.path("s.toml")).unwrap();
+        assert!(text.contains(&format!("the transfer preset {name:?}")), "{look}: {text}");
+        seen.insert(std::fs::read(folder.path("p.png")).unwrap());
+    }
+    assert!(seen.len() >= 4, "they differ");
+    let folder = Folder::new().with("ct.mha", ct(""));
+    for look in ["lung", "skin", "soft-tissue", "ct-bone", "ct-vessels"] {
+        folder.done(&["render", "ct.mha", "--size", "8x8", "--look", look, "-o", "p.png"]);
+    }
 }
 
 /// Voxels along each side of a head.
@@ -426,7 +518,7 @@ fn names_of_segments_are_those_of_the_materials() {
     let outcome = folder.done(&["render", "seg.dcm", "--size", "32x32", "-o", "p.png", "--save-scene", "s.toml"]);
     assert!(outcome.err.contains("liver from 0.5 to 1.5, spleen from 1.5 to 2.5"), "{}", outcome.err);
     let text = std::fs::read_to_string(folder.path("s.toml")).unwrap();
-    for words in ["[materials.liver]", "[materials.spleen]", "material = \"spleen\""] {
+    for words in ["[materials.liver.", "[materials.spleen.", "[lights.for_spleen]", "material = \"spleen\""] {
         assert!(text.contains(words), "no {words} in {text}");
     }
     // The saved scene is read like any other.
@@ -846,7 +938,7 @@ fn windows_choose_what_is_seen() {
     let voxels = bytes[bytes.len() - 40 * 40 * 40..].iter().flat_map(|&it| (i16::from(it) * 100 - 1000).to_le_bytes());
     let header = "NRRD0004\ntype: int16\ndimension: 3\nsizes: 40 40 40\nencoding: raw\nendian: little\n\n";
     let folder = Folder::new().with("ct.nrrd", header.bytes().chain(voxels).collect::<Vec<u8>>());
-    // Half the extent of the visible voxels along x, and the opacity of the fat beside the bone.
+    // Size of the box around the visible voxels, and the opacity of the fat beside the bone.
     let shown = |window: &str, level: &str| {
         let arguments = ["render", "ct.nrrd", "--size", "64x64", "--window", window, "--level", level];
         folder.done(&[&arguments[..], &["-o", "p.exr", "--save-scene", "s.toml"]].concat());
@@ -857,9 +949,11 @@ fn windows_choose_what_is_seen() {
         let rgba = support::exr::Exr::read(&folder.path("q.exr")).rgba();
         let scene: toml::Table = text.parse().unwrap();
         let around = scene["camera"]["around"].as_array().unwrap();
-        let x = |corner: usize| around[corner][0].as_float().unwrap();
+        let corner = |index: usize| [0, 1, 2].map(|axis| around[index][axis].as_float().unwrap());
+        let [low, high] = [0, 1].map(corner);
+        let diagonal = [0, 1, 2].map(|axis| (high[axis] - low[axis]).powi(2)).iter().sum::<f64>().sqrt();
         let alpha = rgba[3 * 64 * 64 + 32 * 64 + 32 + 14];
-        ((x(1) - x(0)) / 2.0, f64::from(alpha))
+        (diagonal, f64::from(alpha))
     };
     let (bone, fat_of_bone) = shown("1800", "400");
     let (body, fat_of_body) = shown("400", "-100");

@@ -66,7 +66,7 @@ pub(super) fn run(
             let statistics = volume.statistics()?;
             ended(&mut clock);
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            std::hint::black_box(scene_text(&name, &volume, &statistics, Wish::default()));
+            std::hint::black_box(scene_text(&name, &volume, &statistics, Wish::default()).ok());
             ended(&mut clock);
         }
         let (file, statistics) = source.read(progress)?;

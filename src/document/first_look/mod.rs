@@ -1,5 +1,6 @@
 //! The first look at a volume without a scene: a scene made from its values.
 
+mod groups;
 mod part;
 mod sample;
 mod values;
@@ -17,8 +18,9 @@ pub use values::{Kind, Peak, Values};
 use self::sample::Thinned;
 use super::fit;
 use super::moves::Side;
+use super::transfer_presets::TransferPreset;
 use crate::number::{brief, count, nearest, rounded, whole};
-use crate::scene::{Aim, Camera, Projection};
+use crate::scene::{Aim, Camera, Interval, Projection};
 use crate::volume::{Geometry, LabelPreset, Presets, Statistics, Volume, Window};
 use crate::written::refused_name;
 
@@ -42,11 +44,19 @@ pub enum Look {
     Grey,
     /// One shining material that hides nothing.
     Fluorescence,
+    /// A transfer preset of the window, with its opacities.
+    Preset(TransferPreset),
 }
 
 impl Look {
+    /// Looks that are no transfer presets.
+    const OWN: [Self; 5] = [Self::Tissue, Self::Bone, Self::Vessel, Self::Grey, Self::Fluorescence];
+
     /// All looks.
-    pub const ALL: [Self; 5] = [Self::Tissue, Self::Bone, Self::Vessel, Self::Grey, Self::Fluorescence];
+    #[must_use]
+    pub fn all() -> Vec<Self> {
+        Self::OWN.into_iter().chain(TransferPreset::ALL.map(Self::Preset)).collect()
+    }
 
     /// Its name.
     #[must_use]
@@ -57,6 +67,7 @@ impl Look {
             Self::Vessel => "vessel",
             Self::Grey => "grey",
             Self::Fluorescence => "fluorescence",
+            Self::Preset(preset) => preset.word(),
         }
     }
 
@@ -66,8 +77,15 @@ impl Look {
     ///
     /// The names of all looks, and the most similar one.
     pub fn named(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|look| look.name() == name);
-        found.ok_or_else(|| refused_name(name, "the looks", &Self::ALL.map(Self::name)))
+        let all = Self::all();
+        let found = all.iter().copied().find(|look| look.name() == name);
+        let names: Vec<&str> = all.into_iter().map(Self::name).collect();
+        found.ok_or_else(|| refused_name(name, "the looks", &names))
+    }
+
+    /// Whether it is for CT alone.
+    fn is_of_ct(self) -> bool {
+        matches!(self, Self::Preset(preset) if preset.is_of_ct())
     }
 }
 
@@ -108,6 +126,16 @@ struct Layer {
     depth: Depth,
     /// Its description, for a comment.
     what: String,
+}
+
+impl Layer {
+    /// Its sRGB code, if it has one, or else that of the label of this `index`.
+    fn code(&self, index: usize) -> &str {
+        match &self.colour {
+            Colour::Code(code) => code,
+            Colour::Designed(_) => LABEL_COLOURS[index % LABEL_COLOURS.len()],
+        }
+    }
 }
 
 /// Optical depth of a layer.
@@ -220,6 +248,10 @@ fn layers(values: &Values) -> Vec<Layer> {
         cuts.extend(inner.into_iter().filter(|&cut| cut > from + 0.02 * span && cut < upper));
         cuts.dedup();
     }
+    if cuts.len() == 1 {
+        // Most objects have the largest value, as bright vessels do: thin and faint ones are a layer of their own.
+        cuts.extend(Some(f64::midpoint(from, upper)).filter(|&cut| cut > from + 0.02 * span && cut < upper));
+    }
     cuts.push(upper);
     let roles: &[usize] = match cuts.len() - 1 {
         1 => &[2],
@@ -255,6 +287,21 @@ fn layers(values: &Values) -> Vec<Layer> {
         }
     };
     cuts.windows(2).enumerate().map(layer).collect()
+}
+
+/// Layers of a transfer preset, with its opacities; none if it is for CT and `water` has no value.
+fn preset_layers(preset: TransferPreset, statistics: &Statistics, water: Option<f64>) -> Vec<Layer> {
+    let role = |words: &[&str], _| DESIGNED.iter().position(|name| words.contains(name)).unwrap_or_default();
+    let layer = |(index, interval): (usize, Interval)| Layer {
+        name: preset.tissues().get(index).map_or(DESIGNED[interval.material], |name| name).to_owned(),
+        colour: Colour::Designed(interval.material),
+        range: interval.range,
+        ramp: interval.ramp,
+        depth: Depth::Voxel(-(-interval.opacity).ln_1p()),
+        what: if index == 0 { format!("the transfer preset {:?}", preset.name()) } else { String::new() },
+    };
+    let intervals = preset.intervals_of(statistics, water, role).unwrap_or_default();
+    intervals.into_iter().enumerate().map(layer).collect()
 }
 
 /// Layers of a window of the file: nothing below it, three equal parts, and the values above as the highest.
@@ -489,16 +536,44 @@ fn directions(volume: &Volume, values: &Values) -> Camera {
 }
 
 /// Text of the scene that a first look at `volume`, whose file is called `name`, makes; it names no volume.
-#[must_use]
-pub fn scene_text(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> String {
-    first_look(name, volume, statistics, wish).text
+///
+/// # Errors
+///
+/// [`NoCt`] for a look that is for CT alone.
+pub fn scene_text(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> Result<String, NoCt> {
+    first_look(name, volume, statistics, wish).map(|look| look.text)
+}
+
+/// Why a volume has no first look of a kind.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the look {look} is for CT, whose values are Hounsfield units: {name} has values from {} to {}, and no air, water and \
+     bone 1000 apart; other looks are {}",
+    brief_of(range[0]),
+    brief_of(range[1]),
+    Look::all().into_iter().filter(|look| !look.is_of_ct()).map(Look::name).collect::<Vec<_>>().join(", ")
+)]
+pub struct NoCt {
+    look: &'static str,
+    name: String,
+    range: [f64; 2],
 }
 
 /// The scene for `volume`, whose file is called `name`.
-pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> FirstLook {
+///
+/// # Errors
+///
+/// [`NoCt`] for a look that is for CT alone.
+pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> Result<FirstLook, NoCt> {
     // A comment ends with its line.
     let name = &name.replace(char::is_control, " ");
     let values = Values::of(volume, statistics);
+    if let Some(look) = wish.look.filter(|look| look.is_of_ct())
+        && values.water(statistics).is_none()
+    {
+        let range = [values.least, values.most];
+        return Err(NoCt { look: look.name(), name: name.clone(), range });
+    }
     let geometry = &volume.geometry;
     let camera = directions(volume, &values);
     let forward = camera.view(geometry, 1.0).map_or(DVec3::Y, |view| view.forward);
@@ -513,7 +588,8 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         }
         wish => wish,
     };
-    let (shape, guess) = shape(&values, &volume.presets, wish, axis, if is_flat { Rise::Even } else { Rise::Steep });
+    let (shape, guess) =
+        shape(&values, (&volume.presets, statistics), wish, axis, if is_flat { Rise::Even } else { Rise::Steep });
     let scale = count(values.thinned.stride[axis]) * geometry.spacing[axis] / geometry.spacing.min_element();
     let thickness = |layers: &[Layer]| -> Vec<f64> {
         thicknesses(&values.thinned, layers, axis).into_iter().map(|voxels| (voxels * scale).max(1.0)).collect()
@@ -541,12 +617,27 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
     let alone = if crop.is_some() { "; only the largest connected part is shown" } else { "" };
     let guess = format!("{name} has no scene, so Relume made one: {guess}{alone}.");
     let of_ramp = |range, rise| (scale * ramp_thickness(&values.thinned, range, rise, axis)).max(1.0);
-    let text = text(name, &guess, &shape, (thickness, of_ramp), &camera, crop, geometry);
-    FirstLook { text, guess }
+    let groups = match (&values.kind, &shape) {
+        (Kind::Labels(_), Shape::Layers(layers)) if layers.len() > 1 && wish.look.is_none() => {
+            let names: Vec<String> = layers.iter().map(|layer| layer.name.clone()).collect();
+            let sizes: Vec<f64> = layers.iter().map(|layer| values.share(layer.range)).collect();
+            let outer = layers.iter().position(|layer| matches!(layer.depth, Depth::Ray(depth) if depth < 1.0));
+            Some(groups::of_labels(&names, &sizes, outer))
+        }
+        _ => None,
+    };
+    let text = text(name, &guess, (&shape, &groups), (thickness, of_ramp), &camera, crop, geometry);
+    Ok(FirstLook { text, guess })
 }
 
 /// The layers, and the guess in words.
-fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize, of_window: Rise) -> (Shape, String) {
+fn shape(
+    values: &Values,
+    (presets, statistics): (&Presets, &Statistics),
+    wish: Wish,
+    axis: usize,
+    of_window: Rise,
+) -> (Shape, String) {
     let alone = |name: &str, colour, range: [f64; 2], depth| Layer {
         name: name.to_owned(),
         colour,
@@ -560,7 +651,8 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize, of_window:
         Kind::Ct { water } if *water == 0.0 => "a CT in Hounsfield units".to_owned(),
         Kind::Ct { water } => format!("a CT in which water has the value {}", brief(*water)),
         Kind::Labels(labels) => format!("a segmentation with {} labels", labels.len()),
-        Kind::Other => "values without a known unit".to_owned(),
+        Kind::Other(Some(modality)) => format!("{}, whose values have no known unit", modality.name()),
+        Kind::Other(None) => "values without a known unit".to_owned(),
     };
     let window = wish.window.map(|[width, centre]| [centre - width / 2.0, centre + width / 2.0]);
     if window.is_some() || wish.look == Some(Look::Grey) {
@@ -581,7 +673,7 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize, of_window:
             format!("{kind}, shown as a green X-ray material, brighter from {low} to {high}"),
         );
     }
-    if let (Kind::Other, None, Some(colour)) = (&values.kind, wish.look, presets.colour) {
+    if let (Kind::Other(_), None, Some(colour)) = (&values.kind, wish.look, presets.colour) {
         let stated = presets.windows.iter().find(|window| window.low < values.most);
         // Windows of channels often begin at 0, in front of the noise of the surroundings.
         let from = values.objects_from;
@@ -602,6 +694,7 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize, of_window:
     let stated = presets.windows.iter().find(|window| window.low < values.most).filter(|_| wish.look.is_none());
     let layers = match (&values.kind, wish.look) {
         (Kind::Labels(labels), None) => label_layers(values, labels, &presets.labels, axis),
+        (_, Some(Look::Preset(preset))) => preset_layers(preset, statistics, values.water(statistics)),
         (Kind::Ct { water }, look) => {
             let mut layers = ct_layers(look.unwrap_or(Look::Tissue), *water, values.most);
             layers.retain(|layer| values.share(layer.range) > 0.0);
@@ -653,7 +746,7 @@ fn opacity(depth: Depth, thickness: f64) -> f64 {
 fn text(
     name: &str,
     guess: &str,
-    shape: &Shape,
+    (shape, groups): (&Shape, &Option<(Vec<usize>, Vec<String>)>),
     (thickness, of_ramp): (impl Fn(&[Layer]) -> Vec<f64>, impl Fn([f64; 2], Rise) -> f64),
     camera: &Camera,
     crop: Option<[[usize; 3]; 2]>,
@@ -718,14 +811,14 @@ fn text(
             "\n# In daylight all materials are visible; each of the other lights shows one material and leaves the others black.",
         );
         line(&designed(&layers));
+    } else if let Some((of_layer, groups)) = groups {
+        let code = |(index, layer): (usize, &Layer)| (layer.name.clone(), layer.code(index).to_owned());
+        let labels: Vec<(String, String)> = layers.iter().enumerate().map(code).collect();
+        line(&groups::text(&labels, of_layer, groups));
     } else {
         for (index, layer) in layers.iter().enumerate() {
-            let colour = match &layer.colour {
-                Colour::Code(code) => code.as_str(),
-                Colour::Designed(_) => LABEL_COLOURS[index % LABEL_COLOURS.len()],
-            };
             let key = toml_edit::Key::new(&layer.name).display_repr().into_owned();
-            line(&format!("\n[materials.{key}]\nreflectance = {{ srgb = \"{colour}\" }}"));
+            line(&format!("\n[materials.{key}]\nreflectance = {{ srgb = \"{}\" }}", layer.code(index)));
             if shines {
                 line("ambient = 1\ndiffuse = 0\nxray = true");
             }

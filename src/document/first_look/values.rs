@@ -2,9 +2,10 @@
 
 use serde::Serialize;
 
+use super::super::transfer_presets::hounsfield;
 use super::sample::Thinned;
 use crate::number::{brief, count, whole};
-use crate::volume::{Statistics, Unit, Volume, VoxelType};
+use crate::volume::{Modality, Statistics, Unit, Volume, VoxelType};
 
 /// Bins of the histogram between the 0.05th and the 99.95th percentile.
 const BINS: usize = 256;
@@ -23,8 +24,8 @@ pub enum Kind {
     },
     /// A segmentation with these labels, without the background.
     Labels(Vec<f64>),
-    /// Anything else.
-    Other,
+    /// Anything else, of the modality that the file states.
+    Other(Option<Modality>),
 }
 
 impl Kind {
@@ -34,7 +35,7 @@ impl Kind {
         match self {
             Self::Ct { .. } => "ct",
             Self::Labels(_) => "labels",
-            Self::Other => "other",
+            Self::Other(_) => "other",
         }
     }
 }
@@ -114,6 +115,15 @@ impl Values {
         self.sorted.get(whole((part * count(last)).round()).min(last)).map_or(self.least, |&value| value.into())
     }
 
+    /// Value of water in a CT; for a look that only CT has, values of the range of a CT are enough.
+    pub(super) fn water(&self, statistics: &Statistics) -> Option<f64> {
+        match self.kind {
+            Kind::Ct { water } => Some(water),
+            Kind::Labels(_) => None,
+            Kind::Other(_) => hounsfield(statistics),
+        }
+    }
+
     /// Ranges of values that have names in this kind of data; empty except for CT.
     #[must_use]
     pub fn named(&self) -> Vec<Named> {
@@ -145,7 +155,7 @@ impl Values {
                 let listed: Vec<String> = labels.iter().map(|&label| brief(label)).collect();
                 vec![format!("a segmentation with the labels {}", listed.join(", "))]
             }
-            Kind::Other => {
+            Kind::Other(_) => {
                 let digits = |value: f64| brief(format!("{value:.3e}").parse().unwrap_or(value));
                 let peak = |peak: &Peak| {
                     let [low, high] = peak.interval.map(digits);
@@ -324,7 +334,9 @@ pub(in crate::document) fn otsu(bins: &[f64]) -> usize {
 fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statistics) -> Kind {
     // Maps of microscopes may have the values of a CT, but not its unit.
     let is_small = matches!(volume.unit, Some(Unit::Micrometre | Unit::Nanometre | Unit::Angstrom));
-    if let Some(water) = water(sorted, statistics).filter(|_| !volume.has_labels && !is_small) {
+    let modality = volume.modality();
+    let may_be_ct = !volume.has_labels && !is_small && modality.is_none_or(|it| it == Modality::Ct);
+    if let Some(water) = water(sorted, statistics, modality.is_some()).filter(|_| may_be_ct) {
         return Kind::Ct { water };
     }
     let are_whole = !matches!(volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
@@ -332,7 +344,7 @@ fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statist
     let labels = if volume.presets.colour.is_some() { None } else { labels(thinned, sorted, volume.has_labels) };
     match labels.filter(|_| are_whole) {
         Some(labels) => Kind::Labels(labels),
-        None => Kind::Other,
+        None => Kind::Other(modality),
     }
 }
 
@@ -372,8 +384,9 @@ fn labels(thinned: &Thinned, sorted: &[f32], are_stated: bool) -> Option<Vec<f64
     ((is_constant || are_stated) && are_labels && !found.is_empty()).then_some(found)
 }
 
-/// Value of water if the values are those of a CT: air lies 1000 below, and most other voxels near water.
-fn water(sorted: &[f32], statistics: &Statistics) -> Option<f64> {
+/// Value of water if the values are those of a CT: air lies 1000 below, and most other voxels near water, unless the file
+/// states that they are.
+fn water(sorted: &[f32], statistics: &Statistics, is_stated: bool) -> Option<f64> {
     let share = |low: f64, high: f64| {
         let below = |limit: f64| sorted.partition_point(|&value| f64::from(value) < limit);
         count(below(high) - below(low)) / count(sorted.len().max(1))
@@ -386,5 +399,5 @@ fn water(sorted: &[f32], statistics: &Statistics) -> Option<f64> {
     };
     let candidates: &[f64] = if statistics.min < -200.0 { &[0.0] } else { &[1024.0, 1000.0] };
     let reaches = |water: f64| statistics.min <= water - 800.0 && statistics.max <= 40_000.0;
-    candidates.iter().copied().find(|&water| reaches(water) && is_ct(water))
+    candidates.iter().copied().find(|&water| reaches(water) && (is_stated || is_ct(water)))
 }

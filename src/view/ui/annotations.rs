@@ -1,4 +1,4 @@
-//! Annotations over a picture or a slice: scale bar, orientation letters, legend and measuring line. Saved pictures have
+//! Annotations over a picture or a slice: scale bar, orientation letters, title, legend and measuring line. Saved pictures have
 //! none of them.
 
 use egui::{
@@ -7,12 +7,13 @@ use egui::{
 use glam::DVec3;
 
 use super::Shown;
-use super::spectrum::narrow;
-use super::transfer::colours;
-use crate::annotate::{Edges, PixelLength, ScaleBar, in_unit, pixel_length};
+use super::spectrum::{narrow, points_of_curve};
+use super::transfer::mix_of_swatches;
+use crate::annotate::{Edges, Entry, PixelLength, ScaleBar, in_unit, pixel_length};
 use crate::document::Document;
 use crate::number::count;
 use crate::scene::View;
+use crate::spectrum::colour::display_code;
 use crate::view::layout::Note;
 use crate::volume::Unit;
 
@@ -105,6 +106,11 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
     {
         scale_bar(&painter, rect, point, volume.unit);
     }
+    if layout.has(Note::Title) {
+        let title = shown.title.trim_end_matches(" — Relume");
+        let at = rect.center_top() + vec2(0.0, if shown.panels { 8.0 } else { 30.0 });
+        text(&painter, at, Align2::CENTER_TOP, title, 17.0, Color32::WHITE);
+    }
     if layout.has(Note::Legend) {
         let below = if shown.panels { 8.0 } else { 34.0 };
         legend(ui, document, rect.min + vec2(8.0, below), &painter);
@@ -117,35 +123,48 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
             [Some(_), None] => "Click the other end of the line",
             _ => "Click an end of the line (M: no more measuring)",
         };
-        text(&painter, rect.center_top() + vec2(0.0, 26.0), Align2::CENTER_TOP, told, 12.5, Color32::WHITE);
+        text(&painter, rect.center_top() + vec2(0.0, 34.0), Align2::CENTER_TOP, told, 12.5, Color32::WHITE);
     }
 }
 
-/// Names of the visible materials, in their colours under the present light.
+/// Names, colours and spectra of the visible materials under the current light, and of the lights that are on.
 fn legend(ui: &Ui, document: &Document, at: Pos2, painter: &Painter) {
     const LINE: f32 = 17.0;
-    let scene = &document.state().scene;
-    let colours = colours(document.state());
-    let visible = |index: &usize| scene.shows(*index) || scene.absorbs(*index);
-    let all: Vec<usize> = (0..scene.materials.len()).filter(visible).collect();
-    if all.is_empty() {
+    const GAP: f32 = 6.0;
+    /// Left edges of the spectrum and of the name.
+    const CURVE: f32 = 18.0;
+    const NAME: f32 = 56.0;
+    let state = document.state();
+    let scene = &state.scene;
+    let visible: Vec<usize> =
+        (0..scene.materials.len()).filter(|&index| scene.shows(index) || scene.absorbs(index)).collect();
+    let materials = Entry::of_materials(scene, &visible, &mix_of_swatches(state));
+    let lights = Entry::of_lights(&state.mix(), &scene.display);
+    if materials.is_empty() && lights.is_empty() {
         return;
     }
-    let galleys = all.iter().map(|&index| {
-        painter.layout_no_wrap(scene.materials[index].name.clone(), FontId::proportional(12.5), Color32::WHITE)
-    });
-    let galleys: Vec<_> = galleys.collect();
+    let gap = if materials.is_empty() || lights.is_empty() { 0.0 } else { GAP };
+    let rows: Vec<(f32, &Entry)> = materials
+        .iter()
+        .map(|entry| (0.0, entry))
+        .chain(lights.iter().map(|entry| (gap, entry)))
+        .enumerate()
+        .map(|(row, (gap, entry))| (narrow(count(row)).mul_add(LINE, gap), entry))
+        .collect();
+    let name = |entry: &Entry| painter.layout_no_wrap(entry.name.clone(), FontId::proportional(12.5), Color32::WHITE);
+    let galleys: Vec<_> = rows.iter().map(|(_, entry)| name(entry)).collect();
     let width = galleys.iter().map(|galley| galley.size().x).fold(0.0, f32::max);
-    let lines = LINE * narrow(count(galleys.len()));
-    let frame = Rect::from_min_size(at, vec2(width + 32.0, lines + 8.0));
+    let height = narrow(count(rows.len())).mul_add(LINE, gap);
+    let frame = Rect::from_min_size(at, vec2(width + NAME + 14.0, height + 8.0));
     painter.rect_filled(frame, 3.0, Color32::from_black_alpha(170));
-    let mut top = at + vec2(8.0, 4.0);
-    for (index, galley) in all.into_iter().zip(galleys) {
-        let swatch = Rect::from_min_size(top + vec2(0.0, 2.0), Vec2::splat(12.0));
-        let colour = colours.get(index).copied().unwrap_or(Color32::GRAY);
+    for ((below, entry), galley) in rows.into_iter().zip(galleys) {
+        let corner = at + vec2(8.0, 4.0 + below);
+        let swatch = Rect::from_min_size(corner + vec2(0.0, 2.0), Vec2::splat(12.0));
+        let colour = Color32::from_hex(&display_code(entry.colour)).unwrap_or(Color32::GRAY);
         painter.rect(swatch, 2.0, colour, Stroke::new(1.0, Color32::from_gray(150)), StrokeKind::Inside);
-        painter.galley(top + vec2(18.0, 0.5), galley, Color32::WHITE);
-        top.y += LINE;
+        let curve = Rect::from_min_size(corner + vec2(CURVE, 2.0), vec2(NAME - CURVE - 6.0, 12.0));
+        painter.line(points_of_curve(&entry.spectrum, curve), Stroke::new(1.0, Color32::from_gray(220)));
+        painter.galley(corner + vec2(NAME, 0.5), galley, Color32::WHITE);
     }
     let response = ui.interact(frame, Id::new("legend"), Sense::hover());
     response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "legend"));

@@ -39,12 +39,6 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             };
             let solo = |ui: &mut Ui| {
                 let alone = state.light.solo == Some(index) && by_slider;
-                let shadows = toggle(ui, light.shadows, "shadows").on_hover_text(
-                    "Shadows: the medium between a sample and this light dims it. This marches the volume again.",
-                );
-                if shadows.clicked() {
-                    return Some(Action::Edit(Edit::Shadows(index, !light.shadows)));
-                }
                 let solo = toggle(ui, alone, "solo").on_hover_text("This light alone, or all lights again.");
                 curve(ui, light.spectrum.spectrum(), Vec2::new(56.0, 16.0)).on_hover_ui(|ui| {
                     ui.label(format!("{}: power from 380 to 780 nm", light.name));
@@ -55,13 +49,20 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             sides(ui, asked, switch, solo);
             // Under the dial, the slider shows the dial's weight; moving it switches to the sliders.
             let mut weight = if by_slider { stated.map_or(0.0, |slider| slider.weight) } else { share };
-            ui.spacing_mut().slider_width = ui.available_width() - 62.0;
-            let moved = slider(ui, &mut weight, 0.0..=2.0, 2, |slider| slider.fixed_decimals(2))
-                .on_hover_text("Strength of the light, as a multiple of its intensity in the scene.");
-            name(&moved, &format!("{}: strength", light.name), weight);
-            if moved.changed() {
-                asked.push(Action::Edit(Edit::Weight(index, weight)));
-            }
+            let strength = |ui: &mut Ui| {
+                ui.spacing_mut().slider_width = ui.available_width() - 62.0;
+                let moved = slider(ui, &mut weight, 0.0..=2.0, 2, |slider| slider.fixed_decimals(2))
+                    .on_hover_text("Strength of the light, as a multiple of its intensity in the scene.");
+                name(&moved, &format!("{}: strength", light.name), weight);
+                moved.changed().then_some(Action::Edit(Edit::Weight(index, weight)))
+            };
+            let shadows = |ui: &mut Ui| {
+                let shadows = toggle(ui, light.shadows, "shadows").on_hover_text(
+                    "Shadows: the medium between a sample and this light dims it. This marches the volume again.",
+                );
+                shadows.clicked().then_some(Action::Edit(Edit::Shadows(index, !light.shadows)))
+            };
+            sides(ui, asked, strength, shadows);
         }
         let (mut normalise, mut master) = state.master();
         let (whose, help) = match state.light.mixing {

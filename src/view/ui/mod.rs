@@ -57,6 +57,8 @@ pub const ROOM_FOR_PANELS: f32 = 560.0;
 pub struct Shown<'a> {
     /// The open document; `None` before anything is open.
     pub document: Option<&'a Document>,
+    /// Name of the scene or volume.
+    pub title: &'a str,
     /// Content of the status line.
     pub status: &'a Status,
     /// Name of the file being opened, its progress (0 to 1, if known) and current stage, until its first picture.

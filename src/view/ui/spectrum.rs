@@ -35,6 +35,14 @@ pub(super) fn paint_swatch(ui: &Ui, light: &Light, share: f64, display: &Display
 /// Plots power over wavelength, 380 to 780 nm, scaled to fill `size`.
 pub(super) fn curve(ui: &mut Ui, spectrum: &Spectrum, size: Vec2) -> Response {
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    let visuals = ui.visuals();
+    ui.painter().rect_filled(rect, 2.0, visuals.extreme_bg_color);
+    ui.painter().line(points_of_curve(spectrum, rect), Stroke::new(1.0, visuals.text_color()));
+    response
+}
+
+/// Points of the curve of `spectrum` over wavelength, 380 to 780 nm, scaled to fill `rect`.
+pub(super) fn points_of_curve(spectrum: &Spectrum, rect: Rect) -> Vec<Pos2> {
     let samples = spectrum.samples();
     let most = samples.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let last = count(samples.len().saturating_sub(1).max(1));
@@ -42,11 +50,7 @@ pub(super) fn curve(ui: &mut Ui, spectrum: &Spectrum, size: Vec2) -> Response {
         let (x, y) = (narrow(count(index) / last), narrow((sample / most).clamp(0.0, 1.0)));
         pos2(rect.left() + x * rect.width(), rect.bottom() - 1.0 - y * (rect.height() - 2.0))
     };
-    let points: Vec<Pos2> = samples.iter().enumerate().map(place).collect();
-    let visuals = ui.visuals();
-    ui.painter().rect_filled(rect, 2.0, visuals.extreme_bg_color);
-    ui.painter().line(points, Stroke::new(1.0, visuals.text_color()));
-    response
+    samples.iter().enumerate().map(place).collect()
 }
 
 /// Plots several spectra over wavelength in one frame, from 0 (or the lowest negative sample) to the highest, above a

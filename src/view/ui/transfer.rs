@@ -254,11 +254,13 @@ fn middle(statistics: &Statistics) -> Interval {
 
 /// Colours of the scene's materials under the current light, lit from all its positions.
 pub(super) fn colours(state: &State) -> Vec<Color32> {
-    let scene = &state.scene;
-    // In the dark, uses the scene's own light, because black swatches tell nothing.
-    let mix = if state.is_lit() { state.mix() } else { Mix::of_scene(scene) };
-    let colours = material_colours(scene, &mix).into_iter();
+    let colours = material_colours(&state.scene, &mix_of_swatches(state)).into_iter();
     colours.map(|colour| Color32::from_hex(&display_code(colour)).unwrap_or(Color32::GRAY)).collect()
+}
+
+/// The light of swatches: the current one, or in the dark that of the scene, because black swatches tell nothing.
+pub(super) fn mix_of_swatches(state: &State) -> Mix {
+    if state.is_lit() { state.mix() } else { Mix::of_scene(&state.scene) }
 }
 
 /// Mapping between values and opacities, and screen coordinates.
@@ -336,7 +338,8 @@ fn ends(ui: &mut Ui, statistics: &Statistics) {
             ui.label(end(statistics.max));
             ui.with_layout(egui::Layout::top_down(egui::Align::Center), |ui| {
                 // Not on the histogram, where the tooltip would cover the handles and the numbers below.
-                ui.label(RichText::new("help").small().weak()).on_hover_text(HELP);
+                let icon = ui.label(RichText::new("ℹ").weak()).on_hover_text(HELP);
+                icon.widget_info(|| WidgetInfo::labeled(WidgetType::Label, true, "help"));
             });
         });
     });

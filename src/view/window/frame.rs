@@ -69,6 +69,7 @@ impl Viewer {
         let aspect = self.picture.place.width() / self.picture.place.height().max(1.0);
         let shown = Shown {
             document: self.opened.document.as_ref(),
+            title: &self.opened.title,
             status: &status,
             loading,
             notices: &self.panels.notices,
