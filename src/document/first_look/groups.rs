@@ -17,11 +17,19 @@ const PARTS: [f64; 2] = [490.0, 580.0];
 /// Largest intensity of daylight, of which a comb passes only a part.
 const BRIGHTEST: f64 = 6.0;
 
-/// Group of each of so many labels whose numbers of voxels are `sizes`, and the names of the groups. Each label is a
-/// group of its own up to [`MOST`] of them; otherwise the `outer` one, if there is one, and the others by size.
-pub(super) fn of_labels(names: &[String], sizes: &[f64], outer: Option<usize>) -> (Vec<usize>, Vec<String>) {
+/// Groups of labels.
+#[derive(Debug, PartialEq)]
+pub(super) struct Groups {
+    /// Group of each label.
+    of_label: Vec<usize>,
+    names: Vec<String>,
+}
+
+/// Groups of labels of these `names`, which have the fractions `sizes` of the voxels. Each label is a group of its
+/// own up to [`MOST`] of them; otherwise the `outer` one, if there is one, and the others by size.
+pub(super) fn of_labels(names: &[String], sizes: &[f64], outer: Option<usize>) -> Groups {
     if names.len() <= MOST {
-        return ((0..names.len()).collect(), names.to_vec());
+        return Groups { of_label: (0..names.len()).collect(), names: names.to_vec() };
     }
     let mut order: Vec<usize> = (0..names.len()).filter(|&label| Some(label) != outer).collect();
     // Stable, so that labels of one size keep their order.
@@ -39,7 +47,7 @@ pub(super) fn of_labels(names: &[String], sizes: &[f64], outer: Option<usize>) -
         found[label] = first + whole(middle * count(by_size.len())).min(by_size.len() - 1);
         before += radius(label);
     }
-    (found, groups)
+    Groups { of_label: found, names: groups }
 }
 
 /// 1 in the bands of comb `group` of `groups`, 0 elsewhere.
@@ -78,8 +86,8 @@ fn regional(region: usize, group: usize, groups: usize) -> Spectrum {
     Spectrum::from_samples(std::array::from_fn(of_band))
 }
 
-/// Materials and lights of a scene for labels of these names, sRGB codes and groups; `groups` are the names of the groups.
-pub(super) fn text(labels: &[(String, String)], of_label: &[usize], groups: &[String]) -> String {
+/// Materials and lights of a scene for labels of these names and sRGB codes.
+pub(super) fn text(labels: &[(String, String)], Groups { of_label, names: groups }: &Groups) -> String {
     let weights: Vec<DVec3> =
         labels.iter().zip(of_label).map(|((_, code), &group)| weights(code, group, groups.len())).collect();
     // One factor for all labels, so that they keep their brightness beside each other; daylight makes up for it.
@@ -112,7 +120,7 @@ pub(super) fn text(labels: &[(String, String)], of_label: &[usize], groups: &[St
         let light = daylight() * &comb(group, groups.len());
         // Lights are scaled to one luminance; the intensity keeps the brightness of daylight.
         let bright = intensity * xyz_of(&light).0[1];
-        let key = toml_edit::Key::new(&format!("for_{name}")).display_repr().into_owned();
+        let key = toml_edit::Key::new(format!("for_{name}")).display_repr().into_owned();
         let relative = Spectrum::from_samples(light.samples().map(|power| 100.0 * power));
         let _ = write!(
             text,
@@ -162,11 +170,11 @@ mod tests {
     fn many_labels_are_grouped_by_size_around_the_outer_one() {
         let names: Vec<String> = (0..6).map(|label| format!("l{label}")).collect();
         let sizes = [900.0, 1.0, 800.0, 1.0, 27.0, 8.0];
-        let (found, groups) = of_labels(&names, &sizes, Some(0));
-        assert_eq!(groups, ["l0", "large_labels", "small_labels"]);
-        assert_eq!(found, [0, 2, 1, 2, 2, 2]);
-        let (found, groups) = of_labels(&names, &sizes, None);
-        assert_eq!((found, groups.len()), (vec![0, 2, 1, 2, 2, 2], 3));
-        assert_eq!(of_labels(&names[..2], &sizes[..2], None).0, [0, 1], "each by itself");
+        let found = of_labels(&names, &sizes, Some(0));
+        assert_eq!(found.names, ["l0", "large_labels", "small_labels"]);
+        assert_eq!(found.of_label, [0, 2, 1, 2, 2, 2]);
+        let found = of_labels(&names, &sizes, None);
+        assert_eq!((found.of_label, found.names.len()), (vec![0, 2, 1, 2, 2, 2], 3));
+        assert_eq!(of_labels(&names[..2], &sizes[..2], None).of_label, [0, 1], "each by itself");
     }
 }

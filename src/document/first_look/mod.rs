@@ -15,6 +15,7 @@ use values::MOST_LABELS;
 pub(in crate::document) use values::otsu;
 pub use values::{Kind, Peak, Values};
 
+use self::groups::Groups;
 use self::sample::Thinned;
 use super::fit;
 use super::moves::Side;
@@ -626,7 +627,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         }
         _ => None,
     };
-    let text = text(name, &guess, (&shape, &groups), (thickness, of_ramp), &camera, crop, geometry);
+    let text = text(name, &guess, (&shape, groups.as_ref()), (thickness, of_ramp), &camera, crop, geometry);
     Ok(FirstLook { text, guess })
 }
 
@@ -746,7 +747,7 @@ fn opacity(depth: Depth, thickness: f64) -> f64 {
 fn text(
     name: &str,
     guess: &str,
-    (shape, groups): (&Shape, &Option<(Vec<usize>, Vec<String>)>),
+    (shape, groups): (&Shape, Option<&Groups>),
     (thickness, of_ramp): (impl Fn(&[Layer]) -> Vec<f64>, impl Fn([f64; 2], Rise) -> f64),
     camera: &Camera,
     crop: Option<[[usize; 3]; 2]>,
@@ -811,10 +812,10 @@ fn text(
             "\n# In daylight all materials are visible; each of the other lights shows one material and leaves the others black.",
         );
         line(&designed(&layers));
-    } else if let Some((of_layer, groups)) = groups {
+    } else if let Some(groups) = groups {
         let code = |(index, layer): (usize, &Layer)| (layer.name.clone(), layer.code(index).to_owned());
         let labels: Vec<(String, String)> = layers.iter().enumerate().map(code).collect();
-        line(&groups::text(&labels, of_layer, groups));
+        line(&groups::text(&labels, groups));
     } else {
         for (index, layer) in layers.iter().enumerate() {
             let key = toml_edit::Key::new(&layer.name).display_repr().into_owned();
