@@ -66,6 +66,31 @@ impl OutOfCore {
     }
 }
 
+/// The row as text.
+pub(crate) fn text(row: &OutOfCore) -> String {
+    let mib = |bytes: f64| bytes / float(1 << 20);
+    let [x, y, z] = row.dims;
+    let [host, device] = row.memory.map(|bytes| mib(float(bytes)));
+    let [making, rendering] = row.peak.map(mib);
+    let [on_device, on_device_again, read, read_again] = row.loaded;
+    format!(
+        "{x}×{y}×{z} bytes, {:.0} MiB in bricks; memory {host:.0} MiB on the host, {device:.0} MiB on the device\n\
+         bricks: {:.1} s, at most {making:.0} MiB resident\n\
+         render: {:.1} s, at most {rendering:.0} MiB resident, {:.0} MiB of them with a small volume; allowed beside it {:.0}\n\
+         {on_device} bricks on the device, {on_device_again} again; {read} read from the file, {read_again} again\n\
+         transmittance {:.3} to {:.3}: off the formula by at most {:.5}, outside its bounds by {:.5}, allowed {MARCH}\n",
+        mib(float(row.file_bytes)),
+        row.seconds[0],
+        row.seconds[1],
+        mib(row.beside),
+        mib(row.allowed()),
+        row.range[0],
+        row.range[1],
+        row.largest,
+        row.outside
+    )
+}
+
 #[expect(clippy::cast_precision_loss, reason = "counts of voxels and bytes")]
 fn float(number: u64) -> f64 {
     number as f64

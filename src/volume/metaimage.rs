@@ -64,7 +64,7 @@ fn header_and_voxels<'a>(path: &'a Path, selection: &Selection) -> Result<(Heade
     let mut files = data.paths();
     files.push(path.to_owned());
     let metadata = header.fields.uninterpreted(&key::ALL);
-    let repeated: Vec<String> = header.fields.repeated().into_iter().collect();
+    let repeated: Vec<String> = header.fields.repeated().collect();
     let dims = grid.dims();
     let finish = move |voxels, mut notes: Vec<String>| {
         let mut volume = grid.volume(&source_name, voxels, false, slope)?;

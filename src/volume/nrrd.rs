@@ -68,7 +68,7 @@ pub(super) fn streamed(path: &Path, selection: &Selection) -> Result<Streamed, V
     let labels = segments(&header.pairs);
     let mut metadata = header.fields.uninterpreted(&key::ALL);
     metadata.extend(header.pairs);
-    let repeated: Vec<String> = header.fields.repeated().into_iter().collect();
+    let repeated: Vec<String> = header.fields.repeated().collect();
     let dims = grid.dims();
     let finish = move |voxels, mut notes: Vec<String>| {
         let mut volume = grid.volume(&source_name, voxels, !labels.is_empty(), 1.0)?;

@@ -10,6 +10,9 @@ use super::{
 };
 use crate::progress::Progress;
 
+/// Reads the header of a file.
+type ReadHeader = fn(&Path, &Selection) -> Result<Streamed, VolumeError>;
+
 /// A format with a reader.
 struct Format {
     name: &'static str,
@@ -23,7 +26,7 @@ struct Format {
     further: Further,
     read: fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
     /// Reads the header of a file whose voxels are read slice by slice.
-    streamed: Option<fn(&Path, &Selection) -> Result<Streamed, VolumeError>>,
+    streamed: Option<ReadHeader>,
 }
 
 /// Choices beside component, time step and array.
