@@ -47,10 +47,10 @@ mod vti;
 mod vtk;
 mod zarr;
 
-pub use bricks::{BRICK, BrickCache, BricksMade, CELL, CacheCounts, MakeError, make_bricks};
+pub use bricks::{BRICK, BrickCache, BricksMade, CELL, CacheCounts, MakeError};
 pub use error::VolumeError;
 pub use geometry::Geometry;
-pub use open::{extensions, open, open_by, open_raw, packed_blocks};
+pub use open::{extensions, make_bricks, open, open_by, open_raw, packed_blocks};
 pub(crate) use open::{has_header, is_volume, refusal};
 pub use phantom::Phantom;
 

@@ -1,12 +1,13 @@
 //! Selection of the reader for a volume file.
 
+use std::fs::File;
 use std::path::Path;
 
 use super::stream::{beginning, count};
 use super::streamed::Streamed;
 use super::{
-    PackedBlocks, RawLayout, Selection, Volume, VolumeError, bricks, dicom, folder, foreign, hdf5, metaimage, mrc,
-    nifti, nrrd, numpy, raw, tiff, vti, vtk, zarr,
+    BricksMade, MakeError, PackedBlocks, RawLayout, Selection, Volume, VolumeError, bricks, dicom, folder, foreign,
+    hdf5, metaimage, mrc, nifti, nrrd, numpy, raw, tiff, vti, vtk, zarr,
 };
 use crate::progress::Progress;
 
@@ -263,13 +264,29 @@ fn format_of(path: &Path) -> Result<Option<&'static Format>, VolumeError> {
     Ok(FORMATS.iter().find(|format| (format.recognises)(&beginning)))
 }
 
+/// Makes a cache of bricks of the volume in the file `source` and writes it to the empty `file`. `layout` is that of
+/// headerless voxels.
+///
+/// The source is read once, slice by slice. A slab of 64 slices is kept in memory, or in a temporary file in `folder` if it
+/// takes more than `budget` bytes. For voxels of more than two bytes the bricks are read once more, for mean and histogram.
+///
+/// # Errors
+///
+/// [`MakeError`]; [`VolumeError::NotStreamed`] if the source is not read slice by slice.
+pub fn make_bricks(
+    (source, layout): (&Path, Option<&RawLayout>),
+    selection: &Selection,
+    (file, folder): (&File, &Path),
+    budget: u64,
+    progress: &dyn Progress,
+) -> Result<BricksMade, MakeError> {
+    let streamed = streamed(source, layout, selection)?;
+    bricks::make(source, streamed, selection, (file, folder), budget, progress)
+}
+
 /// Reads the header of the volume in the file `path`, whose voxels are read slice by slice; `layout` is that of headerless
 /// voxels.
-pub(super) fn streamed(
-    path: &Path,
-    layout: Option<&RawLayout>,
-    selection: &Selection,
-) -> Result<Streamed, VolumeError> {
+fn streamed(path: &Path, layout: Option<&RawLayout>, selection: &Selection) -> Result<Streamed, VolumeError> {
     if let Some(layout) = layout {
         if has_header(path) {
             return Err(VolumeError::HasHeader { path: path.to_owned() });

@@ -17,7 +17,7 @@ use crate::volume::statistics::{Extent, Measured, Sums, measure_counted, occurre
 use crate::volume::stream::count;
 use crate::volume::streamed::Streamed;
 use crate::volume::voxels::with_type;
-use crate::volume::{RawLayout, Selection, VolumeError, Voxel, VoxelType};
+use crate::volume::{Selection, VolumeError, Voxel, VoxelType};
 
 const EDGE: usize = BRICK as usize;
 
@@ -49,23 +49,15 @@ pub struct BricksMade {
     pub notes: Vec<String>,
 }
 
-/// Makes a cache of bricks of the volume in the file `source` and writes it to the empty `file`. `layout` is that of
-/// headerless voxels.
-///
-/// The source is read once, slice by slice. A slab of 64 slices is kept in memory, or in a temporary file in `folder` if it
-/// takes more than `budget` bytes. For voxels of more than two bytes the bricks are read once more, for mean and histogram.
-///
-/// # Errors
-///
-/// [`MakeError`]; [`VolumeError::NotStreamed`] if the source is not read slice by slice.
-pub fn make_bricks(
-    (source, layout): (&Path, Option<&RawLayout>),
+/// Makes a cache of bricks of `streamed`, which `selection` chose of the file `source`; as `volume::make_bricks`.
+pub(in crate::volume) fn make(
+    source: &Path,
+    streamed: Streamed,
     selection: &Selection,
     (file, folder): (&File, &Path),
     budget: u64,
     progress: &dyn Progress,
 ) -> Result<BricksMade, MakeError> {
-    let streamed = crate::volume::open::streamed(source, layout, selection)?;
     let origin = origin(source, selection);
     with_type!(streamed.data.voxel_type, T => made::<T>((source, origin), streamed, (file, folder), budget, progress))
 }

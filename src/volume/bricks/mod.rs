@@ -15,7 +15,8 @@ use rayon::prelude::*;
 
 pub use cells::CELL;
 pub use grid::BRICK;
-pub use make::{BricksMade, MakeError, make_bricks};
+pub(super) use make::make;
+pub use make::{BricksMade, MakeError};
 
 use super::data::{check_cancelled, report};
 use super::select::HostMemory;
@@ -96,6 +97,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     if selection.memory == HostMemory::Whole {
         return Err(VolumeError::Exceeds { source_name: source, bytes, limit });
     }
+    memory::give_back_large_blocks();
     cache.bound(if selection.memory == HostMemory::InFile { u64::MAX } else { limit })?;
     volume.bricks = Some(Arc::new(cache));
     Ok(volume)
