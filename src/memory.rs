@@ -61,6 +61,24 @@ pub fn give_back_freed() {
     }
 }
 
+/// From now on, blocks of 128 KiB and more go back to the operating system as soon as they are freed. By itself, glibc raises
+/// this threshold up to 32 MiB with every such block that is freed, and keeps the later ones in the heaps of the threads.
+/// Bricks that come and go then took a third more memory than they need.
+#[cfg_attr(all(target_os = "linux", target_env = "gnu"), expect(unsafe_code, reason = "a function of the C library"))]
+pub fn give_back_large_blocks() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    {
+        /// `M_MMAP_THRESHOLD` of `mallopt(3)`.
+        const THRESHOLD: std::ffi::c_int = -3;
+        unsafe extern "C" {
+            /// `mallopt(3)`.
+            fn mallopt(parameter: std::ffi::c_int, value: std::ffi::c_int) -> std::ffi::c_int;
+        }
+        // SAFETY: a glibc function with this signature. It locks the main heap while it sets a number.
+        unsafe { mallopt(THRESHOLD, 1 << 17) };
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

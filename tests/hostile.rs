@@ -312,6 +312,11 @@ fn a_long_axis_of_small_chunks_takes_little_time() {
 }
 
 #[test]
+fn a_file_of_bricks_of_anything_is_read_or_refused() {
+    withstands(Reader::Bricks, &seeds("hostile/bricks"), 8000);
+}
+
+#[test]
 fn a_sidecar_of_anything_is_read_or_refused() {
     withstands(Reader::Sidecar, &seeds("hostile/sidecar"), 8000);
 }

@@ -6,12 +6,14 @@ mod consistency;
 mod goals;
 mod model;
 mod needs;
+mod out_of_core;
 mod palette;
 mod shadows;
 mod tables;
 
 use std::error::Error;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::{Parser, ValueEnum};
 use serde_json::{Value, json};
@@ -27,6 +29,7 @@ use consistency::{halved_steps, relit_against_rendered};
 use goals::{GoalRow, GoalScene, GoalSummary, goal_row};
 use model::{AutomaticSummary, LIGHT_GROUPS, ModelSetting, automatic_dimension, model_row, nodes_beside_rgb};
 use needs::{NeedRow, need_rows};
+use out_of_core::out_of_core;
 use palette::palette_rows;
 use shadows::{ShadowRow, shadow_rows};
 
@@ -82,6 +85,11 @@ enum Instrument {
     Shadows,
     /// Cost of a volume in bricks beside that of the whole volume. Fails above 1.25 times the march.
     Bricks,
+    /// A generated volume of 6 GiB that is never held: made into bricks, once interrupted,
+    /// rendered with 768 MiB on the host and 512 MiB on the device, and compared with its formula. Takes its size twice on
+    /// the disk of the temporary folder. Fails if the picture is not that of the formula, or if the render takes more than
+    /// 1.25 times these memories beside what a small volume takes.
+    OutOfCore,
     /// Design of the palettes in data/palettes and of the figures: no device.
     Palette,
 }
@@ -143,6 +151,7 @@ fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
             let holds = rows.iter().all(BrickRow::holds);
             Ok(Report { text: bricks::text(&rows), json: json!({ "bricks": rows, "holds": holds }) })
         }
+        Instrument::OutOfCore => beyond_memory(),
         Instrument::Goals => goals(args.scenes, &args.device),
         Instrument::Model => models(args.scenes.into()),
         Instrument::Palette => {
@@ -150,6 +159,16 @@ fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
             Ok(Report { text: tables::palette::text(&rows), json: json!({ "palettes": rows }) })
         }
     }
+}
+
+/// Renders 6 GiB of voxels out of core.
+fn beyond_memory() -> Result<Report, Box<dyn Error>> {
+    let folder = tempfile::tempdir()?;
+    let program = std::path::Path::new(env!("CARGO_BIN_EXE_relume"));
+    let memory = [768 << 20, 512 << 20];
+    let row = out_of_core(program, folder.path(), [2048, 2048, 1536], memory, Duration::from_secs(3))?;
+    let holds = row.is_true() && row.peak[1] - row.beside <= row.allowed();
+    Ok(Report { text: out_of_core::text(&row), json: json!({ "out_of_core": row, "holds": holds }) })
 }
 
 fn needs(device: &DeviceChoice) -> Result<Report, Box<dyn Error>> {

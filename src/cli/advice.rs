@@ -164,6 +164,23 @@ fn of_volume(error: &VolumeError) -> Option<String> {
             _ => " with --array NAME".to_owned(),
         }),
         VolumeError::NoSuch { asked, .. } => Some(format!(" ({})", chosen(asked))),
+        VolumeError::Exceeds { source_name, .. } if ends_in(Path::new(source_name), "bricks") => {
+            Some("; relume render reads the bricks that a picture needs".to_owned())
+        }
+        VolumeError::Exceeds { source_name, .. } => {
+            let bricks = Path::new(source_name).with_extension("bricks");
+            Some(format!("; make bricks of it, relume bricks {source_name} -o {0}, and render {0}", bricks.display()))
+        }
+        VolumeError::BrickMemory { .. } => Some("; allow more with --memory".to_owned()),
+        VolumeError::InFile { what: "a picture without a scene", .. } => {
+            Some("; write a scene with its name ([volume] file), or allow more with --memory".to_owned())
+        }
+        VolumeError::InFile { .. } => Some("; allow more with --memory, or leave that out".to_owned()),
+        VolumeError::NotStreamed { source_name, .. } => {
+            let nrrd = Path::new(source_name).with_extension("nrrd");
+            Some(format!("; write it as NRRD first: relume convert {source_name} {}", nrrd.display()))
+        }
+        VolumeError::Bricks { .. } => Some("; make the bricks again with relume bricks".to_owned()),
         _ => None,
     }
 }

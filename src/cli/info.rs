@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use relume::document::first_look::Values;
-use relume::document::{SceneFile, is_sidecar};
+use relume::document::{SceneFile, Wish, is_sidecar};
 use relume::internal::number::{brief, readable};
 use relume::model::ColourModel;
 use relume::output::film::{Components, FilmFile, Light, Stored};
@@ -16,7 +16,7 @@ use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
 use relume::tables::{LightGrid, Storage};
-use relume::volume::{self, LabelPreset, Series, Several, Volume, VolumeError, Window};
+use relume::volume::{self, HostMemory, LabelPreset, Selection, Series, Several, Volume, VolumeError, Window};
 use relume::vulkan::{DeviceInfo, devices};
 
 use super::model::{Learnt, warn_of_plan};
@@ -76,7 +76,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let why = format!("{} is a volume; the flag is for scenes", path.display());
             args.refuse(&["-D", "--labels"], &why)?;
             args.refuse_accuracy(&why)?;
-            let selection = args.scene.selection.selection();
+            // A file of bricks describes its voxels itself.
+            let memory = if args.scene.downsample.is_none() { HostMemory::InFile } else { HostMemory::Whole };
+            let selection = Selection { memory, ..args.scene.selection.selection() };
             let opened = volume::open_by(path, args.scene.raw.layout().as_ref(), &selection, progress);
             let volume = match opened {
                 Err(VolumeError::Choose { source_name, there }) => {
@@ -94,7 +96,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }
         (None, Some(_)) => of_volume(&args.scene.load(progress)?.scene.volume, &args.voxel),
         _ => {
-            let file = args.scene.load(progress)?;
+            let memory = HostMemory::Bounded { bytes: None };
+            let (file, _) = args.scene.load_as(Wish::default(), memory, progress)?;
             let planned = plan(&file.scene, progress)?;
             warn_of_plan(&planned);
             of_scene(&file, &planned, &args.voxel)
@@ -239,7 +242,14 @@ impl Sampled {
 
 fn sampled(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Vec<Sampled>, CliError> {
     let sample = |&index: &[usize; 3]| {
-        let value = volume.value(index).ok_or_else(|| {
+        let in_file = match &volume.bricks {
+            Some(cache) if volume.geometry.linear_index(index).is_some() => {
+                let stored = cache.part(index, index.map(|at| at + 1))?.value([0; 3]);
+                stored.map(|stored| stored.mul_add(volume.slope, volume.intercept))
+            }
+            _ => None,
+        };
+        let value = in_file.or_else(|| volume.value(index)).ok_or_else(|| {
             CliError::Usage(format!("--voxel {index:?} is outside the volume's {:?} voxels", volume.geometry.dims))
         })?;
         Ok(Sampled { index, value })
@@ -284,13 +294,18 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         "values",
         &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), brief(statistics.mean)),
     );
-    let known = Values::of(volume, &statistics);
-    let percentiles = [1, 5, 25, 50, 75, 95, 99].map(|part| (part, known.percentile(f64::from(part) / 100.0)));
-    let listed = percentiles.map(|(part, value)| format!("{part} %: {}", brief(value))).join(", ");
-    line("percentile", &listed);
+    // Percentiles and suggestions examine voxels.
+    let known = volume.bricks.is_none().then(|| Values::of(volume, &statistics));
+    let percentiles = known
+        .as_ref()
+        .map(|known| [1, 5, 25, 50, 75, 95, 99].map(|part| (part, known.percentile(f64::from(part) / 100.0))));
+    if let Some(percentiles) = &percentiles {
+        let listed = percentiles.map(|(part, value)| format!("{part} %: {}", brief(value))).join(", ");
+        line("percentile", &listed);
+    }
     line("histogram", &format!("{}  (64 bins; heights are logarithmic)", bars(&statistics.histogram)));
     line("", &ends(statistics.min, statistics.max));
-    for sentence in known.sentences() {
+    for sentence in known.iter().flat_map(Values::sentences) {
         line("suggested", &sentence);
     }
     for Window { name, low, high } in &volume.presets.windows {
@@ -338,13 +353,10 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             "max": statistics.max,
             "mean": statistics.mean,
             "histogram": statistics.histogram.to_vec(),
-            "percentiles": percentiles
-                .iter()
-                .map(|(part, value)| json!({"percent": part, "value": value}))
-                .collect::<Vec<_>>(),
-            "kind": known.kind.name(),
-            "peaks": known.peaks,
-            "named": known.named(),
+            "percentiles": percentiles.map(|all| all.map(|(part, value)| json!({"percent": part, "value": value}))),
+            "kind": known.as_ref().map(|known| known.kind.name()),
+            "peaks": known.as_ref().map(|known| &known.peaks),
+            "named": known.as_ref().map(Values::named),
             "voxels": sampled,
             "not_a_number": statistics.not_a_number,
             "infinite": statistics.infinite,
@@ -404,7 +416,7 @@ fn of_accumulators(path: &Path, file: &FilmFile) -> Report {
 fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Result<Report, CliError> {
     let scene = &file.scene;
     let statistics = scene.volume.statistics()?;
-    let storage = Storage::new(&planned.plan, &scene.volume, &statistics);
+    let storage = Storage::of(&planned.plan, &scene.volume, &statistics)?;
     let sampled = sampled(&scene.volume, voxels)?;
     let (volume, geometry) = (&scene.volume, &scene.volume.geometry);
     let mut text = format!("{}\n", scene.name);

@@ -3,6 +3,7 @@
 mod accuracy;
 mod advice;
 mod bench;
+mod bricks;
 mod composite;
 mod convert;
 mod design;
@@ -87,6 +88,8 @@ enum Command {
     Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
+    /// Write a volume as a file of bricks, from which `relume render` reads only those that it needs.
+    Bricks(bricks::Args),
     /// Write a volume of any format as .nrrd, .mha, .nii or .nii.gz.
     Convert(convert::Args),
     /// Measure the cost and the error of each setting of a scene on this device, and the causes of the error.
@@ -229,6 +232,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Design(args) => design::run(args, &terminal),
         Command::Figures(args) => figures::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
+        Command::Bricks(args) => bricks::run(args, &terminal),
         Command::Convert(args) => convert::run(args, &terminal),
         Command::Measure(args) => {
             terminal.wait_for_rows();
@@ -255,6 +259,7 @@ pub(crate) fn main() -> ExitCode {
                 Command::Render(_)
                     | Command::Relight(_)
                     | Command::Composite(_)
+                    | Command::Bricks(_)
                     | Command::Page(_)
                     | Command::Figures(_)
             );

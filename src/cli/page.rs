@@ -18,7 +18,7 @@ use relume::progress::{Progress, unreported};
 use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{AccumulateAs, Aim, Camera, Mix, Projection, Scene, positions};
 use relume::spectrum::{Light, Reflectance};
-use relume::volume::Statistics;
+use relume::volume::{HostMemory, Statistics};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files;
@@ -166,7 +166,7 @@ fn light(args: &Args, header: &mut FilmFile) -> Result<(), CliError> {
 /// The film of each view of the scene.
 fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let clock = Stopwatch::start();
-    let (file, statistics) = args.scene.load_as(args.look.wish(), progress)?;
+    let (file, statistics) = args.scene.load_as(args.look.wish(), HostMemory::Whole, progress)?;
     let inputs: Vec<&Path> = file.inputs.iter().map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
     warn_of_odd_values(&statistics);

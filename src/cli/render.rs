@@ -20,7 +20,7 @@ use relume::render::{BrickCounts, Renderer, SceneRenderer};
 use relume::scene::{Block, Blocks, MOST_BLOCKS, Mix, Placement, Scene, Shading, positions};
 use relume::spectrum::{BANDS, Light};
 use relume::tables::{LabelMap, Storage};
-use relume::volume::{self, Statistics, VoxelType};
+use relume::volume::{self, CacheCounts, HostMemory, Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files::{self, Backdrop, Bits, DressArgs, picture_kind};
@@ -78,6 +78,10 @@ pub(crate) struct Args {
     /// picture needs (docs/SCALE.md). Default: all of it, and half of it for bricks.
     #[arg(long, value_name = "SIZE", value_parser = memory_size, conflicts_with = "reference")]
     device_memory: Option<u64>,
+    /// Memory of the host for the voxels, such as 512MiB or 2GiB. Of a file of bricks (`relume bricks`) that takes more, it
+    /// holds the bricks that the picture needs (docs/SCALE.md). Default: half of the available memory for bricks.
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    memory: Option<u64>,
     /// Render on the CPU with all 81 bands in f64: slow, but without errors of colour model, tables and rounding.
     #[arg(long, conflicts_with_all = ["device", "goal"])]
     reference: bool,
@@ -125,7 +129,7 @@ fn block(text: &str) -> Result<Block, String> {
 }
 
 /// Reads a number of bytes, or of KiB, MiB, GiB or TiB.
-fn memory_size(text: &str) -> Result<u64, String> {
+pub(crate) fn memory_size(text: &str) -> Result<u64, String> {
     let (number, shift) = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40)]
         .into_iter()
         .find_map(|(unit, shift)| Some((text.strip_suffix(unit)?, shift)))
@@ -136,13 +140,21 @@ fn memory_size(text: &str) -> Result<u64, String> {
         .ok_or_else(|| "write a whole number of bytes, KiB, MiB, GiB or TiB, such as 512MiB".to_owned())
 }
 
-/// States how many bricks a march held and loaded.
-fn told_of(bricks: Option<BrickCounts>) -> String {
+/// States how many bricks a march held and loaded on the device, and on the host if they are in a file.
+fn told_of(bricks: Option<BrickCounts>, cache: Option<CacheCounts>) -> String {
     let Some(BrickCounts { visible, held, loaded, again, rounds }) = bricks else { return String::new() };
-    let again = if again > 0 { format!(", {again} of them again") } else { String::new() };
+    let twice = |again: usize| if again > 0 { format!(", {again} of them again") } else { String::new() };
+    let again = twice(again);
+    let why = match cache {
+        Some(_) => "the volume stays in its file of bricks",
+        None => "the volume is larger than the device's memory or textures",
+    };
+    let of_cache = cache.map_or_else(String::new, |CacheCounts { held, loaded, again }| {
+        format!("; {loaded} read from the file{}, with room for {held} in memory", twice(again))
+    });
     format!(
-        "the volume is larger than the device's memory or textures: {loaded} bricks loaded{again} in {rounds} rounds, of \
-         {visible} that can be visible, with room for {held}\n"
+        "{why}: {loaded} bricks loaded{again} in {rounds} rounds, of {visible} that can be visible, with room for \
+         {held}{of_cache}\n"
     )
 }
 
@@ -249,8 +261,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
 
     let clock = Stopwatch::start();
-    let (file, statistics) = args.scene.load_as(args.look.wish(), progress)?;
+    let memory = HostMemory::Bounded { bytes: args.memory };
+    let (file, statistics) = args.scene.load_as(args.look.wish(), memory, progress)?;
     let scene = file.scene.clone();
+    for (given, what) in [
+        (args.reference, "--reference"),
+        (args.goal.goal().is_some(), "a search for settings"),
+        (args.turntable.is_some(), "a turntable"),
+    ] {
+        if given {
+            scene.volume.require_voxels(what)?;
+        }
+    }
     let lights = args.lights.files();
     let inputs: Vec<&Path> = file.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
@@ -424,7 +446,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         _ => String::new(),
     };
     let kept = checked.as_ref().map_or("", |(text, _)| text);
-    let bricks = told_of(marched.bricks);
+    let bricks = told_of(marched.bricks, scene.volume.bricks.as_ref().map(|cache| cache.counts()));
     let text = format!("wrote {}; {}\n{new}{bricks}{}\n{kept}", listed.join(", "), lit_by(&mix), spent(&times));
     let times: Map<_, _> = times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
@@ -646,6 +668,7 @@ fn on_device(
             "volume_bytes": uploaded.bytes(),
             "pixel_bytes": planned.plan.pixel_bytes(),
             "bricks": accumulators.bricks,
+            "host_bricks": scene.volume.bricks.as_ref().map(|cache| cache.counts()),
         }),
         bricks: accumulators.bricks,
     };

@@ -9,7 +9,7 @@ use relume::document::{Definition, LightRequest, Look, SceneFile, SceneOptions, 
 use relume::internal::number::readable;
 use relume::progress::Progress;
 use relume::scene::Mix;
-use relume::volume::{ByteOrder, RawLayout, Selection, Statistics, Unit, Volume, VoxelType};
+use relume::volume::{ByteOrder, HostMemory, RawLayout, Selection, Statistics, Unit, Volume, VoxelType};
 
 use super::CliError;
 use super::accuracy::AccuracyArgs;
@@ -102,9 +102,8 @@ impl SelectionArgs {
             series: self.series.clone(),
             level: self.pyramid_level,
             axes: self.axes.clone(),
-            asks: false,
-            middle: false,
             resample: self.resample,
+            ..Selection::default()
         }
     }
 
@@ -257,7 +256,7 @@ impl SceneArgs {
     }
 
     pub(crate) fn load(&self, progress: &dyn Progress) -> Result<SceneFile, CliError> {
-        self.load_as(Wish::default(), progress).map(|(file, _)| file)
+        self.load_as(Wish::default(), HostMemory::Whole, progress).map(|(file, _)| file)
     }
 
     /// The scene file or volume that the arguments name. A volume without a scene file is opened as a volume without a
@@ -266,9 +265,16 @@ impl SceneArgs {
         Source { path: self.scene.clone(), options: SceneOptions { wish, ..self.options() } }.or_its_volume()
     }
 
-    /// Reads the scene, or makes one for a volume; also returns the statistics of the volume.
-    pub(crate) fn load_as(&self, wish: Wish, progress: &dyn Progress) -> Result<(SceneFile, Statistics), CliError> {
-        let source = self.source(wish);
+    /// Reads the scene, or makes one for a volume, whose voxels are kept in `memory`; also returns the statistics of the
+    /// volume.
+    pub(crate) fn load_as(
+        &self,
+        wish: Wish,
+        memory: HostMemory,
+        progress: &dyn Progress,
+    ) -> Result<(SceneFile, Statistics), CliError> {
+        let mut source = self.source(wish);
+        source.options.selection.memory = memory;
         if !wish.is_none() && source.bare_volume().is_none() {
             let message = "--look, --window and --level are for a volume without a scene; a scene states its own look";
             return Err(CliError::Usage(message.to_owned()));

@@ -42,6 +42,18 @@ pub fn discard_unfinished() {
 /// [`OutputError::NoFile`] if the folder accepts no new file, and [`OutputError::Write`] for all other errors,
 /// including those of `fill`. No temporary file is left behind.
 pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> Result<(), OutputError> {
+    write_file_atomically(path, |file, _| fill_file(file, fill))
+}
+
+/// As [`write_atomically`]; `fill` gets the empty file, which it may also read, and the folder in which it lies.
+///
+/// # Errors
+///
+/// Same as [`write_atomically`].
+pub(super) fn write_file_atomically(
+    path: &Path,
+    fill: impl FnOnce(&File, &Path) -> io::Result<()>,
+) -> Result<(), OutputError> {
     match look(path)? {
         (target, Some(metadata)) if !metadata.is_file() => write_special(path, &target, fill),
         (target, existing) => replace(path, &target, existing.map(|metadata| metadata.permissions()), fill),
@@ -77,12 +89,12 @@ fn replace(
     path: &Path,
     target: &Path,
     permissions: Option<fs::Permissions>,
-    fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>,
+    fill: impl FnOnce(&File, &Path) -> io::Result<()>,
 ) -> Result<(), OutputError> {
     let failed = |written, source| failure(path, written, source);
     let temporary = beside(path, target, permissions.is_some())?;
     let file = temporary.as_file();
-    let filled = fill_file(file, fill)
+    let filled = fill(file, folder_of(target))
         .and_then(|()| permissions.map_or(Ok(()), |permissions| file.set_permissions(permissions)))
         .and_then(|()| file.sync_all());
     filled.map_err(|source| failed(length(file), source))?;
@@ -90,12 +102,14 @@ fn replace(
     Ok(())
 }
 
+/// The folder of the file `target`.
+fn folder_of(target: &Path) -> &Path {
+    target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Creates an empty temporary file next to `target`. If the target `exists`, it must be writable.
 fn beside(path: &Path, target: &Path, exists: bool) -> Result<tempfile::NamedTempFile, OutputError> {
-    let folder = match target.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(target);
     if !folder.is_dir() {
         return Err(OutputError::NoFolder { path: path.to_owned(), folder: folder.to_owned() });
     }
@@ -128,10 +142,10 @@ fn beside(path: &Path, target: &Path, exists: bool) -> Result<tempfile::NamedTem
 fn write_special(
     path: &Path,
     target: &Path,
-    fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>,
+    fill: impl FnOnce(&File, &Path) -> io::Result<()>,
 ) -> Result<(), OutputError> {
     let mut content = tempfile::tempfile().map_err(|source| failure(path, 0, source))?;
-    fill_file(&content, fill).map_err(|source| failure(path, length(&content), source))?;
+    fill(&content, &std::env::temp_dir()).map_err(|source| failure(path, length(&content), source))?;
     let opened = OpenOptions::new().write(true).open(target).map_err(|source| failure(path, 0, source))?;
     let mut sent = Counted { to: opened, bytes: 0 };
     let copied = content.rewind().and_then(|()| io::copy(&mut content, &mut sent)).and_then(|_| sent.flush());

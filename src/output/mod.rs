@@ -1,6 +1,7 @@
 //! File output of pictures, films and volumes.
 
 mod atomic;
+mod bricks;
 mod channels;
 mod drawing;
 mod exr;
@@ -15,6 +16,7 @@ mod volume;
 pub use self::exr::write_exr;
 pub use self::png::{Alpha, Animation, Depth, ready_png, write_apng, write_png, write_ready_png};
 pub use atomic::{Sink, check_writable, discard_unfinished, write_atomically};
+pub use bricks::write_bricks;
 pub use drawing::{draw_over, write_drawing};
 pub use film::FilmFile;
 pub use inputs::inputs_of;
@@ -23,6 +25,8 @@ pub use spectral::{SpectralRow, write_spectral};
 pub use volume::{VolumeKind, Written, write_volume};
 
 use std::path::{Path, PathBuf};
+
+use crate::volume::VolumeError;
 
 /// Returns the path of picture `number` of a sequence: `picture.png` becomes `picture-0001.png`.
 #[must_use]
@@ -95,6 +99,9 @@ pub enum OutputError {
         /// The file.
         path: PathBuf,
     },
+    /// The volume cannot be read.
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
     /// The extension is of no kind of volume that is written.
     #[error(
         "{}: unknown kind of volume; end its name in .nrrd, .mha, .nii or .nii.gz",
@@ -254,6 +261,7 @@ impl OutputError {
     pub fn code(&self) -> &'static str {
         match self {
             Self::Matrix => "film-of-matrices",
+            Self::Volume(error) => error.code(),
             Self::Kind { .. } => "picture-kind-unknown",
             Self::VolumeKind { .. } => "volume-kind-unknown",
             Self::Cancelled { .. } => "cancelled",

@@ -217,7 +217,7 @@ impl Pool {
                 .grid
                 .place(brick)
                 .map(|at| i64::try_from(at * BRICK as usize).unwrap_or(i64::MAX) - i64::from(self.apron));
-            let texels = textures.storage.texels_of_box(&self.source, first, edge);
+            let texels = textures.storage.texels_of_box(&self.source, first, edge).map_err(RenderError::Volume)?;
             let of_labels = textures
                 .labels
                 .map(|map| map.texels_of_box(self.source.geometry.dims, first, edge, self.smooth_labels));

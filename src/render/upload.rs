@@ -109,10 +109,13 @@ impl Renderer {
         statistics: &Statistics,
         progress: &dyn Progress,
     ) -> Result<Uploaded, RenderError> {
-        let storage = Storage::new(&planned.plan, &scene.volume, statistics);
+        let storage = Storage::of(&planned.plan, &scene.volume, statistics).map_err(RenderError::Volume)?;
         let dims = scene.volume.geometry.dims;
         let format = Format::from(storage.format);
         self.check_filter(planned, &storage)?;
+        if scene.labels.is_some() {
+            scene.volume.require_voxels("a volume with labels").map_err(RenderError::Volume)?;
+        }
         let labels = match &scene.labels {
             Some(labels) if planned.plan.labels => Some(LabelMap::new(labels).map_err(RenderError::Labels)?),
             _ => None,
@@ -124,13 +127,17 @@ impl Renderer {
         let limit = self.largest_texture(format);
         let voxels = dims.iter().fold(1_u64, |product, &n| product.saturating_mul(n as u64));
         let fits = !self.always_bricked
+            && scene.volume.bricks.is_none()
             && dims.iter().zip(limit).all(|(&n, limit)| n as u64 <= u64::from(limit))
             && voxels.saturating_mul(voxel_bytes) <= self.volume_budget();
         if !fits {
             if planned.plan.reads_light_grid() {
                 return Err(RenderError::Bricked { what: "shadows" });
             }
-            let cells = Cells::new(&scene.volume, &storage, labels.as_ref());
+            let cells = match &scene.volume.bricks {
+                Some(cache) => Cells::of_cache(dims, cache, &storage).map_err(RenderError::Volume)?,
+                None => Cells::new(&scene.volume, &storage, labels.as_ref()),
+            };
             let (grid, apron) = (BrickGrid::new(cells.dims), apron(scene, &planned.plan));
             let size = PoolSize::new(&self.device, grid, apron, voxel_bytes, self.pool_budget(), limit)?;
             let volume = Image3d::new(&self.device, "bricks", format, size.extent())?;

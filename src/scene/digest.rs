@@ -49,4 +49,5 @@ fn hash_voxels(volume: &Volume, hasher: &mut impl Hasher) {
     format!("{:?} {:?}", volume.unit, volume.anatomical).hash(hasher);
     std::mem::discriminant(&volume.voxels).hash(hasher);
     volume.voxels.bytes().hash(hasher);
+    volume.bricks.as_ref().map(|cache| cache.digest()).hash(hasher);
 }

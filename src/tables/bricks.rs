@@ -8,8 +8,7 @@ use crate::number::{count, unsigned, whole};
 use crate::plan::{Integrate, ScenePlan};
 use crate::scene::{Gradients, Interpolation, Scene};
 
-/// Voxels along an edge of a brick: whole macrocells.
-pub const BRICK: u32 = 64;
+pub use crate::volume::BRICK;
 
 /// Texels along an edge of a slot: a brick and its apron. Brick b owns the macrocells from 8b on, so the voxel indices
 /// [64b, 64b + 64], and linear interpolation at the upper end and a rounding beyond it reads two voxels behind the last.

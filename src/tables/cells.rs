@@ -6,10 +6,9 @@ use rayon::prelude::*;
 
 use super::{LabelMap, Storage};
 use crate::number::{count, rounded, whole};
-use crate::volume::{Volume, Voxel, with_voxels};
+use crate::volume::{BrickCache, Volume, VolumeError, Voxel, with_voxels};
 
-/// Voxels along an edge of a macrocell.
-pub const CELL: usize = 8;
+pub use crate::volume::CELL;
 
 /// Lowest and highest stored value of each macrocell, x fastest.
 ///
@@ -56,6 +55,23 @@ impl Cells {
                 .collect(),
         };
         Self { dims, ranges, labelled }
+    }
+
+    /// The macrocells of the volume in `cache`, as of its voxels: their ranges are in the file.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Read`], [`VolumeError::Bricks`].
+    pub fn of_cache(grid: [usize; 3], cache: &BrickCache, storage: &Storage) -> Result<Self, VolumeError> {
+        let dims = grid.map(|n| n.saturating_sub(1).div_ceil(CELL).max(1));
+        let mut ranges = Vec::with_capacity(dims.iter().product());
+        cache.each_cell(|ends, has_nan| {
+            let ends = ends.map(|end| storage.normalised(end));
+            let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+            // NaN becomes the low end, since `storage` normalises it like the smallest value.
+            ranges.push([rounded(if has_nan { 0.0 } else { low }), rounded(high)]);
+        })?;
+        Ok(Self { dims, ranges, labelled: Vec::new() })
     }
 
     /// Returns the occupancy under a table whose entries, from the lowest value to the highest, are `active`.

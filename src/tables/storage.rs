@@ -1,6 +1,7 @@
 //! Texture storage of the volume: values normalised in f64, with gradients if shading needs them.
 
 use std::collections::BTreeMap;
+use std::convert::Infallible;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -10,7 +11,7 @@ use crate::number::rounded;
 use crate::number::{count, readable, whole};
 use crate::plan::ScenePlan;
 use crate::scene::{Labels, VolumeAs};
-use crate::volume::{Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxels};
+use crate::volume::{BrickCache, Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxels};
 
 /// Texture formats of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -73,9 +74,32 @@ const UNORM16: f64 = 65535.0;
 const SNORM16: f64 = 32767.0;
 
 impl Storage {
-    /// Chooses the storage of `volume` under `plan`; `statistics` are those of its values.
+    /// Chooses the storage of `volume`, whose voxels are in memory, under `plan`; `statistics` are those of its values.
     #[must_use]
     pub fn new(plan: &ScenePlan, volume: &Volume, statistics: &Statistics) -> Self {
+        let differences = |storage: &Self| Ok::<_, Infallible>(largest_differences(storage, volume));
+        let Ok(storage) = Self::chosen(plan, volume, statistics, differences);
+        storage
+    }
+
+    /// As [`Self::new`], also for a volume whose voxels stay in a cache of bricks.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Read`], [`VolumeError::Bricks`].
+    pub fn of(plan: &ScenePlan, volume: &Volume, statistics: &Statistics) -> Result<Self, VolumeError> {
+        Self::chosen(plan, volume, statistics, |storage| match &volume.bricks {
+            None => Ok(largest_differences(storage, volume)),
+            Some(cache) => largest_in_cache(storage, cache, volume.geometry.dims),
+        })
+    }
+
+    fn chosen<E>(
+        plan: &ScenePlan,
+        volume: &Volume,
+        statistics: &Statistics,
+        largest: impl FnOnce(&Self) -> Result<[f64; 3], E>,
+    ) -> Result<Self, E> {
         let voxel_type = volume.voxels.voxel_type();
         let (slope, intercept) = (volume.slope, volume.intercept);
         let typed = match voxel_type {
@@ -126,7 +150,7 @@ impl Storage {
             magnitude_scale: 0.0,
         };
         if gradient {
-            storage.scale_differences(volume);
+            storage.scale_differences(volume, largest)?;
         } else if plan.gradient() {
             // For differences between the values one voxel ahead and one voxel behind.
             let spacing = volume.geometry.spacing;
@@ -134,12 +158,16 @@ impl Storage {
             let [scale, _] = storage.normalised_from_texel();
             storage.magnitude_scale = scale * (domain[1] - domain[0]) / (2.0 * spacing.min_element());
         }
-        storage
+        Ok(storage)
     }
 
     /// Sets the codes of differences: a whole number of codes per whole number if the largest possible difference fits,
     /// else scaled to the largest difference in the data.
-    fn scale_differences(&mut self, volume: &Volume) {
+    fn scale_differences<E>(
+        &mut self,
+        volume: &Volume,
+        largest: impl FnOnce(&Self) -> Result<[f64; 3], E>,
+    ) -> Result<(), E> {
         let full = if self.format == VolumeFormat::Rgba16Snorm { SNORM16 } else { 1.0 };
         let span = (self.domain[1] - self.domain[0]) / self.slope.abs();
         // One-sided differences at the faces count twice.
@@ -147,7 +175,7 @@ impl Storage {
         let codes = if whole_codes > 0.0 {
             [whole_codes; 3]
         } else {
-            largest_differences(self, volume).map(|largest| if largest > 0.0 { full / largest } else { 0.0 })
+            largest(self)?.map(|largest| if largest > 0.0 { full / largest } else { 0.0 })
         };
         self.difference_codes = codes;
         let spacing = volume.geometry.spacing.to_array();
@@ -156,6 +184,7 @@ impl Storage {
         let largest = scale.iter().fold(f64::MIN_POSITIVE, |a: f64, &b| a.max(b));
         self.gradient_scale = scale.map(|scale| scale / largest);
         self.magnitude_scale = largest * (self.domain[1] - self.domain[0]) / 2.0;
+        Ok(())
     }
 
     /// Normalises a stored value to 0–1 over the domain.
@@ -233,8 +262,23 @@ impl Storage {
 
     /// Encodes a box of `edge` voxels along each axis that begins at `first`. Outside the grid, the texels at its faces
     /// are repeated.
-    #[must_use]
-    pub fn texels_of_box(&self, volume: &Volume, first: [i64; 3], edge: usize) -> Vec<u8> {
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Read`], [`VolumeError::Bricks`] if the voxels are in a cache of bricks.
+    pub fn texels_of_box(&self, volume: &Volume, first: [i64; 3], edge: usize) -> Result<Vec<u8>, VolumeError> {
+        let Some(cache) = &volume.bricks else { return Ok(self.texels_in_memory(volume, first, edge)) };
+        // One voxel more on each side, for differences. Beyond it lie only faces of the grid, which are repeated.
+        let dims = volume.geometry.dims;
+        let within = |at: i64, n: usize| usize::try_from(at.max(0)).unwrap_or(usize::MAX).min(n);
+        let signed = |number: usize| i64::try_from(number).unwrap_or(i64::MAX);
+        let low = std::array::from_fn(|axis| within(first[axis] - 1, dims[axis] - 1));
+        let high = std::array::from_fn(|axis| within(first[axis] + signed(edge) + 1, dims[axis]));
+        let part = cache.part(low, high)?;
+        Ok(self.texels_in_memory(&part, std::array::from_fn(|axis| first[axis] - signed(low[axis])), edge))
+    }
+
+    fn texels_in_memory(&self, volume: &Volume, first: [i64; 3], edge: usize) -> Vec<u8> {
         let dims = volume.geometry.dims;
         with_voxels!(&volume.voxels, stored => {
             let grid = Grid { stored, dims };
@@ -297,6 +341,9 @@ fn rounded_off(volume: &Volume) -> f64 {
     if !matches!(volume.voxels.voxel_type(), VoxelType::U64 | VoxelType::I64) {
         return 0.0;
     }
+    if let Some(cache) = &volume.bricks {
+        return cache.rounded_off();
+    }
     let off = |exact: i128, rounded: f64| exact.abs_diff(rounded as i128);
     with_voxels!(&volume.voxels, stored => {
         let off = stored.par_iter().filter_map(|value| Some(off(value.to_whole()?, value.to_f64())));
@@ -331,6 +378,29 @@ fn largest_differences(storage: &Storage, volume: &Volume) -> [f64; 3] {
             largest
         }).reduce(|| [0.0; 3], |a, b| [a[0].max(b[0]), a[1].max(b[1]), a[2].max(b[2])])
     })
+}
+
+/// As [`largest_differences`] of a volume of `dims` voxels in `cache`, brick by brick.
+fn largest_in_cache(storage: &Storage, cache: &BrickCache, dims: [usize; 3]) -> Result<[f64; 3], VolumeError> {
+    let mut all = [0.0_f64; 3];
+    for [first, end] in cache.boxes() {
+        // One voxel more on each side. Rows of these alone would have differences to one side.
+        let low: [usize; 3] = first.map(|at| at.saturating_sub(1));
+        let high: [usize; 3] = std::array::from_fn(|axis| (end[axis] + 1).min(dims[axis]));
+        let part = cache.part(low, high)?;
+        let own: [Range<usize>; 3] = std::array::from_fn(|axis| first[axis] - low[axis]..end[axis] - low[axis]);
+        with_voxels!(&part.voxels, stored => {
+            let grid = Grid { stored, dims: part.geometry.dims };
+            for row in own[2].clone().flat_map(|z| own[1].clone().map(move |y| y + part.geometry.dims[1] * z)) {
+                grid.differences(storage, row, own[0].clone(), |_, _, difference| {
+                    for (largest, difference) in all.iter_mut().zip(difference) {
+                        *largest = largest.max(difference.abs());
+                    }
+                });
+            }
+        });
+    }
+    Ok(all)
 }
 
 /// Returns the codes over the normalised range, and the loss in data units. If `span` is at most `full`, whole numbers

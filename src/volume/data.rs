@@ -98,7 +98,7 @@ impl Data {
     }
 
     /// Number of voxels.
-    fn voxels(&self) -> usize {
+    pub(super) fn voxels(&self) -> usize {
         let numbers: usize = self.files.iter().map(|file| file.numbers).sum();
         self.picks.iter().fold(numbers, |numbers, pick| numbers / pick.length)
     }

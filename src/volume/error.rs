@@ -342,6 +342,52 @@ pub enum VolumeError {
         /// Bytes requested.
         bytes: u64,
     },
+    /// The voxels exceed the memory that they may take.
+    #[error("{source_name}: the voxels take {} of memory, and may take {}", mebibytes(*bytes), mebibytes(*limit))]
+    Exceeds {
+        /// The file.
+        source_name: String,
+        /// Bytes of the voxels.
+        bytes: u64,
+        /// Bytes that they may take.
+        limit: u64,
+    },
+    /// The bricks that a march needs at once exceed the memory that they may take.
+    #[error("{source_name}: rendering it in bricks takes at least {} of memory, and may take {}", mebibytes(*least), mebibytes(*limit))]
+    BrickMemory {
+        /// The cache of bricks.
+        source_name: String,
+        /// Bytes needed.
+        least: u64,
+        /// Bytes that they may take.
+        limit: u64,
+    },
+    /// The voxels stay in a cache of bricks, and are needed in memory.
+    #[error(
+        "{source_name}: the voxels exceed the memory and stay in their file of bricks, and {what} needs all of them in memory"
+    )]
+    InFile {
+        /// The cache of bricks.
+        source_name: String,
+        /// What needs them.
+        what: &'static str,
+    },
+    /// The voxels are not read slab by slab.
+    #[error("{source_name}: no bricks can be made of this file slice by slice, because {reason}")]
+    NotStreamed {
+        /// The file.
+        source_name: String,
+        /// Reason.
+        reason: &'static str,
+    },
+    /// A cache of bricks is damaged, or of another version.
+    #[error("{}: {problem}", path.display())]
+    Bricks {
+        /// The cache.
+        path: PathBuf,
+        /// Description of the error, with the numbers.
+        problem: String,
+    },
     /// Every voxel is NaN or infinite.
     #[error("{source_name}: no finite voxel ({not_a_number} NaN, {infinite} infinite)")]
     NothingFinite {
@@ -417,12 +463,22 @@ impl VolumeError {
             Self::Vti { .. } => "vti-invalid",
             Self::VtiArray { .. } => "vti-array-damaged",
             Self::Memory { .. } => "volume-memory-short",
+            Self::Exceeds { .. } => "volume-exceeds-memory",
+            Self::BrickMemory { .. } => "brick-memory-short",
+            Self::InFile { .. } => "bricks-stay-in-file",
+            Self::NotStreamed { .. } => "bricks-impossible",
+            Self::Bricks { .. } => "bricks-damaged",
             Self::NothingFinite { .. } => "volume-not-finite",
             Self::Block { .. } => "downsample-block-invalid",
             Self::UnknownPhantom { .. } => "phantom-unknown",
             Self::Cancelled { .. } => "cancelled",
         }
     }
+}
+
+/// A number of bytes in the unit of the flags, rounded up.
+fn mebibytes(bytes: u64) -> String {
+    format!("{} MiB", bytes.div_ceil(1 << 20))
 }
 
 /// Describes the usable part of damaged data.

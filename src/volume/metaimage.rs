@@ -14,6 +14,7 @@ use super::resample::Grid;
 use super::select::Pick;
 use super::slices;
 use super::stream::{Encoding, Start};
+use super::streamed::Streamed;
 use super::{Geometry, Selection, Unit, Volume, VolumeError, VoxelType};
 use crate::progress::Progress;
 
@@ -29,34 +30,56 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
 
 /// Reads a `MetaImage`.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let source_name = path.display().to_string();
+    let (header, streamed) = header_and_voxels(path, selection)?;
+    let paths = streamed.data.paths();
+    if slices::are_pictures(&paths) {
+        let (axes, components) = (header.axes()?, header.components()?);
+        let component = selection.component(&source_name, components, "")?;
+        let of_header = (components, streamed.data.voxel_type);
+        let voxels = slices::of_header(path, &paths, &axes, of_header, component, progress)?;
+        return (streamed.finish)(voxels, streamed.notes);
+    }
+    streamed.read(&source_name, selection, progress)
+}
+
+/// Reads the header of a `MetaImage`.
+pub(super) fn streamed(path: &Path, selection: &Selection) -> Result<Streamed, VolumeError> {
+    let (_, mut streamed) = header_and_voxels(path, selection)?;
+    if slices::are_pictures(&streamed.data.paths()) {
+        streamed.dims = Err("its slices are pictures");
+    }
+    Ok(streamed)
+}
+
+fn header_and_voxels<'a>(path: &'a Path, selection: &Selection) -> Result<(Header<'a>, Streamed), VolumeError> {
     let header = Header::read(path)?;
+    let source_name = path.display().to_string();
     let mut notes = Vec::new();
     let axes = header.axes()?;
     let grid = header.grid(&axes, selection.resample, &mut notes)?;
     let components = header.components()?;
     let data = header.data(&axes, components, selection)?;
     let (slope, intercept) = header.scale()?;
-    let paths = data.paths();
-    let voxels = if slices::are_pictures(&paths) {
-        let component = selection.component(&path.display().to_string(), components, "")?;
-        slices::of_header(path, &paths, &axes, (components, data.voxel_type), component, progress)?
-    } else {
-        data.read(progress, &mut notes)?
+    let mut files = data.paths();
+    files.push(path.to_owned());
+    let metadata = header.fields.uninterpreted(&key::ALL);
+    let repeated: Vec<String> = header.fields.repeated().collect();
+    let dims = grid.dims();
+    let finish = move |voxels, mut notes: Vec<String>| {
+        let mut volume = grid.volume(&source_name, voxels, false, slope)?;
+        (volume.slope, volume.intercept) = (slope, intercept);
+        (volume.files, volume.metadata, volume.components) = (files, metadata, components);
+        let orientation = volume.metadata.iter().find(|(key, _)| key.eq_ignore_ascii_case("AnatomicalOrientation"));
+        let unit = volume.metadata.iter().find(|(key, _)| key.eq_ignore_ascii_case("DistanceUnits"));
+        volume.unit = unit.and_then(|(_, name)| Unit::named(name));
+        volume.anatomical = orientation.is_some_and(|(_, letters)| is_anatomical(letters, &volume.geometry));
+        notes.extend(repeated);
+        notes.append(&mut volume.notes);
+        volume.notes = notes;
+        Ok(volume)
     };
-    let mut volume = grid.volume(&path.display().to_string(), voxels, false, slope)?;
-    (volume.slope, volume.intercept) = (slope, intercept);
-    volume.files = paths;
-    volume.files.push(path.to_owned());
-    volume.components = components;
-    volume.metadata = header.fields.uninterpreted(&key::ALL);
-    let orientation = volume.metadata.iter().find(|(key, _)| key.eq_ignore_ascii_case("AnatomicalOrientation"));
-    let unit = volume.metadata.iter().find(|(key, _)| key.eq_ignore_ascii_case("DistanceUnits"));
-    volume.unit = unit.and_then(|(_, name)| Unit::named(name));
-    volume.anatomical = orientation.is_some_and(|(_, letters)| is_anatomical(letters, &volume.geometry));
-    notes.extend(header.fields.repeated());
-    notes.append(&mut volume.notes);
-    volume.notes = notes;
-    Ok(volume)
+    Ok((header, Streamed { data, dims, notes, finish: Box::new(finish) }))
 }
 
 /// Whether `letters` agree with the axes of `geometry` in a left-posterior-superior world. Each letter names the side

@@ -4,6 +4,7 @@ mod allocate;
 mod axes;
 mod batches;
 mod binary;
+mod bricks;
 mod data;
 mod dicom;
 mod error;
@@ -35,6 +36,7 @@ mod several;
 mod slices;
 mod statistics;
 mod stream;
+mod streamed;
 mod tiff;
 mod tiles;
 mod type_string;
@@ -45,9 +47,10 @@ mod vti;
 mod vtk;
 mod zarr;
 
+pub use bricks::{BRICK, BrickCache, BricksMade, CELL, CacheCounts, MakeError};
 pub use error::VolumeError;
 pub use geometry::Geometry;
-pub use open::{extensions, open, open_by, open_raw, packed_blocks};
+pub use open::{extensions, make_bricks, open, open_by, open_raw, packed_blocks};
 pub(crate) use open::{has_header, is_volume, refusal};
 pub use phantom::Phantom;
 
@@ -55,7 +58,7 @@ pub use layout::{ByteOrder, RawLayout};
 pub use modality::Modality;
 pub use presets::{LabelPreset, Presets, Window};
 pub use preview::Preview;
-pub use select::Selection;
+pub use select::{HostMemory, Selection};
 pub use several::{Asked, Series, Several};
 pub use statistics::{BINS, Statistics};
 pub use unit::Unit;
@@ -65,12 +68,15 @@ pub use voxels::{Voxel, Voxels};
 pub use vti::PackedBlocks;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A scalar volume: voxels, their geometry, and their scaling to values.
 #[derive(Clone, Debug)]
 pub struct Volume {
-    /// Voxels as stored, x fastest.
+    /// Voxels as stored, x fastest; none if they stay in the file of `bricks`.
     pub voxels: Voxels,
+    /// The cache of bricks with the voxels, if these are not in memory.
+    pub bricks: Option<Arc<BrickCache>>,
     /// Position of the voxels; has as many voxels as `voxels`.
     pub geometry: Geometry,
     /// Whether the file declares its axes as anatomical. The world is then left-posterior-superior, as in DICOM: x
@@ -117,8 +123,22 @@ impl Volume {
             let problem = format!("there are {} voxels, but the grid has {}", voxels.len(), geometry.voxels());
             return Err(VolumeError::Layout { source_name: source.to_owned(), problem });
         }
-        Ok(Self {
+        Ok(Self::described(source, voxels, geometry))
+    }
+
+    /// A volume of `voxels`; if there are none, they lie elsewhere.
+    pub(crate) fn of_voxels(source: &str, voxels: Voxels, geometry: Geometry) -> Result<Self, VolumeError> {
+        if voxels.is_empty() {
+            Ok(Self::described(source, voxels, geometry))
+        } else {
+            Self::new(source, voxels, geometry)
+        }
+    }
+
+    fn described(source: &str, voxels: Voxels, geometry: Geometry) -> Self {
+        Self {
             voxels,
+            bricks: None,
             geometry,
             anatomical: false,
             unit: None,
@@ -135,10 +155,22 @@ impl Volume {
             metadata: Vec::new(),
             assumed_spacing: None,
             notes: Vec::new(),
-        })
+        }
     }
 
-    /// Value of voxel `[x, y, z]`, `slope · stored + intercept`; `None` outside the grid.
+    /// Refuses a volume whose voxels are not in memory; `what` needs them.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::InFile`].
+    pub fn require_voxels(&self, what: &'static str) -> Result<(), VolumeError> {
+        match self.bricks {
+            Some(_) => Err(VolumeError::InFile { source_name: self.source.clone(), what }),
+            None => Ok(()),
+        }
+    }
+
+    /// Value of voxel `[x, y, z]`, `slope · stored + intercept`; `None` outside the grid, and if the voxels are not in memory.
     #[must_use]
     pub fn value(&self, index: [usize; 3]) -> Option<f64> {
         let stored = self.voxels.value(self.geometry.linear_index(index)?)?;

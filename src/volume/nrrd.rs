@@ -20,6 +20,7 @@ use super::pattern::{self, Pattern};
 use super::resample::Grid;
 use super::select::Pick;
 use super::stream::{Encoding, Skip, Start};
+use super::streamed::Streamed;
 use super::{LabelPreset, Selection, Unit, Volume, VolumeError, VoxelType};
 use crate::progress::Progress;
 
@@ -30,6 +31,11 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
 
 /// Reads an NRRD.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    streamed(path, selection)?.read(&path.display().to_string(), selection, progress)
+}
+
+/// Reads the header of an NRRD.
+pub(super) fn streamed(path: &Path, selection: &Selection) -> Result<Streamed, VolumeError> {
     let header = Header::read(path)?;
     let source_name = path.display().to_string();
     let lengths = header.fields.axes(&key::DIMENSION, &key::SIZES)?;
@@ -51,25 +57,30 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
         Some(Pick { stride: lengths[..axis].iter().product(), length: lengths[axis], index })
     };
     let picks = chosen.into_iter().filter_map(pick).collect();
-    let mut notes = Vec::new();
     let data = header.data(&lengths, picks)?;
-    let voxels = data.read(progress, &mut notes)?;
-    let labels = segments(&header.pairs);
-    let mut volume = grid.volume(&source_name, voxels, !labels.is_empty(), 1.0)?;
-    volume.files = data.paths();
-    volume.files.push(path.to_owned());
-    volume.components = length(component);
+    let mut files = data.paths();
+    files.push(path.to_owned());
+    let components = length(component);
     // A spatial axis without a direction is not anatomical.
     let directed = axes.iter().all(|axis| axis.role != Role::Space || axis.direction.is_some());
-    volume.anatomical = directed && header.space()?.1.is_some();
-    volume.presets.labels = labels;
-    volume.unit = header.unit();
-    volume.metadata = header.fields.uninterpreted(&key::ALL);
-    volume.metadata.extend(header.pairs);
-    notes.extend(header.fields.repeated());
-    notes.append(&mut volume.notes);
-    volume.notes = notes;
-    Ok(volume)
+    let anatomical = directed && header.space()?.1.is_some();
+    let unit = header.unit();
+    let labels = segments(&header.pairs);
+    let mut metadata = header.fields.uninterpreted(&key::ALL);
+    metadata.extend(header.pairs);
+    let repeated: Vec<String> = header.fields.repeated().collect();
+    let dims = grid.dims();
+    let finish = move |voxels, mut notes: Vec<String>| {
+        let mut volume = grid.volume(&source_name, voxels, !labels.is_empty(), 1.0)?;
+        (volume.files, volume.metadata) = (files, metadata);
+        (volume.components, volume.anatomical, volume.unit) = (components, anatomical, unit);
+        volume.presets.labels = labels;
+        notes.extend(repeated);
+        notes.append(&mut volume.notes);
+        volume.notes = notes;
+        Ok(volume)
+    };
+    Ok(Streamed { data, dims, notes: Vec::new(), finish: Box::new(finish) })
 }
 
 /// The interpreted fields, in lower case and without white space, which readers ignore.

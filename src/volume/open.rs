@@ -1,13 +1,18 @@
 //! Selection of the reader for a volume file.
 
+use std::fs::File;
 use std::path::Path;
 
-use super::stream::beginning;
+use super::stream::{beginning, count};
+use super::streamed::Streamed;
 use super::{
-    PackedBlocks, RawLayout, Selection, Volume, VolumeError, dicom, folder, foreign, hdf5, metaimage, mrc, nifti, nrrd,
-    numpy, raw, tiff, vti, vtk, zarr,
+    BricksMade, MakeError, PackedBlocks, RawLayout, Selection, Volume, VolumeError, bricks, dicom, folder, foreign,
+    hdf5, metaimage, mrc, nifti, nrrd, numpy, raw, tiff, vti, vtk, zarr,
 };
 use crate::progress::Progress;
+
+/// Reads the header of a file.
+type ReadHeader = fn(&Path, &Selection) -> Result<Streamed, VolumeError>;
 
 /// A format with a reader.
 struct Format {
@@ -21,6 +26,8 @@ struct Format {
     /// Choices that files of the format offer beside component, time step and array.
     further: Further,
     read: fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
+    /// Reads the header of a file whose voxels are read slice by slice.
+    streamed: Option<ReadHeader>,
 }
 
 /// Choices beside component, time step and array.
@@ -47,24 +54,42 @@ impl Format {
         self.extensions.iter().any(ends)
     }
 
+    /// Refuses choices that the format does not offer, for the file `source`.
+    fn check(&self, source: &str, selection: &Selection) -> Result<(), VolumeError> {
+        if !self.further.series {
+            selection.no_series(source)?;
+        }
+        if !self.further.levels {
+            selection.no_level(source)?;
+        }
+        if !self.further.axes {
+            selection.no_axes(source)?;
+        }
+        Ok(())
+    }
+
     /// Reads the file `path`, after the refusal of choices that the format does not offer.
     fn open(&self, path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
         let source = path.display().to_string();
-        if !self.further.series {
-            selection.no_series(&source)?;
-        }
-        if !self.further.levels {
-            selection.no_level(&source)?;
-        }
-        if !self.further.axes {
-            selection.no_axes(&source)?;
-        }
-        (self.read)(path, selection, progress)
+        self.check(&source, selection)?;
+        let volume = (self.read)(path, selection, progress)?;
+        let bytes = count(volume.voxels.len()).saturating_mul(count(volume.voxels.voxel_type().bytes()));
+        selection.memory.check(&source, bytes)?;
+        Ok(volume)
     }
 }
 
 /// All formats; a new reader is a new line.
-const FORMATS: [Format; 14] = [
+const FORMATS: [Format; 15] = [
+    Format {
+        name: "bricks",
+        extensions: &["bricks"],
+        recognises: bricks::recognises,
+        is_another: ALONE,
+        further: NOTHING,
+        read: bricks::read,
+        streamed: None,
+    },
     Format {
         name: "DICOM",
         extensions: &["dcm", "dicom", "ima"],
@@ -72,6 +97,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: Further { series: true, ..NOTHING },
         read: dicom::read,
+        streamed: None,
     },
     Format {
         name: "MetaImage",
@@ -80,6 +106,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: NOTHING,
         read: metaimage::read,
+        streamed: Some(metaimage::streamed),
     },
     Format {
         name: "NIfTI and Analyze",
@@ -88,6 +115,7 @@ const FORMATS: [Format; 14] = [
         is_another: nifti::is_another,
         further: NOTHING,
         read: nifti::read,
+        streamed: None,
     },
     Format {
         name: "NRRD",
@@ -96,6 +124,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: NOTHING,
         read: nrrd::read,
+        streamed: Some(nrrd::streamed),
     },
     Format {
         name: "MRC and CCP4",
@@ -104,6 +133,7 @@ const FORMATS: [Format; 14] = [
         is_another: mrc::is_another,
         further: NOTHING,
         read: mrc::read,
+        streamed: None,
     },
     Format {
         name: "NumPy array",
@@ -112,6 +142,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: Further { axes: true, ..NOTHING },
         read: numpy::read,
+        streamed: None,
     },
     Format {
         name: "NumPy archive",
@@ -120,6 +151,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: Further { axes: true, ..NOTHING },
         read: numpy::read_archive,
+        streamed: None,
     },
     Format {
         name: "TIFF",
@@ -128,6 +160,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: Further { series: true, levels: true, ..NOTHING },
         read: tiff::read,
+        streamed: None,
     },
     Format {
         name: "VTK legacy",
@@ -136,6 +169,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: NOTHING,
         read: vtk::read,
+        streamed: None,
     },
     Format {
         name: "VTK XML image data",
@@ -144,6 +178,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: NOTHING,
         read: vti::read,
+        streamed: None,
     },
     Format {
         name: "HDF5",
@@ -152,6 +187,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: Further { levels: true, axes: true, ..NOTHING },
         read: hdf5::read,
+        streamed: None,
     },
     Format {
         name: "NetCDF",
@@ -160,6 +196,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: Further { levels: true, axes: true, ..NOTHING },
         read: hdf5::read,
+        streamed: None,
     },
     Format {
         name: "raw with a sidecar",
@@ -168,6 +205,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: NOTHING,
         read: raw::read_beside_sidecar,
+        streamed: Some(raw::streamed_beside_sidecar),
     },
     Format {
         name: "sidecar of raw voxels",
@@ -176,6 +214,7 @@ const FORMATS: [Format; 14] = [
         is_another: ALONE,
         further: NOTHING,
         read: raw::read_sidecar,
+        streamed: Some(raw::streamed_by_sidecar),
     },
 ];
 
@@ -202,19 +241,67 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
     if let Some(what) = foreign::describe_address(path) {
         return Err(unknown(path, what, true));
     }
-    if let Some(format) = FORMATS.iter().find(|format| format.names(path))
-        && !(format.is_another)(path)?
-    {
-        return format.open(path, selection, progress);
-    }
-    let beginning = beginning(path)?;
-    if let Some(format) = FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
+    if let Some(format) = format_of(path)? {
         return format.open(path, selection, progress);
     }
     match zarr::node_of(path) {
         Some(store) => zarr::read(&store, selection, progress),
-        None => Err(unknown(path, foreign::describe(path, &beginning), foreign::is_known(&beginning))),
+        None => {
+            let beginning = beginning(path)?;
+            Err(unknown(path, foreign::describe(path, &beginning), foreign::is_known(&beginning)))
+        }
     }
+}
+
+/// The format of the file `path`, by its extension or else by its first bytes.
+fn format_of(path: &Path) -> Result<Option<&'static Format>, VolumeError> {
+    if let Some(format) = FORMATS.iter().find(|format| format.names(path))
+        && !(format.is_another)(path)?
+    {
+        return Ok(Some(format));
+    }
+    let beginning = beginning(path)?;
+    Ok(FORMATS.iter().find(|format| (format.recognises)(&beginning)))
+}
+
+/// Makes a cache of bricks of the volume in the file `source` and writes it to the empty `file`. `layout` is that of
+/// headerless voxels.
+///
+/// The source is read once, slice by slice. A slab of 64 slices is kept in memory, or in a temporary file in `folder` if it
+/// takes more than `budget` bytes. For voxels of more than two bytes the bricks are read once more, for mean and histogram.
+///
+/// # Errors
+///
+/// [`MakeError`]; [`VolumeError::NotStreamed`] if the source is not read slice by slice.
+pub fn make_bricks(
+    (source, layout): (&Path, Option<&RawLayout>),
+    selection: &Selection,
+    (file, folder): (&File, &Path),
+    budget: u64,
+    progress: &dyn Progress,
+) -> Result<BricksMade, MakeError> {
+    let streamed = streamed(source, layout, selection)?;
+    bricks::make(source, streamed, selection, (file, folder), budget, progress)
+}
+
+/// Reads the header of the volume in the file `path`, whose voxels are read slice by slice; `layout` is that of headerless
+/// voxels.
+fn streamed(path: &Path, layout: Option<&RawLayout>, selection: &Selection) -> Result<Streamed, VolumeError> {
+    if let Some(layout) = layout {
+        if has_header(path) {
+            return Err(VolumeError::HasHeader { path: path.to_owned() });
+        }
+        let file = Some(path.to_owned());
+        return raw::streamed(&RawLayout { file, ..layout.clone() }, Path::new(""), selection);
+    }
+    let not_streamed = |reason| VolumeError::NotStreamed { source_name: path.display().to_string(), reason };
+    if path.is_dir() {
+        return Err(not_streamed("it is a folder"));
+    }
+    let format = format_of(path)?.ok_or_else(|| not_streamed("its format is read as a whole"))?;
+    format.check(&path.display().to_string(), selection)?;
+    let streamed = format.streamed.ok_or_else(|| not_streamed("its format is read as a whole"))?;
+    streamed(path, selection)
 }
 
 /// Returns the compressed blocks of the values that [`open`] would read from `path`; `None` unless it is a VTK XML file

@@ -10,7 +10,8 @@ use super::data::{self, Data, DataFile};
 use super::hint;
 use super::pattern::{self, Pattern};
 use super::stream::{self, Encoding, Start};
-use super::{ByteOrder, Geometry, RawLayout, Selection, Volume, VolumeError, VoxelType};
+use super::streamed::Streamed;
+use super::{ByteOrder, Geometry, RawLayout, Selection, Volume, VolumeError, VoxelType, Voxels};
 use crate::number::{in_words, line_and_column};
 use crate::progress::Progress;
 
@@ -54,6 +55,13 @@ pub(super) fn read(
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
+    let streamed = streamed(layout, base, selection)?;
+    let source_name = base.join(layout.file.iter().collect::<PathBuf>()).display().to_string();
+    streamed.read(&source_name, selection, progress)
+}
+
+/// The volume that `layout` describes, before its voxels are read; as [`read`].
+pub(super) fn streamed(layout: &RawLayout, base: &Path, selection: &Selection) -> Result<Streamed, VolumeError> {
     let Some(file) = &layout.file else {
         let problem = "the layout names no file of voxels; add the key file".to_owned();
         return Err(VolumeError::Layout { source_name: base.display().to_string(), problem });
@@ -97,32 +105,41 @@ pub(super) fn read(
         picks: Vec::new(),
         alone: true,
     };
-    let mut notes = Vec::new();
-    let voxels = data.read(progress, &mut notes)?;
-    if let Some([x, y, z]) = hint::better(|at| voxels.value(at).unwrap_or(f64::NAN), voxels.len(), layout.dims) {
-        notes.push(format!(
-            "{source_name}: neighbouring rows and slices are more alike with dims {x}×{y}×{z} than with the stated \
-             {nx}×{ny}×{nz}; if the picture is sheared or striped, try these dims"
-        ));
-    }
-    let mut volume = Volume::new(&source_name, voxels, geometry)?;
-    volume.files = data.paths();
-    volume.notes = notes;
-    volume.unit = layout.unit;
-    match layout.downsample {
-        Some(blocks) => volume.downsample(blocks),
-        None => Ok(volume),
-    }
+    let (files, unit, downsample) = (data.paths(), layout.unit, layout.downsample);
+    let dims = if downsample.is_some() { Err("its sidecar averages blocks of voxels") } else { Ok(layout.dims) };
+    let finish = move |voxels: Voxels, mut notes: Vec<String>| {
+        let value = |at| voxels.value(at).unwrap_or(f64::NAN);
+        if !voxels.is_empty()
+            && let Some([x, y, z]) = hint::better(value, voxels.len(), [nx, ny, nz])
+        {
+            notes.push(format!(
+                "{source_name}: neighbouring rows and slices are more alike with dims {x}×{y}×{z} than with the stated \
+                 {nx}×{ny}×{nz}; if the picture is sheared or striped, try these dims"
+            ));
+        }
+        let mut volume = Volume::of_voxels(&source_name, voxels, geometry)?;
+        (volume.files, volume.notes, volume.unit) = (files, notes, unit);
+        match downsample {
+            Some(blocks) => volume.downsample(blocks),
+            None => Ok(volume),
+        }
+    };
+    Ok(Streamed { data, dims, notes: Vec::new(), finish: Box::new(finish) })
 }
 
 /// Reads the volume that the sidecar `path` describes; without the key `file`, `NAME.toml` describes `NAME`.
 pub(super) fn read_sidecar(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    streamed_by_sidecar(path, selection)?.read(&path.display().to_string(), selection, progress)
+}
+
+/// The volume that the sidecar `path` describes, before its voxels are read.
+pub(super) fn streamed_by_sidecar(path: &Path, selection: &Selection) -> Result<Streamed, VolumeError> {
     let mut layout = RawLayout::from_sidecar(path)?;
     if let Some(file) = &layout.file {
         data::beside(path, &file.to_string_lossy())?;
     }
     layout.file = layout.file.or_else(|| path.file_stem().map(PathBuf::from));
-    read_by(path, &layout, selection, progress)
+    streamed_by(path, &layout, selection)
 }
 
 /// Reads a file of headerless voxels by its sidecar in the same folder, `NAME.raw.toml` or `NAME.toml`.
@@ -131,6 +148,11 @@ pub(super) fn read_beside_sidecar(
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
+    streamed_beside_sidecar(path, selection)?.read(&path.display().to_string(), selection, progress)
+}
+
+/// The volume of a file of headerless voxels, before these are read; as [`read_beside_sidecar`].
+pub(super) fn streamed_beside_sidecar(path: &Path, selection: &Selection) -> Result<Streamed, VolumeError> {
     let name = PathBuf::from(path.file_name().unwrap_or_default());
     let mut appended = path.as_os_str().to_owned();
     appended.push(".toml");
@@ -159,7 +181,7 @@ pub(super) fn read_beside_sidecar(
         return Err(VolumeError::Layout { source_name: sidecar.display().to_string(), problem });
     }
     layout.file = Some(name);
-    read_by(sidecar, &layout, selection, progress)
+    streamed_by(sidecar, &layout, selection)
 }
 
 /// Bytes from the beginning of a file by which its dimensions are guessed.
@@ -195,16 +217,16 @@ fn guessed_by_content(path: &Path, bytes: u64) -> Vec<RawLayout> {
     guesses.into_iter().take(hint::GUESSES).map(|(layout, _)| layout).collect()
 }
 
-/// Reads the volume that `layout`, from the sidecar `path`, describes.
-fn read_by(
-    path: &Path,
-    layout: &RawLayout,
-    selection: &Selection,
-    progress: &dyn Progress,
-) -> Result<Volume, VolumeError> {
-    let mut volume = read(layout, path.parent().unwrap_or(Path::new("")), selection, progress)?;
-    volume.files.push(path.to_owned());
-    Ok(volume)
+/// The volume that `layout`, from the sidecar `path`, describes, before its voxels are read.
+fn streamed_by(path: &Path, layout: &RawLayout, selection: &Selection) -> Result<Streamed, VolumeError> {
+    let Streamed { data, dims, notes, finish } = streamed(layout, path.parent().unwrap_or(Path::new("")), selection)?;
+    let sidecar = path.to_owned();
+    let with_sidecar = move |voxels, notes| {
+        let mut volume = finish(voxels, notes)?;
+        volume.files.push(sidecar);
+        Ok(volume)
+    };
+    Ok(Streamed { data, dims, notes, finish: Box::new(with_sidecar) })
 }
 
 #[cfg(test)]

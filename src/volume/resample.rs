@@ -24,6 +24,7 @@ impl Volume {
         if self.has_labels {
             return self.downsample_labels(block);
         }
+        self.require_voxels("averaging blocks")?;
         let geometry = self.coarser(block)?;
         let voxels = with_voxels!(&self.voxels, stored => {
             reduce(stored, self.geometry.dims, &geometry, block, |values| Voxel::mean(values.iter().copied()))
@@ -38,6 +39,7 @@ impl Volume {
     ///
     /// [`VolumeError::Block`] if a side of the block is 0 or longer than the volume.
     pub fn downsample_labels(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
+        self.require_voxels("averaging blocks")?;
         let geometry = self.coarser(block)?;
         let voxels = with_voxels!(&self.voxels, stored => {
             reduce(stored, self.geometry.dims, &geometry, block, most_frequent)
@@ -114,6 +116,7 @@ impl Volume {
         let (selection, component_names) = (self.selection.clone(), self.component_names.clone());
         Self {
             voxels,
+            bricks: None,
             geometry,
             selection,
             component_names,
@@ -207,6 +210,14 @@ impl Grid {
         }
     }
 
+    /// Voxels along each axis, or the reason why they are not those of the file.
+    pub(super) fn dims(&self) -> Result<[usize; 3], &'static str> {
+        match self {
+            Self::Own(geometry) => Ok(geometry.dims),
+            Self::Straightened(..) => Err("its sheared grid is resampled"),
+        }
+    }
+
     /// The grid of a file that states spacing and directions apart; otherwise as [`Self::of`].
     ///
     /// # Errors
@@ -253,7 +264,7 @@ impl Grid {
     ) -> Result<Volume, VolumeError> {
         let (lattice, straight) = match self {
             Self::Own(geometry) => {
-                return Ok(Volume { has_labels, ..Volume::new(source, voxels, geometry)? });
+                return Ok(Volume { has_labels, ..Volume::of_voxels(source, voxels, geometry)? });
             }
             Self::Straightened(lattice, straight) => (lattice, straight),
         };

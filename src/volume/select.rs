@@ -4,6 +4,34 @@ use std::ops::Range;
 
 use super::several::Series;
 use super::{Asked, Several, VolumeError};
+use crate::memory;
+
+/// Where the voxels of a volume are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HostMemory {
+    /// In memory.
+    #[default]
+    Whole,
+    /// In memory as far as they fit: a cache of bricks that exceeds it stays in its file, and all other volumes are refused.
+    Bounded {
+        /// Bytes that the voxels may take. Without it, half of the available memory for a cache of bricks, and all of it for
+        /// other volumes.
+        bytes: Option<u64>,
+    },
+    /// In their file, if this is a cache of bricks.
+    InFile,
+}
+
+impl HostMemory {
+    /// Refuses voxels of `bytes` bytes that exceed the memory; `source` is their file.
+    pub(super) fn check(self, source: &str, bytes: u64) -> Result<(), VolumeError> {
+        let Self::Bounded { bytes: stated } = self else { return Ok(()) };
+        match stated.or_else(memory::available_bytes) {
+            Some(limit) if bytes > limit => Err(VolumeError::Exceeds { source_name: source.to_owned(), bytes, limit }),
+            _ => Ok(()),
+        }
+    }
+}
 
 impl Several {
     /// Returns the index of the alternative `asked`; `source` is the file.
@@ -49,6 +77,8 @@ pub struct Selection {
     /// Whether the middle slice of the volume suffices, as for [`Preview`](super::Preview). Readers that find it at once
     /// read no other.
     pub middle: bool,
+    /// Where the voxels are kept.
+    pub memory: HostMemory,
 }
 
 impl Selection {
@@ -65,6 +95,7 @@ impl Selection {
             asks: self.asks || otherwise.asks,
             resample: self.resample || otherwise.resample,
             middle: self.middle || otherwise.middle,
+            memory: if self.memory == HostMemory::Whole { otherwise.memory } else { self.memory },
         }
     }
 

@@ -1,6 +1,7 @@
 //! Range, mean and histogram of a volume.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{Volume, VolumeError, Voxel, with_voxels};
 
@@ -39,13 +40,16 @@ impl Volume {
     ///
     /// [`VolumeError::NothingFinite`] if every voxel is NaN or infinite.
     pub fn statistics(&self) -> Result<Statistics, VolumeError> {
-        let (extent, sums) = with_voxels!(&self.voxels, stored => measure(stored));
+        let Measured { extent, mean, histogram } = match &self.bricks {
+            Some(cache) => cache.measured().clone(),
+            None => with_voxels!(&self.voxels, stored => Measured::of(measure(stored))),
+        };
         let Extent { min, max, finite, not_a_number, infinite } = extent;
         if finite == 0 {
             return Err(VolumeError::NothingFinite { source_name: self.source.clone(), not_a_number, infinite });
         }
         let value = |stored: f64| stored.mul_add(self.slope, self.intercept);
-        let (mut ends, mut histogram) = ([value(min), value(max)], sums.histogram);
+        let (mut ends, mut histogram) = ([value(min), value(max)], histogram);
         if self.slope < 0.0 {
             ends.reverse();
             histogram.reverse();
@@ -53,17 +57,16 @@ impl Volume {
         if self.slope == 0.0 {
             histogram = std::array::from_fn(|bin| if bin == 0 { finite } else { 0 });
         }
-        let mean = value(sums.mean(&extent));
+        let mean = value(mean);
         Ok(Statistics { min: ends[0], max: ends[1], mean, histogram, not_a_number, infinite })
     }
 }
 
 /// Runs two passes: over the voxels, or, for types of one or two bytes, over the counts of their few values.
 fn measure<T: Voxel>(stored: &[T]) -> (Extent, Sums) {
-    match size_of::<T>() {
-        1 => measure_counted(&counted::<T, u8>(stored)),
-        2 => measure_counted(&counted::<T, u16>(stored)),
-        _ => {
+    match occurrences(stored) {
+        Some(values) => measure_counted(&values),
+        None => {
             let chunks = || stored.par_chunks(CHUNK).map(|chunk| chunk.iter().map(|&voxel| (voxel, 1)));
             let extents: Vec<Extent> = chunks().map(Extent::of).collect();
             let extent = extents.iter().fold(Extent::EMPTY, Extent::join);
@@ -74,9 +77,18 @@ fn measure<T: Voxel>(stored: &[T]) -> (Extent, Sums) {
     }
 }
 
-fn measure_counted<T: Voxel>(values: &[(T, u64)]) -> (Extent, Sums) {
+pub(super) fn measure_counted<T: Voxel>(values: &[(T, u64)]) -> (Extent, Sums) {
     let extent = Extent::of(values.iter().copied());
     (extent, Sums::of(values.iter().copied(), &extent))
+}
+
+/// The occurrences of each value of a type of one or two bytes; `None` for other types.
+pub(super) fn occurrences<T: Voxel>(stored: &[T]) -> Option<Vec<(T, u64)>> {
+    match size_of::<T>() {
+        1 => Some(counted::<T, u8>(stored)),
+        2 => Some(counted::<T, u16>(stored)),
+        _ => None,
+    }
 }
 
 /// Counts the occurrences of each value; `Bits` is the unsigned integer of the size of `T`.
@@ -101,20 +113,36 @@ fn counted<T: Voxel, Bits: Voxel + Into<usize> + TryFrom<usize>>(stored: &[T]) -
     occurring.filter_map(|(bits, count)| Some((bytemuck::cast::<Bits, T>(Bits::try_from(bits).ok()?), count))).collect()
 }
 
+/// Statistics of the stored values, before slope and intercept.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Measured {
+    pub(super) extent: Extent,
+    pub(super) mean: f64,
+    pub(super) histogram: [u64; BINS],
+}
+
+impl Measured {
+    pub(super) fn of((extent, sums): (Extent, Sums)) -> Self {
+        Self { extent, mean: sums.mean(&extent), histogram: sums.histogram }
+    }
+}
+
 /// Result of the first pass over the stored values.
-#[derive(Clone, Copy)]
-struct Extent {
-    min: f64,
-    max: f64,
-    finite: u64,
-    not_a_number: u64,
-    infinite: u64,
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Extent {
+    pub(super) min: f64,
+    pub(super) max: f64,
+    pub(super) finite: u64,
+    pub(super) not_a_number: u64,
+    pub(super) infinite: u64,
 }
 
 impl Extent {
-    const EMPTY: Self = Self { min: f64::INFINITY, max: f64::NEG_INFINITY, finite: 0, not_a_number: 0, infinite: 0 };
+    pub(super) const EMPTY: Self =
+        Self { min: f64::INFINITY, max: f64::NEG_INFINITY, finite: 0, not_a_number: 0, infinite: 0 };
 
-    fn of<T: Voxel>(values: impl Iterator<Item = (T, u64)>) -> Self {
+    pub(super) fn of<T: Voxel>(values: impl Iterator<Item = (T, u64)>) -> Self {
         let mut extent = Self::EMPTY;
         for (voxel, times) in values {
             let value = voxel.to_f64();
@@ -131,7 +159,7 @@ impl Extent {
         extent
     }
 
-    fn join(self, other: &Self) -> Self {
+    pub(super) fn join(self, other: &Self) -> Self {
         Self {
             min: self.min.min(other.min),
             max: self.max.max(other.max),
@@ -151,8 +179,8 @@ impl Extent {
 }
 
 /// Result of the second pass over the finite stored values.
-#[derive(Clone, Copy)]
-struct Sums {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Sums {
     /// Sum of integer values.
     whole: i128,
     /// Sum of float values in the extent's unit; `lost` is its accumulated rounding error (Neumaier 1974).
@@ -162,9 +190,9 @@ struct Sums {
 }
 
 impl Sums {
-    const EMPTY: Self = Self { whole: 0, sum: 0.0, lost: 0.0, histogram: [0; BINS] };
+    pub(super) const EMPTY: Self = Self { whole: 0, sum: 0.0, lost: 0.0, histogram: [0; BINS] };
 
-    fn of<T: Voxel>(values: impl Iterator<Item = (T, u64)>, extent: &Extent) -> Self {
+    pub(super) fn of<T: Voxel>(values: impl Iterator<Item = (T, u64)>, extent: &Extent) -> Self {
         let mut sums = Self::EMPTY;
         let bins = Bins::over(extent);
         let (mut run, mut in_run) = (0.0, 0);
@@ -195,7 +223,7 @@ impl Sums {
         self.sum = sum;
     }
 
-    fn join(mut self, other: &Self) -> Self {
+    pub(super) fn join(mut self, other: &Self) -> Self {
         self.whole += other.whole;
         self.add(other.sum);
         self.lost += other.lost;

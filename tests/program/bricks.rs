@@ -57,3 +57,37 @@ fn memory_that_is_no_size_or_too_small_is_refused() {
     let scene = ["render", "scene.toml", "--size", "8x8", "--device-memory", "100KiB", "-o", "p.png"];
     folder.refused(1, &scene, &["a brick of the volume needs", "102 kB", "--device-memory", "--downsample"]);
 }
+
+#[test]
+fn bricks_of_a_volume_give_its_picture_and_describe_it() {
+    let folder = long(Folder::new()).with("long.raw.toml", "dims = [5000, 14, 15]\ntype = \"uint8\"\n");
+    let made = folder.done(&["bricks", "long.raw", "-o", "long.bricks", "--json"]).json();
+    assert_eq!((&made["bricks"], &made["dims"][0]), (&79.into(), &5000.into()), "{made}");
+    let [of_raw, of_bricks] = ["long.raw", "long.bricks"].map(|file| {
+        let picture = format!("{file}.png");
+        folder.done(&["render", "scene.toml", "--volume", file, "--size", "40x30", "-o", &picture]);
+        let info = folder.done(&["info", file, "--voxel", "4999,13,14", "--json"]).json();
+        let told = ["dims", "type", "min", "max", "mean", "histogram", "voxels"].map(|key| info[key].clone());
+        (std::fs::read(folder.path(&picture)).unwrap(), told)
+    });
+    assert!(of_raw.0 == of_bricks.0, "the same picture");
+    assert_eq!(of_raw.1, of_bricks.1);
+}
+
+#[test]
+fn what_makes_no_bricks_or_needs_more_memory_is_told_with_the_way_out() {
+    let folder = long(Folder::new()).with("long.raw.toml", "dims = [5000, 14, 15]\ntype = \"uint8\"\n");
+    folder.refused(2, &["bricks", "long.raw", "-o", "long.nrrd"], &["-o long.nrrd", ".bricks"]);
+    folder.refused(2, &["bricks", "long.raw", "-o", "x.bricks", "--spacing", "1x1x2"], &["--spacing", "render"]);
+    folder.refused(1, &["bricks", "nothing.nrrd", "-o", "x.bricks"], &["nothing.nrrd"]);
+    let folder = folder.with("a.npy", b"\x93NUMPY\x01\x00");
+    let advised = ["a.npy", "relume convert a.npy a.nrrd"];
+    folder.refused(1, &["bricks", "a.npy", "-o", "x.bricks"], &advised);
+    folder.done(&["bricks", "long.raw", "-o", "long.bricks"]);
+    let render = |file: &'static str, more: &[&'static str]| {
+        [&["render", "scene.toml", "--volume", file, "-o", "p.png", "--memory", "1MiB"], more].concat()
+    };
+    let advised = ["the voxels take 2 MiB of memory, and may take 1 MiB", "relume bricks long.raw -o long.bricks"];
+    folder.refused(1, &render("long.raw", &[]), &advised);
+    folder.refused(1, &render("long.bricks", &[]), &["at least 17 MiB of memory", "--memory"]);
+}

@@ -15,6 +15,7 @@ mod figures;
 mod first_look;
 mod measure;
 mod model_files;
+mod out_of_core;
 mod output;
 mod page;
 mod parts;

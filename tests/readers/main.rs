@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod arrays;
+mod bricks;
 mod convert;
 mod dicom;
 mod foreign;

@@ -1,15 +1,17 @@
 //! Volumes in bricks: the film is that of the whole volume, whatever the pool holds.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
 use relume::film::Film;
+use relume::output::write_bricks;
 use relume::progress::Quiet;
 use relume::render::{BrickCounts, Dispatching, Renderer, SceneRenderer};
 use relume::scene::{Aim, Gradients, Interpolation, Scene};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::tables::{apron, slot_edge};
-use relume::volume::{Geometry, Volume, Voxels};
+use relume::volume::{self, Geometry, HostMemory, RawLayout, Selection, Volume, Voxels};
 
 use crate::support::device::open;
 use crate::support::rungs::{Rungs, with_renderer};
@@ -314,5 +316,57 @@ fn a_device_without_room_for_a_brick_says_how_much_one_needs() {
         assert!(short.contains("at most [64, 64, 64]"), "{short}");
         let enough = renderer.clone().with_memory(700_000);
         assert!(SceneRenderer::new(&enough, rungs.scene.clone(), &Quiet).is_ok(), "one slot is enough");
+    });
+}
+
+/// `volume` in a file of bricks in `folder`, where its voxels stay.
+fn in_file(volume: &Volume, folder: &Path) -> Volume {
+    let [raw, bricks] = ["v.raw", "v.bricks"].map(|name| folder.join(name));
+    std::fs::write(&raw, volume.voxels.bytes()).unwrap();
+    let Geometry { dims, spacing, origin, direction } = volume.geometry;
+    let layout = RawLayout {
+        spacing: spacing.to_array(),
+        origin: origin.to_array(),
+        direction: direction.to_cols_array(),
+        ..RawLayout::new(dims, volume.voxels.voxel_type())
+    };
+    write_bricks(&bricks, (&raw, Some(&layout)), &Selection::default(), u64::MAX, &Quiet).unwrap();
+    let selection = Selection { memory: HostMemory::InFile, ..Selection::default() };
+    let read = volume::open(&bricks, &selection, &Quiet).unwrap();
+    Volume { slope: volume.slope, intercept: volume.intercept, ..read }
+}
+
+#[test]
+fn films_of_bricks_in_a_file_are_films_of_voxels_in_memory_to_the_bit() {
+    with_renderer(|renderer| {
+        let folder = tempfile::tempdir().unwrap();
+        // 16 bits whose differences are scaled by the largest of all, a falling slope, and floats.
+        for (name, slope, interpolation, gradients) in [
+            ("diffuse_one", 1.0, Interpolation::ExactLinear, Gradients::Packed),
+            ("specular_three", -0.5, Interpolation::Cubic, Gradients::Central),
+            ("floats", 1.0, Interpolation::ExactLinear, Gradients::Packed),
+        ] {
+            let mut scene = large(scenes::named(if name == "floats" { "diffuse_one" } else { name }));
+            (scene.accuracy.interpolation, scene.accuracy.gradients) = (interpolation, gradients);
+            let mut volume = Arc::unwrap_or_clone(scene.volume);
+            (volume.slope, volume.intercept) = (slope, if slope < 0.0 { 33_000.0 } else { 0.0 });
+            if let (Voxels::U16(stored), "floats") = (&volume.voxels, name) {
+                volume.voxels = Voxels::F32(stored.iter().map(|&value| f32::from(value) + 0.25).collect());
+            }
+            scene.volume = Arc::new(volume);
+            let stored = Arc::new(in_file(&scene.volume, folder.path()));
+            let [one, other] = [Arc::clone(&scene.volume), Arc::clone(&stored)].map(|volume| {
+                let scene = Scene { volume, ..scene.clone() };
+                let renderer = renderer.clone().always_in_bricks().with_memory(12_000_000);
+                let on_device = SceneRenderer::new(&renderer, scene, &Quiet).unwrap();
+                let film = on_device.march(SIZE, &Quiet).unwrap();
+                (on_device.uploaded().storage.clone(), film.occupied, film.bricks, renderer.read(&film).unwrap())
+            });
+            assert_eq!((&one.0, one.1, one.2), (&other.0, other.1, other.2), "{name}");
+            assert!(bits(&one.3) == bits(&other.3), "{name}");
+            assert!(one.3.transmittance.iter().any(|&passed| passed < 0.9), "{name}: the rays meet the volume");
+            let counts = stored.bricks.as_ref().unwrap().counts();
+            assert!(counts.loaded > 0 && counts.again == 0, "{name}: {counts:?}");
+        }
     });
 }

@@ -103,6 +103,7 @@ pub enum Reader {
     Palette,
     Spectrum,
     Accumulators,
+    Bricks,
 }
 
 impl Reader {
@@ -130,6 +131,7 @@ impl Reader {
             Self::Palette => "palette.toml",
             Self::Spectrum => "s.csv",
             Self::Accumulators => "a.exr",
+            Self::Bricks => "v.bricks",
         }
     }
 }
@@ -211,6 +213,7 @@ impl Place {
             | Reader::Slices
             | Reader::Hdf5
             | Reader::NetCdf
+            | Reader::Bricks
             | Reader::Sidecar => self.volume(),
             Reader::Zarr => self.store(bytes),
             Reader::Scene => self.scene(bytes),

@@ -190,9 +190,8 @@ impl VolumeFile {
             series: self.series.clone(),
             level: self.level,
             axes: self.axes.clone(),
-            asks: false,
-            middle: false,
             resample: self.resample,
+            ..Selection::default()
         };
         if options.volume.is_some() || options.selection.asks {
             options.selection.clone()

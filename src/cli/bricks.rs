@@ -1,0 +1,90 @@
+//! `relume bricks`: a cache of bricks of a volume that exceeds the memory.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use relume::internal::memory;
+use relume::measure::{Stopwatch, peak_mb};
+use relume::output::{OutputError, write_bricks};
+use relume::progress::Progress;
+
+use super::files::check_outputs;
+use super::render::memory_size;
+use super::scene::{RawArgs, SelectionArgs};
+use super::{CliError, Report};
+
+const EXAMPLES: &str = "\
+Examples:
+  relume bricks scan.nrrd -o scan.bricks
+  relume bricks scan.raw --dims 2048x2048x1536 --type uint8 -o scan.bricks --memory 768MiB
+  relume render scene.toml --volume scan.bricks -o scan.png --memory 768MiB";
+
+/// Arguments of `relume bricks`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    /// Volume that is read slice by slice: NRRD, MetaImage, or raw voxels with a sidecar or with --dims and --type.
+    input: PathBuf,
+    /// File to write, which `render` reads in place of the volume.
+    #[arg(short, long, value_name = "FILE.bricks")]
+    output: PathBuf,
+    /// Memory for 64 slices, such as 512MiB or 2GiB. If they take more, they wait in a temporary file beside the output.
+    /// Default: half of the available memory.
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    memory: Option<u64>,
+    #[command(flatten)]
+    selection: SelectionArgs,
+    #[command(flatten)]
+    raw: RawArgs,
+}
+
+pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    let is_named = args.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bricks"));
+    if !is_named {
+        return Err(CliError::Usage(format!("-o {}: the name must end in .bricks", args.output.display())));
+    }
+    check_outputs(&[&args.output], &[&args.input])?;
+    let mut layout = args.raw.layout();
+    match (&mut layout, args.raw.spacing()) {
+        (Some(layout), Some((_, unit))) => layout.unit = unit,
+        (None, Some(_)) => {
+            let message = "--spacing has no effect: the bricks keep the spacing of the file; give it to render";
+            return Err(CliError::Usage(message.to_owned()));
+        }
+        _ => {}
+    }
+    let budget = args.memory.or_else(|| Some(memory::available_bytes()? / 2)).unwrap_or(u64::MAX);
+    let clock = Stopwatch::start();
+    let source = (&*args.input, layout.as_ref());
+    let made = write_bricks(&args.output, source, &args.selection.selection(), budget, progress);
+    let made = made.map_err(|error| match error {
+        OutputError::Cancelled { .. } => CliError::Cancelled,
+        OutputError::Volume(error) => error.into(),
+        error => error.into(),
+    })?;
+    let time = clock.read();
+    for note in &made.notes {
+        tracing::warn!("{note}");
+    }
+    let [x, y, z] = made.dims;
+    let path = args.output.display().to_string();
+    let spilled = if made.spilled { "; 64 slices exceed the memory and waited in a temporary file" } else { "" };
+    Ok(Report {
+        text: format!(
+            "wrote {path}: {x}×{y}×{z} voxels of {} in {} bricks, {} bytes{spilled}\nbricks {:.0} ms\n",
+            made.voxel_type, made.bricks, made.bytes, time.wall_ms
+        ),
+        json: json!({
+            "source": args.input.display().to_string(),
+            "output": path,
+            "dims": made.dims,
+            "type": made.voxel_type.name(),
+            "bricks": made.bricks,
+            "bytes": made.bytes,
+            "spilled": made.spilled,
+            "times": {"bricks": time},
+            "peak_mb": peak_mb(),
+        }),
+    })
+}

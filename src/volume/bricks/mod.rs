@@ -1,0 +1,361 @@
+//! Caches of bricks (`.bricks`): volumes whose voxels stay in their file, and are decoded brick by brick.
+
+mod cells;
+mod format;
+mod grid;
+mod make;
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rayon::prelude::*;
+
+pub use cells::CELL;
+pub use grid::BRICK;
+pub(super) use make::make;
+pub use make::{BricksMade, MakeError};
+
+use super::data::{check_cancelled, report};
+use super::select::HostMemory;
+use super::statistics::Measured;
+use super::stream::{self, count};
+use super::voxels::with_type;
+use super::{Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, with_voxels};
+use crate::memory;
+use crate::progress::Progress;
+use cells::CellRanges;
+use format::{Entry, FIXED, Fixed, damaged, digest};
+use grid::BrickGrid;
+
+/// Decoded bricks that a march needs at once: one and its neighbours.
+const LEAST_HELD: usize = 27;
+/// Bytes for the brick that is put together, its texels, and those that are on their way to the device.
+const WORKING: u64 = 16 << 20;
+/// Bricks that are decoded at once where all are.
+const BATCH: usize = 32;
+
+/// Whether the first bytes of a file identify a cache of bricks.
+pub(super) fn recognises(beginning: &[u8]) -> bool {
+    beginning.starts_with(&format::MAGIC)
+}
+
+/// Bricks that a cache decoded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct CacheCounts {
+    /// Decoded bricks that there is room for.
+    pub held: usize,
+    /// Bricks that were read and decoded, each time counted.
+    pub loaded: usize,
+    /// Bricks among them that had been read before.
+    pub again: usize,
+}
+
+/// A cache of bricks, and those of its bricks that are in memory.
+#[derive(Debug)]
+pub struct BrickCache {
+    path: PathBuf,
+    file: Mutex<File>,
+    fixed: Fixed,
+    grid: BrickGrid,
+    voxel_type: VoxelType,
+    index: Vec<Entry>,
+    measured: Measured,
+    rounded: f64,
+    held: Mutex<Held>,
+}
+
+/// Decoded bricks.
+#[derive(Debug, Default)]
+struct Held {
+    /// Bricks with the time of their last use.
+    bricks: HashMap<usize, (Arc<Voxels>, u64)>,
+    time: u64,
+    /// Whether a brick has been read.
+    known: Vec<bool>,
+    counts: CacheCounts,
+}
+
+/// Reads a cache of bricks: its voxels, or only its description if `selection` leaves them in the file.
+pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let source = path.display().to_string();
+    selection.only(&source)?;
+    let (mut volume, mut cache) = BrickCache::open(path)?;
+    let bytes = count(cache.grid.all_voxels()).saturating_mul(count(cache.voxel_type.bytes()));
+    let available = memory::available_bytes();
+    let limit = match selection.memory {
+        HostMemory::Whole => available.unwrap_or(u64::MAX),
+        HostMemory::Bounded { bytes: stated } => stated.or(available.map(|bytes| bytes / 2)).unwrap_or(u64::MAX),
+        HostMemory::InFile => 0,
+    };
+    if bytes <= limit {
+        volume.voxels = with_type!(cache.voxel_type, T => cache.all::<T>(progress)?);
+        return Ok(volume);
+    }
+    if selection.memory == HostMemory::Whole {
+        return Err(VolumeError::Exceeds { source_name: source, bytes, limit });
+    }
+    memory::give_back_large_blocks();
+    cache.bound(if selection.memory == HostMemory::InFile { u64::MAX } else { limit })?;
+    volume.bricks = Some(Arc::new(cache));
+    Ok(volume)
+}
+
+impl BrickCache {
+    /// Opens the cache `path`, and checks its index against its length before it takes memory.
+    fn open(path: &Path) -> Result<(Volume, Self), VolumeError> {
+        let mut file = stream::open(path)?;
+        let failed = |source| stream::failed(path, source);
+        let length = file.metadata().map_err(failed)?.len();
+        let mut beginning = vec![0; FIXED];
+        let found = stream::read_fully(&mut file, &mut beginning).map_err(failed)?;
+        let fixed = Fixed::of_bytes(path, &beginning[..found], length)?;
+        let bytes = read_at(&mut file, fixed.text_and_index()).map_err(failed)?;
+        let (text, index) = fixed.parse(path, &bytes)?;
+        let (measured, rounded) = text.measured(path)?;
+        let volume = text.volume(path)?;
+        let cache = Self {
+            path: path.to_owned(),
+            file: Mutex::new(file),
+            fixed,
+            grid: BrickGrid::new(volume.geometry.dims),
+            voxel_type: volume.voxels.voxel_type(),
+            held: Mutex::new(Held { known: vec![false; index.len()], ..Held::default() }),
+            index,
+            measured,
+            rounded,
+        };
+        Ok((volume, cache))
+    }
+
+    /// Bounds the memory of decoded bricks and of what a march keeps beside them by `limit` bytes.
+    fn bound(&mut self, limit: u64) -> Result<(), VolumeError> {
+        let brick = count(self.grid.largest() * self.voxel_type.bytes());
+        // The index, the ranges of the macrocells while they are read, as f32, and their occupancy.
+        let cells = count(cells::cells(self.grid.dims).iter().product());
+        let beside = WORKING + count(self.index.len() * 48) + self.fixed.cells().0[1] + 9 * cells;
+        let room = limit.saturating_sub(beside) / brick;
+        let held = usize::try_from(room).unwrap_or(usize::MAX).min(self.index.len());
+        let needed = LEAST_HELD.min(self.index.len());
+        if held < needed {
+            let least = beside + count(needed) * brick;
+            return Err(VolumeError::BrickMemory { source_name: self.path.display().to_string(), least, limit });
+        }
+        self.held().counts.held = held;
+        Ok(())
+    }
+
+    fn held(&self) -> MutexGuard<'_, Held> {
+        self.held.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Bricks read so far.
+    #[must_use]
+    pub fn counts(&self) -> CacheCounts {
+        self.held().counts
+    }
+
+    /// Digest of all bricks and of the description of the volume.
+    #[must_use]
+    pub fn digest(&self) -> [u32; 2] {
+        self.fixed.digests()
+    }
+
+    /// Statistics of the stored values.
+    pub(super) fn measured(&self) -> &Measured {
+        &self.measured
+    }
+
+    /// Largest rounding error of the stored values as f64; 0 except for integers of 64 bits.
+    #[must_use]
+    pub fn rounded_off(&self) -> f64 {
+        self.rounded
+    }
+
+    /// Calls `with` for each macrocell, x fastest: with the lowest and the highest stored value in it and around it, in the
+    /// wrong order if all are NaN, and whether one is NaN.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Read`], [`VolumeError::Bricks`].
+    pub fn each_cell(&self, with: impl FnMut([f64; 2], bool)) -> Result<(), VolumeError> {
+        let (place, expected) = self.fixed.cells();
+        let bytes = read_at(&mut *self.file(), place).map_err(|source| stream::failed(&self.path, source))?;
+        self.check("the macrocells are", &bytes, expected)?;
+        let cells = cells::cells(self.grid.dims).iter().product();
+        with_type!(self.voxel_type, T => CellRanges::<T>::each(cells, &bytes, with));
+        Ok(())
+    }
+
+    /// The voxels of a box from `first` to before `end`, which lie in the grid, as a volume of their own with spacing 1.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Read`], [`VolumeError::Bricks`].
+    pub fn part(&self, first: [usize; 3], end: [usize; 3]) -> Result<Volume, VolumeError> {
+        let voxels = with_type!(self.voxel_type, T => self.part_as::<T>(first, end)?);
+        let source = self.path.display().to_string();
+        let dims = std::array::from_fn(|axis| end[axis] - first[axis]);
+        Volume::new(&source, voxels, Geometry::unit(&source, dims)?)
+    }
+
+    /// Places of the bricks, as boxes from the first voxel to before the end.
+    #[must_use]
+    pub fn boxes(&self) -> Vec<[[usize; 3]; 2]> {
+        (0..self.index.len()).map(|brick| self.grid.span(brick)).collect()
+    }
+
+    fn part_as<T: Voxel>(&self, first: [usize; 3], end: [usize; 3]) -> Result<Voxels, VolumeError> {
+        let needed = self.grid.within(first, end);
+        let [width, height, depth]: [usize; 3] = std::array::from_fn(|axis| end[axis] - first[axis]);
+        let mut part = allocate::zeroed::<T>(&self.path, width * height * depth)?;
+        for (brick, voxels) in needed.iter().zip(self.fetched(&needed)?) {
+            let stored: &[T] = with_voxels!(&*voxels, stored => bytemuck::cast_slice(stored));
+            let [low, high] = self.grid.span(*brick);
+            let from: [usize; 3] = std::array::from_fn(|axis| low[axis].max(first[axis]));
+            let to: [usize; 3] = std::array::from_fn(|axis| high[axis].min(end[axis]));
+            for z in from[2]..to[2] {
+                for y in from[1]..to[1] {
+                    let row = |[x, y, z]: [usize; 3], [nx, ny]: [usize; 2]| x + nx * (y + ny * z);
+                    let there = row([from[0] - low[0], y - low[1], z - low[2]], [high[0] - low[0], high[1] - low[1]]);
+                    let here = row([from[0] - first[0], y - first[1], z - first[2]], [width, height]);
+                    let length = to[0] - from[0];
+                    part[here..here + length].copy_from_slice(&stored[there..there + length]);
+                }
+            }
+        }
+        Ok(T::into_voxels(part))
+    }
+
+    /// The decoded bricks `needed`.
+    fn fetched(&self, needed: &[usize]) -> Result<Vec<Arc<Voxels>>, VolumeError> {
+        let missing: Vec<usize> = {
+            let held = self.held();
+            needed.iter().copied().filter(|brick| !held.bricks.contains_key(brick)).collect()
+        };
+        // The lock is not held while other threads decode.
+        let decoded = self.decoded(&missing)?;
+        let mut held = self.held();
+        for (brick, voxels) in missing.into_iter().zip(decoded) {
+            held.keep(brick, voxels, needed);
+        }
+        held.time += 1;
+        let time = held.time;
+        let mut found = Vec::with_capacity(needed.len());
+        for brick in needed {
+            let voxels = match held.bricks.get_mut(brick) {
+                Some((voxels, used)) => {
+                    *used = time;
+                    Arc::clone(voxels)
+                }
+                // Another thread needed its room.
+                None => self.decoded(&[*brick])?.remove(0),
+            };
+            found.push(voxels);
+        }
+        Ok(found)
+    }
+
+    /// Reads and decodes `bricks`.
+    fn decoded(&self, bricks: &[usize]) -> Result<Vec<Arc<Voxels>>, VolumeError> {
+        let read = |&brick: &usize| {
+            let Entry { offset, bytes, .. } = self.index[brick];
+            let bytes = read_at(&mut *self.file(), [offset, bytes.into()]);
+            Ok((brick, bytes.map_err(|source| stream::failed(&self.path, source))?))
+        };
+        let packed: Vec<(usize, Vec<u8>)> = bricks.iter().map(read).collect::<Result<_, VolumeError>>()?;
+        packed
+            .into_par_iter()
+            .map(|(brick, bytes)| {
+                Ok(Arc::new(with_type!(self.voxel_type, T => T::into_voxels(self.unpacked::<T>(brick, &bytes)?))))
+            })
+            .collect()
+    }
+
+    /// The voxels of `brick`, whose `bytes` were read.
+    fn unpacked<T: Voxel>(&self, brick: usize, bytes: &[u8]) -> Result<Vec<T>, VolumeError> {
+        self.check(&format!("brick {brick} is"), bytes, self.index[brick].digest)?;
+        unpacked(bytes, self.grid.voxels(brick)).map_err(|source| VolumeError::DamagedPart {
+            path: self.path.clone(),
+            place: format!("brick {brick}"),
+            encoding: "LZ4",
+            source,
+        })
+    }
+
+    /// All voxels.
+    fn all<T: Voxel>(&self, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
+        let [nx, ny, _] = self.grid.dims;
+        let mut all = allocate::zeroed::<T>(&self.path, self.grid.all_voxels())?;
+        let bricks: Vec<usize> = (0..self.index.len()).collect();
+        for batch in bricks.chunks(BATCH) {
+            for (&brick, voxels) in batch.iter().zip(self.decoded(batch)?) {
+                let stored: &[T] = with_voxels!(&*voxels, stored => bytemuck::cast_slice(stored));
+                let [low, high] = self.grid.span(brick);
+                let rows = (low[2]..high[2]).flat_map(|z| (low[1]..high[1]).map(move |y| y + ny * z));
+                for (row, voxels) in rows.zip(stored.chunks_exact(high[0] - low[0])) {
+                    all[nx * row + low[0]..nx * row + high[0]].copy_from_slice(voxels);
+                }
+            }
+            let done = batch.last().map_or(0, |last| last + 1);
+            report(&self.path, count(done), count(bricks.len()), progress)?;
+        }
+        check_cancelled(&self.path, progress)?;
+        Ok(T::into_voxels(all))
+    }
+
+    fn file(&self) -> MutexGuard<'_, File> {
+        self.file.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Compares the digest of `bytes`; `what` they are, with "is" or "are".
+    fn check(&self, what: &str, bytes: &[u8], expected: u32) -> Result<(), VolumeError> {
+        let found = digest(bytes);
+        if found == expected {
+            return Ok(());
+        }
+        Err(damaged(&self.path, format!("{what} damaged: the digest is {found:08x}, but should be {expected:08x}")))
+    }
+}
+
+impl Held {
+    /// Keeps `brick`, in place of the least recently used ones that are not `needed`.
+    fn keep(&mut self, brick: usize, voxels: Arc<Voxels>, needed: &[usize]) {
+        while self.bricks.len() >= self.counts.held {
+            let others = self.bricks.iter().filter(|(brick, _)| !needed.contains(brick));
+            let Some(oldest) = others.min_by_key(|(_, (_, used))| *used).map(|(&brick, _)| brick) else { break };
+            self.bricks.remove(&oldest);
+        }
+        self.bricks.insert(brick, (voxels, self.time));
+        self.counts.loaded += 1;
+        self.counts.again += usize::from(std::mem::replace(&mut self.known[brick], true));
+    }
+}
+
+/// Bytes of `file` from a place on.
+fn read_at(file: &mut (impl Read + Seek), [first, bytes]: [u64; 2]) -> io::Result<Vec<u8>> {
+    file.seek(SeekFrom::Start(first))?;
+    let mut read = vec![0; usize::try_from(bytes).unwrap_or(usize::MAX)];
+    file.read_exact(&mut read)?;
+    Ok(read)
+}
+
+/// The `voxels` voxels of a brick in `bytes`: as they are, or LZ4 if these are fewer.
+fn unpacked<T: Voxel>(bytes: &[u8], voxels: usize) -> io::Result<Vec<T>> {
+    let mut stored = vec![T::zeroed(); voxels];
+    let place: &mut [u8] = bytemuck::cast_slice_mut(&mut stored);
+    if bytes.len() == place.len() {
+        place.copy_from_slice(bytes);
+    } else {
+        let found = lz4_flex::block::decompress_into(bytes, place).map_err(io::Error::other)?;
+        if found < place.len() {
+            return Err(io::Error::other(format!("{found} bytes in place of {}", place.len())));
+        }
+    }
+    if cfg!(target_endian = "big") {
+        stored.iter_mut().for_each(|voxel| *voxel = voxel.with_bytes_swapped());
+    }
+    Ok(stored)
+}

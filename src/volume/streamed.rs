@@ -1,0 +1,37 @@
+//! Volumes whose files are read slab by slab.
+
+use super::data::Data;
+use super::stream::count;
+use super::{Volume, VolumeError, Voxels};
+use crate::progress::Progress;
+
+/// Makes the volume of its voxels and the notes of reading them. Without voxels, it makes a volume whose voxels lie
+/// elsewhere.
+type Finish = Box<dyn FnOnce(Voxels, Vec<String>) -> Result<Volume, VolumeError>>;
+
+/// A volume whose header has been read, and whose voxels are read slab by slab.
+pub(super) struct Streamed {
+    /// The voxels.
+    pub(super) data: Data,
+    /// Voxels along each axis, or the reason why they are not those of the file.
+    pub(super) dims: Result<[usize; 3], &'static str>,
+    /// Notes of the header.
+    pub(super) notes: Vec<String>,
+    /// Makes the volume.
+    pub(super) finish: Finish,
+}
+
+impl Streamed {
+    /// Reads all voxels into memory, of which they may take what `selection` allows.
+    pub(super) fn read(
+        mut self,
+        source: &str,
+        selection: &super::Selection,
+        progress: &dyn Progress,
+    ) -> Result<Volume, VolumeError> {
+        let bytes = count(self.data.voxels()).saturating_mul(count(self.data.voxel_type.bytes()));
+        selection.memory.check(source, bytes)?;
+        let voxels = self.data.read(progress, &mut self.notes)?;
+        (self.finish)(voxels, self.notes)
+    }
+}
