@@ -11,6 +11,7 @@ mod history;
 mod light_request;
 mod mixing;
 pub mod moves;
+mod otsu;
 pub mod session;
 mod source;
 mod state;

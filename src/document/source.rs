@@ -3,10 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::file::{parse_around, volume_alone};
-use super::first_look::{NoCt, first_look, labels_text, otsu};
+use super::first_look::{NoCt, first_look, labels_text};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded};
 use crate::input;
-use crate::number::count;
 use crate::progress::{Progress, Quiet};
 use crate::volume::{self, RawLayout, Selection, Several, Statistics, VolumeError, has_header, is_volume};
 
@@ -267,13 +266,6 @@ fn no_scene(path: &Path, error: SceneError) -> OpenError {
         Err(unknown @ VolumeError::UnknownFormat { .. }) => unknown.into(),
         _ => error.into(),
     }
-}
-
-/// First histogram bin of objects as opposed to their surroundings: the cut into two classes with the largest variance
-/// between them (Otsu 1979).
-pub(crate) fn threshold(bins: &[u64]) -> usize {
-    let weight = |&n: &u64| count(usize::try_from(n).unwrap_or(usize::MAX));
-    otsu(&bins.iter().map(weight).collect::<Vec<_>>())
 }
 
 #[cfg(test)]

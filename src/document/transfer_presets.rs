@@ -291,7 +291,7 @@ pub(super) fn hounsfield(statistics: &Statistics) -> Option<f64> {
 /// Value below which the fraction `part` of the voxels lies, air excluded.
 fn quantile(statistics: &Statistics, part: f64) -> f64 {
     let bins = &statistics.histogram;
-    let first = super::source::threshold(bins);
+    let first = super::otsu::threshold(bins);
     let voxels = |bin: &u64| count(usize::try_from(*bin).unwrap_or(usize::MAX));
     let wanted = part * bins.iter().skip(first).map(voxels).sum::<f64>();
     let width = (statistics.max - statistics.min) / count(bins.len());

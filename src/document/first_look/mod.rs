@@ -12,7 +12,6 @@ use glam::DVec3;
 use toml_edit::{DocumentMut, Item, TableLike};
 
 use values::MOST_LABELS;
-pub(in crate::document) use values::otsu;
 pub use values::{Kind, Peak, Values};
 
 use self::groups::Groups;

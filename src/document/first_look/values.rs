@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::super::otsu::otsu;
 use super::super::transfer_presets::hounsfield;
 use super::sample::Thinned;
 use crate::number::{brief, count, whole};
@@ -309,26 +310,6 @@ impl Histogram {
         };
         tops.iter().zip(valleys.windows(2)).map(peak).collect()
     }
-}
-
-/// First bin of the upper of two classes with the largest variance between them (Otsu 1979).
-pub(in crate::document) fn otsu(bins: &[f64]) -> usize {
-    let total: f64 = bins.iter().sum();
-    let moment: f64 = bins.iter().enumerate().map(|(bin, n)| count(bin) * n).sum();
-    let (mut below, mut moment_below, mut best) = (0.0, 0.0, (0.0, 1));
-    for (bin, n) in bins.iter().enumerate() {
-        below += n;
-        moment_below += count(bin) * n;
-        let above = total - below;
-        if below > 0.0 && above > 0.0 {
-            let apart = moment_below / below - (moment - moment_below) / above;
-            let between = below * above * apart * apart;
-            if between > best.0 {
-                best = (between, bin + 1);
-            }
-        }
-    }
-    best.1
 }
 
 fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statistics) -> Kind {
