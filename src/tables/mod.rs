@@ -3,6 +3,7 @@
 mod boxes;
 mod bricks;
 mod cells;
+mod film;
 mod gradient;
 mod lights;
 mod phase;
@@ -15,6 +16,7 @@ mod transfer;
 
 pub use bricks::{BRICK, BrickGrid, apron, slot_edge};
 pub use cells::{CELL, Cells, Occupancy};
+pub use film::{FilmRows, FilmTable};
 pub use gradient::GradientTable;
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction};
 pub use phase::{Phase, PhaseTable};
