@@ -5,7 +5,7 @@
 // factor on its opacity by the gradient magnitude in `gradient_opacity.wgsl`, and the integration of a run of steps in
 // `samples.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or `segments_coloured.wgsl`. The rays are in
 // `rays.wgsl`, the values between voxels in `fetch.wgsl`, the light of positions with shadows in `shadowed.wgsl`, that of
-// phase functions in `phase.wgsl`, with `phase_weights.wgsl` or `phase_spectral.wgsl`, that of thin films in `film.wgsl`, and
+// phase functions in `phase.wgsl`, with `phase_weights.wgsl` or `phase_spectral.wgsl`, that of thin films in `thin_film.wgsl`, and
 // the entry point in `slices.wgsl`
 // for a whole volume or in `rounds.wgsl` for one in bricks.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are

@@ -3,9 +3,9 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::film::Film as ThinFilm;
 use super::phase::{Phase, add_even, add_scattered};
 use super::shadows::Reaching;
+use super::thin_film::ThinFilm;
 use super::{End, ReferenceError, Samples, Step, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};

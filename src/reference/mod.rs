@@ -1,12 +1,12 @@
 //! Reference renderer, written for readability: full spectra in f64, and the planned model in f64 and f32.
 
-mod film;
 mod gradient;
 mod march;
 mod phase;
 mod samples;
 mod shadows;
 mod store;
+mod thin_film;
 
 pub use march::{
     RaySample, attenuate, attenuate_matrix, composite, composite_matrix, march, march_ray, render, render_pixels,

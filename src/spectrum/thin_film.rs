@@ -18,10 +18,13 @@ pub const INDICES: RangeInclusive<f64> = 1.0..=5.0;
 pub const THICKNESSES: RangeInclusive<f64> = 0.0..=5000.0;
 
 /// Angles at which tables of a march hold the reflectance of a film: cosines from 0 to 1, evenly spaced.
-pub const FILM_ANGLES: usize = 64;
+pub const FILM_ANGLES: usize = 128;
 
 /// Angles of the tables for all 81 wavelengths, the reference.
 pub const FINE_ANGLES: usize = 1025;
+
+/// Most times as bright as under a light of intensity 1 that a dim angle is shown where errors are measured.
+const BRIGHTENED: f64 = 10.0;
 
 /// Most terms of a film.
 const MOST_TERMS: usize = 32;
@@ -91,7 +94,8 @@ pub struct FilmTerms {
     pub spectra: Vec<Spectrum>,
     /// f_j at each of [`FILM_ANGLES`], at most 1 in magnitude.
     pub factors: Vec<Vec<f64>>,
-    /// Largest ΔE00 of the first 0, 1, … terms, interpolated between angles, under D65, A, FL11 and LED-RGB1.
+    /// Largest ΔE00 of the first 0, 1, … terms, interpolated between angles, under D65, A, FL11 and LED-RGB1, where each angle is
+    /// shown as bright as white, or ten times as bright as it is.
     pub errors: Vec<f64>,
 }
 
@@ -277,10 +281,12 @@ impl FilmTerms {
             let colours: Vec<[f64; 3]> = self.spectra.iter().map(colour).collect();
             for (&cosine, spectrum) in cosines.iter().zip(spectra) {
                 let lab = |xyz| lab_from_xyz(Xyz(xyz), d65_white());
-                let (exact, mut sum) = (lab(colour(spectrum)), [0.0; 3]);
+                let exact = colour(spectrum);
+                let shown = if exact[1] * BRIGHTENED > 1.0 { exact[1].recip() } else { BRIGHTENED };
+                let (exact, mut sum) = (lab(exact.map(|part| part * shown)), [0.0; 3]);
                 largest[0] = largest[0].max(ciede2000(lab(sum), exact));
                 for ((factor, colour), largest) in self.factors_at(cosine).zip(&colours).zip(&mut largest[1..]) {
-                    sum = std::array::from_fn(|axis| factor.mul_add(colour[axis], sum[axis]));
+                    sum = std::array::from_fn(|axis| (factor * shown).mul_add(colour[axis], sum[axis]));
                     *largest = largest.max(ciede2000(lab(sum), exact));
                 }
             }

@@ -3,7 +3,6 @@
 mod boxes;
 mod bricks;
 mod cells;
-mod film;
 mod gradient;
 mod lights;
 mod phase;
@@ -12,11 +11,11 @@ mod reflected;
 mod segments;
 mod shadows;
 mod storage;
+mod thin_film;
 mod transfer;
 
 pub use bricks::{BRICK, BrickGrid, apron, slot_edge};
 pub use cells::{CELL, Cells, Occupancy};
-pub use film::{FilmRows, FilmTable};
 pub use gradient::GradientTable;
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction};
 pub use phase::{Phase, PhaseTable};
@@ -28,4 +27,5 @@ pub use shadows::{
     ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, SKY_SPACING, Sweep,
 };
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
+pub use thin_film::{FilmRows, FilmTable};
 pub use transfer::{LARGEST_DEPTH, Step, Steps, TransferTable};

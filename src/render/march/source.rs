@@ -63,7 +63,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         (_, Accumulate::Weights { .. }) => vec![text!("phase_weights.wgsl"), text!("phase.wgsl")],
         (_, Accumulate::Spectral { .. }) => vec![text!("phase_spectral.wgsl"), text!("phase.wgsl")],
     });
-    parts.push(if plan.films.total() > 0 { text!("film.wgsl") } else { text!("no_film.wgsl") });
+    parts.push(if plan.films.total() > 0 { text!("thin_film.wgsl") } else { text!("no_thin_film.wgsl") });
     parts
 }
 
@@ -107,7 +107,7 @@ fn bricked(constants: Constants, plan: &ScenePlan, residence: Residence) -> Cons
         .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
 }
 
-/// Adds the constants of `film.wgsl`. Constants are in a module even where nothing reads them.
+/// Adds the constants of `thin_film.wgsl`. Constants are in a module even where nothing reads them.
 fn filmed(constants: Constants, plan: &ScenePlan) -> Constants {
     if plan.films.total() == 0 {
         return constants;

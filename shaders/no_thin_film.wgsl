@@ -1,4 +1,4 @@
-// In place of `film.wgsl` in plans without thin films. Branches that call these functions are not compiled.
+// In place of `thin_film.wgsl` in plans without thin films. Branches that call these functions are not compiled.
 
 fn read_films() {
 }

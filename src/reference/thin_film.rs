@@ -1,4 +1,4 @@
-//! Light that thin films reflect (docs/theory/films.md). Twin of `shaders/film.wgsl`.
+//! Light that thin films reflect (docs/theory/films.md). Twin of `shaders/thin_film.wgsl`.
 
 use super::Step;
 use crate::number::{Real, count};
@@ -7,14 +7,14 @@ use crate::tables;
 
 /// A thin film, [`tables::FilmRows`].
 #[derive(Clone, Debug)]
-pub(super) struct Film<R> {
+pub(super) struct ThinFilm<R> {
     factor: R,
     pub(super) exponent: u32,
     weight: usize,
     angles: Vec<Vec<R>>,
 }
 
-impl<R: Real> Film<R> {
+impl<R: Real> ThinFilm<R> {
     pub(super) fn new(rows: &tables::FilmRows) -> Self {
         let row = |row: &Vec<f64>| row.iter().copied().map(R::from_f64).collect();
         Self {

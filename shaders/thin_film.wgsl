@@ -1,4 +1,4 @@
-// Light that thin films reflect. Part of `march.wgsl`; only plans with thin films call it. Twin of `reference::film`.
+// Light that thin films reflect. Part of `march.wgsl`; only plans with thin films call it. Twin of `reference::thin_film`.
 
 // Thin films in lanes (`tables::FilmTable`).
 struct Films {
