@@ -116,14 +116,17 @@ fn of_weights(planned: &Planned, scene: &Scene) -> f64 {
                 all[axis] += colour[axis].abs();
             }
         }
-        // Terms of a film, of at most 1 times a weight, are positive or negative.
+        // Terms of a film are positive or negative. The negative ones count most at some angle, and a sum over angles has no more.
         for film in planned.films(scene) {
             let terms = film.film.terms().spectra.iter().take(film.terms);
             let colours: Vec<[f64; 3]> = terms.map(|term| xyz_of(&(light.spectrum.spectrum() * term)).0).collect();
             for axis in 0..3 {
-                let sum: f64 = colours.iter().map(|colour| colour[axis].abs()).sum();
-                negative[axis] = negative[axis].max(sum);
-                all[axis] += sum;
+                let below_zero = |factors: &Vec<f64>| -> f64 {
+                    factors.iter().zip(&colours).map(|(factor, colour)| (-factor * colour[axis]).max(0.0)).sum()
+                };
+                let most = film.film.terms().factors.iter().map(below_zero).fold(0.0, f64::max);
+                negative[axis] = negative[axis].max(most);
+                all[axis] += colours.iter().map(|colour| colour[axis].abs()).sum::<f64>();
             }
         }
         let (shown, total) = (brightness(scene, light), largest_total(planned, scene));

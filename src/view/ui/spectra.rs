@@ -149,7 +149,7 @@ fn film(ui: &mut Ui, index: usize, material: &Material, asked: &mut Vec<Action>)
         response.widget_info(|| WidgetInfo::labeled(WidgetType::ComboBox, true, name.clone()));
     });
     if angle.is_some() {
-        let mut layer =
+        let layer =
             |ui: &mut Ui, key: &str, help: &str, value: &mut f64, (range, decimals): (RangeInclusive<f64>, i32)| {
                 ui.label(RichText::new(key).small()).on_hover_text(help);
                 let speed = if decimals == 0 { 5.0 } else { 0.01 };
