@@ -715,8 +715,10 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
         (AccumulateAs::Auto, None) if exact => {
             match model::fit_narrow(&ingredients(), kind, EXACTNESS * tolerance, narrower, progress) {
                 Err(stopped @ ModelError::Cancelled) => return Err(stopped.into()),
-                // Without a fit, weights remain.
-                fitted => fitted.unwrap_or_default(),
+                // Without a fit, weights remain; also if the spectra of a film between its fitted angles do not.
+                fitted => fitted
+                    .unwrap_or_default()
+                    .filter(|model| weights.films(scene).iter().all(|film| film.error_in(model) <= tolerance)),
             }
         }
         (AccumulateAs::Auto | AccumulateAs::Spectral, Some(dimension)) => {

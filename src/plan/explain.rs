@@ -50,13 +50,18 @@ impl Planned {
     /// Films whose terms exceed the tolerance.
     fn inexact_films(&self, scene: &Scene) -> Vec<PlanWarning> {
         let tolerance = scene.accuracy.tolerance;
-        let films = self.films(scene).into_iter().filter(|_| self.model.is_none());
+        let films = self.films(scene).into_iter();
         let warning = |film: PlannedFilm<'_>| {
-            let error = film.film.terms().errors[film.terms];
+            let error = self.film_error(&film);
             let material = film.material.name.clone();
             (error > tolerance).then_some(PlanWarning::FilmInexact { material, error, tolerance })
         };
         films.filter_map(warning).collect()
+    }
+
+    /// Largest ΔE00 of a film.
+    fn film_error(&self, film: &PlannedFilm<'_>) -> f64 {
+        self.model.as_ref().map_or_else(|| film.film.terms().errors[film.terms], |model| film.error_in(model))
     }
 
     /// Sentences about thin films.
@@ -81,8 +86,8 @@ impl Planned {
         sentences.push(match &self.model {
             None => {
                 let terms = films.iter().map(|film| {
-                    let error = film.film.terms().errors[film.terms];
-                    format!("{} for {} (colour error at most ΔE00 {error:.2})", film.terms, film.material.name)
+                    let (terms, error) = (film.terms, self.film_error(film));
+                    format!("{terms} for {} (colour error at most ΔE00 {error:.2})", film.material.name)
                 });
                 let terms: Vec<String> = terms.collect();
                 format!(
@@ -90,9 +95,12 @@ impl Planned {
                     listed(terms.iter().map(String::as_str))
                 )
             }
-            Some(_) => format!(
-                "The numbers of a film come from a table of {FILM_ANGLES} angles; the model was chosen with the spectra of each film at 16 of them."
-            ),
+            Some(_) => {
+                let worst = films.iter().map(|film| self.film_error(film)).fold(0.0, f64::max);
+                format!(
+                    "The numbers of a film come from a table of {FILM_ANGLES} angles, with a colour error of at most ΔE00 {worst:.2}; the model was chosen with spectra of each film."
+                )
+            }
         });
         sentences
     }

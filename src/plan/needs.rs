@@ -1,10 +1,10 @@
 //! Requirements of a scene on its plan: transmittance, optical depth, spectra, exponents and phase functions.
 
 use super::{Accumulate, FilmCounts, Planned, Transmittance};
-use crate::model::Ingredients;
+use crate::model::{ColourModel, Ingredients, LightMatrix};
 use crate::number::count;
 use crate::scene::{Material, Scene};
-use crate::spectrum::{FilmAngle, Spectrum, ThinFilm};
+use crate::spectrum::{FilmAngle, Light, Spectrum, ThinFilm};
 
 /// Distinct exponents of the highlights of `materials`, ascending.
 pub(super) fn exponents<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<u32> {
@@ -115,6 +115,17 @@ pub struct PlannedFilm<'a> {
     pub first: usize,
     /// With weights, the number of terms.
     pub terms: usize,
+}
+
+impl PlannedFilm<'_> {
+    /// Largest ΔE00 of the film in the coefficients of `model` under its lights.
+    pub(super) fn error_in(&self, model: &ColourModel) -> f64 {
+        let under = |(_, light, matrix): &(String, Light, LightMatrix)| {
+            let projected = |spectrum: &Spectrum| model.coefficients(spectrum);
+            self.film.error_of_coefficients(projected, light, &matrix.xyz, model.observer())
+        };
+        model.lights().iter().map(under).fold(0.0, f64::max)
+    }
 }
 
 impl Planned {

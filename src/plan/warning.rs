@@ -25,7 +25,7 @@ pub enum PlanWarning {
         /// The reason, and the way out.
         why: &'static str,
     },
-    /// The terms of a film do not approach its reflectance within the tolerance.
+    /// Neither terms nor coefficients approach the reflectance of a film within the tolerance.
     FilmInexact {
         /// Name of the material.
         material: String,
@@ -89,7 +89,7 @@ impl fmt::Display for PlanWarning {
             Self::FilmUnused { materials, why } => write!(formatter, "the film of {materials} has no effect: {why}"),
             Self::FilmInexact { material, error, tolerance } => write!(
                 formatter,
-                "the colours of the film of {material} are off by up to ΔE00 {error:.2}, and the tolerance is {tolerance}: its fringes are narrower than the angles of a table; use a thinner film"
+                "the colours of the film of {material} are off by up to ΔE00 {error:.2}, and the tolerance is {tolerance}: the numbers of a pixel do not hold its fringes; use a larger tolerance, or a thinner film"
             ),
             Self::Amplified { sentences } => formatter.write_str(sentences.join(" ").trim_end_matches('.')),
             Self::FewerAreBetter { stated: (k, error), fewer: (fewer, smaller) } => write!(

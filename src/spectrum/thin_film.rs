@@ -8,7 +8,8 @@ use nalgebra::{Complex, DMatrix};
 use rayon::prelude::*;
 
 use super::colour::{OBSERVER, Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
-use super::{BANDS, STEP_NM, Spectrum, standard};
+use super::observer::Observer;
+use super::{BANDS, Light, STEP_NM, Spectrum, standard};
 use crate::number::{count, whole};
 
 /// Range of refractive indices.
@@ -25,6 +26,9 @@ pub const FINE_ANGLES: usize = 1025;
 
 /// Most times as bright as under a light of intensity 1 that a dim angle is shown where errors are measured.
 const BRIGHTENED: f64 = 10.0;
+
+/// Angles at which errors are measured, of cosines 0.01 to 0.99.
+const CHECKED: usize = 99;
 
 /// Most terms of a film.
 const MOST_TERMS: usize = 32;
@@ -81,18 +85,19 @@ pub struct ThinFilm {
 /// Computed spectra of a film.
 #[derive(Default)]
 struct Spectra {
+    checked: OnceLock<Vec<Spectrum>>,
     coarse: OnceLock<Vec<Spectrum>>,
     fine: OnceLock<Vec<Spectrum>>,
     terms: OnceLock<FilmTerms>,
 }
 
-/// A film's reflectance as a sum of products, R(c, λ) ≈ Σ_j f_j(c) r_j(λ): its singular value decomposition, with weights
+/// A film's reflectance as a sum of products, `R(c, λ) ≈ Σ_j f_j(c) r_j(λ)`: its singular value decomposition, with weights
 /// by the observer.
 #[derive(Clone, Debug)]
 pub struct FilmTerms {
-    /// r_j, the most important first; its samples may be negative.
+    /// `r_j`, the most important first; its samples may be negative.
     pub spectra: Vec<Spectrum>,
-    /// f_j at each of [`FILM_ANGLES`], at most 1 in magnitude.
+    /// `f_j` at each of [`FILM_ANGLES`], at most 1 in magnitude.
     pub factors: Vec<Vec<f64>>,
     /// Largest ΔE00 of the first 0, 1, … terms, interpolated between angles, under D65, A, FL11 and LED-RGB1, where each angle is
     /// shown as bright as white, or ten times as bright as it is.
@@ -143,6 +148,38 @@ impl ThinFilm {
     #[must_use]
     pub fn at_fine_angles(&self) -> &[Spectrum] {
         self.spectra.fine.get_or_init(|| evenly(self.layers, FINE_ANGLES))
+    }
+
+    /// Reflectance at the cosines where errors are measured.
+    fn checked(&self) -> impl Iterator<Item = (f64, &Spectrum)> {
+        let reflectance = |i: usize| self.layers.reflectance(count(i) / 100.0);
+        let spectra =
+            self.spectra.checked.get_or_init(|| (1..=CHECKED).into_par_iter().map(reflectance).collect::<Vec<_>>());
+        (1..=CHECKED).map(|i| count(i) / 100.0).zip(spectra)
+    }
+
+    /// Largest ΔE00 of k coefficients, which `projected` gives for a spectrum, interpolated between [`FILM_ANGLES`] and shown
+    /// by the colours of `matrix` to `observer` under `light`.
+    #[must_use]
+    pub fn error_of_coefficients(
+        &self,
+        projected: impl Fn(&Spectrum) -> Vec<f64>,
+        light: &Light,
+        matrix: &[[f64; 3]],
+        observer: Observer,
+    ) -> f64 {
+        let rows: Vec<Vec<f64>> = self.at_angles().iter().map(projected).collect();
+        let lab = |xyz| lab_from_xyz(Xyz(xyz), d65_white());
+        let error = |(cosine, spectrum): (f64, &Spectrum)| {
+            let lit = light.spectrum() * spectrum;
+            let exact = observer.matching().each_ref().map(|matching| matching.dot(&lit));
+            let parts = between_angles(&rows, cosine).zip(matrix);
+            let found = parts.fold([0.0; 3], |sum, (part, colour)| {
+                std::array::from_fn(|axis| part.mul_add(colour[axis], sum[axis]))
+            });
+            ciede2000(lab(found), lab(exact))
+        };
+        self.checked().map(error).fold(0.0, f64::max)
     }
 
     /// Its terms.
@@ -237,10 +274,7 @@ impl Waves {
 
 impl FilmTerms {
     fn new(film: &ThinFilm) -> Self {
-        /// Cosines 0.01 to 0.99.
-        const CHECKED: usize = 99;
-        let cosines: Vec<f64> = (1..=CHECKED).map(|i| count(i) / 100.0).collect();
-        let spectra: Vec<Spectrum> = cosines.par_iter().map(|&cosine| film.layers.reflectance(cosine)).collect();
+        let (cosines, spectra): (Vec<f64>, Vec<&Spectrum>) = film.checked().unzip();
         let weights: [f64; BANDS] =
             std::array::from_fn(|band| OBSERVER.each_ref().map(|it| it.samples()[band]).iter().sum::<f64>().sqrt());
         let weighted = DMatrix::from_fn(CHECKED, BANDS, |row, band| spectra[row].samples()[band] * weights[band]);
@@ -263,17 +297,8 @@ impl FilmTerms {
         Self { errors, ..terms }
     }
 
-    /// Factors at a cosine from 0 to 1, interpolated between two angles.
-    fn factors_at(&self, cosine: f64) -> impl Iterator<Item = f64> + '_ {
-        let place = cosine * count(FILM_ANGLES - 1);
-        let low = whole(place).min(FILM_ANGLES - 2);
-        let part = place - count(low);
-        let pairs = self.factors[low].iter().zip(&self.factors[low + 1]);
-        pairs.map(move |(low, high)| part.mul_add(high - low, *low))
-    }
-
     /// Largest ΔE00 of the first 0, 1, … terms from these `spectra`.
-    fn largest_errors(&self, cosines: &[f64], spectra: &[Spectrum]) -> Vec<f64> {
+    fn largest_errors(&self, cosines: &[f64], spectra: &[&Spectrum]) -> Vec<f64> {
         let lights = ["D65", "A", "FL11", "LED-RGB1"].iter().filter_map(|name| standard::light(name).ok());
         let mut largest = vec![0.0_f64; self.spectra.len() + 1];
         for light in lights {
@@ -285,7 +310,9 @@ impl FilmTerms {
                 let shown = if exact[1] * BRIGHTENED > 1.0 { exact[1].recip() } else { BRIGHTENED };
                 let (exact, mut sum) = (lab(exact.map(|part| part * shown)), [0.0; 3]);
                 largest[0] = largest[0].max(ciede2000(lab(sum), exact));
-                for ((factor, colour), largest) in self.factors_at(cosine).zip(&colours).zip(&mut largest[1..]) {
+                for ((factor, colour), largest) in
+                    between_angles(&self.factors, cosine).zip(&colours).zip(&mut largest[1..])
+                {
                     sum = std::array::from_fn(|axis| (factor * shown).mul_add(colour[axis], sum[axis]));
                     *largest = largest.max(ciede2000(lab(sum), exact));
                 }
@@ -293,4 +320,12 @@ impl FilmTerms {
         }
         largest
     }
+}
+
+/// Numbers of `rows`, one per angle, at a cosine from 0 to 1, interpolated between two angles.
+fn between_angles(rows: &[Vec<f64>], cosine: f64) -> impl Iterator<Item = f64> {
+    let place = cosine * count(FILM_ANGLES - 1);
+    let low = whole(place).min(FILM_ANGLES - 2);
+    let part = place - count(low);
+    rows[low].iter().zip(&rows[low + 1]).map(move |(low, high)| part.mul_add(high - low, *low))
 }

@@ -1,13 +1,13 @@
 //! Thin films: closed forms of interference, terms and tables against 81 bands, plans, and the device against the reference.
-#![expect(clippy::float_cmp, reason = "a number is the stated one or another one")]
 
+use crate::phases::opened;
 use crate::shadows::{POINTS, SAME_GRID, beside_three_point, largest_difference, numbers, occluded};
 use crate::support;
 
 use std::path::Path;
 
 use glam::DVec3;
-use relume::document::{self, Document, Edit, SceneFile, SceneOptions, Source};
+use relume::document::{self, Document, Edit, SceneOptions, Source};
 use relume::model::ModelKind;
 use relume::plan::{Accumulate, FilmCounts, PlanWarning, Stale, Transmittance, plan};
 use relume::progress::Quiet;
@@ -450,31 +450,6 @@ fn a_film_marches_again_only_where_it_has_an_effect() {
     assert_eq!(stale(&with, |scene| scene.lights[0].intensity = 2.0), Stale::Picture);
 }
 
-/// A scene with a material, its film and one light.
-fn opened(film: &str, shading: &str) -> Result<SceneFile, document::SceneError> {
-    let text = format!(
-        r#"
-        version = 1
-        shading = "{shading}"
-        [volume]
-        phantom = "gaussian"
-        dims = [4, 4, 4]
-        [materials.wing]
-        reflectance = "orange"
-        {film}
-        [[transfer.intervals]]
-        material = "wing"
-        range = [0, 255]
-        opacity = 0.1
-        [lights.day]
-        spectrum = "D65"
-        kind = "directional"
-        direction = [0, 0, 1]
-    "#
-    );
-    document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet)
-}
-
 #[test]
 fn the_key_of_a_film_is_read_and_checked() {
     let of = |film: &str| opened(film, "gradient").unwrap().scene.materials[0].film.clone();
@@ -528,6 +503,11 @@ fn a_film_without_an_effect_or_a_model_is_told() {
     let told = plan(&thick, &Quiet).unwrap().warnings;
     assert!(matches!(&told[..], [PlanWarning::FilmInexact { .. }]), "{told:?}");
     assert_eq!(told[0].code(), "film-over-tolerance");
+    // Coefficients are measured between the angles that they are fitted to.
+    thick.materials[0].film = Some(ThinFilm::new(Layers { thickness_nm: 5000.0, ..FLAKE }, FilmAngle::Facing).unwrap());
+    (thick.accuracy.accumulate, thick.accuracy.dimension) = (AccumulateAs::Spectral, Some(5));
+    let told = plan(&thick, &Quiet).unwrap().warnings;
+    assert!(told.iter().any(|warning| warning.code() == "film-over-tolerance"), "{told:?}");
     // Matrices have no number per component.
     let mut matrix = filmed(scenes::named("coloured_one"));
     (matrix.accuracy.model, matrix.accuracy.dimension) = (ModelKind::Peercy, Some(4));
