@@ -27,5 +27,5 @@ pub use shadows::{
     ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, SKY_SPACING, Sweep,
 };
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
-pub use thin_film::{FilmRows, FilmTable};
+pub use thin_film::{FILM_ROWS, FilmRows, FilmTable};
 pub use transfer::{LARGEST_DEPTH, Step, Steps, TransferTable};

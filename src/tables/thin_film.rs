@@ -3,7 +3,10 @@
 use crate::number::{rounded, unsigned};
 use crate::plan::{LANE, Planned};
 use crate::scene::Scene;
-use crate::spectrum::BANDS;
+use crate::spectrum::{BANDS, FILM_ANGLES};
+
+/// Number of angles of a [`FilmTable`].
+pub const FILM_ROWS: usize = FILM_ANGLES;
 
 /// A thin film as numbers of the plan's components.
 #[derive(Clone, Debug, PartialEq)]

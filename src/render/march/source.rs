@@ -7,8 +7,7 @@ use crate::render::Source;
 use crate::render::pool::Residence;
 use crate::scene::{Interpolation, Lookup, StoreAs};
 use crate::shader::Constants;
-use crate::spectrum::FILM_ANGLES;
-use crate::tables::{BRICK, CELL, slot_edge};
+use crate::tables::{BRICK, CELL, FILM_ROWS, slot_edge};
 use crate::vulkan::Format;
 
 /// Bytes of a table in a uniform buffer, the limit of most devices.
@@ -115,7 +114,7 @@ fn filmed(constants: Constants, plan: &ScenePlan) -> Constants {
     constants
         .u32("FACING_FILMS", unsigned(plan.films.facing))
         .u32("FILM_LANES", unsigned(plan.film_lanes()))
-        .u32("FILM_ANGLES", unsigned(FILM_ANGLES))
+        .u32("FILM_ANGLES", unsigned(FILM_ROWS))
         .u32("FILM_PARTS", unsigned(plan.parts().films))
         .bool("FILM_WEIGHTS", matches!(plan.accumulate, Accumulate::Weights { .. }))
 }
