@@ -85,7 +85,7 @@ pub(crate) fn effect_rows(renderer: &Renderer, volume: Option<&Path>) -> Result<
         for (films, angle, part) in
             [(1, FilmAngle::Facing, "diffuse"), (1, FilmAngle::Lobe, "highlight"), (4, FilmAngle::Facing, "diffuse")]
         {
-            let name = format!("{films} films, {part}, {kind}");
+            let name = format!("films of materials: {films}, {part}, {kind}");
             rows.push(row(renderer, &name, &open, &filmed(open.clone(), films, angle)?)?);
         }
     }
