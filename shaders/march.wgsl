@@ -5,7 +5,8 @@
 // factor on its opacity by the gradient magnitude in `gradient_opacity.wgsl`, and the integration of a run of steps in
 // `samples.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or `segments_coloured.wgsl`. The rays are in
 // `rays.wgsl`, the values between voxels in `fetch.wgsl`, the light of positions with shadows in `shadowed.wgsl`, that of
-// phase functions in `phase.wgsl`, with `phase_weights.wgsl` or `phase_spectral.wgsl`, and the entry point in `slices.wgsl`
+// phase functions in `phase.wgsl`, with `phase_weights.wgsl` or `phase_spectral.wgsl`, that of thin films in `thin_film.wgsl`, and
+// the entry point in `slices.wgsl`
 // for a whole volume or in `rounds.wgsl` for one in bricks.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
 // resolved before the shader is compiled.
@@ -60,6 +61,12 @@ fn shade_three_point(position: u32, ray: Ray, step: Step) -> array<vec4f, LANES>
             }
         }
     }
+    if (FILMS > 0u) {
+        for (var i = 0u; i < 3u; i += 1u) {
+            let light = shading.lights[position + i];
+            add_films(light.xyz, ray, step, light.w, &source);
+        }
+    }
     return source;
 }
 
@@ -104,6 +111,9 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
         } else {
             highlight(step, abs(dot(step.normal, halfway)), &source);
         }
+    }
+    if (FILMS > 0u) {
+        add_films(light, ray, step, 1.0, &source);
     }
     return source;
 }

@@ -22,6 +22,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (PHASES > 0u) {
         read_phases();
     }
+    if (FILMS > 0u) {
+        read_films();
+    }
     let pixel = vec2u(id.x, id.y + band.first_row);
     if (pixel.x >= march.width || pixel.y >= march.height) {
         return;

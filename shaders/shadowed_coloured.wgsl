@@ -74,6 +74,21 @@ fn add_shine(
     }
 }
 
+// Adds what thin films reflect from the direction `light`, times these factors.
+fn add_films_by(
+    light: vec3f,
+    ray: Ray,
+    step: Step,
+    factor: array<vec4f, LANES>,
+    source: ptr<function, array<vec4f, LANES>>,
+) {
+    var reflected: array<vec4f, LANES>;
+    add_films(light, ray, step, 1.0, &reflected);
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        (*source)[lane] = fma(factor[lane], reflected[lane], (*source)[lane]);
+    }
+}
+
 // Light of a step towards the eye for light from the direction `light`, of which these fractions arrive; they do not reduce the
 // ambient share.
 fn shade_from(light: vec3f, ray: Ray, step: Step, reached: array<vec4f, LANES>) -> array<vec4f, LANES> {
@@ -91,6 +106,9 @@ fn shade_from(light: vec3f, ray: Ray, step: Step, reached: array<vec4f, LANES>) 
     var source = reflect_by(step, facing);
     if (SPECULAR) {
         add_shine(light, ray, step, reached, &source);
+    }
+    if (FILMS > 0u) {
+        add_films_by(light, ray, step, reached, &source);
     }
     return source;
 }
@@ -110,12 +128,17 @@ fn shade_three_shadowed(ray: Ray, step: Step, place: vec3f) -> array<vec4f, LANE
             for (var lane = 0u; lane < LANES; lane += 1u) {
                 facing[lane] = fma(reached[lane], vec4f(shade), facing[lane]);
             }
-            if (SPECULAR) {
+            if (SPECULAR || FILMS > 0u) {
                 var factor = reached;
                 for (var lane = 0u; lane < LANES; lane += 1u) {
                     factor[lane] *= light.w;
                 }
-                add_shine(light.xyz, ray, step, factor, &shine);
+                if (SPECULAR) {
+                    add_shine(light.xyz, ray, step, factor, &shine);
+                }
+                if (FILMS > 0u) {
+                    add_films_by(light.xyz, ray, step, factor, &shine);
+                }
             }
         } else {
             let from_light = shade_from(light.xyz, ray, step, reached);
@@ -127,7 +150,7 @@ fn shade_three_shadowed(ray: Ray, step: Step, place: vec3f) -> array<vec4f, LANE
     }
     if (SHADED) {
         source = reflect_by(step, facing);
-        if (SPECULAR) {
+        if (SPECULAR || FILMS > 0u) {
             for (var lane = 0u; lane < LANES; lane += 1u) {
                 source[lane] += shine[lane];
             }

@@ -11,6 +11,7 @@ mod warning;
 use std::sync::Arc;
 
 pub use integration::{Narrow, narrow};
+pub use needs::PlannedFilm;
 pub(crate) use needs::is_constant;
 use needs::{exponents, longest_way, transmittance};
 pub use stale::Stale;
@@ -52,6 +53,8 @@ pub struct ScenePlan {
     /// Phase functions by which a step scatters directed light: with weights, one per material in use; otherwise, one per
     /// distinct parameter, with its own part of a table entry. 0 if every material scatters evenly.
     pub phases: usize,
+    /// Thin films that reflect directed light.
+    pub films: FilmCounts,
     /// Points of the factor on the opacity by the gradient magnitude; 0 without such a factor.
     pub gradient_opacity: usize,
     /// Whether labels take precedence over the transfer function.
@@ -141,6 +144,8 @@ pub struct Parts {
     pub diffuse: usize,
     /// White of the highlights, one part per exponent.
     pub highlights: usize,
+    /// White of the light that thin films reflect, one part per film.
+    pub films: usize,
     /// Vectors per entry.
     pub lanes: usize,
 }
@@ -204,6 +209,27 @@ impl ShadowedPositions {
     #[must_use]
     pub fn sky(&self) -> bool {
         self.ambient || self.occluded
+    }
+}
+
+/// Numbers of thin films.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct FilmCounts {
+    /// Films in place of a diffuse reflectance.
+    pub facing: usize,
+    /// Films in place of white highlights.
+    pub lobe: usize,
+    /// With weights, terms of all films, each of which has a weight; otherwise 0.
+    pub terms: usize,
+    /// Bits of the largest exponent of their highlights.
+    pub exponent_bits: u32,
+}
+
+impl FilmCounts {
+    /// Number of films.
+    #[must_use]
+    pub fn total(&self) -> usize {
+        self.facing + self.lobe
     }
 }
 
@@ -367,7 +393,7 @@ impl ScenePlan {
     #[must_use]
     pub fn components(&self) -> usize {
         match self.accumulate {
-            Accumulate::Weights { materials } => materials + usize::from(self.specular().is_some()),
+            Accumulate::Weights { materials } => materials + usize::from(self.specular().is_some()) + self.films.terms,
             Accumulate::Spectral { dimension, .. } => dimension,
         }
     }
@@ -410,12 +436,18 @@ impl ScenePlan {
         self.phases.div_ceil(LANE).max(1)
     }
 
+    /// Vectors that hold a number per thin film.
+    #[must_use]
+    pub fn film_lanes(&self) -> usize {
+        self.films.total().div_ceil(LANE).max(1)
+    }
+
     /// Layout of the source in a table entry.
     #[must_use]
     pub fn parts(&self) -> Parts {
         match self.accumulate {
             Accumulate::Weights { materials } => {
-                Parts { unshaded: 0, ambient: 0, diffuse: 0, highlights: 0, lanes: materials.div_ceil(LANE) }
+                Parts { unshaded: 0, ambient: 0, diffuse: 0, highlights: 0, films: 0, lanes: materials.div_ceil(LANE) }
             }
             Accumulate::Spectral { shares, exponents, .. } => {
                 let lanes = self.lanes();
@@ -426,12 +458,13 @@ impl ScenePlan {
                     (true, 0) => 2 * lanes,
                     (true, _) => 3 * lanes,
                 };
-                let white = match self.transmittance {
-                    Transmittance::Grey => exponents.div_ceil(LANE),
-                    Transmittance::Coloured | Transmittance::Mixed => exponents * lanes,
+                let white = |parts: usize| match self.transmittance {
+                    Transmittance::Grey => parts.div_ceil(LANE),
+                    Transmittance::Coloured | Transmittance::Mixed => parts * lanes,
                 };
                 let diffuse = if own { lanes } else { 0 };
-                Parts { unshaded, ambient: 0, diffuse, highlights, lanes: highlights + white }
+                let films = highlights + white(exponents);
+                Parts { unshaded, ambient: 0, diffuse, highlights, films, lanes: films + white(self.films.total()) }
             }
         }
     }
@@ -479,7 +512,7 @@ impl ScenePlan {
     /// Whether shading needs the gradient of the data.
     #[must_use]
     pub fn shades_by_gradient(&self) -> bool {
-        self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
+        self.films.total() > 0 || self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
     }
 
     /// Whether the gradient is stored with the values.
@@ -554,6 +587,14 @@ pub enum PlanError {
         "the model peercy keeps a transmittance matrix, which transfer.gradient_opacity cannot scale; take another model, or remove gradient_opacity"
     )]
     GradientMatrix,
+    /// A matrix of transmittance has no spectrum per component, by which a film could be multiplied.
+    #[error(
+        "the model peercy multiplies matrices, and the film of {materials} changes with the angle; take another model, or remove `film`"
+    )]
+    FilmMatrix {
+        /// Names of the materials.
+        materials: String,
+    },
     /// The effect of 16-bit storage on matrices is not known.
     #[error("the model peercy keeps a transmittance matrix, which is not stored in 16 bits; take storage = \"f32\"")]
     HalfMatrix,
@@ -585,6 +626,7 @@ impl PlanError {
             Self::HalfPrecision { .. } => "half-imprecise",
             Self::HalfRange => "half-overflow",
             Self::GradientMatrix => "gradient-opacity-matrix",
+            Self::FilmMatrix { .. } => "film-matrix",
             Self::HalfMatrix => "half-matrix",
             Self::NoSegments { .. } => "segments-impossible",
             Self::NoShadows { .. } => "shadows-impossible",
@@ -624,6 +666,10 @@ pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progre
 fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     if planned.plan.gradient_opacity > 0 && planned.plan.transmittance == Transmittance::Mixed {
         return Err(PlanError::GradientMatrix);
+    }
+    if planned.plan.films.total() > 0 && planned.plan.transmittance == Transmittance::Mixed {
+        let materials: Vec<&str> = scene.states_films().map(|material| material.name.as_str()).collect();
+        return Err(PlanError::FilmMatrix { materials: materials.join(", ") });
     }
     if let (Integration::Segments, Some(why)) = (scene.accuracy.integration, planned.no_segments()) {
         return Err(PlanError::NoSegments { why });
@@ -669,8 +715,10 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
         (AccumulateAs::Auto, None) if exact => {
             match model::fit_narrow(&ingredients(), kind, EXACTNESS * tolerance, narrower, progress) {
                 Err(stopped @ ModelError::Cancelled) => return Err(stopped.into()),
-                // Without a fit, weights remain.
-                fitted => fitted.unwrap_or_default(),
+                // Without a fit, weights remain; also if the spectra of a film between its fitted angles do not.
+                fitted => fitted
+                    .unwrap_or_default()
+                    .filter(|model| weights.films(scene).iter().all(|film| film.error_in(model) <= tolerance)),
             }
         }
         (AccumulateAs::Auto | AccumulateAs::Spectral, Some(dimension)) => {
@@ -731,7 +779,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     };
     let used = || materials.iter().filter_map(|&material| scene.materials.get(material));
     let directed = scene.shading == Shading::Gradient && counts.total() > counts.ambient;
-    let diffuse = directed && used().any(|material| material.diffuse > 0.0);
+    let diffuse = directed && used().any(|material| material.own_diffuse() > 0.0);
     let exponents = if directed { exponents(used()) } else { Vec::new() };
     let specular = exponents.last().map(|&largest| Specular {
         one_exponent: Some(largest).filter(|_| exponents.len() == 1),
@@ -740,7 +788,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let accumulate = match &model {
         None => Accumulate::Weights { materials: materials.len() },
         Some(model) => {
-            let mut shares = used().map(|material| [material.ambient, material.diffuse]);
+            let mut shares = used().map(|material| [material.ambient, material.own_diffuse()]);
             let first = shares.next();
             let equal = !directed || shares.all(|share| Some(share) == first);
             Accumulate::Spectral {
@@ -767,7 +815,12 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         method: scene.shadows.method,
         absorbers: if coloured { needs::absorbers(scene).count() } else { 0 },
     };
-    let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some());
+    let films = if directed {
+        needs::film_counts(used(), model.is_none().then_some(scene.accuracy.tolerance))
+    } else {
+        FilmCounts::default()
+    };
+    let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some() || films.total() > 0);
     let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
     let phases = match accumulate {
         _ if !scene.has_phases() || counts.total() == counts.ambient => 0,
@@ -786,6 +839,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.grid_lights() > 0),
         shading,
         phases,
+        films,
         // A factor of 1 at all magnitudes has no effect.
         gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },
         labels,

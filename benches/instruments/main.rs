@@ -3,6 +3,7 @@
 
 mod bricks;
 mod consistency;
+mod effects;
 mod goals;
 mod model;
 mod needs;
@@ -26,6 +27,7 @@ use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use bricks::{BrickRow, brick_rows};
 use consistency::{halved_steps, relit_against_rendered};
+use effects::effect_rows;
 use goals::{GoalRow, GoalScene, GoalSummary, goal_row};
 use model::{AutomaticSummary, LIGHT_GROUPS, ModelSetting, automatic_dimension, model_row, nodes_beside_rgb};
 use needs::{NeedRow, need_rows};
@@ -53,7 +55,7 @@ struct Args {
     /// Number of runs of `palette`.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
-    /// The frog for `shadows`; default: the phantom.
+    /// The frog for `shadows` and `effects`; default: the phantom.
     #[arg(long, value_name = "FILE")]
     volume: Option<std::path::PathBuf>,
     /// Voxels along each axis of the phantom for `bricks`.
@@ -83,6 +85,8 @@ enum Instrument {
     Model,
     /// Error of the light grid against rays, and times of shadows beside the march without, in the frog of the peer scene.
     Shadows,
+    /// Cost of coloured shadows, phase functions and thin films beside the march without them, in the frog of the peer scene.
+    Effects,
     /// Cost of a volume in bricks beside that of the whole volume. Fails above 1.25 times the march.
     Bricks,
     /// A generated volume of 6 GiB that is never held: made into bricks, once interrupted,
@@ -144,6 +148,11 @@ fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
             let rows = shadow_rows(&renderer, args.volume.as_deref())?;
             let holds = rows.iter().all(ShadowRow::holds);
             Ok(Report { text: shadows::text(&rows), json: json!({ "shadows": rows, "holds": holds }) })
+        }
+        Instrument::Effects => {
+            let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+            let rows = effect_rows(&renderer, args.volume.as_deref())?;
+            Ok(Report { text: effects::text(&rows), json: json!({ "effects": rows }) })
         }
         Instrument::Bricks => {
             let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);

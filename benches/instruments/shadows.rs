@@ -45,7 +45,7 @@ impl ShadowRow {
 }
 
 /// The peer scene with its key light, and `more` others, all with or without `shadows`.
-fn frog(peer: &Scene, shading: Shading, more: usize, shadows: bool) -> Scene {
+pub(crate) fn frog(peer: &Scene, shading: Shading, more: usize, shadows: bool) -> Scene {
     let mut scene = peer.clone();
     scene.shading = shading;
     scene.shadows.start = Some(0.0);
@@ -122,7 +122,7 @@ fn errors(found: &[DVec3], expected: &[DVec3]) -> [f64; 3] {
 }
 
 /// CPU times of filling the light grid and of the march of `scene`, in ms: the least of several.
-fn times(renderer: &Renderer, scene: &Scene) -> Result<[f64; 2], Box<dyn Error>> {
+pub(crate) fn times(renderer: &Renderer, scene: &Scene) -> Result<[f64; 2], Box<dyn Error>> {
     let on_device = SceneRenderer::new(renderer, scene.clone(), &Quiet)?;
     on_device.march([SIDE; 2], &Quiet)?;
     let mut least = [f64::INFINITY; 2];

@@ -32,7 +32,7 @@ use crate::scene::{
     Accuracy, Aim, Camera, Display, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, MOST_RAYS, Material, MaterialCurve,
     OPAQUE_DEPTH, PHASES, Placement, Projection, Scene, SceneLight, Shadows, Term, Transfer, unit,
 };
-use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
+use crate::spectrum::{INDICES, Layers, Reflectance, Spectrum, SpectrumError, SpectrumSource, THICKNESSES, ThinFilm};
 use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Unit, Volume, VolumeError};
 use crate::written::{place, with_suggestion};
 
@@ -371,13 +371,8 @@ impl Text<'_> {
     }
 
     /// Returns the spectrum of a material or light, or an error if neither the entry nor a palette states it.
-    fn stated<'a, T>(
-        &self,
-        key: &str,
-        at: &At<T>,
-        spectrum: Option<&'a At<SpectrumSource>>,
-    ) -> Result<&'a At<SpectrumSource>, SceneError> {
-        spectrum.ok_or_else(|| self.invalid(at, format!("missing field `{key}`")))
+    fn stated<'a, T, V>(&self, key: &str, at: &At<T>, value: Option<&'a At<V>>) -> Result<&'a At<V>, SceneError> {
+        value.ok_or_else(|| self.invalid(at, format!("missing field `{key}`")))
     }
 
     /// Adds the palette's spectra where the scene leaves them out. Returns the files that were read for the palette.

@@ -17,8 +17,8 @@ use crate::scene::{
     AccumulateAs, Accuracy, Aim, AmbientShares, Camera, Integration, Interval, LabelInterpolation, Lighting,
     Projection, Scene,
 };
-use crate::spectrum::Spectrum;
 use crate::spectrum::observer::Observer;
+use crate::spectrum::{FilmAngle, Layers, Spectrum, ThinFilm};
 use crate::volume::ByteOrder;
 
 /// Why a session cannot be saved.
@@ -370,6 +370,21 @@ fn samples(spectrum: &Spectrum) -> Item {
     value(table)
 }
 
+/// A film as the scene file states it.
+fn film(film: &ThinFilm) -> Item {
+    let Layers { index, thickness_nm, above, below } = film.layers();
+    let mut table = InlineTable::new();
+    for (key, number) in [("index", index), ("thickness", thickness_nm), ("above", above), ("below", below)] {
+        table.insert(key, number.into());
+    }
+    let angle = match film.angle() {
+        FilmAngle::Facing => "facing",
+        FilmAngle::Lobe => "lobe",
+    };
+    table.insert("angle", angle.into());
+    value(table)
+}
+
 /// Sets `key` of the member `name` of `list`, which is added if there is none.
 fn set(document: &mut DocumentMut, list: &'static str, name: &str, key: &str, item: Item) -> Result<(), SessionError> {
     let members = table(document, list)?;
@@ -377,12 +392,16 @@ fn set(document: &mut DocumentMut, list: &'static str, name: &str, key: &str, it
         members.insert(name, Item::Table(Table::new()));
     }
     let member = members.get_mut(name).and_then(Item::as_table_like_mut).ok_or(SessionError::NoTable { name: list })?;
-    member.insert(key, item);
+    if item.is_none() {
+        member.remove(key);
+    } else {
+        member.insert(key, item);
+    }
     Ok(())
 }
 
-/// Writes changed spectra, the `open` spectra of the palette, and changed switches of shadows and phase functions. Spectra
-/// are samples. A spectrum in the scene takes precedence over its palette.
+/// Writes changed spectra, the `open` spectra of the palette, and changed switches of shadows, phase functions and
+/// films. Spectra are samples. A spectrum in the scene takes precedence over its palette.
 fn spectra(
     document: &mut DocumentMut,
     now: &Scene,
@@ -404,6 +423,9 @@ fn spectra(
         now.materials.iter().zip(&then.materials).filter(|(new, old)| new.phase.to_bits() != old.phase.to_bits())
     {
         set("materials", &old.name, "phase", value(new.phase))?;
+    }
+    for (new, old) in now.materials.iter().zip(&then.materials).filter(|(new, old)| new.film != old.film) {
+        set("materials", &old.name, "film", new.film.as_ref().map_or(Item::None, film))?;
     }
     for (new, old) in now.lights.iter().zip(&then.lights).filter(|(new, old)| new.spectrum != old.spectrum) {
         set("lights", &old.name, "spectrum", samples(new.spectrum.spectrum()))?;

@@ -14,6 +14,7 @@ use crate::palette::Palette;
 use crate::scene::{
     Accuracy, AmbientShares, GRADIENT_POINTS, Interval, LabelEntry, Lighting, MOST_RAYS, Mix, PHASES, Scene,
 };
+use crate::spectrum::ThinFilm;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 
@@ -42,6 +43,8 @@ pub enum Edit {
     Shadows(usize, bool),
     /// Phase function of a material, by its index; numbers beyond [`PHASES`] become its ends.
     Phase(usize, f64),
+    /// Thin film of a material, by its index, or none.
+    Film(usize, Option<ThinFilm>),
     /// Sides of surfaces that lights shade.
     Lighting(Lighting),
     /// Ambient shares of directed lights: open or occluded.
@@ -129,6 +132,7 @@ impl Edit {
             Self::Camera(..)
             | Self::Shadows(..)
             | Self::Phase(..)
+            | Self::Film(..)
             | Self::Lighting(_)
             | Self::AmbientShares(_)
             | Self::Interval(..)
@@ -366,6 +370,11 @@ impl State {
             Edit::Phase(index, phase) => {
                 if let Some(material) = scene.materials.get_mut(index).filter(|_| phase.is_finite()) {
                     material.phase = phase.clamp(*PHASES.start(), *PHASES.end());
+                }
+            }
+            Edit::Film(index, ref film) => {
+                if let Some(material) = scene.materials.get_mut(index) {
+                    material.film.clone_from(film);
                 }
             }
             Edit::Lighting(lighting) => scene.lighting = lighting,

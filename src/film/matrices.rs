@@ -16,7 +16,7 @@ use crate::spectrum::{Light, Reflectance, Spectrum};
 /// Spectra of the components of accumulators.
 #[derive(Clone, Debug)]
 pub enum Components {
-    /// Reflectances: materials, and white for highlights.
+    /// Reflectances: materials, white for highlights, and terms of thin films.
     Surfaces(Vec<Spectrum>),
     /// Coefficients of a colour model, and the kind of its transmittance.
     Model(Arc<ColourModel>, Transmittance),
@@ -31,8 +31,10 @@ impl Components {
         }
         let materials = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
         let white = planned.plan.specular().map(|_| Spectrum::constant(1.0));
-        let surfaces = materials.map(|material| material.reflectance.spectrum().clone()).chain(white);
-        Self::Surfaces(surfaces.collect())
+        let films = planned.films(scene).into_iter();
+        let terms = films.flat_map(|film| film.film.terms().spectra.iter().take(film.terms).cloned());
+        let own = materials.map(|material| material.reflectance.spectrum().clone());
+        Self::Surfaces(own.chain(white).chain(terms).collect())
     }
 
     /// Number of components.

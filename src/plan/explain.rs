@@ -1,11 +1,12 @@
 //! Explains plans in sentences, for people who know volumes but not this program.
 
-use super::{Integrate, MOST_PARTS, PlanWarning, Planned, Transmittance, narrow, narrower};
+use super::{Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower};
 use crate::model::ModelKind;
 use crate::number::{brief, readable};
 use crate::scene::{
     AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lookup, Scene, Shading, ShadowMethod,
 };
+use crate::spectrum::{FILM_ANGLES, FilmAngle, Layers};
 
 impl Planned {
     /// Settings that this plan does not use.
@@ -20,7 +21,88 @@ impl Planned {
         let phases = listed(scene.states_phases().map(|material| material.name.as_str()));
         let without = scene.shading == Shading::Gradient && scene.states_phases().next().is_some();
         let phases = without.then_some(PlanWarning::PhaseUnused { materials: phases });
-        stated.map(|setting| PlanWarning::Unused { setting }).chain(phases).collect()
+        let films = self.unused_films(scene).into_iter().chain(self.inexact_films(scene));
+        stated.map(|setting| PlanWarning::Unused { setting }).chain(phases).chain(films).collect()
+    }
+
+    /// Films without effect.
+    fn unused_films(&self, scene: &Scene) -> Vec<PlanWarning> {
+        let (mut unshaded, mut without) = (Vec::new(), Vec::new());
+        for material in scene.states_films() {
+            if scene.shading == Shading::None {
+                unshaded.push(material.name.as_str());
+            } else if let Some(film) = material.film.as_ref().filter(|film| material.film_at(film.angle()).is_none()) {
+                without.push((material.name.as_str(), film.angle()));
+            }
+        }
+        let warning = |names: Vec<&str>, why| {
+            (!names.is_empty()).then(|| PlanWarning::FilmUnused { materials: names.join(", "), why })
+        };
+        let of = |angle: FilmAngle| without.iter().filter(|film| film.1 == angle).map(|film| film.0).collect();
+        let warnings = [
+            warning(unshaded, "without shading no surface has an angle; use shading = \"gradient\", or remove `film`"),
+            warning(of(FilmAngle::Facing), "its diffuse factor is 0; state `diffuse`, or angle = \"lobe\""),
+            warning(of(FilmAngle::Lobe), "its specular factor is 0; state `specular`, or angle = \"facing\""),
+        ];
+        warnings.into_iter().flatten().collect()
+    }
+
+    /// Films whose terms exceed the tolerance.
+    fn inexact_films(&self, scene: &Scene) -> Vec<PlanWarning> {
+        let tolerance = scene.accuracy.tolerance;
+        let films = self.films(scene).into_iter();
+        let warning = |film: PlannedFilm<'_>| {
+            let error = self.film_error(&film);
+            let material = film.material.name.clone();
+            (error > tolerance).then_some(PlanWarning::FilmInexact { material, error, tolerance })
+        };
+        films.filter_map(warning).collect()
+    }
+
+    /// Largest ΔE00 of a film.
+    fn film_error(&self, film: &PlannedFilm<'_>) -> f64 {
+        self.model.as_ref().map_or_else(|| film.film.terms().errors[film.terms], |model| film.error_in(model))
+    }
+
+    /// Sentences about thin films.
+    fn explain_films(&self, scene: &Scene) -> Vec<String> {
+        let films = self.films(scene);
+        if films.is_empty() {
+            return Vec::new();
+        }
+        let told = films.iter().map(|film| {
+            let Layers { index, thickness_nm, above, below } = film.film.layers();
+            let part = match film.film.angle() {
+                FilmAngle::Facing => "diffuse light, by the mean angle of light and eye to the surface",
+                FilmAngle::Lobe => "highlights, by the angle between light and eye",
+            };
+            let (n, nm) = (readable(index), readable(thickness_nm));
+            let around = format!("between {} and {}", readable(above), readable(below));
+            format!("{} ({nm} nm of index {n} {around}; {part})", film.material.name)
+        });
+        let told: Vec<String> = told.collect();
+        let mut sentences =
+            vec![format!("Thin films reflect by interference in {}.", listed(told.iter().map(String::as_str)))];
+        sentences.push(match &self.model {
+            None => {
+                let terms = films.iter().map(|film| {
+                    let (terms, error) = (film.terms, self.film_error(film));
+                    format!("{terms} for {} (colour error at most ΔE00 {error:.2})", film.material.name)
+                });
+                let terms: Vec<String> = terms.collect();
+                format!(
+                    "The spectrum of a film is a sum of terms, each with a weight by the angle and a spectrum of its own: {}.",
+                    listed(terms.iter().map(String::as_str))
+                )
+            }
+            Some(_) => {
+                let worst = films.iter().map(|film| self.film_error(film)).fold(0.0, f64::max);
+                format!(
+                    "The numbers of a film come from a table of {FILM_ANGLES} angles, with a colour error of at most ΔE00 {worst:.2}; the model was chosen with spectra of each film."
+                )
+            }
+        });
+        sentences
     }
 
     /// A sentence for each material whose absorption would amplify light in the colour model, and is clamped at 0.
@@ -55,11 +137,15 @@ impl Planned {
         match &self.model {
             None => {
                 let white = if plan.specular().is_some() { " and of white highlights" } else { "" };
+                let (exactly, films) = match plan.films.terms {
+                    0 => (" exactly", String::new()),
+                    terms => ("", format!(", {terms} weights of terms of thin films")),
+                };
                 sentences.push(format!(
-                    "{absorption}: the colour of a pixel under any light follows exactly from the weights of its materials."
+                    "{absorption}: the colour of a pixel under any light follows{exactly} from the weights of its materials."
                 ));
                 sentences.push(format!(
-                    "A pixel keeps the weights of {}{white}{each}, and the transmittance: {kept} numbers in all.",
+                    "A pixel keeps the weights of {}{white}{films}{each}, and the transmittance: {kept} numbers in all.",
                     shown()
                 ));
             }
@@ -163,6 +249,7 @@ impl Planned {
                 listed(phases.iter().map(String::as_str))
             ));
         }
+        sentences.extend(self.explain_films(scene));
         sentences.extend(self.explain_shadows(scene));
         if plan.gradient_opacity > 0 {
             sentences.push(format!(
@@ -308,10 +395,13 @@ impl Planned {
         let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
         match &self.model {
             Some(_) if exact => {
-                let weights = self.materials.len() + usize::from(self.plan.specular().is_some());
+                let terms: usize =
+                    self.films(scene).iter().map(|film| film.film.terms_within(scene.accuracy.tolerance)).sum();
+                let weights = self.materials.len() + usize::from(self.plan.specular().is_some()) + terms;
                 let kept = self.plan.components();
+                let would = if terms == 0 { "would be exact" } else { "would depend on no light" };
                 Some(format!(
-                    "Weights of the materials (accumulate = \"weights\") would be exact, but need {weights} numbers instead of {kept}, and more time."
+                    "Weights of the materials (accumulate = \"weights\") {would}, but need {weights} numbers instead of {kept}, and more time."
                 ))
             }
             None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(

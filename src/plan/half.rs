@@ -63,7 +63,13 @@ fn largest_number(planned: &Planned, material: &Material) -> f64 {
     };
     let coefficients =
         planned.model.as_ref().map_or_else(|| vec![1.0], |model| model.coefficients(material.reflectance.spectrum()));
-    coefficients.iter().fold(0.0_f64, |most, part| most.max(part.abs())) * shares + material.specular * most
+    let of_film = planned
+        .model
+        .iter()
+        .zip(&material.film)
+        .flat_map(|(model, film)| film.at_angles().iter().flat_map(|spectrum| model.coefficients(spectrum)));
+    coefficients.into_iter().chain(of_film).fold(0.0_f64, |most, part| most.max(part.abs())) * shares
+        + material.specular * most
 }
 
 /// Largest value of the phase function of `material`, if the plan has phase functions: (1 − g²)/(1 − |g|)³.
@@ -108,6 +114,19 @@ fn of_weights(planned: &Planned, scene: &Scene) -> f64 {
             for axis in 0..3 {
                 negative[axis] = negative[axis].max(-colour[axis]);
                 all[axis] += colour[axis].abs();
+            }
+        }
+        // Terms of a film are positive or negative. The negative ones count most at some angle, and a sum over angles has no more.
+        for film in planned.films(scene) {
+            let terms = film.film.terms().spectra.iter().take(film.terms);
+            let colours: Vec<[f64; 3]> = terms.map(|term| xyz_of(&(light.spectrum.spectrum() * term)).0).collect();
+            for axis in 0..3 {
+                let below_zero = |factors: &Vec<f64>| -> f64 {
+                    factors.iter().zip(&colours).map(|(factor, colour)| (-factor * colour[axis]).max(0.0)).sum()
+                };
+                let most = film.film.terms().factors.iter().map(below_zero).fold(0.0, f64::max);
+                negative[axis] = negative[axis].max(most);
+                all[axis] += colours.iter().map(|colour| colour[axis].abs()).sum::<f64>();
             }
         }
         let (shown, total) = (brightness(scene, light), largest_total(planned, scene));

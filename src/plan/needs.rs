@@ -1,14 +1,15 @@
 //! Requirements of a scene on its plan: transmittance, optical depth, spectra, exponents and phase functions.
 
-use super::{Accumulate, Planned, Transmittance};
-use crate::model::Ingredients;
+use super::{Accumulate, FilmCounts, Planned, Transmittance};
+use crate::model::{ColourModel, Ingredients, LightMatrix};
+use crate::number::count;
 use crate::scene::{Material, Scene};
-use crate::spectrum::Spectrum;
+use crate::spectrum::{FilmAngle, Light, Spectrum, ThinFilm};
 
 /// Distinct exponents of the highlights of `materials`, ascending.
 pub(super) fn exponents<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<u32> {
     let mut exponents: Vec<u32> =
-        materials.filter(|material| material.specular > 0.0).map(|material| material.exponent).collect();
+        materials.filter(|material| material.white_specular() > 0.0).map(|material| material.exponent).collect();
     exponents.sort_unstable();
     exponents.dedup();
     exponents
@@ -26,6 +27,23 @@ pub(super) fn phases<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<f
     phases.sort_unstable_by(f64::total_cmp);
     phases.dedup();
     phases
+}
+
+/// Numbers of the films of `materials`; of their terms within a tolerance, if pixels keep weights.
+pub(super) fn film_counts<'a>(materials: impl Iterator<Item = &'a Material>, tolerance: Option<f64>) -> FilmCounts {
+    let mut counts = FilmCounts::default();
+    for material in materials {
+        let (facing, lobe) = (material.film_at(FilmAngle::Facing), material.film_at(FilmAngle::Lobe));
+        counts.facing += usize::from(facing.is_some());
+        counts.lobe += usize::from(lobe.is_some());
+        if lobe.is_some() {
+            counts.exponent_bits = counts.exponent_bits.max(u32::BITS - material.exponent.leading_zeros());
+        }
+        if let Some((film, tolerance)) = facing.or(lobe).zip(tolerance) {
+            counts.terms += film.terms_within(tolerance);
+        }
+    }
+    counts
 }
 
 /// Grey if and only if the sum of all absorption is equal at all wavelengths.
@@ -77,8 +95,37 @@ pub(super) fn largest_depth(scene: &Scene) -> f64 {
 /// Longest path through the volume (its diagonal), in opacity lengths.
 pub(super) fn longest_way(scene: &Scene) -> f64 {
     let geometry = &scene.volume.geometry;
-    let diagonal = (geometry.spacing * glam::DVec3::from_array(geometry.dims.map(crate::number::count))).length();
+    let diagonal = (geometry.spacing * glam::DVec3::from_array(geometry.dims.map(count))).length();
     diagonal / scene.transfer.opacity_length
+}
+
+/// Angles of a film whose spectra a colour model is fitted to.
+const FITTED_ANGLES: usize = 16;
+
+/// A thin film of a plan.
+#[derive(Clone, Copy, Debug)]
+pub struct PlannedFilm<'a> {
+    /// The film.
+    pub film: &'a ThinFilm,
+    /// Its material.
+    pub material: &'a Material,
+    /// Number of the material among those in use, which is also that of its weight.
+    pub weight: usize,
+    /// With weights, the component of the first term.
+    pub first: usize,
+    /// With weights, the number of terms.
+    pub terms: usize,
+}
+
+impl PlannedFilm<'_> {
+    /// Largest ΔE00 of the film in the coefficients of `model` under its lights.
+    pub(super) fn error_in(&self, model: &ColourModel) -> f64 {
+        let under = |(_, light, matrix): &(String, Light, LightMatrix)| {
+            let projected = |spectrum: &Spectrum| model.coefficients(spectrum);
+            self.film.error_of_coefficients(projected, light, &matrix.xyz, model.observer())
+        };
+        model.lights().iter().map(under).fold(0.0, f64::max)
+    }
 }
 
 impl Planned {
@@ -88,8 +135,13 @@ impl Planned {
         let coloured = self.plan.transmittance != Transmittance::Grey;
         let absorbing: Vec<usize> = absorbers(scene).filter(|_| coloured).collect();
         let absorptions = absorbing.iter().filter_map(|&m| scene.materials[m].absorption.as_ref());
+        let own = self.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().clone());
+        // A film has a spectrum per angle.
+        let films = self.films(scene).into_iter().flat_map(|film| {
+            (0..FITTED_ANGLES).map(move |i| film.film.layers().reflectance((count(i) + 0.5) / count(FITTED_ANGLES)))
+        });
         Ingredients {
-            reflectances: self.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().clone()).collect(),
+            reflectances: own.chain(films).collect(),
             absorptions: absorptions.map(|absorption| absorption.spectrum().clone()).collect(),
             background: scene.background.as_ref().map(|surface| surface.spectrum().clone()),
             highlights: self.plan.specular().is_some(),
@@ -105,6 +157,26 @@ impl Planned {
     pub fn exponents(&self, scene: &Scene) -> Vec<u32> {
         let used = self.materials.iter().filter_map(|&material| scene.materials.get(material));
         if self.plan.specular().is_some() { exponents(used) } else { Vec::new() }
+    }
+
+    /// Thin films of the plan: those of the diffuse part first.
+    #[must_use]
+    pub fn films<'a>(&self, scene: &'a Scene) -> Vec<PlannedFilm<'a>> {
+        if self.plan.films.total() == 0 {
+            return Vec::new();
+        }
+        let mut first = self.plan.components() - self.plan.films.terms;
+        let mut films = Vec::new();
+        for angle in [FilmAngle::Facing, FilmAngle::Lobe] {
+            for (weight, &material) in self.materials.iter().enumerate() {
+                let Some(material) = scene.materials.get(material) else { continue };
+                let Some(film) = material.film_at(angle) else { continue };
+                let terms = if self.model.is_none() { film.terms_within(scene.accuracy.tolerance) } else { 0 };
+                films.push(PlannedFilm { film, material, weight, first, terms });
+                first += terms;
+            }
+        }
+        films
     }
 
     /// The coloured absorbers of shadows: indices into [`Scene::materials`].

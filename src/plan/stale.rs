@@ -60,9 +60,13 @@ impl Stale {
             _ if planned.model.is_some() => Self::Tables,
             _ => Self::Accumulators,
         };
+        // As of phase functions. Of films, weights depend on the spectra.
+        let films = if planned.plan.films.total() > 0 { Self::Tables } else { Self::Nothing };
         add(
             true,
-            of_lists(materials, &after.materials, |before, after| of_materials(before, after, [spectra, phases])),
+            of_lists(materials, &after.materials, |before, after| {
+                of_materials(before, after, [spectra, phases, films])
+            }),
         );
         add(*transfer != after.transfer, Self::Tables);
         add(true, of_lists(lights, &after.lights, |before, after| of_lights(before, after, spectra)));
@@ -98,6 +102,7 @@ impl Stale {
             shadows,
             shading,
             phases,
+            films,
             gradient_opacity,
             labels: _,
             smooth_labels: _,
@@ -112,16 +117,21 @@ impl Stale {
             storage,
         } = *plan;
         let later = &after.plan;
-        let tables =
-            (accumulate, transmittance, (counts, shadows), (shading, phases), gradient_opacity, (lookup, integration))
-                != (
-                    later.accumulate,
-                    later.transmittance,
-                    (later.positions, later.shadows),
-                    (later.shading, later.phases),
-                    later.gradient_opacity,
-                    (later.lookup, later.integration),
-                );
+        let tables = (
+            accumulate,
+            transmittance,
+            (counts, shadows),
+            (shading, phases, films),
+            gradient_opacity,
+            (lookup, integration),
+        ) != (
+            later.accumulate,
+            later.transmittance,
+            (later.positions, later.shadows),
+            (later.shading, later.phases, later.films),
+            later.gradient_opacity,
+            (later.lookup, later.integration),
+        );
         if tables || *materials != after.materials || positions.len() != after.positions.len() {
             return Self::Tables;
         }
@@ -160,8 +170,8 @@ fn of_labels(before: Option<&Labels>, after: Option<&Labels>) -> Stale {
     of_lists(declared, &after.declared, of_entries)
 }
 
-fn of_materials(before: &Material, after: &Material, [spectra, phases]: [Stale; 2]) -> Stale {
-    let Material { name: _, reflectance, absorption, ambient, diffuse, specular, exponent, xray, phase } = before;
+fn of_materials(before: &Material, after: &Material, [spectra, phases, films]: [Stale; 3]) -> Stale {
+    let Material { name: _, reflectance, absorption, ambient, diffuse, specular, exponent, xray, phase, film } = before;
     let same_medium = *absorption == after.absorption
         && (*ambient, *diffuse, *specular) == (after.ambient, after.diffuse, after.specular)
         && (*exponent, *xray) == (after.exponent, after.xray);
@@ -170,7 +180,8 @@ fn of_materials(before: &Material, after: &Material, [spectra, phases]: [Stale; 
     }
     let colour = if *reflectance == after.reflectance { Stale::Nothing } else { spectra };
     let turned = if *phase == after.phase { Stale::Nothing } else { phases };
-    colour.max(turned)
+    let reflected = if *film == after.film { Stale::Nothing } else { films };
+    colour.max(turned).max(reflected)
 }
 
 fn of_lights(before: &SceneLight, after: &SceneLight, spectra: Stale) -> Stale {

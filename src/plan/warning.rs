@@ -18,6 +18,22 @@ pub enum PlanWarning {
         /// Names of the materials.
         materials: String,
     },
+    /// Films of some materials have no effect.
+    FilmUnused {
+        /// Names of the materials.
+        materials: String,
+        /// The reason, and the way out.
+        why: &'static str,
+    },
+    /// Neither terms nor coefficients approach the reflectance of a film within the tolerance.
+    FilmInexact {
+        /// Name of the material.
+        material: String,
+        /// Largest ΔE00.
+        error: f64,
+        /// The tolerance.
+        tolerance: f64,
+    },
     /// The absorption of some materials would amplify light in the colour model, and is clamped at 0.
     Amplified {
         /// A sentence for each material.
@@ -48,6 +64,8 @@ impl PlanWarning {
         match self {
             Self::Unused { .. } => "setting-unused",
             Self::PhaseUnused { .. } => "phase-unused",
+            Self::FilmUnused { .. } => "film-unused",
+            Self::FilmInexact { .. } => "film-over-tolerance",
             Self::Amplified { .. } => "absorption-clamped",
             Self::FewerAreBetter { .. } => "fewer-coefficients-better",
             Self::Observer { .. } => "observer-over-tolerance",
@@ -67,6 +85,11 @@ impl fmt::Display for PlanWarning {
             Self::PhaseUnused { materials } => write!(
                 formatter,
                 "the phase function of {materials} has no effect: gradients shade the scene; use shading = \"none\", or remove `phase`"
+            ),
+            Self::FilmUnused { materials, why } => write!(formatter, "the film of {materials} has no effect: {why}"),
+            Self::FilmInexact { material, error, tolerance } => write!(
+                formatter,
+                "the colours of the film of {material} are off by up to ΔE00 {error:.2}, and the tolerance is {tolerance}: the numbers of a pixel do not hold its fringes; use a larger tolerance, or a thinner film"
             ),
             Self::Amplified { sentences } => formatter.write_str(sentences.join(" ").trim_end_matches('.')),
             Self::FewerAreBetter { stated: (k, error), fewer: (fewer, smaller) } => write!(

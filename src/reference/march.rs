@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::phase::{Phase, add_even, add_scattered};
 use super::shadows::Reaching;
+use super::thin_film::ThinFilm;
 use super::{End, ReferenceError, Samples, Step, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
@@ -56,6 +57,8 @@ struct Frame<'a, R> {
     exponents: Vec<u32>,
     /// Phase functions of the components.
     phases: Vec<Phase<R>>,
+    /// Thin films, those of the diffuse part first.
+    films: Vec<ThinFilm<R>>,
     /// Light that reaches a sample, if the medium dims light other than a headlight's.
     reaching: Option<Reaching<R>>,
     size: [usize; 2],
@@ -95,6 +98,7 @@ impl<'a, R: Real> Frame<'a, R> {
             variation: R::from_f64(scene.accuracy.variation),
             exponents: planned.exponents(scene),
             phases: tables::Phase::of_plan(scene, planned).iter().map(Phase::new).collect(),
+            films: tables::FilmRows::of_plan(scene, planned).iter().map(ThinFilm::new).collect(),
             reaching,
             size,
             places: ray_places(planned.plan.rays),
@@ -385,6 +389,7 @@ impl<'a, R: Real> Frame<'a, R> {
             self.shade_three_point(position, ray, step, reached, source);
             return;
         }
+        source.fill(R::default());
         let light = self.direction(position, ray, place);
         let facing = self.facing(dot(step.normal, light));
         self.reflect(step, |component| facing * reached.of(0, component), reached.ambient, source);
@@ -404,6 +409,29 @@ impl<'a, R: Real> Frame<'a, R> {
             } else {
                 self.highlight(step, shine, source);
             }
+        }
+        self.add_films(light, ray, step, |component| reached.of(0, component), source);
+    }
+
+    /// Adds to `source` what thin films reflect from the direction `light`, of which these fractions of the components have
+    /// `reached` the step.
+    fn add_films(&self, light: [R; 3], ray: &Ray<R>, step: &Step<R>, reached: impl Fn(usize) -> R, source: &mut [R]) {
+        let plan = &self.planned.plan;
+        if self.films.is_empty() {
+            return;
+        }
+        let along = dot(step.normal, light);
+        let facing = self.facing(along);
+        let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
+        let shine = self.facing(dot(step.normal, halfway));
+        let shine = if facing > R::default() || !self.one_sided() { shine } else { R::default() };
+        for (i, film) in self.films.iter().enumerate() {
+            let (cosine, shade) = if i < plan.films.facing {
+                (R::from_f64(0.5) * (along.abs() + dot(step.normal, ray.view).abs()), facing)
+            } else {
+                (dot(light, halfway).abs(), power(shine, film.exponent))
+            };
+            film.add(plan, i, step, cosine, |component| shade * reached(component), source);
         }
     }
 
@@ -474,6 +502,9 @@ impl<'a, R: Real> Frame<'a, R> {
                 }
             }
         }
+        for (i, &(light, weight)) in lights.iter().enumerate() {
+            self.add_films(light, ray, step, |component| weight * reached.of(i, component), source);
+        }
     }
 
     /// Whether only the side towards lower values is lit.
@@ -500,7 +531,7 @@ impl<'a, R: Real> Frame<'a, R> {
         let plan = &self.planned.plan;
         let parts = plan.parts();
         let shade = |material: &Material, facing: R| {
-            R::from_f64(material.diffuse).mul_add(facing, R::from_f64(material.ambient) * open)
+            R::from_f64(material.own_diffuse()).mul_add(facing, R::from_f64(material.ambient) * open)
         };
         match plan.accumulate {
             Accumulate::Weights { .. } => {
@@ -534,7 +565,8 @@ impl<'a, R: Real> Frame<'a, R> {
             (Accumulate::Weights { materials }, _) => {
                 let mut white = R::default();
                 for (&weight, material) in step.source.iter().zip(self.used()) {
-                    white = (weight * R::from_f64(material.specular)).mul_add(power(facing, material.exponent), white);
+                    white = (weight * R::from_f64(material.white_specular()))
+                        .mul_add(power(facing, material.exponent), white);
                 }
                 source[materials] = white;
             }

@@ -6,6 +6,7 @@ mod phase;
 mod samples;
 mod shadows;
 mod store;
+mod thin_film;
 
 pub use march::{
     RaySample, attenuate, attenuate_matrix, composite, composite_matrix, march, march_ray, render, render_pixels,

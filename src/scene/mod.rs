@@ -19,7 +19,7 @@ pub use transfer::{GRADIENT_POINTS, Interval, Lookup, MaterialCurve, Medium, OPA
 use crate::model::ModelKind;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
-use crate::spectrum::{Absorption, Light, Reflectance};
+use crate::spectrum::{Absorption, FilmAngle, Light, Reflectance, ThinFilm};
 use crate::volume::Volume;
 
 /// Everything that affects a picture, resolved: no names to look up, no files to read.
@@ -118,6 +118,12 @@ impl Scene {
         shown.map(|(_, material)| material).filter(|material| material.phase != 0.0)
     }
 
+    /// Visible materials with a film.
+    pub(crate) fn states_films(&self) -> impl Iterator<Item = &Material> {
+        let shown = self.materials.iter().enumerate().filter(|&(index, _)| self.shows(index));
+        shown.map(|(_, material)| material).filter(|material| material.film.is_some())
+    }
+
     /// True if the scene asks for any shadows.
     #[must_use]
     pub fn asks_for_shadows(&self) -> bool {
@@ -178,6 +184,9 @@ pub struct Material {
     /// Mean cosine of the angle by which a scattered ray turns, in [`PHASES`]: 0 scatters evenly in all directions, a
     /// positive number mostly forwards. It has an effect in scenes without shading (docs/theory/phase-functions.md).
     pub phase: f64,
+    /// Thin film on its surfaces. With gradient shading, it is the reflectance of directed light in place of the material's
+    /// own, or of the white of the highlights (docs/theory/films.md).
+    pub film: Option<ThinFilm>,
 }
 
 impl Material {
@@ -194,7 +203,31 @@ impl Material {
             exponent: 20,
             xray: false,
             phase: 0.0,
+            film: None,
         }
+    }
+
+    /// The film, if it reflects at this angle and its part of the light is not 0.
+    pub(crate) fn film_at(&self, angle: FilmAngle) -> Option<&ThinFilm> {
+        self.film.as_ref().filter(|film| film.angle() == angle && self.film_factor(angle) > 0.0)
+    }
+
+    /// Factor of the light that a film at this angle reflects.
+    pub(crate) fn film_factor(&self, angle: FilmAngle) -> f64 {
+        match angle {
+            FilmAngle::Facing => self.diffuse,
+            FilmAngle::Lobe => self.specular,
+        }
+    }
+
+    /// Diffuse factor of the material's own reflectance: 0 if a film takes its place.
+    pub(crate) fn own_diffuse(&self) -> f64 {
+        if self.film_at(FilmAngle::Facing).is_some() { 0.0 } else { self.diffuse }
+    }
+
+    /// Specular factor of white highlights: 0 if a film takes their place.
+    pub(crate) fn white_specular(&self) -> f64 {
+        if self.film_at(FilmAngle::Lobe).is_some() { 0.0 } else { self.specular }
     }
 
     /// `opacity` clamped to the range of this material; an X-ray material never has opacity 1.

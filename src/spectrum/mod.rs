@@ -12,6 +12,7 @@ mod smooth;
 mod source;
 pub mod standard;
 mod table;
+mod thin_film;
 
 use std::ops::{Add, Mul};
 
@@ -22,6 +23,9 @@ pub(crate) use source::srgb_code;
 pub use source::{Gaussian, SpectrumSource};
 pub(crate) use standard::nearest;
 pub use table::Column;
+pub use thin_film::{
+    FILM_ANGLES, FINE_ANGLES, FilmAngle, FilmTerms, INDICES, Layers, THICKNESSES, ThinFilm, ThinFilmError,
+};
 
 /// Number of wavelengths of the grid.
 pub const BANDS: usize = 81;

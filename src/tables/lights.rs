@@ -135,8 +135,8 @@ impl ShadingTable {
         exponents.iter().enumerate().for_each(|(i, &power)| exponent[i / LANE][i % LANE] = power);
         Self {
             ambient: share(|material| material.ambient),
-            diffuse: share(|material| material.diffuse),
-            specular: share(|material| material.specular),
+            diffuse: share(Material::own_diffuse),
+            specular: share(Material::white_specular),
             exponent,
         }
     }

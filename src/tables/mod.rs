@@ -11,6 +11,7 @@ mod reflected;
 mod segments;
 mod shadows;
 mod storage;
+mod thin_film;
 mod transfer;
 
 pub use bricks::{BRICK, BrickGrid, apron, slot_edge};
@@ -26,4 +27,5 @@ pub use shadows::{
     ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, SKY_SPACING, Sweep,
 };
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
+pub use thin_film::{FILM_ROWS, FilmRows, FilmTable};
 pub use transfer::{LARGEST_DEPTH, Step, Steps, TransferTable};

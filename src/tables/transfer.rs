@@ -138,6 +138,8 @@ pub struct Steps<'a> {
     exponents: Vec<u32>,
     /// Phase functions with components of their own.
     phases: Vec<f64>,
+    /// Numbers of the films of materials, if entries have parts for them.
+    films: Vec<Option<usize>>,
     /// Coloured absorbers of shadows.
     absorbers: Vec<usize>,
     /// Model that projects the transmittance of each step (the paper's order).
@@ -169,6 +171,7 @@ impl<'a> Steps<'a> {
             absorptions: scene.materials.iter().map(absorptions).collect(),
             exponents: planned.exponents(scene),
             phases: planned.phases(scene),
+            films: film_numbers(scene, planned),
             absorbers: planned.absorbers(scene),
             by_step: model.filter(|model| {
                 model.kind() == ModelKind::Sharpened(Order::Step)
@@ -351,6 +354,16 @@ impl<'a> Steps<'a> {
             }
             return source;
         };
+        // Adds white to part `i` of those that start with the vector `first`.
+        let add_white = |first: usize, i: usize, white: f64, source: &mut Vec<f64>| match plan.transmittance {
+            Transmittance::Grey => source[first * LANE + i] += white * gain(0),
+            Transmittance::Coloured | Transmittance::Mixed => {
+                let first = (first + i * plan.lanes()) * LANE;
+                for c in 0..plan.components() {
+                    source[first + c] += white * gain(c);
+                }
+            }
+        };
         for (m, depth) in used.filter(|&(_, depth)| depth > 0.0) {
             let material = &self.scene.materials[m];
             let phase =
@@ -358,9 +371,9 @@ impl<'a> Steps<'a> {
             let spectra: &[(usize, f64)] = match shares {
                 Shares::Equal => &[(parts.unshaded + phase * plan.lanes(), 1.0)],
                 Shares::Own if plan.positions.ambient > 0 => {
-                    &[(parts.ambient, material.ambient), (parts.diffuse, material.diffuse), (parts.unshaded, 1.0)]
+                    &[(parts.ambient, material.ambient), (parts.diffuse, material.own_diffuse()), (parts.unshaded, 1.0)]
                 }
-                Shares::Own => &[(parts.ambient, material.ambient), (parts.diffuse, material.diffuse)],
+                Shares::Own => &[(parts.ambient, material.ambient), (parts.diffuse, material.own_diffuse())],
             };
             for &(first, share) in spectra {
                 for c in 0..plan.components() {
@@ -368,22 +381,29 @@ impl<'a> Steps<'a> {
                 }
             }
             if let Some(highlight) =
-                self.exponents.iter().position(|&e| material.specular > 0.0 && e == material.exponent)
+                self.exponents.iter().position(|&e| material.white_specular() > 0.0 && e == material.exponent)
             {
-                let white = material.specular * depth;
-                match plan.transmittance {
-                    Transmittance::Grey => source[parts.highlights * LANE + highlight] += white * gain(0),
-                    Transmittance::Coloured | Transmittance::Mixed => {
-                        let first = (parts.highlights + highlight * plan.lanes()) * LANE;
-                        for c in 0..plan.components() {
-                            source[first + c] += white * gain(c);
-                        }
-                    }
-                }
+                add_white(parts.highlights, highlight, material.specular * depth, &mut source);
+            }
+            if let Some(film) = self.films[m] {
+                add_white(parts.films, film, depth, &mut source);
             }
         }
         source
     }
+}
+
+/// Number of the film of each material, if entries of `planned` have parts for them.
+fn film_numbers(scene: &Scene, planned: &Planned) -> Vec<Option<usize>> {
+    let mut numbers = vec![None; scene.materials.len()];
+    if planned.model.is_some() {
+        for (number, film) in planned.films(scene).iter().enumerate() {
+            if let Some(of_material) = planned.materials.get(film.weight).and_then(|&m| numbers.get_mut(m)) {
+                *of_material = Some(number);
+            }
+        }
+    }
+    numbers
 }
 
 /// Number of entries: as stated in the scene, else as needed for the narrowest feature.

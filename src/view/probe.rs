@@ -288,6 +288,16 @@ fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices, ray: Option<
             let weight = here(&mut numbers.accumulators.iter().map(|&weight| f64::from(weight)));
             shares.push(share(name, seen, weight, here(&mut sent.iter().copied())));
         }
+        // The first term has nearly all of a film's light; those that follow correct its colour.
+        for film in planned.films(scene) {
+            let of = |numbers: &[f64], terms: usize| -> f64 {
+                let of_position = |numbers: &[f64]| numbers.iter().skip(film.first).take(terms).sum::<f64>();
+                numbers.chunks(parts.max(1)).map(of_position).sum()
+            };
+            let weights: Vec<f64> = numbers.accumulators.iter().map(|&weight| f64::from(weight)).collect();
+            let name = format!("{} film", film.material.name);
+            shares.push(share(&name, None, of(&weights, 1), of(&sent, film.terms)));
+        }
     }
     if planned.plan.background {
         let through: f64 =

@@ -10,7 +10,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("memory", &[]),
     ("number", &[]),
     ("progress", &[]),
-    ("spectrum", &["input"]),
+    ("spectrum", &["input", "number"]),
     ("written", &["spectrum", "number"]),
     ("volume", &["input", "memory", "progress", "number"]),
     ("model", &["spectrum", "progress", "number"]),

@@ -10,8 +10,8 @@ use relume::document;
 use relume::document::Document;
 use relume::document::SceneOptions;
 use relume::progress::Quiet;
-use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, display_code, linear_srgb_from_xyz};
+use relume::spectrum::{FilmAngle, Spectrum};
 
 use crate::app::{App, document};
 use crate::support::program::SCENE;
@@ -92,6 +92,57 @@ fn a_phase_function_has_a_slider_where_nothing_shades() {
     window.get_by_label("Undo").click();
     window.run();
     assert!(phase(&window).abs() <= 0.0, "a drag is one step back");
+}
+
+#[test]
+fn a_film_is_chosen_where_surfaces_have_an_angle() {
+    let opened = |shading: &str| {
+        let text = SCENE.replacen("version = 1", &format!("version = 1\nshading = \"{shading}\""), 1);
+        Document::new(document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap())
+    };
+    let mut unshaded = App::open(Vec2::new(1000.0, 3000.0), Some(opened("none")));
+    unshaded.run();
+    assert!(unshaded.query_by_label("flesh: film").is_none(), "it would have no effect");
+    let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(opened("gradient")));
+    window.run();
+    let film = |window: &Harness<'_, App>| {
+        let document = window.state().document.as_ref().unwrap();
+        document.state().scene.materials.iter().find(|it| it.name == "flesh").unwrap().film.clone()
+    };
+    assert_eq!(film(&window), None);
+    assert!(window.query_by_label("flesh: film, nm").is_none(), "without a film it has no thickness");
+    window.get_by_label("flesh: film").click();
+    window.run();
+    window.get_by_label("in the diffuse light").click();
+    window.run();
+    let added = film(&window).unwrap();
+    assert_eq!(added.angle(), FilmAngle::Facing);
+    window.state_mut().document.as_mut().unwrap().rest();
+    let field = window.get_by_label("flesh: film, nm").rect().center();
+    let press = |pos, pressed| {
+        let button = PointerButton::Primary;
+        Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE }
+    };
+    let by = |x: f32| field + Vec2::new(x, 0.0);
+    for event in [
+        Event::PointerMoved(by(0.0)),
+        press(by(0.0), true),
+        Event::PointerMoved(by(10.0)),
+        Event::PointerMoved(by(30.0)),
+        press(by(30.0), false),
+    ] {
+        window.event(event);
+        window.run();
+    }
+    window.state_mut().document.as_mut().unwrap().rest();
+    let dragged = film(&window).unwrap().layers();
+    assert!(dragged.thickness_nm > added.layers().thickness_nm, "{dragged:?}");
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(film(&window), Some(added), "a drag is one step back");
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(film(&window), None);
 }
 
 #[test]

@@ -406,8 +406,8 @@ fn numbers_too_large_for_16_bits_by_a_phase_function_are_refused() {
     assert_eq!(error.code(), "half-overflow", "{error}");
 }
 
-/// A scene with a material, its phase function and one light.
-fn opened(phase: &str, shading: &str) -> Result<SceneFile, document::SceneError> {
+/// A scene with a material, of which `keys` are more keys, and one light.
+pub(super) fn opened(keys: &str, shading: &str) -> Result<SceneFile, document::SceneError> {
     let text = format!(
         r#"
         version = 1
@@ -417,7 +417,7 @@ fn opened(phase: &str, shading: &str) -> Result<SceneFile, document::SceneError>
         dims = [4, 4, 4]
         [materials.wing]
         reflectance = "orange"
-        {phase}
+        {keys}
         [[transfer.intervals]]
         material = "wing"
         range = [0, 255]

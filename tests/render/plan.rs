@@ -3,7 +3,9 @@
 use crate::support;
 
 use glam::DVec3;
-use relume::plan::{Accumulate, Integrate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan};
+use relume::plan::{
+    Accumulate, FilmCounts, Integrate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan,
+};
 use relume::progress::Quiet;
 use relume::scene::{
     AccumulateAs, Gradients, Interpolation, LabelInterpolation, Lighting, Lookup, Placement, Scene, Shading, StoreAs,
@@ -22,6 +24,7 @@ fn least() -> ScenePlan {
         shadows: None,
         shading: None,
         phases: 0,
+        films: FilmCounts::default(),
         gradient_opacity: 0,
         labels: false,
         smooth_labels: false,
@@ -338,6 +341,7 @@ fn the_least_plan_and_the_fullest_show_the_same() {
             one_sided: false,
         }),
         phases: 0,
+        films: FilmCounts::default(),
         gradient_opacity: 0,
         labels: true,
         smooth_labels: true,

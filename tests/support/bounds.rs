@@ -16,7 +16,7 @@
 use glam::DVec3;
 use relume::film::Film;
 use relume::internal::number::Real;
-use relume::plan::{Accumulate, Planned, PositionCounts, ScenePlan, Shares, Transmittance};
+use relume::plan::{Accumulate, FilmCounts, Planned, PositionCounts, ScenePlan, Shares, Transmittance};
 use relume::reference::{End, Samples, Step};
 use relume::scene::{Lookup, Material, Placement, Position, View};
 use relume::tables::{RayTable, Steps, StoredVolume};
@@ -176,6 +176,7 @@ pub fn bounds<R: Real>(
         positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
         shading: None,
         phases: 0,
+        films: FilmCounts::default(),
         ..planned.plan.clone()
     };
     let everywhere =

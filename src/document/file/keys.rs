@@ -16,9 +16,9 @@ use crate::scene::{
     AccumulateAs, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup, Shading,
     ShadowMethod, StoreAs, VolumeAs,
 };
-use crate::spectrum::SpectrumSource;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
+use crate::spectrum::{FilmAngle, SpectrumSource};
 use crate::volume::ByteOrder;
 
 /// A value with its place in the file.
@@ -122,8 +122,20 @@ pub(super) struct MaterialFile {
     #[serde(default)]
     pub(super) xray: bool,
     pub(super) phase: Option<At<f64>>,
+    pub(super) film: Option<At<ThinFilmFile>>,
     pub(super) emission: Option<At<Value>>,
     pub(super) fluorescence: Option<At<Value>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ThinFilmFile {
+    pub(super) index: Option<At<f64>>,
+    pub(super) thickness: Option<At<f64>>,
+    pub(super) above: Option<At<f64>>,
+    pub(super) below: Option<At<f64>>,
+    #[serde(default)]
+    pub(super) angle: FilmAngle,
 }
 
 #[derive(Default, Deserialize)]

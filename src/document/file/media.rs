@@ -52,10 +52,25 @@ impl Text<'_> {
                         &PHASES,
                         plain.phase,
                     )?,
+                    film: file.film.as_ref().map(|film| self.film(name, film)).transpose()?,
                     ..plain
                 })
             })
             .collect()
+    }
+
+    /// Reads the film of the material `name`.
+    fn film(&self, name: &str, stated: &At<ThinFilmFile>) -> Result<ThinFilm, SceneError> {
+        let file = stated.get_ref();
+        let number =
+            |key: &str, value: &At<f64>, range| self.number(&format!("materials.{name}.film.{key}"), value, range);
+        let index = number("index", self.stated("index", stated, file.index.as_ref())?, &INDICES)?;
+        let thickness_nm =
+            number("thickness", self.stated("thickness", stated, file.thickness.as_ref())?, &THICKNESSES)?;
+        let medium = |key: &str, value: Option<&At<f64>>| value.map_or(Ok(1.0), |value| number(key, value, &INDICES));
+        let (above, below) = (medium("above", file.above.as_ref())?, medium("below", file.below.as_ref())?);
+        let layers = Layers { index, thickness_nm, above, below };
+        ThinFilm::new(layers, file.angle).map_err(|error| self.invalid(stated, error.to_string()))
     }
 
     pub(super) fn material(&self, name: &At<String>, materials: &[Material]) -> Result<usize, SceneError> {

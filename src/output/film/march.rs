@@ -89,13 +89,22 @@ impl Frame {
     }
 }
 
-/// Names the materials in use and white as components.
+/// Names the materials in use, white, and the terms of films as components.
 fn named(scene: &Scene, planned: &Planned, surfaces: &[Spectrum]) -> Vec<Component> {
     let names = planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.clone());
     // White needs a unique name, whatever the materials are called.
-    let names: Vec<String> = names.collect();
-    let white = std::iter::once("white".to_owned()).chain((2..).map(|n| format!("white {n}")));
-    let white = white.into_iter().find(|name| !names.contains(name)).unwrap_or_default();
-    let named = surfaces.iter().zip(names.into_iter().chain([white]));
+    let mut names: Vec<String> = names.collect();
+    let mut add = |name: String| {
+        let mut all = std::iter::once(name.clone()).chain((2..).map(|n| format!("{name} {n}")));
+        let unique = all.find(|name| !names.contains(name)).unwrap_or_default();
+        names.push(unique);
+    };
+    if planned.plan.specular().is_some() {
+        add("white".to_owned());
+    }
+    for film in planned.films(scene) {
+        (1..=film.terms).for_each(|term| add(format!("{} film {term}", film.material.name)));
+    }
+    let named = surfaces.iter().zip(names);
     named.map(|(spectrum, name)| Component { name, spectrum: *spectrum.samples() }).collect()
 }

@@ -91,6 +91,12 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     let three_point = plan.positions.three_point * (3 + 3 * (1 + 2 * lanes + exponents * (1 + lanes)));
     // Loops over phase functions with the lanes of their light, for each direction.
     let phases = plan.phases * (1 + lanes) * (plan.positions.total() + 2 * plan.positions.three_point);
+    // Loops over films with the lanes of their light, for each direction, and over the lanes once more.
+    let films = if plan.films.total() > 0 {
+        (plan.films.total() * (1 + lanes) + lanes) * (plan.positions.total() + 3 * plan.positions.three_point)
+    } else {
+        0
+    };
     // Loops over positions without and with shadows, over the lanes of their light, and over a highlight's.
     let shadowed = if plan.shadows.is_some() { plan.positions.total() * (2 + 3 * lanes + 2 * parts) } else { 0 };
     // Of each depth of coloured shadows, over the lanes of its absorber; of each light, over those of its shades.
@@ -104,6 +110,7 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     let once = shadowed
         + absorbed
         + phases
+        + films
         + labels
         + three_point
         + 2 * parts

@@ -16,7 +16,7 @@ use crate::plan::{Integrate, LANE, Planned, Transmittance};
 use crate::render::{RenderError, Renderer, Uploaded};
 use crate::scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use crate::tables::{
-    CELL, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
+    CELL, FilmTable, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
     TransferTable, ray_places,
 };
 use crate::vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
@@ -227,6 +227,9 @@ impl Renderer {
         let shading = uniform("shading", &shading_bytes(scene, planned))?;
         let absorbers = uniform("absorbers", &absorber_bytes(scene, planned))?;
         let phases = uniform("phases", &phase_bytes(scene, planned))?;
+        let film_table = FilmTable::new(scene, planned);
+        let films = uniform("films", &film_bytes(&film_table))?;
+        let film_angles = storage("film angles", bytemuck::cast_slice(&film_table.angles))?;
         let gradients = GradientTable::new(scene, &uploaded.storage).0;
         let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
@@ -270,6 +273,8 @@ impl Renderer {
                     "march_uniform" => Resource::Uniform(&march),
                     "shading_uniform" => Resource::Uniform(&shading),
                     "phases_uniform" => Resource::Uniform(&phases),
+                    "films_uniform" => Resource::Uniform(&films),
+                    "film_angles" => Resource::Storage(&film_angles),
                     "absorbers" => Resource::Uniform(&absorbers),
                     "segments_uniform" => Resource::Uniform(&segments),
                     "gradient_table" => Resource::Uniform(&gradients),
@@ -392,4 +397,11 @@ fn absorber_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
     }
     vectors.resize(vectors.len().max(1), [0.0; LANE]);
     bytemuck::cast_slice(&vectors).to_vec()
+}
+
+/// Bytes of the shader's struct `Films`.
+fn film_bytes(FilmTable { factor, exponent, weight, angles: _ }: &FilmTable) -> Vec<u8> {
+    let bytes: [&[u8]; 3] =
+        [bytemuck::cast_slice(factor), bytemuck::cast_slice(exponent), bytemuck::cast_slice(weight)];
+    bytes.concat()
 }

@@ -7,7 +7,7 @@ use crate::render::Source;
 use crate::render::pool::Residence;
 use crate::scene::{Interpolation, Lookup, StoreAs};
 use crate::shader::Constants;
-use crate::tables::{BRICK, CELL, slot_edge};
+use crate::tables::{BRICK, CELL, FILM_ROWS, slot_edge};
 use crate::vulkan::Format;
 
 /// Bytes of a table in a uniform buffer, the limit of most devices.
@@ -62,6 +62,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         (_, Accumulate::Weights { .. }) => vec![text!("phase_weights.wgsl"), text!("phase.wgsl")],
         (_, Accumulate::Spectral { .. }) => vec![text!("phase_spectral.wgsl"), text!("phase.wgsl")],
     });
+    parts.push(if plan.films.total() > 0 { text!("thin_film.wgsl") } else { text!("no_thin_film.wgsl") });
     parts
 }
 
@@ -105,6 +106,19 @@ fn bricked(constants: Constants, plan: &ScenePlan, residence: Residence) -> Cons
         .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
 }
 
+/// Adds the constants of `thin_film.wgsl`. Constants are in a module even where nothing reads them.
+fn filmed(constants: Constants, plan: &ScenePlan) -> Constants {
+    if plan.films.total() == 0 {
+        return constants;
+    }
+    constants
+        .u32("FACING_FILMS", unsigned(plan.films.facing))
+        .u32("FILM_LANES", unsigned(plan.film_lanes()))
+        .u32("FILM_ANGLES", unsigned(FILM_ROWS))
+        .u32("FILM_PARTS", unsigned(plan.parts().films))
+        .bool("FILM_WEIGHTS", matches!(plan.accumulate, Accumulate::Weights { .. }))
+}
+
 /// Constants of the march shader for `plan`.
 fn constants(plan: &ScenePlan, Dispatching { group, open, residence, .. }: Dispatching) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
@@ -115,7 +129,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, open, residence, .. }: Dispa
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
     };
-    bricked(common(plan), plan, residence)
+    filmed(bricked(common(plan), plan, residence), plan)
         .bool("BLOCK", open.contains(&true))
         .bool("OPEN_X", open[0])
         .bool("OPEN_Y", open[1])
@@ -170,6 +184,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, open, residence, .. }: Dispa
         .bool("SHADED", plan.shading.is_some())
         .u32("PHASES", unsigned(if plan.layers() == 0 { 0 } else { plan.phases }))
         .u32("PHASE_LANES", unsigned(plan.phase_lanes()))
+        .u32("FILMS", unsigned(if plan.layers() == 0 { 0 } else { plan.films.total() }))
         .bool("GRADIENT", plan.gradient())
         .bool("STORED_GRADIENT", plan.stores_gradient())
         .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
@@ -178,7 +193,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, open, residence, .. }: Dispa
         .bool("SPECULAR", specular.is_some())
         .bool("ONE_EXPONENT", one_exponent.is_some())
         .u32("ONE_EXPONENT_VALUE", one_exponent.unwrap_or(0))
-        .u32("EXPONENT_BITS", specular.map_or(0, |specular| specular.exponent_bits))
+        .u32("EXPONENT_BITS", specular.map_or(0, |specular| specular.exponent_bits).max(plan.films.exponent_bits))
         // Position of the weight of white after those of the materials, if there is one.
         .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| materials / LANE)))
         .u32("WHITE_PART", unsigned(specular.map_or(0, |_| materials % LANE)))
@@ -259,7 +274,7 @@ pub(in crate::render) fn source(plan: &ScenePlan, dispatching: Dispatching) -> S
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::{PositionCounts, ShadingTerms};
+    use crate::plan::{FilmCounts, PositionCounts, ShadingTerms};
     use crate::render::march::MarchUniform;
     use crate::scene::{Gradients, VolumeAs};
 
@@ -271,6 +286,7 @@ mod tests {
             shadows: None,
             shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
             phases: 0,
+            films: FilmCounts::default(),
             gradient_opacity: 0,
             labels: false,
             smooth_labels: false,

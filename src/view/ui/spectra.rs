@@ -1,5 +1,6 @@
 //! Spectra panel: the spectra of materials and lights, and standard spectra to replace them.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use egui::{ComboBox, Id, Rect, RichText, Sense, Slider, Stroke, Ui, Vec2, WidgetInfo, WidgetType, pos2, vec2};
@@ -12,7 +13,9 @@ use crate::document::{Document, Edit};
 use crate::number::count;
 use crate::plan::Stale;
 use crate::scene::{Material, PHASES, Scene, Shading};
-use crate::spectrum::{Absorption, BANDS, Kind, Spectrum, standard, wavelength_nm};
+use crate::spectrum::{
+    Absorption, BANDS, FilmAngle, INDICES, Kind, Layers, Spectrum, THICKNESSES, ThinFilm, standard, wavelength_nm,
+};
 use crate::view::action::Action;
 
 /// egui key of the name of the material whose curve is edited.
@@ -83,6 +86,8 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
             }
             if scene.shading == Shading::None {
                 phase(ui, index, now, asked);
+            } else if now.diffuse > 0.0 || now.specular > 0.0 {
+                film(ui, index, now, asked);
             }
             if drawn_material(ui).as_deref() == Some(&now.name) {
                 handles(ui, index, &now.name, back.0, asked);
@@ -109,6 +114,71 @@ fn phase(ui: &mut Ui, index: usize, material: &Material, asked: &mut Vec<Action>
             asked.push(Action::Edit(Edit::Phase(index, phase)));
         }
     });
+}
+
+/// Part of the light that a film reflects, in words; `None` is no film.
+const FILMS: [(Option<FilmAngle>, &str); 3] =
+    [(None, "none"), (Some(FilmAngle::Facing), "in the diffuse light"), (Some(FilmAngle::Lobe), "in the highlights")];
+
+/// Layers of a film that is added: soapy water in air.
+const ADDED: Layers = Layers { index: 1.33, thickness_nm: 400.0, above: 1.0, below: 1.0 };
+
+/// Controls of a material's thin film.
+fn film(ui: &mut Ui, index: usize, material: &Material, asked: &mut Vec<Action>) {
+    let now = material.film.as_ref();
+    let (mut layers, mut angle) = (now.map_or(ADDED, ThinFilm::layers), now.map(ThinFilm::angle));
+    ui.horizontal(|ui| {
+        let help = "A thin film on the surface: its colours are interference, and change with the angle. In the diffuse light it takes the place of the reflectance, in the highlights that of white. A change marches the volume again.";
+        ui.label(RichText::new("film").small()).on_hover_text(help);
+        let name = format!("{}: film", material.name);
+        let shown = FILMS.iter().find(|film| film.0 == angle).map_or("", |film| film.1);
+        let possible = FILMS.iter().filter(|film| match film.0 {
+            None => true,
+            Some(FilmAngle::Facing) => material.diffuse > 0.0,
+            Some(FilmAngle::Lobe) => material.specular > 0.0,
+        });
+        let response = ComboBox::from_id_salt(&name)
+            .selected_text(RichText::new(shown).small())
+            .show_ui(ui, |ui| {
+                for &(film, text) in possible {
+                    ui.selectable_value(&mut angle, film, text);
+                }
+            })
+            .response
+            .on_hover_text(help);
+        response.widget_info(|| WidgetInfo::labeled(WidgetType::ComboBox, true, name.clone()));
+    });
+    if angle.is_some() {
+        let layer =
+            |ui: &mut Ui, key: &str, help: &str, value: &mut f64, (range, decimals): (RangeInclusive<f64>, i32)| {
+                ui.label(RichText::new(key).small()).on_hover_text(help);
+                let speed = if decimals == 0 { 5.0 } else { 0.01 };
+                let field = number(ui, value, decimals, |drag| drag.speed(speed).range(range)).on_hover_text(help);
+                field.widget_info(|| WidgetInfo::slider(true, *value, format!("{}: film, {key}", material.name)));
+            };
+        ui.horizontal(|ui| {
+            let help = "Thickness of the film in nm";
+            layer(ui, "nm", help, &mut layers.thickness_nm, (THICKNESSES, 0));
+            layer(ui, "index", "Refractive index of the film: 1.33 water, 1.47 oil", &mut layers.index, (INDICES, 2));
+        });
+        ui.horizontal(|ui| {
+            layer(
+                ui,
+                "above",
+                "Refractive index of the medium in front of the film: 1 for air",
+                &mut layers.above,
+                (INDICES, 2),
+            );
+            layer(ui, "below", "Refractive index of the medium behind the film", &mut layers.below, (INDICES, 2));
+        });
+    }
+    let changed = angle.map(|angle| ThinFilm::new(layers, angle)).transpose();
+    // A field keeps within its range.
+    if let Ok(film) = changed
+        && film != material.film
+    {
+        asked.push(Action::Edit(Edit::Film(index, film)));
+    }
 }
 
 /// Absorption curve of a material.
