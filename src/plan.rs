@@ -668,7 +668,7 @@ fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
         return Err(PlanError::GradientMatrix);
     }
     if planned.plan.films.total() > 0 && planned.plan.transmittance == Transmittance::Mixed {
-        let materials: Vec<&str> = scene.states_films().map(|material| material.name.as_str()).collect();
+        let materials: Vec<&str> = planned.films(scene).iter().map(|film| film.material.name.as_str()).collect();
         return Err(PlanError::FilmMatrix { materials: materials.join(", ") });
     }
     if let (Integration::Segments, Some(why)) = (scene.accuracy.integration, planned.no_segments()) {

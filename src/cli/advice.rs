@@ -169,7 +169,10 @@ fn of_volume(error: &VolumeError) -> Option<String> {
         }
         VolumeError::Exceeds { source_name, .. } => {
             let bricks = Path::new(source_name).with_extension("bricks");
-            Some(format!("; make bricks of it, relume bricks {source_name} -o {0}, and render {0}", bricks.display()))
+            Some(format!(
+                "; make bricks of it, relume bricks {source_name} -o {0} (with the same flags for the volume), and render {0}",
+                bricks.display()
+            ))
         }
         VolumeError::BrickMemory { .. } => Some("; allow more with --memory".to_owned()),
         VolumeError::InFile { what: "a picture without a scene", .. } => {
@@ -177,7 +180,10 @@ fn of_volume(error: &VolumeError) -> Option<String> {
         }
         VolumeError::InFile { .. } => Some("; allow more with --memory, or leave that out".to_owned()),
         VolumeError::NotStreamed { source_name, .. } => {
-            let nrrd = Path::new(source_name).with_extension("nrrd");
+            let source = Path::new(source_name);
+            let stem = source.file_stem().unwrap_or_default().to_string_lossy();
+            // Not the name of the source, which may be an NRRD itself.
+            let nrrd = source.with_file_name(format!("{stem}-whole.nrrd"));
             Some(format!("; write it as NRRD first: relume convert {source_name} {}", nrrd.display()))
         }
         VolumeError::Bricks { .. } => Some("; make the bricks again with relume bricks".to_owned()),

@@ -242,14 +242,7 @@ impl Sampled {
 
 fn sampled(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Vec<Sampled>, CliError> {
     let sample = |&index: &[usize; 3]| {
-        let in_file = match &volume.bricks {
-            Some(cache) if volume.geometry.linear_index(index).is_some() => {
-                let stored = cache.part(index, index.map(|at| at + 1))?.value([0; 3]);
-                stored.map(|stored| stored.mul_add(volume.slope, volume.intercept))
-            }
-            _ => None,
-        };
-        let value = in_file.or_else(|| volume.value(index)).ok_or_else(|| {
+        let value = volume.read_value(index)?.ok_or_else(|| {
             CliError::Usage(format!("--voxel {index:?} is outside the volume's {:?} voxels", volume.geometry.dims))
         })?;
         Ok(Sampled { index, value })

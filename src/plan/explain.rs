@@ -27,12 +27,14 @@ impl Planned {
 
     /// Films without effect.
     fn unused_films(&self, scene: &Scene) -> Vec<PlanWarning> {
-        let (mut unshaded, mut without) = (Vec::new(), Vec::new());
+        let (mut unshaded, mut without, mut undirected) = (Vec::new(), Vec::new(), Vec::new());
         for material in scene.states_films() {
             if scene.shading == Shading::None {
                 unshaded.push(material.name.as_str());
             } else if let Some(film) = material.film.as_ref().filter(|film| material.film_at(film.angle()).is_none()) {
                 without.push((material.name.as_str(), film.angle()));
+            } else if self.plan.positions.total() == self.plan.positions.ambient {
+                undirected.push(material.name.as_str());
             }
         }
         let warning = |names: Vec<&str>, why| {
@@ -41,8 +43,13 @@ impl Planned {
         let of = |angle: FilmAngle| without.iter().filter(|film| film.1 == angle).map(|film| film.0).collect();
         let warnings = [
             warning(unshaded, "without shading no surface has an angle; use shading = \"gradient\", or remove `film`"),
-            warning(of(FilmAngle::Facing), "its diffuse factor is 0; state `diffuse`, or angle = \"lobe\""),
-            warning(of(FilmAngle::Lobe), "its specular factor is 0; state `specular`, or angle = \"facing\""),
+            warning(
+                undirected,
+                "all lights are ambient, and light without direction meets no film; add a light with a direction, such as \
+                 kind = \"three_point\", or remove `film`",
+            ),
+            warning(of(FilmAngle::Facing), "the diffuse factor is 0; state `diffuse`, or angle = \"lobe\""),
+            warning(of(FilmAngle::Lobe), "the specular factor is 0; state `specular`, or angle = \"facing\""),
         ];
         warnings.into_iter().flatten().collect()
     }

@@ -68,8 +68,10 @@ fn largest_number(planned: &Planned, material: &Material) -> f64 {
         .iter()
         .zip(&material.film)
         .flat_map(|(model, film)| film.at_angles().iter().flat_map(|spectrum| model.coefficients(spectrum)));
-    coefficients.into_iter().chain(of_film).fold(0.0_f64, |most, part| most.max(part.abs())) * shares
-        + material.specular * most
+    let largest = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(0.0_f64, |most, part| most.max(part.abs()));
+    let (own, of_film) = (largest(&mut coefficients.into_iter()), largest(&mut of_film.into_iter()));
+    // Highlights are white, or have the colours of a film.
+    own.max(of_film) * shares + material.specular * most * of_film.max(1.0)
 }
 
 /// Largest value of the phase function of `material`, if the plan has phase functions: (1 − g²)/(1 − |g|)³.

@@ -65,7 +65,8 @@ fn pairs(scene: &Scene) -> Vec<[f64; 2]> {
         let voxel: [usize; 3] = std::array::from_fn(|axis| crate::number::whole(place[axis] * count(dims[axis])));
         let mut next = voxel;
         next[axis] += 1;
-        let [from, to] = [volume.value(voxel)?, volume.value(next)?];
+        // A damaged brick is an error of the march.
+        let [from, to] = [volume.read_value(voxel).ok()??, volume.read_value(next).ok()??];
         let change = (to - from) * scene.accuracy.step_length / volume.geometry.spacing[axis];
         let (middle, half) = (f64::midpoint(from, to), change.abs() / 2.0);
         (middle.is_finite() && half.is_finite()).then_some([middle - half, middle + half])

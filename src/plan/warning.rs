@@ -89,7 +89,7 @@ impl fmt::Display for PlanWarning {
             Self::FilmUnused { materials, why } => write!(formatter, "the film of {materials} has no effect: {why}"),
             Self::FilmInexact { material, error, tolerance } => write!(
                 formatter,
-                "the colours of the film of {material} are off by up to ΔE00 {error:.2}, and the tolerance is {tolerance}: the numbers of a pixel do not hold its fringes; use a larger tolerance, or a thinner film"
+                "the colours of the film of {material} are off by up to ΔE00 {error:.2}, and the tolerance is {tolerance}: the film has more fringes than the numbers of a pixel represent; use a larger tolerance, a thinner film or, with a stated `dimension`, more coefficients"
             ),
             Self::Amplified { sentences } => formatter.write_str(sentences.join(" ").trim_end_matches('.')),
             Self::FewerAreBetter { stated: (k, error), fewer: (fewer, smaller) } => write!(

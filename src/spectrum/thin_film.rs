@@ -35,6 +35,8 @@ const MOST_TERMS: usize = 32;
 
 /// Smallest cosine: at grazing incidence both amplitudes are 0 / 0 where all indices are equal.
 const GRAZING: f64 = 1e-5;
+/// Smallest square of a cosine in a medium, less than that of [`GRAZING`].
+const CRITICAL: f64 = 1e-14;
 
 /// A thin film between two media. Indices are real numbers, equal at all wavelengths.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -254,7 +256,11 @@ impl Waves {
         let cosine = cosine.abs().clamp(GRAZING, 1.0);
         // By Snell's law; imaginary beyond the critical angle. All three the same way, so that equal indices have equal cosines.
         let sine_squared = (-cosine).mul_add(cosine, 1.0);
-        let cosine_in = |n: f64| Complex::new(1.0 - (above / n).powi(2) * sine_squared, 0.0).sqrt();
+        // At the critical angle itself the amplitudes of both faces would be 0 / 0.
+        let cosine_in = |n: f64| {
+            let squared = 1.0 - (above / n).powi(2) * sine_squared;
+            Complex::new(if squared.abs() < CRITICAL { CRITICAL } else { squared }, 0.0).sqrt()
+        };
         let media = [above, index, below].map(|n| (n, cosine_in(n)));
         let face = |(n, c): (f64, Complex<f64>), (m, d): (f64, Complex<f64>)| {
             [(c * n - d * m) / (c * n + d * m), (c * m - d * n) / (c * m + d * n)]
@@ -268,7 +274,7 @@ impl Waves {
         let of = |[upper, lower]: [Complex<f64>; 2]| {
             ((upper + lower * turned) / (Complex::new(1.0, 0.0) + upper * lower * turned)).norm_sqr()
         };
-        f64::midpoint(of(self.faces[0]), of(self.faces[1])).min(1.0)
+        f64::midpoint(of(self.faces[0]), of(self.faces[1])).clamp(0.0, 1.0)
     }
 }
 
@@ -285,8 +291,9 @@ impl FilmTerms {
                 (0..BANDS).map(|band| spectrum.samples()[band] * weights[band] * row[band]).sum::<f64>()
             };
             let of_angles: Vec<f64> = film.at_angles().iter().map(along).collect();
-            let largest = of_angles.iter().fold(0.0_f64, |most, factor| most.max(factor.abs()));
-            if largest <= 1e-9 {
+            // With its sign, so that the largest factor is 1 and the first spectrum is positive.
+            let largest = of_angles.iter().fold(0.0_f64, |most, &it| if it.abs() > most.abs() { it } else { most });
+            if largest.abs() <= 1e-9 {
                 break;
             }
             terms.push(Spectrum::from_samples(std::array::from_fn(|band| row[band] / weights[band] * largest)));

@@ -66,7 +66,8 @@ impl Cells {
         let dims = grid.map(|n| n.saturating_sub(1).div_ceil(CELL).max(1));
         let mut ranges = Vec::with_capacity(dims.iter().product());
         cache.each_cell(|ends, has_nan| {
-            let ends = ends.map(|end| storage.normalised(end));
+            // Without a finite number all voxels are NaN, which `storage` normalises to 0.
+            let ends = if ends[0] > ends[1] { [0.0; 2] } else { ends.map(|end| storage.normalised(end)) };
             let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
             // NaN becomes the low end, since `storage` normalises it like the smallest value.
             ranges.push([rounded(if has_nan { 0.0 } else { low }), rounded(high)]);

@@ -224,6 +224,11 @@ impl Data {
         Ok(())
     }
 
+    /// Compares the lengths of the files with the numbers that they should hold.
+    pub(super) fn check_lengths(&self) -> Result<(), VolumeError> {
+        self.files.iter().try_for_each(|file| self.start_of(file, &mut Vec::new()).map(drop))
+    }
+
     /// Returns the offset of the first encoded byte in `file`, after a check that the file is long enough for its
     /// numbers.
     fn start_of(&self, file: &DataFile, notes: &mut Vec<String>) -> Result<u64, VolumeError> {

@@ -177,6 +177,21 @@ impl Volume {
         Some(stored.mul_add(self.slope, self.intercept))
     }
 
+    /// [`Self::value`], also of a voxel that stays in a file of bricks.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Read`], [`VolumeError::Bricks`].
+    pub fn read_value(&self, index: [usize; 3]) -> Result<Option<f64>, VolumeError> {
+        match &self.bricks {
+            Some(cache) if self.geometry.linear_index(index).is_some() => {
+                let stored = cache.part(index, index.map(|at| at + 1))?.value([0; 3]);
+                Ok(stored.map(|stored| stored.mul_add(self.slope, self.intercept)))
+            }
+            _ => Ok(self.value(index)),
+        }
+    }
+
     /// Replaces the spacing of the grid.
     ///
     /// # Errors

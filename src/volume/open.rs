@@ -6,8 +6,8 @@ use std::path::Path;
 use super::stream::{beginning, count};
 use super::streamed::Streamed;
 use super::{
-    BricksMade, MakeError, PackedBlocks, RawLayout, Selection, Volume, VolumeError, bricks, dicom, folder, foreign,
-    hdf5, metaimage, mrc, nifti, nrrd, numpy, raw, tiff, vti, vtk, zarr,
+    BricksMade, HostMemory, MakeError, PackedBlocks, RawLayout, Selection, Volume, VolumeError, bricks, dicom, folder,
+    foreign, hdf5, metaimage, mrc, nifti, nrrd, numpy, raw, tiff, vti, vtk, zarr,
 };
 use crate::progress::Progress;
 
@@ -70,12 +70,8 @@ impl Format {
 
     /// Reads the file `path`, after the refusal of choices that the format does not offer.
     fn open(&self, path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
-        let source = path.display().to_string();
-        self.check(&source, selection)?;
-        let volume = (self.read)(path, selection, progress)?;
-        let bytes = count(volume.voxels.len()).saturating_mul(count(volume.voxels.voxel_type().bytes()));
-        selection.memory.check(&source, bytes)?;
-        Ok(volume)
+        self.check(&path.display().to_string(), selection)?;
+        (self.read)(path, selection, progress)
     }
 }
 
@@ -235,6 +231,17 @@ pub fn extensions() -> impl Iterator<Item = &'static str> {
 /// `selection` does not choose one, [`VolumeError::NoSuch`] if the chosen volume does not exist,
 /// [`VolumeError::Cancelled`] if `progress` requests it, and the error of the reader for a defective file.
 pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let volume = read(path, selection, progress)?;
+    // The voxels have already taken their part of the available memory.
+    if let HostMemory::Bounded { bytes: Some(_) } = selection.memory {
+        let bytes = count(volume.voxels.len()).saturating_mul(count(volume.voxels.voxel_type().bytes()));
+        selection.memory.check(&path.display().to_string(), bytes)?;
+    }
+    Ok(volume)
+}
+
+/// [`open`] without the limit of the memory, which formats that are read slice by slice check before they read.
+fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     if path.is_dir() {
         return folder::read(path, selection, progress, is_volume);
     }

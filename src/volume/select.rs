@@ -15,7 +15,7 @@ pub enum HostMemory {
     /// In memory as far as they fit: a cache of bricks that exceeds it stays in its file, and all other volumes are refused.
     Bounded {
         /// Bytes that the voxels may take. Without it, half of the available memory for a cache of bricks, and all of it for
-        /// other volumes.
+        /// other volumes that are read slice by slice.
         bytes: Option<u64>,
     },
     /// In their file, if this is a cache of bricks.

@@ -29,6 +29,8 @@ impl Streamed {
         selection: &super::Selection,
         progress: &dyn Progress,
     ) -> Result<Volume, VolumeError> {
+        // A header that promises more than its files hold is wrong, whatever the memory.
+        self.data.check_lengths()?;
         let bytes = count(self.data.voxels()).saturating_mul(count(self.data.voxel_type.bytes()));
         selection.memory.check(source, bytes)?;
         let voxels = self.data.read(progress, &mut self.notes)?;

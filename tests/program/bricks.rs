@@ -81,7 +81,7 @@ fn what_makes_no_bricks_or_needs_more_memory_is_told_with_the_way_out() {
     folder.refused(2, &["bricks", "long.raw", "-o", "x.bricks", "--spacing", "1x1x2"], &["--spacing", "render"]);
     folder.refused(1, &["bricks", "nothing.nrrd", "-o", "x.bricks"], &["nothing.nrrd"]);
     let folder = folder.with("a.npy", b"\x93NUMPY\x01\x00");
-    let advised = ["a.npy", "relume convert a.npy a.nrrd"];
+    let advised = ["a.npy", "relume convert a.npy a-whole.nrrd"];
     folder.refused(1, &["bricks", "a.npy", "-o", "x.bricks"], &advised);
     folder.done(&["bricks", "long.raw", "-o", "long.bricks"]);
     let render = |file: &'static str, more: &[&'static str]| {

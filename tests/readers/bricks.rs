@@ -238,3 +238,14 @@ fn headers_survive_in_bricks() {
     assert_eq!(others, stated.metadata);
     assert!(last.1.contains("v.nrrd, ") && last.1.contains(" bytes, changed "), "{last:?}");
 }
+
+#[test]
+fn a_header_that_promises_more_than_its_file_has_is_refused_before_memory_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lies.nrrd");
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 100000 100000 100000\nencoding: raw\n\nshort";
+    std::fs::write(&path, header).unwrap();
+    let made = write_bricks(&folder.path().join("v.bricks"), (&path, None), &Selection::default(), 1 << 24, &Quiet);
+    let error = made.unwrap_err().to_string();
+    assert!(error.contains("lies.nrrd") && error.contains("1000000000000000"), "{error}");
+}

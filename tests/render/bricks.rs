@@ -6,9 +6,10 @@ use std::sync::Arc;
 use glam::DVec3;
 use relume::film::Film;
 use relume::output::write_bricks;
+use relume::plan::{Integrate, plan};
 use relume::progress::Quiet;
 use relume::render::{BrickCounts, Dispatching, Renderer, SceneRenderer};
-use relume::scene::{Aim, Gradients, Interpolation, Scene};
+use relume::scene::{Aim, Gradients, Integration, Interpolation, Scene};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::tables::{apron, slot_edge};
 use relume::volume::{self, Geometry, HostMemory, RawLayout, Selection, Volume, Voxels};
@@ -345,18 +346,34 @@ fn films_of_bricks_in_a_file_are_films_of_voxels_in_memory_to_the_bit() {
             ("diffuse_one", 1.0, Interpolation::ExactLinear, Gradients::Packed),
             ("specular_three", -0.5, Interpolation::Cubic, Gradients::Central),
             ("floats", 1.0, Interpolation::ExactLinear, Gradients::Packed),
+            ("narrow", 1.0, Interpolation::ExactLinear, Gradients::Packed),
         ] {
-            let mut scene = large(scenes::named(if name == "floats" { "diffuse_one" } else { name }));
+            let mut scene =
+                large(scenes::named(if matches!(name, "floats" | "narrow") { "diffuse_one" } else { name }));
+            if name == "narrow" {
+                // Steps jump over it, so that the plan takes segments.
+                scene.accuracy.integration = Integration::Auto;
+                for term in &mut scene.transfer.terms {
+                    term.opacity = vec![(900.0, 0.0), (901.0, 0.9), (920.0, 0.9), (921.0, 0.0)];
+                }
+            }
             (scene.accuracy.interpolation, scene.accuracy.gradients) = (interpolation, gradients);
             let mut volume = Arc::unwrap_or_clone(scene.volume);
             (volume.slope, volume.intercept) = (slope, if slope < 0.0 { 33_000.0 } else { 0.0 });
             if let (Voxels::U16(stored), "floats") = (&volume.voxels, name) {
-                volume.voxels = Voxels::F32(stored.iter().map(|&value| f32::from(value) + 0.25).collect());
+                // A part without numbers is as empty as in memory.
+                let is_missing = |index: usize| index.is_multiple_of(3) || index < stored.len() / 4;
+                let value = |(index, &value): (usize, &u16)| {
+                    if is_missing(index) && value < 300 { f32::NAN } else { f32::from(value) + 0.25 }
+                };
+                volume.voxels = Voxels::F32(stored.iter().enumerate().map(value).collect());
             }
             scene.volume = Arc::new(volume);
             let stored = Arc::new(in_file(&scene.volume, folder.path()));
             let [one, other] = [Arc::clone(&scene.volume), Arc::clone(&stored)].map(|volume| {
                 let scene = Scene { volume, ..scene.clone() };
+                let planned = plan(&scene, &Quiet).unwrap().plan;
+                assert!(name != "narrow" || planned.integration == Integrate::Segments, "{planned:?}");
                 let renderer = renderer.clone().always_in_bricks().with_memory(12_000_000);
                 let on_device = SceneRenderer::new(&renderer, scene, &Quiet).unwrap();
                 let film = on_device.march(SIZE, &Quiet).unwrap();

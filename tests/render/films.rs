@@ -96,6 +96,16 @@ fn a_film_never_reflects_more_light_than_there_is() {
 }
 
 #[test]
+fn at_the_critical_angle_a_film_without_thickness_reflects_nothing() {
+    // 1.25² · (1 − 0.6²) is 1 exactly.
+    let layers = Layers { index: 1.0, thickness_nm: 0.0, above: 1.25, below: 1.25 };
+    for cosine in [0.59, 0.6, 0.61] {
+        let found = layers.reflectance_at(cosine, 500.0);
+        assert!(found <= 1e-6, "{found} at {cosine}");
+    }
+}
+
+#[test]
 fn a_band_is_the_mean_of_its_wavelengths() {
     let thick = Layers { thickness_nm: 2000.0, ..SOAP };
     let found = thick.reflectance(0.8);
@@ -490,13 +500,20 @@ fn a_film_without_an_effect_or_a_model_is_told() {
     assert_eq!(warned(film, "gradient"), []);
     for (film, shading, words) in [
         (film.to_owned(), "none", "shading = \"gradient\""),
-        (format!("diffuse = 0\n{film}"), "gradient", "its diffuse factor is 0"),
-        (film.replace("400", "400, angle = \"lobe\""), "gradient", "its specular factor is 0"),
+        (format!("diffuse = 0\n{film}"), "gradient", "the diffuse factor is 0"),
+        (film.replace("400", "400, angle = \"lobe\""), "gradient", "the specular factor is 0"),
     ] {
         let told = warned(&film, shading);
         let [(code, text)] = &told[..] else { panic!("{told:?}") };
         assert!(*code == "film-unused" && text.contains("wing") && text.contains(words), "{text}");
     }
+    // Light from everywhere has no angle.
+    let mut ambient = opened(film, "gradient").unwrap().scene;
+    for light in &mut ambient.lights {
+        light.placement = Placement::Ambient;
+    }
+    let told = plan(&ambient, &Quiet).unwrap().warnings;
+    assert!(matches!(&told[..], [PlanWarning::FilmUnused { why, .. }] if why.contains("ambient")), "{told:?}");
     // More fringes than angles.
     let mut thick = opened(&film.replace("400", "5000"), "gradient").unwrap().scene;
     (thick.accuracy.accumulate, thick.accuracy.tolerance) = (AccumulateAs::Weights, 0.1);

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 
 use crate::number::{count, whole};
 use crate::spectrum::colour::{LinearSrgb, decode_srgb, xyz_from_linear_srgb, xyz_of};
-use crate::spectrum::{BANDS, Spectrum, standard, wavelength_nm};
+use crate::spectrum::{BANDS, Spectrum, srgb_code, standard, wavelength_nm};
 
 /// Most groups, each of which has a light of its own.
 pub(super) const MOST: usize = 3;
@@ -43,11 +43,16 @@ pub(super) fn of_labels(names: &[String], sizes: &[f64], outer: Option<usize>) -
     let all: f64 = order.iter().map(|&label| radius(label)).sum();
     let (mut before, mut found) = (0.0, vec![0; names.len()]);
     for &label in &order {
-        let middle = (before + radius(label) / 2.0) / all;
-        found[label] = first + whole(middle * count(by_size.len())).min(by_size.len() - 1);
+        found[label] = first + whole(before / all * count(by_size.len())).min(by_size.len() - 1);
         before += radius(label);
     }
-    Groups { of_label: found, names: groups }
+    // One large label can leave none in the middle.
+    let used: Vec<usize> = (0..groups.len()).filter(|group| found.contains(group)).collect();
+    let place = |group: &usize| used.iter().position(|it| it == group).unwrap_or_default();
+    Groups {
+        of_label: found.iter().map(place).collect(),
+        names: used.iter().map(|&group| groups[group].clone()).collect(),
+    }
 }
 
 /// 1 in the bands of comb `group` of `groups`, 0 elsewhere.
@@ -63,8 +68,7 @@ fn daylight() -> &'static Spectrum {
 /// Reflectance in each of the three regions of comb `group`, up to a factor, of a surface that has the colour `code` in
 /// daylight. A colour that the comb cannot show is mixed with white until it can.
 fn weights(code: &str, group: usize, groups: usize) -> DVec3 {
-    let byte = |at: usize| code.get(at..at + 2).and_then(|text| u8::from_str_radix(text, 16).ok()).unwrap_or(128);
-    let linear = [1, 3, 5].map(|at| decode_srgb(f64::from(byte(at)) / 255.0));
+    let linear = srgb_code(code).unwrap_or([128; 3]).map(|byte| decode_srgb(f64::from(byte) / 255.0));
     let of_region = |region: usize| DVec3::from_array(xyz_of(&(daylight() * &regional(region, group, groups))).0);
     let by_region = DMat3::from_cols(of_region(0), of_region(1), of_region(2)).inverse();
     let of = |LinearSrgb(linear): LinearSrgb| by_region * DVec3::from_array(xyz_from_linear_srgb(LinearSrgb(linear)).0);
@@ -91,8 +95,8 @@ pub(super) fn text(labels: &[(String, String)], Groups { of_label, names: groups
     let weights: Vec<DVec3> =
         labels.iter().zip(of_label).map(|((_, code), &group)| weights(code, group, groups.len())).collect();
     // One factor for all labels, so that they keep their brightness beside each other; daylight makes up for it.
-    let largest = weights.iter().map(|it| it.max_element()).fold(f64::MIN_POSITIVE, f64::max);
-    let intensity = largest.clamp(1.0, BRIGHTEST);
+    let largest = weights.iter().map(|it| it.max_element()).fold(1.0, f64::max);
+    let intensity = largest.min(BRIGHTEST);
     let mut text = String::from(
         "\n# Each group of labels reflects only in the bands of a comb. Daylight shows all labels. Daylight through the comb of \
          a group\n# shows this group in the same colours, and leaves all other labels black.\n",
@@ -175,6 +179,11 @@ mod tests {
         assert_eq!(found.of_label, [0, 2, 1, 2, 2, 2]);
         let found = of_labels(&names, &sizes, None);
         assert_eq!((found.of_label, found.names.len()), (vec![0, 2, 1, 2, 2, 2], 3));
+        let found = of_labels(&names[..4], &[1000.0, 1.0, 1.0, 1.0], None);
+        assert_eq!(
+            (found.of_label, found.names),
+            (vec![0, 1, 1, 1], vec!["large_labels".to_owned(), "small_labels".to_owned()])
+        );
         assert_eq!(of_labels(&names[..2], &sizes[..2], None).of_label, [0, 1], "each by itself");
     }
 }

@@ -295,7 +295,8 @@ fn preset_layers(preset: TransferPreset, statistics: &Statistics, water: Option<
     let layer = |(index, interval): (usize, Interval)| Layer {
         name: preset.tissues().get(index).map_or(DESIGNED[interval.material], |name| name).to_owned(),
         colour: Colour::Designed(interval.material),
-        range: interval.range,
+        // The largest value may lie below the tissue.
+        range: [interval.range[0], interval.range[1].max(interval.range[0])],
         ramp: interval.ramp,
         depth: Depth::Voxel(-(-interval.opacity).ln_1p()),
         what: if index == 0 { format!("the transfer preset {:?}", preset.name()) } else { String::new() },
@@ -336,10 +337,12 @@ fn label_layers(values: &Values, labels: &[f64], presets: &[LabelPreset], axis: 
     let outer = outermost(&values.thinned, values.least, axis);
     let stated = |label: f64| presets.iter().find(|preset| brief(label) == preset.value.to_string());
     // A name of a file may have any character but those that end a line.
+    let clean = |name: &str| name.chars().filter(|it| !it.is_control()).collect::<String>().trim().to_owned();
     let name = |label: f64| -> Option<String> {
-        let name: String = stated(label)?.name.chars().filter(|it| !it.is_control()).collect();
-        let is_alone = presets.iter().filter(|preset| preset.name == name).count() == 1;
-        Some(name.trim().to_owned()).filter(|name| !name.is_empty() && is_alone)
+        let name = clean(&stated(label)?.name);
+        let is_alone = presets.iter().filter(|preset| clean(&preset.name) == name).count() == 1;
+        // Labels without a name are called so.
+        Some(name).filter(|name| !name.is_empty() && is_alone && !name.starts_with("label_"))
     };
     let layer = |(index, &label): (usize, &f64)| Layer {
         name: name(label).unwrap_or_else(|| format!("label_{}", brief(label))),
@@ -696,9 +699,10 @@ fn shape(
         (Kind::Labels(labels), None) => label_layers(values, labels, &presets.labels, axis),
         (_, Some(Look::Preset(preset))) => preset_layers(preset, statistics, values.water(statistics)),
         (Kind::Ct { water }, look) => {
-            let mut layers = ct_layers(look.unwrap_or(Look::Tissue), *water, values.most);
-            layers.retain(|layer| values.share(layer.range) > 0.0);
-            layers
+            let mut found = ct_layers(look.unwrap_or(Look::Tissue), *water, values.most);
+            found.retain(|layer| values.share(layer.range) > 0.0);
+            // A file may state CT for values without any tissue.
+            if found.is_empty() { layers(values) } else { found }
         }
         (_, None | Some(Look::Tissue)) => stated.map_or_else(|| layers(values), |it| window_layers(it, values.most)),
         (_, look) => {

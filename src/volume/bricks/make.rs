@@ -85,6 +85,8 @@ fn made<T: Voxel>(
 ) -> Result<BricksMade, MakeError> {
     let not_streamed = |reason| VolumeError::NotStreamed { source_name: source.display().to_string(), reason };
     let dims = streamed.dims.map_err(not_streamed)?;
+    // Before memory is taken by the numbers of a header.
+    streamed.data.check_lengths()?;
     let mut making = Making::<T>::new(BrickGrid::new(dims), (file, folder), budget)?;
     let mut failed = None;
     let read = streamed.data.read_into::<T>(progress, &mut streamed.notes, &mut |_, part| {

@@ -32,7 +32,7 @@ use grid::BrickGrid;
 
 /// Decoded bricks that a march needs at once: one and its neighbours.
 const LEAST_HELD: usize = 27;
-/// Bytes for the brick that is put together, its texels, and those that are on their way to the device.
+/// Bytes, for voxels of a byte, for a brick and its neighbours while they are decoded, the brick that is put together, its texels, and those that are on their way to the device.
 const WORKING: u64 = 16 << 20;
 /// Bricks that are decoded at once where all are.
 const BATCH: usize = 32;
@@ -135,7 +135,8 @@ impl BrickCache {
         let brick = count(self.grid.largest() * self.voxel_type.bytes());
         // The index, the ranges of the macrocells while they are read, as f32, and their occupancy.
         let cells = count(cells::cells(self.grid.dims).iter().product());
-        let beside = WORKING + count(self.index.len() * 48) + self.fixed.cells().0[1] + 9 * cells;
+        let working = WORKING * count(self.voxel_type.bytes());
+        let beside = working + count(self.index.len() * 48) + self.fixed.cells().0[1] + 9 * cells;
         let room = limit.saturating_sub(beside) / brick;
         let held = usize::try_from(room).unwrap_or(usize::MAX).min(self.index.len());
         let needed = LEAST_HELD.min(self.index.len());
