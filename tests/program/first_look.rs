@@ -351,6 +351,13 @@ fn labels_have_colours_that_can_be_told_apart() {
         "{text}"
     );
     assert!(text.contains("interpolation = \"nearest\""), "{text}");
+    // Daylight makes up for what the combs leave out.
+    let codes = |arguments: &[&str]| {
+        folder.done(&[&["render", "s.toml", "--size", "64x64", "-o", "q.png"][..], arguments].concat());
+        png(&folder.path("q.png")).1.iter().map(|&code| u64::from(code)).sum::<u64>()
+    };
+    let [by_dial, by_flag] = [codes(&[]), codes(&["--light", "day"])];
+    assert_eq!(by_dial, by_flag, "the dial does not dim it");
     // Each light shows its own label alone, and daylight shows all.
     let lit = |light: &str| -> Vec<usize> {
         let size = ["render", "s.toml", "--size", "64x64", "-o", "q.png", "--light", light];

@@ -831,6 +831,11 @@ fn text(
         line(if shines { "kind = \"ambient\"" } else { "kind = \"three_point\"" });
     }
     line("\n# The hand of the light dial is on daylight.\n[mix]\nby = \"dial\"\nhand = \"day\"");
+    if groups.is_some() {
+        line(
+            "\n# Lights keep their intensities, by which labels are as bright under their own light as in daylight.\n[dial]\nnormalise = false",
+        );
+    }
     if let Aim::Orbit { azimuth, elevation, fill, front, around } = camera.aim {
         line("\n# The camera orbits the box `around` and fits it by `fill`.\n[camera]");
         line(&format!("azimuth = {azimuth:?}\nelevation = {elevation:?}\nfill = {fill:?}"));
