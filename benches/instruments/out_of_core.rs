@@ -25,7 +25,7 @@ const FINE: f64 = 4.0;
 /// Largest change of a value: rounding to whole numbers, and interpolation between voxels, h²/8 times the second derivatives
 /// of the formula: 80 (2π/61)²/8 of the waves and far less of the ellipsoid.
 const CHANGE: f64 = 0.5 + 0.12;
-/// What the march may add: its steps of one voxel against a quarter, the entries of the transfer table, f32, and the end of
+/// Error that the march may add: its steps of one voxel against a quarter, the entries of the transfer table, f32, and the end of
 /// rays at a transmittance of 1e-3 (`accuracy.termination`).
 const MARCH: f64 = 2.5e-3;
 

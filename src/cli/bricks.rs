@@ -1,4 +1,4 @@
-//! `relume bricks`: a cache of bricks of a volume that exceeds the memory.
+//! `relume bricks`: a file of bricks of a volume that exceeds the memory.
 
 use std::path::PathBuf;
 

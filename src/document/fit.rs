@@ -183,7 +183,7 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], geometry: &Geometry) -> 
     };
     let distance = farthest(centre);
     let wanted = ASPECTS.map(|aspect| larger(of_points(aspect)));
-    // How far the distances for the box are from those for the points, a little more for a box of another shape.
+    // Largest difference between the distances of box and points, a little more for a box of another shape.
     let misfit = |box_half: DVec3| {
         let of_aspect = |(&aspect, wanted): (&f64, &f64)| (larger(of_box(box_half, aspect)) / wanted).ln().abs();
         let shape = (box_half / half).map(f64::ln).length_squared();

@@ -4,6 +4,11 @@ use crate::number::count;
 use crate::scene::{Interval, Material};
 use crate::volume::{Statistics, Window};
 
+/// Words in the names of materials for outer, middle and dense layers, the best first.
+const SKIN: [&str; 3] = ["skin", "faint", "flesh"];
+const SOFT: [&str; 4] = ["muscle", "flesh", "tissue", "middle"];
+const BONE: [&str; 3] = ["bone", "skelet", "solid"];
+
 /// A transfer preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TransferPreset {
@@ -166,9 +171,9 @@ impl TransferPreset {
         let span = statistics.max - statistics.min;
         let ramp = span / 100.0;
         let layer = |material, range, ramp, opacity| Interval { material, range, ramp, opacity, absorption: 0.0 };
-        let skin = of(&["skin", "faint", "flesh"], 0.0);
-        let soft = of(&["muscle", "flesh", "tissue", "middle"], 0.5);
-        let bone = of(&["bone", "skelet", "solid"], 1.0);
+        let skin = of(&SKIN, 0.0);
+        let soft = of(&SOFT, 0.5);
+        let bone = of(&BONE, 1.0);
         Some(match self {
             Self::Bone => {
                 let zero = hounsfield()?;
@@ -242,8 +247,7 @@ pub fn of_window(window: &Window, statistics: &Statistics, materials: &[Material
     }
     let third = (high - low) / 3.0;
     let ramp = third / 4.0;
-    let words: [&[&str]; 3] =
-        [&["skin", "faint", "flesh"], &["muscle", "flesh", "tissue", "middle"], &["bone", "skelet", "solid"]];
+    let words: [&[&str]; 3] = [&SKIN, &SOFT, &BONE];
     let layer = |index: usize| {
         let (at, is_last) = (count(index), index == 2);
         // Neighbours cross in the middle of their ramps; below the window there is nothing.

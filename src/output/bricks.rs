@@ -8,7 +8,7 @@ use super::atomic::write_file_atomically;
 use crate::progress::Progress;
 use crate::volume::{BricksMade, MakeError, RawLayout, Selection, VolumeError, make_bricks};
 
-/// Writes a cache of bricks of the volume in the file `source` to `path`; `layout` is that of headerless voxels. `budget` is
+/// Writes a file of bricks of the volume in the file `source` to `path`; `layout` is that of headerless voxels. `budget` is
 /// the memory for a slab of 64 slices, in bytes; a larger slab is kept in a temporary file beside `path`.
 ///
 /// # Errors

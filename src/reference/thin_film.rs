@@ -1,4 +1,4 @@
-//! Light that thin films reflect (docs/theory/films.md). Twin of `shaders/thin_film.wgsl`.
+//! Light that thin films reflect (docs/theory/thin-films.md). Twin of `shaders/thin_film.wgsl`.
 
 use super::Step;
 use crate::number::{Real, count};

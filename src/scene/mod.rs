@@ -185,7 +185,7 @@ pub struct Material {
     /// positive number mostly forwards. It has an effect in scenes without shading (docs/theory/phase-functions.md).
     pub phase: f64,
     /// Thin film on its surfaces. With gradient shading, it is the reflectance of directed light in place of the material's
-    /// own, or of the white of the highlights (docs/theory/films.md).
+    /// own, or of the white of the highlights (docs/theory/thin-films.md).
     pub film: Option<ThinFilm>,
 }
 

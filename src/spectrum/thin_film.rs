@@ -1,4 +1,4 @@
-//! Interference of light in a thin film on a material (docs/theory/films.md).
+//! Interference of light in a thin film on a material (docs/theory/thin-films.md).
 
 use std::fmt;
 use std::ops::RangeInclusive;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{LabelMap, Storage};
 use crate::number::{count, rounded, whole};
-use crate::volume::{BrickCache, Volume, VolumeError, Voxel, with_voxels};
+use crate::volume::{BrickCache, Volume, VolumeError, Voxel, macrocells, with_voxels};
 
 pub use crate::volume::CELL;
 
@@ -40,7 +40,7 @@ impl Cells {
     #[must_use]
     pub fn new(volume: &Volume, storage: &Storage, labels: Option<&LabelMap>) -> Self {
         let grid = volume.geometry.dims;
-        let dims = grid.map(|n| n.saturating_sub(1).div_ceil(CELL).max(1));
+        let dims = macrocells(grid);
         let ranges = with_voxels!(&volume.voxels, stored => ranges(stored, grid, dims, storage));
         let labelled = match labels {
             None => Vec::new(),
@@ -63,7 +63,7 @@ impl Cells {
     ///
     /// [`VolumeError::Read`], [`VolumeError::Bricks`].
     pub fn of_cache(grid: [usize; 3], cache: &BrickCache, storage: &Storage) -> Result<Self, VolumeError> {
-        let dims = grid.map(|n| n.saturating_sub(1).div_ceil(CELL).max(1));
+        let dims = macrocells(grid);
         let mut ranges = Vec::with_capacity(dims.iter().product());
         cache.each_cell(|ends, has_nan| {
             // Without a finite number all voxels are NaN, which `storage` normalises to 0.

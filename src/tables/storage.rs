@@ -82,7 +82,7 @@ impl Storage {
         storage
     }
 
-    /// As [`Self::new`], also for a volume whose voxels stay in a cache of bricks.
+    /// As [`Self::new`], also for a volume whose voxels stay in a file of bricks.
     ///
     /// # Errors
     ///
@@ -265,7 +265,7 @@ impl Storage {
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Read`], [`VolumeError::Bricks`] if the voxels are in a cache of bricks.
+    /// [`VolumeError::Read`], [`VolumeError::Bricks`] if the voxels are in a file of bricks.
     pub fn texels_of_box(&self, volume: &Volume, first: [i64; 3], edge: usize) -> Result<Vec<u8>, VolumeError> {
         let Some(cache) = &volume.bricks else { return Ok(self.texels_in_memory(volume, first, edge)) };
         // One voxel more on each side, for differences. Beyond it lie only faces of the grid, which are repeated.

@@ -1,4 +1,4 @@
-//! Thin films of the materials, as numbers of the march (docs/theory/films.md).
+//! Thin films of the materials, as numbers of the march (docs/theory/thin-films.md).
 
 use crate::number::{rounded, unsigned};
 use crate::plan::{LANE, Planned};

@@ -355,21 +355,21 @@ pub enum VolumeError {
     /// The bricks that a march needs at once exceed the memory that they may take.
     #[error("{source_name}: rendering it in bricks takes at least {} of memory, and may take {}", mebibytes(*least), mebibytes(*limit))]
     BrickMemory {
-        /// The cache of bricks.
+        /// The file of bricks.
         source_name: String,
         /// Bytes needed.
         least: u64,
         /// Bytes that they may take.
         limit: u64,
     },
-    /// The voxels stay in a cache of bricks, and are needed in memory.
+    /// The voxels stay in a file of bricks, and are needed in memory.
     #[error(
         "{source_name}: the voxels exceed the memory and stay in their file of bricks, and {what} needs all of them in memory"
     )]
     InFile {
-        /// The cache of bricks.
+        /// The file of bricks.
         source_name: String,
-        /// What needs them.
+        /// The feature that needs them.
         what: &'static str,
     },
     /// The voxels are not read slab by slab.
@@ -380,7 +380,7 @@ pub enum VolumeError {
         /// Reason.
         reason: &'static str,
     },
-    /// A cache of bricks is damaged, or of another version.
+    /// A file of bricks is damaged, or of another version.
     #[error("{}: {problem}", path.display())]
     Bricks {
         /// The cache.

@@ -47,7 +47,7 @@ mod vti;
 mod vtk;
 mod zarr;
 
-pub use bricks::{BRICK, BrickCache, BricksMade, CELL, CacheCounts, MakeError};
+pub use bricks::{BRICK, BrickCache, BricksMade, CELL, CacheCounts, MakeError, macrocells};
 pub use error::VolumeError;
 pub use geometry::Geometry;
 pub use open::{extensions, make_bricks, open, open_by, open_raw, packed_blocks};
@@ -75,7 +75,7 @@ use std::sync::Arc;
 pub struct Volume {
     /// Voxels as stored, x fastest; none if they stay in the file of `bricks`.
     pub voxels: Voxels,
-    /// The cache of bricks with the voxels, if these are not in memory.
+    /// The file of bricks with the voxels, if these are not in memory.
     pub bricks: Option<Arc<BrickCache>>,
     /// Position of the voxels; has as many voxels as `voxels`.
     pub geometry: Geometry,

@@ -271,7 +271,7 @@ fn format_of(path: &Path) -> Result<Option<&'static Format>, VolumeError> {
     Ok(FORMATS.iter().find(|format| (format.recognises)(&beginning)))
 }
 
-/// Makes a cache of bricks of the volume in the file `source` and writes it to the empty `file`. `layout` is that of
+/// Makes a file of bricks of the volume in the file `source` and writes it to the empty `file`. `layout` is that of
 /// headerless voxels.
 ///
 /// The source is read once, slice by slice. A slab of 64 slices is kept in memory, or in a temporary file in `folder` if it

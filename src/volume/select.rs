@@ -6,19 +6,19 @@ use super::several::Series;
 use super::{Asked, Several, VolumeError};
 use crate::memory;
 
-/// Where the voxels of a volume are kept.
+/// Place of the voxels of a volume: memory or file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HostMemory {
     /// In memory.
     #[default]
     Whole,
-    /// In memory as far as they fit: a cache of bricks that exceeds it stays in its file, and all other volumes are refused.
+    /// In memory as far as they fit: voxels of a file of bricks that exceed it stay there, and all other volumes are refused.
     Bounded {
-        /// Bytes that the voxels may take. Without it, half of the available memory for a cache of bricks, and all of it for
+        /// Bytes that the voxels may take. Without it, half of the available memory for a file of bricks, and all of it for
         /// other volumes that are read slice by slice.
         bytes: Option<u64>,
     },
-    /// In their file, if this is a cache of bricks.
+    /// In the file, if it is a file of bricks.
     InFile,
 }
 
@@ -77,7 +77,7 @@ pub struct Selection {
     /// Whether the middle slice of the volume suffices, as for [`Preview`](super::Preview). Readers that find it at once
     /// read no other.
     pub middle: bool,
-    /// Where the voxels are kept.
+    /// Place of the voxels.
     pub memory: HostMemory,
 }
 

@@ -59,7 +59,7 @@ fn memory_that_is_no_size_or_too_small_is_refused() {
 }
 
 #[test]
-fn bricks_of_a_volume_give_its_picture_and_describe_it() {
+fn bricks_that_fit_into_the_memory_are_read_like_their_volume() {
     let folder = long(Folder::new()).with("long.raw.toml", "dims = [5000, 14, 15]\ntype = \"uint8\"\n");
     let made = folder.done(&["bricks", "long.raw", "-o", "long.bricks", "--json"]).json();
     assert_eq!((&made["bricks"], &made["dims"][0]), (&79.into(), &5000.into()), "{made}");

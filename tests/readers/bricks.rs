@@ -193,7 +193,7 @@ fn damaged_bricks_of_another_version_and_overlapping_ones_are_refused_in_a_sente
         let message = open(&path, HostMemory::Whole).unwrap_err();
         assert!(message.contains(expected) && message.contains("damaged.bricks"), "no {expected:?} in {message}");
     }
-    // What a march reads later is compared with its digest, too.
+    // Bricks that a march reads later are compared with their digests, too.
     let mut bytes = sound.clone();
     *bytes.last_mut().unwrap() ^= 1;
     bytes[100] ^= 1;

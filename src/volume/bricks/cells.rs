@@ -21,8 +21,9 @@ pub(super) struct CellRanges<T> {
     has_nan: Vec<bool>,
 }
 
-/// Macrocells along each axis of a grid.
-pub(super) fn cells(grid: [usize; 3]) -> [usize; 3] {
+/// Number of macrocells along each axis of a `grid` of so many voxels.
+#[must_use]
+pub fn macrocells(grid: [usize; 3]) -> [usize; 3] {
     grid.map(|n| n.saturating_sub(1).div_ceil(CELL).max(1))
 }
 
@@ -47,7 +48,7 @@ impl CellRanges<()> {
 impl<T: Voxel> CellRanges<T> {
     /// The macrocells of a grid of `grid` voxels, before any row.
     pub(super) fn new(grid: [usize; 3]) -> Self {
-        let dims = cells(grid);
+        let dims = macrocells(grid);
         let all = dims.iter().product();
         Self { grid, dims, ranges: vec![Self::nothing(); all], has_nan: vec![false; all] }
     }

@@ -1,4 +1,4 @@
-//! The file of a cache of bricks: a fixed header, the bricks, a text, an index and the ranges of the macrocells.
+//! A file of bricks: a fixed header, the bricks, a text, an index and the ranges of the macrocells.
 //!
 //! All numbers are little-endian. The fixed header has [`FIXED`] bytes: the letters `RELUMEBK`, the version, the bytes of the
 //! text (u32 each), the place of the text, the number of bricks, the bytes of the macrocells (u64 each), and the CRC-32 of
@@ -17,7 +17,7 @@ use crate::volume::stream::count;
 use crate::volume::voxels::with_type;
 use crate::volume::{Geometry, LabelPreset, Presets, Unit, Volume, VolumeError, Voxel, VoxelType, Window};
 
-/// First bytes of a cache of bricks.
+/// First bytes of a file of bricks.
 pub(super) const MAGIC: [u8; 8] = *b"RELUMEBK";
 /// Version that this program writes and reads.
 const VERSION: u32 = 1;
@@ -178,7 +178,7 @@ impl Fixed {
         let text: Text = toml::from_str(text).map_err(|error| wrong(format!("its text: {}", error.message())))?;
         let voxel_type = text.voxel_type(path)?;
         let grid = BrickGrid::new(text.geometry(path)?.dims);
-        let cells = CellRanges::bytes(cells::cells(grid.dims), voxel_type);
+        let cells = CellRanges::bytes(cells::macrocells(grid.dims), voxel_type);
         if count(grid.bricks()) != self.bricks || count(cells) != self.cells_bytes {
             let [x, y, z] = text.dims;
             return Err(wrong(format!(
@@ -223,7 +223,7 @@ pub(super) struct Origin {
     pub(super) bytes: u64,
     /// Seconds from 1970 to its last change.
     pub(super) modified: u64,
-    /// What was chosen of it.
+    /// Choice among its volumes, in words.
     pub(super) chosen: String,
 }
 

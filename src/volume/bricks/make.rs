@@ -1,4 +1,4 @@
-//! Makes a cache of bricks in one pass over its source.
+//! Makes a file of bricks in one pass over its source.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
@@ -49,7 +49,7 @@ pub struct BricksMade {
     pub notes: Vec<String>,
 }
 
-/// Makes a cache of bricks of `streamed`, which `selection` chose of the file `source`; as `volume::make_bricks`.
+/// Makes a file of bricks of `streamed`, which `selection` chose of the file `source`; as `volume::make_bricks`.
 pub(in crate::volume) fn make(
     source: &Path,
     streamed: Streamed,

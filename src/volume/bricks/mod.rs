@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rayon::prelude::*;
 
-pub use cells::CELL;
+pub use cells::{CELL, macrocells};
 pub use grid::BRICK;
 pub(super) use make::make;
 pub use make::{BricksMade, MakeError};
@@ -37,7 +37,7 @@ const WORKING: u64 = 16 << 20;
 /// Bricks that are decoded at once where all are.
 const BATCH: usize = 32;
 
-/// Whether the first bytes of a file identify a cache of bricks.
+/// Whether the first bytes of a file identify a file of bricks.
 pub(super) fn recognises(beginning: &[u8]) -> bool {
     beginning.starts_with(&format::MAGIC)
 }
@@ -53,7 +53,7 @@ pub struct CacheCounts {
     pub again: usize,
 }
 
-/// A cache of bricks, and those of its bricks that are in memory.
+/// A file of bricks, and those of its bricks that are in memory.
 #[derive(Debug)]
 pub struct BrickCache {
     path: PathBuf,
@@ -78,7 +78,7 @@ struct Held {
     counts: CacheCounts,
 }
 
-/// Reads a cache of bricks: its voxels, or only its description if `selection` leaves them in the file.
+/// Reads a file of bricks: its voxels, or only its description if `selection` leaves them in the file.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let source = path.display().to_string();
     selection.only(&source)?;
@@ -134,7 +134,7 @@ impl BrickCache {
     fn bound(&mut self, limit: u64) -> Result<(), VolumeError> {
         let brick = count(self.grid.largest() * self.voxel_type.bytes());
         // The index, the ranges of the macrocells while they are read, as f32, and their occupancy.
-        let cells = count(cells::cells(self.grid.dims).iter().product());
+        let cells = count(macrocells(self.grid.dims).iter().product());
         let working = WORKING * count(self.voxel_type.bytes());
         let beside = working + count(self.index.len() * 48) + self.fixed.cells().0[1] + 9 * cells;
         let room = limit.saturating_sub(beside) / brick;
@@ -185,7 +185,7 @@ impl BrickCache {
         let (place, expected) = self.fixed.cells();
         let bytes = read_at(&mut *self.file(), place).map_err(|source| stream::failed(&self.path, source))?;
         self.check("the macrocells are", &bytes, expected)?;
-        let cells = cells::cells(self.grid.dims).iter().product();
+        let cells = macrocells(self.grid.dims).iter().product();
         with_type!(self.voxel_type, T => CellRanges::<T>::each(cells, &bytes, with));
         Ok(())
     }
