@@ -65,6 +65,7 @@ pub mod measure;
 pub mod model;
 pub mod output;
 pub mod palette;
+mod parallel;
 pub mod plan;
 pub mod progress;
 pub mod reference;

@@ -1,7 +1,6 @@
 //! Front-to-back march along rays. Twin of `shaders/march.wgsl`, with the runs of `samples.wgsl` and `segments.wgsl`.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::phase::{Phase, add_even, add_scattered};
 use super::shadows::Reaching;
@@ -10,6 +9,7 @@ use super::{End, ReferenceError, Samples, Step, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
 use crate::number::{Real, count, dot, power, unit};
+use crate::parallel;
 use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, Planned, PositionCounts, Shares, Transmittance};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene, THREE_POINT_PARTS};
@@ -813,16 +813,14 @@ fn in_parallel<T: Send>(
     part: impl Fn(usize) -> T + Sync,
 ) -> Result<Vec<T>, ReferenceError> {
     let done = std::sync::atomic::AtomicU64::new(0);
-    (0..parts)
-        .into_par_iter()
-        .map(|i| {
-            if progress.cancelled() {
-                return Err(ReferenceError::Cancelled);
-            }
-            let part = part(i);
-            let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-            progress.report("marching the reference", done, parts as u64);
-            Ok(part)
-        })
-        .collect()
+    let made = parallel::map(parts, &|i| {
+        if progress.cancelled() {
+            return Err(ReferenceError::Cancelled);
+        }
+        let part = part(i);
+        let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+        progress.report("marching the reference", done, parts as u64);
+        Ok(part)
+    });
+    made.into_iter().collect()
 }

@@ -1,10 +1,9 @@
 //! Light that reaches a sample. Twin of `shaders/light_grid.wgsl` and `shaders/shadowed.wgsl`.
 
-use rayon::prelude::*;
-
 use super::{ReferenceError, Samples};
 use crate::memory;
 use crate::number::{Real, count};
+use crate::parallel;
 use crate::plan::Planned;
 use crate::progress::Progress;
 use crate::scene::{Scene, ShadowMethod, Shadows};
@@ -234,7 +233,7 @@ fn fill<R: Real>(
             let row = |j: usize| -> Vec<R> {
                 (0..sweep.nodes[0]).map(|i| depth_to(to, grid, sweep, (samples, number), [i, j, slice])).collect()
             };
-            let rows: Vec<Vec<R>> = (0..sweep.nodes[1]).into_par_iter().map(row).collect();
+            let rows = parallel::map(sweep.nodes[1], &row);
             for (j, row) in rows.into_iter().enumerate() {
                 row.into_iter().enumerate().for_each(|(i, depth)| depths[node(i, j)] = depth);
             }
@@ -246,9 +245,11 @@ fn fill<R: Real>(
             }
         }
         let [across, down] = sweep.window(slice);
-        columns.par_chunks_mut(sweep.columns[0]).enumerate().filter(|(j, _)| down.contains(j)).for_each(|(j, row)| {
-            for i in across.clone() {
-                row[i] = row[i] + rise(grid, sweep, (samples, number), slice, [i, j]);
+        parallel::rows_mut(&mut columns, sweep.columns[0], &|j, row| {
+            if down.contains(&j) {
+                for i in across.clone() {
+                    row[i] = row[i] + rise(grid, sweep, (samples, number), slice, [i, j]);
+                }
             }
         });
     }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Texels of a box of `edge` voxels along each axis, x fastest, `texel_bytes` each. The box begins at `first` and reaches
 /// beyond a grid of `dims` voxels, where the texels at the faces are repeated; one of its voxels lies in the grid.
@@ -20,7 +20,7 @@ pub(super) fn texels_of_box(
     let mut bytes = vec![0_u8; row_bytes * edge * edge];
     let xs = within(first[0], dims[0])..within(first[0] + signed(edge) - 1, dims[0]) + 1;
     let before = usize::try_from(signed(xs.start) - first[0]).unwrap_or(0) * texel_bytes;
-    bytes.par_chunks_mut(row_bytes).enumerate().for_each(|(line, out)| {
+    parallel::rows_mut(&mut bytes, row_bytes, &|line, out| {
         let y = within(first[1] + signed(line % edge), dims[1]);
         let z = within(first[2] + signed(line / edge), dims[2]);
         let end = before + xs.len() * texel_bytes;

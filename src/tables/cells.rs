@@ -2,10 +2,9 @@
 
 use std::ops::RangeInclusive;
 
-use rayon::prelude::*;
-
 use super::{LabelMap, Storage};
 use crate::number::{count, rounded, whole};
+use crate::parallel;
 use crate::volume::{BrickCache, Volume, VolumeError, Voxel, macrocells, with_voxels};
 
 pub use crate::volume::CELL;
@@ -44,15 +43,11 @@ impl Cells {
         let ranges = with_voxels!(&volume.voxels, stored => ranges(stored, grid, dims, storage));
         let labelled = match labels {
             None => Vec::new(),
-            Some(map) => (0..dims.iter().product())
-                .into_par_iter()
-                .map(|cell| {
-                    let [xs, ys, zs] = touched(cell, dims, grid);
-                    zs.into_iter().any(|z| {
-                        ys.clone().any(|y| xs.clone().any(|x| map.is_visible(x + grid[0] * (y + grid[1] * z))))
-                    })
-                })
-                .collect(),
+            Some(map) => parallel::map(dims.iter().product(), &|cell| {
+                let [xs, ys, zs] = touched(cell, dims, grid);
+                zs.into_iter()
+                    .any(|z| ys.clone().any(|y| xs.clone().any(|x| map.is_visible(x + grid[0] * (y + grid[1] * z)))))
+            }),
         };
         Self { dims, ranges, labelled }
     }
@@ -136,38 +131,35 @@ fn touched(cell: usize, dims: [usize; 3], grid: [usize; 3]) -> [RangeInclusive<u
 }
 
 fn ranges<T: Voxel>(stored: &[T], grid: [usize; 3], dims: [usize; 3], storage: &Storage) -> Vec<[f32; 2]> {
-    let cell_rows: Vec<Vec<[f32; 2]>> = (0..dims[1] * dims[2])
-        .into_par_iter()
-        .map(|row| {
-            // Reduce the voxel rows of a row of macrocells to one row of ranges first: each voxel is read once per row
-            // of macrocells.
-            let [_, ys, zs] = touched(row * dims[0], dims, grid);
-            let mut columns: Vec<Option<[T; 2]>> = vec![None; grid[0]];
-            for z in zs {
-                for y in ys.clone() {
-                    let line = &stored[grid[0] * (y + grid[1] * z)..][..grid[0]];
-                    for (column, &value) in columns.iter_mut().zip(line) {
-                        // Only NaN is not equal to itself. It becomes the low end, since `storage` normalises it like
-                        // the smallest value.
-                        *column = match *column {
-                            None => Some([value, value]),
-                            Some([low, high]) => Some([
-                                if value < low || value.partial_cmp(&value).is_none() { value } else { low },
-                                if value > high || high.partial_cmp(&high).is_none() { value } else { high },
-                            ]),
-                        };
-                    }
+    let cell_rows: Vec<Vec<[f32; 2]>> = parallel::map(dims[1] * dims[2], &|row| {
+        // Reduce the voxel rows of a row of macrocells to one row of ranges first: each voxel is read once per row
+        // of macrocells.
+        let [_, ys, zs] = touched(row * dims[0], dims, grid);
+        let mut columns: Vec<Option<[T; 2]>> = vec![None; grid[0]];
+        for z in zs {
+            for y in ys.clone() {
+                let line = &stored[grid[0] * (y + grid[1] * z)..][..grid[0]];
+                for (column, &value) in columns.iter_mut().zip(line) {
+                    // Only NaN is not equal to itself. It becomes the low end, since `storage` normalises it like
+                    // the smallest value.
+                    *column = match *column {
+                        None => Some([value, value]),
+                        Some([low, high]) => Some([
+                            if value < low || value.partial_cmp(&value).is_none() { value } else { low },
+                            if value > high || high.partial_cmp(&high).is_none() { value } else { high },
+                        ]),
+                    };
                 }
             }
-            (0..dims[0])
-                .map(|cell| {
-                    let [xs, ..] = touched(cell, dims, grid);
-                    let ends = columns[xs].iter().flatten().flatten().map(|value| storage.normalised(value.to_f64()));
-                    let (low, high) = ends.fold((1.0_f64, 0.0_f64), |(low, high), end| (low.min(end), high.max(end)));
-                    [rounded(low), rounded(high)]
-                })
-                .collect()
-        })
-        .collect();
+        }
+        (0..dims[0])
+            .map(|cell| {
+                let [xs, ..] = touched(cell, dims, grid);
+                let ends = columns[xs].iter().flatten().flatten().map(|value| storage.normalised(value.to_f64()));
+                let (low, high) = ends.fold((1.0_f64, 0.0_f64), |(low, high), end| (low.min(end), high.max(end)));
+                [rounded(low), rounded(high)]
+            })
+            .collect()
+    });
     cell_rows.concat()
 }

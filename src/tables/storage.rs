@@ -4,11 +4,10 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::boxes::texels_of_box;
 use crate::number::rounded;
 use crate::number::{count, readable, whole};
+use crate::parallel;
 use crate::plan::ScenePlan;
 use crate::scene::{Labels, VolumeAs};
 use crate::volume::{BrickCache, Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxels};
@@ -253,7 +252,7 @@ impl Storage {
         let mut bytes = vec![0_u8; row_bytes * ny * slices.len()];
         with_voxels!(&volume.voxels, stored => {
             let grid = Grid { stored, dims: volume.geometry.dims };
-            bytes.par_chunks_mut(row_bytes).enumerate().for_each(|(row, out)| {
+            parallel::rows_mut(&mut bytes, row_bytes, &|row, out| {
                 self.row(&grid, slices.start * ny + row, 0..nx, out);
             });
         });
@@ -346,8 +345,12 @@ fn rounded_off(volume: &Volume) -> f64 {
     }
     let off = |exact: i128, rounded: f64| exact.abs_diff(rounded as i128);
     with_voxels!(&volume.voxels, stored => {
-        let off = stored.par_iter().filter_map(|value| Some(off(value.to_whole()?, value.to_f64())));
-        off.max().unwrap_or(0) as f64
+        const PART: usize = 1 << 20;
+        let parts = parallel::map(stored.len().div_ceil(PART), &|part| {
+            let values = stored[part * PART..].iter().take(PART);
+            values.filter_map(|value| Some(off(value.to_whole()?, value.to_f64()))).max()
+        });
+        parts.into_iter().flatten().max().unwrap_or(0) as f64
     })
 }
 
@@ -368,7 +371,7 @@ fn largest_differences(storage: &Storage, volume: &Volume) -> [f64; 3] {
     with_voxels!(&volume.voxels, stored => {
         let grid = Grid { stored, dims: volume.geometry.dims };
         let rows = grid.dims[1] * grid.dims[2];
-        (0..rows).into_par_iter().map(|row| {
+        let of_rows = parallel::map(rows, &|row| {
             let mut largest = [0.0_f64; 3];
             grid.differences(storage, row, 0..grid.dims[0], |_, _, difference| {
                 for (largest, difference) in largest.iter_mut().zip(difference) {
@@ -376,7 +379,8 @@ fn largest_differences(storage: &Storage, volume: &Volume) -> [f64; 3] {
                 }
             });
             largest
-        }).reduce(|| [0.0; 3], |a, b| [a[0].max(b[0]), a[1].max(b[1]), a[2].max(b[2])])
+        });
+        of_rows.into_iter().fold([0.0; 3], |a, b| [a[0].max(b[0]), a[1].max(b[1]), a[2].max(b[2])])
     })
 }
 
@@ -545,7 +549,8 @@ impl LabelMap {
             return self.rows[slices.start * slice..slices.end * slice].to_vec();
         }
         let of_line = |line: usize| self.smooth_row(dims, line % height, line / height, 0..width);
-        let lines = (slices.start * height..slices.end * height).into_par_iter().map(of_line).collect::<Vec<_>>();
+        let first = slices.start * height;
+        let lines = parallel::map(slices.len() * height, &|line| of_line(first + line));
         let texels = lines.into_iter().flatten();
         match self.texel_bytes(true) {
             1 => texels.map(|texel| texel.to_le_bytes()[0]).collect(),

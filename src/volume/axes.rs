@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use rayon::prelude::*;
-
 use super::select::Pick;
 use super::{VolumeError, Voxel, Voxels, allocate};
+use crate::parallel;
 
 /// Meaning of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -184,7 +183,7 @@ impl Arranged {
     ) {
         let [nx, ny, _] = self.dims();
         let [across, down, deep] = self.strides();
-        volume.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
+        parallel::rows_mut(volume, nx, &|row, out| {
             let begin = row % ny * down + row / ny * deep;
             // Voxels of the row in the part.
             let low = first.saturating_sub(begin).div_ceil(across).min(nx);
@@ -207,7 +206,7 @@ impl Arranged {
             return Ok(T::into_voxels(stored));
         }
         let mut voxels = allocate::zeroed::<T>(Path::new(source), stored.len())?;
-        voxels.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
+        parallel::rows_mut(&mut voxels, nx, &|row, out| {
             let from = row % ny * strides[1] + row / ny * strides[2];
             for (x, voxel) in out.iter_mut().enumerate() {
                 *voxel = stored[from + x * strides[0]];

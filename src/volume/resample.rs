@@ -9,6 +9,7 @@ use super::allocate;
 use super::geometry::Lattice;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
 use crate::number::{count, whole};
+use crate::parallel;
 
 impl Volume {
     /// Averages blocks of `block` voxels; the mean is rounded to the stored type (integers half up: ⌊x + ½⌋). Volumes of
@@ -334,7 +335,7 @@ fn straightened<T: Voxel>(
         T::nearest(sum)
     };
     let [width, height, _] = straight.dims;
-    voxels.par_chunks_mut(width).enumerate().for_each(|(row, out)| {
+    parallel::rows_mut(&mut voxels, width, &|row, out| {
         for (x, voxel) in out.iter_mut().enumerate() {
             let index = [x, row % height, row / height].map(count);
             *voxel = sample(straight.world_from_index(DVec3::from_array(index)));

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Volume, VolumeError, Voxel, with_voxels};
+use crate::parallel;
 
 /// Number of histogram bins.
 pub const BINS: usize = 64;
@@ -67,10 +68,14 @@ fn measure<T: Voxel>(stored: &[T]) -> (Extent, Sums) {
     match occurrences(stored) {
         Some(values) => measure_counted(&values),
         None => {
-            let chunks = || stored.par_chunks(CHUNK).map(|chunk| chunk.iter().map(|&voxel| (voxel, 1)));
-            let extents: Vec<Extent> = chunks().map(Extent::of).collect();
+            let chunks = stored.len().div_ceil(CHUNK);
+            let chunk = |number: usize| {
+                let first = number * CHUNK;
+                stored[first..stored.len().min(first + CHUNK)].iter().map(|&voxel| (voxel, 1))
+            };
+            let extents = parallel::map(chunks, &|number| Extent::of(chunk(number)));
             let extent = extents.iter().fold(Extent::EMPTY, Extent::join);
-            let sums: Vec<Sums> = chunks().map(|chunk| Sums::of(chunk, &extent)).collect();
+            let sums = parallel::map(chunks, &|number| Sums::of(chunk(number), &extent));
             let sums = sums.iter().fold(Sums::EMPTY, Sums::join);
             (extent, sums)
         }
@@ -93,8 +98,14 @@ pub(super) fn occurrences<T: Voxel>(stored: &[T]) -> Option<Vec<(T, u64)>> {
 
 /// Counts the occurrences of each value; `Bits` is the unsigned integer of the size of `T`.
 fn counted<T: Voxel, Bits: Voxel + Into<usize> + TryFrom<usize>>(stored: &[T]) -> Vec<(T, u64)> {
+    let counts = counts::<Bits>(bytemuck::cast_slice(stored));
+    let occurring = counts.into_iter().enumerate().filter(|&(_, count)| count > 0);
+    occurring.filter_map(|(bits, count)| Some((bytemuck::cast::<Bits, T>(Bits::try_from(bits).ok()?), count))).collect()
+}
+
+/// How often each value occurs.
+fn counts<Bits: Voxel + Into<usize>>(bits: &[Bits]) -> Vec<u64> {
     let values = 1 << (8 * size_of::<Bits>());
-    let bits: &[Bits] = bytemuck::cast_slice(stored);
     let tally = |chunk: &[Bits]| {
         // Equal neighbours would wait for each other's increment; four tables avoid this.
         let mut tables = vec![[0_u32; 4]; values];
@@ -108,9 +119,7 @@ fn counted<T: Voxel, Bits: Voxel + Into<usize> + TryFrom<usize>>(stored: &[T]) -
         sum
     };
     // Large chunks, because each task allocates its own tables; the counts still fit `u32`.
-    let counts = bits.par_chunks(4 * CHUNK).map(tally).reduce(|| vec![0; values], add);
-    let occurring = counts.into_iter().enumerate().filter(|&(_, count)| count > 0);
-    occurring.filter_map(|(bits, count)| Some((bytemuck::cast::<Bits, T>(Bits::try_from(bits).ok()?), count))).collect()
+    bits.par_chunks(4 * CHUNK).map(tally).reduce(|| vec![0; values], add)
 }
 
 /// Statistics of the stored values, before slope and intercept.

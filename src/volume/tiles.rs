@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::Voxel;
 use super::axes::{Arranged, Axis};
 use super::stream::count;
+use crate::parallel;
 
 /// A block of an array: the numbers of a chunk, the last axis fastest, in the byte order of this machine.
 pub(super) struct Block {
@@ -56,7 +55,7 @@ pub(super) fn lay<T: Voxel>(arranged: &Arranged, region: &[[usize; 2]], blocks: 
         let axes = 0..block.start.len();
         axes.map(|axis| region[axis][0].saturating_sub(block.start[axis]) * step(block, axis)).sum()
     };
-    volume.par_chunks_mut(nx * ny).enumerate().for_each(|(z, plane)| {
+    parallel::rows_mut(volume, nx * ny, &|z, plane| {
         for block in blocks {
             let [x, y, depth] = spans(block);
             if z < depth.0 || z >= depth.0 + depth.1 {

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::number::{count, rounded, whole};
+use crate::parallel;
 use crate::volume::{Volume, with_voxels};
 
 /// Most voxels of a thinned copy.
@@ -32,7 +33,7 @@ impl Thinned {
         };
         let mut values = vec![0.0; dims.iter().product()];
         with_voxels!(&volume.voxels, stored => {
-            values.par_chunks_mut(nx * ny).enumerate().for_each(|(z, slice)| {
+            parallel::rows_mut(&mut values, nx * ny, &|z, slice| {
                 for (y, row) in slice.chunks_mut(nx).enumerate() {
                     let first = sides[0] * (y * stride[1] + sides[1] * z * stride[2]);
                     for (x, value) in row.iter_mut().enumerate() {

@@ -117,43 +117,46 @@ export function fromBase64(text) {
 
 /** Inflates exactly `length` bytes. */
 async function inflated(bytes, length) {
-  const reader = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw")).getReader();
-  const all = new Uint8Array(length);
+  const reader = new Response(bytes).body.pipeThrough(new DecompressionStream("deflate-raw")).getReader();
+  const all = new Uint8Array(length), pause = pauses();
   for (let at = 0; ;) {
     const { value, done } = await reader.read();
-    if (done) {
-      if (at !== length) throw new Error(`the picture has ${at} bytes, not ${length}`);
-      return all;
-    }
-    if (at + value.length > length) throw new Error(`the picture has more than ${length} bytes`);
+    if (done ? at !== length : at + value.length > length) throw new Error(`no picture of ${length} bytes`);
+    if (done) return all;
     all.set(value, at);
     at += value.length;
+    await pause();
   }
 }
 
+/** What stored bytes add to their predictions: in planes of 8 bits the byte, in wide ones with the sign in the lowest bit. */
+const NARROW = Int16Array.from({ length: 256 }, (_, code) => code), WIDE = NARROW.map((code) => code >> 1 ^ -(code & 1));
+
 /**
- * Adds their predictions (left + above − corner, within their range) to the codes of a row from `at`, in place; the row
- * before it is done. Skips the empty ends of both rows: most of a picture is empty.
+ * Turns a row of codes into the next one, whose bytes begin at `first`: prediction (left + above − corner, within their range) plus
+ * what the byte adds. Skips the ends that are empty in both: most of a picture is. `false` for a row of zeros.
  */
-function unpredict(plane, at, width, mask) {
-  if (at === 0) for (let x = 1; x < width; x++) plane[x] = plane[x] + plane[x - 1] & mask;
-  if (at === 0) return;
-  let from = at, to = at + width - 1;
-  while (from <= to && (plane[from] | plane[from - width]) === 0) from++;
-  while (to >= from && (plane[to] | plane[to - width]) === 0) to--;
-  to = min(to + 1, at + width - 1);
-  let corner = from > at ? 0 : plane[at - width], left = corner;
+function nextRow(row, all, first, added, escaped) {
+  const end = row.length - 1, wide = added === WIDE, mask = wide ? 65535 : 255;
+  let from = 0, to = end;
+  while (from <= end && (all[first + from] | row[from]) === 0) from++;
+  if (from > end) return false;
+  while ((all[first + to] | row[to]) === 0) to--;
+  to = min(to + 1, end);
+  let corner = from ? 0 : row[0], left = corner;
   for (let x = from; x <= to; x++) {
-    const up = plane[x - width];
-    let predicted = left;
+    const up = row[x], code = all[first + x];
+    let value = left;
     if (up !== corner) {
       const low = left < up ? left : up, high = left < up ? up : left;
-      predicted = corner >= high ? low : corner <= low ? high : left + up - corner;
+      value = corner >= high ? low : corner <= low ? high : left + up - corner;
     }
-    left = plane[x] = plane[x] + predicted & mask;
+    if (code) value += wide && code === 255 ? escaped() : added[code];
+    left = row[x] = value & mask;
     corner = up;
   }
-  if (left) plane.fill(left, to + 1, at + width);
+  if (left) row.fill(left, to + 1);
+  return true;
 }
 
 /** Planes of codes of a packed view, decoded in slices between which the page is heard. */
@@ -161,22 +164,18 @@ export async function unpack(page, view, bytes) {
   const [width, height] = page.size, pixels = width * height, stored = page.channels.filter((one) => !one.empty).length * pixels;
   const all = await inflated(bytes, stored + 2 * page.large[view]), pause = pauses(), planes = [];
   let first = 0, large = stored;
+  const escaped = () => {
+    const code = all[large] | all[large + 1] << 8;
+    large += 2;
+    return code >> 1 ^ -(code & 1);
+  };
   for (const { wide, empty } of page.channels) {
-    const plane = wide || empty ? new (wide ? Uint16Array : Uint8Array)(pixels) : all.slice(first, first + pixels);
+    const plane = new (wide ? Uint16Array : Uint8Array)(pixels), row = new Uint16Array(width);
     planes.push(plane);
-    if (empty) continue;
-    for (let y = 0, at = 0; y < height; y++, at += width) {
-      if (wide) for (let x = at; x < at + width; x++) {
-        let code = all[first + x];
-        if (code === 0) continue;
-        if (code === 255) { code = all[large] | all[large + 1] << 8; large += 2; }
-        // The sign is in the lowest bit.
-        plane[x] = code >> 1 ^ -(code & 1);
-      }
-      unpredict(plane, at, width, wide ? 65535 : 255);
+    for (let y = 0; y < height && !empty; y++, first += width) {
+      if (nextRow(row, all, first, wide ? WIDE : NARROW, escaped)) plane.set(row, y * width);
       if (y % 64 === 0) await pause();
     }
-    first += pixels;
   }
   return planes;
 }

@@ -1,7 +1,6 @@
 //! Ranges of the stored values of macrocells, gathered from rows of voxels.
 
-use rayon::prelude::*;
-
+use crate::parallel;
 use crate::volume::{Voxel, VoxelType};
 
 /// Voxels along an edge of a macrocell.
@@ -61,7 +60,8 @@ impl<T: Voxel> CellRanges<T> {
     /// Adds whole `rows` of voxels; the first is row `first`, counted through all slices.
     pub(super) fn add(&mut self, first: usize, rows: &[T]) {
         let ([nx, ny, _], [width, height, depth]) = (self.grid, self.dims);
-        let of_row = |row: &[T]| -> Vec<([T; 2], bool)> {
+        let of_row = |row: usize| -> Vec<([T; 2], bool)> {
+            let row = &rows[row * nx..(row + 1) * nx];
             let of_cell = |cell: usize| {
                 let first = (CELL * cell).saturating_sub(1);
                 let numbers = &row[first..(CELL * cell + CELL + 2).min(nx)];
@@ -71,7 +71,7 @@ impl<T: Voxel> CellRanges<T> {
             };
             (0..width).map(of_cell).collect()
         };
-        let of_rows: Vec<_> = rows.par_chunks(nx).map(of_row).collect();
+        let of_rows = parallel::map(rows.len() / nx, &of_row);
         for (row, of_row) in (first..).zip(of_rows) {
             for z in touching(row / ny, depth) {
                 for y in touching(row % ny, height) {

@@ -5,12 +5,11 @@ use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-use rayon::prelude::*;
-
 use super::cells::CellRanges;
 use super::format::{Entry, FIXED, Fixed, Origin, Text, digest};
 use super::grid::{BRICK, BrickGrid};
 use super::{BATCH, read_at, unpacked};
+use crate::parallel;
 use crate::progress::Progress;
 use crate::volume::data::{check_cancelled, report};
 use crate::volume::statistics::{Extent, Measured, Sums, measure_counted, occurrences};
@@ -273,7 +272,7 @@ impl<'a, T: Voxel> Making<'a, T> {
                 parts.push(part);
                 voxels = rest;
             }
-            let packed: Vec<Packed<T>> = parts.into_par_iter().map(pack).collect();
+            let packed = parallel::map(parts.len(), &|part| pack(parts[part]));
             first += length;
             for brick in packed {
                 self.write(brick)?;
@@ -315,11 +314,11 @@ impl<'a, T: Voxel> Making<'a, T> {
                 .iter()
                 .map(|entry| read_at(&mut file, [entry.offset, entry.bytes.into()]))
                 .collect::<io::Result<_>>()?;
-            let of_brick = |(brick, bytes): (usize, &Vec<u8>)| {
-                let voxels = unpacked::<T>(bytes, self.grid.voxels(first + brick))?;
+            let of_brick = |brick: usize| -> io::Result<Sums> {
+                let voxels = unpacked::<T>(&bytes[brick], self.grid.voxels(first + brick))?;
                 Ok(Sums::of(voxels.into_iter().map(|voxel| (voxel, 1)), &self.extent))
             };
-            let of_bricks: Vec<Sums> = bytes.par_iter().enumerate().map(of_brick).collect::<io::Result<_>>()?;
+            let of_bricks = parallel::map(bytes.len(), &of_brick).into_iter().collect::<io::Result<Vec<_>>>()?;
             sums = of_bricks.iter().fold(sums, Sums::join);
             first += batch.len();
             report(source, count(first), count(self.index.len()), progress)?;

@@ -9,6 +9,7 @@ use glam::{DMat3, DVec3};
 use super::image::{Frame, Image, KEYS};
 use super::pixels::Slice;
 use crate::number;
+use crate::parallel;
 use crate::volume::VolumeError;
 use crate::volume::geometry::Lattice;
 use crate::volume::several::Series as Entry;
@@ -354,9 +355,8 @@ pub(super) fn without_copies(images: Vec<Image>) -> (Vec<Image>, usize) {
 /// Interpolates the slices `voxels` of `pixels` voxels, which lie at `places` in steps of a lattice, linearly at its whole
 /// steps.
 pub(super) fn evened<T: crate::volume::Voxel>(voxels: &[T], pixels: usize, places: &[f64], out: &mut [T]) {
-    use rayon::prelude::*;
     let last = places.len() - 1;
-    out.par_chunks_mut(pixels).enumerate().for_each(|(z, out)| {
+    parallel::rows_mut(out, pixels, &|z, out| {
         let place = number::count(z);
         let above = places.partition_point(|&at| at < place).clamp(1, last.max(1)).min(last);
         let below = above.saturating_sub(1);

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
 
 use super::file::{Array, File, Kind};
 use crate::number;
+use crate::parallel;
 use crate::volume::axes::{self, Arranged, Axis};
 use crate::volume::geometry::Lattice;
 use crate::volume::lengths::{assumed_spacing, converted, printable, unit};
@@ -283,15 +283,13 @@ impl Scales {
         let (first, steps) = self.steps(arranged, chosen);
         let [nx, ny, _] = arranged.dims();
         let mut values = allocate::zeroed::<f32>(path, voxels.len())?;
-        with_voxels!(voxels, stored => values.par_chunks_mut(nx).zip(stored.par_chunks(nx)).enumerate().for_each(
-            |(row, (values, stored))| {
-                let first = first + row % ny * steps[1] + row / ny * steps[2];
-                for (x, (value, number)) in values.iter_mut().zip(stored).enumerate() {
-                    let (slope, intercept) = self.each[first + x * steps[0]];
-                    *value = f32::nearest(number.to_f64().mul_add(slope, intercept));
-                }
+        with_voxels!(voxels, stored => parallel::rows_mut(&mut values, nx, &|row, values| {
+            let first = first + row % ny * steps[1] + row / ny * steps[2];
+            for (x, (value, number)) in values.iter_mut().zip(&stored[row * nx..]).enumerate() {
+                let (slope, intercept) = self.each[first + x * steps[0]];
+                *value = f32::nearest(number.to_f64().mul_add(slope, intercept));
             }
-        ));
+        }));
         Ok(Voxels::F32(values))
     }
 }

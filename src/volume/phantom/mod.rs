@@ -4,10 +4,9 @@ use std::f64::consts::PI;
 use std::fmt;
 use std::str::FromStr;
 
-use rayon::prelude::*;
-
 use super::{Geometry, Volume, VolumeError, Voxels};
 use crate::memory;
+use crate::parallel;
 
 pub mod engine;
 mod field;
@@ -190,7 +189,7 @@ fn closed_form(name: &str, dims: [usize; 3], form: impl Fn([f64; 3]) -> f64 + Sy
     };
     made(name, dims, 4, |[width, height, _]| {
         let mut voxels = vec![0.0_f32; dims.iter().product()];
-        voxels.par_chunks_mut(width).enumerate().for_each(|(row, out)| {
+        parallel::rows_mut(&mut voxels, width, &|row, out| {
             let (y, z) = (place(row % height, 1), place(row / height, 2));
             for (x, voxel) in out.iter_mut().enumerate() {
                 *voxel = form([place(x, 0), y, z]) as f32;
