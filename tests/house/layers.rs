@@ -18,6 +18,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("scene", &["model", "spectrum", "volume", "number"]),
     ("plan", &["scene", "model", "spectrum", "progress", "number"]),
     ("film", &["plan", "scene", "model", "spectrum", "number"]),
+    ("ranks", &["film", "scene"]),
     ("annotate", &["film", "plan", "scene", "spectrum", "volume", "number", "written"]),
     ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "number"]),
     ("reference", &["film", "tables", "plan", "scene", "volume", "memory", "progress", "number"]),
@@ -89,6 +90,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "measure",
             "memory",
             "output",
+            "ranks",
             "render",
             "reference",
             "film",
@@ -123,6 +125,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("clarabel", &["palette"]),
     ("exr", &["output"]),
     ("zarrs", &["volume"]),
+    ("mpi", &["ranks"]),
 ];
 
 /// Words that modules must not use.
