@@ -23,10 +23,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var sums: array<vec4f, LAYERS>;
     var transmittance = all_light();
     if (BLOCK) {
-        // Written before the march: nothing yet, or the sums of the blocks in front.
-        for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-            sums[layer] = textureLoad(accumulators, pixel, layer);
-        }
+        // Written before the march: nothing yet, or the film of the blocks in front.
+        load_sums(pixel, &sums);
         transmittance = load_transmittance(pixel);
     } else {
         if (band.first_sample > 0u) {
