@@ -284,11 +284,11 @@ pub(crate) fn main() -> ExitCode {
                     | Command::Page(_)
                     | Command::Figures(_)
             );
-            if is_silent {
-            } else if cli.json {
-                terminal::print(&report.json_text());
-            } else if !(cli.quiet && writes) {
-                terminal::print(&report.text);
+            match (is_silent, cli.json) {
+                (true, _) => {}
+                (false, true) => terminal::print(&report.json_text()),
+                (false, false) if cli.quiet && writes => {}
+                (false, false) => terminal::print(&report.text),
             }
             ExitCode::from(if interrupted { INTERRUPTED } else { missed.into() })
         }

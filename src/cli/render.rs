@@ -362,9 +362,6 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let header = film_file(pixels).map_err(|error| refused(error.to_string()))?;
         header.check_header().map_err(|error| refused(format!("{error}; rename a light or a material")))?;
     }
-    if let Some(processes) = processes {
-        processes.agree(&scene, &planned, &mix, args.size)?;
-    }
     let mut loaded = read;
     loaded += clock.read();
 
@@ -428,7 +425,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     let marched = if args.reference {
         Some(on_cpu(&scene, &planned, &statistics, &mix, args.size, wanted, progress)?)
     } else {
-        on_device(&scene, &planned, &statistics, &mix, (args, marched_size), wanted, processes, progress)?
+        on_device(&scene, &planned, &statistics, &mix, (args, marched_size, processes), wanted, progress)?
     };
     let Some(mut marched) = marched else {
         return Ok(Report { text: String::new(), json: json!({}) });
@@ -677,9 +674,8 @@ fn on_device(
     planned: &Planned,
     statistics: &Statistics,
     mix: &Mix,
-    (args, size): (&Args, [usize; 2]),
+    (args, size, processes): (&Args, [usize; 2], Option<&Processes>),
     wanted: Wanted,
-    processes: Option<&Processes>,
     progress: &dyn Progress,
 ) -> Result<Option<Marched>, CliError> {
     let Ready { on_device, times } = ready_device(scene, planned, statistics, (args, size), progress)?;
@@ -687,6 +683,7 @@ fn on_device(
     let Wanted { linear, display, accumulation, .. } = wanted;
     let made = match processes {
         Some(processes) => {
+            processes.agree(scene, planned, mix, size)?;
             let asked = Asked { film: accumulation, linear, display };
             let Some(made) = processes.render(&on_device, mix, size, asked, progress)? else { return Ok(None) };
             made

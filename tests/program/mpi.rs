@@ -43,7 +43,7 @@ fn a_relay_writes_the_files_of_one_process() {
             let arguments = arguments(&outputs(name));
             let mut arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
             if half {
-                arguments.extend(["-D", "accuracy.accumulators=\"half\""]);
+                arguments.extend(["-D", "accuracy.storage=\"f16\""]);
             }
             match count {
                 Some(count) => done(&folder, count, &arguments).json(),
@@ -116,7 +116,10 @@ fn processes_that_cannot_share_a_picture_end_with_one_sentence() {
     refused(&mut with(&["--mpi", "over/2"]), &["3 processes have only 2 blocks", "--mpi over/4"]);
     let one = [&["-n", "1", PROGRAM], &SIZE[..], &film].concat();
     let other = |more: &[&str]| mpirun(&folder, &[&one[..], &[":"], &one[..], more].concat());
-    refused(&mut other(&["-D", "transfer.intervals.0.opacity=0.2"]), &["rank 1 of 2 renders something else than rank 0"]);
+    refused(
+        &mut other(&["-D", "transfer.intervals.0.opacity=0.2"]),
+        &["rank 1 of 2 renders something else than rank 0"],
+    );
     refused(&mut other(&["--device", "no such device"]), &["rank 1 of 2 processes failed", "no such device"]);
     refused(&mut other(&["--volume", "none.nrrd"]), &["rank 1 of 2 processes failed", "none.nrrd"]);
     refused(&mut with(&["-D", "model.kind=\"peercy\""]), &["peercy"]);
