@@ -305,7 +305,9 @@ pub(crate) fn main() -> ExitCode {
                 _ if interrupted => CliError::Failed(terminal::TOLD.to_owned()),
                 error => error,
             };
-            if !matches!(error, CliError::Elsewhere) {
+            if matches!(error, CliError::Elsewhere) {
+                terminal::leave_to_others();
+            } else {
                 terminal::complain(&error);
                 if cli.json {
                     terminal::print(&format!("{:#}\n", sorted(error_json(&error, code, &terminal.warnings()))));

@@ -316,7 +316,7 @@ impl Processes {
         let mut march = own.begin_march(size, renderer.speed())?;
         let tiles = tiles(size[1], renderer.group_rows(), self.count());
         let (mut done, total) = (0, size[1] as u64);
-        let (rows, sent_bytes) = relay.run(&*self.ranks, &tiles, &mut |tile, state| -> Result<_, CliError> {
+        let (rows, sent_bytes) = relay.run(&*self.ranks, &tiles, |tile, state| -> Result<_, CliError> {
             march.begin_rows(renderer, tile.clone(), state)?;
             while !march.is_done() {
                 if progress.cancelled() {

@@ -265,10 +265,17 @@ pub(crate) fn print(text: &str) {
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).ok();
 }
 
+/// Whether an error was printed, or another process prints it.
+static HAS_COMPLAINED: Mutex<bool> = Mutex::new(false);
+
+/// Leaves the error of the run to another process, also if the launcher ends this one before it ends by itself.
+pub(crate) fn leave_to_others() {
+    *HAS_COMPLAINED.lock().unwrap_or_else(PoisonError::into_inner) = true;
+}
+
 /// Prints an error and its causes, one line each, with the flags that help. Prints only the first error if two threads end the program.
 pub(crate) fn complain(error: &(dyn std::error::Error + 'static)) {
-    static TOLD: Mutex<bool> = Mutex::new(false);
-    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut told = HAS_COMPLAINED.lock().unwrap_or_else(PoisonError::into_inner);
     if std::mem::replace(&mut *told, true) {
         return;
     }

@@ -25,6 +25,14 @@ struct Announced {
     met: Rectangle,
 }
 
+/// The part of a node's film in the rows of this process, and where it begins there.
+struct Part {
+    node: Node,
+    at: [usize; 2],
+    /// `None` if rays met nothing.
+    film: Option<Film<f32>>,
+}
+
 /// The part of a rectangle in `rows`; `None` if there is none.
 fn in_rows([low, high]: Rectangle, rows: &Range<usize>) -> Option<Rectangle> {
     let [first, end] = [low[1].max(rows.start), high[1].min(rows.end)];
@@ -108,7 +116,7 @@ pub fn over<E>(
     // The films of the nodes in these rows, which are dense again only while they composite.
     let Some(empty) = shape.of_no_medium([shape.size[0], rows.len()]) else { return Ok(None) };
     let per_pixel = [&shape.accumulators, &shape.transmittance].map(|numbers| numbers.len() / shape.pixels().max(1));
-    let mut parts: Vec<(Node, Option<([usize; 2], Film<f32>)>)> = Vec::new();
+    let mut parts: Vec<Part> = Vec::new();
     let mut left: Vec<&[u8]> = received.iter().map(|message| &**message).collect();
     for it in &all {
         let part = in_rows(it.met, &rows).map(|part| {
@@ -128,15 +136,15 @@ pub fn over<E>(
         });
         match part {
             Some(None) => return Ok(None),
-            Some(part) => parts.push((it.node, part)),
-            None => parts.push((it.node, None)),
+            Some(Some((at, film))) => parts.push(Part { node: it.node, at, film: Some(film) }),
+            None => parts.push(Part { node: it.node, at: [0; 2], film: None }),
         }
     }
     let film = composited(top, low_first, &mut |node| {
-        Ok(parts.iter().find(|(other, _)| *other == node).map(|(_, part)| {
+        Ok(parts.iter().find(|part| part.node == node).map(|part| {
             let mut film = empty.clone();
-            if let Some((at, part)) = part {
-                film.put(*at, part);
+            if let Some(rectangle) = &part.film {
+                film.put(part.at, rectangle);
             }
             film
         }))

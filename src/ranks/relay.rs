@@ -48,12 +48,15 @@ impl Relay {
     /// # Errors
     ///
     /// Those of `march`.
-    pub fn run<E>(
+    pub fn run<M, E>(
         &self,
         ranks: &dyn Ranks,
         tiles: &[Range<usize>],
-        march: &mut dyn FnMut(&Range<usize>, Option<&Film<f32>>) -> Result<Film<f32>, E>,
-    ) -> Result<(Vec<Range<usize>>, usize), E> {
+        mut march: M,
+    ) -> Result<(Vec<Range<usize>>, usize), E>
+    where
+        M: FnMut(&Range<usize>, Option<&Film<f32>>) -> Result<Film<f32>, E>,
+    {
         let (mut ended, mut sent_bytes) = (Vec::new(), 0);
         for tile in tiles {
             let chain = self.chain(tile);

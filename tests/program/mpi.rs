@@ -127,6 +127,22 @@ fn processes_that_cannot_share_a_picture_end_with_one_sentence() {
     folder.refused(2, &[&SIZE[..], &["--mpi", "across"], &film].concat(), &["write relay, over"]);
 }
 
+#[test]
+fn when_a_process_fails_during_the_march_the_run_ends_with_its_rank() {
+    let folder = Folder::new();
+    let one = [&["-n", "1", "-x", "RELUME_SIMULATE=device-lost=1000", PROGRAM], &SIZE[..]].concat();
+    let other = [&["-n", "1", "-x", "RELUME_SIMULATE=device-lost=30", PROGRAM], &SIZE[..]].concat();
+    for way in ["relay", "over"] {
+        let more = ["--mpi", way, "-o", "picture.png"];
+        let outcome = Outcome::of(&mut mpirun(&folder, &[&one[..], &more, &[":"], &other[..], &more].concat()));
+        assert!(outcome.code.is_some_and(|code| code > 0), "{way}: {outcome:?}");
+        for told in ["rank 1 of 2 processes failed", "lost", "rank 0 of 2 processes: the launcher ended this process"] {
+            assert!(outcome.err.contains(told), "{way}: no {told:?} in: {}", outcome.err);
+        }
+        assert_eq!(folder.names(), ["scene.toml"], "{way}: something is left");
+    }
+}
+
 /// Processes whose parent is the process `of`.
 fn children(of: u32) -> Vec<u32> {
     let all = std::fs::read_dir("/proc").unwrap().flatten();

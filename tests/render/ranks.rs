@@ -128,7 +128,7 @@ fn tiles_go_from_process_to_process_along_the_rays() {
     let order = vec![3, 0, 4, 1, 2];
     let rows: Vec<Range<usize>> = [0..7, 2..11, 5..6, 0..4, 4..9].into();
     let relay = Relay { order, rows, width: WIDTH, components: 3, numbers: [6, 3] };
-    for tiles in [tiles(HEIGHT, 1, 5), tiles(HEIGHT, 8, 5), vec![0..HEIGHT]] {
+    for tiles in [tiles(HEIGHT, 1, 5), tiles(HEIGHT, 8, 5), tiles(HEIGHT, HEIGHT, 1)] {
         let mut expected = leaf(0, true).map(|_| f32::NAN);
         for tile in &tiles {
             let chain = relay.chain(tile);
@@ -138,7 +138,7 @@ fn tiles_go_from_process_to_process_along_the_rays() {
         }
         let ended = on_ranks(5, |ranks| {
             let mut film = leaf(0, true).map(|_| f32::NAN);
-            let run = relay.run::<Infallible>(ranks, &tiles, &mut |tile, before| {
+            let run = relay.run(ranks, &tiles, |tile, before| -> Result<_, Infallible> {
                 let after = add(ranks.rank(), tile, before);
                 film.put([0, tile.start], &after);
                 Ok(after)
