@@ -20,6 +20,8 @@ use relume::volume::{Phantom, Volume};
 const SIDE: usize = 400;
 /// Machines, each with one block.
 const MACHINES: [usize; 5] = [1, 4, 16, 64, 1024];
+/// Marches of a block, of which the shortest counts: other programs delay the rest.
+const RUNS: usize = 3;
 /// Largest number of blocks that are marched; of more, some that are equally far apart.
 const MARCHED: usize = 64;
 /// Latency in s and bandwidth in bytes/s of a fast fabric and of Ethernet (docs/SCALE.md).
@@ -59,11 +61,14 @@ fn measured(on_device: &SceneRenderer, blocks: usize) -> Result<Measured, Box<dy
         if index == 0 {
             own.march([SIDE; 2], &Quiet)?;
         }
-        let watch = Stopwatch::start();
-        let film = own.march([SIDE; 2], &Quiet)?;
-        let film = own.renderer().read(&film)?;
-        found.push((watch.read().wall_ms / 1e3, film.met()));
-        last = Some(film);
+        let mut shortest = f64::INFINITY;
+        for _ in 0..RUNS {
+            let watch = Stopwatch::start();
+            let film = own.march([SIDE; 2], &Quiet)?;
+            last = Some(own.renderer().read(&film)?);
+            shortest = shortest.min(watch.read().wall_ms / 1e3);
+        }
+        found.extend(last.as_ref().map(|film| (shortest, film.met())));
     }
     Ok((found, last.ok_or("no blocks")?))
 }
@@ -104,8 +109,8 @@ pub(crate) fn machine_rows(renderer: &Renderer, edge: usize) -> Result<Vec<Machi
             // What a machine receives is what it sends, on average; the first collects the picture.
             let others = count(machines - 1);
             let collected = PICTURE_BYTES * count(SIDE * SIDE) * others / count(machines);
-            // Announced rectangles: to the first, and from it.
-            let announced = 2.0 * others * (latency + 56.0 / bandwidth) + 56.0 * others * others / bandwidth;
+            // Announced rectangles, in rounds that double what is known.
+            let announced = count(machines).log2().ceil() * latency + 56.0 * others / bandwidth;
             announced + messages * latency + sent_bytes / bandwidth + others * latency + collected / bandwidth
         });
         // All nodes of the tree over the rows of a machine, as they are composited.

@@ -216,7 +216,7 @@ impl Processes {
         let clock = Stopwatch::start();
         let (film, rows, mut details) = match self.way {
             Way::Relay | Way::Off => self.relay(on_device, size, (&tree, &low_first, &view), progress)?,
-            Way::Over(_) => self.over(on_device, size, blocks, &low_first, progress)?,
+            Way::Over(_) => self.over(on_device, size, (&tree, &low_first, &view), progress)?,
         };
         let march = clock.read();
 
@@ -277,20 +277,13 @@ impl Processes {
         if !self.is_first() {
             return Ok(None);
         }
-        let [accumulators, transmittance] = numbers(planned);
-        let components = planned.plan.components();
-        let pixels = size[0] * size[1];
-        let mut film = Film {
-            size,
-            components,
-            accumulators: vec![0.0; accumulators * pixels],
-            transmittance: vec![1.0; transmittance * pixels],
-        };
+        let mut film = no_medium(planned, size);
+        let ([per_pixel, _], components) = (numbers(planned), film.components);
         for (rows, bytes) in parts {
             let size = [size[0], rows.len()];
-            let mut accumulated: Vec<f32> = bytemuck::pod_collect_to_vec(&bytes);
-            let through = accumulated.split_off(accumulators * size[0] * size[1]);
-            film.put([0, rows.start], &Film { size, components, accumulators: accumulated, transmittance: through });
+            let mut accumulators: Vec<f32> = bytemuck::pod_collect_to_vec(&bytes);
+            let transmittance = accumulators.split_off(per_pixel * size[0] * size[1]);
+            film.put([0, rows.start], &Film { size, components, accumulators, transmittance });
         }
         Ok(Some(film))
     }
@@ -337,18 +330,34 @@ impl Processes {
         &self,
         on_device: &SceneRenderer,
         size: [usize; 2],
-        blocks: usize,
-        low_first: &[bool],
+        (tree, low_first, view): (&Blocks, &[bool], &View),
         progress: &dyn Progress,
     ) -> Result<(Marched, Vec<Range<usize>>, serde_json::Value), CliError> {
-        let renderer = on_device.renderer();
-        let mut last = None;
+        let (renderer, planned) = (on_device.renderer(), on_device.planned());
+        let (geometry, group) = (&on_device.scene().volume.geometry, renderer.group_rows());
+        let blocks = low_first.len() + 1;
+        let (mut last, mut speed) = (None, renderer.speed());
         let share = over(&*self.ranks, blocks, low_first, &mut |index| -> Result<Film<f32>, CliError> {
             let own = self.block(on_device, Block { index, count: blocks }, progress)?;
-            let film = own.march(size, progress)?;
-            let read = renderer.read(&film)?;
+            let mut march = own.begin_march(size, speed)?;
+            // Rays of other rows do not meet the block.
+            let rows = tree.rows(index, geometry, view, size[1]);
+            let rows = rows.start / group * group..rows.end.next_multiple_of(group).min(size[1]);
+            let mut film = no_medium(planned, size);
+            if !rows.is_empty() {
+                march.begin_rows(renderer, rows.clone(), None)?;
+                while !march.is_done() {
+                    if progress.cancelled() {
+                        return Err(CliError::Cancelled);
+                    }
+                    march.step(renderer, own.uploaded())?;
+                }
+                speed = march.speed();
+                film.put([0, rows.start], &renderer.read_rows(&march.finish(renderer)?, rows)?);
+            }
+            progress.report("marching", index as u64 + 1, blocks as u64);
             last = Some(own);
-            Ok(read)
+            Ok(film)
         })?;
         let (share, own) = share.zip(last).ok_or(OutputError::Matrix)?;
         let mut march = own.begin_march(size, renderer.speed())?;
@@ -381,6 +390,17 @@ struct Marched {
 /// Numbers of all accumulators of a pixel, and of its transmittance.
 fn numbers(planned: &Planned) -> [usize; 2] {
     [planned.plan.positions.total() * planned.plan.components(), planned.plan.transmittance_numbers()]
+}
+
+/// The film of rays that meet no medium.
+fn no_medium(planned: &Planned, size: [usize; 2]) -> Film<f32> {
+    let [accumulators, transmittance] = numbers(planned).map(|numbers| numbers * size[0] * size[1]);
+    Film {
+        size,
+        components: planned.plan.components(),
+        accumulators: vec![0.0; accumulators],
+        transmittance: vec![1.0; transmittance],
+    }
 }
 
 /// Refuses what the processes cannot share.

@@ -59,20 +59,22 @@ pub fn share_of(total: usize, rank: usize, count: usize) -> Range<usize> {
     at(rank)..at(rank + 1)
 }
 
-/// Sends `mine` to every rank; returns what each has sent, in the order of the ranks.
+/// Sends `mine` to every rank; returns what each has sent, in the order of the ranks. Takes as many rounds as the number of
+/// processes has binary digits, and no process handles more than all messages once (Bruck et al. 1997).
 pub fn all_gather(ranks: &dyn Ranks, mine: Vec<u8>) -> Vec<Vec<u8>> {
-    let others: Vec<usize> = (1..ranks.count()).collect();
-    if ranks.rank() > 0 {
-        ranks.exchange(&[(0, &mine)], &[]);
-        let all = ranks.exchange(&[], &[0]);
-        return all.first().map(|all| unpacked(all)).unwrap_or_default();
+    let (rank, count) = (ranks.rank(), ranks.count());
+    // Those of this rank and of the ones behind it.
+    let mut held = vec![mine];
+    while held.len() < count {
+        let distance = held.len();
+        let message = packed(&held[..distance.min(count - distance)]);
+        let (to, from) = ((rank + count - distance) % count, (rank + distance) % count);
+        let received = ranks.exchange(&[(to, &message)], &[from]);
+        held.extend(received.first().map(|message| unpacked(message)).unwrap_or_default());
+        held.resize(count.min(2 * distance), Vec::new());
     }
-    let mut all = vec![mine];
-    all.extend(ranks.exchange(&[], &others));
-    let packed = packed(&all);
-    let outgoing: Vec<(usize, &[u8])> = others.iter().map(|&rank| (rank, &*packed)).collect();
-    ranks.exchange(&outgoing, &[]);
-    all
+    held.rotate_right(rank);
+    held
 }
 
 /// Sends rows of a picture, each range with its bytes, to rank 0, which returns those of all ranks.

@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use relume::film::{Film, composited};
-use relume::internal::ranks::{Ranks, Relay, over, tiles};
+use relume::internal::ranks::{Ranks, Relay, all_gather, gather_rows, over, tiles};
 use relume::scene::Node;
 
 /// Threads as ranks: from each to each a channel.
@@ -157,4 +157,21 @@ fn tiles_go_from_process_to_process_along_the_rays() {
     // A tile that no block covers has one process all the same.
     let relay = Relay { rows: vec![0..1; 5], ..relay };
     assert_eq!(relay.chain(&(4..8)), [3]);
+}
+
+#[test]
+fn every_process_hears_of_all_and_the_first_has_all_rows() {
+    for count in 1..=9 {
+        let message = |rank: usize| vec![u8::try_from(rank).unwrap(); rank % 4];
+        let heard = on_ranks(count, |ranks| all_gather(ranks, message(ranks.rank())));
+        let expected: Vec<Vec<u8>> = (0..count).map(message).collect();
+        assert!(heard.iter().all(|heard| *heard == expected), "{count}: {heard:?}");
+        let rows = on_ranks(count, |ranks| {
+            let rank = ranks.rank();
+            gather_rows(ranks, vec![(2 * rank..2 * rank + 1, message(rank)), (2 * rank + 1..2 * rank + 2, vec![7])])
+        });
+        let all = |rank: usize| [(2 * rank..2 * rank + 1, message(rank)), (2 * rank + 1..2 * rank + 2, vec![7])];
+        assert_eq!(rows[0], (0..count).flat_map(all).collect::<Vec<_>>(), "{count}");
+        assert!(rows[1..].iter().all(Vec::is_empty), "{count}");
+    }
 }
