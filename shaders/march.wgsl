@@ -130,6 +130,13 @@ fn composite(
     }
 }
 
+// Loads the sums of a block's rays.
+fn load_sums(pixel: vec2u, sums: ptr<function, array<vec4f, LAYERS>>) {
+    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+        (*sums)[layer] = textureLoad(accumulators, pixel, layer);
+    }
+}
+
 // The step at `place`, of whose labels those of the voxels around have their shares; what has no label has `step`. Row 0 of
 // the label table is empty.
 fn shared_by_labels(place: vec3f, label: u32, step: Step) -> Step {

@@ -52,6 +52,14 @@ struct Band {
     down: f32,
 }
 
+// Opposite corners of the marched block, far away where it ends with the volume, and the axes along which its upper face
+// belongs to the next block (`tables::BlockBox`).
+struct Block {
+    low: vec3f,
+    high: vec3f,
+    open: vec3u,
+}
+
 @group(0) @binding(0) var<uniform> march_uniform: March;
 @group(0) @binding(1) var<uniform> shading_uniform: Shading;
 @group(0) @binding(2) var volume: texture_3d<f32>;
@@ -60,6 +68,7 @@ struct Band {
 @group(0) @binding(7) var labels: texture_3d<u32>;
 @group(0) @binding(10) var accumulators: texture_storage_2d_array<rgba32float, read_write>;
 @group(0) @binding(11) var transmittances: TransmittanceImage;
+@group(0) @binding(23) var<uniform> block: Block;
 var<immediate> band: Band;
 
 // Copies of the uniforms, made once per invocation: on a CPU a uniform is otherwise read for each lane at every step.
@@ -127,12 +136,19 @@ fn ray_through(pixel: vec2u) -> Ray {
     let steps = max(first_behind(shown.y, start) - first, 0.0);
     let samples = select(0u, min(u32(steps), march.samples), shown.y > shown.x);
     if (BLOCK) {
-        // A ray in the face between two blocks belongs to the upper one.
-        let within = abs(direction) < vec3f(1e-30) & base == march.crop_high;
-        let next = any(within & vec3<bool>(OPEN_X, OPEN_Y, OPEN_Z));
-        return Ray(base, direction, start, first + 0.5, select(samples, 0u, next), -(direction * march.local_scale));
+        // Samples keep their numbers. A ray in the face between two blocks belongs to the upper one.
+        let within = abs(direction) < vec3f(1e-30) & base == block.high & block.open != vec3u();
+        let leave = first_behind(clip(-FAR, base, direction, block.low, block.high).y, start) - first;
+        let end = u32(clamp(leave, 0.0, f32(samples)));
+        return Ray(base, direction, start, first + 0.5, select(end, 0u, any(within)), -(direction * march.local_scale));
     }
     return Ray(base, direction, start, first + 0.5, samples, -(direction * march.local_scale));
+}
+
+// Number of the first sample of `ray` in the block.
+fn first_in_block(ray: Ray) -> u32 {
+    let enter = clip(-FAR, ray.base, ray.direction, block.low, block.high).x;
+    return u32(clamp(first_behind(enter, ray.start) - (ray.offset - 0.5), 0.0, f32(march.samples)));
 }
 
 fn place_of(ray: Ray, n: u32) -> vec3f {

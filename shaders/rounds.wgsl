@@ -38,17 +38,26 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     var sums: array<vec4f, LAYERS>;
     var transmittance = all_light();
-    if (first > 0u) {
-        for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-            sums[layer] = textureLoad(accumulators, pixel, layer);
-        }
+    if (BLOCK) {
+        // Written before the march: nothing yet, or the film of the blocks in front.
+        load_sums(pixel, &sums);
         transmittance = load_transmittance(pixel);
+    } else {
+        if (first > 0u) {
+            for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+                sums[layer] = textureLoad(accumulators, pixel, layer);
+            }
+            transmittance = load_transmittance(pixel);
+        }
     }
     let end = min(ray.samples, band.end_sample);
     let samples_per_cell = 1.0 / (max(abs(ray.direction * march.cell_scale), vec3f(1e-30)) * march.step_length);
     let forward = select(vec3f(), vec3f(1.0), ray.direction > vec3f());
     let last_cell = vec3f(march.cells) - 1.0;
     var n = first;
+    if (BLOCK) {
+        n = select(max(n, first_in_block(ray)), end, brightest(transmittance) < march.termination);
+    }
     var dark = false;
     var missing = FINISHED;
     loop {

@@ -22,14 +22,23 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let ray = ray_through(pixel);
     var sums: array<vec4f, LAYERS>;
     var transmittance = all_light();
-    if (band.first_sample > 0u) {
-        for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-            sums[layer] = textureLoad(accumulators, pixel, layer);
-        }
+    if (BLOCK) {
+        // Written before the march: nothing yet, or the film of the blocks in front.
+        load_sums(pixel, &sums);
         transmittance = load_transmittance(pixel);
+    } else {
+        if (band.first_sample > 0u) {
+            for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+                sums[layer] = textureLoad(accumulators, pixel, layer);
+            }
+            transmittance = load_transmittance(pixel);
+        }
     }
     let end = select(min(ray.samples, band.end_sample), 0u, brightest(transmittance) < march.termination);
     var n = band.first_sample;
+    if (BLOCK) {
+        n = max(n, first_in_block(ray));
+    }
     if (SKIPPING) {
         // Samples per macrocell along each axis.
         let samples_per_cell = 1.0 / (max(abs(ray.direction * march.cell_scale), vec3f(1e-30)) * march.step_length);

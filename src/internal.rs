@@ -12,6 +12,8 @@ pub mod number;
 #[expect(unsafe_code, reason = "Vulkan, Xlib and window handles")]
 #[path = "present/mod.rs"]
 pub mod present;
+#[path = "ranks/mod.rs"]
+pub mod ranks;
 #[path = "shader.rs"]
 pub mod shader;
 #[path = "view/mod.rs"]

@@ -5,6 +5,7 @@ mod bricks;
 mod consistency;
 mod effects;
 mod goals;
+mod machines;
 mod model;
 mod needs;
 mod out_of_core;
@@ -29,6 +30,7 @@ use bricks::{BrickRow, brick_rows};
 use consistency::{halved_steps, relit_against_rendered};
 use effects::effect_rows;
 use goals::{GoalRow, GoalScene, GoalSummary, goal_row};
+use machines::machine_rows;
 use model::{AutomaticSummary, LIGHT_GROUPS, ModelSetting, automatic_dimension, model_row, nodes_beside_rgb};
 use needs::{NeedRow, need_rows};
 use out_of_core::out_of_core;
@@ -58,7 +60,7 @@ struct Args {
     /// The frog for `shadows` and `effects`; default: the phantom.
     #[arg(long, value_name = "FILE")]
     volume: Option<std::path::PathBuf>,
-    /// Voxels along each axis of the phantom for `bricks`.
+    /// Voxels along each axis of the phantom for `bricks` and `machines`.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u16).range(64..=2048))]
     edge: u16,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them.
@@ -89,6 +91,9 @@ enum Instrument {
     Effects,
     /// Cost of a volume in bricks beside that of the whole volume. Fails above 1.25 times the march.
     Bricks,
+    /// A simulated table of one picture composited by up to 1,024 machines: measured marches of blocks and rates of
+    /// compositing, and a model of the network.
+    Machines,
     /// A generated volume of 6 GiB that is never held: made into bricks, once interrupted,
     /// rendered with 768 MiB on the host and 512 MiB on the device, and compared with its formula. Takes its size twice on
     /// the disk of the temporary folder. Fails if the picture is not that of the formula, or if the render takes more than
@@ -159,6 +164,11 @@ fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
             let rows = brick_rows(&renderer, args.edge.into())?;
             let holds = rows.iter().all(BrickRow::holds);
             Ok(Report { text: bricks::text(&rows), json: json!({ "bricks": rows, "holds": holds }) })
+        }
+        Instrument::Machines => {
+            let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+            let rows = machine_rows(&renderer, args.edge.into())?;
+            Ok(Report { text: machines::text(&rows), json: json!({ "machines": rows }) })
         }
         Instrument::OutOfCore => beyond_memory(),
         Instrument::Goals => goals(args.scenes, &args.device),

@@ -42,6 +42,13 @@ fn part(text: &str) -> Result<Part, String> {
     }
 }
 
+impl AnimationArgs {
+    /// Whether the run writes a part of the pictures.
+    pub(crate) fn is_part(&self) -> bool {
+        self.part.is_some()
+    }
+}
+
 /// A picture: linear RGBA, and what PNG files show if that differs.
 pub(crate) struct Frame {
     pub(crate) linear: Vec<f32>,

@@ -17,6 +17,7 @@ mod info;
 mod measure;
 mod model;
 mod page;
+mod processes;
 mod relight;
 mod render;
 mod scene;
@@ -137,6 +138,10 @@ pub(crate) enum CliError {
     Script(#[from] relume::internal::view::ScriptError),
     #[error("interrupted; finished pictures are complete")]
     Cancelled,
+    #[error("rank {rank} of {count} processes failed")]
+    OfRank { rank: usize, count: usize, source: Box<Self> },
+    #[error("another process failed, and tells why")]
+    Elsewhere,
     #[error("{0}")]
     Usage(String),
     #[error("{0}")]
@@ -165,6 +170,8 @@ impl CliError {
             #[cfg(feature = "window")]
             Self::Script(error) => error.code(),
             Self::Cancelled => "cancelled",
+            Self::OfRank { source, .. } => source.code(),
+            Self::Elsewhere => "failed-elsewhere",
             Self::Usage(_) => "usage",
             Self::Failed(_) => "failed",
         }
@@ -193,6 +200,7 @@ fn exit_code(error: &CliError) -> u8 {
         _ => 1,
     };
     match error {
+        CliError::OfRank { source, .. } => exit_code(source),
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error)
         | CliError::Render(RenderError::Vulkan(error))
@@ -221,10 +229,23 @@ fn warn_of_former_names(arguments: impl Iterator<Item = std::ffi::OsString>) {
 pub(crate) fn main() -> ExitCode {
     let started = std::time::Instant::now();
     let cli = Cli::parse();
-    let terminal = Terminal::new(cli.quiet);
+    let (processes, refused) = match &cli.command {
+        Command::Render(args) => match args.processes() {
+            Ok(processes) => (processes, None),
+            Err(error) => (None, Some(error)),
+        },
+        _ => (None, None),
+    };
+    // Of several processes the first speaks.
+    let is_silent = processes.as_ref().is_some_and(|processes| !processes.is_first());
+    let terminal = Terminal::new(cli.quiet || is_silent);
+    if let Some(processes) = processes.as_ref().filter(|processes| processes.count() > 1) {
+        terminal.end_with_others(processes.rank(), processes.count());
+    }
     warn_of_former_names(std::env::args_os());
     let outcome = match &cli.command {
-        Command::Render(args) => render::run(args, &terminal),
+        _ if refused.is_some() => refused.map_or(Err(CliError::Elsewhere), Err),
+        Command::Render(args) => render::run(args, processes.as_ref(), &terminal),
         Command::View(args) => view::run(args),
         Command::Relight(args) => relight::run(args, &terminal),
         Command::Composite(args) => composite::run(args, &terminal),
@@ -263,14 +284,19 @@ pub(crate) fn main() -> ExitCode {
                     | Command::Page(_)
                     | Command::Figures(_)
             );
-            if cli.json {
-                terminal::print(&report.json_text());
-            } else if !(cli.quiet && writes) {
-                terminal::print(&report.text);
+            match (is_silent, cli.json) {
+                (true, _) => {}
+                (false, true) => terminal::print(&report.json_text()),
+                (false, false) if cli.quiet && writes => {}
+                (false, false) => terminal::print(&report.text),
             }
             ExitCode::from(if interrupted { INTERRUPTED } else { missed.into() })
         }
         Err(error) => {
+            let error = match &processes {
+                Some(processes) => processes.told(error),
+                None => error,
+            };
             let interrupted = terminal.cancelled();
             let code = if interrupted { INTERRUPTED } else { exit_code(&error) };
             let error = match error {
@@ -279,9 +305,16 @@ pub(crate) fn main() -> ExitCode {
                 _ if interrupted => CliError::Failed(terminal::TOLD.to_owned()),
                 error => error,
             };
-            terminal::complain(&error);
-            if cli.json {
-                terminal::print(&format!("{:#}\n", sorted(error_json(&error, code, &terminal.warnings()))));
+            if matches!(error, CliError::Elsewhere) {
+                terminal::leave_to_others();
+            } else {
+                terminal::complain(&error);
+                if cli.json {
+                    terminal::print(&format!("{:#}\n", sorted(error_json(&error, code, &terminal.warnings()))));
+                }
+            }
+            if let Some(processes) = processes {
+                processes.end(code);
             }
             ExitCode::from(code)
         }

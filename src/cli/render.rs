@@ -27,6 +27,7 @@ use super::files::{self, Backdrop, Bits, DressArgs, picture_kind};
 use super::frames::{AnimationArgs, Frames, digest};
 use super::goal::GoalArgs;
 use super::model::Learnt;
+use super::processes::{self, Asked, Processes, Way, way};
 use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
 use super::{CliError, Report, turntable};
 
@@ -94,6 +95,13 @@ pub(crate) struct Args {
     #[arg(long, value_name = "I/N", value_parser = block, requires = "accumulators")]
     #[arg(conflicts_with_all = ["output", "spectral", "turntable", "goal"])]
     block: Option<Block>,
+    /// How the processes that `mpirun` started share the picture: relay passes the film from block to block of the volume (the
+    /// file of one process, to the byte); over marches all blocks at once and composites them (one file for any number of
+    /// processes; N blocks, or a number that the volume determines); off renders in each process. Takes a build with MPI
+    /// (docs/SCALE.md). Default: relay, or off with --part or --block.
+    #[arg(long, value_name = "relay|over|over/N|off", value_parser = way)]
+    #[arg(conflicts_with_all = ["block", "turntable", "goal", "reference"])]
+    mpi: Option<Way>,
     /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).
     #[arg(long, value_name = "FILE.exr")]
     spectral: Option<PathBuf>,
@@ -101,6 +109,25 @@ pub(crate) struct Args {
     /// made. An existing file with another content is kept with .bak after its name.
     #[arg(long, value_name = "FILE.toml")]
     save_scene: Option<PathBuf>,
+}
+
+impl Args {
+    /// The processes of this run, if they share the picture.
+    pub(crate) fn processes(&self) -> Result<Option<Processes>, CliError> {
+        let is_apart = self.block.is_some() || self.animation.is_part();
+        let processes = Processes::start(self.mpi, is_apart)?;
+        let refused = [
+            (self.turntable.is_some(), "--turntable", "share out the pictures by --part"),
+            (self.goal.goal().is_some(), "a search for settings", "search with one process and state what it finds"),
+            (self.reference, "--reference", "start one process"),
+        ];
+        match refused.into_iter().find(|(is_given, ..)| *is_given && processes.is_some()) {
+            Some((_, what, way_out)) => {
+                Err(CliError::Usage(format!("several processes share one march, and not {what}; {way_out}")))
+            }
+            None => Ok(processes),
+        }
+    }
 }
 
 /// The first of `scan.png`, `scan-2.png`, `scan-3.png` … in the working directory that does not exist, for `scan.nrrd`.
@@ -159,24 +186,25 @@ fn told_of(bricks: Option<BrickCounts>, cache: Option<CacheCounts>) -> String {
 }
 
 /// Refuses blocks that the volume does not have, and scenes whose parts do not composite.
-fn check_block(block: Block, scene: &Scene, planned: &Planned) -> Result<(), CliError> {
-    let refused = |why: String| Err(CliError::Failed(format!("--block {}/{}: {why}", block.index + 1, block.count)));
+///
+/// `flag` asks for them. In a `relay` each block begins with the film of those in front.
+fn check_blocks(flag: &str, blocks: usize, is_relay: bool, scene: &Scene, planned: &Planned) -> Result<(), CliError> {
+    let refused = |why: String| Err(CliError::Failed(format!("{flag}: {why}")));
     let rays = scene.accuracy.rays;
     if rays > 1 {
         return refused(format!(
             "the scene has {rays} rays a pixel, and means of rays do not composite; add -D accuracy.rays=1"
         ));
     }
-    if planned.plan.shadowed_headlight().is_some() {
+    if planned.plan.shadowed_headlight().is_some() && !is_relay {
         return refused(
             "the headlight casts shadows, which come from the blocks in front; set shadows = false for it".to_owned(),
         );
     }
-    if Blocks::new(&scene.volume.geometry, block.count).is_none() {
+    if Blocks::new(&scene.volume.geometry, blocks).is_none() {
         let [x, y, z] = scene.volume.geometry.dims;
         return refused(format!(
-            "a volume of {x}×{y}×{z} voxels has no {} blocks; write at most {MOST_BLOCKS}, and fewer than it has voxels",
-            block.count
+            "a volume of {x}×{y}×{z} voxels has no {blocks} blocks; write at most {MOST_BLOCKS}, and fewer than it has voxels"
         ));
     }
     Ok(())
@@ -230,7 +258,8 @@ impl Marched {
     }
 }
 
-pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Progress) -> Result<Report, CliError> {
+    let is_first = processes.is_none_or(Processes::is_first);
     let source = args.scene.source(args.look.wish());
     let is_writing = !args.output.is_empty() || args.accumulators.is_some() || args.spectral.is_some();
     let default = source.bare_volume().filter(|_| !is_writing && args.save_scene.is_none()).and_then(free_name);
@@ -252,7 +281,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
     let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
-    files::check_outputs(&outputs, &inputs)?;
+    if is_first {
+        files::check_outputs(&outputs, &inputs)?;
+    }
     check_memory(args)?;
     if let Some(flag) = unused_by_the_reference(args) {
         return Err(CliError::Usage(format!(
@@ -275,7 +306,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
     let lights = args.lights.files();
     let inputs: Vec<&Path> = file.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
-    files::check_outputs(&outputs, &inputs)?;
+    if is_first {
+        files::check_outputs(&outputs, &inputs)?;
+    }
     warn_of_odd_values(&statistics);
     warn_of_homogeneous(&scene, &statistics);
     let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
@@ -310,8 +343,13 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (planned, learnt)
     };
     let scene = Scene { block: args.block, ..scene };
-    if let Some(block) = args.block {
-        check_block(block, &scene, &planned)?;
+    if let Some(Block { index, count }) = args.block {
+        check_blocks(&format!("--block {}/{count}", index + 1), count, false, &scene, &planned)?;
+    }
+    if let Some(processes) = processes {
+        processes::check(processes, &scene, &planned)?;
+        let is_relay = processes.way() == Way::Relay;
+        check_blocks("several processes", processes.blocks(&scene), is_relay, &scene, &planned)?;
     }
     let frame = Frame::of(&scene.camera, &scene.volume, args.size);
     let film_file = |film: Film<f32>| {
@@ -384,10 +422,13 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         accumulation: args.accumulators.is_some() || args.spectral.is_some() && !args.reference,
         bands: args.spectral.is_some() && args.reference,
     };
-    let mut marched = if args.reference {
-        on_cpu(&scene, &planned, &statistics, &mix, args.size, wanted, progress)?
+    let marched = if args.reference {
+        Some(on_cpu(&scene, &planned, &statistics, &mix, args.size, wanted, progress)?)
     } else {
-        on_device(&scene, &planned, &statistics, &mix, (args, marched_size), wanted, progress)?
+        on_device(&scene, &planned, &statistics, &mix, (args, marched_size, processes), wanted, progress)?
+    };
+    let Some(mut marched) = marched else {
+        return Ok(Report { text: String::new(), json: json!({}) });
     };
     if !enlargement.is_none() {
         marched.enlarge(&enlargement);
@@ -633,15 +674,23 @@ fn on_device(
     planned: &Planned,
     statistics: &Statistics,
     mix: &Mix,
-    (args, size): (&Args, [usize; 2]),
+    (args, size, processes): (&Args, [usize; 2], Option<&Processes>),
     wanted: Wanted,
     progress: &dyn Progress,
-) -> Result<Marched, CliError> {
+) -> Result<Option<Marched>, CliError> {
     let Ready { on_device, times } = ready_device(scene, planned, statistics, (args, size), progress)?;
     let (renderer, uploaded) = (on_device.renderer(), on_device.uploaded());
-    let clock = Stopwatch::start();
-    let accumulators = on_device.march(size, progress)?;
-    let march = clock.read();
+    let Wanted { linear, display, accumulation, .. } = wanted;
+    let made = match processes {
+        Some(processes) => {
+            processes.agree(scene, planned, mix, size)?;
+            let asked = Asked { film: accumulation, linear, display };
+            let Some(made) = processes.render(&on_device, mix, size, asked, progress)? else { return Ok(None) };
+            made
+        }
+        None => one_march(&on_device, mix, size, wanted, progress)?,
+    };
+    let accumulators = &made.device;
     warn_of_nothing(scene, planned, mix, Some(accumulators.occupied[0]));
     if let Some(spacing) = accumulators.light_spacing.filter(|&spacing| spacing > scene.shadows.spacing) {
         tracing::warn!(
@@ -651,43 +700,61 @@ fn on_device(
         );
     }
 
-    let clock = Stopwatch::start();
-    let matrices = on_device.matrices(mix);
-    let mut marched = Marched {
-        accumulation: None,
+    let mut details = json!({
+        "size": size,
+        "dispatches": accumulators.dispatches,
+        "cells": {"occupied": accumulators.occupied[0], "total": accumulators.occupied[1]},
+        "volume_bytes": uploaded.bytes(),
+        "pixel_bytes": planned.plan.pixel_bytes(),
+        "bricks": accumulators.bricks,
+        "host_bricks": scene.volume.bricks.as_ref().map(|cache| cache.counts()),
+    });
+    if processes.is_some() {
+        details["processes"] = made.details;
+    }
+    Ok(Some(Marched {
+        accumulation: made.film,
         bands: None,
-        linear: None,
-        display: None,
+        linear: made.linear,
+        display: made.display,
         device: super::info::device_json(renderer.device().info()),
         storage: uploaded.storage.clone(),
-        times: Vec::new(),
-        details: json!({
-            "size": size,
-            "dispatches": accumulators.dispatches,
-            "cells": {"occupied": accumulators.occupied[0], "total": accumulators.occupied[1]},
-            "volume_bytes": uploaded.bytes(),
-            "pixel_bytes": planned.plan.pixel_bytes(),
-            "bricks": accumulators.bricks,
-            "host_bricks": scene.volume.bricks.as_ref().map(|cache| cache.counts()),
-        }),
+        details,
         bricks: accumulators.bricks,
-    };
+        times: [&times[..], &made.times].concat(),
+    }))
+}
+
+/// Marches and relights in this process alone.
+fn one_march(
+    on_device: &SceneRenderer,
+    mix: &Mix,
+    size: [usize; 2],
+    wanted: Wanted,
+    progress: &dyn Progress,
+) -> Result<processes::Picture, CliError> {
+    let renderer = on_device.renderer();
+    let clock = Stopwatch::start();
+    let device = on_device.march(size, progress)?;
+    let march = clock.read();
+    let clock = Stopwatch::start();
+    let matrices = on_device.matrices(mix);
+    let (mut display, mut linear, mut film) = (None, None, None);
     if wanted.display {
-        let relight = renderer.relight_display(&accumulators)?;
+        let relight = renderer.relight_display(&device)?;
         relight.run(&matrices)?;
-        marched.display = Some(relight.read()?);
+        display = Some(relight.read()?);
     }
     if wanted.linear {
-        let relight = renderer.relight_linear(&accumulators)?;
+        let relight = renderer.relight_linear(&device)?;
         relight.run(&matrices)?;
-        marched.linear = Some(relight.read()?);
+        linear = Some(relight.read()?);
     }
     if wanted.accumulation {
-        marched.accumulation = Some(renderer.read(&accumulators)?);
+        film = Some(renderer.read(&device)?);
     }
-    let relight = clock.read();
-    marched.times = [&times[..], &[("march", march), ("relight", relight)]].concat();
-    Ok(marched)
+    let times = vec![("march", march), ("relight", clock.read())];
+    Ok(processes::Picture { film, linear, display, device, times, details: json!(null) })
 }
 
 /// Rounds a number to the f32 of a film file.

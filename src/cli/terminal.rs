@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use relume::progress::Progress;
-use signal_hook::consts::SIGINT;
+use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register;
 use tracing::Metadata;
 use tracing::field::{Field, Visit};
@@ -27,6 +27,10 @@ use super::advice;
 
 /// Exit code after Ctrl-C: 128 plus the number of the signal, as in shells.
 pub(super) const INTERRUPTED: u8 = 130;
+
+/// Exit code after the signal with which launchers end a process.
+#[cfg(unix)]
+const TERMINATED: u8 = 143;
 
 /// Error message after Ctrl-C.
 pub(super) const TOLD: &str = "interrupted";
@@ -89,6 +93,23 @@ impl Terminal {
         self.has_rows.store(true, Ordering::Relaxed);
     }
 
+    /// Ends the program with a sentence when the launcher of several processes ends it, and discards half-written files.
+    pub(crate) fn end_with_others(&self, rank: usize, count: usize) {
+        let ended = format!(
+            "rank {rank} of {count} processes: the launcher ended this process, as it does when another one failed or was \
+             killed; it has written nothing that is incomplete"
+        );
+        #[cfg(unix)]
+        on_signal(SIGTERM, "terminated", move || {
+            relume::output::discard_unfinished();
+            complain(&super::CliError::Failed(ended));
+            signal_hook::low_level::exit(TERMINATED.into());
+        })
+        .ok();
+        #[cfg(not(unix))]
+        drop(ended);
+    }
+
     /// Removes the progress bar.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
@@ -103,20 +124,28 @@ impl Terminal {
 /// Ends the program soon after Ctrl-C, whatever it is doing, and discards half-written files.
 #[cfg(unix)]
 fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
-    let (mut heard, signal) = UnixStream::pair()?;
-    signal_hook::low_level::pipe::register(SIGINT, signal)?;
     let has_rows = Arc::clone(has_rows);
+    on_signal(SIGINT, "ctrl-c", move || {
+        wake_all();
+        std::thread::sleep(if has_rows.load(Ordering::Relaxed) { PATIENCE_WITH_ROWS } else { PATIENCE });
+        relume::output::discard_unfinished();
+        complain(&super::CliError::Failed(TOLD.to_owned()));
+        // Runs no exit handlers, because other threads are still at work.
+        signal_hook::low_level::exit(INTERRUPTED.into());
+    })
+}
+
+/// Runs `end` in a thread of its own, called `name`, when the signal arrives.
+#[cfg(unix)]
+fn on_signal(signal: i32, name: &str, end: impl FnOnce() + Send + 'static) -> io::Result<()> {
+    let (mut heard, sent) = UnixStream::pair()?;
+    signal_hook::low_level::pipe::register(signal, sent)?;
     let wait = move || {
         if heard.read_exact(&mut [0]).is_ok() {
-            wake_all();
-            std::thread::sleep(if has_rows.load(Ordering::Relaxed) { PATIENCE_WITH_ROWS } else { PATIENCE });
-            relume::output::discard_unfinished();
-            complain(&super::CliError::Failed(TOLD.to_owned()));
-            // Runs no exit handlers, because other threads are still at work.
-            signal_hook::low_level::exit(INTERRUPTED.into());
+            end();
         }
     };
-    std::thread::Builder::new().name("ctrl-c".to_owned()).spawn(wait).map(drop)
+    std::thread::Builder::new().name(name.to_owned()).spawn(wait).map(drop)
 }
 
 /// Gives every thread normal priority, as far as the system allows, so that all can end equally soon. Mesa's shader
@@ -236,10 +265,17 @@ pub(crate) fn print(text: &str) {
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).ok();
 }
 
+/// Whether an error was printed, or another process prints it.
+static HAS_COMPLAINED: Mutex<bool> = Mutex::new(false);
+
+/// Leaves the error of the run to another process, also if the launcher ends this one before it ends by itself.
+pub(crate) fn leave_to_others() {
+    *HAS_COMPLAINED.lock().unwrap_or_else(PoisonError::into_inner) = true;
+}
+
 /// Prints an error and its causes, one line each, with the flags that help. Prints only the first error if two threads end the program.
 pub(crate) fn complain(error: &(dyn std::error::Error + 'static)) {
-    static TOLD: Mutex<bool> = Mutex::new(false);
-    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut told = HAS_COMPLAINED.lock().unwrap_or_else(PoisonError::into_inner);
     if std::mem::replace(&mut *told, true) {
         return;
     }

@@ -2,9 +2,13 @@
 
 mod matrices;
 mod relight;
+mod rows;
+mod tree;
 
 pub use matrices::{Components, RelightMatrices, display_from_xyz};
 pub(crate) use relight::relit_pixel;
+pub use rows::Rectangle;
+pub use tree::composited;
 
 use crate::number::Real;
 

@@ -135,18 +135,20 @@ impl<'a, R: Real> Frame<'a, R> {
         let [start, _] = clip(from(rays.low), from(rays.high));
         let [near, far] = clip(from(rays.crop_low), from(rays.crop_high));
         let first_behind = |s: R| ((s - start) / self.step_length - half).ceil().max(R::default());
-        let (first, end) = (first_behind(near), first_behind(far));
-        // A ray in the face between two blocks belongs to the upper one.
-        let is_of_next = (0..3).any(|axis| {
-            rays.open[axis]
-                && direction[axis].abs() < R::from_f64(1e-30)
-                && base[axis] == R::from_f64(rays.crop_high[axis])
-        });
-        let samples = if far > near && !is_of_next {
-            (end - first).max(R::default()).index().min(rays.samples as usize)
-        } else {
-            0
-        };
+        let (mut first, mut end) = (first_behind(near), first_behind(far));
+        let mut is_met = far > near;
+        if let Some(block) = &rays.block {
+            let [enter, leave] = clip(from(block.low), from(block.high));
+            first = first.max(first_behind(enter));
+            end = first_behind(leave).min(end);
+            // A ray in the face between two blocks belongs to the upper one.
+            is_met &= !(0..3).any(|axis| {
+                block.open[axis]
+                    && direction[axis].abs() < R::from_f64(1e-30)
+                    && base[axis] == R::from_f64(block.high[axis])
+            });
+        }
+        let samples = if is_met { (end - first).max(R::default()).index().min(rays.samples as usize) } else { 0 };
         let local_scale = from(rays.local_scale);
         let view = std::array::from_fn(|axis| -(direction[axis] * local_scale[axis]));
         Ray { base, direction, start, offset: first + half, samples, view }

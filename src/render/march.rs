@@ -8,6 +8,7 @@ mod rounds;
 mod schedule;
 mod setup;
 mod source;
+mod tile;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -69,6 +70,8 @@ pub struct March {
     places: Vec<[f32; 2]>,
     /// Mean of the finished rays; `None` if a pixel has one ray.
     mean: Option<Mean>,
+    /// Whether a block is marched, whose rays begin with the film in the images.
+    is_block: bool,
 }
 
 impl Renderer {
@@ -170,6 +173,12 @@ impl March {
             }
             if let Some(place) = self.places.pop() {
                 self.schedule.begin_rays(place);
+                if self.is_block {
+                    renderer.fill_with_light(
+                        [&self.left.accumulators, &self.left.transmittance],
+                        &self.left.planned.plan,
+                    )?;
+                }
                 if let Some(rounds) = &mut self.rounds {
                     rounds.restart()?;
                 }

@@ -1,11 +1,21 @@
 //! Blocks of a volume, which are marched apart and composited: the leaves of a kd-tree.
 
+use std::ops::Range;
+
+use glam::DVec3;
+
 use super::View;
-use crate::number::count;
+use crate::number::{count, whole};
 use crate::volume::Geometry;
 
 /// Largest number of blocks.
 pub const MOST_BLOCKS: usize = 4096;
+
+/// Smallest number of blocks by default: that of a cube cut once along each axis.
+const LEAST_BLOCKS: usize = 8;
+
+/// Largest number of voxels of a block by default.
+const VOXELS_OF_A_BLOCK: usize = 1 << 24;
 
 /// One of the blocks into which a volume is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -20,6 +30,77 @@ pub struct Block {
 #[must_use]
 pub const fn low_leaves(leaves: usize) -> usize {
     leaves / 2
+}
+
+/// A node of the tree of blocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Node {
+    /// Its first and last leaf, from 1.
+    pub leaves: [usize; 2],
+    /// Number of its cut in preorder, if it has one.
+    pub cut: usize,
+}
+
+impl Node {
+    /// The top of the tree of `blocks` leaves.
+    #[must_use]
+    pub const fn top(blocks: usize) -> Self {
+        Self { leaves: [1, blocks], cut: 0 }
+    }
+
+    /// The low and the high side; `None` of a leaf.
+    #[must_use]
+    pub const fn sides(self) -> Option<[Self; 2]> {
+        let [first, last] = self.leaves;
+        if first >= last {
+            return None;
+        }
+        let low = low_leaves(last + 1 - first);
+        Some([
+            Self { leaves: [first, first + low - 1], cut: self.cut + 1 },
+            Self { leaves: [first + low, last], cut: self.cut + low },
+        ])
+    }
+
+    /// Whether it has the leaves from `first` to `last`.
+    #[must_use]
+    pub const fn holds(self, [first, last]: [usize; 2]) -> bool {
+        self.leaves[0] <= first && last <= self.leaves[1]
+    }
+
+    /// The smallest node of the tree of `blocks` leaves that holds these.
+    #[must_use]
+    pub fn smallest(blocks: usize, leaves: [usize; 2]) -> Self {
+        let mut node = Self::top(blocks);
+        while let Some(side) = node.sides().and_then(|sides| sides.into_iter().find(|side| side.holds(leaves))) {
+            node = side;
+        }
+        node
+    }
+
+    /// The largest nodes below it, itself included, whose leaves are all from `first` to `last`, in the order of the leaves.
+    #[must_use]
+    pub fn largest_within(self, leaves: [usize; 2]) -> Vec<Self> {
+        let is_within = leaves[0] <= self.leaves[0] && self.leaves[1] <= leaves[1];
+        match self.sides() {
+            _ if is_within => vec![self],
+            Some(sides) => sides.into_iter().flat_map(|side| side.largest_within(leaves)).collect(),
+            None => Vec::new(),
+        }
+    }
+
+    /// The leaves from front to back, from 0; `low_first` has the side in front of each cut.
+    #[must_use]
+    pub fn front_to_back(self, low_first: &[bool]) -> Vec<usize> {
+        match self.sides() {
+            None => vec![self.leaves[0] - 1],
+            Some([low, high]) => {
+                let is_low_first = low_first.get(self.cut).copied().unwrap_or(true);
+                let sides = if is_low_first { [low, high] } else { [high, low] };
+                sides.into_iter().flat_map(|side| side.front_to_back(low_first)).collect()
+            }
+        }
+    }
 }
 
 /// Plane between two sides of a tree.
@@ -69,6 +150,36 @@ impl Blocks {
         self.divide(geometry, [low, middle_high], before) && self.divide(geometry, [middle_low, high], leaves - before)
     }
 
+    /// The number of blocks that a volume has if nobody states one: a power of two from 8 on, with at most 256³ voxels in a
+    /// block as long as there are at most [`MOST_BLOCKS`]. Fewer, if it has fewer voxels.
+    #[must_use]
+    pub fn usual(geometry: &Geometry) -> usize {
+        let voxels = geometry.dims.iter().fold(1_usize, |product, &n| product.saturating_mul(n));
+        let least = voxels.div_ceil(VOXELS_OF_A_BLOCK).min(MOST_BLOCKS).next_power_of_two().max(LEAST_BLOCKS);
+        if voxels < least { 1 << voxels.max(1).ilog2() } else { least }
+    }
+
+    /// Rows of a picture with `height` rows that block `index` may cover: its projection and a row on both sides, or all
+    /// rows if it reaches behind the eye.
+    #[must_use]
+    pub fn rows(&self, index: usize, geometry: &Geometry, view: &View, height: usize) -> Range<usize> {
+        let Some([low, high]) = self.voxels(index) else { return 0..0 };
+        let mut bounds = [f64::INFINITY, f64::NEG_INFINITY];
+        for corner in 0..8_usize {
+            let voxel = std::array::from_fn(|axis| count(if corner >> axis & 1 == 1 { high[axis] } else { low[axis] }));
+            let place = geometry.spacing * (DVec3::from_array(voxel) - 0.5);
+            let seen = view.seen(geometry.origin + geometry.direction * place);
+            if !view.parallel && seen.z <= 1e-6 * geometry.spacing.min_element() {
+                return 0..height;
+            }
+            let up = if view.parallel { seen.y } else { seen.y / seen.z };
+            let row = (1.0 - up) / 2.0 * count(height);
+            bounds = [bounds[0].min(row), bounds[1].max(row)];
+        }
+        let first = whole((bounds[0] - 1.0).floor()).min(height);
+        first..whole((bounds[1] + 1.0).ceil()).clamp(first, height)
+    }
+
     /// First voxel of block `index`, and the voxel after its last.
     #[must_use]
     pub fn voxels(&self, index: usize) -> Option<[[usize; 3]; 2]> {
@@ -90,8 +201,44 @@ impl Blocks {
 #[cfg(test)]
 mod tests {
     #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-    use super::Blocks;
+    use super::{Blocks, Node};
     use crate::volume::Geometry;
+
+    #[test]
+    fn nodes_number_their_cuts_in_preorder() {
+        let mut next = 0;
+        fn walk(node: Node, next: &mut usize) {
+            if let Some(sides) = node.sides() {
+                assert_eq!(node.cut, *next);
+                *next += 1;
+                sides.into_iter().for_each(|side| walk(side, next));
+            }
+        }
+        walk(Node::top(11), &mut next);
+        assert_eq!(next, 10);
+        assert_eq!(Node::smallest(8, [3, 4]).leaves, [3, 4]);
+        assert_eq!(Node::smallest(8, [2, 3]).leaves, [1, 4]);
+        assert_eq!(Node::smallest(8, [4, 5]).leaves, [1, 8]);
+        let leaves = |first, last| -> Vec<[usize; 2]> {
+            Node::top(8).largest_within([first, last]).into_iter().map(|node| node.leaves).collect()
+        };
+        assert_eq!(leaves(1, 8), [[1, 8]]);
+        assert_eq!(leaves(2, 7), [[2, 2], [3, 4], [5, 6], [7, 7]]);
+        let low_first = [false, true, true, false, true, true, true];
+        assert_eq!(Node::top(8).front_to_back(&low_first), [4, 5, 6, 7, 0, 1, 3, 2]);
+    }
+
+    #[test]
+    fn the_usual_number_of_blocks_follows_from_the_voxels() {
+        let one = glam::DVec3::ONE;
+        for (dims, blocks) in
+            [([1, 1, 1], 1), ([3, 1, 1], 2), ([7, 5, 3], 8), ([512, 512, 512], 8), ([1024, 1024, 1025], 128)]
+        {
+            let geometry = Geometry::new("", dims, one, glam::DVec3::ZERO, glam::DMat3::IDENTITY).unwrap();
+            assert_eq!(Blocks::usual(&geometry), blocks, "{dims:?}");
+            assert!(Blocks::new(&geometry, blocks).is_some(), "{dims:?}");
+        }
+    }
 
     #[test]
     fn blocks_own_every_voxel_once() {

@@ -8,7 +8,7 @@ mod transfer;
 
 use std::sync::Arc;
 
-pub use blocks::{Block, Blocks, MOST_BLOCKS, low_leaves};
+pub use blocks::{Block, Blocks, MOST_BLOCKS, Node, low_leaves};
 pub use camera::{Aim, Camera, Projection, View};
 pub(crate) use camera::{centre, unit};
 pub(crate) use lights::{INTENSITY, THREE_POINT_PARTS, THREE_POINT_SUM};

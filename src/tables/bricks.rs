@@ -78,6 +78,17 @@ impl BrickGrid {
         occupied.iter().enumerate().filter(|(_, occupied)| **occupied).map(|(brick, _)| brick).collect()
     }
 
+    /// Whether `brick` lies at least partly in the block of `rays`, or they have none.
+    #[must_use]
+    pub fn is_of_block(&self, brick: usize, rays: &RayTable) -> bool {
+        let Some(block) = rays.block else { return true };
+        let edge = count(BRICK as usize / CELL);
+        let [low, high] = [block.low, block.high].map(|face| (face * rays.cell_scale + rays.cell_offset) / edge);
+        let place = DVec3::from_array(self.place(brick).map(count));
+        // Rounding may put a sample in a face into the next brick, which rays then ask for.
+        low.cmplt(place + 1.0).all() && high.cmpgt(place).all()
+    }
+
     /// For each brick a number that only grows along any of `rays`: the sum over the axes of its distance to the brick of
     /// the eye, or to the nearest one; for parallel rays, of its places in the direction of the rays.
     #[must_use]

@@ -19,7 +19,7 @@ pub use cells::{CELL, Cells, Occupancy};
 pub use gradient::GradientTable;
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction};
 pub use phase::{Phase, PhaseTable};
-pub use rays::{MOST_SAMPLES, RayTable, ray_places};
+pub use rays::{BlockBox, MOST_SAMPLES, RayTable, ray_places};
 pub use reflected::Reflected;
 pub use segments::SegmentTable;
 pub(crate) use segments::mean_density;

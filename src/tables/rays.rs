@@ -42,8 +42,8 @@ pub struct RayTable {
     pub crop_low: DVec3,
     /// Upper corner of the crop box.
     pub crop_high: DVec3,
-    /// Axes along which the upper face belongs to the next block. A ray in this face has its samples there.
-    pub open: [bool; 3],
+    /// The marched block, if it is not the whole volume.
+    pub block: Option<BlockBox>,
     /// Macrocells along the texture: scales texture coordinates to macrocells, before `cell_offset` is added.
     pub cell_scale: DVec3,
     /// Position of the texture's edge relative to voxel 0, in macrocells; negative.
@@ -54,6 +54,20 @@ pub struct RayTable {
     pub step_length: f64,
     /// Number of samples in the crop box on the longest ray.
     pub samples: u32,
+}
+
+/// Box of a block in texture coordinates. A block selects some of the samples and moves none.
+///
+/// A face between two blocks is the same number for both. A ray therefore passes it at the same sample for both, and
+/// every sample belongs to one block, whatever the rounding.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlockBox {
+    /// Lower corner; far away where the block ends with the volume.
+    pub low: DVec3,
+    /// Upper corner; far away where the block ends with the volume.
+    pub high: DVec3,
+    /// Axes along which the upper face belongs to the next block. A ray in this face has its samples there.
+    pub open: [bool; 3],
 }
 
 /// Places of `count` rays within a pixel, from 0 to 1 across and down: the first points of the Sobol' sequence in two
@@ -100,32 +114,26 @@ pub(super) fn crop_box(scene: &Scene) -> [DVec3; 2] {
     texture_box(geometry, scene.crop.unwrap_or_else(|| whole_box(geometry)))
 }
 
-/// Opposite corners of the box that is marched, and the axes along which its upper face belongs to the next block: the
-/// crop box, or its part in the block of `scene`. `None` if the volume has no such block.
-///
-/// A face between two blocks is the same number for both. A ray therefore passes it at the same sample for both, and
-/// every sample belongs to one block, whatever the rounding.
-fn marched_box(scene: &Scene) -> Option<([DVec3; 2], [bool; 3])> {
-    let [low, high] = crop_box(scene);
-    let Some(block) = scene.block else { return Some(([low, high], [false; 3])) };
-    let dims = scene.volume.geometry.dims;
-    let [first, end] = Blocks::new(&scene.volume.geometry, block.count)?.voxels(block.index)?;
-    let (mut corners, mut open) = ([low, high], [false; 3]);
-    for axis in 0..3 {
-        let face = |voxel: usize| count(voxel) / count(dims[axis]);
-        if first[axis] > 0 {
-            corners[0][axis] = low[axis].max(face(first[axis]));
+impl BlockBox {
+    /// Texture coordinate of a face that is far away.
+    const FAR: f64 = 1e6;
+
+    /// The box of the block of `scene`. `None` without a block, or if the volume has no such block.
+    fn of_scene(scene: &Scene) -> Option<Self> {
+        let (block, geometry) = (scene.block?, &scene.volume.geometry);
+        let [first, end] = Blocks::new(geometry, block.count)?.voxels(block.index)?;
+        let mut it = Self { low: DVec3::splat(-Self::FAR), high: DVec3::splat(Self::FAR), open: [false; 3] };
+        for (axis, &voxels) in geometry.dims.iter().enumerate() {
+            if first[axis] > 0 {
+                it.low[axis] = count(first[axis]) / count(voxels);
+            }
+            if end[axis] < voxels {
+                it.high[axis] = count(end[axis]) / count(voxels);
+                it.open[axis] = true;
+            }
         }
-        if end[axis] < dims[axis] && face(end[axis]) <= high[axis] {
-            corners[1][axis] = face(end[axis]);
-            open[axis] = true;
-        }
+        Some(it)
     }
-    // A box outside the crop box has no samples: far away and without extent, so that no ray meets it.
-    if corners[0].cmpgt(corners[1]).any() {
-        corners = [DVec3::splat(-1e6); 2];
-    }
-    Some((corners, open))
 }
 
 /// Unit of length in world units: the smallest spacing.
@@ -162,8 +170,11 @@ impl RayTable {
             (eye_distance * half_u, eye_distance * half_v, half_u, half_v)
         };
 
-        let ([low, high], ([crop_low, crop_high], open)) =
-            (texture_box(geometry, whole_box(geometry)), marched_box(scene)?);
+        let ([low, high], [crop_low, crop_high]) = (texture_box(geometry, whole_box(geometry)), crop_box(scene));
+        let block = BlockBox::of_scene(scene);
+        if scene.block.is_some() && block.is_none() {
+            return None;
+        }
         let most_samples = |low: DVec3, high: DVec3| {
             let longest = ((high - low) * dims * geometry.spacing).length();
             (longest / scene.accuracy.step_length).ceil() + 1.0
@@ -188,7 +199,7 @@ impl RayTable {
             high,
             crop_low,
             crop_high,
-            open,
+            block,
             cell_scale: dims / cell,
             cell_offset: DVec3::splat(-0.5 / cell),
             local_scale: geometry.spacing / unit * dims,

@@ -199,13 +199,32 @@ impl Recorder {
     ///
     /// [`VulkanError::Misuse`] for an image of integers.
     pub fn clear(&mut self, image: &StorageImage, value: [f32; 4]) -> Result<(), VulkanError> {
+        self.clear_layers(image, 0..image.layers(), value)
+    }
+
+    /// Sets every texel of some layers to `value`.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Misuse`] for an image of integers, or layers outside the image.
+    pub fn clear_layers(
+        &mut self,
+        image: &StorageImage,
+        layers: Range<u32>,
+        value: [f32; 4],
+    ) -> Result<(), VulkanError> {
         image.check_device(self.device())?;
         if image.format().is_uint() {
             return Err(VulkanError::misuse(image.name(), "an image of integers cannot be cleared to a number"));
         }
+        if layers.is_empty() || layers.end > image.layers() {
+            let mistake = format!("layers {layers:?} are outside its {} layers", image.layers());
+            return Err(VulkanError::misuse(image.name(), mistake));
+        }
         let value = vk::ClearColorValue { float32: value };
-        let range = [image::all_layers()];
-        // SAFETY: recording; the image is always in this layout, was made as a copy target, and is kept.
+        let range = [image::all_layers().base_array_layer(layers.start).layer_count(layers.end - layers.start)];
+        // SAFETY: recording; the image is always in this layout, was made as a copy target, and is kept. It has these
+        // layers.
         unsafe {
             self.functions().cmd_clear_color_image(self.commands(), image.raw(), image::STORAGE_LAYOUT, &value, &range);
         };
@@ -259,6 +278,55 @@ impl Recorder {
         self.copy_back(image, layer, [[0, 0], image.extent()], buffer, offset)
     }
 
+    /// Copies `rows` of `layer` of `image` to `buffer`, from byte `offset` on: tightly packed.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::read_back`], and [`VulkanError::Misuse`] for rows outside the image.
+    pub fn read_back_rows(
+        &mut self,
+        image: &StorageImage,
+        layer: u32,
+        rows: Range<u32>,
+        buffer: &Buffer,
+        offset: u64,
+    ) -> Result<(), VulkanError> {
+        let rectangle = rows_of(image, rows)?;
+        self.copy_back(image, layer, rectangle, buffer, offset)
+    }
+
+    /// Copies `rows` of `layer` of `image` from `buffer`, where they begin at byte `offset`: tightly packed.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::read_back_rows`].
+    pub fn write_rows(
+        &mut self,
+        image: &StorageImage,
+        layer: u32,
+        rows: Range<u32>,
+        buffer: &Buffer,
+        offset: u64,
+    ) -> Result<(), VulkanError> {
+        let rectangle = rows_of(image, rows)?;
+        check_source(self.device(), buffer)?;
+        let region = self.rectangle(image, layer, rectangle, buffer, offset)?;
+        // SAFETY: recording; the region was checked to lie in both the image and the buffer. Both are kept until the
+        // submission ends, and the image is always in this layout.
+        unsafe {
+            self.functions().cmd_copy_buffer_to_image(
+                self.commands(),
+                buffer.raw(),
+                image.raw(),
+                image::STORAGE_LAYOUT,
+                &[region],
+            );
+        };
+        self.used.buffers.push(buffer.clone());
+        self.used.others.push(Arc::new(image.clone()));
+        Ok(())
+    }
+
     /// Copies the texel at `place` (column, row) of `layer` of `image` to byte `offset` of `buffer`.
     ///
     /// # Errors
@@ -280,29 +348,41 @@ impl Recorder {
         self.copy_back(image, layer, [place, [1, 1]], buffer, offset)
     }
 
-    /// Copies a rectangle of `image`, which must lie in the image.
-    fn copy_back(
-        &mut self,
+    /// Checks the copy of a rectangle of `image`, which must lie in the image, to or from `buffer`.
+    fn rectangle(
+        &self,
         image: &StorageImage,
         layer: u32,
         [place, [width, height]]: [[u32; 2]; 2],
         buffer: &Buffer,
         offset: u64,
-    ) -> Result<(), VulkanError> {
+    ) -> Result<vk::BufferImageCopy, VulkanError> {
         if layer >= image.layers() {
             let mistake = format!("layer {layer} is outside its {} layers", image.layers());
             return Err(VulkanError::misuse(image.name(), mistake));
         }
         image.check_device(self.device())?;
-        check_target(self.device(), buffer)?;
         let texel_bytes = u64::from(image.format().texel_bytes());
         check_copy(buffer, offset, u64::from(width) * u64::from(height) * texel_bytes, texel_bytes)?;
         let [x, y] = place.map(|texel| i32::try_from(texel).unwrap_or(i32::MAX));
-        let region = vk::BufferImageCopy::default()
+        Ok(vk::BufferImageCopy::default()
             .buffer_offset(offset)
             .image_subresource(one_layer(layer))
             .image_offset(vk::Offset3D { x, y, z: 0 })
-            .image_extent(vk::Extent3D { width, height, depth: 1 });
+            .image_extent(vk::Extent3D { width, height, depth: 1 }))
+    }
+
+    /// Copies a rectangle of `image`, which must lie in the image.
+    fn copy_back(
+        &mut self,
+        image: &StorageImage,
+        layer: u32,
+        rectangle: [[u32; 2]; 2],
+        buffer: &Buffer,
+        offset: u64,
+    ) -> Result<(), VulkanError> {
+        check_target(self.device(), buffer)?;
+        let region = self.rectangle(image, layer, rectangle, buffer, offset)?;
         // SAFETY: recording; the region was checked to lie in both the image and the buffer. Both are kept until the
         // submission ends, and the image is always in this layout.
         unsafe {
@@ -472,6 +552,16 @@ fn check_copy(buffer: &Buffer, offset: u64, bytes: u64, texel: u64) -> Result<()
         return Err(VulkanError::misuse(buffer.name(), mistake));
     }
     buffer.check_range(offset, bytes)
+}
+
+/// Place and extent of whole rows.
+fn rows_of(image: &StorageImage, rows: Range<u32>) -> Result<[[u32; 2]; 2], VulkanError> {
+    let [width, height] = image.extent();
+    if rows.is_empty() || rows.end > height {
+        let mistake = format!("rows {rows:?} are outside its {height} rows");
+        return Err(VulkanError::misuse(image.name(), mistake));
+    }
+    Ok([[0, rows.start], [width, rows.end - rows.start]])
 }
 
 fn one_layer(layer: u32) -> vk::ImageSubresourceLayers {

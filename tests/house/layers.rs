@@ -19,6 +19,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("scene", &["model", "spectrum", "volume", "number"]),
     ("plan", &["scene", "model", "spectrum", "progress", "number"]),
     ("film", &["plan", "scene", "model", "spectrum", "number"]),
+    ("ranks", &["film", "scene"]),
     ("annotate", &["film", "plan", "scene", "spectrum", "volume", "number", "written"]),
     ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "number", "parallel"]),
     ("reference", &["film", "tables", "plan", "scene", "volume", "memory", "progress", "number", "parallel"]),
@@ -93,6 +94,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "measure",
             "memory",
             "output",
+            "ranks",
             "render",
             "reference",
             "film",
@@ -127,6 +129,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("clarabel", &["palette"]),
     ("exr", &["output"]),
     ("zarrs", &["volume"]),
+    ("mpi", &["ranks"]),
 ];
 
 /// Words that modules must not use.

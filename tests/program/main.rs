@@ -15,6 +15,8 @@ mod figures;
 mod first_look;
 mod measure;
 mod model_files;
+#[cfg(feature = "mpi")]
+mod mpi;
 mod out_of_core;
 mod output;
 mod page;

@@ -3,7 +3,9 @@
 use glam::DVec3;
 use relume::film::Film;
 use relume::internal::number::Real;
-use relume::scene::{Aim, Block, Blocks, Camera, Placement, Projection, Scene, low_leaves};
+use relume::progress::Quiet;
+use relume::render::{Renderer, SceneRenderer};
+use relume::scene::{Aim, Block, Blocks, Camera, Interpolation, Node, Placement, Projection, Scene, low_leaves};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 
 use crate::support::rungs::{Rungs, with_renderer};
@@ -149,4 +151,64 @@ fn early_termination_leaves_out_as_much_light_as_in_one_march() {
         let worst = difference(&film, &whole);
         assert!(worst <= limit * blocks, "{worst}, with a termination of {limit} in {blocks} blocks");
     }
+}
+
+/// The film of `rungs`, marched block by block from front to back in tiles of `rows` rows, each from what the blocks in
+/// front have left.
+fn relayed(rungs: &Rungs, renderer: &Renderer, leaves: usize, rows: usize) -> Film<f32> {
+    let (scenes, low_first) = parts(&rungs.scene, rungs.size, leaves);
+    let on_device = |scene: &Scene| {
+        let statistics = scene.volume.statistics().unwrap();
+        SceneRenderer::with_plan(renderer, scene.clone(), rungs.planned.clone(), statistics, &Quiet).unwrap()
+    };
+    let first = on_device(&scenes[0]);
+    let mut state: Option<Film<f32>> = None;
+    for block in Node::top(leaves).front_to_back(&low_first) {
+        let own = first.with_scene(scenes[block].clone(), rungs.planned.clone(), &Quiet).unwrap();
+        let mut march = own.begin_march(rungs.size, renderer.speed()).unwrap();
+        for start in (0..rungs.size[1]).step_by(rows) {
+            let tile = start..(start + rows).min(rungs.size[1]);
+            let before = state.as_ref().map(|film| film.cut_out([[0, tile.start], [rungs.size[0], tile.end]]));
+            march.begin_rows(renderer, tile, before.as_ref()).unwrap();
+            while !march.is_done() {
+                march.step(renderer, own.uploaded()).unwrap();
+            }
+        }
+        state = Some(march.read_rows(renderer, 0..rungs.size[1]).unwrap());
+    }
+    state.unwrap()
+}
+
+/// Also with an early end, and with the headlight's shadows, which come from the march.
+#[test]
+fn a_march_that_goes_on_from_block_to_block_is_one_march_to_the_bit() {
+    let on_a_device = with_renderer(|renderer| {
+        let headlight = {
+            let mut scene = scenes::named("diffuse_three");
+            for light in scene.lights.iter_mut().filter(|light| light.placement == Placement::Headlight) {
+                light.shadows = true;
+            }
+            assert!(scene.asks_for_shadows(), "a headlight");
+            ("shadowed headlight", scene, SIZE)
+        };
+        for (name, mut scene, size) in cases().into_iter().chain([headlight]) {
+            scene.accuracy.termination = 0.02;
+            let whole = Rungs::new(scene, size);
+            let (film, group) = (whole.gpu(renderer), renderer.group_rows());
+            for leaves in if name == "samples" { vec![1, 2, 3, 5, 8] } else { vec![3, 4] } {
+                let relayed = relayed(&whole, renderer, leaves, if leaves == 3 { size[1] } else { group });
+                assert!(relayed == film, "{name} in {leaves} blocks: {}", difference(&relayed, &film));
+            }
+        }
+        // In bricks too, which are smaller and larger than blocks.
+        let mut scene = scenes::named("coloured_three");
+        scene.accuracy.interpolation = Interpolation::ExactLinear;
+        scene.accuracy.termination = 0.02;
+        let whole = Rungs::new(scene, SIZE);
+        let (film, bricked) = (whole.gpu(renderer), renderer.clone().always_in_bricks());
+        for leaves in [1, 4] {
+            assert!(relayed(&whole, &bricked, leaves, renderer.group_rows()) == film, "{leaves} blocks in bricks");
+        }
+    });
+    assert!(on_a_device.is_some() || std::env::var_os("GPU_TESTS").is_some(), "no device");
 }

@@ -14,6 +14,7 @@ mod phases;
 mod plan;
 mod probe;
 mod properties;
+mod ranks;
 mod rays;
 mod scenes;
 mod segments;

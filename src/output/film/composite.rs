@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::FilmFile;
-use crate::film::Film;
+use crate::film::composited;
 use crate::number::count;
 use crate::output::OutputError;
 use crate::progress::Progress;
-use crate::scene::{Blocks, MOST_BLOCKS, Scene, low_leaves};
+use crate::scene::{Blocks, MOST_BLOCKS, Node, Scene};
 
 /// The blocks of a volume in a film, and what parts must share to composite.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -77,7 +77,7 @@ impl FilmPart {
         if *first == 1 && last == blocks {
             return Err(format!("[part]: the blocks 1 to {blocks} are all, which is no part"));
         }
-        if smallest_node(*blocks, [*first, *last]).leaves != [*first, *last] {
+        if Node::smallest(*blocks, [*first, *last]).leaves != [*first, *last] {
             return Err(format!("[part]: the blocks {first} to {last} are not a node of the tree of {blocks}"));
         }
         if order.len() != blocks - 1 || !order.chars().all(|letter| "lh".contains(letter)) {
@@ -85,43 +85,6 @@ impl FilmPart {
         }
         Ok(())
     }
-}
-
-/// A node of the tree.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Node {
-    /// Its first and last leaf, from 1.
-    leaves: [usize; 2],
-    /// Number of its cut in preorder, if it has one.
-    cut: usize,
-}
-
-impl Node {
-    /// The low and the high side.
-    fn sides(self) -> [Self; 2] {
-        let [first, last] = self.leaves;
-        let low = low_leaves(last + 1 - first);
-        [
-            Self { leaves: [first, first + low - 1], cut: self.cut + 1 },
-            Self { leaves: [first + low, last], cut: self.cut + low },
-        ]
-    }
-
-    fn holds(self, [first, last]: [usize; 2]) -> bool {
-        self.leaves[0] <= first && last <= self.leaves[1]
-    }
-}
-
-/// The smallest node of the tree of `blocks` leaves that holds these.
-fn smallest_node(blocks: usize, leaves: [usize; 2]) -> Node {
-    let mut node = Node { leaves: [1, blocks], cut: 0 };
-    while node.leaves[0] < node.leaves[1] {
-        match node.sides().into_iter().find(|side| side.holds(leaves)) {
-            Some(side) => node = side,
-            None => break,
-        }
-    }
-    node
 }
 
 /// `3` or `3 to 5`.
@@ -213,7 +176,7 @@ pub fn composite(
     };
     let blocks = front.part.blocks;
     let mut next = front.part.first;
-    let node = smallest_node(blocks, [next, back.part.last]);
+    let node = Node::smallest(blocks, [next, back.part.last]);
     let mut missing = Vec::new();
     next = node.leaves[0];
     for (at, it) in known.iter().enumerate() {
@@ -247,19 +210,11 @@ pub fn composite(
         ));
     }
     let mut done = 0;
-    let film = film_of(node, &known, &mut done, progress)?;
-    let [first, last] = node.leaves;
-    let part = (last + 1 - first < blocks).then(|| FilmPart { first, last, ..front.part.clone() });
-    let header = front.header.clone();
-    let film = FilmFile { part, accumulators: film.accumulators, transmittance: film.transmittance, ..header };
-    Ok(Composited { film, blocks: [first, last, blocks] })
-}
-
-/// The film of `node`, of the parts that hold it.
-fn film_of(node: Node, known: &[Known<'_>], done: &mut u64, progress: &dyn Progress) -> Result<Film<f32>, OutputError> {
-    if let Some(it) = known.iter().find(|it| [it.part.first, it.part.last] == node.leaves) {
-        progress.report("compositing parts", *done, known.len() as u64);
-        *done += 1;
+    let low_first: Vec<bool> = front.part.order.bytes().map(|letter| letter == b'l').collect();
+    let film = composited(node, &low_first, &mut |node| {
+        let Some(it) = known.iter().find(|it| [it.part.first, it.part.last] == node.leaves) else { return Ok(None) };
+        progress.report("compositing parts", done, total);
+        done += 1;
         if progress.cancelled() {
             return Err(OutputError::Cancelled { path: it.path.to_owned() });
         }
@@ -268,39 +223,12 @@ fn film_of(node: Node, known: &[Known<'_>], done: &mut u64, progress: &dyn Progr
         if part != it.part || film != it.header {
             return Err(refused(it.path, "another program changed this part while it was read; composite again"));
         }
-        return Ok(taken);
-    }
-    let held = |side: &Node| known.iter().find(|it| side.holds([it.part.first, it.part.last]));
-    let [low, high] = node.sides();
-    let Some((of_low, _)) = held(&low).zip(held(&high)) else {
-        let path = known.first().map_or(Path::new(""), |it| it.path);
-        return Err(refused(path, format!("no part holds block {}", range(node.leaves))));
-    };
-    let is_low_first = of_low.part.order.as_bytes().get(node.cut) == Some(&b'l');
-    let [front, back] = if is_low_first { [low, high] } else { [high, low] };
-    let front = film_of(front, known, done, progress)?;
-    let back = film_of(back, known, done, progress)?;
-    front.over(&back).ok_or_else(|| refused(of_low.path, "the channels differ from those of the other parts"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Node, smallest_node};
-
-    #[test]
-    fn nodes_number_their_cuts_in_preorder() {
-        let mut next = 0;
-        fn walk(node: Node, next: &mut usize) {
-            if node.leaves[0] < node.leaves[1] {
-                assert_eq!(node.cut, *next);
-                *next += 1;
-                node.sides().into_iter().for_each(|side| walk(side, next));
-            }
-        }
-        walk(Node { leaves: [1, 11], cut: 0 }, &mut next);
-        assert_eq!(next, 10);
-        assert_eq!(smallest_node(8, [3, 4]).leaves, [3, 4]);
-        assert_eq!(smallest_node(8, [2, 3]).leaves, [1, 4]);
-        assert_eq!(smallest_node(8, [4, 5]).leaves, [1, 8]);
-    }
+        Ok(Some(taken))
+    })?;
+    let film = film.ok_or_else(|| refused(front.path, "the channels differ from those of the other parts"))?;
+    let [first, last] = node.leaves;
+    let part = (last + 1 - first < blocks).then(|| FilmPart { first, last, ..front.part.clone() });
+    let header = front.header.clone();
+    let film = FilmFile { part, accumulators: film.accumulators, transmittance: film.transmittance, ..header };
+    Ok(Composited { film, blocks: [first, last, blocks] })
 }

@@ -170,7 +170,7 @@ export async function unpack(page, view, bytes) {
     return code >> 1 ^ -(code & 1);
   };
   for (const { wide, empty } of page.channels) {
-    const plane = new (wide ? Uint16Array : Uint8Array)(pixels), row = new Uint16Array(width);
+    const plane = new (wide ? Uint16Array : Uint8Array)(pixels), row = new plane.constructor(width);
     planes.push(plane);
     for (let y = 0; y < height && !empty; y++, first += width) {
       if (nextRow(row, all, first, wide ? WIDE : NARROW, escaped)) plane.set(row, y * width);
@@ -215,8 +215,7 @@ async function turned(page, planes) {
       parts.forEach(({ codes, zero }, i) => { for (let n = 0; n < size; n++) roots[i + n * stride] = codes[start + n] - zero; });
       for (const { squares, weights } of outs) {
         sum.fill(0);
-        for (let i = 0; i < stride; i += 8) addEight(sum, roots, i, stride, weights, size);
-        for (let n = 0; n < size; n++) squares[start + n] = sum[n] * abs(sum[n]);
+        for (let i = 0; i < stride; i += 8) addEight(sum, roots, i, stride, weights, size, squares, start);
       }
       await pause();
     }
@@ -224,12 +223,13 @@ async function turned(page, planes) {
   return shown;
 }
 
-/** Adds eight weighted roots from `i` to the sums. */
-function addEight(sum, roots, i, stride, weights, size) {
+/** Adds eight weighted roots from `i` to the sums, and sets their squares. */
+function addEight(sum, roots, i, stride, weights, size, squares, start) {
   const [a, b, c, d, e, f, g, h] = weights.subarray(i, i + 8);
   for (let n = 0, at = i; n < size; n++, at += stride) {
-    sum[n] += a * roots[at] + b * roots[at + 1] + c * roots[at + 2] + d * roots[at + 3]
+    const root = sum[n] += a * roots[at] + b * roots[at + 1] + c * roots[at + 2] + d * roots[at + 3]
       + (e * roots[at + 4] + f * roots[at + 5] + g * roots[at + 6] + h * roots[at + 7]);
+    squares[start + n] = root * abs(root);
   }
 }
 

@@ -18,8 +18,8 @@ pub struct Dispatching {
     pub slice: u32,
     /// Memory of the tables, if they fit there.
     pub tables: TableMemory,
-    /// Axes along which the upper face of the marched box belongs to the next block; a march sets them.
-    pub open: [bool; 3],
+    /// Whether a block of the volume is marched; a march sets it.
+    pub block: bool,
     /// Residence of the volume; a march sets it.
     pub residence: Residence,
 }
@@ -49,7 +49,7 @@ impl Default for Dispatching {
             samples: None,
             slice: SLICE,
             tables: TableMemory::Storage,
-            open: [false; 3],
+            block: false,
             residence: Residence::Whole,
         }
     }

@@ -1,5 +1,7 @@
 //! Copies of films and of single pixels on the host.
 
+use std::ops::Range;
+
 use bytemuck::Pod;
 use half::f16;
 
@@ -17,17 +19,27 @@ impl Renderer {
     ///
     /// [`RenderError::Vulkan`].
     pub fn read(&self, film: &DeviceFilm) -> Result<Film<f32>, RenderError> {
+        self.read_rows(film, 0..film.size[1])
+    }
+
+    /// Copies some rows of a film to the host, as a film of these rows.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Vulkan`].
+    pub fn read_rows(&self, film: &DeviceFilm, rows: Range<usize>) -> Result<Film<f32>, RenderError> {
         let plan = &film.planned.plan;
-        let (size, components) = (film.size, plan.components());
-        let pixels = size[0] * size[1];
-        let mut accumulators = Vec::with_capacity(components * plan.positions.total() * pixels);
+        let (size, components) = ([film.size[0], rows.len()], plan.components());
+        let rows = unsigned(rows.start)..unsigned(rows.end);
+        let mut accumulators = Vec::with_capacity(components * plan.positions.total() * size[0] * size[1]);
         for position in 0..plan.positions.total() {
-            accumulators.extend(self.read_numbers(&film.accumulators, position * plan.lanes(), components)?);
+            let first = position * plan.lanes();
+            accumulators.extend(self.read_numbers(&film.accumulators, first, components, rows.clone())?);
         }
         let transmittance = match plan.transmittance {
-            Transmittance::Grey => read_layer(&self.device, &film.transmittance, 0)?,
+            Transmittance::Grey => read_layer_rows(&self.device, &film.transmittance, 0, rows)?,
             Transmittance::Coloured | Transmittance::Mixed => {
-                self.read_numbers(&film.transmittance, 0, plan.transmittance_numbers())?
+                self.read_numbers(&film.transmittance, 0, plan.transmittance_numbers(), rows)?
             }
         };
         Ok(Film { size, components, accumulators, transmittance })
@@ -77,16 +89,23 @@ impl Renderer {
         Ok(Film { size: [1, 1], components, accumulators, transmittance })
     }
 
-    /// Reads `count` numbers of every pixel, plane by plane, starting at the layer `first`.
-    fn read_numbers(&self, image: &StorageImage, first: usize, count: usize) -> Result<Vec<f32>, RenderError> {
+    /// Reads `count` numbers of every pixel in `rows`, plane by plane, starting at the layer `first`.
+    fn read_numbers(
+        &self,
+        image: &StorageImage,
+        first: usize,
+        count: usize,
+        rows: Range<u32>,
+    ) -> Result<Vec<f32>, RenderError> {
         let mut numbers = Vec::new();
         for lane in 0..count.div_ceil(LANE) {
             let texels: Vec<[f32; LANE]> = match image.format() {
                 Format::Rgba16Float => {
-                    let halves: Vec<[u16; LANE]> = read_layer(&self.device, image, unsigned(first + lane))?;
+                    let halves: Vec<[u16; LANE]> =
+                        read_layer_rows(&self.device, image, unsigned(first + lane), rows.clone())?;
                     halves.into_iter().map(|texel| texel.map(|bits| f16::from_bits(bits).to_f32())).collect()
                 }
-                _ => read_layer(&self.device, image, unsigned(first + lane))?,
+                _ => read_layer_rows(&self.device, image, unsigned(first + lane), rows.clone())?,
             };
             for part in 0..LANE.min(count - lane * LANE) {
                 numbers.extend(texels.iter().map(|texel| texel[part]));
@@ -107,11 +126,21 @@ pub(in crate::render) fn read_layer<T: Pod>(
     image: &StorageImage,
     layer: u32,
 ) -> Result<Vec<T>, RenderError> {
-    let bytes = image.layer_bytes();
+    read_layer_rows(device, image, layer, 0..image.extent()[1])
+}
+
+/// Reads the texels of some rows of a layer.
+fn read_layer_rows<T: Pod>(
+    device: &Device,
+    image: &StorageImage,
+    layer: u32,
+    rows: Range<u32>,
+) -> Result<Vec<T>, RenderError> {
+    let bytes = image.layer_bytes() / u64::from(image.extent()[1]) * u64::from(rows.end - rows.start);
     let buffer = Buffer::host(device, "read-back", bytes, HostUse::ReadBack)?;
     device.run("read-back", |recorder| {
         recorder.compute_to_transfer();
-        recorder.read_back(image, layer, &buffer, 0)?;
+        recorder.read_back_rows(image, layer, rows, &buffer, 0)?;
         recorder.transfer_to_host();
         Ok(())
     })?;

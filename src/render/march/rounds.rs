@@ -83,6 +83,7 @@ impl Rounds {
         let device = &renderer.device;
         let ranks = pool.grid.ranks(rays);
         let mut visible = if all { (0..bricks).collect() } else { pool.grid.occupied(occupancy) };
+        visible.retain(|&brick| pool.grid.is_of_block(brick, rays));
         visible.sort_by_key(|&brick| (ranks[brick], brick));
         // If all fit, all are loaded at once.
         let fit = visible.len() <= pool.capacity();
@@ -110,6 +111,14 @@ impl Rounds {
     fn begin(&self) -> Result<(), RenderError> {
         self.next.write(0, &vec![0; length(&self.next)])?;
         self.reset()
+    }
+
+    /// Begins with `rows` of a picture of `width` pixels across alone.
+    pub(super) fn begin_rows(&mut self, rows: std::ops::Range<usize>, width: usize) -> Result<(), RenderError> {
+        self.restart()?;
+        self.next.write(0, &vec![u8::MAX; length(&self.next)])?;
+        self.next.write(4 * (rows.start * width) as u64, &vec![0; 4 * rows.len() * width])?;
+        Ok(())
     }
 
     fn reset(&self) -> Result<(), RenderError> {

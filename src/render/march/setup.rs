@@ -16,8 +16,8 @@ use crate::plan::{Integrate, LANE, Planned, Transmittance};
 use crate::render::{RenderError, Renderer, Uploaded};
 use crate::scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use crate::tables::{
-    CELL, FilmTable, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
-    TransferTable, ray_places,
+    BlockBox, CELL, FilmTable, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable,
+    ShadingTable, Steps, TransferTable, ray_places,
 };
 use crate::vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
@@ -68,6 +68,29 @@ struct SegmentUniform {
     unit: f32,
     variation: f32,
     unused: [f32; 2],
+}
+
+/// Uniform of a block, in the layout of `shaders/rays.wgsl`.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+struct BlockUniform {
+    low: [f32; 3],
+    unused: u32,
+    high: [f32; 3],
+    unused_too: u32,
+    open: [u32; 3],
+    unused_as_well: u32,
+}
+
+impl BlockUniform {
+    fn new(block: Option<BlockBox>) -> Self {
+        block.map_or_else(Self::default, |BlockBox { low, high, open }| Self {
+            low: low.to_array().map(rounded),
+            high: high.to_array().map(rounded),
+            open: open.map(u32::from),
+            ..Self::default()
+        })
+    }
 }
 
 /// The table of the transfer function.
@@ -224,6 +247,7 @@ impl Renderer {
             Ok(buffer)
         };
         let march = uniform("march", bytemuck::bytes_of(&MarchUniform::new(scene, uploaded, &rays, &values, size)))?;
+        let block = uniform("block", bytemuck::bytes_of(&BlockUniform::new(rays.block)))?;
         let shading = uniform("shading", &shading_bytes(scene, planned))?;
         let absorbers = uniform("absorbers", &absorber_bytes(scene, planned))?;
         let phases = uniform("phases", &phase_bytes(scene, planned))?;
@@ -251,6 +275,10 @@ impl Renderer {
         let transmittance =
             StorageImage::new(device, "transmittance", format, extent, unsigned(plan.transmittance_lanes().max(1)))?;
 
+        if rays.block.is_some() {
+            self.fill_with_light([&accumulators, &transmittance], plan)?;
+        }
+
         let mean = if plan.rays > 1 { Some(Mean::new(self, plan, [&accumulators, &transmittance])?) } else { None };
         let mut places: Vec<[f32; 2]> =
             ray_places(plan.rays).into_iter().map(|place| place.map(rounded)).rev().collect();
@@ -264,13 +292,15 @@ impl Renderer {
             .transpose()?;
 
         let residence = uploaded.residence();
-        let (pipeline, set) =
-            self.bind(source(plan, Dispatching { tables, open: rays.open, residence, ..self.dispatching }), |name| {
+        let (pipeline, set) = self.bind(
+            source(plan, Dispatching { tables, block: rays.block.is_some(), residence, ..self.dispatching }),
+            |name| {
                 if let Some(resource) = grid.as_ref().and_then(|grid| grid.resource(name)) {
                     return Some(resource);
                 }
                 Some(match name {
                     "march_uniform" => Resource::Uniform(&march),
+                    "block" => Resource::Uniform(&block),
                     "shading_uniform" => Resource::Uniform(&shading),
                     "phases_uniform" => Resource::Uniform(&phases),
                     "films_uniform" => Resource::Uniform(&films),
@@ -296,7 +326,8 @@ impl Renderer {
                         }
                     }
                 })
-            })?;
+            },
+        )?;
 
         let slice = self.dispatching.slice.min(longest_slice(plan));
         let dispatching = Dispatching { slice, ..self.dispatching };
@@ -316,7 +347,8 @@ impl Renderer {
             accumulators,
             transmittance,
         };
-        Ok(March { pipeline, set, schedule, left, grid, rounds, places, mean })
+        let is_block = rays.block.is_some();
+        Ok(March { pipeline, set, schedule, left, grid, rounds, places, mean, is_block })
     }
 
     /// Memory and buffers of the tables of values and labels, by their names in the shader.

@@ -120,7 +120,7 @@ fn filmed(constants: Constants, plan: &ScenePlan) -> Constants {
 }
 
 /// Constants of the march shader for `plan`.
-fn constants(plan: &ScenePlan, Dispatching { group, open, residence, .. }: Dispatching) -> Constants {
+fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Dispatching) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
     let [_, transmittance] = images(plan, StoreAs::Single, "read_write");
     let table_lanes = unsigned(parts.lanes.max(1));
@@ -130,10 +130,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, open, residence, .. }: Dispa
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
     };
     filmed(bricked(common(plan), plan, residence), plan)
-        .bool("BLOCK", open.contains(&true))
-        .bool("OPEN_X", open[0])
-        .bool("OPEN_Y", open[1])
-        .bool("OPEN_Z", open[2])
+        .bool("BLOCK", block)
         .u32("LANES", unsigned(plan.lanes().max(1)))
         .u32("COMPONENTS", unsigned(dimension))
         .u32("TABLE_LANES", table_lanes)

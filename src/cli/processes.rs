@@ -1,0 +1,420 @@
+//! `relume render` by several processes, which `mpirun` or another MPI launcher has started.
+
+use std::cell::Cell;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::ops::Range;
+
+use serde_json::json;
+
+use relume::film::Film;
+use relume::internal::number::count;
+use relume::internal::ranks::{Alone, Ranks, Relay, all_gather, gather_rows, over, tiles};
+use relume::measure::{Stopwatch, Timing};
+use relume::output::OutputError;
+use relume::plan::{Planned, Transmittance};
+use relume::progress::Progress;
+use relume::render::{DeviceFilm, RenderError, SceneRenderer};
+use relume::scene::{Block, Blocks, Mix, Node, Scene, View};
+
+use super::CliError;
+
+/// How processes share the march of one picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Way {
+    /// The film goes from block to block along the rays: that of one process, to the byte.
+    Relay,
+    /// All blocks at once, composited: one film for any number of processes. The number of blocks, if it is stated.
+    Over(Option<usize>),
+    /// Each process renders by itself.
+    Off,
+}
+
+/// Reads `relay`, `over`, `over/N` or `off`.
+pub(crate) fn way(text: &str) -> Result<Way, String> {
+    let blocks = |number: &str| number.parse().ok().filter(|&blocks| blocks > 0);
+    match text.split_once('/') {
+        None if text == "relay" => Ok(Way::Relay),
+        None if text == "over" => Ok(Way::Over(None)),
+        None if text == "off" => Ok(Way::Off),
+        Some(("over", number)) if blocks(number).is_some() => Ok(Way::Over(blocks(number))),
+        _ => Err("write relay, over, over/N with N blocks (such as over/64), or off".to_owned()),
+    }
+}
+
+/// Number of processes that a launcher says it has started: Open MPI's, that of MPICH and Intel MPI, or Slurm's.
+fn started() -> usize {
+    let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<usize>().ok());
+    let of_slurm = || std::env::var_os("PMIX_RANK").and_then(|_| number("SLURM_STEP_NUM_TASKS"));
+    number("OMPI_COMM_WORLD_SIZE").or_else(|| number("PMI_SIZE")).or_else(of_slurm).unwrap_or(1)
+}
+
+/// The processes of this run.
+pub(crate) struct Processes {
+    ranks: Box<dyn Ranks>,
+    way: Way,
+    stage: Cell<Stage>,
+}
+
+/// What the processes know of each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stage {
+    /// Nothing yet.
+    Preparing,
+    /// All are ready to march the same picture.
+    Ready,
+    /// One is not, and all know it.
+    Refused,
+}
+
+#[cfg(feature = "mpi")]
+fn ranks() -> Result<Box<dyn Ranks>, CliError> {
+    let mpi = relume::internal::ranks::Mpi::start();
+    Ok(Box::new(mpi.ok_or_else(|| CliError::Failed("MPI was started twice".to_owned()))?))
+}
+
+#[cfg(not(feature = "mpi"))]
+fn ranks() -> Result<Box<dyn Ranks>, CliError> {
+    Err(CliError::Usage(
+        "several processes were started for one picture, and this build of Relume has no MPI; build it with `cargo build \
+         --release --features mpi`, or share out the work with --part or --block"
+            .to_owned(),
+    ))
+}
+
+/// Status of a process before the march.
+const READY: u8 = b'+';
+
+impl Processes {
+    /// The processes of this run: those of a launcher, or this one alone if `way` is stated. `None` if each process works
+    /// by itself.
+    pub(crate) fn start(way: Option<Way>, is_apart: bool) -> Result<Option<Self>, CliError> {
+        let ranks: Box<dyn Ranks> = match (started(), way) {
+            (_, Some(Way::Off)) | (0 | 1, None) => return Ok(None),
+            (0 | 1, Some(_)) => Box::new(Alone),
+            (_, None) if is_apart => return Ok(None),
+            _ => ranks()?,
+        };
+        Ok(Some(Self { ranks, way: way.unwrap_or(Way::Relay), stage: Cell::new(Stage::Preparing) }))
+    }
+
+    pub(crate) fn rank(&self) -> usize {
+        self.ranks.rank()
+    }
+
+    /// Whether this process writes files and speaks.
+    pub(crate) fn is_first(&self) -> bool {
+        self.rank() == 0
+    }
+
+    pub(crate) fn count(&self) -> usize {
+        self.ranks.count()
+    }
+
+    pub(crate) fn way(&self) -> Way {
+        self.way
+    }
+
+    /// Blocks into which the volume of `scene` is cut.
+    pub(crate) fn blocks(&self, scene: &Scene) -> usize {
+        match self.way {
+            Way::Relay | Way::Off => self.count(),
+            Way::Over(blocks) => blocks.unwrap_or_else(|| Blocks::usual(&scene.volume.geometry)),
+        }
+    }
+
+    /// Ends once all processes are ready to march. All must render the same.
+    pub(crate) fn agree(&self, scene: &Scene, planned: &Planned, mix: &Mix, size: [usize; 2]) -> Result<(), CliError> {
+        let mut hasher = DefaultHasher::new();
+        format!("{:?} {:?} {mix:?} {size:?} {:?}", planned.plan, planned.positions, self.way).hash(&mut hasher);
+        let lights = planned.model.iter().flat_map(|model| model.lights());
+        lights.for_each(|(name, _, matrix)| format!("{name} {matrix:?}").hash(&mut hasher));
+        let digest = format!("{} {:016x} {:016x}", env!("CARGO_PKG_VERSION"), scene.digest(), hasher.finish());
+        let mine = [&[READY], digest.as_bytes()].concat();
+        let all = all_gather(&*self.ranks, mine);
+        self.stage.set(Stage::Refused);
+        if all.iter().any(|status| status.first() != Some(&READY)) {
+            return Err(CliError::Elsewhere);
+        }
+        let text = |rank: usize| String::from_utf8_lossy(&all[rank][1..]).into_owned();
+        match (1..all.len()).find(|&rank| all[rank] != all[0]) {
+            None => {
+                self.stage.set(Stage::Ready);
+                Ok(())
+            }
+            Some(_) if !self.is_first() => Err(CliError::Elsewhere),
+            Some(rank) => Err(CliError::Failed(format!(
+                "rank {rank} of {} renders something else than rank 0: version, scene and plan are {}, and {} at rank 0; give \
+                 all processes the same files, the same arguments and the same build",
+                self.count(),
+                text(rank),
+                text(0)
+            ))),
+        }
+    }
+
+    /// The error that this process tells, after all have heard of it if they were not ready yet: one process tells errors
+    /// before the march, and each its own after it.
+    pub(crate) fn told(&self, error: CliError) -> CliError {
+        if self.stage.get() == Stage::Preparing {
+            self.stage.set(Stage::Refused);
+            let all = all_gather(&*self.ranks, Vec::new());
+            let first = all.iter().position(|status| status.first() != Some(&READY));
+            if first != Some(self.rank()) {
+                return CliError::Elsewhere;
+            }
+        }
+        match (self.rank(), error) {
+            (0, error) | (_, error @ CliError::Elsewhere) => error,
+            (rank, error) => CliError::OfRank { rank, count: self.count(), source: Box::new(error) },
+        }
+    }
+
+    /// Ends all processes after an error of this one while they march: the others wait for it.
+    pub(crate) fn end(&self, code: u8) {
+        if self.count() > 1 && self.stage.get() == Stage::Ready {
+            self.ranks.abort(code);
+        }
+    }
+}
+
+/// What the first process has of the picture.
+pub(crate) struct Picture {
+    pub(crate) film: Option<Film<f32>>,
+    /// Linear RGBA.
+    pub(crate) linear: Option<Vec<f32>>,
+    /// 8-bit sRGB RGBA.
+    pub(crate) display: Option<Vec<u8>>,
+    /// Marches, dispatches and occupied macrocells are those of this process.
+    pub(crate) device: DeviceFilm,
+    pub(crate) times: Vec<(&'static str, Timing)>,
+    pub(crate) details: serde_json::Value,
+}
+
+/// What the outputs need.
+#[derive(Clone, Copy)]
+pub(crate) struct Asked {
+    pub(crate) film: bool,
+    pub(crate) linear: bool,
+    pub(crate) display: bool,
+}
+
+impl Processes {
+    /// Marches and relights a picture of `size` together with all other processes. Only the first has the result.
+    pub(crate) fn render(
+        &self,
+        on_device: &SceneRenderer,
+        mix: &Mix,
+        size: [usize; 2],
+        asked: Asked,
+        progress: &dyn Progress,
+    ) -> Result<Option<Picture>, CliError> {
+        let scene = on_device.scene();
+        let (geometry, blocks) = (&scene.volume.geometry, self.blocks(scene));
+        let view = scene.camera.view(geometry, count(size[0]) / count(size[1])).ok_or(RenderError::Camera)?;
+        let tree = Blocks::new(geometry, blocks).ok_or_else(|| CliError::Failed(format!("no {blocks} blocks")))?;
+        let low_first = tree.low_first(geometry, &view);
+        let clock = Stopwatch::start();
+        let (film, rows, mut details) = match self.way {
+            Way::Relay | Way::Off => self.relay(on_device, size, (&tree, &low_first, &view), progress)?,
+            Way::Over(_) => self.over(on_device, size, (&tree, &low_first, &view), progress)?,
+        };
+        let march = clock.read();
+
+        let clock = Stopwatch::start();
+        let Marched { device, stripe } = film;
+        let (renderer, matrices) = (on_device.renderer(), on_device.matrices(mix));
+        let width = size[0];
+        let of_rows = |pixels: &[u8], bytes: usize| -> Vec<(Range<usize>, Vec<u8>)> {
+            let part = |rows: &Range<usize>| &pixels[rows.start * width * bytes..rows.end * width * bytes];
+            rows.iter().map(|rows| (rows.clone(), part(rows).to_vec())).collect()
+        };
+        let picture = |bytes: usize, parts: Vec<(Range<usize>, Vec<u8>)>| -> Option<Vec<u8>> {
+            let mut whole = vec![0; width * size[1] * bytes];
+            for (rows, part) in parts {
+                whole[rows.start * width * bytes..][..part.len()].copy_from_slice(&part);
+            }
+            self.is_first().then_some(whole)
+        };
+        let (mut display, mut linear, mut whole) = (None, None, None);
+        if asked.display {
+            let relight = renderer.relight_display(&device)?;
+            relight.run(&matrices)?;
+            display = picture(4, gather_rows(&*self.ranks, of_rows(&relight.read()?, 4)));
+        }
+        if asked.linear {
+            let relight = renderer.relight_linear(&device)?;
+            relight.run(&matrices)?;
+            let parts = of_rows(bytemuck::cast_slice(&relight.read::<f32>()?), 16);
+            linear = picture(16, gather_rows(&*self.ranks, parts)).map(|bytes| bytemuck::pod_collect_to_vec(&bytes));
+        }
+        if asked.film {
+            let mut parts = Vec::new();
+            for rows in &rows {
+                let film = match &stripe {
+                    Some(film) => film.clone(),
+                    None => renderer.read_rows(&device, rows.clone())?,
+                };
+                let numbers = [&*film.accumulators, &*film.transmittance].concat();
+                parts.push((rows.clone(), bytemuck::cast_slice(&numbers).to_vec()));
+            }
+            whole = self.film(on_device.planned(), size, gather_rows(&*self.ranks, parts))?;
+        }
+        if !self.is_first() {
+            return Ok(None);
+        }
+        details["count"] = self.count().into();
+        let times = vec![("march", march), ("relight", clock.read())];
+        Ok(Some(Picture { film: whole, linear, display, device, times, details }))
+    }
+
+    /// The whole film at the first process.
+    fn film(
+        &self,
+        planned: &Planned,
+        size: [usize; 2],
+        parts: Vec<(Range<usize>, Vec<u8>)>,
+    ) -> Result<Option<Film<f32>>, CliError> {
+        if !self.is_first() {
+            return Ok(None);
+        }
+        let mut film = no_medium(planned, size);
+        let ([per_pixel, _], components) = (numbers(planned), film.components);
+        for (rows, bytes) in parts {
+            let size = [size[0], rows.len()];
+            let mut accumulators: Vec<f32> = bytemuck::pod_collect_to_vec(&bytes);
+            let transmittance = accumulators.split_off(per_pixel * size[0] * size[1]);
+            film.put([0, rows.start], &Film { size, components, accumulators, transmittance });
+        }
+        Ok(Some(film))
+    }
+
+    /// Marches the block of this process in the tiles that it covers.
+    fn relay(
+        &self,
+        on_device: &SceneRenderer,
+        size: [usize; 2],
+        (tree, low_first, view): (&Blocks, &[bool], &View),
+        progress: &dyn Progress,
+    ) -> Result<(Marched, Vec<Range<usize>>, serde_json::Value), CliError> {
+        let (scene, planned, renderer) = (on_device.scene(), on_device.planned(), on_device.renderer());
+        let geometry = &scene.volume.geometry;
+        let relay = Relay {
+            order: Node::top(self.count()).front_to_back(low_first),
+            rows: (0..self.count()).map(|rank| tree.rows(rank, geometry, view, size[1])).collect(),
+            width: size[0],
+            components: planned.plan.components(),
+            numbers: numbers(planned),
+        };
+        let own = self.block(on_device, Block { index: self.rank(), count: self.count() }, progress)?;
+        let mut march = own.begin_march(size, renderer.speed())?;
+        let tiles = tiles(size[1], renderer.group_rows(), self.count());
+        let (mut done, total) = (0, size[1] as u64);
+        let (rows, sent_bytes) = relay.run(&*self.ranks, &tiles, |tile, state| -> Result<_, CliError> {
+            march.begin_rows(renderer, tile.clone(), state)?;
+            while !march.is_done() {
+                if progress.cancelled() {
+                    return Err(CliError::Cancelled);
+                }
+                march.step(renderer, own.uploaded())?;
+            }
+            done += tile.len() as u64;
+            progress.report("marching", done, total);
+            Ok(march.read_rows(renderer, tile.clone())?)
+        })?;
+        let details = json!({ "way": "relay", "blocks": self.count(), "tiles": tiles.len(), "sent_bytes": sent_bytes });
+        Ok((Marched { device: march.finish(renderer)?, stripe: None }, rows, details))
+    }
+
+    /// Marches the blocks of this process, and composites the rows that it owns.
+    fn over(
+        &self,
+        on_device: &SceneRenderer,
+        size: [usize; 2],
+        (tree, low_first, view): (&Blocks, &[bool], &View),
+        progress: &dyn Progress,
+    ) -> Result<(Marched, Vec<Range<usize>>, serde_json::Value), CliError> {
+        let (renderer, planned) = (on_device.renderer(), on_device.planned());
+        let (geometry, group) = (&on_device.scene().volume.geometry, renderer.group_rows());
+        let blocks = low_first.len() + 1;
+        let (mut last, mut speed) = (None, renderer.speed());
+        let share = over(&*self.ranks, blocks, low_first, &mut |index| -> Result<Film<f32>, CliError> {
+            let own = self.block(on_device, Block { index, count: blocks }, progress)?;
+            let mut march = own.begin_march(size, speed)?;
+            // Rays of other rows do not meet the block.
+            let rows = tree.rows(index, geometry, view, size[1]);
+            let rows = rows.start / group * group..rows.end.next_multiple_of(group).min(size[1]);
+            let mut film = no_medium(planned, size);
+            if !rows.is_empty() {
+                march.begin_rows(renderer, rows.clone(), None)?;
+                while !march.is_done() {
+                    if progress.cancelled() {
+                        return Err(CliError::Cancelled);
+                    }
+                    march.step(renderer, own.uploaded())?;
+                }
+                speed = march.speed();
+                film.put([0, rows.start], &renderer.read_rows(&march.finish(renderer)?, rows)?);
+            }
+            progress.report("marching", index as u64 + 1, blocks as u64);
+            last = Some(own);
+            Ok(film)
+        })?;
+        let (share, own) = share.zip(last).ok_or(OutputError::Matrix)?;
+        let mut march = own.begin_march(size, renderer.speed())?;
+        if !share.rows.is_empty() {
+            march.write_rows(renderer, share.rows.clone(), &share.film)?;
+        }
+        let details = json!({ "way": "over", "blocks": blocks, "sent_bytes": share.sent_bytes });
+        let device = march.finish(renderer)?;
+        Ok((Marched { device, stripe: Some(share.film) }, vec![share.rows], details))
+    }
+
+    /// The scene with one of its blocks, on the same device.
+    fn block(
+        &self,
+        on_device: &SceneRenderer,
+        block: Block,
+        progress: &dyn Progress,
+    ) -> Result<SceneRenderer, CliError> {
+        let scene = Scene { block: Some(block), ..on_device.scene().clone() };
+        Ok(on_device.with_scene(scene, on_device.planned().clone(), progress)?)
+    }
+}
+
+/// A film after the march: on the device, and if it was composited the rows of this process on the host.
+struct Marched {
+    device: DeviceFilm,
+    stripe: Option<Film<f32>>,
+}
+
+/// Numbers of all accumulators of a pixel, and of its transmittance.
+fn numbers(planned: &Planned) -> [usize; 2] {
+    [planned.plan.positions.total() * planned.plan.components(), planned.plan.transmittance_numbers()]
+}
+
+/// The film of rays that meet no medium.
+fn no_medium(planned: &Planned, size: [usize; 2]) -> Film<f32> {
+    let [accumulators, transmittance] = numbers(planned).map(|numbers| numbers * size[0] * size[1]);
+    Film {
+        size,
+        components: planned.plan.components(),
+        accumulators: vec![0.0; accumulators],
+        transmittance: vec![1.0; transmittance],
+    }
+}
+
+/// Refuses what the processes cannot share.
+pub(crate) fn check(processes: &Processes, scene: &Scene, planned: &Planned) -> Result<(), CliError> {
+    if planned.plan.transmittance == Transmittance::Mixed {
+        return Err(OutputError::Matrix.into());
+    }
+    let (blocks, count) = (processes.blocks(scene), processes.count());
+    if blocks < count {
+        return Err(CliError::Failed(format!(
+            "{count} processes have only {blocks} blocks to march; start at most {blocks}, or cut the volume into more with \
+             --mpi over/{}",
+            count.next_power_of_two()
+        )));
+    }
+    Ok(())
+}

@@ -1,0 +1,87 @@
+//! Processes that an MPI launcher has started.
+
+use std::time::Duration;
+
+use mpi::environment::Universe;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::{Communicator, Destination, MatchedReceiveVec, Source};
+
+use super::Ranks;
+
+/// Largest number of bytes of one MPI message, whose count is an `int`. A message of several ends with a shorter one.
+const MOST_BYTES: usize = 1 << 30;
+
+/// Longest pause before the next look for messages. A process that waits without pauses takes a core from one that marches.
+const LONGEST_PAUSE: Duration = Duration::from_millis(1);
+
+/// The processes of `MPI_COMM_WORLD`.
+#[expect(missing_debug_implementations, reason = "MPI's handles say nothing")]
+pub struct Mpi {
+    world: SimpleCommunicator,
+    // MPI ends when this is dropped.
+    _universe: Universe,
+}
+
+impl Mpi {
+    /// Starts MPI; `None` if it was started before.
+    #[must_use]
+    pub fn start() -> Option<Self> {
+        // Only the main thread speaks MPI.
+        let (universe, _) = mpi::initialize_with_threading(mpi::Threading::Funneled)?;
+        Some(Self { world: universe.world(), _universe: universe })
+    }
+
+    fn process(&self, rank: usize) -> mpi::topology::Process<'_> {
+        self.world.process_at_rank(i32::try_from(rank).unwrap_or(i32::MAX))
+    }
+}
+
+/// A message in pieces, of which the last is shorter than all others.
+fn pieces(message: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let whole = message.len() / MOST_BYTES + 1;
+    (0..whole).map(|piece| &message[piece * MOST_BYTES..message.len().min((piece + 1) * MOST_BYTES)])
+}
+
+impl Ranks for Mpi {
+    fn rank(&self) -> usize {
+        usize::try_from(self.world.rank()).unwrap_or(0)
+    }
+
+    fn count(&self) -> usize {
+        usize::try_from(self.world.size()).unwrap_or(1)
+    }
+
+    fn exchange(&self, outgoing: &[(usize, &[u8])], from: &[usize]) -> Vec<Vec<u8>> {
+        let mut messages = vec![Vec::new(); from.len()];
+        mpi::request::scope(|scope| {
+            let mut sends = Vec::new();
+            for &(rank, message) in outgoing {
+                sends.extend(pieces(message).map(|piece| self.process(rank).immediate_send(scope, piece)));
+            }
+            let mut waiting: Vec<usize> = (0..from.len()).collect();
+            let mut pause = Duration::from_micros(1);
+            while !(sends.is_empty() && waiting.is_empty()) {
+                let before = (sends.len(), waiting.len());
+                sends = sends.into_iter().filter_map(|send| send.test().err()).collect();
+                waiting.retain(|&at| {
+                    let Some(message) = self.process(from[at]).immediate_matched_probe() else { return true };
+                    let (piece, _) = message.matched_receive_vec::<u8>();
+                    let is_last = piece.len() < MOST_BYTES;
+                    messages[at].extend(piece);
+                    !is_last
+                });
+                if (sends.len(), waiting.len()) == before {
+                    std::thread::sleep(pause);
+                    pause = (2 * pause).min(LONGEST_PAUSE);
+                } else {
+                    pause = Duration::from_micros(1);
+                }
+            }
+        });
+        messages
+    }
+
+    fn abort(&self, code: u8) -> ! {
+        self.world.abort(code.into())
+    }
+}
