@@ -536,6 +536,12 @@ impl Text<'_> {
                 Some(directions) => self.whole("shadows.directions", directions, SKY_DIRECTIONS)?,
                 None => usual.directions,
             },
+            reach: file
+                .shadows
+                .reach
+                .as_ref()
+                .map(|reach| self.number("shadows.reach", reach, &POSITIVE))
+                .transpose()?,
         };
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
         if camera.view(&volume.geometry, 1.0).is_none() {

@@ -121,6 +121,13 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
         let shares = if scene.shadows.ambient == AmbientShares::Occluded { "occluded" } else { "open" };
         table(&mut document, "shadows")?.insert("ambient", value(shares));
     }
+    if scene.shadows.reach != then.shadows.reach {
+        let shadows = table(&mut document, "shadows")?;
+        match scene.shadows.reach {
+            Some(reach) => shadows.insert("reach", value(reach)),
+            None => shadows.remove("reach"),
+        };
+    }
     if scene.transfer != then.transfer {
         transfer(table(&mut document, "transfer")?, scene)?;
     }

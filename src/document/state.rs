@@ -49,6 +49,8 @@ pub enum Edit {
     Lighting(Lighting),
     /// Ambient shares of directed lights: open or occluded.
     AmbientShares(AmbientShares),
+    /// Distance in world units beyond which nothing dims the sky, at least [`Scene::least_reach`], or none.
+    Reach(Option<f64>),
     /// Selects a single light, or all lights that are on.
     Solo(Option<usize>),
     /// Selects the sliders or the dial.
@@ -135,6 +137,7 @@ impl Edit {
             | Self::Film(..)
             | Self::Lighting(_)
             | Self::AmbientShares(_)
+            | Self::Reach(_)
             | Self::Interval(..)
             | Self::AddInterval(_)
             | Self::RemoveTerm(_)
@@ -379,6 +382,10 @@ impl State {
             }
             Edit::Lighting(lighting) => scene.lighting = lighting,
             Edit::AmbientShares(ambient) => scene.shadows.ambient = ambient,
+            Edit::Reach(reach) => {
+                let finite = reach.filter(|reach| reach.is_finite());
+                scene.shadows.reach = finite.map(|reach| reach.max(scene.least_reach()));
+            }
             Edit::Solo(solo) => {
                 light.mixing = Mixing::Sliders;
                 light.solo = solo.filter(|&index| index < scene.lights.len());

@@ -350,6 +350,12 @@ impl Planned {
             sentences.push(format!(
                 "Ambient light is the mean of {directions} directions of an evenly bright sky, each dimmed by the medium. The light grid is filled along each of them, at twice the spacing."
             ));
+            if let Some(reach) = scene.shadows.reach {
+                sentences.push(format!(
+                    "What is farther than {} from a sample does not dim the sky (shadows.reach).",
+                    readable(reach)
+                ));
+            }
         }
         if shadows.occluded {
             sentences.push("The ambient shares of directed lights are dimmed like it (shadows.ambient).".to_owned());

@@ -2,9 +2,11 @@
 
 use super::{MOST_SHADOWED, PlanError, Planned, Transmittance, coloured};
 use crate::model::{ModelKind, Order};
+use crate::number::readable;
 use crate::scene::{Placement, Scene, SceneLight};
 
-/// Refuses shadows of an evenly bright sky in coloured media, models without a depth per component, and too many depths.
+/// Refuses shadows of an evenly bright sky in coloured media or within a space of the light grid, models without a depth per
+/// component, and too many depths.
 pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let Some(shadows) = planned.plan.shadows else { return Ok(()) };
     let of_light = |light: &SceneLight| format!("lights.{}.shadows = true", light.name);
@@ -28,6 +30,15 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
             );
             return refused(setting, why);
         }
+    }
+    if let Some(reach) = scene.shadows.reach.filter(|&reach| shadows.sky() && reach < scene.least_reach()) {
+        let why = format!(
+            "shadows start {} voxels from a sample, and the light grid has a node every {} voxels, so that it holds no shade nearer than {}; set at least this, or a smaller shadows.start or shadows.spacing",
+            readable(scene.shadow_start()),
+            readable(scene.shadows.spacing),
+            readable(scene.least_reach())
+        );
+        return refused(format!("shadows.reach = {}", readable(reach)), why);
     }
     let (directions, depths) = (shadows.grid_lights(), shadows.grid_depths());
     if depths > MOST_SHADOWED {

@@ -77,9 +77,10 @@ impl Stale {
         // Only a light grid or rays depend on them, not the shadows of a headlight.
         if planned.plan.grid_lights() > 0 {
             // The method and the ambient shares are compared in the plan.
-            let Shadows { method: _, spacing, start: _, ambient: _, directions } = *shadows;
+            let Shadows { method: _, spacing, start: _, ambient: _, directions, reach } = *shadows;
             let moved = before.shadow_start() != after.shadow_start();
-            let of_sky = planned.plan.sky().is_some() && directions != after.shadows.directions;
+            let sky = (directions, reach) != (after.shadows.directions, after.shadows.reach);
+            let of_sky = planned.plan.sky().is_some() && sky;
             add(spacing != after.shadows.spacing || moved || of_sky, Self::Accumulators);
         }
         add(true, of_accuracy(accuracy, &after.accuracy));

@@ -1,5 +1,7 @@
 //! Light that reaches a sample. Twin of `shaders/light_grid.wgsl` and `shaders/shadowed.wgsl`.
 
+use std::collections::VecDeque;
+
 use super::{ReferenceError, Samples};
 use crate::memory;
 use crate::number::{Real, count};
@@ -8,7 +10,7 @@ use crate::plan::Planned;
 use crate::progress::Progress;
 use crate::scene::{Scene, ShadowMethod, Shadows};
 use crate::tables::{
-    GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, PositionTable, SKY_SPACING, Steps, Sweep,
+    GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, PositionTable, SKY_SPACING, Steps, Sweep, Within,
     sky_direction,
 };
 
@@ -42,8 +44,8 @@ enum Dimming<R> {
     Ray([R; 3]),
     /// A ray to this point.
     RayTo(PointRays),
-    /// The mean over rays in these directions.
-    Rays(Vec<[R; 3]>),
+    /// The mean over rays in these directions, for this distance.
+    Rays(Vec<[R; 3]>, R),
 }
 
 impl<R: Real> Reaching<R> {
@@ -80,21 +82,24 @@ impl<R: Real> Reaching<R> {
             (GridLight::From(direction), ShadowMethod::Grid) => filled(&grid.sweep(direction, start)),
             (GridLight::At(point), ShadowMethod::Rays) => Ok(Dimming::RayTo(PointRays { point, start, local_scale })),
             (GridLight::At(point), ShadowMethod::Grid) => filled(&grid.rays(point, start)),
-            (GridLight::Sky { directions }, ShadowMethod::Rays) if pixels == 1 => {
+            (GridLight::Sky { directions, reach }, ShadowMethod::Rays) if pixels == 1 => {
                 // One ray reads few of the nodes of a grid.
                 let along = (0..directions).map(|i| from(sky_direction(i, directions) / local_scale));
-                Ok(Dimming::Rays(along.collect()))
+                Ok(Dimming::Rays(along.collect(), R::from_f64(reach.unwrap_or(FAR))))
             }
-            (GridLight::Sky { directions }, ShadowMethod::Rays) => {
+            (GridLight::Sky { directions, reach }, ShadowMethod::Rays) => {
                 let spacing = FINER_SKY * SKY_SPACING * spacing;
                 let sky = LightGrid::new(scene, spacing);
                 check_memory(spacing, sky.dims, 2 * size_of::<R>(), free)?;
                 let directions = MORE_DIRECTIONS * directions;
-                Ok(Dimming::Grid(sky, vec![sky_depths(&sky, directions, start, samples, progress)?]))
+                Ok(Dimming::Grid(
+                    sky,
+                    vec![sky_depths(&sky, directions, [start, reach.unwrap_or(FAR)], samples, progress)?],
+                ))
             }
-            (GridLight::Sky { directions }, ShadowMethod::Grid) => {
+            (GridLight::Sky { directions, reach }, ShadowMethod::Grid) => {
                 let sky = LightGrid::new(scene, SKY_SPACING * spacing);
-                let depths = sky_depths(&sky, directions, start, samples, progress)?;
+                let depths = sky_depths(&sky, directions, [start, reach.unwrap_or(FAR)], samples, progress)?;
                 Ok(Dimming::Grid(grid, vec![resampled(&sky, &depths, &grid, samples)]))
             }
         };
@@ -114,9 +119,8 @@ impl<R: Real> Reaching<R> {
     /// Sets `reached` to the fractions of the light number `index` that reach `place`: one per component with coloured
     /// absorbers, otherwise one for all.
     pub(super) fn light(&self, index: usize, place: [R; 3], samples: &impl Samples<R>, reached: &mut [R]) {
-        let far = R::from_f64(FAR);
-        if let Some(Dimming::Rays(directions)) = self.lights.get(index) {
-            let light = |&along| reaching(self.along(along, far, place, R::from_f64(1.0), samples, 0));
+        if let Some(Dimming::Rays(directions, reach)) = self.lights.get(index) {
+            let light = |&along| reaching(self.along(along, *reach, place, R::from_f64(1.0), samples, 0));
             let sum = directions.iter().map(light).fold(R::default(), |sum, light| sum + light);
             reached.fill(sum * R::from_f64(1.0 / count(directions.len())));
             return;
@@ -143,7 +147,7 @@ impl<R: Real> Reaching<R> {
                 let (along, distance) = to_point(to, place);
                 self.along(along, distance, place, step, samples, number)
             }
-            Some(Dimming::Rays(_)) | None => R::default(),
+            Some(Dimming::Rays(..)) | None => R::default(),
         }
     }
 
@@ -222,6 +226,8 @@ fn fill<R: Real>(
     let mut depths = vec![R::default(); grid.dims.iter().product()];
     let mut columns = vec![R::default(); sweep.columns[0] * sweep.columns[1]];
     let strides = [1, grid.dims[0], grid.dims[0] * grid.dims[1]];
+    // Columns at the slices before, the nearest first.
+    let mut before = VecDeque::new();
     for slice in 0..sweep.slices {
         if progress.cancelled() {
             return Err(ReferenceError::Cancelled);
@@ -239,10 +245,15 @@ fn fill<R: Real>(
             }
             continue;
         }
+        let within = sweep.within.map(|within| columns_within(within, &columns, &before));
         for j in 0..sweep.nodes[1] {
             for i in 0..sweep.nodes[0] {
-                depths[node(i, j)] = passed(sweep, &columns, slice, [i, j]);
+                depths[node(i, j)] = passed(sweep, within.as_ref().unwrap_or(&columns), slice, [i, j]);
             }
+        }
+        if sweep.within.is_some() {
+            before.truncate(sweep.kept());
+            before.push_front(columns.clone());
         }
         let [across, down] = sweep.window(slice);
         parallel::rows_mut(&mut columns, sweep.columns[0], &|j, row| {
@@ -254,6 +265,22 @@ fn fill<R: Real>(
         });
     }
     Ok(depths)
+}
+
+/// Depths of `columns` up to a distance, from those at the slices `before`, the nearest first.
+fn columns_within<R: Real>(within: Within, columns: &[R], before: &VecDeque<Vec<R>>) -> Vec<R> {
+    // Slices ago.
+    let depth = |column: usize, slices: usize| match slices.checked_sub(1) {
+        None => columns[column],
+        Some(i) => before.get(i).map_or(R::default(), |columns| columns[column]),
+    };
+    let rest = R::from_f64(within.rest);
+    let depth_within = |column: usize| {
+        let nearer = depth(column, within.slices);
+        let beyond = rest.mul_add(depth(column, within.slices + 1) - nearer, nearer);
+        (columns[column] - beyond).max(R::default())
+    };
+    (0..columns.len()).map(depth_within).collect()
 }
 
 /// Optical depth between a node and a point light; each part of the ray adds at most as much as a slice does.
@@ -286,17 +313,18 @@ fn depth_to<R: Real>(
     })
 }
 
-/// Depths that stand for the mean light of so many `directions` of the sky, at the nodes of `grid`.
+/// Depths that stand for the mean light of so many `directions` of the sky, at the nodes of `grid`, dimmed from `start` to
+/// `reach`.
 fn sky_depths<R: Real>(
     grid: &LightGrid,
     directions: usize,
-    start: f64,
+    [start, reach]: [f64; 2],
     samples: &impl Samples<R>,
     progress: &dyn Progress,
 ) -> Result<Vec<R>, ReferenceError> {
     let mut sums = vec![R::default(); grid.dims.iter().product()];
     for i in 0..directions {
-        let sweep = grid.sweep(sky_direction(i, directions), start);
+        let sweep = grid.sweep(sky_direction(i, directions), start).within(Some(reach));
         let depths = fill(grid, &sweep, samples, 0, progress)?;
         for (sum, depth) in sums.iter_mut().zip(depths) {
             *sum = *sum + reaching(depth);

@@ -138,6 +138,14 @@ impl Scene {
         self.shadows.start.unwrap_or(usual)
     }
 
+    /// The least [`Shadows::reach`] within which the light grid has a node, in world units: the start of shadows, and a space
+    /// of the grid along the axis with the largest spacing.
+    #[must_use]
+    pub fn least_reach(&self) -> f64 {
+        let voxel = self.volume.geometry.spacing;
+        self.shadow_start().mul_add(voxel.min_element(), self.shadows.spacing * voxel.max_element())
+    }
+
     /// Whether the material `index` absorbs light, through a value of the transfer function or a label.
     #[must_use]
     pub fn absorbs(&self, index: usize) -> bool {
@@ -300,6 +308,8 @@ pub struct Shadows {
     pub ambient: AmbientShares,
     /// Directions of an evenly bright sky, of which ambient light with shadows is the mean.
     pub directions: usize,
+    /// Distance from a sample in world units beyond which nothing shades it from the sky; `None` for no limit. Other lights have none.
+    pub reach: Option<f64>,
 }
 
 impl Default for Shadows {
@@ -310,6 +320,7 @@ impl Default for Shadows {
             start: None,
             ambient: AmbientShares::default(),
             directions: 64,
+            reach: None,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, DVec4};
 
-use super::rays::unit_length;
+use super::rays::{crop_box, unit_length};
 use crate::number::{count, rounded};
 use crate::plan::{Accumulate, LANE, Planned, ScenePlan};
 use crate::scene::{Material, Placement, Scene, three_point};
@@ -55,8 +55,9 @@ impl PositionTable {
                 GridLight::At(vector)
             }
         };
+        let sky = GridLight::Sky { directions: scene.shadows.directions, reach: sky_reach(scene) };
         let placed = plan.shadow_vectors().filter_map(|vector| self.0.get(vector)).enumerate().map(light);
-        placed.chain(plan.sky().map(|_| GridLight::Sky { directions: scene.shadows.directions })).collect()
+        placed.chain(plan.sky().map(|_| sky)).collect()
     }
 
     /// The depths of [`Self::grid_lights`]: of each light in turn, that of all that is grey, and one per coloured absorber.
@@ -87,7 +88,19 @@ pub enum GridLight {
     Sky {
         /// Number of directions.
         directions: usize,
+        /// Distance in units of length beyond which nothing dims it; `None` if it is longer than the crop box.
+        reach: Option<f64>,
     },
+}
+
+/// Distance in units of length beyond which nothing dims the sky of `scene`; `None` if it is longer than the crop box.
+#[must_use]
+pub fn sky_reach(scene: &Scene) -> Option<f64> {
+    let geometry = &scene.volume.geometry;
+    let unit = unit_length(geometry);
+    let [low, high] = crop_box(scene);
+    let longest = ((high - low) * DVec3::from_array(geometry.dims.map(count)) * geometry.spacing).length() / unit;
+    scene.shadows.reach.map(|reach| reach / unit).filter(|&reach| reach < longest)
 }
 
 /// Unit vector `i` of `directions` that are evenly spread over the sphere: a Fibonacci lattice.

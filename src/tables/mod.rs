@@ -17,14 +17,14 @@ mod transfer;
 pub use bricks::{BRICK, BrickGrid, apron, slot_edge};
 pub use cells::{CELL, Cells, Occupancy};
 pub use gradient::GradientTable;
-pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction};
+pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction, sky_reach};
 pub use phase::{Phase, PhaseTable};
 pub use rays::{BlockBox, MOST_SAMPLES, RayTable, ray_places};
 pub use reflected::Reflected;
 pub use segments::SegmentTable;
 pub(crate) use segments::mean_density;
 pub use shadows::{
-    ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, SKY_SPACING, Sweep,
+    ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, SKY_SPACING, Sweep, Within,
 };
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
 pub use thin_film::{FILM_ROWS, FilmRows, FilmTable};

@@ -102,6 +102,17 @@ pub struct Sweep {
     pub behind: f64,
     /// Rays to a point light, in place of columns.
     pub to: Option<PointRays>,
+    /// The way beyond which nothing dims the light; `None` without a limit.
+    pub within: Option<Within>,
+}
+
+/// Slices from the depth of a column to that which lies beyond the reach of a sky, and is subtracted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Within {
+    /// Whole slices.
+    pub slices: usize,
+    /// Part of one more slice.
+    pub rest: f64,
 }
 
 /// Rays from nodes to a point light. `samples` of a [`Sweep`] are then those of a part of a ray of length `path`.
@@ -160,6 +171,18 @@ impl LightGrid {
         8.0 * nodes * count(depths.div_ceil(GRID_LIGHTS))
     }
 
+    /// Most bytes of the columns of a sky on this grid, which keeps those of as many slices as its `reach` has, in units of
+    /// length.
+    #[must_use]
+    pub fn column_bytes(&self, reach: f64) -> f64 {
+        let along = |axis: usize| {
+            let nodes = |axis: usize| count(self.dims[axis % 3]);
+            let slices = (reach / (self.spacing * self.voxel)[axis] + 3.0).min(nodes(axis) + 1.0);
+            4.0 * slices * (nodes(axis) + nodes(axis + 1)) * (nodes(axis) + nodes(axis + 2))
+        };
+        (0..3).map(along).fold(0.0, f64::max)
+    }
+
     /// The sweep of a light in `direction` (towards the light, along the volume's axes), with shadows from `start` on,
     /// in units of length.
     #[must_use]
@@ -187,6 +210,7 @@ impl LightGrid {
             samples: whole((voxels.length() * path - 1e-9).ceil()).max(1),
             behind: start / path,
             to: None,
+            within: None,
         }
     }
 
@@ -211,6 +235,7 @@ impl LightGrid {
             samples: whole((path - 1e-9).ceil()).max(1),
             behind: 0.0,
             to: Some(PointRays { point, start, local_scale: voxels * self.voxel }),
+            within: None,
         }
     }
 }
@@ -233,6 +258,22 @@ impl LightGrid {
 }
 
 impl Sweep {
+    /// The same sweep of columns, dimmed only by what is within `reach` of a node, in units of length.
+    #[must_use]
+    pub fn within(mut self, reach: Option<f64>) -> Self {
+        let way = |reach: f64| (reach / self.path - self.behind).max(0.0);
+        // A column is not older than the sweep.
+        let shorter = reach.map(way).filter(|&way| way < count(self.slices));
+        self.within = shorter.map(|way| Within { slices: whole(way.floor()), rest: way.fract() });
+        self
+    }
+
+    /// Slices whose columns are kept: the last one, the next, and those that a reach subtracts.
+    #[must_use]
+    pub fn kept(&self) -> usize {
+        self.within.map_or(2, |within| (within.slices + 3).min(self.slices + 1))
+    }
+
     /// Approximate number of samples per column, or per node of a point light.
     #[must_use]
     pub fn work(&self) -> usize {

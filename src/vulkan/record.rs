@@ -232,6 +232,22 @@ impl Recorder {
         Ok(())
     }
 
+    /// Sets every byte of `buffer` to 0.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Misuse`] for a buffer that copies do not write, or of a number of bytes that is no multiple of 4.
+    pub fn zero(&mut self, buffer: &Buffer) -> Result<(), VulkanError> {
+        check_target(self.device(), buffer)?;
+        if buffer.bytes() % 4 > 0 {
+            return Err(VulkanError::misuse(buffer.name(), "only whole words are set to 0"));
+        }
+        // SAFETY: recording; the range is the whole buffer, which copies may write and which is kept.
+        unsafe { self.functions().cmd_fill_buffer(self.commands(), buffer.raw(), 0, vk::WHOLE_SIZE, 0) };
+        self.used.buffers.push(buffer.clone());
+        Ok(())
+    }
+
     /// Copies `bytes` bytes from one buffer to another.
     ///
     /// # Errors

@@ -543,6 +543,20 @@ fn shadows_that_cannot_be_computed_are_refused_with_their_light() {
             .collect();
     });
     assert!(with_three.contains("from 17 directions"), "{with_three}");
+    let near = refused(|scene| {
+        *scene = under_sky("gradient", 1);
+        // Voxels have a side of 1.
+        (scene.shadows.start, scene.shadows.reach) = (Some(1.5), Some(3.25));
+    });
+    assert!(near.starts_with("shadows.reach = 3.25 is not possible: shadows start 1.5 voxels"), "{near}");
+    assert!(
+        near.contains("a node every 2 voxels, so that it holds no shade nearer than 3.5; set at least this"),
+        "{near}"
+    );
+    // Light from a direction has no reach.
+    let mut ignored = lit_from(&[0.1]);
+    ignored.shadows.reach = Some(0.1);
+    assert!(plan(&ignored, &Quiet).is_ok());
 }
 
 /// [`occluded`] with voxels of these sides, of which the picture shows the same part.
@@ -684,6 +698,106 @@ fn a_ball_under_an_even_sky_has_the_brightness_of_its_closed_form() {
     }
 }
 
+/// A small core in the middle of a box from −1 to 1 of a medium that casts shadows and is not seen.
+struct Core {
+    depth: f64,
+    step: f64,
+}
+
+impl Samples<f64> for Core {
+    fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
+        let is_core = place.map(|part| 4.0 * part - 2.0).iter().map(|part| part * part).sum::<f64>() <= 0.01;
+        let opacity = if is_core { -(-self.step).exp_m1() } else { 0.0 };
+        step.source = vec![opacity, 0.0, 0.0, 0.0];
+        step.opacity = vec![opacity];
+    }
+
+    fn end(&self, _: [f64; 3]) -> End<f64> {
+        unreachable!("no segments")
+    }
+
+    fn mean(&self, _: [&End<f64>; 2], _: [f64; 3], _: &mut Step<f64>) -> f64 {
+        unreachable!("no segments")
+    }
+
+    // The unit of length is the spacing of the box's two voxels.
+    fn extinction(&self, _: [f64; 3], _: usize) -> f64 {
+        2.0 * self.depth
+    }
+}
+
+#[test]
+fn an_even_medium_takes_the_part_of_a_sky_that_its_reach_holds() {
+    let step = 1.0 / 100.0;
+    let (depth, reach) = (1.5, 0.53);
+    let shown = |method: ShadowMethod, start: f64, reach: Option<f64>| {
+        let mut scene = block(DVec3::splat(2.0), depth, "kind = \"ambient\"", step, 1.0);
+        scene.shadows.method = method;
+        (scene.shadows.spacing, scene.shadows.directions) = (0.05, 12);
+        // In voxels of a side of 2.
+        (scene.shadows.start, scene.shadows.reach) = (Some(start / 2.0), reach);
+        let planned = plan(&scene, &Quiet).unwrap();
+        reference::march(&scene, &planned, &Core { depth, step }, [1, 1], &Quiet).unwrap().accumulators[0]
+    };
+    let open = shown(ShadowMethod::Rays, 0.0, Some(0.1 + 1e-12)) * (0.1 * depth).exp();
+    assert!(open > 0.1, "{open}");
+    // Whatever the direction, the box goes on for more than the reach: each takes e^(−τ·(reach − start)).
+    for (method, start) in
+        [(ShadowMethod::Rays, 0.0), (ShadowMethod::Grid, 0.0), (ShadowMethod::Rays, 0.2), (ShadowMethod::Grid, 0.2)]
+    {
+        let found = shown(method, start, Some(reach));
+        let expected = open * (-depth * (reach - start)).exp();
+        assert!((found - expected).abs() <= 1e-9, "{method:?}, start {start}: {found}, not {expected}");
+    }
+    let whole = shown(ShadowMethod::Grid, 0.0, None);
+    assert!(whole < 0.7 * open * (-depth * reach).exp(), "without a reach: {whole}");
+}
+
+#[test]
+fn the_light_grid_approaches_rays_that_end_at_the_reach() {
+    for (start, reach, azimuth) in [(0.0, 6.3, 0.0), (0.0, 11.0, 70.0), (1.5, 9.5, 140.0)] {
+        let shown = |method: ShadowMethod, spacing: f64, reach: Option<f64>| {
+            let mut scene = under_sky("none", 0);
+            if let Aim::Orbit { azimuth: turned, .. } = &mut scene.camera.aim {
+                *turned = azimuth;
+            }
+            scene.shadows.method = method;
+            (scene.shadows.spacing, scene.shadows.directions) = (spacing, 16);
+            (scene.shadows.start, scene.shadows.reach) = (Some(start), reach);
+            weights(scene, [1, 1])[0]
+        };
+        let rays = shown(ShadowMethod::Rays, 2.0, Some(reach));
+        let error = |spacing: f64| (shown(ShadowMethod::Grid, spacing, Some(reach)) / rays - 1.0).abs();
+        let [coarse, fine] = [2.0, 0.5].map(error);
+        assert!(coarse <= 0.06 && fine <= 0.006, "{start} to {reach}: {coarse} at 4 voxels, {fine} at 1");
+        let whole = shown(ShadowMethod::Rays, 2.0, None);
+        assert!(whole < 0.98 * rays, "the reach is seen: {rays}, {whole} without it");
+    }
+}
+
+#[test]
+fn a_reach_beyond_the_volume_leaves_the_same_bytes() {
+    let mut scene = under_sky("gradient", 1);
+    scene.shadows.directions = 8;
+    // The box of voxels.
+    let diagonal = DVec3::new(25.0, 25.0, 40.0).length();
+    with_renderer(|renderer| {
+        let marched = |reach: Option<f64>| {
+            let mut scene = scene.clone();
+            scene.shadows.reach = reach;
+            let rungs = Rungs::new(scene, SIZE);
+            [numbers(&rungs.gpu(renderer)), numbers(&rungs.march::<f64>(&rungs.stored()))]
+        };
+        let open = marched(None);
+        assert!(marched(Some(diagonal)) == open, "as long as the volume");
+        assert!(marched(Some(1e30)) == open, "without an end");
+        // Columns that leave the box at its side are as old as this, and hold nothing.
+        assert!(marched(Some(0.99 * diagonal)) == open, "longer than all that is dense");
+        let short = marched(Some(8.0));
+        assert!(short[0] != open[0] && short[1] != open[1], "a short one is seen");
+    });
+}
+
 #[test]
 fn occluded_ambient_shares_are_those_of_ambient_light_with_shadows() {
     let mut both = occluded("gradient");
@@ -804,6 +918,19 @@ pub(super) fn shadowed_of_every_kind() -> Vec<(&'static str, Scene)> {
                 scene.materials[0].specular = 0.3;
             })
         }),
+        ("sky with a reach", {
+            let mut scene = under_sky("none", 1);
+            scene.shadows.reach = Some(7.3);
+            scene
+        }),
+        ("occluded ambient shares with a reach, cropped, voxels of unequal sides", {
+            let mut scene = with_sides(occluded("gradient"), DVec3::new(0.7, 1.9, 1.1));
+            scene.shadows.ambient = AmbientShares::Occluded;
+            (scene.shadows.start, scene.shadows.reach) = (Some(1.0), Some(6.0));
+            (scene.shadows.directions, scene.shadows.spacing) = (8, 1.0);
+            scene.crop = Some([DVec3::new(2.0, 3.5, 0.0), DVec3::new(20.0, 24.0, 35.2)]);
+            scene
+        }),
         ("occluded three-point", {
             let mut scene = beside_three_point("gradient", 2);
             scene.shadows.ambient = AmbientShares::Occluded;
@@ -878,7 +1005,7 @@ pub(super) fn numbers<R: Real>(film: &Film<R>) -> Vec<u64> {
 fn any_division_of_march_and_fill_leaves_the_same_bytes() {
     with_renderer(|renderer| {
         let mut sky = under_sky("gradient", 1);
-        sky.shadows.directions = 8;
+        (sky.shadows.directions, sky.shadows.reach) = (8, Some(9.0));
         sky.lights[1].placement = Placement::Point(POINTS[1]);
         for scene in [occluded("gradient"), sky] {
             let marched = |renderer: &Renderer| numbers(&Rungs::new(scene.clone(), SIZE).gpu(renderer));
@@ -958,6 +1085,10 @@ fn the_light_of_the_sky_is_summed_again_only_where_it_changes() {
         assert_eq!(fills(|scene| scene.shadows.directions = 8).0, 1, "other directions");
         let (count, back) = fills(|_| {});
         assert_eq!(count, 1, "the directions of before");
+        assert_eq!(fills(|scene| scene.shadows.reach = Some(1e6)).0, 0, "a reach beyond the volume");
+        assert_eq!(fills(|scene| scene.shadows.reach = Some(9.0)).0, 1, "a reach");
+        assert_eq!(fills(|scene| scene.shadows.reach = Some(9.0)).0, 0, "the same reach");
+        assert_eq!(fills(|_| {}).0, 1, "no reach");
         assert!(back == begun, "the same light again");
         // Its depths move to the first number of the texel.
         assert_eq!(fills(|scene| scene.lights[1].shadows = false).0, 0, "the other light casts none");
@@ -1153,11 +1284,14 @@ fn opened(more: &str) -> Result<SceneFile, document::SceneError> {
 fn keys_of_shadows_are_read_and_checked() {
     let scene = opened("[shadows]\nspacing = 0.5\nstart = 2\nmethod = \"rays\"").unwrap().scene;
     assert_eq!((scene.shadows.spacing, scene.shadow_start(), scene.shadows.method), (0.5, 2.0, ShadowMethod::Rays));
-    let sky = opened("[shadows]\nambient = \"occluded\"\ndirections = 16").unwrap().scene;
+    let sky = opened("[shadows]\nambient = \"occluded\"\ndirections = 16\nreach = 6.5").unwrap().scene;
     assert_eq!((sky.shadows.ambient, sky.shadows.directions), (AmbientShares::Occluded, 16));
+    assert_eq!(sky.shadows.reach, Some(6.5));
+    let told = plan(&sky, &Quiet).unwrap().explain(&sky).join(" ");
+    assert!(told.contains("What is farther than 6.5 from a sample does not dim the sky"), "{told}");
     let mut usual = opened("").unwrap().scene;
     assert_eq!((usual.shadows.ambient, usual.shadows.directions), (AmbientShares::Open, 64));
-    assert_eq!((usual.shadows.spacing, usual.shadow_start()), (2.0, 3.0));
+    assert_eq!((usual.shadows.spacing, usual.shadow_start(), usual.shadows.reach), (2.0, 3.0, None));
     usual.shading = Shading::None;
     assert_eq!((usual.shadows.spacing, usual.shadow_start()), (2.0, 0.0));
     for (wrong, words) in [
@@ -1166,7 +1300,10 @@ fn keys_of_shadows_are_read_and_checked() {
         ("method = \"grids\"", "grids"),
         ("directions = 7", "from 8 to 1024"),
         ("ambient = \"dim\"", "dim"),
-        ("reach = 3", "reach"),
+        ("reach = 0", "shadows.reach = 0; it must be a finite number above 0"),
+        ("reach = -2.5", "shadows.reach = -2.5; it must be a finite number above 0"),
+        ("reach = inf", "shadows.reach = inf; it must be a finite number above 0"),
+        ("reach = nan", "shadows.reach = NaN; it must be a finite number above 0"),
     ] {
         let error = opened(&format!("[shadows]\n{wrong}")).unwrap_err();
         let told = format!("{error:?} {error}");
@@ -1205,6 +1342,11 @@ fn a_switched_shadow_marches_and_a_light_spectrum_relights() {
     assert_eq!(stale(|scene| scene.lights[0].shadows = false), Stale::Tables);
     assert_eq!(stale(|scene| scene.shadows.spacing = 4.0), Stale::Accumulators);
     assert_eq!(stale(|scene| scene.shadows.start = None), Stale::Accumulators);
+    assert_eq!(stale(|scene| scene.shadows.reach = Some(9.0)), Stale::Nothing, "without a sky");
+    let sky = under_sky("gradient", 1);
+    let mut after = sky.clone();
+    after.shadows.reach = Some(9.0);
+    assert_eq!(Stale::between(&sky, &plan(&sky, &Quiet).unwrap(), &after), Stale::Accumulators);
     assert_eq!(stale(|scene| scene.lights[0].spectrum = scene.lights[1].spectrum.clone()), Stale::Picture);
     assert_eq!(stale(|scene| scene.lights[0].intensity = 3.0), Stale::Picture);
     let mut eye = scene.clone();

@@ -195,6 +195,7 @@ pub(super) struct ShadowsFile {
     #[serde(default)]
     pub(super) ambient: AmbientShares,
     pub(super) directions: Option<At<i64>>,
+    pub(super) reach: Option<At<f64>>,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize)]

@@ -16,7 +16,7 @@ use crate::render::{RenderError, Renderer, Source, Uploaded};
 use crate::scene::{Interpolation, Lookup, Scene};
 use crate::tables::{
     ExtinctionTable, GRID_LIGHTS, GradientTable, GridDepth, GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid,
-    PositionTable, SKY_SPACING, Sweep, sky_direction,
+    PositionTable, SKY_SPACING, Sweep, Within, sky_direction, sky_reach,
 };
 use crate::vulkan::{Buffer, ComputePipeline, Filter, Format, HostUse, Image3d, Resource, ResourceSet, Sampler};
 
@@ -110,6 +110,16 @@ struct ToDepths {
     unused: [u32; 2],
 }
 
+/// Uniform of a sweep with a reach, in the layout of `shaders/columns_within.wgsl`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+struct Reach {
+    slices: u32,
+    rest: f32,
+    kept: u32,
+    unused: u32,
+}
+
 /// Uniform of a march that reads the grid, in the layout of `shaders/shadowed.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -173,6 +183,8 @@ struct Current {
 #[derive(Debug)]
 struct Summing {
     directions: usize,
+    /// Distance beyond which nothing dims it.
+    reach: Option<f64>,
     /// Number of the direction that is being added.
     direction: usize,
     sums: Buffer,
@@ -186,20 +198,25 @@ impl Renderer {
     }
 
     /// The least spacing of a light grid for `scene`, in voxels, that is at least the stated one and fits into an eighth
-    /// of the device's memory; `None` if the plan reads no light grid.
+    /// of the device's memory, as the columns of a sky with a reach do; `None` if the plan reads no light grid.
     #[must_use]
     pub fn light_spacing(&self, scene: &Scene, plan: &ScenePlan) -> Option<f64> {
         let limits = self.device.limits();
         let room = count(usize::try_from(limits.device_heap_bytes).unwrap_or(usize::MAX)) * MEMORY_PART;
         let room = room.min(count(usize::try_from(limits.max_allocation_bytes).unwrap_or(usize::MAX)));
+        let storage = usize::try_from(limits.max_storage_buffer_bytes).unwrap_or(usize::MAX);
+        let most_columns = room.min(count(storage));
         let extent = limits.max_extent_3d(Format::Rgba16Float);
-        let depths = plan.grid_depths();
+        let (depths, reach) = (plan.grid_depths(), plan.sky().and_then(|_| sky_reach(scene)));
         let fits = |spacing: f64| {
             let grid = LightGrid::new(scene, spacing);
             let texels = depths.div_ceil(GRID_LIGHTS);
             let [width, height, depth] = grid.dims;
             let sides = [width, height, depth * texels];
-            grid.bytes(depths) <= room && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)
+            let of_sky = |reach| LightGrid::new(scene, SKY_SPACING * spacing).column_bytes(reach);
+            grid.bytes(depths) <= room
+                && reach.map_or(0.0, of_sky) <= most_columns
+                && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)
         };
         // A scene that was built in code may have any number.
         let mut spacing = scene.shadows.spacing.max(0.5);
@@ -400,10 +417,16 @@ impl DeviceGrid {
                     GridLight::At(point) => {
                         self.begin(renderer, planned, uploaded, sets, self.key.grid.rays(point, self.key.start), None)
                     }
-                    GridLight::Sky { directions } => {
+                    GridLight::Sky { directions, reach } => {
                         let bytes = self.key.sky.dims.iter().product::<usize>() * size_of::<f32>();
                         let sums = Buffer::device(&renderer.device, "sky", bytes as u64)?;
-                        self.begin_sky(renderer, planned, uploaded, depth, Summing { directions, direction: 0, sums })
+                        self.begin_sky(
+                            renderer,
+                            planned,
+                            uploaded,
+                            depth,
+                            Summing { directions, reach, direction: 0, sums },
+                        )
                     }
                 };
                 current.insert(begun?)
@@ -437,8 +460,8 @@ impl DeviceGrid {
         let summing = now.summing.take();
         *current = None;
         match summing {
-            Some(Summing { directions, direction, sums }) if direction + 1 < directions => {
-                let next = Summing { directions, direction: direction + 1, sums };
+            Some(Summing { directions, reach, direction, sums }) if direction + 1 < directions => {
+                let next = Summing { directions, reach, direction: direction + 1, sums };
                 *current = Some(self.begin_sky(renderer, planned, uploaded, depth, next)?);
                 return Ok(());
             }
@@ -459,6 +482,7 @@ impl DeviceGrid {
         summing: Summing,
     ) -> Result<Current, RenderError> {
         let sweep = self.key.sky.sweep(sky_direction(summing.direction, summing.directions), self.key.start);
+        let sweep = sweep.within(summing.reach);
         self.begin(renderer, planned, uploaded, (depth, 0), sweep, Some(summing))
     }
 
@@ -516,7 +540,7 @@ impl DeviceGrid {
             (&renderer.device, &planned.plan, &self.key);
         let extinctions = &extinctions[number];
         let (grid, fill) = match (&summing, sweep.to) {
-            (Some(_), _) => (sky, Fill::Sky),
+            (Some(_), _) => (sky, Fill::Sky { within: sweep.within.is_some() }),
             (None, Some(_)) => (grid, Fill::Point),
             (None, None) => (grid, Fill::Directional),
         };
@@ -565,8 +589,24 @@ impl DeviceGrid {
         let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients.0))?;
         let table: Vec<f32> = extinctions.values.iter().chain(&extinctions.labels).copied().collect();
         let (memory, table) = renderer.numbers("extinctions", bytemuck::cast_slice(&table))?;
-        let planes = 2 * sweep.columns[0] * sweep.columns[1] * size_of::<f32>();
+        let planes = sweep.kept() * sweep.columns[0] * sweep.columns[1] * size_of::<f32>();
         let planes = Buffer::device(device, "columns", planes as u64)?;
+        let within = sweep.within.unwrap_or(Within { slices: 0, rest: 0.0 });
+        let reach = Reach {
+            slices: unsigned(within.slices),
+            rest: rounded(within.rest),
+            kept: unsigned(sweep.kept()),
+            unused: 0,
+        };
+        let reach = uniform("reach", bytemuck::bytes_of(&reach))?;
+        if sweep.within.is_some() {
+            // A column that has not entered has the depth 0 in every slice.
+            device.run("columns", |recorder| {
+                recorder.zero(&planes)?;
+                recorder.transfer_to_compute();
+                Ok(())
+            })?;
+        }
         let filter = if plan.interpolation == Interpolation::Linear { Filter::Linear } else { Filter::Nearest };
         let sampler = Sampler::new(device, "volume", filter)?;
         let (pipeline, set) = renderer.bind(light_grid_source(plan, GROUP, memory, fill), |name| {
@@ -577,6 +617,7 @@ impl DeviceGrid {
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
                 "columns" => Resource::Storage(&planes),
+                "reach" => Resource::Uniform(&reach),
                 "sky" => Resource::Storage(&summing.as_ref()?.sums),
                 "light_grid" => Resource::StorageTexture(&self.image),
                 "extinctions" => match memory {
@@ -608,7 +649,7 @@ impl Current {
         let first_row = unsigned(self.row);
         let rows = (height - first_row).min(unsigned(most));
         let plane = sweep.columns[0] * sweep.columns[1];
-        let [reads, writes] = [self.slice, self.slice + 1].map(|slice| unsigned(slice % 2 * plane));
+        let [reads, writes] = [self.slice, self.slice + 1].map(|slice| unsigned(slice % sweep.kept() * plane));
         let slice = Slice {
             window,
             before,

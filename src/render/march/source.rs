@@ -215,13 +215,16 @@ pub(super) enum Fill {
     /// The depths of a point light.
     Point,
     /// The sums over the directions of the sky.
-    Sky,
+    Sky {
+        /// Whether what is farther than the reach is subtracted.
+        within: bool,
+    },
 }
 
 /// Source of the shader that fills a light grid for `plan`, with the extinctions in this memory.
 pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: TableMemory, fill: Fill) -> Source {
     let constants = Constants::new()
-        .bool("SKY", fill == Fill::Sky)
+        .bool("SKY", matches!(fill, Fill::Sky { .. }))
         .bool("POINT_LIGHT", fill == Fill::Point)
         .bool("STORED_GRADIENT", plan.stores_gradient())
         .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
@@ -245,6 +248,8 @@ pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: Table
         text!("fetch.wgsl"),
         text!("whole.wgsl"),
         half,
+        text!("light_medium.wgsl"),
+        if fill == (Fill::Sky { within: true }) { text!("columns_within.wgsl") } else { text!("columns.wgsl") },
         text!("light_grid.wgsl"),
     ];
     Source { name: "light grid", constants, parts }

@@ -4,10 +4,11 @@ use egui::{Checkbox, RichText, Ui, Vec2};
 
 use super::controls::{number, panel, sides, slider, toggle};
 use super::spectrum::{curve, swatch};
+use super::transfer::places;
 use crate::document::Mixing;
 use crate::document::{BRIGHTEST, Document, Edit};
 use crate::plan::Stale;
-use crate::scene::{AmbientShares, Lighting, Shading};
+use crate::scene::{AmbientShares, Lighting, Placement, Scene, SceneLight, Shading};
 use crate::view::action::Action;
 
 /// Shows the light panel.
@@ -95,6 +96,12 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             shaded_sides(ui, state.scene.lighting, asked);
             ambient_shares(ui, state.scene.shadows.ambient, asked);
         }
+        let sky = |light: &SceneLight| light.shadows && light.placement == Placement::Ambient;
+        let occluded =
+            state.scene.shading == Shading::Gradient && state.scene.shadows.ambient == AmbientShares::Occluded;
+        if occluded || state.scene.lights.iter().any(sky) {
+            reach(ui, &state.scene, asked);
+        }
     });
 }
 
@@ -130,6 +137,30 @@ fn ambient_shares(ui: &mut Ui, shares: AmbientShares, asked: &mut Vec<Action>) {
         let shares = if occluded { AmbientShares::Occluded } else { AmbientShares::Open };
         asked.push(Action::Edit(Edit::AmbientShares(shares)));
     }
+}
+
+/// First reach of a sky, as a part of the volume's diagonal.
+const FIRST_REACH: f64 = 0.1;
+
+/// Shows the distance beyond which nothing dims the sky.
+fn reach(ui: &mut Ui, scene: &Scene, asked: &mut Vec<Action>) {
+    let help = "Distance from a sample, in world units, beyond which nothing takes its ambient light: with a short one only creases and narrow gaps are dark; without one, wide hollows too. A change marches the volume again, and sums the light of a sky first.";
+    let (least, longest) = (scene.least_reach(), scene.volume.geometry.extent().length());
+    ui.horizontal(|ui| {
+        let mut limited = scene.shadows.reach.is_some();
+        if ui.checkbox(&mut limited, "occlusion ends after").on_hover_text(help).changed() {
+            asked.push(Action::Edit(Edit::Reach(limited.then_some((FIRST_REACH * longest).max(least)))));
+        }
+        if let Some(mut reach) = scene.shadows.reach {
+            let decimals = places(longest);
+            let speed = 0.005 * longest;
+            let dragged = number(ui, &mut reach, decimals, |drag| drag.speed(speed).range(least..=longest.max(least)));
+            name(&dragged, "reach of the sky", reach);
+            if dragged.on_hover_text(help).changed() {
+                asked.push(Action::Edit(Edit::Reach(Some(reach))));
+            }
+        }
+    });
 }
 
 /// Names a number for screen readers and tests.

@@ -1,0 +1,125 @@
+// What fills of the light grid read: the sweep, its columns, and the extinction at a place. Part of `light_grid.wgsl`. Twin of
+// `reference::shadows`.
+
+// `tables::Sweep` and the lookup of extinctions.
+struct Sweep {
+    // Texture coordinates of the first column at the first slice, and their changes.
+    corner: vec3f,
+    behind: f32,
+    per_slice: vec3f,
+    // Length of a sample of a column.
+    length: f32,
+    across: vec3f,
+    // Slices from sample to sample.
+    step: f32,
+    down: vec3f,
+    samples: u32,
+    // The crop box.
+    low: vec3f,
+    coordinate_scale: f32,
+    high: vec3f,
+    coordinate_offset: f32,
+    gradient_scale: vec3f,
+    coordinate_last: f32,
+    shear: vec2f,
+    first: vec2f,
+    columns: vec2u,
+    nodes: vec2u,
+    // Axis of the slices, and the axes across.
+    axes: vec3u,
+    // Number of the light in its texel.
+    part: u32,
+    // First slice along z of its texels.
+    texels: u32,
+    // First label in the table.
+    labels: u32,
+    largest_rise: f32,
+    // Number of the direction of the sky.
+    direction: u32,
+    // Distances in `sky` from a node to the next along each axis.
+    strides: vec3u,
+    // Length of a part of a ray to a point light, with `samples`.
+    path: f32,
+    // The point light and the start of its shadows, in units of length.
+    point: vec3f,
+    start: f32,
+    // Units of length per texture coordinate.
+    local_scale: vec3f,
+}
+
+// Rows of a slice that one dispatch fills.
+struct Slice {
+    // Columns in use: of this slice, and of the slice before.
+    window: vec4u,
+    before: vec4u,
+    // Number of the slice from the light, and its index along its axis.
+    number: u32,
+    index: u32,
+    first_row: u32,
+    // First column of the depths that this dispatch reads, and of those that it writes.
+    reads: u32,
+    writes: u32,
+}
+
+@group(0) @binding(0) var<uniform> sweep_uniform: Sweep;
+@group(0) @binding(1) var volume: texture_3d<f32>;
+@group(0) @binding(2) var volume_sampler: sampler;
+@group(0) @binding(4) var labels: texture_3d<u32>;
+@group(0) @binding(5) var<storage, read_write> columns: array<f32>;
+@group(0) @binding(6) var light_grid: texture_storage_3d<rgba16float, read_write>;
+// Light of the directions so far, at each node.
+@group(0) @binding(7) var<storage, read_write> sky: array<f32>;
+var<immediate> slice: Slice;
+
+var<private> sweep: Sweep;
+
+fn extinction_entry(i: u32) -> f32 {
+    return extinctions[i / 4u][i % 4u];
+}
+
+// Optical depth per unit of length.
+fn extinction_at(place: vec3f) -> f32 {
+    let texel = fetch(place);
+    var value = texel.x;
+    if (STORED_GRADIENT) {
+        value = texel.w;
+    }
+    let coordinate = clamp(fma(value, sweep.coordinate_scale, sweep.coordinate_offset), 0.0, sweep.coordinate_last);
+    var extinction: f32;
+    if (NEAREST_LOOKUP) {
+        extinction = extinction_entry(u32(coordinate + 0.5));
+    } else {
+        let i = min(u32(coordinate), u32(sweep.coordinate_last) - 1u);
+        let here = extinction_entry(i);
+        extinction = fma(coordinate - f32(i), extinction_entry(i + 1u) - here, here);
+    }
+    if (GRADIENT_OPACITY) {
+        var difference = texel.xyz;
+        if (!STORED_GRADIENT) {
+            difference = central_difference(place);
+        }
+        extinction *= gradient_factor(difference * sweep.gradient_scale);
+    }
+    if (LABELS) {
+        let label = label_at(place);
+        let voxels = sharing(label);
+        var own = 0.0;
+        var blend = 0.0;
+        for (var i = 0u; i < voxels; i += 1u) {
+            let voxel = share_of(place, label, i);
+            own += select(0.0, voxel.share, voxel.row == 0u);
+            blend = fma(voxel.share, extinction_entry(sweep.labels + voxel.row), blend);
+        }
+        extinction = fma(own, extinction, blend);
+    }
+    return extinction;
+}
+
+// Depth of a column at this slice; 0 before it enters.
+fn depth_of(column: vec2u) -> f32 {
+    let on = min(column, sweep.columns - 1u);
+    if (any(on < slice.before.xy) || any(on >= slice.before.zw)) {
+        return 0.0;
+    }
+    return columns[slice.reads + on.x + sweep.columns.x * on.y];
+}
