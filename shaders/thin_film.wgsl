@@ -5,10 +5,12 @@ struct Films {
     factor: array<vec4f, FILM_LANES>,
     exponent: array<vec4u, FILM_LANES>,
     weight: array<vec4u, FILM_LANES>,
+    // With weights, the film of each component of their vectors.
+    film: array<vec4u, FILM_VECTORS>,
 }
 
 @group(0) @binding(23) var<uniform> films_uniform: Films;
-// Components of the light that each film reflects at each of FILM_ANGLES.
+// Components of the light that each film reflects at each of FILM_ANGLES. With weights, those of all films in one row.
 @group(0) @binding(24) var<storage, read> film_angles: array<vec4f>;
 
 // Copy of the uniform, as for `march`.
@@ -19,27 +21,52 @@ fn read_films() {
     films = films_uniform;
 }
 
-// Adds what film `i` reflects at a cosine, with this shade.
-fn add_film(i: u32, cosine: f32, shade: f32, step: Step, source: ptr<function, array<vec4f, LANES>>) {
+// A place in the table of angles.
+struct Angle {
+    low: u32,
+    part: f32,
+}
+
+fn angle_at(cosine: f32) -> Angle {
     let place = clamp(cosine, 0.0, 1.0) * f32(FILM_ANGLES - 1u);
     let low = min(u32(place), FILM_ANGLES - 2u);
-    let part = place - f32(low);
-    let first = (i * FILM_ANGLES + low) * LANES;
+    return Angle(low, place - f32(low));
+}
+
+// Adds what film `i` reflects at an angle, with this shade, to coefficients.
+fn add_film(i: u32, angle: Angle, shade: f32, step: Step, source: ptr<function, array<vec4f, LANES>>) {
+    let first = (i * FILM_ANGLES + angle.low) * LANES;
     let factor = films.factor[i / 4u][i % 4u] * shade;
     var white = 0.0;
-    if (FILM_WEIGHTS) {
-        let weight = films.weight[i / 4u][i % 4u];
-        white = step.source[weight / 4u][weight % 4u] * factor;
-    } else if (!COLOURED) {
+    if (!COLOURED) {
         white = step.source[FILM_PARTS + i / 4u][i % 4u] * factor;
     }
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        let reflected = mix_angles(film_angles[first + lane], film_angles[first + LANES + lane], part);
+        let reflected = mix_angles(film_angles[first + lane], film_angles[first + LANES + lane], angle.part);
         if (COLOURED) {
             (*source)[lane] = fma(reflected, step.source[FILM_PARTS + i * LANES + lane] * factor, (*source)[lane]);
         } else {
             (*source)[lane] = fma(reflected, vec4f(white), (*source)[lane]);
         }
+    }
+}
+
+// Sets the white of the components of film `i`, with this shade.
+fn set_white(i: u32, shade: f32, step: Step, white: ptr<function, array<vec4f, FILM_VECTORS>>) {
+    let weight = films.weight[i / 4u][i % 4u];
+    let own = step.source[weight / 4u][weight % 4u] * (films.factor[i / 4u][i % 4u] * shade);
+    for (var vector = 0u; vector < FILM_VECTORS; vector += 1u) {
+        (*white)[vector] = select((*white)[vector], vec4f(own), films.film[vector] == vec4u(i));
+    }
+}
+
+// Adds what all films reflect at an angle, by the white of each component, to weights.
+fn add_terms(angle: Angle, white: array<vec4f, FILM_VECTORS>, source: ptr<function, array<vec4f, LANES>>) {
+    let first = angle.low * FILM_VECTORS;
+    for (var vector = 0u; vector < FILM_VECTORS; vector += 1u) {
+        let lane = FIRST_FILM_VECTOR + vector;
+        let reflected = mix_angles(film_angles[first + vector], film_angles[first + FILM_VECTORS + vector], angle.part);
+        (*source)[lane] = fma(reflected, white[vector], (*source)[lane]);
     }
 }
 
@@ -52,9 +79,17 @@ fn add_films(light: vec3f, ray: Ray, step: Step, reached: f32, source: ptr<funct
     let along = dot(step.normal, light);
     let facing = lit(along);
     if (FACING_FILMS > 0u) {
-        let cosine = 0.5 * (abs(along) + abs(dot(step.normal, ray.view)));
-        for (var i = 0u; i < FACING_FILMS; i += 1u) {
-            add_film(i, cosine, facing * reached, step, source);
+        let angle = angle_at(0.5 * (abs(along) + abs(dot(step.normal, ray.view))));
+        if (FILM_WEIGHTS) {
+            var white: array<vec4f, FILM_VECTORS>;
+            for (var i = 0u; i < FACING_FILMS; i += 1u) {
+                set_white(i, facing * reached, step, &white);
+            }
+            add_terms(angle, white, source);
+        } else {
+            for (var i = 0u; i < FACING_FILMS; i += 1u) {
+                add_film(i, angle, facing * reached, step, source);
+            }
         }
     }
     if (FILMS > FACING_FILMS) {
@@ -64,8 +99,17 @@ fn add_films(light: vec3f, ray: Ray, step: Step, reached: f32, source: ptr<funct
             shine = select(0.0, shine, facing > 0.0);
         }
         let cosine = abs(dot(light, halfway));
-        for (var i = FACING_FILMS; i < FILMS; i += 1u) {
-            add_film(i, cosine, power(shine, films.exponent[i / 4u][i % 4u]) * reached, step, source);
+        let angle = angle_at(cosine);
+        if (FILM_WEIGHTS) {
+            var white: array<vec4f, FILM_VECTORS>;
+            for (var i = FACING_FILMS; i < FILMS; i += 1u) {
+                set_white(i, power(shine, films.exponent[i / 4u][i % 4u]) * reached, step, &white);
+            }
+            add_terms(angle, white, source);
+        } else {
+            for (var i = FACING_FILMS; i < FILMS; i += 1u) {
+                add_film(i, angle, power(shine, films.exponent[i / 4u][i % 4u]) * reached, step, source);
+            }
         }
     }
 }

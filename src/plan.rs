@@ -442,6 +442,13 @@ impl ScenePlan {
         self.films.total().div_ceil(LANE).max(1)
     }
 
+    /// Vectors of an accumulator that hold weights of terms of thin films; none without weights.
+    #[must_use]
+    pub fn film_vectors(&self) -> std::ops::Range<usize> {
+        let first = self.components() - self.films.terms.min(self.components());
+        if self.films.terms == 0 { self.lanes()..self.lanes() } else { first / LANE..self.lanes() }
+    }
+
     /// Layout of the source in a table entry.
     #[must_use]
     pub fn parts(&self) -> Parts {

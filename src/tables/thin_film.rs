@@ -64,9 +64,15 @@ pub struct FilmTable {
     pub exponent: Vec<[u32; LANE]>,
     /// [`FilmRows::weight`] of each film.
     pub weight: Vec<[u32; LANE]>,
-    /// [`FilmRows::angles`] of each film, one after another.
+    /// With weights, the film of each component of [`ScenePlan::film_vectors`](crate::plan::ScenePlan::film_vectors).
+    pub film: Vec<[u32; LANE]>,
+    /// [`FilmRows::angles`] of each film, one after another. With weights, those of all films in one row per angle: each component
+    /// belongs to one film.
     pub angles: Vec<[f32; LANE]>,
 }
+
+/// No film.
+const NONE: u32 = u32::MAX;
 
 impl FilmTable {
     /// Builds the table of `planned`.
@@ -78,6 +84,7 @@ impl FilmTable {
             factor: vec![[0.0; LANE]; lanes],
             exponent: vec![[0; LANE]; lanes],
             weight: vec![[0; LANE]; lanes],
+            film: vec![[NONE; LANE]; planned.plan.film_vectors().len().max(1)],
             angles: Vec::new(),
         };
         for (i, film) in films.iter().enumerate() {
@@ -85,12 +92,23 @@ impl FilmTable {
             table.factor[lane][part] = rounded(film.factor);
             table.exponent[lane][part] = film.exponent;
             table.weight[lane][part] = unsigned(film.weight);
-            for row in &film.angles {
-                let lanes = row.chunks(LANE);
-                table
-                    .angles
-                    .extend(lanes.map(|lane| std::array::from_fn(|part| lane.get(part).copied().map_or(0.0, rounded))));
+        }
+        let vector = |lane: &[f64]| std::array::from_fn(|part| lane.get(part).copied().map_or(0.0, rounded));
+        if planned.model.is_some() {
+            let rows = films.iter().flat_map(|film| &film.angles);
+            table.angles = rows.flat_map(|row| row.chunks(LANE)).map(vector).collect();
+            return table;
+        }
+        let first = planned.plan.film_vectors().start * LANE;
+        for (i, film) in planned.films(scene).iter().enumerate() {
+            for component in film.first - first..film.first + film.terms - first {
+                table.film[component / LANE][component % LANE] = unsigned(i);
             }
+        }
+        for angle in 0..films.first().map_or(0, |film| film.angles.len()) {
+            let component = |component| films.iter().map(|film| film.angles[angle][component]).sum();
+            let row: Vec<f64> = (first..planned.plan.components()).map(component).collect();
+            table.angles.extend(row.chunks(LANE).map(vector));
         }
         table
     }

@@ -91,9 +91,9 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     let three_point = plan.positions.three_point * (3 + 3 * (1 + 2 * lanes + exponents * (1 + lanes)));
     // Loops over phase functions with the lanes of their light, for each direction.
     let phases = plan.phases * (1 + lanes) * (plan.positions.total() + 2 * plan.positions.three_point);
-    // Loops over films with the lanes of their light, for each direction, and over the lanes once more.
+    // Loops over films with the lanes of their light, for each direction, and over the lanes twice more.
     let films = if plan.films.total() > 0 {
-        (plan.films.total() * (1 + lanes) + lanes) * (plan.positions.total() + 3 * plan.positions.three_point)
+        (plan.films.total() * (1 + lanes) + 2 * lanes) * (plan.positions.total() + 3 * plan.positions.three_point)
     } else {
         0
     };

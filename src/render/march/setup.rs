@@ -432,8 +432,12 @@ fn absorber_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
 }
 
 /// Bytes of the shader's struct `Films`.
-fn film_bytes(FilmTable { factor, exponent, weight, angles: _ }: &FilmTable) -> Vec<u8> {
-    let bytes: [&[u8]; 3] =
-        [bytemuck::cast_slice(factor), bytemuck::cast_slice(exponent), bytemuck::cast_slice(weight)];
+fn film_bytes(FilmTable { factor, exponent, weight, film, angles: _ }: &FilmTable) -> Vec<u8> {
+    let bytes: [&[u8]; 4] = [
+        bytemuck::cast_slice(factor),
+        bytemuck::cast_slice(exponent),
+        bytemuck::cast_slice(weight),
+        bytemuck::cast_slice(film),
+    ];
     bytes.concat()
 }

@@ -116,6 +116,9 @@ fn filmed(constants: Constants, plan: &ScenePlan) -> Constants {
         .u32("FILM_LANES", unsigned(plan.film_lanes()))
         .u32("FILM_ANGLES", unsigned(FILM_ROWS))
         .u32("FILM_PARTS", unsigned(plan.parts().films))
+        // With weights, the vectors of their terms, which are the last ones.
+        .u32("FILM_VECTORS", unsigned(plan.film_vectors().len().max(1)))
+        .u32("FIRST_FILM_VECTOR", unsigned(plan.film_vectors().start))
         .bool("FILM_WEIGHTS", matches!(plan.accumulate, Accumulate::Weights { .. }))
 }
 
