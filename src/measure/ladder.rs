@@ -12,7 +12,7 @@ use crate::number::Real;
 use crate::number::{count, whole};
 use crate::plan::{Integrate, Planned, ScenePlan, plan_full_spectrum};
 use crate::progress::Progress;
-use crate::reference::{Exact, ReferenceError, Stored, render_pixels};
+use crate::reference::{Exact, KeptDepths, ReferenceError, Stored, render_pixels};
 use crate::scene::{
     Accuracy, AmbientShares, Integration, Interpolation, LabelInterpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs,
 };
@@ -182,6 +182,8 @@ pub(super) struct Ladder<'a> {
     pub(super) rays: usize,
     full: HashMap<March, Arc<Vec<DVec3>>>,
     kept: Option<Kept>,
+    /// Depths of light grids, which marches with the same grid share.
+    depths: KeptDepths<f64>,
 }
 
 impl<'a> Ladder<'a> {
@@ -213,6 +215,7 @@ impl<'a> Ladder<'a> {
             rays: true_rays(most_rays),
             full: HashMap::new(),
             kept: None,
+            depths: KeptDepths::default(),
         };
         ladder.background = ladder.matrices(scene, &truth).background.iter().copied().sum();
         ladder.pixels = ladder.showing(pixels, progress)?;
@@ -301,7 +304,7 @@ impl<'a> Ladder<'a> {
     ) -> Result<Vec<(DVec3, f64)>, LadderError> {
         let storage = Storage::new(&planned.plan, &scene.volume, &self.statistics);
         let labels = self.labels.as_ref().filter(|_| planned.plan.labels);
-        let exact = Exact::new(scene, planned, storage, labels);
+        let exact = Exact::new(scene, planned, storage, labels).keeping_depths(&self.depths);
         let skipping = Skipping::new(exact, &self.occupancy, scene, planned);
         let matrices = self.matrices(scene, planned);
         Ok(render_pixels(scene, planned, &skipping, &matrices, self.size, pixels, progress)?)

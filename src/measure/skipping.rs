@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::number::{count, whole};
 use crate::plan::{LANE, Planned};
-use crate::reference::{End, Samples, Step};
+use crate::reference::{End, Keeping, Samples, Step};
 use crate::scene::Scene;
 use crate::tables::{CELL, Cells, LabelMap, Occupancy, Storage};
 
@@ -73,6 +73,10 @@ impl<S: Samples<f64>> Samples<f64> for Skipping<'_, S> {
 
     fn stored_depth(&self, depth: f64) -> f64 {
         self.inner.stored_depth(depth)
+    }
+
+    fn keeping(&self) -> Option<Keeping<'_, f64>> {
+        self.inner.keeping()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{MOST_SHADOWED, PlanError, Planned, Transmittance, coloured};
 use crate::model::{ModelKind, Order};
-use crate::number::readable;
+use crate::number::{brief, readable};
 use crate::scene::{Placement, Scene, SceneLight};
 
 /// Refuses shadows of an evenly bright sky in coloured media or within a space of the light grid, models without a depth per
@@ -31,12 +31,14 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
             return refused(setting, why);
         }
     }
-    if let Some(reach) = scene.shadows.reach.filter(|&reach| shadows.sky() && reach < scene.least_reach()) {
+    // The number that is told is rounded.
+    let is_short = |&reach: &f64| shadows.sky() && reach < (1.0 - 1e-6) * scene.least_reach();
+    if let Some(reach) = scene.shadows.reach.filter(is_short) {
         let why = format!(
             "shadows start {} voxels from a sample, and the light grid has a node every {} voxels, so that it holds no shade nearer than {}; set at least this, or a smaller shadows.start or shadows.spacing",
             readable(scene.shadow_start()),
             readable(scene.shadows.spacing),
-            readable(scene.least_reach())
+            brief(scene.least_reach())
         );
         return refused(format!("shadows.reach = {}", readable(reach)), why);
     }

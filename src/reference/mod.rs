@@ -12,6 +12,7 @@ pub use march::{
     RaySample, attenuate, attenuate_matrix, composite, composite_matrix, march, march_ray, render, render_pixels,
 };
 pub use samples::{End, Exact, Label, Samples, Step, Stored};
+pub use shadows::{Keeping, KeptDepths};
 pub use store::store;
 
 use crate::number::readable;

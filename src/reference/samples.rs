@@ -1,6 +1,7 @@
 //! Samples of the volume: exact, or with the device's tables and textures.
 
 use super::gradient::{exact_thinning, gradient_factor, thin, thinning};
+use super::shadows::{Keeping, KeptDepths};
 use crate::number::{Real, count, unit};
 use crate::plan::{LANE, Planned};
 use crate::scene::{Interpolation, Lookup, Scene};
@@ -170,6 +171,11 @@ pub trait Samples<R: Real>: Sync {
     fn stored_depth(&self, depth: R) -> R {
         depth
     }
+
+    /// Where depths of light grids are kept for further marches, if anywhere.
+    fn keeping(&self) -> Option<Keeping<'_, R>> {
+        None
+    }
 }
 
 /// The scene itself: transfer function without a table, volume without a texture.
@@ -185,6 +191,7 @@ pub struct Exact<'a> {
     /// Of each depth of shadows.
     label_extinctions: Vec<Vec<f64>>,
     bends: Vec<f64>,
+    kept: Option<&'a KeptDepths<f64>>,
 }
 
 impl<'a> Exact<'a> {
@@ -197,7 +204,24 @@ impl<'a> Exact<'a> {
         let label_extinctions =
             (0..=planned.plan.absorbers()).map(|number| steps.extinctions_of_labels(number)).collect();
         let bends = scene.transfer.bends();
-        Self { scene, planned, storage, labels, steps, label_steps, label_densities, label_extinctions, bends }
+        Self {
+            scene,
+            planned,
+            storage,
+            labels,
+            steps,
+            label_steps,
+            label_densities,
+            label_extinctions,
+            bends,
+            kept: None,
+        }
+    }
+
+    /// The same samples; their marches keep the depths of light grids in `kept`.
+    #[must_use]
+    pub fn keeping_depths(self, kept: &'a KeptDepths<f64>) -> Self {
+        Self { kept: Some(kept), ..self }
     }
 
     /// Returns the data value at `place`, in texture coordinates, and the label of the nearest voxel: its index among
@@ -318,6 +342,12 @@ impl Samples<f64> for Exact<'_> {
     fn extinction(&self, place: [f64; 3], number: usize) -> f64 {
         let own = || self.steps.extinction(self.value_at(place), number) * self.gradient_factor(place);
         self.shares(place).number(own, |row| self.label_extinctions[number][row])
+    }
+
+    fn keeping(&self) -> Option<Keeping<'_, f64>> {
+        let Planned { plan, .. } = self.planned;
+        let (interpolation, smooth_labels) = (self.scene.accuracy.interpolation, plan.smooth_labels);
+        self.kept.map(|depths| Keeping { depths, interpolation, smooth_labels })
     }
 }
 

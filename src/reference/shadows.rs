@@ -1,6 +1,7 @@
 //! Light that reaches a sample. Twin of `shaders/light_grid.wgsl` and `shaders/shadowed.wgsl`.
 
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{ReferenceError, Samples};
 use crate::memory;
@@ -8,7 +9,7 @@ use crate::number::{Real, count};
 use crate::parallel;
 use crate::plan::Planned;
 use crate::progress::Progress;
-use crate::scene::{Scene, ShadowMethod, Shadows};
+use crate::scene::{Interpolation, Scene, ShadowMethod, Shadows};
 use crate::tables::{
     GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, PositionTable, SKY_SPACING, Steps, Sweep, Within,
     sky_direction,
@@ -35,11 +36,64 @@ pub(super) struct Reaching<R> {
     step_length: R,
 }
 
+/// Depths of light grids, kept for further marches: those of exact samples of scenes that differ only in `accuracy` and
+/// `shadows`.
+#[derive(Debug, Default)]
+pub struct KeptDepths<R>(Mutex<Vec<(DepthKey, Arc<Vec<R>>)>>);
+
+/// [`KeptDepths`], and what else the depths of their samples depend on.
+#[derive(Debug)]
+pub struct Keeping<'a, R> {
+    pub(super) depths: &'a KeptDepths<R>,
+    pub(super) interpolation: Interpolation,
+    pub(super) smooth_labels: bool,
+}
+
+/// What the depths of one light at the nodes of a grid depend on.
+#[derive(Debug, PartialEq)]
+struct DepthKey {
+    interpolation: Interpolation,
+    smooth_labels: bool,
+    grid: LightGrid,
+    light: GridLight,
+    number: usize,
+    start: f64,
+}
+
+/// Part of the free memory that [`KeptDepths`] may take.
+const KEPT_PART: u64 = 8;
+
+impl<R: Real> KeptDepths<R> {
+    /// The depths of `key`, from an earlier march or `filled` now.
+    fn of(
+        &self,
+        key: DepthKey,
+        filled: impl FnOnce() -> Result<Vec<R>, ReferenceError>,
+    ) -> Result<Arc<Vec<R>>, ReferenceError> {
+        let kept = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, depths)) = kept().iter().find(|(known, _)| *known == key) {
+            return Ok(Arc::clone(depths));
+        }
+        let depths = Arc::new(filled()?);
+        let room = memory::available_bytes().map_or(u64::MAX, |free| free / KEPT_PART);
+        let mut kept = kept();
+        kept.push((key, Arc::clone(&depths)));
+        // The oldest first.
+        let bytes = |kept: &[(DepthKey, Arc<Vec<R>>)]| -> u64 {
+            kept.iter().map(|(_, depths)| size_of_val(depths.as_slice()) as u64).sum()
+        };
+        while bytes(&kept) > room {
+            kept.remove(0);
+        }
+        Ok(depths)
+    }
+}
+
 /// How the dimming of one light is found.
 #[derive(Debug)]
 enum Dimming<R> {
     /// Optical depths at the nodes of a grid: of all that is grey, and of each coloured absorber.
-    Grid(LightGrid, Vec<Vec<R>>),
+    Grid(LightGrid, Vec<Arc<Vec<R>>>),
     /// A ray in this direction, in texture coordinates per unit of length.
     Ray([R; 3]),
     /// A ray to this point.
@@ -70,18 +124,27 @@ impl<R: Real> Reaching<R> {
         if method == ShadowMethod::Grid {
             check_memory(spacing, grid.dims, planned.plan.grid_depths() * size_of::<R>(), free)?;
         }
-        let filled = |sweep: &Sweep| -> Result<_, ReferenceError> {
-            let depths = |number| -> Result<Vec<R>, ReferenceError> {
-                let depths = fill(&grid, sweep, samples, number, progress)?;
-                Ok(depths.into_iter().map(|depth| samples.stored_depth(depth)).collect())
+        let kept = |(light, grid, number): (GridLight, LightGrid, usize),
+                    filled: &dyn Fn() -> Result<Vec<R>, ReferenceError>| {
+            let Some(Keeping { depths, interpolation, smooth_labels }) = samples.keeping() else {
+                return filled().map(Arc::new);
+            };
+            depths.of(DepthKey { interpolation, smooth_labels, grid, light, number, start }, filled)
+        };
+        let filled = |light: GridLight, sweep: &Sweep| -> Result<_, ReferenceError> {
+            let depths = |number| {
+                kept((light, grid, number), &|| {
+                    let depths = fill(&grid, sweep, samples, number, progress)?;
+                    Ok(depths.into_iter().map(|depth| samples.stored_depth(depth)).collect())
+                })
             };
             Ok(Dimming::Grid(grid, (0..=planned.plan.absorbers()).map(depths).collect::<Result<_, _>>()?))
         };
         let dimming = |light| match (light, method) {
             (GridLight::From(direction), ShadowMethod::Rays) => Ok(Dimming::Ray(from(direction / local_scale))),
-            (GridLight::From(direction), ShadowMethod::Grid) => filled(&grid.sweep(direction, start)),
+            (GridLight::From(direction), ShadowMethod::Grid) => filled(light, &grid.sweep(direction, start)),
             (GridLight::At(point), ShadowMethod::Rays) => Ok(Dimming::RayTo(PointRays { point, start, local_scale })),
-            (GridLight::At(point), ShadowMethod::Grid) => filled(&grid.rays(point, start)),
+            (GridLight::At(point), ShadowMethod::Grid) => filled(light, &grid.rays(point, start)),
             (GridLight::Sky { directions, reach }, ShadowMethod::Rays) if pixels == 1 => {
                 // One ray reads few of the nodes of a grid.
                 let along = (0..directions).map(|i| from(sky_direction(i, directions) / local_scale));
@@ -92,15 +155,18 @@ impl<R: Real> Reaching<R> {
                 let sky = LightGrid::new(scene, spacing);
                 check_memory(spacing, sky.dims, 2 * size_of::<R>(), free)?;
                 let directions = MORE_DIRECTIONS * directions;
-                Ok(Dimming::Grid(
-                    sky,
-                    vec![sky_depths(&sky, directions, [start, reach.unwrap_or(FAR)], samples, progress)?],
-                ))
+                let depths = kept((GridLight::Sky { directions, reach }, sky, 0), &|| {
+                    sky_depths(&sky, directions, [start, reach.unwrap_or(FAR)], samples, progress)
+                })?;
+                Ok(Dimming::Grid(sky, vec![depths]))
             }
             (GridLight::Sky { directions, reach }, ShadowMethod::Grid) => {
                 let sky = LightGrid::new(scene, SKY_SPACING * spacing);
-                let depths = sky_depths(&sky, directions, [start, reach.unwrap_or(FAR)], samples, progress)?;
-                Ok(Dimming::Grid(grid, vec![resampled(&sky, &depths, &grid, samples)]))
+                let depths = kept((light, grid, 0), &|| {
+                    let depths = sky_depths(&sky, directions, [start, reach.unwrap_or(FAR)], samples, progress)?;
+                    Ok(resampled(&sky, &depths, &grid, samples))
+                })?;
+                Ok(Dimming::Grid(grid, vec![depths]))
             }
         };
         Ok(Self {

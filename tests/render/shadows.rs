@@ -5,6 +5,7 @@ mod instrument;
 use crate::support;
 
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{DMat3, DVec3};
 use relume::document::{self, Document, Edit, SceneFile, SceneOptions, Source};
@@ -13,7 +14,7 @@ use relume::internal::number::Real;
 use relume::model::{ModelKind, Order};
 use relume::plan::{Integrate, PositionCounts, ShadowedPositions, Stale, plan};
 use relume::progress::Quiet;
-use relume::reference::{self, End, Samples, Step};
+use relume::reference::{self, End, Exact, Keeping, KeptDepths, Samples, Step};
 use relume::render::{Dispatching, Renderer, SceneRenderer};
 use relume::scene::{
     Aim, AmbientShares, Integration, Interpolation, Lighting, Lookup, Placement, Projection, Scene, SceneLight,
@@ -773,6 +774,60 @@ fn the_light_grid_approaches_rays_that_end_at_the_reach() {
         let whole = shown(ShadowMethod::Rays, 2.0, None);
         assert!(whole < 0.98 * rays, "the reach is seen: {rays}, {whole} without it");
     }
+}
+
+/// Exact samples that count the extinctions which marches ask for.
+struct Counting<'a>(Exact<'a>, AtomicUsize);
+
+impl Samples<f64> for Counting<'_> {
+    fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
+        self.0.sample(place, step);
+    }
+
+    fn end(&self, place: [f64; 3]) -> End<f64> {
+        self.0.end(place)
+    }
+
+    fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
+        self.0.mean(ends, middle, density)
+    }
+
+    fn extinction(&self, place: [f64; 3], number: usize) -> f64 {
+        self.1.fetch_add(1, Ordering::Relaxed);
+        self.0.extinction(place, number)
+    }
+
+    fn keeping(&self) -> Option<Keeping<'_, f64>> {
+        self.0.keeping()
+    }
+}
+
+#[test]
+fn marches_of_one_scene_share_the_light_grids_that_are_equal() {
+    let scene = {
+        let mut scene = under_sky("gradient", 1);
+        scene.shadows.directions = 8;
+        scene
+    };
+    let kept = KeptDepths::default();
+    let marched = |change: fn(&mut Scene)| {
+        let mut scene = scene.clone();
+        change(&mut scene);
+        let rungs = Rungs::new(scene, [12, 10]);
+        let fresh = numbers(&rungs.march::<f64>(&rungs.exact()));
+        let counting = Counting(rungs.exact().keeping_depths(&kept), AtomicUsize::new(0));
+        let film = rungs.march::<f64>(&counting);
+        assert!(numbers(&film) == fresh, "the same bytes");
+        counting.1.into_inner() > 0
+    };
+    assert!(marched(|_| {}), "the first march fills");
+    assert!(!marched(|scene| scene.accuracy.step_length = 0.5), "another step");
+    assert!(!marched(|scene| scene.accuracy.termination = 0.1), "another termination");
+    assert!(marched(|scene| scene.accuracy.interpolation = Interpolation::Nearest), "other values between voxels");
+    assert!(marched(|scene| scene.shadows.spacing = 3.0), "another spacing");
+    assert!(marched(|scene| scene.shadows.start = Some(1.0)), "another start");
+    assert!(marched(|scene| scene.shadows.reach = Some(9.0)), "a reach");
+    assert!(!marched(|_| {}), "the first ones are still kept");
 }
 
 #[test]
