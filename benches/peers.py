@@ -2,9 +2,11 @@
 """Relume beside other renderers on the same work, as a Markdown table.
 
   benches/peers.py --relume target/release/relume --peers FOLDER --volume frog.mhd > benches/results/lavapipe.md
+  benches/peers.py --relume target/release/relume --peers FOLDER --volume frog.mhd --shadows   # for benches/results/shadows.md
 
 FOLDER holds the peer programs (peer_vtk.py, peer_floor.py, peerlib.py); this Python needs what they need, and OpenEXR.
 With --before OLD, another build of Relume runs in the same turns, and a second table has its times beside the new ones.
+With --shadows, only the frame with one shadowed light runs, beside VTK's GPU mapper with its own shadow, at 400 × 400.
 Every program runs in a process of its own, in turn (A B A B …), five times; medians of CPU ms of all threads.
 """
 import argparse, json, os, statistics, subprocess, sys, tempfile
@@ -15,6 +17,7 @@ arguments.add_argument("--peers", required=True)
 arguments.add_argument("--volume", required=True, help="the real frog, 500x470x136")
 arguments.add_argument("--before", help="an earlier build of Relume")
 arguments.add_argument("--runs", type=int, default=5)
+arguments.add_argument("--shadows", action="store_true", help="the frame with one shadowed light, beside VTK's GPU mapper")
 given = arguments.parse_args()
 relume, volume = os.path.abspath(given.relume), os.path.abspath(given.volume)
 environment = dict(os.environ, PEER_VOLUME="frog", FROG_MHD=volume, PEER_SHOTS=tempfile.mkdtemp())
@@ -28,8 +31,8 @@ def peer(program, *flags):
     return json.loads(lines[-1][5:])
 
 
-def bench(workload, shading, program=relume):
-    command = [program, "bench", workload, "--shading", shading, "--frames", "9", "--json", "--quiet"]
+def bench(workload, shading, program=relume, *flags):
+    command = [program, "bench", workload, "--shading", shading, "--frames", "9", "--json", "--quiet", *flags]
     command += [] if workload == "default" else ["--volume", volume]
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["rows"][0]
 
@@ -37,6 +40,31 @@ def bench(workload, shading, program=relume):
 def middle(values):
     return statistics.median(values)
 
+
+def shadows():
+    """A table of frames with one shadowed light, shaded: unshaded, the GPU mapper of VTK casts no shadow. The light grid of Relume
+    stays while the camera turns."""
+    ours, vtk = {False: [], True: []}, {False: [], True: []}
+    for run in range(given.runs):
+        for shadow in ours:
+            lit = f"lights.key.shadows={str(shadow).lower()}"
+            ours[shadow].append(bench("peer", "diffuse", relume, "--size", "400x400", "-D", lit))
+            flags = ("--mapper", "gpu", "--size", "400", "--shade", "1", "--frames", "3", "--gi", "1" if shadow else "0")
+            vtk[shadow].append(peer("peer_vtk.py", *flags))
+    device, gpu = ours[True][0]["device"], vtk[True][0]
+    print(f"Relume: {device}; VTK {gpu['version']}, GPU mapper: {gpu['device']}. CPU ms of all threads, medians of {given.runs}")
+    print("processes each, in turn; real frog averaged to 250 × 235 × 136, 400 × 400, one directional light.\n")
+    print("| frame, by gradients | Relume | VTK, GPU mapper | ratio |\n| --- | --- | --- | --- |")
+    mine = {shadow: middle([row["march"]["cpu_ms"]["median"] for row in rows]) for shadow, rows in ours.items()}
+    theirs = {shadow: middle([row["frame_cpu_ms"] for row in rows]) for shadow, rows in vtk.items()}
+    for shadow, what in ((False, "without shadows"), (True, "with one shadowed light")):
+        print(f"| {what} | {mine[shadow]:.0f} | {theirs[shadow]:.0f} | {mine[shadow] / theirs[shadow]:.2f} |")
+    print(f"| with over without | {mine[True] / mine[False]:.2f} | {theirs[True] / theirs[False]:.2f} | |")
+
+
+if given.shadows:
+    shadows()
+    sys.exit()
 
 WORKLOADS = ("peer", "peer-rgb", "peer-k8", "peer-four-lights", "peer-eight-materials", "peer-coloured-rgb", "peer-coloured-k8")
 vtk, ours, before = {"none": [], "diffuse": []}, {}, {}
