@@ -2,6 +2,38 @@
 // optical depth of the columns that pass them, and the columns go on to the next slice. For a point light, a ray goes from
 // each node to the light. Twin of `reference::shadows`.
 
+// Weights of four columns, of a place a part `t` of a space behind the second: those of a cubic, less a twelfth of the second
+// difference, so that depths that are linear between nodes have the least error (docs/theory/shadows.md).
+fn column_weights(t: f32) -> vec4f {
+    let square = t * t;
+    let cube = square * t;
+    let inner = vec2f(fma(1.5, cube, fma(-2.5, square, 1.0)), fma(-1.5, cube, fma(2.0, square, 0.5 * t)));
+    let cubic = vec4f(square - 0.5 * (t + cube), inner, 0.5 * (cube - square));
+    let second = vec4f(1.0 - t, fma(3.0, t, -2.0), fma(-3.0, t, 1.0), t);
+    return fma(vec4f(-1.0 / 12.0), second, cubic);
+}
+
+// Depth of the four columns `x` of a row, by these weights.
+fn depth_of_row(x: vec4u, row: i32, weights: vec4f) -> f32 {
+    let start = slice.reads + sweep.columns.x * u32(clamp(row, 0, i32(sweep.columns.y) - 1));
+    let outer = weights.x * columns[start + x.x] + weights.w * columns[start + x.w];
+    return fma(weights.y, columns[start + x.y], fma(weights.z, columns[start + x.z], outer));
+}
+
+// Depth of the columns at a node, cubic between sixteen of them. `columns` are 0 where none has entered.
+fn passed_cubic(node: vec2u) -> f32 {
+    // Rounding may place the first column before 0.
+    let column = max(fma(vec2f(f32(slice.number)), sweep.shear, vec2f(node) - sweep.first), vec2f());
+    let base = floor(column);
+    let x_weights = column_weights(column.x - base.x);
+    let y_weights = column_weights(column.y - base.y);
+    let first = vec2i(base) - 1;
+    let x = vec4u(clamp(vec4i(first.x) + vec4i(0, 1, 2, 3), vec4i(), vec4i(i32(sweep.columns.x) - 1)));
+    let outer = y_weights.x * depth_of_row(x, first.y, x_weights) + y_weights.w * depth_of_row(x, first.y + 3, x_weights);
+    let last = fma(y_weights.z, depth_of_row(x, first.y + 2, x_weights), outer);
+    return max(fma(y_weights.y, depth_of_row(x, first.y + 1, x_weights), last), 0.0);
+}
+
 // `sweep.samples`. Mesa's software device compiles a shader with a uniform as the bound of a loop again for every dispatch
 // (docs/theory/device.md), so the bound depends on the invocation in form.
 fn own_samples(invocation: u32) -> u32 {
@@ -69,7 +101,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             if (POINT_LIGHT) {
                 texel[sweep.part] = nearest(depth_to_point(at));
             } else {
-                texel[sweep.part] = nearest(passed(at));
+                texel[sweep.part] = nearest(passed_cubic(at));
             }
             textureStore(light_grid, node, texel);
         }

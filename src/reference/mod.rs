@@ -1,6 +1,7 @@
 //! Reference renderer, written for readability: full spectra in f64, and the planned model in f64 and f32.
 
 mod gradient;
+mod kept;
 mod march;
 mod phase;
 mod samples;
@@ -8,11 +9,11 @@ mod shadows;
 mod store;
 mod thin_film;
 
+pub use kept::{Keeping, KeptDepths};
 pub use march::{
     RaySample, attenuate, attenuate_matrix, composite, composite_matrix, march, march_ray, render, render_pixels,
 };
 pub use samples::{End, Exact, Label, Samples, Step, Stored};
-pub use shadows::{Keeping, KeptDepths};
 pub use store::store;
 
 use crate::number::readable;

@@ -1,7 +1,7 @@
 //! Samples of the volume: exact, or with the device's tables and textures.
 
 use super::gradient::{exact_thinning, gradient_factor, thin, thinning};
-use super::shadows::{Keeping, KeptDepths};
+use super::kept::{Keeping, KeptDepths};
 use crate::number::{Real, count, unit};
 use crate::plan::{LANE, Planned};
 use crate::scene::{Interpolation, Lookup, Scene};

@@ -1,20 +1,23 @@
 //! Light that reaches a sample. Twin of `shaders/light_grid.wgsl` and `shaders/shadowed.wgsl`.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
+use super::kept::{DepthKey, Keeping};
 use super::{ReferenceError, Samples};
 use crate::memory;
 use crate::number::{Real, count};
 use crate::parallel;
 use crate::plan::Planned;
 use crate::progress::Progress;
-use crate::scene::{Interpolation, Scene, ShadowMethod, Shadows};
+use crate::scene::{Scene, ShadowMethod, Shadows};
 use crate::tables::{
     GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, PositionTable, SKY_SPACING, Steps, Sweep, Within,
     sky_direction,
 };
 
+/// Part of the second difference of a depth that nodes leave out.
+const SECOND_DIFFERENCE: f64 = 1.0 / 12.0;
 /// Longest step of a ray to a light, in units of length.
 const LONGEST_STEP: f64 = 0.25;
 /// A distance beyond any box.
@@ -34,59 +37,6 @@ pub(super) struct Reaching<R> {
     crop: [[R; 3]; 2],
     start: R,
     step_length: R,
-}
-
-/// Depths of light grids, kept for further marches: those of exact samples of scenes that differ only in `accuracy` and
-/// `shadows`.
-#[derive(Debug, Default)]
-pub struct KeptDepths<R>(Mutex<Vec<(DepthKey, Arc<Vec<R>>)>>);
-
-/// [`KeptDepths`], and what else the depths of their samples depend on.
-#[derive(Debug)]
-pub struct Keeping<'a, R> {
-    pub(super) depths: &'a KeptDepths<R>,
-    pub(super) interpolation: Interpolation,
-    pub(super) smooth_labels: bool,
-}
-
-/// What the depths of one light at the nodes of a grid depend on.
-#[derive(Debug, PartialEq)]
-struct DepthKey {
-    interpolation: Interpolation,
-    smooth_labels: bool,
-    grid: LightGrid,
-    light: GridLight,
-    number: usize,
-    start: f64,
-}
-
-/// Part of the free memory that [`KeptDepths`] may take.
-const KEPT_PART: u64 = 8;
-
-impl<R: Real> KeptDepths<R> {
-    /// The depths of `key`, from an earlier march or `filled` now.
-    fn of(
-        &self,
-        key: DepthKey,
-        filled: impl FnOnce() -> Result<Vec<R>, ReferenceError>,
-    ) -> Result<Arc<Vec<R>>, ReferenceError> {
-        let kept = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, depths)) = kept().iter().find(|(known, _)| *known == key) {
-            return Ok(Arc::clone(depths));
-        }
-        let depths = Arc::new(filled()?);
-        let room = memory::available_bytes().map_or(u64::MAX, |free| free / KEPT_PART);
-        let mut kept = kept();
-        kept.push((key, Arc::clone(&depths)));
-        // The oldest first.
-        let bytes = |kept: &[(DepthKey, Arc<Vec<R>>)]| -> u64 {
-            kept.iter().map(|(_, depths)| size_of_val(depths.as_slice()) as u64).sum()
-        };
-        while bytes(&kept) > room {
-            kept.remove(0);
-        }
-        Ok(depths)
-    }
 }
 
 /// How the dimming of one light is found.
@@ -314,7 +264,9 @@ fn fill<R: Real>(
         let within = sweep.within.map(|within| columns_within(within, &columns, &before));
         for j in 0..sweep.nodes[1] {
             for i in 0..sweep.nodes[0] {
-                depths[node(i, j)] = passed(sweep, within.as_ref().unwrap_or(&columns), slice, [i, j]);
+                let columns = within.as_ref().unwrap_or(&columns);
+                let passed = if sweep.cubic { passed_cubic } else { passed };
+                depths[node(i, j)] = passed(sweep, columns, slice, [i, j]);
             }
         }
         if sweep.within.is_some() {
@@ -390,7 +342,7 @@ fn sky_depths<R: Real>(
 ) -> Result<Vec<R>, ReferenceError> {
     let mut sums = vec![R::default(); grid.dims.iter().product()];
     for i in 0..directions {
-        let sweep = grid.sweep(sky_direction(i, directions), start).within(Some(reach));
+        let sweep = grid.sweep(sky_direction(i, directions), start).of_sky(Some(reach));
         let depths = fill(grid, &sweep, samples, 0, progress)?;
         for (sum, depth) in sums.iter_mut().zip(depths) {
             *sum = *sum + reaching(depth);
@@ -425,6 +377,41 @@ fn passed<R: Real>(sweep: &Sweep, columns: &[R], slice: usize, node: [usize; 2])
     let between = |a: R, b: R, part: R| part.mul_add(b - a, a);
     let line = |j| between(at(0, j), at(1, j), fraction[0]);
     between(line(0), line(1), fraction[1])
+}
+
+/// Weights of four columns, of a place a part `t` of a space behind the second: those of a cubic, less a twelfth of the second
+/// difference, so that depths that are linear between nodes have the least error (docs/theory/shadows.md).
+fn column_weights<R: Real>(t: R) -> [R; 4] {
+    let [half, number] = [R::from_f64(0.5), R::from_f64(SECOND_DIFFERENCE)];
+    let (square, cube) = (t * t, t * t * t);
+    let of = |factor: f64, x: R, rest: R| R::from_f64(factor).mul_add(x, rest);
+    let cubic = [
+        square - half * (t + cube),
+        of(1.5, cube, of(-2.5, square, R::from_f64(1.0))),
+        of(-1.5, cube, of(2.0, square, half * t)),
+        half * (cube - square),
+    ];
+    let one = R::from_f64(1.0);
+    let second = [one - t, of(3.0, t, R::from_f64(-2.0)), of(-3.0, t, one), t];
+    std::array::from_fn(|i| (-number).mul_add(second[i], cubic[i]))
+}
+
+/// Depth of the columns at a node of a slice, cubic between sixteen of them.
+fn passed_cubic<R: Real>(sweep: &Sweep, columns: &[R], slice: usize, node: [usize; 2]) -> R {
+    let mut base = [0; 2];
+    let mut weights = [[R::default(); 4]; 2];
+    for axis in 0..2 {
+        let (shear, first) = (R::from_f64(sweep.shear[axis]), R::from_f64(sweep.first[axis]));
+        let column = R::from_f64(count(slice)).mul_add(shear, R::from_f64(count(node[axis])) - first).max(R::default());
+        base[axis] = column.floor().index();
+        weights[axis] = column_weights(column - R::from_f64(count(base[axis])));
+    }
+    let on = |axis: usize, i: usize| (base[axis] + i).saturating_sub(1).min(sweep.columns[axis] - 1);
+    let between = |[a, b, c, d]: [R; 4], [first, second, third, fourth]: [R; 4]| {
+        b.mul_add(second, c.mul_add(third, a * first + d * fourth))
+    };
+    let row = |j: usize| between(weights[0], std::array::from_fn(|i| columns[on(0, i) + sweep.columns[0] * on(1, j)]));
+    between(weights[1], std::array::from_fn(row)).max(R::default())
 }
 
 /// Optical depth that a column gains over a slice.

@@ -102,6 +102,8 @@ pub struct Sweep {
     pub behind: f64,
     /// Rays to a point light, in place of columns.
     pub to: Option<PointRays>,
+    /// Whether nodes read the depth of sixteen columns, or linearly that of four.
+    pub cubic: bool,
     /// The way beyond which nothing dims the light; `None` without a limit.
     pub within: Option<Within>,
 }
@@ -210,6 +212,7 @@ impl LightGrid {
             samples: whole((voxels.length() * path - 1e-9).ceil()).max(1),
             behind: start / path,
             to: None,
+            cubic: true,
             within: None,
         }
     }
@@ -235,6 +238,7 @@ impl LightGrid {
             samples: whole((path - 1e-9).ceil()).max(1),
             behind: 0.0,
             to: Some(PointRays { point, start, local_scale: voxels * self.voxel }),
+            cubic: false,
             within: None,
         }
     }
@@ -258,9 +262,11 @@ impl LightGrid {
 }
 
 impl Sweep {
-    /// The same sweep of columns, dimmed only by what is within `reach` of a node, in units of length.
+    /// The same sweep for a direction of a sky: linear between columns, and dimmed only by what is within `reach` of a node, in units
+    /// of length.
     #[must_use]
-    pub fn within(mut self, reach: Option<f64>) -> Self {
+    pub fn of_sky(mut self, reach: Option<f64>) -> Self {
+        self.cubic = false;
         let way = |reach: f64| (reach / self.path - self.behind).max(0.0);
         // A column is not older than the sweep.
         let shorter = reach.map(way).filter(|&way| way < count(self.slices));
@@ -288,6 +294,8 @@ impl Sweep {
         std::array::from_fn(|i| {
             let ways = [count(slice) - self.behind, count(slice + 1)].map(|slices| slices * self.shear[i]);
             let (low, high) = (ways[0].min(ways[1]), ways[0].max(ways[1]) + count(self.nodes[i] - 1));
+            let beside = if self.cubic { 1.0 } else { 0.0 };
+            let (low, high) = (low - beside, high + beside);
             let first = whole((low - self.first[i]).floor().max(0.0)).min(self.columns[i]);
             let end = whole((high - self.first[i]).ceil().max(0.0)).saturating_add(1).min(self.columns[i]);
             first..end.max(first)

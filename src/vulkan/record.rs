@@ -239,7 +239,7 @@ impl Recorder {
     /// [`VulkanError::Misuse`] for a buffer that copies do not write, or of a number of bytes that is no multiple of 4.
     pub fn zero(&mut self, buffer: &Buffer) -> Result<(), VulkanError> {
         check_target(self.device(), buffer)?;
-        if buffer.bytes() % 4 > 0 {
+        if !buffer.bytes().is_multiple_of(4) {
             return Err(VulkanError::misuse(buffer.name(), "only whole words are set to 0"));
         }
         // SAFETY: recording; the range is the whole buffer, which copies may write and which is kept.

@@ -770,7 +770,7 @@ fn the_light_grid_approaches_rays_that_end_at_the_reach() {
         let rays = shown(ShadowMethod::Rays, 2.0, Some(reach));
         let error = |spacing: f64| (shown(ShadowMethod::Grid, spacing, Some(reach)) / rays - 1.0).abs();
         let [coarse, fine] = [2.0, 0.5].map(error);
-        assert!(coarse <= 0.06 && fine <= 0.006, "{start} to {reach}: {coarse} at 4 voxels, {fine} at 1");
+        assert!(coarse <= 0.12 && fine <= 0.006, "{start} to {reach}: {coarse} at 4 voxels, {fine} at 1");
         let whole = shown(ShadowMethod::Rays, 2.0, None);
         assert!(whole < 0.98 * rays, "the reach is seen: {rays}, {whole} without it");
     }

@@ -482,7 +482,7 @@ impl DeviceGrid {
         summing: Summing,
     ) -> Result<Current, RenderError> {
         let sweep = self.key.sky.sweep(sky_direction(summing.direction, summing.directions), self.key.start);
-        let sweep = sweep.within(summing.reach);
+        let sweep = sweep.of_sky(summing.reach);
         self.begin(renderer, planned, uploaded, (depth, 0), sweep, Some(summing))
     }
 
@@ -599,7 +599,7 @@ impl DeviceGrid {
             unused: 0,
         };
         let reach = uniform("reach", bytemuck::bytes_of(&reach))?;
-        if sweep.within.is_some() {
+        if sweep.cubic || sweep.within.is_some() {
             // A column that has not entered has the depth 0 in every slice.
             device.run("columns", |recorder| {
                 recorder.zero(&planes)?;
