@@ -1,7 +1,7 @@
-// Depth of the columns at the nodes of a slice up to a distance, the reach of a sky: the depth that they had farther back is
+// Depth of a column that a node sees, up to a distance, the reach of a sky: the depth that it had farther back is
 // subtracted. In place of `columns.wgsl`. Twin of `reference::shadows`.
 
-// `tables::Within`.
+// `tables::Within`, as `Reach` of `render::march::light_grid` writes it.
 struct Reach {
     // Whole slices, and the part of one more.
     slices: u32,
@@ -22,22 +22,8 @@ fn depth_ago(column: vec2u, slices: u32) -> f32 {
     return columns[on.x + sweep.columns.x * (on.y + sweep.columns.y * plane)];
 }
 
-fn depth_within(column: vec2u) -> f32 {
+fn depth_seen(column: vec2u) -> f32 {
     let nearer = depth_ago(column, reach.slices);
     let beyond = fma(reach.rest, depth_ago(column, reach.slices + 1u) - nearer, nearer);
     return max(depth_of(column) - beyond, 0.0);
-}
-
-// Depth of the columns at a node, linear between four of them.
-fn passed(node: vec2u) -> f32 {
-    // Rounding may place the first column before 0.
-    let column = max(fma(vec2f(f32(slice.number)), sweep.shear, vec2f(node) - sweep.first), vec2f());
-    let base = floor(column);
-    let fraction = column - base;
-    let at = vec2u(base);
-    let near_left = depth_within(at);
-    let near = fma(fraction.x, depth_within(at + vec2u(1u, 0u)) - near_left, near_left);
-    let far_left = depth_within(at + vec2u(0u, 1u));
-    let far = fma(fraction.x, depth_within(at + vec2u(1u, 1u)) - far_left, far_left);
-    return fma(fraction.y, far - near, near);
 }

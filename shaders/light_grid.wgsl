@@ -2,6 +2,20 @@
 // optical depth of the columns that pass them, and the columns go on to the next slice. For a point light, a ray goes from
 // each node to the light. Twin of `reference::shadows`.
 
+// Depth of the columns at a node, linear between four of them.
+fn passed(node: vec2u) -> f32 {
+    // Rounding may place the first column before 0.
+    let column = max(fma(vec2f(f32(slice.number)), sweep.shear, vec2f(node) - sweep.first), vec2f());
+    let base = floor(column);
+    let fraction = column - base;
+    let at = vec2u(base);
+    let near_left = depth_seen(at);
+    let near = fma(fraction.x, depth_seen(at + vec2u(1u, 0u)) - near_left, near_left);
+    let far_left = depth_seen(at + vec2u(0u, 1u));
+    let far = fma(fraction.x, depth_seen(at + vec2u(1u, 1u)) - far_left, far_left);
+    return fma(fraction.y, far - near, near);
+}
+
 // Weights of four columns, of a place a part `t` of a space behind the second: those of a cubic, less a twelfth of the second
 // difference, so that depths that are linear between nodes have the least error (docs/theory/shadows.md).
 fn column_weights(t: f32) -> vec4f {
@@ -10,7 +24,7 @@ fn column_weights(t: f32) -> vec4f {
     let inner = vec2f(fma(1.5, cube, fma(-2.5, square, 1.0)), fma(-1.5, cube, fma(2.0, square, 0.5 * t)));
     let cubic = vec4f(square - 0.5 * (t + cube), inner, 0.5 * (cube - square));
     let second = vec4f(1.0 - t, fma(3.0, t, -2.0), fma(-3.0, t, 1.0), t);
-    return fma(vec4f(-1.0 / 12.0), second, cubic);
+    return fma(vec4f(-SECOND_DIFFERENCE), second, cubic);
 }
 
 // Depth of the four columns `x` of a row, by these weights.

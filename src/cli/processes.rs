@@ -8,19 +8,19 @@ use serde_json::json;
 
 use relume::film::Film;
 use relume::internal::number::count;
-use relume::internal::ranks::{Alone, Ranks, Relay, all_gather, gather_rows, over, tiles};
+use relume::internal::ranks::{Alone, Ranks, Relay, all_gather, gather_rows, over, share_of, tiles};
 use relume::measure::{Stopwatch, Timing};
 use relume::output::OutputError;
 use relume::plan::{Planned, Transmittance};
 use relume::progress::Progress;
-use relume::render::{DeviceFilm, RenderError, SceneRenderer};
+use relume::render::{BrickCounts, DeviceFilm, RenderError, SceneRenderer};
 use relume::scene::{Block, Blocks, Mix, Node, Scene, View};
 
 use super::CliError;
 
 /// How processes share the march of one picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Way {
+pub(crate) enum Sharing {
     /// The film goes from block to block along the rays: that of one process, to the byte.
     Relay,
     /// All blocks at once, composited: one film for any number of processes. The number of blocks, if it is stated.
@@ -30,28 +30,36 @@ pub(crate) enum Way {
 }
 
 /// Reads `relay`, `over`, `over/N` or `off`.
-pub(crate) fn way(text: &str) -> Result<Way, String> {
+pub(crate) fn sharing(text: &str) -> Result<Sharing, String> {
     let blocks = |number: &str| number.parse().ok().filter(|&blocks| blocks > 0);
     match text.split_once('/') {
-        None if text == "relay" => Ok(Way::Relay),
-        None if text == "over" => Ok(Way::Over(None)),
-        None if text == "off" => Ok(Way::Off),
-        Some(("over", number)) if blocks(number).is_some() => Ok(Way::Over(blocks(number))),
+        None if text == "relay" => Ok(Sharing::Relay),
+        None if text == "over" => Ok(Sharing::Over(None)),
+        None if text == "off" => Ok(Sharing::Off),
+        Some(("over", number)) if blocks(number).is_some() => Ok(Sharing::Over(blocks(number))),
         _ => Err("write relay, over, over/N with N blocks (such as over/64), or off".to_owned()),
     }
 }
 
+fn variable(name: &str) -> Option<usize> {
+    std::env::var(name).ok().and_then(|text| text.parse().ok())
+}
+
+/// Number of processes of a step of Slurm.
+fn of_slurm() -> Option<usize> {
+    variable("SLURM_STEP_NUM_TASKS")
+}
+
 /// Number of processes that a launcher says it has started: Open MPI's, that of MPICH and Intel MPI, or Slurm's.
 fn started() -> usize {
-    let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<usize>().ok());
-    let of_slurm = || std::env::var_os("PMIX_RANK").and_then(|_| number("SLURM_STEP_NUM_TASKS"));
-    number("OMPI_COMM_WORLD_SIZE").or_else(|| number("PMI_SIZE")).or_else(of_slurm).unwrap_or(1)
+    let by_slurm = || std::env::var_os("PMIX_RANK").and_then(|_| of_slurm());
+    variable("OMPI_COMM_WORLD_SIZE").or_else(|| variable("PMI_SIZE")).or_else(by_slurm).unwrap_or(1)
 }
 
 /// The processes of this run.
 pub(crate) struct Processes {
     ranks: Box<dyn Ranks>,
-    way: Way,
+    sharing: Sharing,
     stage: Cell<Stage>,
 }
 
@@ -75,8 +83,8 @@ fn ranks() -> Result<Box<dyn Ranks>, CliError> {
 #[cfg(not(feature = "mpi"))]
 fn ranks() -> Result<Box<dyn Ranks>, CliError> {
     Err(CliError::Usage(
-        "several processes were started for one picture, and this build of Relume has no MPI; build it with `cargo build \
-         --release --features mpi`, or share out the work with --part or --block"
+        "several processes were started for one picture, and this build of Relume has no MPI; with --mpi off each renders by \
+         itself; to share the work, build it with `cargo build --release --features mpi`, or take --part or --block"
             .to_owned(),
     ))
 }
@@ -85,16 +93,30 @@ fn ranks() -> Result<Box<dyn Ranks>, CliError> {
 const READY: u8 = b'+';
 
 impl Processes {
-    /// The processes of this run: those of a launcher, or this one alone if `way` is stated. `None` if each process works
+    /// The processes of this run: those of a launcher, or this one alone if `sharing` is stated. `None` if each process works
     /// by itself.
-    pub(crate) fn start(way: Option<Way>, is_apart: bool) -> Result<Option<Self>, CliError> {
-        let ranks: Box<dyn Ranks> = match (started(), way) {
-            (_, Some(Way::Off)) | (0 | 1, None) => return Ok(None),
-            (0 | 1, Some(_)) => Box::new(Alone),
+    pub(crate) fn start(sharing: Option<Sharing>, is_apart: bool) -> Result<Option<Self>, CliError> {
+        let started = started();
+        let ranks: Box<dyn Ranks> = match (started, sharing) {
+            (_, Some(Sharing::Off)) | (0 | 1, None) => return Ok(None),
+            (0 | 1, Some(_)) => match of_slurm() {
+                Some(count) if count > 1 => {
+                    return Err(CliError::Usage(format!(
+                        "Slurm started {count} processes that do not know of each other; add srun --mpi=pmix"
+                    )));
+                }
+                _ => Box::new(Alone),
+            },
             (_, None) if is_apart => return Ok(None),
             _ => ranks()?,
         };
-        Ok(Some(Self { ranks, way: way.unwrap_or(Way::Relay), stage: Cell::new(Stage::Preparing) }))
+        if ranks.count() != started.max(1) {
+            return Err(CliError::Failed(format!(
+                "{started} processes were started, and MPI knows of {}; take the launcher of the MPI with which Relume was built",
+                ranks.count()
+            )));
+        }
+        Ok(Some(Self { ranks, sharing: sharing.unwrap_or(Sharing::Relay), stage: Cell::new(Stage::Preparing) }))
     }
 
     pub(crate) fn rank(&self) -> usize {
@@ -110,22 +132,34 @@ impl Processes {
         self.ranks.count()
     }
 
-    pub(crate) fn way(&self) -> Way {
-        self.way
+    pub(crate) fn sharing(&self) -> Sharing {
+        self.sharing
     }
 
     /// Blocks into which the volume of `scene` is cut.
     pub(crate) fn blocks(&self, scene: &Scene) -> usize {
-        match self.way {
-            Way::Relay | Way::Off => self.count(),
-            Way::Over(blocks) => blocks.unwrap_or_else(|| Blocks::usual(&scene.volume.geometry)),
+        match self.sharing {
+            Sharing::Relay | Sharing::Off => self.count(),
+            Sharing::Over(blocks) => blocks.unwrap_or_else(|| Blocks::usual(&scene.volume.geometry)),
         }
     }
 
     /// Ends once all processes are ready to march. All must render the same.
-    pub(crate) fn agree(&self, scene: &Scene, planned: &Planned, mix: &Mix, size: [usize; 2]) -> Result<(), CliError> {
+    pub(crate) fn agree(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        mix: &Mix,
+        size: [usize; 2],
+        asked: Asked,
+    ) -> Result<(), CliError> {
         let mut hasher = DefaultHasher::new();
-        format!("{:?} {:?} {mix:?} {size:?} {:?}", planned.plan, planned.positions, self.way).hash(&mut hasher);
+        format!("{:?} {:?} {mix:?} {size:?} {:?} {asked:?}", planned.plan, planned.positions, self.sharing)
+            .hash(&mut hasher);
+        // Who sends rows to whom follows from them, and their last bits may differ between machines.
+        let Cut { tree, low_first, view } = self.cut(scene, size)?;
+        let rows = |block: usize| tree.rows(block, &scene.volume.geometry, &view, size[1]);
+        (low_first.clone(), (0..=low_first.len()).map(rows).collect::<Vec<_>>()).hash(&mut hasher);
         let lights = planned.model.iter().flat_map(|model| model.lights());
         lights.for_each(|(name, _, matrix)| format!("{name} {matrix:?}").hash(&mut hasher));
         let digest = format!("{} {:016x} {:016x}", env!("CARGO_PKG_VERSION"), scene.digest(), hasher.finish());
@@ -144,7 +178,7 @@ impl Processes {
             Some(_) if !self.is_first() => Err(CliError::Elsewhere),
             Some(rank) => Err(CliError::Failed(format!(
                 "rank {rank} of {} renders something else than rank 0: version, scene and plan are {}, and {} at rank 0; give \
-                 all processes the same files, the same arguments and the same build",
+                 all processes the same files, the same arguments and the same build, or add --mpi off if each renders by itself",
                 self.count(),
                 text(rank),
                 text(0)
@@ -190,8 +224,16 @@ pub(crate) struct Picture {
     pub(crate) details: serde_json::Value,
 }
 
+/// Blocks of a volume, and the order in which a view meets them.
+struct Cut {
+    tree: Blocks,
+    /// Which side of each cut is in front.
+    low_first: Vec<bool>,
+    view: View,
+}
+
 /// What the outputs need.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Asked {
     pub(crate) film: bool,
     pub(crate) linear: bool,
@@ -208,20 +250,16 @@ impl Processes {
         asked: Asked,
         progress: &dyn Progress,
     ) -> Result<Option<Picture>, CliError> {
-        let scene = on_device.scene();
-        let (geometry, blocks) = (&scene.volume.geometry, self.blocks(scene));
-        let view = scene.camera.view(geometry, count(size[0]) / count(size[1])).ok_or(RenderError::Camera)?;
-        let tree = Blocks::new(geometry, blocks).ok_or_else(|| CliError::Failed(format!("no {blocks} blocks")))?;
-        let low_first = tree.low_first(geometry, &view);
+        let cut = self.cut(on_device.scene(), size)?;
         let clock = Stopwatch::start();
-        let (film, rows, mut details) = match self.way {
-            Way::Relay | Way::Off => self.relay(on_device, size, (&tree, &low_first, &view), progress)?,
-            Way::Over(_) => self.over(on_device, size, (&tree, &low_first, &view), progress)?,
+        let (film, rows, mut details) = match self.sharing {
+            Sharing::Relay | Sharing::Off => self.relay(on_device, size, &cut, progress)?,
+            Sharing::Over(_) => self.over(on_device, size, &cut, progress)?,
         };
         let march = clock.read();
 
         let clock = Stopwatch::start();
-        let Marched { device, stripe } = film;
+        let Own { device, stripe } = film;
         let (renderer, matrices) = (on_device.renderer(), on_device.matrices(mix));
         let width = size[0];
         let of_rows = |pixels: &[u8], bytes: usize| -> Vec<(Range<usize>, Vec<u8>)> {
@@ -267,6 +305,15 @@ impl Processes {
         Ok(Some(Picture { film: whole, linear, display, device, times, details }))
     }
 
+    /// The blocks of the picture.
+    fn cut(&self, scene: &Scene, size: [usize; 2]) -> Result<Cut, CliError> {
+        let (geometry, blocks) = (&scene.volume.geometry, self.blocks(scene));
+        let view = scene.camera.view(geometry, count(size[0]) / count(size[1])).ok_or(RenderError::Camera)?;
+        let tree = Blocks::new(geometry, blocks).ok_or_else(|| CliError::Failed(format!("no {blocks} blocks")))?;
+        let low_first = tree.low_first(geometry, &view);
+        Ok(Cut { tree, low_first, view })
+    }
+
     /// The whole film at the first process.
     fn film(
         &self,
@@ -293,9 +340,9 @@ impl Processes {
         &self,
         on_device: &SceneRenderer,
         size: [usize; 2],
-        (tree, low_first, view): (&Blocks, &[bool], &View),
+        Cut { tree, low_first, view }: &Cut,
         progress: &dyn Progress,
-    ) -> Result<(Marched, Vec<Range<usize>>, serde_json::Value), CliError> {
+    ) -> Result<(Own, Vec<Range<usize>>, serde_json::Value), CliError> {
         let (scene, planned, renderer) = (on_device.scene(), on_device.planned(), on_device.renderer());
         let geometry = &scene.volume.geometry;
         let relay = Relay {
@@ -321,8 +368,9 @@ impl Processes {
             progress.report("marching", done, total);
             Ok(march.read_rows(renderer, tile.clone())?)
         })?;
-        let details = json!({ "way": "relay", "blocks": self.count(), "tiles": tiles.len(), "sent_bytes": sent_bytes });
-        Ok((Marched { device: march.finish(renderer)?, stripe: None }, rows, details))
+        let details =
+            json!({ "sharing": "relay", "blocks": self.count(), "tiles": tiles.len(), "sent_bytes": sent_bytes });
+        Ok((Own { device: march.finish(renderer)?, stripe: None }, rows, details))
     }
 
     /// Marches the blocks of this process, and composites the rows that it owns.
@@ -330,13 +378,15 @@ impl Processes {
         &self,
         on_device: &SceneRenderer,
         size: [usize; 2],
-        (tree, low_first, view): (&Blocks, &[bool], &View),
+        Cut { tree, low_first, view }: &Cut,
         progress: &dyn Progress,
-    ) -> Result<(Marched, Vec<Range<usize>>, serde_json::Value), CliError> {
+    ) -> Result<(Own, Vec<Range<usize>>, serde_json::Value), CliError> {
         let (renderer, planned) = (on_device.renderer(), on_device.planned());
         let (geometry, group) = (&on_device.scene().volume.geometry, renderer.group_rows());
         let blocks = low_first.len() + 1;
-        let (mut last, mut speed) = (None, renderer.speed());
+        let (mut last, mut speed, mut done) = (None, renderer.speed(), 0);
+        let (mut dispatches, mut bricks) = (0, None::<BrickCounts>);
+        let owned = share_of(blocks, self.rank(), self.count()).len();
         let share = over(&*self.ranks, blocks, low_first, &mut |index| -> Result<Film<f32>, CliError> {
             let own = self.block(on_device, Block { index, count: blocks }, progress)?;
             let mut march = own.begin_march(size, speed)?;
@@ -353,20 +403,29 @@ impl Processes {
                     march.step(renderer, own.uploaded())?;
                 }
                 speed = march.speed();
-                film.put([0, rows.start], &renderer.read_rows(&march.finish(renderer)?, rows)?);
+                let own = march.finish(renderer)?;
+                dispatches += own.dispatches;
+                bricks = bricks.into_iter().chain(own.bricks).reduce(BrickCounts::and);
+                film.put([0, rows.start], &renderer.read_rows(&own, rows)?);
             }
-            progress.report("marching", index as u64 + 1, blocks as u64);
+            done += 1;
+            progress.report("marching", done, owned as u64);
             last = Some(own);
             Ok(film)
         })?;
-        let (share, own) = share.zip(last).ok_or(OutputError::Matrix)?;
+        let (share, own) = share.zip(last).ok_or_else(|| {
+            CliError::Failed(
+                "the films of the blocks do not fit each other, which is an error of Relume or of MPI".to_owned(),
+            )
+        })?;
         let mut march = own.begin_march(size, renderer.speed())?;
         if !share.rows.is_empty() {
             march.write_rows(renderer, share.rows.clone(), &share.film)?;
         }
-        let details = json!({ "way": "over", "blocks": blocks, "sent_bytes": share.sent_bytes });
-        let device = march.finish(renderer)?;
-        Ok((Marched { device, stripe: Some(share.film) }, vec![share.rows], details))
+        let details = json!({ "sharing": "over", "blocks": blocks, "sent_bytes": share.sent_bytes });
+        let mut device = march.finish(renderer)?;
+        (device.dispatches, device.bricks) = (dispatches, bricks);
+        Ok((Own { device, stripe: Some(share.film) }, vec![share.rows], details))
     }
 
     /// The scene with one of its blocks, on the same device.
@@ -382,7 +441,7 @@ impl Processes {
 }
 
 /// A film after the march: on the device, and if it was composited the rows of this process on the host.
-struct Marched {
+struct Own {
     device: DeviceFilm,
     stripe: Option<Film<f32>>,
 }
@@ -411,9 +470,8 @@ pub(crate) fn check(processes: &Processes, scene: &Scene, planned: &Planned) -> 
     let (blocks, count) = (processes.blocks(scene), processes.count());
     if blocks < count {
         return Err(CliError::Failed(format!(
-            "{count} processes have only {blocks} blocks to march; start at most {blocks}, or cut the volume into more with \
-             --mpi over/{}",
-            count.next_power_of_two()
+            "{count} processes have only {blocks} blocks to march; start at most {blocks}, or cut the volume into more blocks, \
+             such as --mpi over/{count}"
         )));
     }
     Ok(())

@@ -27,7 +27,7 @@ use super::files::{self, Backdrop, Bits, DressArgs, picture_kind};
 use super::frames::{AnimationArgs, Frames, digest};
 use super::goal::GoalArgs;
 use super::model::Learnt;
-use super::processes::{self, Asked, Processes, Way, way};
+use super::processes::{self, Asked, Processes, Sharing, sharing};
 use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
 use super::{CliError, Report, turntable};
 
@@ -99,9 +99,8 @@ pub(crate) struct Args {
     /// file of one process, to the byte); over marches all blocks at once and composites them (one file for any number of
     /// processes; N blocks, or a number that the volume determines); off renders in each process. Takes a build with MPI
     /// (docs/SCALE.md). Default: relay, or off with --part or --block.
-    #[arg(long, value_name = "relay|over|over/N|off", value_parser = way)]
-    #[arg(conflicts_with_all = ["block", "turntable", "goal", "reference"])]
-    mpi: Option<Way>,
+    #[arg(long, value_name = "relay|over|over/N|off", value_parser = sharing)]
+    mpi: Option<Sharing>,
     /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).
     #[arg(long, value_name = "FILE.exr")]
     spectral: Option<PathBuf>,
@@ -114,18 +113,22 @@ pub(crate) struct Args {
 impl Args {
     /// The processes of this run, if they share the picture.
     pub(crate) fn processes(&self) -> Result<Option<Processes>, CliError> {
-        let is_apart = self.block.is_some() || self.animation.is_part();
-        let processes = Processes::start(self.mpi, is_apart)?;
+        Processes::start(self.mpi, self.block.is_some() || self.animation.is_part())
+    }
+
+    /// Refuses what several processes do not share.
+    fn check_shared(&self) -> Result<(), CliError> {
         let refused = [
+            (self.block.is_some(), "--block", "each process marches a block of its own with --mpi off"),
             (self.turntable.is_some(), "--turntable", "share out the pictures by --part"),
             (self.goal.goal().is_some(), "a search for settings", "search with one process and state what it finds"),
             (self.reference, "--reference", "start one process"),
         ];
-        match refused.into_iter().find(|(is_given, ..)| *is_given && processes.is_some()) {
-            Some((_, what, way_out)) => {
-                Err(CliError::Usage(format!("several processes share one march, and not {what}; {way_out}")))
-            }
-            None => Ok(processes),
+        match refused.into_iter().find(|(is_given, ..)| *is_given) {
+            None => Ok(()),
+            Some((_, what, instead)) => Err(CliError::Usage(format!(
+                "several processes share one march, and not {what}; {instead}, or add --mpi off if each renders by itself"
+            ))),
         }
     }
 }
@@ -260,6 +263,9 @@ impl Marched {
 
 pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Progress) -> Result<Report, CliError> {
     let is_first = processes.is_none_or(Processes::is_first);
+    if processes.is_some() {
+        args.check_shared()?;
+    }
     let source = args.scene.source(args.look.wish());
     let is_writing = !args.output.is_empty() || args.accumulators.is_some() || args.spectral.is_some();
     let default = source.bare_volume().filter(|_| !is_writing && args.save_scene.is_none()).and_then(free_name);
@@ -348,7 +354,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     }
     if let Some(processes) = processes {
         processes::check(processes, &scene, &planned)?;
-        let is_relay = processes.way() == Way::Relay;
+        let is_relay = processes.sharing() == Sharing::Relay;
         check_blocks("several processes", processes.blocks(&scene), is_relay, &scene, &planned)?;
     }
     let frame = Frame::of(&scene.camera, &scene.volume, args.size);
@@ -683,8 +689,8 @@ fn on_device(
     let Wanted { linear, display, accumulation, .. } = wanted;
     let made = match processes {
         Some(processes) => {
-            processes.agree(scene, planned, mix, size)?;
             let asked = Asked { film: accumulation, linear, display };
+            processes.agree(scene, planned, mix, size, asked)?;
             let Some(made) = processes.render(&on_device, mix, size, asked, progress)? else { return Ok(None) };
             made
         }

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use relume::progress::Progress;
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::SIGINT;
 use signal_hook::flag::register;
 use tracing::Metadata;
 use tracing::field::{Field, Visit};
@@ -97,15 +97,16 @@ impl Terminal {
     pub(crate) fn end_with_others(&self, rank: usize, count: usize) {
         let ended = format!(
             "rank {rank} of {count} processes: the launcher ended this process, as it does when another one failed or was \
-             killed; it has written nothing that is incomplete"
+             killed; this one leaves no incomplete file"
         );
         #[cfg(unix)]
-        on_signal(SIGTERM, "terminated", move || {
+        if let Err(error) = on_signal(signal_hook::consts::SIGTERM, "terminated", move || {
             relume::output::discard_unfinished();
             complain(&super::CliError::Failed(ended));
             signal_hook::low_level::exit(TERMINATED.into());
-        })
-        .ok();
+        }) {
+            tracing::warn!("if the launcher ends this process, an incomplete file may be left: {error}");
+        }
         #[cfg(not(unix))]
         drop(ended);
     }

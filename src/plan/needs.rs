@@ -29,19 +29,20 @@ pub(super) fn phases<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<f
     phases
 }
 
-/// Numbers of the films of `materials`; of their terms within a tolerance, if pixels keep weights.
+/// Numbers of the films of `materials`; of their terms within a tolerance, if pixels keep weights. Films without terms, which
+/// reflect nothing, are not counted then.
 pub(super) fn film_counts<'a>(materials: impl Iterator<Item = &'a Material>, tolerance: Option<f64>) -> FilmCounts {
     let mut counts = FilmCounts::default();
     for material in materials {
-        let (facing, lobe) = (material.film_at(FilmAngle::Facing), material.film_at(FilmAngle::Lobe));
+        let terms = |film: &ThinFilm| tolerance.map(|tolerance| film.terms_within(tolerance));
+        let at = |angle| material.film_at(angle).filter(|film| terms(film) != Some(0));
+        let (facing, lobe) = (at(FilmAngle::Facing), at(FilmAngle::Lobe));
         counts.facing += usize::from(facing.is_some());
         counts.lobe += usize::from(lobe.is_some());
         if lobe.is_some() {
             counts.exponent_bits = counts.exponent_bits.max(u32::BITS - material.exponent.leading_zeros());
         }
-        if let Some((film, tolerance)) = facing.or(lobe).zip(tolerance) {
-            counts.terms += film.terms_within(tolerance);
-        }
+        counts.terms += facing.or(lobe).and_then(terms).unwrap_or(0);
     }
     counts
 }
@@ -159,7 +160,7 @@ impl Planned {
         if self.plan.specular().is_some() { exponents(used) } else { Vec::new() }
     }
 
-    /// Thin films of the plan: those of the diffuse part first.
+    /// Thin films of the plan: those of the diffuse part first. With weights, those that reflect nothing are left out.
     #[must_use]
     pub fn films<'a>(&self, scene: &'a Scene) -> Vec<PlannedFilm<'a>> {
         if self.plan.films.total() == 0 {
@@ -172,6 +173,9 @@ impl Planned {
                 let Some(material) = scene.materials.get(material) else { continue };
                 let Some(film) = material.film_at(angle) else { continue };
                 let terms = if self.model.is_none() { film.terms_within(scene.accuracy.tolerance) } else { 0 };
+                if self.model.is_none() && terms == 0 {
+                    continue;
+                }
                 films.push(PlannedFilm { film, material, weight, first, terms });
                 first += terms;
             }

@@ -11,6 +11,9 @@ use super::Ranks;
 /// Largest number of bytes of one MPI message, whose count is an `int`. A message of several ends with a shorter one.
 const MOST_BYTES: usize = 1 << 30;
 
+/// Exit code after a panic, as Rust has it.
+const PANICKED: i32 = 101;
+
 /// Longest pause before the next look for messages. A process that waits without pauses takes a core from one that marches.
 const LONGEST_PAUSE: Duration = Duration::from_millis(1);
 
@@ -33,6 +36,15 @@ impl Mpi {
 
     fn process(&self, rank: usize) -> mpi::topology::Process<'_> {
         self.world.process_at_rank(i32::try_from(rank).unwrap_or(i32::MAX))
+    }
+}
+
+impl Drop for Mpi {
+    fn drop(&mut self) {
+        // After a panic the others would wait for this process, and it for them.
+        if std::thread::panicking() {
+            self.world.abort(PANICKED);
+        }
     }
 }
 

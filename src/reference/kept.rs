@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::ReferenceError;
 use crate::memory;
 use crate::number::Real;
-use crate::scene::Interpolation;
+use crate::scene::{Interpolation, ShadowMethod};
 use crate::tables::{GridLight, LightGrid};
 
 /// Depths of light grids, kept for further marches: those of exact samples of scenes that differ only in `accuracy` and
@@ -27,6 +27,8 @@ pub(super) struct DepthKey {
     pub(super) interpolation: Interpolation,
     pub(super) smooth_labels: bool,
     pub(super) grid: LightGrid,
+    /// By rays, the depths of a sky are those of a finer grid; by a grid, they are resampled from a coarser one.
+    pub(super) method: ShadowMethod,
     pub(super) light: GridLight,
     pub(super) number: usize,
     pub(super) start: f64,

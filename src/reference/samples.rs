@@ -563,7 +563,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         variation(ends, shares.label(), || most)
     }
 
-    // Twin of `extinction_at` in `shaders/light_grid.wgsl`.
+    // Twin of `extinction_at` in `shaders/light_medium.wgsl`.
     fn extinction(&self, place: [R; 3], number: usize) -> R {
         let Some(table) = self.extinctions.get(number) else { return R::default() };
         let number = |number: &f32| R::from_f64(f64::from(*number));

@@ -1,4 +1,5 @@
-//! Light that reaches a sample. Twin of `shaders/light_grid.wgsl` and `shaders/shadowed.wgsl`.
+//! Light that reaches a sample. Twin of `shaders/light_grid.wgsl`, its parts `light_medium.wgsl`, `columns.wgsl` and
+//! `columns_within.wgsl`, and `shadowed.wgsl`.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -6,18 +7,16 @@ use std::sync::Arc;
 use super::kept::{DepthKey, Keeping};
 use super::{ReferenceError, Samples};
 use crate::memory;
-use crate::number::{Real, count};
+use crate::number::{Real, count, whole};
 use crate::parallel;
 use crate::plan::Planned;
 use crate::progress::Progress;
 use crate::scene::{Scene, ShadowMethod, Shadows};
 use crate::tables::{
-    GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, PositionTable, SKY_SPACING, Steps, Sweep, Within,
-    sky_direction,
+    GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, PositionTable, SECOND_DIFFERENCE, SKY_SPACING,
+    Steps, Sweep, Within, sky_direction,
 };
 
-/// Part of the second difference of a depth that nodes leave out.
-const SECOND_DIFFERENCE: f64 = 1.0 / 12.0;
 /// Longest step of a ray to a light, in units of length.
 const LONGEST_STEP: f64 = 0.25;
 /// A distance beyond any box.
@@ -72,14 +71,17 @@ impl<R: Real> Reaching<R> {
         let grid = LightGrid::new(scene, spacing);
         let free = memory::available_bytes();
         if method == ShadowMethod::Grid {
-            check_memory(spacing, grid.dims, planned.plan.grid_depths() * size_of::<R>(), free)?;
+            let sky = LightGrid::new(scene, SKY_SPACING * spacing);
+            let columns = lights.iter().map(|light| kept_columns(&sky, *light)).fold(0.0, f64::max);
+            let depths = planned.plan.grid_depths();
+            check_memory(spacing, count(grid.dims.iter().product()) * count(depths) + columns, size_of::<R>(), free)?;
         }
         let kept = |(light, grid, number): (GridLight, LightGrid, usize),
                     filled: &dyn Fn() -> Result<Vec<R>, ReferenceError>| {
             let Some(Keeping { depths, interpolation, smooth_labels }) = samples.keeping() else {
                 return filled().map(Arc::new);
             };
-            depths.of(DepthKey { interpolation, smooth_labels, grid, light, number, start }, filled)
+            depths.of(DepthKey { interpolation, smooth_labels, grid, method, light, number, start }, filled)
         };
         let filled = |light: GridLight, sweep: &Sweep| -> Result<_, ReferenceError> {
             let depths = |number| {
@@ -103,7 +105,8 @@ impl<R: Real> Reaching<R> {
             (GridLight::Sky { directions, reach }, ShadowMethod::Rays) => {
                 let spacing = FINER_SKY * SKY_SPACING * spacing;
                 let sky = LightGrid::new(scene, spacing);
-                check_memory(spacing, sky.dims, 2 * size_of::<R>(), free)?;
+                let depths = 2.0 * count(sky.dims.iter().product()) + kept_columns(&sky, light);
+                check_memory(spacing, depths, size_of::<R>(), free)?;
                 let directions = MORE_DIRECTIONS * directions;
                 let depths = kept((GridLight::Sky { directions, reach }, sky, 0), &|| {
                     sky_depths(&sky, directions, [start, reach.unwrap_or(FAR)], samples, progress)
@@ -202,9 +205,17 @@ fn to_face<R: Real>(along: [R; 3], place: [R; 3], corners: &[[R; 3]; 2]) -> R {
     })
 }
 
-/// Refuses a grid of `nodes` along its axes with so many bytes per node that it exceeds the `free` bytes.
-fn check_memory(spacing: f64, nodes: [usize; 3], per_node: usize, free: Option<u64>) -> Result<(), ReferenceError> {
-    let needed = nodes.iter().fold(per_node as u64, |bytes, &n| bytes.saturating_mul(n as u64));
+/// Depths of columns that a fill of `light` on `sky` keeps for its reach.
+fn kept_columns(sky: &LightGrid, light: GridLight) -> f64 {
+    match light {
+        GridLight::Sky { reach: Some(reach), .. } => sky.kept_columns(reach),
+        _ => 0.0,
+    }
+}
+
+/// Refuses a grid whose `depths` exceed the `free` bytes.
+fn check_memory(spacing: f64, depths: f64, depth_bytes: usize, free: Option<u64>) -> Result<(), ReferenceError> {
+    let needed = (whole(depths) as u64).saturating_mul(depth_bytes as u64);
     match free {
         Some(free) if needed > free => {
             Err(ReferenceError::LightGrid { spacing, needed_mb: needed.div_ceil(1 << 20), free_mb: free >> 20 })
@@ -270,7 +281,8 @@ fn fill<R: Real>(
             }
         }
         if sweep.within.is_some() {
-            before.truncate(sweep.kept());
+            // The next slice reads one more than it subtracts whole.
+            before.truncate(sweep.within.map_or(0, |within| within.slices));
             before.push_front(columns.clone());
         }
         let [across, down] = sweep.window(slice);

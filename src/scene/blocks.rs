@@ -151,12 +151,13 @@ impl Blocks {
     }
 
     /// The number of blocks that a volume has if nobody states one: a power of two from 8 on, with at most 256³ voxels in a
-    /// block as long as there are at most [`MOST_BLOCKS`]. Fewer, if it has fewer voxels.
+    /// block as long as there are at most [`MOST_BLOCKS`]. Fewer, if its axes have too few voxels to cut.
     #[must_use]
     pub fn usual(geometry: &Geometry) -> usize {
         let voxels = geometry.dims.iter().fold(1_usize, |product, &n| product.saturating_mul(n));
         let least = voxels.div_ceil(VOXELS_OF_A_BLOCK).min(MOST_BLOCKS).next_power_of_two().max(LEAST_BLOCKS);
-        if voxels < least { 1 << voxels.max(1).ilog2() } else { least }
+        let halves = std::iter::successors(Some(least), |&blocks| (blocks > 1).then_some(blocks / 2));
+        halves.into_iter().find(|&blocks| Self::new(geometry, blocks).is_some()).unwrap_or(1)
     }
 
     /// Rows of a picture with `height` rows that block `index` may cover: its projection and a row on both sides, or all
@@ -231,9 +232,14 @@ mod tests {
     #[test]
     fn the_usual_number_of_blocks_follows_from_the_voxels() {
         let one = glam::DVec3::ONE;
-        for (dims, blocks) in
-            [([1, 1, 1], 1), ([3, 1, 1], 2), ([7, 5, 3], 8), ([512, 512, 512], 8), ([1024, 1024, 1025], 128)]
-        {
+        for (dims, blocks) in [
+            ([1, 1, 1], 1),
+            ([3, 1, 1], 2),
+            ([3, 3, 1], 4),
+            ([7, 5, 3], 8),
+            ([512, 512, 512], 8),
+            ([1024, 1024, 1025], 128),
+        ] {
             let geometry = Geometry::new("", dims, one, glam::DVec3::ZERO, glam::DMat3::IDENTITY).unwrap();
             assert_eq!(Blocks::usual(&geometry), blocks, "{dims:?}");
             assert!(Blocks::new(&geometry, blocks).is_some(), "{dims:?}");

@@ -24,7 +24,8 @@ pub use reflected::Reflected;
 pub use segments::SegmentTable;
 pub(crate) use segments::mean_density;
 pub use shadows::{
-    ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, SKY_SPACING, Sweep, Within,
+    ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, SECOND_DIFFERENCE,
+    SKY_SPACING, Sweep, Within,
 };
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
 pub use thin_film::{FILM_ROWS, FilmRows, FilmTable};

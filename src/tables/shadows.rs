@@ -12,6 +12,8 @@ use crate::scene::Scene;
 /// the surface, through the interpolation between both.
 pub const LARGEST_RISE: f64 = 4.0;
 
+/// Part of the second difference of a depth that nodes leave out (docs/theory/shadows.md).
+pub const SECOND_DIFFERENCE: f64 = 1.0 / 12.0;
 /// Spacing of the grid on which the light of the sky is summed, as a multiple of that of the light grid. The sum over all
 /// directions is smooth.
 pub const SKY_SPACING: f64 = 2.0;
@@ -173,14 +175,14 @@ impl LightGrid {
         8.0 * nodes * count(depths.div_ceil(GRID_LIGHTS))
     }
 
-    /// Most bytes of the columns of a sky on this grid, which keeps those of as many slices as its `reach` has, in units of
+    /// Most depths of columns of a sky on this grid, which keeps those of as many slices as its `reach` has, in units of
     /// length.
     #[must_use]
-    pub fn column_bytes(&self, reach: f64) -> f64 {
+    pub fn kept_columns(&self, reach: f64) -> f64 {
         let along = |axis: usize| {
             let nodes = |axis: usize| count(self.dims[axis % 3]);
             let slices = (reach / (self.spacing * self.voxel)[axis] + 3.0).min(nodes(axis) + 1.0);
-            4.0 * slices * (nodes(axis) + nodes(axis + 1)) * (nodes(axis) + nodes(axis + 2))
+            slices * (nodes(axis) + nodes(axis + 1)) * (nodes(axis) + nodes(axis + 2))
         };
         (0..3).map(along).fold(0.0, f64::max)
     }

@@ -56,7 +56,7 @@ fn a_relay_writes_the_files_of_one_process() {
             assert!(bytes("many") == bytes("one"), "{count} processes");
             if *count == "3" {
                 let processes = &told["march"]["processes"];
-                assert_eq!((&processes["way"], &processes["count"]), (&"relay".into(), &3.into()), "{told:#}");
+                assert_eq!((&processes["sharing"], &processes["count"]), (&"relay".into(), &3.into()), "{told:#}");
                 assert!(processes["sent_bytes"].as_u64() > Some(0), "{told:#}");
             }
         }
@@ -113,7 +113,7 @@ fn processes_that_cannot_share_a_picture_end_with_one_sentence() {
     // The same on all, and on one of them.
     refused(&mut with(&["-D", "accuracy.rays=4"]), &["several processes: the scene has 4 rays a pixel"]);
     refused(&mut with(&["-D", "materials.flesh.reflectance=\"none\""]), &["none"]);
-    refused(&mut with(&["--mpi", "over/2"]), &["3 processes have only 2 blocks", "--mpi over/4"]);
+    refused(&mut with(&["--mpi", "over/2"]), &["3 processes have only 2 blocks", "--mpi over/3"]);
     let one = [&["-n", "1", PROGRAM], &SIZE[..], &film].concat();
     let other = |more: &[&str]| mpirun(&folder, &[&one[..], &[":"], &one[..], more].concat());
     refused(
@@ -122,7 +122,20 @@ fn processes_that_cannot_share_a_picture_end_with_one_sentence() {
     );
     refused(&mut other(&["--device", "no such device"]), &["rank 1 of 2 processes failed", "no such device"]);
     refused(&mut other(&["--volume", "none.nrrd"]), &["rank 1 of 2 processes failed", "none.nrrd"]);
+    // Other outputs need other messages.
+    refused(&mut other(&["-o", "other.png"]), &["rank 1 of 2 renders something else", "--mpi off"]);
     refused(&mut with(&["-D", "model.kind=\"peercy\""]), &["peercy"]);
+    refused(&mut with(&["--reference"]), &["not --reference", "--mpi off"]);
+    // A launcher that MPI does not know, and programs that it starts for pictures of their own.
+    let foreign = |more: &[&str]| {
+        let mut command = Command::new(PROGRAM);
+        command.args([&SIZE[..], &film, more].concat()).current_dir(folder.path("")).env("PMI_SIZE", "4");
+        command
+    };
+    refused(&mut foreign(&[]), &["4 processes were started, and MPI knows of 1"]);
+    let apart = Outcome::of(&mut foreign(&["--mpi", "off"]));
+    assert_eq!(apart.code, Some(0), "{}", apart.err);
+    std::fs::remove_file(folder.path("film.exr")).unwrap();
     folder.refused(2, &[&SIZE[..], &["--mpi", "relay", "--block", "1/2"], &film].concat(), &["--block"]);
     folder.refused(2, &[&SIZE[..], &["--mpi", "across"], &film].concat(), &["write relay, over"]);
 }

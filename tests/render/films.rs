@@ -406,6 +406,31 @@ fn films_without_an_effect_leave_every_byte() {
     assert!(marched(&scenes::named("ambient_only")) == marched(&ambient), "ambient light");
 }
 
+/// Two interfaces without a film between them: all light is transmitted.
+#[test]
+fn films_that_reflect_nothing_take_no_weights() {
+    for name in ["diffuse_one", "diffuse_three", "specular_three"] {
+        for angle in [FilmAngle::Facing, FilmAngle::Lobe] {
+            let mut scene = with_film(scenes::named(name), 0, Layers { thickness_nm: 0.0, ..SOAP }, angle);
+            scene.accuracy.accumulate = AccumulateAs::Weights;
+            let rungs = Rungs::new(scene.clone(), SIZE);
+            assert_eq!(rungs.planned.plan.films, FilmCounts::default(), "{name}, {angle:?}");
+            let matrices = rungs.xyz_matrices();
+            let reference = rungs.march(&rungs.stored::<f32>()).relight(&matrices);
+            with_renderer(|renderer| {
+                let difference = largest_difference(&rungs.gpu(renderer).relight(&matrices), &reference);
+                assert!(difference <= SAME_GRID, "{name}, {angle:?}: {difference}");
+            });
+            // Beside one that does.
+            let both = Rungs::new(with_film(scene, 1, OIL, FilmAngle::Facing), SIZE);
+            if name != "diffuse_one" {
+                assert_eq!(both.planned.plan.films.total(), 1, "{name}, {angle:?}");
+                with_renderer(|renderer| both.gpu(renderer));
+            }
+        }
+    }
+}
+
 #[test]
 fn plans_have_the_terms_of_films_or_a_model_that_is_narrower() {
     let mut scene = filmed(scenes::named("diffuse_three"));

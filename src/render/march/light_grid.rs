@@ -33,7 +33,7 @@ const COARSER: f64 = 4.0;
 /// Part of the device's memory that a light grid may take.
 const MEMORY_PART: f64 = 1.0 / 8.0;
 
-/// Uniform of a sweep, in the layout of `shaders/light_grid.wgsl`.
+/// Uniform of a sweep, in the layout of `shaders/light_medium.wgsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 struct SweepUniform {
@@ -69,7 +69,7 @@ struct SweepUniform {
     unused: u32,
 }
 
-/// Push constants of a dispatch, in the layout of `shaders/light_grid.wgsl`.
+/// Push constants of a dispatch, in the layout of `shaders/light_medium.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Slice {
@@ -213,7 +213,7 @@ impl Renderer {
             let texels = depths.div_ceil(GRID_LIGHTS);
             let [width, height, depth] = grid.dims;
             let sides = [width, height, depth * texels];
-            let of_sky = |reach| LightGrid::new(scene, SKY_SPACING * spacing).column_bytes(reach);
+            let of_sky = |reach| 4.0 * LightGrid::new(scene, SKY_SPACING * spacing).kept_columns(reach);
             grid.bytes(depths) <= room
                 && reach.map_or(0.0, of_sky) <= most_columns
                 && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)

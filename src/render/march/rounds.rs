@@ -26,6 +26,20 @@ pub struct BrickCounts {
     pub rounds: usize,
 }
 
+impl BrickCounts {
+    /// Those of two marches.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            visible: self.visible + other.visible,
+            held: self.held.max(other.held),
+            loaded: self.loaded + other.loaded,
+            again: self.again + other.again,
+            rounds: self.rounds + other.rounds,
+        }
+    }
+}
+
 /// The rounds of a march.
 #[derive(Debug)]
 pub(super) struct Rounds {

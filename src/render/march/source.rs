@@ -1,13 +1,13 @@
 //! The march shader of a plan: its texts, constants and images.
 
 use super::dispatching::{Dispatching, TableMemory};
-use crate::number::unsigned;
+use crate::number::{rounded, unsigned};
 use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
 use crate::render::Source;
 use crate::render::pool::Residence;
 use crate::scene::{Interpolation, Lookup, StoreAs};
 use crate::shader::Constants;
-use crate::tables::{BRICK, CELL, FILM_ROWS, slot_edge};
+use crate::tables::{BRICK, CELL, FILM_ROWS, SECOND_DIFFERENCE, slot_edge};
 use crate::vulkan::Format;
 
 /// Bytes of a table in a uniform buffer, the limit of most devices.
@@ -239,7 +239,8 @@ pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: Table
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .u32("GROUP_WIDTH", group[0])
         .u32("GROUP_HEIGHT", group[1])
-        .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES);
+        .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
+        .f32("SECOND_DIFFERENCE", rounded(SECOND_DIFFERENCE));
     let extinctions = match tables {
         TableMemory::Storage => text!("extinctions_storage.wgsl"),
         TableMemory::Uniform => text!("extinctions_uniform.wgsl"),
