@@ -68,7 +68,7 @@ struct Block {
 @group(0) @binding(7) var labels: texture_3d<u32>;
 @group(0) @binding(10) var accumulators: texture_storage_2d_array<rgba32float, read_write>;
 @group(0) @binding(11) var transmittances: TransmittanceImage;
-@group(0) @binding(23) var<uniform> block: Block;
+@group(0) @binding(25) var<uniform> block: Block;
 var<immediate> band: Band;
 
 // Copies of the uniforms, made once per invocation: on a CPU a uniform is otherwise read for each lane at every step.

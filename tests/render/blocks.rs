@@ -7,6 +7,7 @@ use relume::progress::Quiet;
 use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{Aim, Block, Blocks, Camera, Interpolation, Node, Placement, Projection, Scene, low_leaves};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
+use relume::spectrum::{FilmAngle, Layers, ThinFilm};
 
 use crate::support::rungs::{Rungs, with_renderer};
 use crate::support::scenes::{self, SIZE};
@@ -80,8 +81,14 @@ fn cases() -> Vec<(&'static str, Scene, [usize; 2])> {
         }
         scene
     };
+    let filmed = |mut scene: Scene| {
+        let soap = Layers { index: 1.33, thickness_nm: 400.0, above: 1.0, below: 1.0 };
+        scene.materials[0].film = Some(ThinFilm::new(soap, FilmAngle::Facing).unwrap());
+        scene
+    };
     let odd = [SIZE[0] + 1, SIZE[1] + 1];
     vec![
+        ("film", filmed(usual("diffuse_three")), SIZE),
         ("samples", usual("diffuse_three"), SIZE),
         ("specular", usual("specular_three"), SIZE),
         ("coloured", usual("coloured_three"), SIZE),
