@@ -458,7 +458,7 @@ mod tests {
     #[test]
     fn a_light_grid_beyond_the_free_memory_is_refused_with_its_size() {
         // Two lights in f64.
-        let checked = |free| check_memory(0.5, [512; 3], 16, free).map_err(|error| error.to_string());
+        let checked = |free| check_memory(0.5, 512_f64.powi(3), 16, free).map_err(|error| error.to_string());
         assert_eq!(checked(Some(16 << 27)), Ok(()));
         assert_eq!(checked(None), Ok(()), "a system that does not report it");
         assert_eq!(
