@@ -1,4 +1,4 @@
-// What fills of the light grid read: the sweep, its columns, and the extinction at a place. Part of `light_grid.wgsl`. Twin of
+// Input of fills of the light grid: the sweep, its columns, and the extinction at a place. Part of `light_grid.wgsl`. Twin of
 // `reference::shadows`.
 
 // `tables::Sweep` and the lookup of extinctions.

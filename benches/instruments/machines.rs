@@ -106,7 +106,7 @@ pub(crate) fn machine_rows(renderer: &Renderer, edge: usize) -> Result<Vec<Machi
             if machines == 1 {
                 return 0.0;
             }
-            // What a machine receives is what it sends, on average; the first collects the picture.
+            // On average a machine receives as much as it sends; the first collects the picture.
             let others = count(machines - 1);
             let collected = PICTURE_BYTES * count(SIDE * SIDE) * others / count(machines);
             // Announced rectangles, in rounds that double what is known.

@@ -43,7 +43,7 @@ fn part(text: &str) -> Result<Part, String> {
 }
 
 impl AnimationArgs {
-    /// Whether the run writes a part of the pictures.
+    /// True if the run writes a part of the pictures.
     pub(crate) fn is_part(&self) -> bool {
         self.part.is_some()
     }

@@ -30,6 +30,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use processes::Processes;
 use relume::document::{OpenError, SceneError};
 use relume::measure::{LadderError, MeasureError};
 use relume::model::ModelError;
@@ -225,15 +226,44 @@ fn warn_of_former_names(arguments: impl Iterator<Item = std::ffi::OsString>) {
     }
 }
 
+/// Runs a command.
+fn run(
+    command: &Command,
+    processes: Option<&Processes>,
+    terminal: &Terminal,
+    started: std::time::Instant,
+) -> Result<Report, CliError> {
+    match command {
+        Command::Render(args) => render::run(args, processes, terminal),
+        Command::View(args) => view::run(args),
+        Command::Relight(args) => relight::run(args, terminal),
+        Command::Composite(args) => composite::run(args, terminal),
+        Command::Page(args) => page::run(args, terminal),
+        Command::Design(args) => design::run(args, terminal),
+        Command::Figures(args) => figures::run(args, terminal),
+        Command::Info(args) => info::run(args, terminal),
+        Command::Bricks(args) => bricks::run(args, terminal),
+        Command::Convert(args) => convert::run(args, terminal),
+        Command::Measure(args) => {
+            terminal.wait_for_rows();
+            measure::run(args, terminal)
+        }
+        Command::Bench(args) => {
+            if args.makes_frames() {
+                terminal.wait_for_rows();
+            }
+            bench::run(args, terminal, started)
+        }
+        Command::Shaders(args) => shaders::run(args, terminal),
+    }
+}
+
 /// Runs the command line; prints the result or the error.
 pub(crate) fn main() -> ExitCode {
     let started = std::time::Instant::now();
     let cli = Cli::parse();
     let (processes, refused) = match &cli.command {
-        Command::Render(args) => match args.processes() {
-            Ok(processes) => (processes, None),
-            Err(error) => (None, Some(error)),
-        },
+        Command::Render(args) => args.processes().map_or_else(|error| (None, Some(error)), |found| (found, None)),
         _ => (None, None),
     };
     // Of several processes the first speaks.
@@ -243,29 +273,9 @@ pub(crate) fn main() -> ExitCode {
         terminal.end_with_others(processes.rank(), processes.count());
     }
     warn_of_former_names(std::env::args_os());
-    let outcome = match &cli.command {
-        _ if refused.is_some() => refused.map_or(Err(CliError::Elsewhere), Err),
-        Command::Render(args) => render::run(args, processes.as_ref(), &terminal),
-        Command::View(args) => view::run(args),
-        Command::Relight(args) => relight::run(args, &terminal),
-        Command::Composite(args) => composite::run(args, &terminal),
-        Command::Page(args) => page::run(args, &terminal),
-        Command::Design(args) => design::run(args, &terminal),
-        Command::Figures(args) => figures::run(args, &terminal),
-        Command::Info(args) => info::run(args, &terminal),
-        Command::Bricks(args) => bricks::run(args, &terminal),
-        Command::Convert(args) => convert::run(args, &terminal),
-        Command::Measure(args) => {
-            terminal.wait_for_rows();
-            measure::run(args, &terminal)
-        }
-        Command::Bench(args) => {
-            if args.makes_frames() {
-                terminal.wait_for_rows();
-            }
-            bench::run(args, &terminal, started)
-        }
-        Command::Shaders(args) => shaders::run(args, &terminal),
+    let outcome = match refused {
+        Some(error) => Err(error),
+        None => run(&cli.command, processes.as_ref(), &terminal, started),
     };
     terminal.finish();
     match outcome {

@@ -13,12 +13,12 @@ use relume::measure::{Stopwatch, Timing};
 use relume::output::OutputError;
 use relume::plan::{Planned, Transmittance};
 use relume::progress::Progress;
-use relume::render::{BrickCounts, DeviceFilm, RenderError, SceneRenderer};
+use relume::render::{BrickCounts, DeviceFilm, March, RenderError, SceneRenderer};
 use relume::scene::{Block, Blocks, Mix, Node, Scene, View};
 
 use super::CliError;
 
-/// How processes share the march of one picture.
+/// Division of one march among processes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sharing {
     /// The film goes from block to block along the rays: that of one process, to the byte.
@@ -63,7 +63,7 @@ pub(crate) struct Processes {
     stage: Cell<Stage>,
 }
 
-/// What the processes know of each other.
+/// Agreement of the processes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
     /// Nothing yet.
@@ -123,7 +123,7 @@ impl Processes {
         self.ranks.rank()
     }
 
-    /// Whether this process writes files and speaks.
+    /// True for the process that writes files and speaks.
     pub(crate) fn is_first(&self) -> bool {
         self.rank() == 0
     }
@@ -144,7 +144,7 @@ impl Processes {
         }
     }
 
-    /// Ends once all processes are ready to march. All must render the same.
+    /// Returns the blocks once all processes are ready to march. All must render the same.
     pub(crate) fn agree(
         &self,
         scene: &Scene,
@@ -152,14 +152,14 @@ impl Processes {
         mix: &Mix,
         size: [usize; 2],
         asked: Asked,
-    ) -> Result<(), CliError> {
+    ) -> Result<Cut, CliError> {
         let mut hasher = DefaultHasher::new();
         format!("{:?} {:?} {mix:?} {size:?} {:?} {asked:?}", planned.plan, planned.positions, self.sharing)
             .hash(&mut hasher);
-        // Who sends rows to whom follows from them, and their last bits may differ between machines.
-        let Cut { tree, low_first, view } = self.cut(scene, size)?;
-        let rows = |block: usize| tree.rows(block, &scene.volume.geometry, &view, size[1]);
-        (low_first.clone(), (0..=low_first.len()).map(rows).collect::<Vec<_>>()).hash(&mut hasher);
+        // Senders and receivers of rows follow from them, and their last bits may differ between machines.
+        let cut = self.cut(scene, size)?;
+        let rows = |block: usize| cut.tree.rows(block, &scene.volume.geometry, &cut.view, size[1]);
+        (&cut.low_first, (0..=cut.low_first.len()).map(rows).collect::<Vec<_>>()).hash(&mut hasher);
         let lights = planned.model.iter().flat_map(|model| model.lights());
         lights.for_each(|(name, _, matrix)| format!("{name} {matrix:?}").hash(&mut hasher));
         let digest = format!("{} {:016x} {:016x}", env!("CARGO_PKG_VERSION"), scene.digest(), hasher.finish());
@@ -173,7 +173,7 @@ impl Processes {
         match (1..all.len()).find(|&rank| all[rank] != all[0]) {
             None => {
                 self.stage.set(Stage::Ready);
-                Ok(())
+                Ok(cut)
             }
             Some(_) if !self.is_first() => Err(CliError::Elsewhere),
             Some(rank) => Err(CliError::Failed(format!(
@@ -211,7 +211,7 @@ impl Processes {
     }
 }
 
-/// What the first process has of the picture.
+/// The picture, at the first process.
 pub(crate) struct Picture {
     pub(crate) film: Option<Film<f32>>,
     /// Linear RGBA.
@@ -225,14 +225,14 @@ pub(crate) struct Picture {
 }
 
 /// Blocks of a volume, and the order in which a view meets them.
-struct Cut {
+pub(crate) struct Cut {
     tree: Blocks,
-    /// Which side of each cut is in front.
+    /// For each cut, true if the low side is in front.
     low_first: Vec<bool>,
     view: View,
 }
 
-/// What the outputs need.
+/// Data that the outputs need.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Asked {
     pub(crate) film: bool,
@@ -246,15 +246,14 @@ impl Processes {
         &self,
         on_device: &SceneRenderer,
         mix: &Mix,
-        size: [usize; 2],
+        (size, cut): ([usize; 2], &Cut),
         asked: Asked,
         progress: &dyn Progress,
     ) -> Result<Option<Picture>, CliError> {
-        let cut = self.cut(on_device.scene(), size)?;
         let clock = Stopwatch::start();
         let (film, rows, mut details) = match self.sharing {
-            Sharing::Relay | Sharing::Off => self.relay(on_device, size, &cut, progress)?,
-            Sharing::Over(_) => self.over(on_device, size, &cut, progress)?,
+            Sharing::Relay | Sharing::Off => self.relay(on_device, size, cut, progress)?,
+            Sharing::Over(_) => self.over(on_device, size, cut, progress)?,
         };
         let march = clock.read();
 
@@ -357,13 +356,7 @@ impl Processes {
         let tiles = tiles(size[1], renderer.group_rows(), self.count());
         let (mut done, total) = (0, size[1] as u64);
         let (rows, sent_bytes) = relay.run(&*self.ranks, &tiles, |tile, state| -> Result<_, CliError> {
-            march.begin_rows(renderer, tile.clone(), state)?;
-            while !march.is_done() {
-                if progress.cancelled() {
-                    return Err(CliError::Cancelled);
-                }
-                march.step(renderer, own.uploaded())?;
-            }
+            march_rows(&mut march, &own, tile, state, progress)?;
             done += tile.len() as u64;
             progress.report("marching", done, total);
             Ok(march.read_rows(renderer, tile.clone())?)
@@ -395,13 +388,7 @@ impl Processes {
             let rows = rows.start / group * group..rows.end.next_multiple_of(group).min(size[1]);
             let mut film = no_medium(planned, size);
             if !rows.is_empty() {
-                march.begin_rows(renderer, rows.clone(), None)?;
-                while !march.is_done() {
-                    if progress.cancelled() {
-                        return Err(CliError::Cancelled);
-                    }
-                    march.step(renderer, own.uploaded())?;
-                }
+                march_rows(&mut march, &own, &rows, None, progress)?;
                 speed = march.speed();
                 let own = march.finish(renderer)?;
                 dispatches += own.dispatches;
@@ -438,6 +425,24 @@ impl Processes {
         let scene = Scene { block: Some(block), ..on_device.scene().clone() };
         Ok(on_device.with_scene(scene, on_device.planned().clone(), progress)?)
     }
+}
+
+/// Marches `rows` of a block, from the film of the blocks in front if there is one.
+fn march_rows(
+    march: &mut March,
+    own: &SceneRenderer,
+    rows: &Range<usize>,
+    state: Option<&Film<f32>>,
+    progress: &dyn Progress,
+) -> Result<(), CliError> {
+    march.begin_rows(own.renderer(), rows.clone(), state)?;
+    while !march.is_done() {
+        if progress.cancelled() {
+            return Err(CliError::Cancelled);
+        }
+        march.step(own.renderer(), own.uploaded())?;
+    }
+    Ok(())
 }
 
 /// A film after the march: on the device, and if it was composited the rows of this process on the host.

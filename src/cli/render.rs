@@ -95,7 +95,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "I/N", value_parser = block, requires = "accumulators")]
     #[arg(conflicts_with_all = ["output", "spectral", "turntable", "goal"])]
     block: Option<Block>,
-    /// How the processes that `mpirun` started share the picture: relay passes the film from block to block of the volume (the
+    /// Division of the picture among the processes that `mpirun` started: relay passes the film from block to block of the volume (the
     /// file of one process, to the byte); over marches all blocks at once and composites them (one file for any number of
     /// processes; N blocks, or a number that the volume determines); off renders in each process. Takes a build with MPI
     /// (docs/SCALE.md). Default: relay, or off with --part or --block.
@@ -690,8 +690,8 @@ fn on_device(
     let made = match processes {
         Some(processes) => {
             let asked = Asked { film: accumulation, linear, display };
-            processes.agree(scene, planned, mix, size, asked)?;
-            let Some(made) = processes.render(&on_device, mix, size, asked, progress)? else { return Ok(None) };
+            let cut = processes.agree(scene, planned, mix, size, asked)?;
+            let Some(made) = processes.render(&on_device, mix, (size, &cut), asked, progress)? else { return Ok(None) };
             made
         }
         None => one_march(&on_device, mix, size, wanted, progress)?,

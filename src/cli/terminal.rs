@@ -266,7 +266,7 @@ pub(crate) fn print(text: &str) {
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).ok();
 }
 
-/// Whether an error was printed, or another process prints it.
+/// True once an error was printed, or another process prints it.
 static HAS_COMPLAINED: Mutex<bool> = Mutex::new(false);
 
 /// Leaves the error of the run to another process, also if the launcher ends this one before it ends by itself.

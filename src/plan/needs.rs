@@ -29,20 +29,27 @@ pub(super) fn phases<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<f
     phases
 }
 
+/// Terms of `film` within a tolerance, if pixels keep weights, otherwise 0. `None` for weights of a film that reflects nothing.
+fn terms(film: &ThinFilm, tolerance: Option<f64>) -> Option<usize> {
+    match tolerance {
+        Some(tolerance) => Some(film.terms_within(tolerance)).filter(|&terms| terms > 0),
+        None => Some(0),
+    }
+}
+
 /// Numbers of the films of `materials`; of their terms within a tolerance, if pixels keep weights. Films without terms, which
 /// reflect nothing, are not counted then.
 pub(super) fn film_counts<'a>(materials: impl Iterator<Item = &'a Material>, tolerance: Option<f64>) -> FilmCounts {
     let mut counts = FilmCounts::default();
     for material in materials {
-        let terms = |film: &ThinFilm| tolerance.map(|tolerance| film.terms_within(tolerance));
-        let at = |angle| material.film_at(angle).filter(|film| terms(film) != Some(0));
+        let at = |angle| Some(terms(material.film_at(angle)?, tolerance)).flatten();
         let (facing, lobe) = (at(FilmAngle::Facing), at(FilmAngle::Lobe));
         counts.facing += usize::from(facing.is_some());
         counts.lobe += usize::from(lobe.is_some());
         if lobe.is_some() {
             counts.exponent_bits = counts.exponent_bits.max(u32::BITS - material.exponent.leading_zeros());
         }
-        counts.terms += facing.or(lobe).and_then(terms).unwrap_or(0);
+        counts.terms += facing.or(lobe).unwrap_or(0);
     }
     counts
 }
@@ -172,10 +179,8 @@ impl Planned {
             for (weight, &material) in self.materials.iter().enumerate() {
                 let Some(material) = scene.materials.get(material) else { continue };
                 let Some(film) = material.film_at(angle) else { continue };
-                let terms = if self.model.is_none() { film.terms_within(scene.accuracy.tolerance) } else { 0 };
-                if self.model.is_none() && terms == 0 {
-                    continue;
-                }
+                let tolerance = self.model.is_none().then_some(scene.accuracy.tolerance);
+                let Some(terms) = terms(film, tolerance) else { continue };
                 films.push(PlannedFilm { film, material, weight, first, terms });
                 first += terms;
             }

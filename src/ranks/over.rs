@@ -71,7 +71,7 @@ pub fn over<E>(
     let height = shape.size[1];
     let rows_of = |rank: usize| share_of(height, rank, ranks.count());
 
-    // Which rectangles there are.
+    // Rectangles of all processes.
     let announced: Vec<u8> = mine
         .iter()
         .flat_map(|(node, film)| {

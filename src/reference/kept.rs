@@ -13,7 +13,7 @@ use crate::tables::{GridLight, LightGrid};
 #[derive(Debug, Default)]
 pub struct KeptDepths<R>(Mutex<Vec<(DepthKey, Arc<Vec<R>>)>>);
 
-/// [`KeptDepths`], and what else the depths of their samples depend on.
+/// [`KeptDepths`], and further inputs of the depths of their samples.
 #[derive(Debug)]
 pub struct Keeping<'a, R> {
     pub(super) depths: &'a KeptDepths<R>,
@@ -21,7 +21,7 @@ pub struct Keeping<'a, R> {
     pub(super) smooth_labels: bool,
 }
 
-/// What the depths of one light at the nodes of a grid depend on.
+/// Inputs of the depths of one light at the nodes of a grid.
 #[derive(Debug, PartialEq)]
 pub(super) struct DepthKey {
     pub(super) interpolation: Interpolation,

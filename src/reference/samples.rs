@@ -172,7 +172,7 @@ pub trait Samples<R: Real>: Sync {
         depth
     }
 
-    /// Where depths of light grids are kept for further marches, if anywhere.
+    /// Store of depths of light grids for further marches, if there is one.
     fn keeping(&self) -> Option<Keeping<'_, R>> {
         None
     }

@@ -70,7 +70,7 @@ pub struct March {
     places: Vec<[f32; 2]>,
     /// Mean of the finished rays; `None` if a pixel has one ray.
     mean: Option<Mean>,
-    /// Whether a block is marched, whose rays begin with the film in the images.
+    /// True if a block is marched, whose rays begin with the film in the images.
     is_block: bool,
 }
 

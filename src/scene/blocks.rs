@@ -62,7 +62,7 @@ impl Node {
         ])
     }
 
-    /// Whether it has the leaves from `first` to `last`.
+    /// True if it has the leaves from `first` to `last`.
     #[must_use]
     pub const fn holds(self, [first, last]: [usize; 2]) -> bool {
         self.leaves[0] <= first && last <= self.leaves[1]

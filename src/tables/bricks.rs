@@ -78,7 +78,7 @@ impl BrickGrid {
         occupied.iter().enumerate().filter(|(_, occupied)| **occupied).map(|(brick, _)| brick).collect()
     }
 
-    /// Whether `brick` lies at least partly in the block of `rays`, or they have none.
+    /// True if `brick` lies at least partly in the block of `rays`, or they have none.
     #[must_use]
     pub fn is_of_block(&self, brick: usize, rays: &RayTable) -> bool {
         let Some(block) = rays.block else { return true };

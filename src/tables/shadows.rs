@@ -104,9 +104,9 @@ pub struct Sweep {
     pub behind: f64,
     /// Rays to a point light, in place of columns.
     pub to: Option<PointRays>,
-    /// Whether nodes read the depth of sixteen columns, or linearly that of four.
+    /// True if nodes read the depth of sixteen columns by a cubic, false for four columns, linearly.
     pub cubic: bool,
-    /// The way beyond which nothing dims the light; `None` without a limit.
+    /// Distance in slices beyond which nothing dims the light; `None` without a limit.
     pub within: Option<Within>,
 }
 

@@ -103,7 +103,7 @@ fn counted<T: Voxel, Bits: Voxel + Into<usize> + TryFrom<usize>>(stored: &[T]) -
     occurring.filter_map(|(bits, count)| Some((bytemuck::cast::<Bits, T>(Bits::try_from(bits).ok()?), count))).collect()
 }
 
-/// How often each value occurs.
+/// Number of occurrences of each value.
 fn counts<Bits: Voxel + Into<usize>>(bits: &[Bits]) -> Vec<u64> {
     let values = 1 << (8 * size_of::<Bits>());
     let tally = |chunk: &[Bits]| {

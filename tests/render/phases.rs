@@ -2,7 +2,7 @@
 #![expect(clippy::float_cmp, reason = "a number is the stated one or another one")]
 
 use crate::shadows::{
-    Ball, POINTS, SAME_GRID, SINGLE, balls_lit, beside_three_point, block, largest_difference, middle, numbers,
+    POINTS, SAME_GRID, SINGLE, ball, balls_lit, beside_three_point, block, largest_difference, middle, numbers,
     occluded, slabs, towards, weights,
 };
 use crate::support;
@@ -69,7 +69,7 @@ fn a_ball_scatters_once_by_the_closed_form_of_its_phase_function() {
         {
             let scene = scattering(block(DVec3::splat(2.0), 1.5, &towards(light), step, 3.0), g);
             let planned = plan(&scene, &Quiet).unwrap();
-            let film = reference::march(&scene, &planned, &Ball { depth: 1.5, step }, [3, 3], &Quiet).unwrap();
+            let film = reference::march(&scene, &planned, &ball(1.5, step), [3, 3], &Quiet).unwrap();
             let (found, expected) = (0.8 * film.accumulators[4], even * phase(g, light[2]));
             assert!(
                 (found - expected).abs() <= SINGLE * expected.max(1.0),
@@ -79,7 +79,7 @@ fn a_ball_scatters_once_by_the_closed_form_of_its_phase_function() {
         // The headlight: back to the eye.
         let scene = scattering(block(DVec3::splat(2.0), 1.5, "", step, 3.0), g);
         let planned = plan(&scene, &Quiet).unwrap();
-        let film = reference::march(&scene, &planned, &Ball { depth: 1.5, step }, [3, 3], &Quiet).unwrap();
+        let film = reference::march(&scene, &planned, &ball(1.5, step), [3, 3], &Quiet).unwrap();
         let (found, expected) = (0.8 * film.accumulators[4], 0.399_009 * phase(g, -1.0));
         assert!((found - expected).abs() <= SINGLE * expected.max(1.0), "headlight, g = {g}: {found}, not {expected}");
     }

@@ -191,22 +191,29 @@ fn nothing_within_the_start_of_shadows_shades() {
     assert!((found - before - behind).abs() <= SINGLE, "{found}, not {}", before + behind);
 }
 
-/// A ball of radius 1 around the middle of a box from −1 to 1, of this optical depth per unit of length.
-pub(super) struct Ball {
-    pub(super) depth: f64,
-    pub(super) step: f64,
+/// A medium in a box from −1 to 1: where it is seen, its optical depth per unit of length there, and where it casts shadows.
+pub(super) struct Medium {
+    seen: fn([f64; 3]) -> bool,
+    seen_depth: f64,
+    casts: fn([f64; 3]) -> bool,
+    depth: f64,
+    step: f64,
 }
 
-impl Ball {
-    fn holds(place: [f64; 3]) -> bool {
-        // The faces of the box are at 1/4 and 3/4 of its texture.
-        place.map(|part| 4.0 * part - 2.0).iter().map(|part| part * part).sum::<f64>() <= 1.0
-    }
+/// A ball of radius 1 around the middle, of this optical depth per unit of length.
+pub(super) fn ball(depth: f64, step: f64) -> Medium {
+    let holds = |place| from_middle(place) <= 1.0;
+    Medium { seen: holds, seen_depth: depth, casts: holds, depth, step }
 }
 
-impl Samples<f64> for Ball {
+/// Square of the distance from the middle; the faces of the box are at 1/4 and 3/4 of its texture.
+fn from_middle(place: [f64; 3]) -> f64 {
+    place.map(|part| 4.0 * part - 2.0).iter().map(|part| part * part).sum()
+}
+
+impl Samples<f64> for Medium {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
-        let opacity = if Self::holds(place) { -(-self.depth * self.step).exp_m1() } else { 0.0 };
+        let opacity = if (self.seen)(place) { -(-self.seen_depth * self.step).exp_m1() } else { 0.0 };
         step.source = vec![opacity, 0.0, 0.0, 0.0];
         step.opacity = vec![opacity];
     }
@@ -221,7 +228,7 @@ impl Samples<f64> for Ball {
 
     // The unit of length is the spacing of the box's two voxels.
     fn extinction(&self, place: [f64; 3], _: usize) -> f64 {
-        if Self::holds(place) { 2.0 * self.depth } else { 0.0 }
+        if (self.casts)(place) { 2.0 * self.depth } else { 0.0 }
     }
 }
 
@@ -231,7 +238,7 @@ fn a_ball_lit_from_all_sides_has_the_brightness_of_its_closed_form() {
     let shown = |light: &str, size: [usize; 2]| {
         let scene = block(DVec3::splat(2.0), 1.5, light, step, 3.0);
         let planned = plan(&scene, &Quiet).unwrap();
-        let film = reference::march(&scene, &planned, &Ball { depth: 1.5, step }, size, &Quiet).unwrap();
+        let film = reference::march(&scene, &planned, &ball(1.5, step), size, &Quiet).unwrap();
         film.accumulators.iter().map(|weight| 0.8 * weight).collect::<Vec<f64>>()
     };
     for (light, expected) in [([0.0, 0.0, -1.0], 0.399_009), ([1.0, 0.0, 0.0], 0.275_937), ([0.0, 0.0, 1.0], 0.119_489)]
@@ -685,7 +692,7 @@ fn a_ball_under_an_even_sky_has_the_brightness_of_its_closed_form() {
         (scene.shadows.spacing, scene.shadows.directions) = (spacing, 16);
         let planned = plan(&scene, &Quiet).unwrap();
         let of_size = |size: [usize; 2]| {
-            let film = reference::march(&scene, &planned, &Ball { depth: 1.5, step }, size, &Quiet).unwrap();
+            let film = reference::march(&scene, &planned, &ball(1.5, step), size, &Quiet).unwrap();
             film.accumulators.iter().map(|weight| 0.8 * weight).collect::<Vec<f64>>()
         };
         [of_size([3, 3])[4], of_size([4, 3])[5]]
@@ -696,34 +703,6 @@ fn a_ball_under_an_even_sky_has_the_brightness_of_its_closed_form() {
         assert!((fine - expected).abs() <= 0.6 * (coarse - expected).abs(), "{coarse}, {fine}, not {expected}");
         let limit = 2.0 * fine - coarse;
         assert!((limit - expected).abs() <= SINGLE, "{coarse}, {fine}, not {expected}");
-    }
-}
-
-/// A small core in the middle of a box from −1 to 1 of a medium that casts shadows and is not seen.
-struct Core {
-    depth: f64,
-    step: f64,
-}
-
-impl Samples<f64> for Core {
-    fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
-        let is_core = place.map(|part| 4.0 * part - 2.0).iter().map(|part| part * part).sum::<f64>() <= 0.01;
-        let opacity = if is_core { -(-self.step).exp_m1() } else { 0.0 };
-        step.source = vec![opacity, 0.0, 0.0, 0.0];
-        step.opacity = vec![opacity];
-    }
-
-    fn end(&self, _: [f64; 3]) -> End<f64> {
-        unreachable!("no segments")
-    }
-
-    fn mean(&self, _: [&End<f64>; 2], _: [f64; 3], _: &mut Step<f64>) -> f64 {
-        unreachable!("no segments")
-    }
-
-    // The unit of length is the spacing of the box's two voxels.
-    fn extinction(&self, _: [f64; 3], _: usize) -> f64 {
-        2.0 * self.depth
     }
 }
 
@@ -738,7 +717,9 @@ fn an_even_medium_takes_the_part_of_a_sky_that_its_reach_holds() {
         // In voxels of a side of 2.
         (scene.shadows.start, scene.shadows.reach) = (Some(start / 2.0), reach);
         let planned = plan(&scene, &Quiet).unwrap();
-        reference::march(&scene, &planned, &Core { depth, step }, [1, 1], &Quiet).unwrap().accumulators[0]
+        // A small core is seen of a medium that fills the box.
+        let core = Medium { seen: |place| from_middle(place) <= 0.01, seen_depth: 1.0, casts: |_| true, depth, step };
+        reference::march(&scene, &planned, &core, [1, 1], &Quiet).unwrap().accumulators[0]
     };
     let open = shown(ShadowMethod::Rays, 0.0, Some(0.1 + 1e-12)) * (0.1 * depth).exp();
     assert!(open > 0.1, "{open}");

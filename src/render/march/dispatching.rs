@@ -18,7 +18,7 @@ pub struct Dispatching {
     pub slice: u32,
     /// Memory of the tables, if they fit there.
     pub tables: TableMemory,
-    /// Whether a block of the volume is marched; a march sets it.
+    /// True if a block of the volume is marched; a march sets it.
     pub block: bool,
     /// Residence of the volume; a march sets it.
     pub residence: Residence,

@@ -219,7 +219,7 @@ pub(super) enum Fill {
     Point,
     /// The sums over the directions of the sky.
     Sky {
-        /// Whether what is farther than the reach is subtracted.
+        /// True if depths beyond the reach are subtracted.
         within: bool,
     },
 }
