@@ -164,9 +164,9 @@ fn of_volume(error: &VolumeError) -> Option<String> {
             _ => " with --array NAME".to_owned(),
         }),
         VolumeError::NoSuch { asked, .. } => Some(format!(" ({})", chosen(asked))),
-        VolumeError::Exceeds { source_name, .. } if ends_in(Path::new(source_name), "bricks") => {
-            Some("; relume render reads the bricks that a picture needs".to_owned())
-        }
+        VolumeError::Exceeds { source_name, .. } if ends_in(Path::new(source_name), "bricks") => Some(
+            "; relume render reads the bricks that a picture needs, and --pyramid-level N a coarser level".to_owned(),
+        ),
         VolumeError::Exceeds { source_name, .. } => {
             let bricks = Path::new(source_name).with_extension("bricks");
             Some(format!(
@@ -174,7 +174,9 @@ fn of_volume(error: &VolumeError) -> Option<String> {
                 bricks.display()
             ))
         }
-        VolumeError::BrickMemory { .. } => Some("; allow more with --memory".to_owned()),
+        VolumeError::BrickMemory { .. } => {
+            Some("; allow more with --memory, or read a coarser level with --pyramid-level N".to_owned())
+        }
         VolumeError::InFile { what: "a picture without a scene", .. } => {
             Some("; write a scene with its name ([volume] file), or allow more with --memory".to_owned())
         }

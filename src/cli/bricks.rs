@@ -29,8 +29,8 @@ pub(crate) struct Args {
     /// File to write, which `render` reads in place of the volume.
     #[arg(short, long, value_name = "FILE.bricks")]
     output: PathBuf,
-    /// Memory for 64 slices, such as 512MiB or 2GiB. If they take more, they wait in a temporary file beside the output.
-    /// Default: half of the available memory.
+    /// Memory for 64 slices of each level of resolution, such as 512MiB or 2GiB: a third more than 64 slices of the volume.
+    /// If they take more, some wait in temporary files beside the output. Default: half of the available memory.
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     memory: Option<u64>,
     #[command(flatten)]
@@ -70,9 +70,14 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let [x, y, z] = made.dims;
     let path = args.output.display().to_string();
     let spilled = if made.spilled { "; 64 slices exceed the memory and waited in a temporary file" } else { "" };
+    let coarser = match made.levels.len() - 1 {
+        0 => String::new(),
+        1 => " and a coarser level".to_owned(),
+        levels => format!(" and {levels} coarser levels"),
+    };
     Ok(Report {
         text: format!(
-            "wrote {path}: {x}×{y}×{z} voxels of {} in {} bricks, {} bytes{spilled}\nbricks {:.0} ms\n",
+            "wrote {path}: {x}×{y}×{z} voxels of {} in {} bricks{coarser}, {} bytes{spilled}\nbricks {:.0} ms\n",
             made.voxel_type, made.bricks, made.bytes, time.wall_ms
         ),
         json: json!({
@@ -81,6 +86,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             "dims": made.dims,
             "type": made.voxel_type.name(),
             "bricks": made.bricks,
+            "levels": made.levels,
             "bytes": made.bytes,
             "spilled": made.spilled,
             "times": {"bricks": time},

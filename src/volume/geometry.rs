@@ -85,6 +85,16 @@ impl Geometry {
         Self { dims: [self.dims[0], self.dims[1], slices.len()], origin, ..self }
     }
 
+    /// The grid of `dims` blocks of so many voxels along each axis: each lies at the centre of its voxels.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Spacing`] if a block is larger than a number can say.
+    pub(super) fn of_blocks(&self, source: &str, block: [usize; 3], dims: [usize; 3]) -> Result<Self, VolumeError> {
+        let sides = DVec3::from_array(block.map(count));
+        Self::new(source, dims, self.spacing * sides, self.world_from_index((sides - 1.0) / 2.0), self.direction)
+    }
+
     /// Whether the voxels coincide with those of `other`, up to the rounding of headers: spacings within a thousandth
     /// of each other, directions within 1e-3, origins within a thousandth of a voxel plus a millionth of their distance
     /// from 0.

@@ -47,7 +47,7 @@ mod vti;
 mod vtk;
 mod zarr;
 
-pub use bricks::{BRICK, BrickCache, BricksMade, CELL, CacheCounts, MakeError, macrocells};
+pub use bricks::{BRICK, BrickCache, BrickLevel, BricksMade, CELL, CacheCounts, MakeError, brick_levels, macrocells};
 pub use error::VolumeError;
 pub use geometry::Geometry;
 pub use open::{extensions, make_bricks, open, open_by, open_raw, packed_blocks};

@@ -82,7 +82,7 @@ const FORMATS: [Format; 15] = [
         extensions: &["bricks"],
         recognises: bricks::recognises,
         is_another: ALONE,
-        further: NOTHING,
+        further: Further { levels: true, ..NOTHING },
         read: bricks::read,
         streamed: None,
     },
@@ -274,8 +274,9 @@ fn format_of(path: &Path) -> Result<Option<&'static Format>, VolumeError> {
 /// Makes a file of bricks of the volume in the file `source` and writes it to the empty `file`. `layout` is that of
 /// headerless voxels.
 ///
-/// The source is read once, slice by slice. A slab of 64 slices is kept in memory, or in a temporary file in `folder` if it
-/// takes more than `budget` bytes. For voxels of more than two bytes the bricks are read once more, for mean and histogram.
+/// The source is read once, slice by slice. 64 slices of each level of resolution, together 4/3 of those of the volume, are
+/// kept in memory, or in temporary files in `folder` as far as they take more than `budget` bytes. For voxels of more than
+/// two bytes the bricks are read once more, for mean and histogram.
 ///
 /// # Errors
 ///

@@ -24,7 +24,8 @@ impl Preview {
     /// The middle slice along z of the volume of `selection` in the file or folder `path`, whose longer side has `side`
     /// pixels. Choices that are still open are answered by the first alternative. `layout` is that of headerless voxels.
     ///
-    /// DICOM, TIFF, folders of slices, Zarr, HDF5 and uncompressed `NIfTI` read no other slice; other formats read the volume.
+    /// DICOM, TIFF, folders of slices, Zarr, HDF5 and uncompressed `NIfTI` read no other slice, and files of bricks only the
+    /// bricks around it; other formats read the volume.
     ///
     /// # Errors
     ///

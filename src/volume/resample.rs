@@ -89,15 +89,11 @@ impl Volume {
     }
 
     fn coarser(&self, block: [usize; 3]) -> Result<Geometry, VolumeError> {
-        let Geometry { dims, spacing, direction, .. } = self.geometry;
+        let dims = self.geometry.dims;
         if (0..3).any(|axis| block[axis] == 0 || block[axis] > dims[axis]) {
             return Err(VolumeError::Block { source_name: self.source.clone(), block, dims });
         }
-        #[expect(clippy::cast_precision_loss, reason = "no block is 2⁵³ voxels long")]
-        let sides = DVec3::from_array(block.map(|n| n as f64));
-        let origin = self.geometry.world_from_index((sides - 1.0) / 2.0);
-        let dims = std::array::from_fn(|axis| dims[axis] / block[axis]);
-        Geometry::new(&self.source, dims, spacing * sides, origin, direction)
+        self.geometry.of_blocks(&self.source, block, std::array::from_fn(|axis| dims[axis] / block[axis]))
     }
 
     fn resampled(&self, voxels: Voxels, geometry: Geometry, block: [usize; 3]) -> Self {
@@ -182,7 +178,7 @@ fn reduce<T: Voxel>(
 }
 
 /// The most frequent value, the smallest one among ties.
-fn most_frequent<T: Voxel>(values: &mut [T]) -> Option<T> {
+pub(super) fn most_frequent<T: Voxel>(values: &mut [T]) -> Option<T> {
     // Labels are numbers; NaN is not a valid label, so its order does not matter.
     values.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
     let runs = values.chunk_by(|a, b| a == b);

@@ -46,7 +46,7 @@ pub trait Voxel: bytemuck::Pod + PartialOrd + Send + Sync + fmt::Debug {
     fn with_bytes_swapped(self) -> Self;
 
     /// The mean. Integers round half up; floats ignore NaN, and give NaN if all values are NaN. `None` without values.
-    fn mean(values: impl Iterator<Item = Self>) -> Option<Self>;
+    fn mean(values: impl Iterator<Item = Self> + Clone) -> Option<Self>;
 
     /// Parses the number in `text`; `None` if it is not a number of this type.
     fn parse(text: &str) -> Option<Self>;
@@ -78,7 +78,7 @@ macro_rules! integer_voxel {
                 self.swap_bytes()
             }
 
-            fn mean(values: impl Iterator<Item = Self>) -> Option<Self> {
+            fn mean(values: impl Iterator<Item = Self> + Clone) -> Option<Self> {
                 let (mut sum, mut count) = (0_i128, 0_i128);
                 for value in values {
                     sum += i128::from(value);
@@ -136,16 +136,24 @@ macro_rules! float_voxel {
             }
 
             #[allow(clippy::cast_possible_truncation, trivial_numeric_casts, reason = "rounds to the stored type")]
-            fn mean(values: impl Iterator<Item = Self>) -> Option<Self> {
+            fn mean(values: impl Iterator<Item = Self> + Clone) -> Option<Self> {
+                // Keeps the sum of the largest floats of 64 bits finite.
+                const SMALL: f64 = f64::EPSILON;
                 let (mut sum, mut count, mut any) = (0.0_f64, 0.0_f64, false);
-                for value in values {
+                for value in values.clone() {
                     any = true;
                     if !value.is_nan() {
                         sum += f64::from(value);
                         count += 1.0;
                     }
                 }
-                any.then_some((sum / count) as Self)
+                let mean = if sum.is_infinite() {
+                    let scaled: f64 = values.filter(|value| !value.is_nan()).map(|value| f64::from(value) * SMALL).sum();
+                    scaled / count / SMALL
+                } else {
+                    sum / count
+                };
+                any.then_some(mean as Self)
             }
 
             fn parse(text: &str) -> Option<Self> {

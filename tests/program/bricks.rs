@@ -63,6 +63,7 @@ fn bricks_that_fit_into_the_memory_are_read_like_their_volume() {
     let folder = long(Folder::new()).with("long.raw.toml", "dims = [5000, 14, 15]\ntype = \"uint8\"\n");
     let made = folder.done(&["bricks", "long.raw", "-o", "long.bricks", "--json"]).json();
     assert_eq!((&made["bricks"], &made["dims"][0]), (&79.into(), &5000.into()), "{made}");
+    assert_eq!(made["levels"].as_array().unwrap().len(), 8, "{made}");
     let [of_raw, of_bricks] = ["long.raw", "long.bricks"].map(|file| {
         let picture = format!("{file}.png");
         folder.done(&["render", "scene.toml", "--volume", file, "--size", "40x30", "-o", &picture]);
@@ -72,6 +73,19 @@ fn bricks_that_fit_into_the_memory_are_read_like_their_volume() {
     });
     assert!(of_raw.0 == of_bricks.0, "the same picture");
     assert_eq!(of_raw.1, of_bricks.1);
+    // Coarser levels are listed and chosen as those of a store.
+    let info = folder.done(&["info", "long.bricks", "--pyramid-level", "7"]);
+    let told = info.out;
+    let listed = ["40 × 1 × 1 of uint8", "pyramid = 8 levels: 0 5000×14×15, 1 2500×7×8, 2 1250×4×4", "level = 7"];
+    assert!(listed.iter().all(|line| told.contains(line)), "{told}");
+    folder.refused(
+        1,
+        &["info", "long.bricks", "--pyramid-level", "8"],
+        &["level 8 does not exist", "--pyramid-level 8"],
+    );
+    let coarse = ["--pyramid-level", "1", "--size", "40x30", "-o", "coarse.png"];
+    folder.done(&[&["render", "scene.toml", "--volume", "long.bricks"], &coarse[..]].concat());
+    assert!(Path::new(&folder.path("coarse.png")).exists());
 }
 
 #[test]

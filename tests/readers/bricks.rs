@@ -138,7 +138,7 @@ fn damaged_bricks_of_another_version_and_overlapping_ones_are_refused_in_a_sente
     let sound = std::fs::read(made.path("v.bricks")).unwrap();
     let text_at = u64_at(&sound, 16);
     let text_bytes = usize::try_from(u32::from_le_bytes(sound[12..16].try_into().unwrap())).unwrap();
-    let (index_at, cells_at) = (text_at + text_bytes, text_at + text_bytes + 12 * 32);
+    let (index_at, cells_at) = (text_at + text_bytes, text_at + text_bytes + 15 * 32);
     // Text and index with their digest, for changes that the digest does not notice.
     let redigested = |bytes: &mut Vec<u8>| {
         let digest = crc(&bytes[text_at..cells_at]);
@@ -158,7 +158,7 @@ fn damaged_bricks_of_another_version_and_overlapping_ones_are_refused_in_a_sente
         (Box::new(|bytes| bytes.truncate(bytes.len() - 1)), "but its header makes it"),
         (Box::new(|bytes| bytes.truncate(40)), "its beginning is damaged"),
         (Box::new(|bytes| bytes.push(0)), "but its header makes it"),
-        (Box::new(|bytes| bytes[8] = 7), "version 7; this Relume reads version 1"),
+        (Box::new(|bytes| bytes[8] = 7), "version 7; this Relume reads versions 1 to 2"),
         (Box::new(|bytes| bytes[24..32].fill(255)), "but its header makes it"),
         (Box::new(|bytes| bytes[16..24].fill(255)), "but its header makes it"),
         (Box::new(|bytes| bytes[text_at + 3] ^= 1), "text and index are damaged"),
@@ -180,6 +180,16 @@ fn damaged_bricks_of_another_version_and_overlapping_ones_are_refused_in_a_sente
         ),
         (in_text("dims = [70, 66, 129]", "dims = [70, 66, 192]"), "bytes of macrocells, but the file has"),
         (in_text("dims = [70, 66, 129]", "dims = [90, 66, 129]"), "bytes of macrocells, but the file has"),
+        (in_text("dims = [35, 33, 65]", "dims = [35, 33, 66]"), "its coarser levels have [[35, 33, 66], [18, 17, 33]]"),
+        (
+            // Bricks 2 of level 0, then 0 of level 1, which is written after two slabs of four.
+            Box::new(|bytes| {
+                bytes[index_at + 12 * 32] ^= 1;
+                redigested(bytes);
+            }),
+            "brick 0 of level 1 begins at byte",
+        ),
+        (Box::new(|bytes| bytes[8] = 1), "but the file has 15 and"),
         (in_text("slope = 1.0", "slope = nan"), "no usable slope"),
         (in_text("anatomical", "anatomicaX"), "its text: unknown field"),
         (in_text("not_a_number = 0", "not_a_number = 9"), "its statistics contradict each other"),
@@ -195,7 +205,7 @@ fn damaged_bricks_of_another_version_and_overlapping_ones_are_refused_in_a_sente
     }
     // Bricks that a march reads later are compared with their digests, too.
     let mut bytes = sound.clone();
-    *bytes.last_mut().unwrap() ^= 1;
+    bytes[cells_at] ^= 1;
     bytes[100] ^= 1;
     std::fs::write(&path, bytes).unwrap();
     let read = open(&path, HostMemory::InFile).unwrap();

@@ -6,6 +6,7 @@ mod bricks;
 mod convert;
 mod dicom;
 mod foreign;
+mod levels;
 mod metaimage;
 mod mrc;
 mod nifti;

@@ -59,24 +59,40 @@ impl<T: Voxel> CellRanges<T> {
 
     /// Adds whole `rows` of voxels; the first is row `first`, counted through all slices.
     pub(super) fn add(&mut self, first: usize, rows: &[T]) {
-        let ([nx, ny, _], [width, height, depth]) = (self.grid, self.dims);
-        let of_row = |row: usize| -> Vec<([T; 2], bool)> {
-            let row = &rows[row * nx..(row + 1) * nx];
+        let [nx, ny, _] = self.grid;
+        self.add_runs(0, nx, rows, |row| [(first + row) % ny, (first + row) / ny]);
+    }
+
+    /// Adds the voxels of a box of `dims` from `first` on.
+    pub(super) fn add_box(&mut self, first: [usize; 3], dims: [usize; 3], voxels: &[T]) {
+        let [width, height, _] = dims;
+        self.add_runs(first[0], width, voxels, |row| [first[1] + row % height, first[2] + row / height]);
+    }
+
+    /// Adds runs of `length` voxels along x from `start` on; `place` is the y and z of one.
+    fn add_runs(&mut self, start: usize, length: usize, runs: &[T], place: impl Fn(usize) -> [usize; 2]) {
+        let [width, height, depth] = self.dims;
+        let end = start + length;
+        let first = *touching(start, width).start();
+        let last = *touching(end - 1, width).end();
+        let of_run = |run: usize| -> Vec<([T; 2], bool)> {
+            let run = &runs[run * length..(run + 1) * length];
             let of_cell = |cell: usize| {
-                let first = (CELL * cell).saturating_sub(1);
-                let numbers = &row[first..(CELL * cell + CELL + 2).min(nx)];
+                let from = (CELL * cell).saturating_sub(1).max(start);
+                let numbers = &run[from - start..(CELL * cell + CELL + 2).min(end) - start];
                 numbers.iter().fold((Self::nothing(), false), |(range, nan), &number| {
                     if is_nan(number) { (range, true) } else { (joined(range, [number; 2]), nan) }
                 })
             };
-            (0..width).map(of_cell).collect()
+            (first..=last).map(of_cell).collect()
         };
-        let of_rows = parallel::map(rows.len() / nx, &of_row);
-        for (row, of_row) in (first..).zip(of_rows) {
-            for z in touching(row / ny, depth) {
-                for y in touching(row % ny, height) {
-                    let at = width * (y + height * z);
-                    for (cell, &(range, nan)) in (at..).zip(&of_row) {
+        let of_runs = parallel::map(runs.len() / length, &of_run);
+        for (run, of_run) in of_runs.iter().enumerate() {
+            let [y, z] = place(run);
+            for z in touching(z, depth) {
+                for y in touching(y, height) {
+                    let at = first + width * (y + height * z);
+                    for (cell, &(range, nan)) in (at..).zip(of_run) {
                         self.ranges[cell] = joined(self.ranges[cell], range);
                         self.has_nan[cell] |= nan;
                     }
@@ -154,5 +170,18 @@ mod tests {
             (between([15, 7], [19, 16]), false),
         ];
         assert_eq!(found, expected);
+        // The same voxels as boxes.
+        let mut boxed = CellRanges::<f32>::new(grid);
+        for (first, end) in
+            [([0; 3], [7, 9, 17]), ([7, 0, 0], [16, 5, 17]), ([7, 5, 0], [16, 9, 17]), ([16, 0, 0], grid)]
+        {
+            let dims: [usize; 3] = std::array::from_fn(|axis| end[axis] - first[axis]);
+            let mut part = Vec::new();
+            for row in (first[2]..end[2]).flat_map(|z| (first[1]..end[1]).map(move |y| y + 9 * z)) {
+                part.extend_from_slice(&voxels[20 * row + first[0]..20 * row + end[0]]);
+            }
+            boxed.add_box(first, dims, &part);
+        }
+        assert!(boxed.to_bytes() == bytes);
     }
 }

@@ -2,8 +2,9 @@
 //!
 //! All numbers are little-endian. The fixed header has [`FIXED`] bytes: the letters `RELUMEBK`, the version, the bytes of the
 //! text (u32 each), the place of the text, the number of bricks, the bytes of the macrocells (u64 each), and the CRC-32 of
-//! text and index and of the macrocells. The bricks follow without gaps, x fastest, then the text (TOML), [`ENTRY`] bytes of
-//! index per brick, and the macrocells (`super::cells`), which end the file.
+//! text and index and of the macrocells of level 0. The bricks follow without gaps, slab by slab in the order of
+//! `super::grid::slabs`, each x fastest; then the text (TOML), [`ENTRY`] bytes of index per brick, level by level, and the
+//! macrocells (`super::cells`) level by level, which end the file. Files of version 1 have level 0 alone.
 
 use std::path::Path;
 
@@ -11,7 +12,7 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::cells::{self, CellRanges};
-use super::grid::BrickGrid;
+use super::grid::{BrickGrid, slabs};
 use crate::volume::statistics::{BINS, Extent, Measured};
 use crate::volume::stream::count;
 use crate::volume::voxels::with_type;
@@ -19,12 +20,14 @@ use crate::volume::{Geometry, LabelPreset, Presets, Unit, Volume, VolumeError, V
 
 /// First bytes of a file of bricks.
 pub(super) const MAGIC: [u8; 8] = *b"RELUMEBK";
-/// Version that this program writes and reads.
-const VERSION: u32 = 1;
+/// Version that this program writes; it reads this one and those before.
+const VERSION: u32 = 2;
 /// Bytes before the first brick.
 pub(super) const FIXED: usize = 64;
 /// Bytes of a brick in the index.
 const ENTRY: usize = 32;
+/// Keys of metadata about the levels of a file.
+pub(super) const LEVELS: [&str; 2] = ["pyramid", "level"];
 /// Largest number of bytes of the text: the parser takes a hundred times as much memory.
 const LONGEST_TEXT: usize = 1 << 18;
 /// Largest number of bytes that LZ4 packs into one: a byte of length stands for 255 bytes.
@@ -95,6 +98,7 @@ impl Entry {
 /// The fixed header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Fixed {
+    version: u32,
     text_bytes: u32,
     text_at: u64,
     bricks: u64,
@@ -104,8 +108,9 @@ pub(super) struct Fixed {
 }
 
 impl Fixed {
-    /// The fixed header, and text and index behind the bricks, which end at `text_at`; the bytes `cells` follow.
-    pub(super) fn made(text_at: u64, text: &str, index: &[Entry], cells: &[u8]) -> ([u8; FIXED], Vec<u8>) {
+    /// The fixed header, and text and index behind the bricks, which end at `text_at`; the macrocells of each level follow.
+    pub(super) fn made(text_at: u64, text: &str, index: &[Entry], cells: &[Vec<u8>]) -> ([u8; FIXED], Vec<u8>) {
+        let cells_bytes: usize = cells.iter().map(Vec::len).sum();
         let mut behind = text.as_bytes().to_vec();
         behind.extend(index.iter().flat_map(|entry| entry.to_bytes()));
         let mut bytes = [0; FIXED];
@@ -115,9 +120,9 @@ impl Fixed {
         bytes[12..16].copy_from_slice(&u32::try_from(text.len()).unwrap_or(u32::MAX).to_le_bytes());
         bytes[16..24].copy_from_slice(&text_at.to_le_bytes());
         bytes[24..32].copy_from_slice(&count(index.len()).to_le_bytes());
-        bytes[32..40].copy_from_slice(&count(cells.len()).to_le_bytes());
+        bytes[32..40].copy_from_slice(&count(cells_bytes).to_le_bytes());
         bytes[40..44].copy_from_slice(&digest(&behind).to_le_bytes());
-        bytes[44..48].copy_from_slice(&digest(cells).to_le_bytes());
+        bytes[44..48].copy_from_slice(&digest(&cells[0]).to_le_bytes());
         (bytes, behind)
     }
 
@@ -129,8 +134,8 @@ impl Fixed {
         }
         let mut numbers = Numbers(&bytes[MAGIC.len()..]);
         let version = numbers.u32();
-        if version != VERSION {
-            return Err(wrong(format!("the bricks have version {version}; this Relume reads version {VERSION}")));
+        if !(1..=VERSION).contains(&version) {
+            return Err(wrong(format!("the bricks have version {version}; this Relume reads versions 1 to {VERSION}")));
         }
         let text_bytes = numbers.u32();
         let [text_at, bricks, cells_bytes] = [numbers.u64(), numbers.u64(), numbers.u64()];
@@ -144,7 +149,7 @@ impl Fixed {
         if usize::try_from(text_bytes).is_ok_and(|bytes| bytes > LONGEST_TEXT) {
             return Err(wrong(format!("its text has {text_bytes} bytes; at most {LONGEST_TEXT} are read")));
         }
-        Ok(Self { text_bytes, text_at, bricks, cells_bytes, text_digest, cells_digest })
+        Ok(Self { version, text_bytes, text_at, bricks, cells_bytes, text_digest, cells_digest })
     }
 
     /// Place and number of bytes of the text and the index.
@@ -152,19 +157,13 @@ impl Fixed {
         [self.text_at, u64::from(self.text_bytes) + self.bricks * count(ENTRY)]
     }
 
-    /// Digests of text and index, with the digests of all bricks, and of the macrocells.
-    pub(super) fn digests(&self) -> [u32; 2] {
-        [self.text_digest, self.cells_digest]
-    }
-
-    /// Place and number of bytes of the macrocells, and their digest.
-    pub(super) fn cells(&self) -> ([u64; 2], u32) {
-        let [first, bytes] = self.text_and_index();
-        ([first + bytes, self.cells_bytes], self.cells_digest)
+    /// Digest of text and index, with the digests of all bricks.
+    pub(super) fn digest(&self) -> u32 {
+        self.text_digest
     }
 
     /// Reads text and index of the cache `path` from the bytes of [`Self::text_and_index`].
-    pub(super) fn parse(&self, path: &Path, bytes: &[u8]) -> Result<(Text, Vec<Entry>), VolumeError> {
+    pub(super) fn parse(&self, path: &Path, bytes: &[u8]) -> Result<(Text, Vec<Level>), VolumeError> {
         let wrong = |problem: String| damaged(path, problem);
         let found = digest(bytes);
         if found != self.text_digest {
@@ -173,44 +172,110 @@ impl Fixed {
                 self.text_digest
             )));
         }
-        let (text, index) = bytes.split_at(bytes.len().min(usize::try_from(self.text_bytes).unwrap_or(usize::MAX)));
+        let (text, mut index) = bytes.split_at(bytes.len().min(usize::try_from(self.text_bytes).unwrap_or(usize::MAX)));
         let text = std::str::from_utf8(text).map_err(|_| wrong("its text is not UTF-8".to_owned()))?;
         let text: Text = toml::from_str(text).map_err(|error| wrong(format!("its text: {}", error.message())))?;
         let voxel_type = text.voxel_type(path)?;
-        let grid = BrickGrid::new(text.geometry(path)?.dims);
-        let cells = CellRanges::bytes(cells::macrocells(grid.dims), voxel_type);
-        if count(grid.bricks()) != self.bricks || count(cells) != self.cells_bytes {
+        let mut grids = BrickGrid::levels(text.geometry(path, 0)?.dims);
+        if self.version == 1 {
+            grids.truncate(1);
+        }
+        let cells: Vec<usize> =
+            grids.iter().map(|grid| CellRanges::bytes(cells::macrocells(grid.dims), voxel_type)).collect();
+        let [bricks, cells_bytes] = [grids.iter().map(BrickGrid::bricks).sum(), cells.iter().sum::<usize>()];
+        if count(bricks) != self.bricks || count(cells_bytes) != self.cells_bytes {
             let [x, y, z] = text.dims;
             return Err(wrong(format!(
-                "{x}×{y}×{z} voxels have {} bricks and {cells} bytes of macrocells, but the file has {} and {}",
-                grid.bricks(),
-                self.bricks,
-                self.cells_bytes
+                "{x}×{y}×{z} voxels have {bricks} bricks and {cells_bytes} bytes of macrocells, but the file has {} and {}",
+                self.bricks, self.cells_bytes
             )));
         }
-        let entries: Vec<Entry> = index.chunks_exact(ENTRY).map(Entry::of_bytes).collect();
+        let expected = grids.iter().skip(1).map(|grid| grid.dims);
+        if !text.levels.iter().map(|level| level.dims).eq(expected.clone()) {
+            let found: Vec<_> = text.levels.iter().map(|level| level.dims).collect();
+            let expected: Vec<_> = expected.collect();
+            return Err(wrong(format!("its coarser levels have {found:?} voxels, but should have {expected:?}")));
+        }
+        let mut levels = Vec::with_capacity(grids.len());
+        let [first, length] = self.text_and_index();
+        let mut cells_at = first + length;
+        for (number, (&grid, &cells)) in grids.iter().zip(&cells).enumerate() {
+            let (own, rest) = index.split_at(index.len().min(grid.bricks() * ENTRY));
+            index = rest;
+            levels.push(Level {
+                grid,
+                index: own.chunks_exact(ENTRY).map(Entry::of_bytes).collect(),
+                cells: [cells_at, count(cells)],
+                cells_digest: number.checked_sub(1).map_or(self.cells_digest, |coarser| text.levels[coarser].cells),
+            });
+            cells_at += count(cells);
+        }
+        self.check_places(path, &grids, &levels, voxel_type)?;
+        Ok((text, levels))
+    }
+
+    /// Whether all bricks follow each other in the cache `path`, and may hold their voxels.
+    fn check_places(
+        &self,
+        path: &Path,
+        grids: &[BrickGrid],
+        levels: &[Level],
+        voxel_type: VoxelType,
+    ) -> Result<(), VolumeError> {
+        let wrong = |problem: String| damaged(path, problem);
         let mut end = count(FIXED);
-        for (brick, entry) in entries.iter().enumerate() {
-            let whole = count(grid.voxels(brick) * voxel_type.bytes());
-            let bytes = u64::from(entry.bytes);
-            if entry.offset != end {
-                return Err(wrong(format!(
-                    "brick {brick} begins at byte {}, but the one before it ends at byte {end}",
-                    entry.offset
-                )));
+        for [level, slab] in slabs(grids) {
+            let Level { grid, index, .. } = &levels[level];
+            for brick in grid.of_slab(slab) {
+                let Entry { offset, bytes, .. } = index[brick];
+                let whole = count(grid.voxels(brick) * voxel_type.bytes());
+                let bytes = u64::from(bytes);
+                let name = name(level, brick);
+                if offset != end {
+                    let problem = format!("{name} begins at byte {offset}, but the one before it ends at byte {end}");
+                    return Err(wrong(problem));
+                }
+                if bytes > whole || bytes.saturating_mul(LZ4_LIMIT) < whole {
+                    let problem = format!("{name} has {bytes} bytes, which cannot hold {whole} bytes of voxels");
+                    return Err(wrong(problem));
+                }
+                end += bytes;
             }
-            if bytes > whole || bytes.saturating_mul(LZ4_LIMIT) < whole {
-                return Err(wrong(format!(
-                    "brick {brick} has {bytes} bytes, which cannot hold {whole} bytes of voxels"
-                )));
-            }
-            end += bytes;
         }
         if end != self.text_at {
             return Err(wrong(format!("the bricks end at byte {end}, but the text begins at byte {}", self.text_at)));
         }
-        Ok((text, entries))
+        Ok(())
     }
+}
+
+/// Name of a brick for messages.
+pub(super) fn name(level: usize, brick: usize) -> String {
+    if level == 0 { format!("brick {brick}") } else { format!("brick {brick} of level {level}") }
+}
+
+/// A level of resolution in the file.
+#[derive(Clone, Debug)]
+pub(super) struct Level {
+    pub(super) grid: BrickGrid,
+    /// Its bricks, x fastest.
+    pub(super) index: Vec<Entry>,
+    /// Place and number of bytes of its macrocells.
+    pub(super) cells: [u64; 2],
+    /// [`digest`] of these bytes.
+    pub(super) cells_digest: u32,
+}
+
+/// A level as it was made.
+#[derive(Clone, Debug)]
+pub(super) struct LevelMade {
+    pub(super) dims: [usize; 3],
+    /// Statistics of its stored values.
+    pub(super) measured: Measured,
+    /// Their largest rounding error as f64.
+    pub(super) rounded: f64,
+    /// [`digest`] of its macrocells.
+    pub(super) cells: u32,
 }
 
 /// File from which a cache was made.
@@ -234,6 +299,39 @@ struct Values {
     histogram: Vec<u64>,
     rounded: f64,
     extent: Extent,
+}
+
+impl Values {
+    fn of(level: &LevelMade) -> Self {
+        let Measured { extent, mean, histogram } = &level.measured;
+        Self { extent: *extent, mean: *mean, histogram: histogram.to_vec(), rounded: level.rounded }
+    }
+
+    /// Statistics of the stored values of `dims` voxels of the cache `path`, and their largest rounding error as f64.
+    fn measured(&self, path: &Path, dims: [usize; 3]) -> Result<(Measured, f64), VolumeError> {
+        let Self { extent, mean, histogram, rounded } = self;
+        let histogram: Option<[u64; BINS]> = histogram.as_slice().try_into().ok();
+        let voxels = dims.iter().try_fold(1_u64, |product, &n| product.checked_mul(count(n)));
+        let sum = extent.finite.checked_add(extent.not_a_number).and_then(|sum| sum.checked_add(extent.infinite));
+        let ends = [extent.min, extent.max, *mean];
+        let sound = extent.finite == 0 || ends.iter().all(|end| end.is_finite()) && extent.min <= extent.max;
+        match histogram {
+            Some(histogram) if sound && sum == voxels && rounded.is_finite() => {
+                Ok((Measured { extent: *extent, mean: *mean, histogram }, *rounded))
+            }
+            _ => Err(damaged(path, format!("its statistics contradict each other: {extent:?}"))),
+        }
+    }
+}
+
+/// A level coarser than level 0.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StoredLevel {
+    dims: [usize; 3],
+    /// Digest of its macrocells.
+    cells: u32,
+    values: Values,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -276,12 +374,15 @@ pub(super) struct Text {
     values: Values,
     windows: Vec<StoredWindow>,
     labels: Vec<StoredLabel>,
+    #[serde(default)]
+    levels: Vec<StoredLevel>,
 }
 
 impl Text {
-    /// The text of a `volume`, whose stored values are `measured` and change by up to `rounded` as f64; it was made from
-    /// `source`. Metadata that are too long are left out.
-    pub(super) fn of(volume: &Volume, measured: &Measured, rounded: f64, source: Origin) -> Result<String, String> {
+    /// The text of a `volume` of these `levels`, the finest first, which was made from `source`. Metadata that are too long
+    /// are left out, and those of levels of the source.
+    pub(super) fn of(volume: &Volume, levels: &[LevelMade], source: Origin) -> Result<String, String> {
+        let metadata = volume.metadata.iter().filter(|(key, _)| !LEVELS.contains(&key.as_str()));
         let windows = volume.presets.windows.iter();
         let labels = volume.presets.labels.iter();
         let mut text = Self {
@@ -298,16 +399,11 @@ impl Text {
             component_names: volume.component_names.clone(),
             has_labels: volume.has_labels,
             colour: volume.presets.colour,
-            metadata: volume.metadata.iter().map(|(key, value)| [key.clone(), value.clone()]).collect(),
+            metadata: metadata.map(|(key, value)| [key.clone(), value.clone()]).collect(),
             assumed_spacing: volume.assumed_spacing.clone(),
             notes: volume.notes.clone(),
             source,
-            values: Values {
-                extent: measured.extent,
-                mean: measured.mean,
-                histogram: measured.histogram.to_vec(),
-                rounded,
-            },
+            values: Values::of(&levels[0]),
             windows: windows
                 .map(|Window { name, low, high }| StoredWindow { name: name.clone(), low: *low, high: *high })
                 .collect(),
@@ -317,6 +413,10 @@ impl Text {
                     name: name.clone(),
                     colour: *colour,
                 })
+                .collect(),
+            levels: levels[1..]
+                .iter()
+                .map(|level| StoredLevel { dims: level.dims, cells: level.cells, values: Values::of(level) })
                 .collect(),
         };
         let written = |text: &Self| toml::to_string(text).map_err(|error| error.to_string());
@@ -330,39 +430,36 @@ impl Text {
         if rest.len() <= LONGEST_TEXT { Ok(rest) } else { Err(format!("the text has {} bytes", rest.len())) }
     }
 
-    fn voxel_type(&self, path: &Path) -> Result<VoxelType, VolumeError> {
+    pub(super) fn voxel_type(&self, path: &Path) -> Result<VoxelType, VolumeError> {
         self.r#type.parse().map_err(|error: VolumeError| damaged(path, error.to_string()))
     }
 
-    /// The grid of the volume.
-    pub(super) fn geometry(&self, path: &Path) -> Result<Geometry, VolumeError> {
+    /// The grid of a level of the volume.
+    pub(super) fn geometry(&self, path: &Path, level: usize) -> Result<Geometry, VolumeError> {
         let [spacing, origin] = [self.spacing, self.origin].map(DVec3::from_array);
         let direction = DMat3::from_cols_array(&self.direction);
-        Geometry::new(&path.display().to_string(), self.dims, spacing, origin, direction)
+        let source = path.display().to_string();
+        let finest = Geometry::new(&source, self.dims, spacing, origin, direction)?;
+        (0..level).try_fold(finest, |finer, _| {
+            // An axis of one voxel stays as it is.
+            finer.of_blocks(&source, finer.dims.map(|n| n.min(2)), finer.dims.map(|n| n.div_ceil(2)))
+        })
     }
 
-    /// Statistics of the stored values, and their largest rounding error as f64.
-    pub(super) fn measured(&self, path: &Path) -> Result<(Measured, f64), VolumeError> {
-        let Values { extent, mean, histogram, rounded } = &self.values;
-        let histogram: Option<[u64; BINS]> = histogram.as_slice().try_into().ok();
-        let voxels = self.dims.iter().try_fold(1_u64, |product, &n| product.checked_mul(count(n)));
-        let sum = extent.finite.checked_add(extent.not_a_number).and_then(|sum| sum.checked_add(extent.infinite));
-        let ends = [extent.min, extent.max, *mean];
-        let sound = extent.finite == 0 || ends.iter().all(|end| end.is_finite()) && extent.min <= extent.max;
-        match histogram {
-            Some(histogram) if sound && sum == voxels && rounded.is_finite() => {
-                Ok((Measured { extent: *extent, mean: *mean, histogram }, *rounded))
-            }
-            _ => Err(damaged(path, format!("its statistics contradict each other: {extent:?}"))),
+    /// Statistics of the stored values of a level, and their largest rounding error as f64.
+    pub(super) fn measured(&self, path: &Path, level: usize) -> Result<(Measured, f64), VolumeError> {
+        match level.checked_sub(1).map(|coarser| &self.levels[coarser]) {
+            None => self.values.measured(path, self.dims),
+            Some(StoredLevel { dims, values, .. }) => values.measured(path, *dims),
         }
     }
 
-    /// The volume of the cache `path`, without its voxels, which have `voxels` of their type.
-    pub(super) fn volume(&self, path: &Path) -> Result<Volume, VolumeError> {
+    /// The volume of a level of the cache `path`, without its voxels.
+    pub(super) fn volume(&self, path: &Path, level: usize) -> Result<Volume, VolumeError> {
         let wrong = |what: &str| damaged(path, format!("its text has no usable {what}"));
         let voxel_type = self.voxel_type(path)?;
         let none = with_type!(voxel_type, T => <T as Voxel>::into_voxels(Vec::new()));
-        let mut volume = Volume::of_voxels(&path.display().to_string(), none, self.geometry(path)?)?;
+        let mut volume = Volume::of_voxels(&path.display().to_string(), none, self.geometry(path, level)?)?;
         if !(self.slope.is_finite() && self.intercept.is_finite()) {
             return Err(wrong("slope and intercept"));
         }

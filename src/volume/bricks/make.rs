@@ -1,13 +1,14 @@
 //! Makes a file of bricks in one pass over its source.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
 use super::cells::CellRanges;
-use super::format::{Entry, FIXED, Fixed, Origin, Text, digest};
+use super::format::{Entry, FIXED, Fixed, LevelMade, Origin, Text, digest};
 use super::grid::{BRICK, BrickGrid};
+use super::slab::{Halves, Halving, Rows, halved, halved_dims};
 use super::{BATCH, read_at, unpacked};
 use crate::parallel;
 use crate::progress::Progress;
@@ -38,11 +39,13 @@ pub struct BricksMade {
     pub dims: [usize; 3],
     /// Type of the voxels.
     pub voxel_type: VoxelType,
-    /// Number of bricks.
+    /// Number of bricks of level 0.
     pub bricks: usize,
+    /// Voxels along each axis of each level of resolution, the finest first.
+    pub levels: Vec<[usize; 3]>,
     /// Bytes of the file.
     pub bytes: u64,
-    /// Whether a slab of 64 slices exceeded the memory, and was kept in a temporary file.
+    /// Whether 64 slices of each level exceeded the memory, and some were kept in temporary files.
     pub spilled: bool,
     /// Sentences about oddities of the source.
     pub notes: Vec<String>,
@@ -65,7 +68,7 @@ pub(in crate::volume) fn make(
 fn origin(source: &Path, selection: &Selection) -> Origin {
     let metadata = std::fs::metadata(source).ok();
     let modified = metadata.as_ref().and_then(|it| it.modified().ok()?.duration_since(UNIX_EPOCH).ok());
-    let chosen = [("component", selection.component), ("time", selection.time)];
+    let chosen = [("component", selection.component), ("time", selection.time), ("level", selection.level)];
     let chosen = chosen.into_iter().filter_map(|(name, number)| Some(format!(", {name} {}", number?)));
     Origin {
         path: source.display().to_string(),
@@ -77,7 +80,7 @@ fn origin(source: &Path, selection: &Selection) -> Origin {
 
 fn made<T: Voxel>(
     (source, origin): (&Path, Origin),
-    mut streamed: Streamed,
+    streamed: Streamed,
     (file, folder): (&File, &Path),
     budget: u64,
     progress: &dyn Progress,
@@ -86,9 +89,11 @@ fn made<T: Voxel>(
     let dims = streamed.dims.map_err(not_streamed)?;
     // Before memory is taken by the numbers of a header.
     streamed.data.check_lengths()?;
-    let mut making = Making::<T>::new(BrickGrid::new(dims), (file, folder), budget)?;
+    let mut volume = (streamed.finish)(T::into_voxels(Vec::new()), streamed.notes)?;
+    let halving = if volume.has_labels { Halving::MostFrequent } else { Halving::Mean };
+    let mut making = Making::<T>::new(BrickGrid::levels(dims), halving, (file, folder), budget)?;
     let mut failed = None;
-    let read = streamed.data.read_into::<T>(progress, &mut streamed.notes, &mut |_, part| {
+    let read = streamed.data.read_into::<T>(progress, &mut volume.notes, &mut |_, part| {
         making.take(part).map_err(|error| {
             failed = Some(error);
             VolumeError::Cancelled { source_name: source.display().to_string() }
@@ -98,33 +103,18 @@ fn made<T: Voxel>(
         return Err(error.into());
     }
     read?;
-    let volume = (streamed.finish)(T::into_voxels(Vec::new()), streamed.notes)?;
-    let (measured, rounded) = making.measured(source, progress)?;
-    if measured.extent.finite == 0 {
-        let Extent { not_a_number, infinite, .. } = measured.extent;
+    let extent = making.levels[0].extent;
+    if extent.finite == 0 {
+        let Extent { not_a_number, infinite, .. } = extent;
         let source_name = source.display().to_string();
         return Err(VolumeError::NothingFinite { source_name, not_a_number, infinite }.into());
     }
-    let text = Text::of(&volume, &measured, rounded, origin).map_err(io::Error::other)?;
-    let (bricks, spilled) = (making.index.len(), making.slab.is_spilled());
-    let bytes = making.end(&text)?;
-    Ok(BricksMade { dims, voxel_type: T::TYPE, bricks, bytes, spilled, notes: volume.notes })
-}
-
-/// The voxels of up to 64 slices in the order of their bricks.
-enum Slab<T> {
-    InMemory(Vec<T>),
-    /// In a file, except up to 64 rows of a slice.
-    Spilled {
-        file: File,
-        strip: Vec<T>,
-    },
-}
-
-impl<T: Voxel> Slab<T> {
-    fn is_spilled(&self) -> bool {
-        matches!(self, Self::Spilled { .. })
-    }
+    let (levels, cells) = making.measured(source, progress)?;
+    let text = Text::of(&volume, &levels, origin).map_err(io::Error::other)?;
+    let (bricks, spilled) = (making.levels[0].index.len(), making.is_spilled());
+    let bytes = making.end(&text, &cells)?;
+    let levels = levels.iter().map(|level| level.dims).collect();
+    Ok(BricksMade { dims, voxel_type: T::TYPE, bricks, levels, bytes, spilled, notes: volume.notes })
 }
 
 /// A brick as it is written.
@@ -135,58 +125,77 @@ struct Packed<T> {
     /// Number of voxels of each value, if these are few.
     occurrences: Option<Vec<(T, u64)>>,
     rounded: f64,
+    /// Its voxels, halved along each axis, if there is a coarser level.
+    halved: Vec<T>,
 }
 
 /// A cache that is being made.
 struct Making<'a, T> {
-    grid: BrickGrid,
     file: &'a File,
     written: BufWriter<&'a File>,
     /// Bytes written.
     at: u64,
-    slab: Slab<T>,
+    /// The slab of level 0.
+    slab: Rows<T>,
     /// Voxels of an incomplete row.
     rest: Vec<T>,
     /// Complete rows so far.
     rows: usize,
+    /// The levels of resolution, the finest first.
+    levels: Vec<Level<T>>,
+    halving: Halving,
+}
+
+/// A level that is being made.
+struct Level<T> {
+    grid: BrickGrid,
     cells: CellRanges<T>,
     index: Vec<Entry>,
     extent: Extent,
     /// Number of voxels of each value of one or two bytes, by the lower 16 bits of the value.
     counts: Vec<u64>,
     rounded: f64,
+    /// Halved bricks of this level, for the coarser one.
+    halves: Option<Halves<T>>,
 }
 
 impl<'a, T: Voxel> Making<'a, T> {
-    fn new(grid: BrickGrid, (file, folder): (&'a File, &Path), budget: u64) -> io::Result<Self> {
-        let [nx, ny, nz] = grid.dims;
-        let slab = nx * ny * nz.min(EDGE);
-        let slab = if count(slab * size_of::<T>()) <= budget {
-            Slab::InMemory(vec![T::zeroed(); slab])
-        } else {
-            Slab::Spilled { file: tempfile::tempfile_in(folder)?, strip: vec![T::zeroed(); nx * ny.min(EDGE)] }
-        };
+    fn new(
+        grids: Vec<BrickGrid>,
+        halving: Halving,
+        (file, folder): (&'a File, &Path),
+        budget: u64,
+    ) -> Result<Self, MakeError> {
+        let mut room = budget;
+        let mut levels = Vec::with_capacity(grids.len());
+        // The coarsest first: most slabs are small, and remain in memory.
+        for (number, &grid) in grids.iter().enumerate().rev() {
+            let coarser = grids.get(number + 1);
+            levels.push(Level {
+                grid,
+                cells: CellRanges::new(grid.dims),
+                index: Vec::new(),
+                extent: Extent::EMPTY,
+                counts: vec![0; if size_of::<T>() <= 2 { 1 << 16 } else { 0 }],
+                rounded: 0.0,
+                halves: coarser.map(|&coarser| Halves::new([grid, coarser], &mut room, folder)).transpose()?,
+            });
+        }
+        levels.reverse();
+        let slab = Rows::new(grids[0], &mut room, folder)?;
         let mut written = BufWriter::new(file);
         written.write_all(&[0; FIXED])?;
-        Ok(Self {
-            grid,
-            file,
-            written,
-            at: count(FIXED),
-            slab,
-            rest: Vec::new(),
-            rows: 0,
-            cells: CellRanges::new(grid.dims),
-            index: Vec::new(),
-            extent: Extent::EMPTY,
-            counts: vec![0; 1 << 16],
-            rounded: 0.0,
-        })
+        Ok(Self { file, written, at: count(FIXED), slab, rest: Vec::new(), rows: 0, levels, halving })
+    }
+
+    fn is_spilled(&self) -> bool {
+        let mut halves = self.levels.iter().filter_map(|level| level.halves.as_ref());
+        self.slab.store.is_spilled() || halves.any(Halves::is_spilled)
     }
 
     /// Takes the next voxels.
     fn take(&mut self, mut part: &[T]) -> io::Result<()> {
-        let nx = self.grid.dims[0];
+        let nx = self.levels[0].grid.dims[0];
         if !self.rest.is_empty() {
             let (more, behind) = part.split_at(part.len().min(nx - self.rest.len()));
             self.rest.extend_from_slice(more);
@@ -206,110 +215,135 @@ impl<'a, T: Voxel> Making<'a, T> {
         if rows.is_empty() {
             return Ok(());
         }
-        self.cells.add(self.rows, rows);
-        let [nx, ny, nz] = self.grid.dims;
+        self.levels[0].cells.add(self.rows, rows);
+        let [nx, ny, nz] = self.levels[0].grid.dims;
         for row in rows.chunks_exact(nx) {
             let (y, z) = (self.rows % ny, self.rows / ny);
-            self.put(y, z, row)?;
+            self.slab.put(y, z, row)?;
             self.rows += 1;
             if y + 1 == ny && (z % EDGE + 1 == EDGE || z + 1 == nz) {
-                self.write_slab(z / EDGE)?;
+                self.write_slab(0, z / EDGE)?;
             }
         }
         Ok(())
     }
 
-    /// Puts a row of voxels where the bricks of the slab have it.
-    fn put(&mut self, y: usize, z: usize, row: &[T]) -> io::Result<()> {
-        let [nx, ny, nz] = self.grid.dims;
-        let (first_row, first_slice) = (y / EDGE * EDGE, z / EDGE * EDGE);
-        let height = EDGE.min(ny - first_row);
-        let depth = EDGE.min(nz - first_slice);
-        for (brick, run) in row.chunks(EDGE).enumerate() {
-            // Bricks before this one, in rows of bricks and in its own.
-            let before = depth * (first_row * nx + brick * EDGE * height);
-            match &mut self.slab {
-                Slab::InMemory(voxels) => {
-                    let at = before + run.len() * (y - first_row + height * (z - first_slice));
-                    voxels[at..at + run.len()].copy_from_slice(run);
-                }
-                Slab::Spilled { file, strip } => {
-                    let first = brick * EDGE * height;
-                    let at = first + run.len() * (y - first_row);
-                    strip[at..at + run.len()].copy_from_slice(run);
-                    if y + 1 == first_row + height {
-                        let place = before + run.len() * height * (z - first_slice);
-                        file.seek(SeekFrom::Start(count(place * size_of::<T>())))?;
-                        file.write_all(bytemuck::cast_slice(&strip[first..first + run.len() * height]))?;
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Packs and writes the bricks of a slab.
-    fn write_slab(&mut self, slab: usize) -> io::Result<()> {
-        let [width, height, _] = self.grid.counts;
-        let bricks: Vec<usize> = (slab * width * height..(slab + 1) * width * height).collect();
+    /// Packs and writes the bricks of a slab of a level, and those of the coarser levels that are complete with it.
+    fn write_slab(&mut self, level: usize, slab: usize) -> io::Result<()> {
+        let grid = self.levels[level].grid;
+        let bricks: Vec<usize> = grid.of_slab(slab).collect();
+        let halving = (level + 1 < self.levels.len()).then_some(self.halving);
+        let packed = |brick: usize, voxels: &[T]| pack(voxels, grid.dims_of(brick), halving);
         let mut first = 0;
         for batch in bricks.chunks(BATCH) {
-            let sizes: Vec<usize> = batch.iter().map(|&brick| self.grid.voxels(brick)).collect();
-            let length = sizes.iter().sum::<usize>();
-            let mut spilled = Vec::new();
-            let mut voxels: &[T] = match &mut self.slab {
-                Slab::InMemory(voxels) => &voxels[first..first + length],
-                Slab::Spilled { file, .. } => {
-                    spilled.resize(length, T::zeroed());
-                    file.seek(SeekFrom::Start(count(first * size_of::<T>())))?;
-                    file.read_exact(bytemuck::cast_slice_mut(&mut spilled))?;
-                    &spilled
+            let batch_packed = if let Some(finer) = level.checked_sub(1) {
+                let Some(halves) = &mut self.levels[finer].halves else { return Ok(()) };
+                let gathered =
+                    batch.iter().map(|&brick| halves.brick(&grid, brick)).collect::<io::Result<Vec<Vec<T>>>>()?;
+                parallel::map(batch.len(), &|part| packed(batch[part], &gathered[part]))
+            } else {
+                let sizes = batch.iter().map(|&brick| grid.voxels(brick));
+                let voxels = self.slab.store.get(first, sizes.clone().sum())?;
+                first += voxels.len();
+                let mut rest = &*voxels;
+                let mut parts = Vec::with_capacity(batch.len());
+                for size in sizes {
+                    let (part, behind) = rest.split_at(size);
+                    parts.push(part);
+                    rest = behind;
                 }
+                parallel::map(batch.len(), &|part| packed(batch[part], parts[part]))
             };
-            let mut parts = Vec::with_capacity(batch.len());
-            for size in sizes {
-                let (part, rest) = voxels.split_at(size);
-                parts.push(part);
-                voxels = rest;
-            }
-            let packed = parallel::map(parts.len(), &|part| pack(parts[part]));
-            first += length;
-            for brick in packed {
-                self.write(brick)?;
+            for (&brick, packed) in batch.iter().zip(batch_packed) {
+                self.write(level, brick, packed)?;
             }
         }
-        Ok(())
+        if let Some(halves) = level.checked_sub(1).and_then(|finer| self.levels[finer].halves.as_mut()) {
+            halves.clear();
+        }
+        if halving.is_some() && grid.ends_coarser(slab) { self.write_slab(level + 1, slab / 2) } else { Ok(()) }
     }
 
-    fn write(&mut self, brick: Packed<T>) -> io::Result<()> {
-        let Packed { bytes, digest, extent, occurrences, rounded } = brick;
+    fn write(&mut self, level: usize, brick: usize, packed: Packed<T>) -> io::Result<()> {
+        let Packed { bytes, digest, extent, occurrences, rounded, halved } = packed;
         self.written.write_all(&bytes)?;
         let length = u32::try_from(bytes.len()).map_err(io::Error::other)?;
         let ends = if extent.finite > 0 { [extent.min, extent.max] } else { [f64::NAN; 2] };
-        self.index.push(Entry { offset: self.at, bytes: length, digest, ends });
+        let of_level = &mut self.levels[level];
+        of_level.index.push(Entry { offset: self.at, bytes: length, digest, ends });
         self.at += u64::from(length);
-        self.extent = self.extent.join(&extent);
+        of_level.extent = of_level.extent.join(&extent);
         for (value, number) in occurrences.into_iter().flatten() {
-            self.counts[low_bits(value)] += number;
+            of_level.counts[low_bits(value)] += number;
         }
-        self.rounded = self.rounded.max(rounded);
+        of_level.rounded = of_level.rounded.max(rounded);
+        if let Some(halves) = &mut of_level.halves {
+            halves.push(&halved)?;
+            let (first, dims) = (of_level.grid.span(brick)[0], of_level.grid.dims_of(brick));
+            self.levels[level + 1].cells.add_box(first.map(|at| at / 2), halved_dims(dims), &halved);
+        }
         Ok(())
     }
 
-    /// Statistics of the stored values, and their largest rounding error as f64. Values of more than two bytes are read once
-    /// more, since the bins of the histogram follow from all of them.
-    fn measured(&mut self, source: &Path, progress: &dyn Progress) -> Result<(Measured, f64), MakeError> {
+    /// The levels and the bytes of their macrocells. Values of more than two bytes are read once more, since the bins of the
+    /// histogram follow from all of them.
+    fn measured(
+        &mut self,
+        source: &Path,
+        progress: &dyn Progress,
+    ) -> Result<(Vec<LevelMade>, Vec<Vec<u8>>), MakeError> {
+        self.written.flush()?;
+        let all = self.levels.iter().map(|level| count(level.index.len())).sum();
+        let mut done = 0;
+        let (mut levels, mut cells) = (Vec::new(), Vec::new());
+        for level in &mut self.levels {
+            let measured = level.measured(self.file, &mut |bricks| {
+                done += count(bricks);
+                report(source, done, all, progress)
+            });
+            cells.push(level.cells.to_bytes());
+            levels.push(LevelMade {
+                dims: level.grid.dims,
+                measured: measured?,
+                rounded: level.rounded,
+                cells: digest(&cells[cells.len() - 1]),
+            });
+        }
+        check_cancelled(source, progress)?;
+        Ok((levels, cells))
+    }
+
+    /// Writes what follows the bricks, and the header; returns the bytes of the file.
+    fn end(mut self, text: &str, cells: &[Vec<u8>]) -> io::Result<u64> {
+        let index: Vec<Entry> = self.levels.iter().flat_map(|level| level.index.iter().copied()).collect();
+        let (fixed, behind) = Fixed::made(self.at, text, &index, cells);
+        self.written.seek(SeekFrom::Start(self.at))?;
+        self.written.write_all(&behind)?;
+        for cells in cells {
+            self.written.write_all(cells)?;
+        }
+        self.written.seek(SeekFrom::Start(0))?;
+        self.written.write_all(&fixed)?;
+        self.written.flush()?;
+        Ok(self.at + count(behind.len()) + cells.iter().map(|cells| count(cells.len())).sum::<u64>())
+    }
+}
+
+impl<T: Voxel> Level<T> {
+    /// Statistics of the stored values in the bricks of `file`; `read` is told the number of bricks that were read again.
+    fn measured(
+        &self,
+        mut file: &File,
+        read: &mut dyn FnMut(usize) -> Result<(), VolumeError>,
+    ) -> Result<Measured, MakeError> {
         if size_of::<T>() <= 2 {
             let numbers = self.counts.iter().zip(0..=u16::MAX).filter(|(number, _)| **number > 0);
             let values: Vec<(T, u64)> = numbers.map(|(&number, bits)| (of_low_bits(bits), number)).collect();
-            return Ok((Measured::of(measure_counted(&values)), self.rounded));
+            return Ok(Measured::of(measure_counted(&values)));
         }
-        self.written.flush()?;
-        let mut file = self.file;
         let mut sums = Sums::EMPTY;
         let mut first = 0;
         for batch in self.index.chunks(BATCH) {
-            check_cancelled(source, progress)?;
             let bytes: Vec<Vec<u8>> = batch
                 .iter()
                 .map(|entry| read_at(&mut file, [entry.offset, entry.bytes.into()]))
@@ -321,27 +355,14 @@ impl<'a, T: Voxel> Making<'a, T> {
             let of_bricks = parallel::map(bytes.len(), &of_brick).into_iter().collect::<io::Result<Vec<_>>>()?;
             sums = of_bricks.iter().fold(sums, Sums::join);
             first += batch.len();
-            report(source, count(first), count(self.index.len()), progress)?;
+            read(batch.len())?;
         }
-        Ok((Measured::of((self.extent, sums)), self.rounded))
-    }
-
-    /// Writes what follows the bricks, and the header; returns the bytes of the file.
-    fn end(mut self, text: &str) -> io::Result<u64> {
-        let cells = self.cells.to_bytes();
-        let (fixed, behind) = Fixed::made(self.at, text, &self.index, &cells);
-        self.written.seek(SeekFrom::Start(self.at))?;
-        self.written.write_all(&behind)?;
-        self.written.write_all(&cells)?;
-        self.written.seek(SeekFrom::Start(0))?;
-        self.written.write_all(&fixed)?;
-        self.written.flush()?;
-        Ok(self.at + count(behind.len()) + count(cells.len()))
+        Ok(Measured::of((self.extent, sums)))
     }
 }
 
-/// Packs the voxels of a brick: LZ4, or as they are if that is not longer.
-fn pack<T: Voxel>(voxels: &[T]) -> Packed<T> {
+/// Packs the voxels of a brick of `dims`: LZ4, or as they are if that is not longer.
+fn pack<T: Voxel>(voxels: &[T], dims: [usize; 3], halving: Option<Halving>) -> Packed<T> {
     let swapped: Vec<T> = if cfg!(target_endian = "big") {
         voxels.iter().map(|voxel| voxel.with_bytes_swapped()).collect()
     } else {
@@ -359,6 +380,7 @@ fn pack<T: Voxel>(voxels: &[T]) -> Packed<T> {
         extent: Extent::of(voxels.iter().map(|&voxel| (voxel, 1))),
         occurrences: occurrences(voxels),
         rounded: if size_of::<T>() == 8 { voxels.iter().map(off).fold(0.0, f64::max) } else { 0.0 },
+        halved: halving.map_or_else(Vec::new, |halving| halved(voxels, dims, halving)),
     }
 }
 

@@ -4,6 +4,7 @@ mod cells;
 mod format;
 mod grid;
 mod make;
+mod slab;
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -23,11 +24,11 @@ use super::select::HostMemory;
 use super::statistics::Measured;
 use super::stream::{self, count};
 use super::voxels::with_type;
-use super::{Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, with_voxels};
+use super::{Geometry, Selection, Several, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, with_voxels};
 use crate::memory;
 use crate::progress::Progress;
 use cells::CellRanges;
-use format::{Entry, FIXED, Fixed, damaged, digest};
+use format::{Entry, FIXED, Fixed, LEVELS, Level, Text, damaged, digest};
 use grid::BrickGrid;
 
 /// Decoded bricks that a march needs at once: one and its neighbours.
@@ -53,15 +54,38 @@ pub struct CacheCounts {
     pub again: usize,
 }
 
-/// A file of bricks, and those of its bricks that are in memory.
+/// A level of resolution of a file of bricks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BrickLevel {
+    /// Position of its voxels.
+    pub geometry: Geometry,
+    /// Bytes of its voxels in memory.
+    pub bytes: u64,
+}
+
+/// The levels of resolution of the file of bricks `path`, the finest first. [`Selection::level`] chooses one of them.
+///
+/// # Errors
+///
+/// [`VolumeError::Open`], [`VolumeError::Read`], [`VolumeError::Bricks`].
+pub fn brick_levels(path: &Path) -> Result<Vec<BrickLevel>, VolumeError> {
+    Opened::new(path)?.levels()
+}
+
+/// A level of a file of bricks, and those of its bricks that are in memory.
 #[derive(Debug)]
 pub struct BrickCache {
     path: PathBuf,
     file: Mutex<File>,
-    fixed: Fixed,
+    /// Digest of the text and the index of all levels.
+    text_digest: u32,
+    level: usize,
+    levels: Vec<BrickLevel>,
     grid: BrickGrid,
     voxel_type: VoxelType,
     index: Vec<Entry>,
+    /// Place and number of bytes of the macrocells, and their digest.
+    cells: ([u64; 2], u32),
     measured: Measured,
     rounded: f64,
     held: Mutex<Held>,
@@ -81,8 +105,15 @@ struct Held {
 /// Reads a file of bricks: its voxels, or only its description if `selection` leaves them in the file.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let source = path.display().to_string();
-    selection.only(&source)?;
-    let (mut volume, mut cache) = BrickCache::open(path)?;
+    Selection { level: None, ..selection.clone() }.only(&source)?;
+    let (mut volume, mut cache) = BrickCache::open(path, selection)?;
+    if selection.middle {
+        let [nx, ny, nz] = cache.grid.dims;
+        let slices = selection.slices(nz);
+        volume.voxels = cache.part([0, 0, slices.start], [nx, ny, slices.end])?.voxels;
+        volume.geometry = volume.geometry.of_slices(&slices);
+        return Ok(volume);
+    }
     let bytes = count(cache.grid.all_voxels()).saturating_mul(count(cache.voxel_type.bytes()));
     let available = memory::available_bytes();
     let limit = match selection.memory {
@@ -103,9 +134,18 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     Ok(volume)
 }
 
-impl BrickCache {
+/// A file of bricks whose text and index were read.
+struct Opened<'a> {
+    path: &'a Path,
+    file: File,
+    fixed: Fixed,
+    text: Text,
+    levels: Vec<Level>,
+}
+
+impl<'a> Opened<'a> {
     /// Opens the cache `path`, and checks its index against its length before it takes memory.
-    fn open(path: &Path) -> Result<(Volume, Self), VolumeError> {
+    fn new(path: &'a Path) -> Result<Self, VolumeError> {
         let mut file = stream::open(path)?;
         let failed = |source| stream::failed(path, source);
         let length = file.metadata().map_err(failed)?.len();
@@ -113,21 +153,66 @@ impl BrickCache {
         let found = stream::read_fully(&mut file, &mut beginning).map_err(failed)?;
         let fixed = Fixed::of_bytes(path, &beginning[..found], length)?;
         let bytes = read_at(&mut file, fixed.text_and_index()).map_err(failed)?;
-        let (text, index) = fixed.parse(path, &bytes)?;
-        let (measured, rounded) = text.measured(path)?;
-        let volume = text.volume(path)?;
+        let (text, levels) = fixed.parse(path, &bytes)?;
+        Ok(Self { path, file, fixed, text, levels })
+    }
+
+    fn levels(&self) -> Result<Vec<BrickLevel>, VolumeError> {
+        let bytes = count(self.text.voxel_type(self.path)?.bytes());
+        let level = |level: usize| {
+            let geometry = self.text.geometry(self.path, level)?;
+            Ok(BrickLevel { geometry, bytes: count(geometry.voxels()).saturating_mul(bytes) })
+        };
+        (0..self.levels.len()).map(level).collect()
+    }
+}
+
+impl BrickCache {
+    /// Opens the level of the cache `path` that `selection` chooses.
+    fn open(path: &Path, selection: &Selection) -> Result<(Volume, Self), VolumeError> {
+        let mut opened = Opened::new(path)?;
+        let source = path.display().to_string();
+        let levels = opened.levels()?;
+        let dims: Vec<[usize; 3]> = levels.iter().map(|level| level.geometry.dims).collect();
+        if dims.len() == 1 {
+            selection.no_level(&source)?;
+        }
+        let level = selection.level(&source, &dims)?;
+        let (measured, rounded) = opened.text.measured(path, level)?;
+        let mut volume = opened.text.volume(path, level)?;
+        if dims.len() > 1 {
+            volume.selection.level = Some(level);
+            let told = [Several::Levels(dims).to_string(), level.to_string()];
+            volume.metadata.extend(LEVELS.map(str::to_owned).into_iter().zip(told));
+        }
+        let Level { grid, index, cells, cells_digest } = opened.levels.swap_remove(level);
         let cache = Self {
             path: path.to_owned(),
-            file: Mutex::new(file),
-            fixed,
-            grid: BrickGrid::new(volume.geometry.dims),
+            file: Mutex::new(opened.file),
+            text_digest: opened.fixed.digest(),
+            level,
+            levels,
+            grid,
             voxel_type: volume.voxels.voxel_type(),
             held: Mutex::new(Held { known: vec![false; index.len()], ..Held::default() }),
             index,
+            cells: (cells, cells_digest),
             measured,
             rounded,
         };
         Ok((volume, cache))
+    }
+
+    /// The levels of resolution of the file, the finest first.
+    #[must_use]
+    pub fn levels(&self) -> &[BrickLevel] {
+        &self.levels
+    }
+
+    /// The level of resolution whose bricks these are; 0 is the finest.
+    #[must_use]
+    pub fn level(&self) -> usize {
+        self.level
     }
 
     /// Bounds the memory of decoded bricks and of what a march keeps beside them by `limit` bytes.
@@ -136,7 +221,7 @@ impl BrickCache {
         // The index, the ranges of the macrocells while they are read, as f32, and their occupancy.
         let cells = count(macrocells(self.grid.dims).iter().product());
         let working = WORKING * count(self.voxel_type.bytes());
-        let beside = working + count(self.index.len() * 48) + self.fixed.cells().0[1] + 9 * cells;
+        let beside = working + count(self.index.len() * 48) + self.cells.0[1] + 9 * cells;
         let room = limit.saturating_sub(beside) / brick;
         let held = usize::try_from(room).unwrap_or(usize::MAX).min(self.index.len());
         let needed = LEAST_HELD.min(self.index.len());
@@ -158,10 +243,10 @@ impl BrickCache {
         self.held().counts
     }
 
-    /// Digest of all bricks and of the description of the volume.
+    /// Digests of all bricks and of the description of the volume, and of the macrocells of the level.
     #[must_use]
     pub fn digest(&self) -> [u32; 2] {
-        self.fixed.digests()
+        [self.text_digest, self.cells.1]
     }
 
     /// Statistics of the stored values.
@@ -182,7 +267,7 @@ impl BrickCache {
     ///
     /// [`VolumeError::Read`], [`VolumeError::Bricks`].
     pub fn each_cell(&self, with: impl FnMut([f64; 2], bool)) -> Result<(), VolumeError> {
-        let (place, expected) = self.fixed.cells();
+        let (place, expected) = self.cells;
         let bytes = read_at(&mut *self.file(), place).map_err(|source| stream::failed(&self.path, source))?;
         self.check("the macrocells are", &bytes, expected)?;
         let cells = macrocells(self.grid.dims).iter().product();
@@ -277,10 +362,11 @@ impl BrickCache {
 
     /// The voxels of `brick`, whose `bytes` were read.
     fn unpacked<T: Voxel>(&self, brick: usize, bytes: &[u8]) -> Result<Vec<T>, VolumeError> {
-        self.check(&format!("brick {brick} is"), bytes, self.index[brick].digest)?;
+        let name = format::name(self.level, brick);
+        self.check(&format!("{name} is"), bytes, self.index[brick].digest)?;
         unpacked(bytes, self.grid.voxels(brick)).map_err(|source| VolumeError::DamagedPart {
             path: self.path.clone(),
-            place: format!("brick {brick}"),
+            place: name,
             encoding: "LZ4",
             source,
         })
