@@ -121,10 +121,17 @@ fn ends_in(path: &Path, extension: &str) -> bool {
 }
 
 fn of_output(error: &OutputError) -> Option<String> {
-    if let OutputError::Parts { .. } = error {
-        return Some("; relume render --block I/N --accumulators FILE.exr makes the parts".to_owned());
-    }
     match error {
+        OutputError::Parts { .. } => {
+            Some("; relume render --block I/N --accumulators FILE.exr makes the parts".to_owned())
+        }
+        OutputError::Missing { missing, blocks, as_part, .. } => {
+            let first = missing.first().map_or(1, |gap| gap[0]);
+            let partial = if *as_part { "" } else { ", or add --partial to composite these to a larger part" };
+            Some(format!(
+                "; relume render --block {first}/{blocks} --accumulators FILE.exr makes the first of them{partial}"
+            ))
+        }
         OutputError::Damaged { path, .. } | OutputError::NotAccumulators { path, .. } if !ends_in(path, "exr") => {
             Some(format!(
                 "; for a scene or a volume, use relume render {0} -o picture.png, which saves its film with --accumulators film.exr",
@@ -230,6 +237,7 @@ fn of_page(error: &PageError) -> Option<String> {
         PageError::TooLarge { .. } => Some(
             "; take a larger --tolerance or --max-bytes, or for a scene a smaller --size or fewer --views".to_owned(),
         ),
+        PageError::Memory { .. } => Some("; take a smaller --size or fewer --views".to_owned()),
         PageError::Tolerance { kept, .. } if kept.is_finite() => Some(format!(": --tolerance {:.3}", 1.001 * kept)),
         _ => None,
     }
@@ -242,32 +250,4 @@ fn of_model(error: &ModelError) -> Option<String> {
         _ => "--model nodes may keep your tolerance",
     };
     Some(format!("; to accept it, add --k {dimension} or --tolerance {kept:.3}; {otherwise}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn slot() -> RenderError {
-        RenderError::Slot { needed_kb: 9, edge: 67, device: "d".to_owned(), budget_kb: 8, limit: [256; 3] }
-    }
-
-    #[test]
-    fn an_error_has_the_same_flags_as_itself_and_as_a_transparent_cause() {
-        let message = ": take a larger --device-memory, or --downsample to average blocks of voxels";
-        let alone = slot();
-        assert_eq!(flags(&alone).as_deref(), Some(message));
-        let surveyed = CliError::from(MeasureError::from(alone));
-        assert_eq!(flags(&surveyed).as_deref(), Some(message));
-        assert_eq!(flags(&CliError::Usage("--k".to_owned())), None);
-    }
-
-    #[test]
-    fn the_guessed_layout_of_raw_voxels_can_be_typed() {
-        let guess = RawLayout { header_bytes: 3, ..RawLayout::new([4, 2, 1], volume::VoxelType::U8) };
-        let path = std::path::PathBuf::from("v.raw");
-        let error = VolumeError::NoLayout { sidecar: path.clone(), path, bytes: 11, guesses: vec![guess] };
-        let message = sentence(&error);
-        assert!(message.ends_with(": --dims 4x2x1 --type uint8 --header-bytes 3"), "{message}");
-    }
 }

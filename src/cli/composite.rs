@@ -24,9 +24,12 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// Parts of one film, in any order: all blocks of the volume, or those of a part of its tree.
+    /// Parts of one film, in any order: all blocks of the volume.
     #[arg(required = true, value_name = "PART.exr")]
     parts: Vec<PathBuf>,
+    /// Composite to a larger part: all blocks below one cut of the volume, such as 1 to 4 of 8.
+    #[arg(long)]
+    partial: bool,
     /// Film file to write.
     #[arg(short, long, value_name = "FILE.exr")]
     output: PathBuf,
@@ -36,21 +39,20 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     PictureKind::require_exr(&args.output).map_err(|error| CliError::Usage(format!("-o {error}")))?;
     check_outputs(&[&args.output], &args.parts.iter().map(PathBuf::as_path).collect::<Vec<&Path>>())?;
     let clock = Stopwatch::start();
-    let composited = composite(&args.parts, memory::available_bytes(), progress).map_err(|error| match error {
-        OutputError::Cancelled { .. } => CliError::Cancelled,
-        error => error.into(),
-    })?;
+    let composited =
+        composite(&args.parts, args.partial, memory::available_bytes(), progress).map_err(|error| match error {
+            OutputError::Cancelled { .. } => CliError::Cancelled,
+            error => error.into(),
+        })?;
     let spent = clock.read();
     let clock = Stopwatch::start();
     composited.film.write(&args.output)?;
     let written = clock.read();
     let [first, last, blocks] = composited.blocks;
-    let is_whole = composited.film.part.is_none();
+    let part = composited.film.part.as_ref();
     let path = args.output.display().to_string();
-    if !is_whole {
-        tracing::warn!(
-            "{path} is a part: blocks {first} to {last} of {blocks}; composite it with the others for the whole film"
-        );
+    if let Some(part) = part {
+        tracing::warn!("{path} is a part: {}; composite it with the others for the whole film", part.named());
     }
     let (width, height) = (composited.film.width, composited.film.height);
     Ok(Report {
@@ -59,7 +61,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             "outputs": [path],
             "size": [width, height],
             "blocks": {"first": first, "last": last, "count": blocks},
-            "whole": is_whole,
+            "whole": part.is_none(),
             "times": {"composite": spent, "write": written},
         }),
     })

@@ -255,18 +255,18 @@ fn is_white(spectrum: &[f64; BANDS]) -> bool {
     Spectrum::from_samples(*spectrum) == Spectrum::constant(1.0)
 }
 
+/// Says that the `film` at `path` lacks blocks of the volume.
+pub(crate) fn warn_of_part(path: &Path, film: &FilmFile) {
+    if let Some(part) = &film.part {
+        let (path, named) = (path.display(), part.named());
+        tracing::warn!("{path} is a part of a film: {named}; `relume composite` makes the whole film");
+    }
+}
+
 /// Reads the film file `path`.
 pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     let mut file = FilmFile::read(path)?;
-    if let Some(part) = &file.part {
-        tracing::warn!(
-            "{} is a part of a film: blocks {} to {} of {}; `relume composite` makes the whole film",
-            path.display(),
-            part.first,
-            part.last,
-            part.blocks
-        );
-    }
+    warn_of_part(path, &file);
     let dial = match file.dial.take() {
         None => Dial::regular(file.lights.iter().map(|light| light.name.as_str())),
         Some(FileDial { hand: _, normalise, master, nodes, presets }) => {

@@ -232,7 +232,26 @@ impl<'a> Frames<'a> {
             }
             written += 1;
         }
+        self.warn_of_longer();
         Ok(written)
+    }
+
+    /// Says that pictures of a longer animation lie behind those of this one.
+    fn warn_of_longer(&self) {
+        let Some(next) = self.count.and_then(|count| count.checked_add(1)) else { return };
+        for path in self.outputs.iter().map(|path| numbered(path, next)).filter(|path| path.exists()) {
+            tracing::warn!(
+                "{} is of another animation, which was longer, and ffmpeg takes it for this one too; delete it and those after \
+                 it, or give each animation its own name",
+                path.display()
+            );
+        }
+    }
+
+    /// The part of the animation, if one was named, and what was `written` of it and kept.
+    pub(crate) fn json(&self, written: usize) -> serde_json::Value {
+        let part = self.part.map(|Part { number, of }| [number, of]);
+        serde_json::json!({"part": part, "written": written, "kept": self.names().len().saturating_sub(written)})
     }
 
     /// The command that makes a film of the numbered PNGs of `path`.

@@ -369,6 +369,9 @@ fn of_accumulators(path: &Path, file: &FilmFile) -> Report {
     };
     let mut text = format!("{}: a film file, for relume relight\n", path.display());
     let mut lines = vec![("size", format!("{} × {}", file.width, file.height))];
+    if let Some(part) = &file.part {
+        lines.push(("part", format!("{}; `relume composite` makes the whole film", part.named())));
+    }
     match model {
         None => lines.push(("components", or_none(&components.join(", ")))),
         Some(model) => {
@@ -395,6 +398,7 @@ fn of_accumulators(path: &Path, file: &FilmFile) -> Report {
     let json = json!({
         "accumulators": path.display().to_string(),
         "size": [file.width, file.height],
+        "part": file.part.as_ref().map(|part| json!({"first": part.first, "last": part.last, "count": part.blocks})),
         "components": components,
         "model": model.map(|model| Learnt::nothing(model).json(model)),
         "positions": positions,

@@ -142,8 +142,11 @@ fn saved(args: &Args, path: &Path) -> Result<Films, CliError> {
     }
     let clock = Stopwatch::start();
     let mut header = FilmFile::read(path)?;
+    files::warn_of_part(path, &header);
     let film = header.take_film();
-    check_film_memory(&film, path, memory::available_bytes())?;
+    let numbers = (film.accumulators.len() + film.transmittance.len()) / film.pixels().max(1);
+    page::check_memory(1, film.size, numbers, true, memory::available_bytes())
+        .map_err(|error| CliError::Failed(format!("{}: {error}; render a smaller film", path.display())))?;
     light(args, &mut header)?;
     Ok(Films { header, views: vec![film], columns: 1, times: vec![("load", clock.read())] })
 }
@@ -178,7 +181,9 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let (scene, planned) = planned(&file, &mix, progress)?;
     let size = args.size.unwrap_or([800, 800]);
     let (cameras, columns) = cameras(args, &scene, size)?;
-    check_memory(&planned, size, cameras.len())?;
+    let plan = &planned.plan;
+    let numbers = plan.components() * plan.positions.total() + plan.transmittance_numbers();
+    page::check_memory(cameras.len(), size, numbers, false, memory::available_bytes())?;
     let mut times = vec![("load", clock.read())];
     let clock = Stopwatch::start();
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
@@ -249,42 +254,6 @@ fn cameras(args: &Args, scene: &Scene, size: [usize; 2]) -> Result<(Vec<Camera>,
         }
     }
     Ok((all, columns.into()))
-}
-
-/// Refuses views that exceed the free memory.
-fn check_memory(planned: &Planned, [width, height]: [usize; 2], views: usize) -> Result<(), CliError> {
-    let plan = &planned.plan;
-    let numbers = plan.components() * plan.positions.total() + plan.transmittance_numbers();
-    let pixels = width.saturating_mul(height);
-    let film = pixels.saturating_mul(4 * numbers).saturating_mul(views);
-    let bytes = film.saturating_add(packing_bytes(pixels, numbers, views));
-    match memory::available_bytes() {
-        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
-            "{views} views of {width}×{height} pixels need {bytes} bytes of memory, and {available} are free; use a smaller --size or fewer --views"
-        ))),
-        _ => Ok(()),
-    }
-}
-
-/// Bytes of memory that packing takes besides the films.
-fn packing_bytes(pixels: usize, numbers: usize, views: usize) -> usize {
-    // Per number: a residual in every view, and codes, their parts and those unpacked in one. Per pixel: its colour.
-    let (of_number, of_pixel) = (views.saturating_add(8), 48);
-    pixels.saturating_mul(numbers.saturating_mul(of_number).saturating_add(of_pixel))
-}
-
-/// Refuses a film that cannot be packed in the free memory.
-fn check_film_memory(film: &Film<f32>, path: &Path, available: Option<u64>) -> Result<(), CliError> {
-    let numbers = (film.accumulators.len() + film.transmittance.len()) / film.pixels().max(1);
-    let bytes = packing_bytes(film.pixels(), numbers, 1);
-    let [width, height] = film.size;
-    match available {
-        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
-            "{}: to pack {width}×{height} pixels of {numbers} numbers takes {bytes} bytes of memory, and {available} are free; render a smaller film",
-            path.display()
-        ))),
-        _ => Ok(()),
-    }
 }
 
 /// Marches every view on the device.
@@ -397,23 +366,4 @@ pub(super) fn frame(page: &PackedPage, title: &str) -> String {
         escaped(title),
         count(bytes) / 1e3,
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_film_that_does_not_fit_into_memory_is_refused_with_the_numbers() {
-        let film =
-            Film { size: [100, 50], components: 3, accumulators: vec![0.0; 15_000], transmittance: vec![0.0; 5000] };
-        let bytes = 5000 * (4 * 9 + 48);
-        assert!(check_film_memory(&film, Path::new("a.exr"), Some(bytes)).is_ok());
-        assert!(check_film_memory(&film, Path::new("a.exr"), None).is_ok());
-        let refused = check_film_memory(&film, Path::new("a.exr"), Some(bytes - 1)).map_err(|error| error.to_string());
-        let message = refused.err().unwrap_or_default();
-        for part in ["a.exr", "100×50", "4 numbers", "420000 bytes", "419999 are free"] {
-            assert!(message.contains(part), "{message}");
-        }
-    }
 }

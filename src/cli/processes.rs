@@ -1,6 +1,7 @@
 //! `relume render` by several processes, which `mpirun` or another MPI launcher has started.
 
 use std::cell::Cell;
+use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
 
@@ -50,10 +51,10 @@ fn of_slurm() -> Option<usize> {
     variable("SLURM_STEP_NUM_TASKS")
 }
 
-/// Number of processes that a launcher says it has started: Open MPI's, that of MPICH and Intel MPI, or Slurm's.
-fn started() -> usize {
+/// Number of processes that a launcher of MPI says it has started: Open MPI's, that of MPICH and Intel MPI, or Slurm's.
+fn started() -> Option<usize> {
     let by_slurm = || std::env::var_os("PMIX_RANK").and_then(|_| of_slurm());
-    variable("OMPI_COMM_WORLD_SIZE").or_else(|| variable("PMI_SIZE")).or_else(by_slurm).unwrap_or(1)
+    variable("OMPI_COMM_WORLD_SIZE").or_else(|| variable("PMI_SIZE")).or_else(by_slurm)
 }
 
 /// The processes of this run.
@@ -96,18 +97,23 @@ impl Processes {
     /// The processes of this run: those of a launcher, or this one alone if `sharing` is stated. `None` if each process works
     /// by itself.
     pub(crate) fn start(sharing: Option<Sharing>, is_apart: bool) -> Result<Option<Self>, CliError> {
-        let started = started();
+        if sharing == Some(Sharing::Off) || sharing.is_none() && is_apart {
+            return Ok(None);
+        }
+        let told = started();
+        if let (None, Some(count @ 2..)) = (told, of_slurm()) {
+            if !cfg!(feature = "mpi") {
+                ranks()?;
+            }
+            return Err(CliError::Usage(format!(
+                "Slurm started {count} processes that do not know of each other; add srun --mpi=pmix to share the picture, or \
+                 --mpi off, with which each renders all of it by itself, as in a shell that srun started"
+            )));
+        }
+        let started = told.unwrap_or(1);
         let ranks: Box<dyn Ranks> = match (started, sharing) {
-            (_, Some(Sharing::Off)) | (0 | 1, None) => return Ok(None),
-            (0 | 1, Some(_)) => match of_slurm() {
-                Some(count) if count > 1 => {
-                    return Err(CliError::Usage(format!(
-                        "Slurm started {count} processes that do not know of each other; add srun --mpi=pmix"
-                    )));
-                }
-                _ => Box::new(Alone),
-            },
-            (_, None) if is_apart => return Ok(None),
+            (0 | 1, None) => return Ok(None),
+            (0 | 1, Some(_)) => Box::new(Alone),
             _ => ranks()?,
         };
         if ranks.count() != started.max(1) {
@@ -162,8 +168,15 @@ impl Processes {
         (&cut.low_first, (0..=cut.low_first.len()).map(rows).collect::<Vec<_>>()).hash(&mut hasher);
         let lights = planned.model.iter().flat_map(|model| model.lights());
         lights.for_each(|(name, _, matrix)| format!("{name} {matrix:?}").hash(&mut hasher));
-        let digest = format!("{} {:016x} {:016x}", env!("CARGO_PKG_VERSION"), scene.digest(), hasher.finish());
-        let mine = [&[READY], digest.as_bytes()].concat();
+        let [width, height] = size;
+        let about = [
+            format!("the version is {}", env!("CARGO_PKG_VERSION")),
+            format!("the size is {width}×{height}"),
+            format!("the outputs are {asked}"),
+            format!("the scene is {:016x}", scene.digest()),
+            format!("the plan is {:016x}", hasher.finish()),
+        ];
+        let mine = [&[READY], about.join("\n").as_bytes()].concat();
         let all = all_gather(&*self.ranks, mine);
         self.stage.set(Stage::Refused);
         if all.iter().any(|status| status.first() != Some(&READY)) {
@@ -176,13 +189,17 @@ impl Processes {
                 Ok(cut)
             }
             Some(_) if !self.is_first() => Err(CliError::Elsewhere),
-            Some(rank) => Err(CliError::Failed(format!(
-                "rank {rank} of {} renders something else than rank 0: version, scene and plan are {}, and {} at rank 0; give \
-                 all processes the same files, the same arguments and the same build, or add --mpi off if each renders by itself",
-                self.count(),
-                text(rank),
-                text(0)
-            ))),
+            Some(rank) => {
+                // The plan differs along with everything else, and says the least.
+                let (other, first) = (text(rank), text(0));
+                let (other, first) =
+                    other.lines().zip(first.lines()).find(|(other, first)| other != first).unwrap_or((&other, &first));
+                Err(CliError::Failed(format!(
+                    "rank {rank} of {} renders something else than rank 0: {other}, and at rank 0 {first}; give all processes the \
+                     same files, the same arguments and the same build, or add --mpi off if each renders by itself",
+                    self.count()
+                )))
+            }
         }
     }
 
@@ -238,6 +255,15 @@ pub(crate) struct Asked {
     pub(crate) film: bool,
     pub(crate) linear: bool,
     pub(crate) display: bool,
+}
+
+impl fmt::Display for Asked {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { film, linear, display } = *self;
+        let all = [(film, "a film"), (linear, "linear pixels"), (display, "pixels of 8 bits")];
+        let asked: Vec<&str> = all.into_iter().filter(|(asked, _)| *asked).map(|(_, name)| name).collect();
+        formatter.write_str(&asked.join(" and "))
+    }
 }
 
 impl Processes {

@@ -193,6 +193,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             "outputs": listed,
             "size": saved.accumulation.size,
             "frames": frames,
+            "pictures": pictures.json(made),
             "model": model_json,
             "times": {"load": read, "relight": relit, "write": written},
         }),

@@ -413,6 +413,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             "plan": super::info::plan_json(&scene, &planned, &on_device.uploaded().storage, learnt),
             "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<Map<_, _>>(),
             "marches": written.pictures,
+            "pictures": frames.json(written.pictures),
             "peak_mb": peak_mb(),
         });
         return Ok(Report { text, json });
@@ -504,6 +505,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         "plan": super::info::plan_json(&scene, &planned, &marched.storage, learnt),
         "times": times,
         "march": marched.details,
+        "block": args.block.map(|block| [block.index + 1, block.count]),
         "peak_mb": peak_mb(),
     });
     if let Some((_, choice)) = checked {

@@ -97,7 +97,7 @@ impl Terminal {
     pub(crate) fn end_with_others(&self, rank: usize, count: usize) {
         let ended = format!(
             "rank {rank} of {count} processes: the launcher ended this process, as it does when another one failed or was \
-             killed; this one leaves no incomplete file"
+             killed, or the job was cancelled; this one leaves no incomplete file"
         );
         #[cfg(unix)]
         if let Err(error) = on_signal(signal_hook::consts::SIGTERM, "terminated", move || {

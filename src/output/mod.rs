@@ -247,6 +247,18 @@ pub enum OutputError {
         /// Numbers and way out.
         detail: String,
     },
+    /// Blocks are missing beside a part.
+    #[error("{}: {} missing beside this part", path.display(), film::blocks_are(missing, *blocks))]
+    Missing {
+        /// The part.
+        path: PathBuf,
+        /// First and last block of each gap.
+        missing: Vec<[usize; 2]>,
+        /// Number of blocks of the volume.
+        blocks: usize,
+        /// Whether a larger part was asked for, in place of the whole film.
+        as_part: bool,
+    },
     /// The film is inconsistent, in memory or in a file.
     #[error("this film cannot be stored or relit: {detail}")]
     Inconsistent {
@@ -280,6 +292,7 @@ impl OutputError {
             Self::NotAccumulators { .. } => "exr-not-film",
             Self::Attribute { .. } => "film-attribute-invalid",
             Self::Parts { .. } => "film-parts-differ",
+            Self::Missing { .. } => "film-parts-missing",
             Self::Inconsistent { .. } => "film-inconsistent",
         }
     }

@@ -304,6 +304,8 @@ fn flags_of_headerless_volumes_that_do_not_fit_are_refused() {
     folder.refused(1, &["info", "v.raw"], &["raw voxels have no header", "v.raw.toml"]);
     let folder = folder.with("foot_2x4x8_uint8.raw", [0; 64]);
     folder.refused(1, &["info", "foot_2x4x8_uint8.raw"], &["--dims 2x4x8 --type uint8"]);
+    let folder = folder.with("foot_2x4x8_uint8.raw", [0; 67]);
+    folder.refused(1, &["info", "foot_2x4x8_uint8.raw"], &["--dims 2x4x8 --type uint8 --header-bytes 3"]);
     folder.refused(1, &["info", "v.raw", "--dims", "4x4x5", "--type", "uint8"], &["64", "80"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4x4"], &["--type"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4", "--type", "uint8"], &["three whole numbers"]);
@@ -821,4 +823,14 @@ fn an_error_is_an_object_of_json_with_its_code_its_causes_and_the_exit_code() {
     assert_eq!(json, "", "clap ends the program before anything is known of --json");
     let outcome = folder.with("scene.toml", SCENE).refused(2, &render(&["--json", "-D", "display.exposure=-1"]), &[]);
     assert_eq!(outcome.json()["error"]["code"], "definition-invalid", "{}", outcome.out);
+}
+
+#[test]
+fn an_error_names_the_same_flags_whichever_work_met_it() {
+    let folder = Folder::new();
+    let small = ["--device-memory", "16KiB", "-o", "a.png"];
+    let way = "take a larger --device-memory, or --downsample";
+    folder.refused(1, &[&["render"], &small[..]].concat(), &[way]);
+    // The search for a setting passes the error on.
+    folder.refused(1, &[&["render", "--max-error", "1"], &small[..]].concat(), &[way]);
 }

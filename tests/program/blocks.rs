@@ -30,7 +30,7 @@ fn parts_composite_to_one_film_in_any_order_and_grouping() {
     assert_eq!(out["whole"], true);
     assert_eq!(out["blocks"], serde_json::json!({"first": 1, "last": 4, "count": 4}));
     folder.done(&["composite", "p3.exr", "p1.exr", "p4.exr", "p2.exr", "-o", "other.exr"]);
-    let half = folder.done(&["composite", "p4.exr", "p3.exr", "-o", "half.exr"]);
+    let half = folder.done(&["composite", "p4.exr", "p3.exr", "--partial", "-o", "half.exr"]);
     assert!(half.err.contains("half.exr is a part: blocks 3 to 4 of 4"), "{}", half.err);
     folder.done(&["composite", "p2.exr", "half.exr", "p1.exr", "-o", "grouped.exr"]);
     for name in ["other.exr", "grouped.exr"] {
@@ -45,8 +45,10 @@ fn parts_composite_to_one_film_in_any_order_and_grouping() {
     // Termination at 1e-4 is the largest difference.
     assert!(worst <= 2e-4, "{worst}");
     folder.done(&["relight", "film.exr", "--light", "A", "-o", "film.png"]);
+    let info = folder.done(&["info", "half.exr", "--json"]).json();
+    assert_eq!(info["part"], serde_json::json!({"first": 3, "last": 4, "count": 4}));
     let alone = folder.done(&["relight", "p2.exr", "-o", "part.png"]);
-    assert!(alone.err.contains("p2.exr is a part of a film: blocks 2 to 2 of 4"), "{}", alone.err);
+    assert!(alone.err.contains("p2.exr is a part of a film: block 2 of 4"), "{}", alone.err);
 }
 
 #[test]
@@ -56,8 +58,11 @@ fn parts_that_do_not_composite_are_refused_with_a_sentence() {
     let refused = |parts: &[&str], words: &[&str]| {
         folder.refused(1, &[&["composite"], parts, &["-o", "film.exr"]].concat(), words);
     };
-    refused(&["p1.exr", "p2.exr", "p4.exr"], &["block 3 of 4 is missing", "--block I/N"]);
-    refused(&["p2.exr", "p3.exr"], &["block 1, 4 of 4 is missing"]);
+    refused(&["p1.exr", "p2.exr", "p4.exr"], &["block 3 of 4 is missing", "--block 3/4", "--partial"]);
+    refused(&["p2.exr", "p3.exr"], &["blocks 1, 4 of 4 are missing"]);
+    refused(&["p2.exr", "p3.exr", "--partial"], &["blocks 1, 4 of 4 are missing", "--block 1/4"]);
+    // All blocks below a cut are no whole film either, unless that is what was asked for.
+    refused(&["p3.exr", "p4.exr"], &["p3.exr: blocks 1 to 2 of 4 are missing", "--partial"]);
     std::fs::copy(folder.path("p2.exr"), folder.path("copy.exr")).unwrap();
     refused(&["p1.exr", "p2.exr", "copy.exr"], &["block 2 of 4 is also in"]);
     let scene = std::fs::read_to_string(folder.path("scene.toml")).unwrap();
@@ -82,7 +87,7 @@ fn parts_that_do_not_composite_are_refused_with_a_sentence() {
     folder.refused(1, &["composite", "p1.exr", "p2.exr", "p3.exr", "p4.exr", "-o", "none/film.exr"], &["none"]);
     folder.refused(2, &["composite", "p1.exr", "-o", "film.png"], &[".exr"]);
     let paths = ["p1.exr", "p2.exr", "p3.exr", "p4.exr"].map(|name| folder.path(name));
-    let error = composite(&paths, Some(1000), &Quiet).unwrap_err();
+    let error = composite(&paths, false, Some(1000), &Quiet).unwrap_err();
     assert!(error.to_string().contains("bytes of memory, and 1000 are free"), "{error}");
     // Scenes and flags that blocks refuse.
     folder.refused(1, &part("1/2", "n.exr", &["-D", "accuracy.rays=4"]), &["4 rays a pixel", "accuracy.rays=1"]);

@@ -76,7 +76,9 @@ fn render_tells_programs_what_it_did() {
     let folder = Folder::new();
     let outcome = folder.done(&["render", "scene.toml", "--size", SIZE, "-o", "p.png", "--json"]);
     let json = outcome.json();
-    assert_eq!(keys(&json), ["device", "lights", "march", "outputs", "peak_mb", "plan", "size", "times", "warnings"]);
+    let expected = ["block", "device", "lights", "march", "outputs", "peak_mb", "plan", "size", "times", "warnings"];
+    assert_eq!(keys(&json), expected);
+    assert!(json["block"].is_null());
     assert_eq!(json["outputs"], serde_json::json!(["p.png"]));
     assert_eq!(json["lights"][0], serde_json::json!({ "name": "lamp", "weight": 0.5 }));
     assert_eq!(json["size"], serde_json::json!([32, 32]));
@@ -259,7 +261,18 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
     let json = folder.done(&["info", "acc.exr", "--json"]).json();
     assert_eq!(
         keys(&json),
-        ["accumulators", "components", "lights", "model", "positions", "presets", "situations", "size", "warnings"]
+        [
+            "accumulators",
+            "components",
+            "lights",
+            "model",
+            "part",
+            "positions",
+            "presets",
+            "situations",
+            "size",
+            "warnings"
+        ]
     );
     assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
     assert!(folder.done(&["info", "--help"]).out.contains("film file (.exr)"));
@@ -469,7 +482,7 @@ fn relighting_saved_accumulators_equals_rendering_under_that_light() {
         assert_same(&fresh, &relit, 1e-5);
     }
     let json = folder.done(&["relight", "acc.exr", "--light", "A@day=2", "-o", "p.png", "--json"]).json();
-    assert_eq!(keys(&json), ["frames", "model", "outputs", "size", "times", "warnings"]);
+    assert_eq!(keys(&json), ["frames", "model", "outputs", "pictures", "size", "times", "warnings"]);
     assert_eq!(json["frames"][0]["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
 }
 

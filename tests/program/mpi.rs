@@ -135,6 +135,15 @@ fn processes_that_cannot_share_a_picture_end_with_one_sentence() {
     refused(&mut foreign(&[]), &["4 processes were started, and MPI knows of 1"]);
     let apart = Outcome::of(&mut foreign(&["--mpi", "off"]));
     assert_eq!(apart.code, Some(0), "{}", apart.err);
+    // Slurm without PMIx: each process would write the whole picture into the same file.
+    let by_slurm = |more: &[&str]| {
+        let mut command = Command::new(PROGRAM);
+        command.args([&SIZE[..], &film, more].concat()).current_dir(folder.path("")).env("SLURM_STEP_NUM_TASKS", "2");
+        command
+    };
+    refused(&mut by_slurm(&[]), &["Slurm started 2 processes", "srun --mpi=pmix", "--mpi off"]);
+    let apart = Outcome::of(&mut by_slurm(&["--mpi", "off"]));
+    assert_eq!(apart.code, Some(0), "{}", apart.err);
     std::fs::remove_file(folder.path("film.exr")).unwrap();
     folder.refused(2, &[&SIZE[..], &["--mpi", "relay", "--block", "1/2"], &film].concat(), &["--block"]);
     folder.refused(2, &[&SIZE[..], &["--mpi", "across"], &film].concat(), &["write relay, over"]);

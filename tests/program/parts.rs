@@ -124,3 +124,15 @@ fn gnu_parallel_runs_the_parts() {
     assert!(parallel.status.success(), "{}", String::from_utf8_lossy(&parallel.stderr));
     assert!(pictures(&folder, "t-") == pictures(&folder, "whole-"), "the same files");
 }
+
+#[test]
+fn pictures_that_a_longer_animation_left_behind_are_named() {
+    let folder = Folder::new();
+    let all = [&TURN[..], &["-o", "t.png"]].concat();
+    let first = folder.done(&[&all[..], &["--part", "2/2", "--json"]].concat());
+    assert_eq!(first.json()["pictures"], serde_json::json!({"part": [2, 2], "written": 2, "kept": 0}));
+    assert!(!first.err.contains("another animation"), "{}", first.err);
+    folder.done(&all);
+    let shorter = folder.done(&["render", "scene.toml", "--size", "16x12", "--turntable", "3", "-o", "t.png"]);
+    assert!(shorter.err.contains("t-0004.png is of another animation"), "{}", shorter.err);
+}

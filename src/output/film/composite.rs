@@ -65,6 +65,14 @@ impl FilmPart {
         })
     }
 
+    /// `block 3 of 8`, or `blocks 3 to 4 of 8`.
+    #[must_use]
+    pub fn named(&self) -> String {
+        let Self { blocks, first, last, .. } = *self;
+        let noun = if first == last { "block" } else { "blocks" };
+        format!("{noun} {} of {blocks}", range([first, last]))
+    }
+
     /// Refuses numbers that no tree has.
     pub(super) fn check(&self) -> Result<(), String> {
         let Self { blocks, first, last, order, .. } = self;
@@ -90,6 +98,13 @@ impl FilmPart {
 /// `3` or `3 to 5`.
 fn range([first, last]: [usize; 2]) -> String {
     if first == last { first.to_string() } else { format!("{first} to {last}") }
+}
+
+/// `block 3 of 8 is` or `blocks 2, 5 to 8 of 8 are`.
+pub(in crate::output) fn blocks_are(ranges: &[[usize; 2]], of: usize) -> String {
+    let is_one = matches!(ranges, [[first, last]] if first == last);
+    let listed = ranges.iter().copied().map(range).collect::<Vec<_>>().join(", ");
+    if is_one { format!("block {listed} of {of} is") } else { format!("blocks {listed} of {of} are") }
 }
 
 /// A part that is known, without its pixels.
@@ -138,7 +153,8 @@ fn check_same(first: &Known<'_>, other: &Known<'_>) -> Result<(), OutputError> {
     }
 }
 
-/// Composites the parts at `paths`, in any order. They must hold all blocks of a node of the tree, each once.
+/// Composites the parts at `paths`, in any order. They must hold all blocks of the volume, each once; with `as_part`, all of a
+/// node of the tree, for a larger part.
 ///
 /// The operations and their order follow from the tree alone, so the film is the same to the bit for any order and
 /// grouping of the parts. Of the pixels, one film a level of the tree is in memory; each file is read twice.
@@ -147,10 +163,11 @@ fn check_same(first: &Known<'_>, other: &Known<'_>) -> Result<(), OutputError> {
 ///
 /// # Errors
 ///
-/// [`OutputError::Parts`] if a block is missing or doubled, or parts differ in version, number of blocks, size, camera,
+/// [`OutputError::Missing`] if a block is missing; [`OutputError::Parts`] if one is doubled, or parts differ in version, number of blocks, size, camera,
 /// scene or lights, or if they exceed the memory; [`OutputError::Cancelled`]; and those of [`FilmFile::read`].
 pub fn composite(
     paths: &[PathBuf],
+    as_part: bool,
     available_bytes: Option<u64>,
     progress: &dyn Progress,
 ) -> Result<Composited, OutputError> {
@@ -175,10 +192,9 @@ pub fn composite(
         return Err(refused(Path::new(""), "there are no parts"));
     };
     let blocks = front.part.blocks;
-    let mut next = front.part.first;
-    let node = Node::smallest(blocks, [next, back.part.last]);
+    let node = Node::smallest(blocks, if as_part { [front.part.first, back.part.last] } else { [1, blocks] });
     let mut missing = Vec::new();
-    next = node.leaves[0];
+    let mut next = node.leaves[0];
     for (at, it) in known.iter().enumerate() {
         if it.part.first < next {
             let before = known[at - 1].path.display();
@@ -186,16 +202,15 @@ pub fn composite(
             return Err(refused(it.path, format!("block {doubled} of {blocks} is also in {before}; leave one out")));
         }
         if it.part.first > next {
-            missing.push(range([next, it.part.first - 1]));
+            missing.push([next, it.part.first - 1]);
         }
         next = it.part.last + 1;
     }
     if next <= node.leaves[1] {
-        missing.push(range([next, node.leaves[1]]));
+        missing.push([next, node.leaves[1]]);
     }
     if !missing.is_empty() {
-        let missing = missing.join(", ");
-        return Err(refused(front.path, format!("block {missing} of {blocks} is missing beside this part")));
+        return Err(OutputError::Missing { path: front.path.to_owned(), missing, blocks, as_part });
     }
     // The front of each level, and the back, their composite and the lines of a file.
     let levels = u64::from(usize::BITS - (blocks - 1).leading_zeros()).min(total);

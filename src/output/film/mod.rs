@@ -110,6 +110,7 @@ mod relit;
 mod rules;
 mod text;
 
+pub(super) use composite::blocks_are;
 pub use composite::{Composited, FilmPart, composite};
 
 use std::path::Path;

@@ -103,6 +103,23 @@ pub enum PageError {
         /// File.
         path: PathBuf,
     },
+    /// The films and their packing take more than the free memory.
+    #[error(
+        "{views} of {}×{} pixels with {numbers} numbers each need {bytes} bytes of memory to be packed, and {available} are free",
+        size[0], size[1], views = if *views == 1 { "a view".to_owned() } else { format!("{views} views") }
+    )]
+    Memory {
+        /// Number of views.
+        views: usize,
+        /// Pixels of a view across and down.
+        size: [usize; 2],
+        /// Numbers per pixel.
+        numbers: usize,
+        /// Bytes that are needed.
+        bytes: usize,
+        /// Bytes that are free.
+        available: u64,
+    },
     /// The work was cancelled.
     #[error("the page was cancelled")]
     Cancelled,
@@ -121,6 +138,7 @@ impl PageError {
             Self::Views { .. } => "page-views-differ",
             Self::TooLarge { .. } => "page-too-large",
             Self::Name { .. } => "page-name-invalid",
+            Self::Memory { .. } => "page-exceeds-memory",
             Self::Cancelled => "cancelled",
             Self::Output(error) => error.code(),
         }
@@ -135,6 +153,31 @@ impl PageError {
 pub fn check_name(path: &Path) -> Result<(), PageError> {
     let ends_well = |ending: &OsStr| ["html", "htm"].iter().any(|known| ending.eq_ignore_ascii_case(known));
     if path.extension().is_some_and(ends_well) { Ok(()) } else { Err(PageError::Name { path: path.to_owned() }) }
+}
+
+/// Refuses views of `numbers` per pixel that cannot be packed in `available` bytes, if these are known. `held` says whether the
+/// films are in memory already.
+///
+/// # Errors
+///
+/// [`PageError::Memory`].
+pub fn check_memory(
+    views: usize,
+    size: [usize; 2],
+    numbers: usize,
+    held: bool,
+    available: Option<u64>,
+) -> Result<(), PageError> {
+    // Per number: itself, a residual in every view, and codes, their parts and those unpacked in one. Per pixel: its colour.
+    let film = if held { 0 } else { views.saturating_mul(4) };
+    let of_pixel = numbers.saturating_mul(views.saturating_add(8).saturating_add(film)).saturating_add(48);
+    let bytes = size[0].saturating_mul(size[1]).saturating_mul(of_pixel);
+    match available {
+        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => {
+            Err(PageError::Memory { views, size, numbers, bytes, available })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// A finished page.
@@ -381,5 +424,24 @@ impl PackedPage {
     /// [`PageError::Output`]; `path` is then unchanged.
     pub fn write(&self, path: &Path) -> Result<(), PageError> {
         Ok(write_atomically(path, |sink| sink.write_all(self.html.as_bytes()))?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_that_cannot_be_packed_in_the_free_memory_are_refused_with_the_numbers() {
+        let bytes = 100 * 50 * (4 * 9 + 48);
+        let check = |held, available| check_memory(1, [100, 50], 4, held, available);
+        assert!(check(true, Some(bytes)).is_ok());
+        assert!(check(true, None).is_ok());
+        let refused = check(true, Some(bytes - 1)).map_err(|error| error.to_string());
+        let message = refused.err().unwrap_or_default();
+        for part in ["a view of 100×50", "4 numbers", "420000 bytes", "419999 are free"] {
+            assert!(message.contains(part), "{message}");
+        }
+        assert!(check(false, Some(bytes)).is_err(), "the film itself");
     }
 }
