@@ -316,6 +316,27 @@ fn a_file_of_bricks_of_anything_is_read_or_refused() {
     withstands(Reader::Bricks, &seeds("hostile/bricks"), 8000);
 }
 
+/// 64 MiB in chunks of 50 slices of 3 MiB.
+#[test]
+fn bricks_of_a_store_take_no_more_memory_than_they_are_given() {
+    let store = tempfile::tempdir().expect("a folder");
+    let array = r#"{"zarr_format": 2, "shape": [1024, 256, 256], "chunks": [50, 256, 256], "dtype": "|u1",
+        "compressor": null, "fill_value": 0, "order": "C", "filters": null}"#;
+    std::fs::write(store.path().join(".zarray"), array).expect("a file");
+    for chunk in 0..21_u8 {
+        let voxels: Vec<u8> = (0..50 * 65_536_u32).map(|at| (at / 77).to_le_bytes()[0] ^ chunk).collect();
+        std::fs::write(store.path().join(format!("{chunk}.0.0")), voxels).expect("a file");
+    }
+    let out = tempfile::tempdir().expect("a folder");
+    let path = out.path().join("v.bricks");
+    let make = || relume::output::write_bricks(&path, (store.path(), None), &Selection::default(), 10 << 20, &Quiet);
+    let (made, most) = most_held(make);
+    assert!(made.is_ok_and(|made| made.levels.len() == 5 && !made.spilled));
+    // Beside the memory that is given: the 16 bricks of a slab as their bytes and halves, and a chunk as it is read.
+    let beside = 8 << 20;
+    assert!(most <= (10 << 20) + beside, "{most}");
+}
+
 #[test]
 fn a_sidecar_of_anything_is_read_or_refused() {
     withstands(Reader::Sidecar, &seeds("hostile/sidecar"), 8000);

@@ -17,6 +17,7 @@ use super::{CliError, Report};
 const EXAMPLES: &str = "\
 Examples:
   relume bricks scan.nrrd -o scan.bricks
+  relume bricks brain.zarr --component 1 --pyramid-level 0 -o brain.bricks
   relume bricks scan.raw --dims 2048x2048x1536 --type uint8 -o scan.bricks --memory 768MiB
   relume render scene.toml --volume scan.bricks -o scan.png --memory 768MiB";
 
@@ -24,13 +25,15 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// Volume that is read slice by slice: NRRD, MetaImage, or raw voxels with a sidecar or with --dims and --type.
+    /// Volume that is read slice by slice: .nrrd, .nhdr, .mhd, .mha, .nii, .mrc, .npy, .tif, .h5, .nc, .mnc, .ims, .dcm, a Zarr
+    /// store, a folder of DICOM files or of slices, raw voxels with a sidecar or with --dims and --type.
     input: PathBuf,
     /// File to write, which `render` reads in place of the volume.
     #[arg(short, long, value_name = "FILE.bricks")]
     output: PathBuf,
-    /// Memory for 64 slices of each level of resolution, such as 512MiB or 2GiB: a third more than 64 slices of the volume.
-    /// If they take more, some wait in temporary files beside the output. Default: half of the available memory.
+    /// Memory, such as 512MiB or 2GiB, for the slices that are read at once, and for 64 slices of each level of resolution: a
+    /// third more than 64 slices of the volume. If these take more, some wait in temporary files beside the output. Default:
+    /// half of the available memory.
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     memory: Option<u64>,
     #[command(flatten)]

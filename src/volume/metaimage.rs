@@ -79,7 +79,7 @@ fn header_and_voxels<'a>(path: &'a Path, selection: &Selection) -> Result<(Heade
         volume.notes = notes;
         Ok(volume)
     };
-    Ok((header, Streamed { data, dims, notes, finish: Box::new(finish) }))
+    Ok((header, Streamed { data, halves: false, dims, notes, finish: Box::new(finish) }))
 }
 
 /// Whether `letters` agree with the axes of `geometry` in a left-posterior-superior world. Each letter names the side

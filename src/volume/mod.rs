@@ -33,6 +33,7 @@ mod raw;
 mod resample;
 mod select;
 mod several;
+mod slabs;
 mod slices;
 mod statistics;
 mod stream;
@@ -60,6 +61,7 @@ pub use presets::{LabelPreset, Presets, Window};
 pub use preview::Preview;
 pub use select::{HostMemory, Selection};
 pub use several::{Asked, Series, Several};
+pub use slabs::Part;
 pub use statistics::{BINS, Statistics};
 pub use unit::Unit;
 pub use voxel_type::VoxelType;
@@ -98,6 +100,8 @@ pub struct Volume {
     pub presets: Presets,
     /// Choice among the volumes of the file.
     pub selection: Selection,
+    /// What the voxels are a part of, if some slices were read.
+    pub part: Option<Part>,
     /// Size of the block of file voxels whose mean is one voxel, along each axis.
     pub blocks: [usize; 3],
     /// Path of the file as requested, or name of the phantom.
@@ -149,6 +153,7 @@ impl Volume {
             has_labels: false,
             presets: Presets::default(),
             selection: Selection::default(),
+            part: None,
             blocks: [1; 3],
             source: source.to_owned(),
             files: Vec::new(),

@@ -13,6 +13,7 @@ use super::geometry::Lattice;
 use super::resample::Grid;
 use super::select::Pick;
 use super::stream::{self, Encoding, Skip, Start};
+use super::streamed::Streamed;
 use super::{ByteOrder, Selection, Unit, Volume, VolumeError, VoxelType, foreign};
 use crate::progress::Progress;
 
@@ -48,6 +49,11 @@ pub(super) fn is_another(path: &Path) -> Result<bool, VolumeError> {
 
 /// Reads an MRC file.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    streamed(path, selection)?.read(&path.display().to_string(), selection, progress)
+}
+
+/// Reads the header of an MRC file.
+pub(super) fn streamed(path: &Path, selection: &Selection) -> Result<Streamed, VolumeError> {
     let (bytes, encoding) = binary::beginning(path, LENGTH)?;
     let wrong =
         |place: &str, problem: String| VolumeError::Field { path: path.to_owned(), place: place.to_owned(), problem };
@@ -64,7 +70,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
         ));
     };
     let numbers = Numbers { bytes: &bytes, byte_order };
-    Reading { path, numbers, encoding }.volume(selection, progress)
+    Reading { path, numbers, encoding }.streamed(selection)
 }
 
 /// The byte order by the machine stamp, or else the one in which the header is plausible.
@@ -89,7 +95,7 @@ struct Reading<'a> {
 }
 
 impl Reading<'_> {
-    fn volume(&self, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    fn streamed(&self, selection: &Selection) -> Result<Streamed, VolumeError> {
         let source_name = self.path.display().to_string();
         let mut notes = Vec::new();
         let (voxel_type, halves) = self.voxel_type()?;
@@ -108,14 +114,15 @@ impl Reading<'_> {
         let byte_order = self.numbers.byte_order;
         let data =
             Data { files, start: self.start()?, encoding: self.encoding, voxel_type, byte_order, picks, alone: true };
-        let voxels = if halves { data.read_halves(progress, &mut notes)? } else { data.read(progress, &mut notes)? };
-        let mut volume = grid.volume(&source_name, voxels, false, 1.0)?;
-        volume.files = data.paths();
-        volume.unit = unit;
-        volume.metadata = self.metadata();
-        notes.append(&mut volume.notes);
-        volume.notes = notes;
-        Ok(volume)
+        let (dims, files, metadata) = (grid.dims(), data.paths(), self.metadata());
+        let finish = move |voxels, mut notes: Vec<String>| {
+            let mut volume = grid.volume(&source_name, voxels, false, 1.0)?;
+            (volume.files, volume.unit, volume.metadata) = (files, unit, metadata);
+            notes.append(&mut volume.notes);
+            volume.notes = notes;
+            Ok(volume)
+        };
+        Ok(Streamed { data, halves, dims, notes, finish: Box::new(finish) })
     }
 
     fn wrong(&self, place: &str, problem: String) -> VolumeError {

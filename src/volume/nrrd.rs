@@ -80,7 +80,7 @@ pub(super) fn streamed(path: &Path, selection: &Selection) -> Result<Streamed, V
         volume.notes = notes;
         Ok(volume)
     };
-    Ok(Streamed { data, dims, notes: Vec::new(), finish: Box::new(finish) })
+    Ok(Streamed { data, halves: false, dims, notes: Vec::new(), finish: Box::new(finish) })
 }
 
 /// The interpreted fields, in lower case and without white space, which readers ignore.

@@ -11,6 +11,7 @@ use zip::{CompressionMethod, ZipArchive};
 use super::axes::{self, Arranged, Axis};
 use super::data::{self, Data, DataFile};
 use super::stream::{self, Encoding, Skip, Start, count};
+use super::streamed::Streamed;
 use super::type_string::{self, Kind};
 use super::voxels::{float_of_half, floats_of_halves, with_type};
 use super::{ByteOrder, Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, with_voxels};
@@ -38,10 +39,12 @@ pub(super) fn recognises_archive(beginning: &[u8]) -> bool {
 
 /// Reads an array.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
-    selection.no_array(&path.display().to_string())?;
-    let length = stream::after_lines(path, Start::at(0))?.1;
-    let place = Place { path, member: "", at: 0, bytes: length, encoding: Encoding::Raw, alone: true };
-    place.volume(selection, progress)
+    Place::of_file(path, selection)?.volume(selection, progress)
+}
+
+/// Reads the header of an array.
+pub(super) fn streamed(path: &Path, selection: &Selection) -> Result<Streamed, VolumeError> {
+    Ok(Place::of_file(path, selection)?.streamed(selection)?.0)
 }
 
 /// Reads an array of an archive.
@@ -125,13 +128,21 @@ struct Place<'a> {
     alone: bool,
 }
 
-impl Place<'_> {
+impl<'a> Place<'a> {
+    /// The array of the file `path`.
+    fn of_file(path: &'a Path, selection: &Selection) -> Result<Self, VolumeError> {
+        selection.no_array(&path.display().to_string())?;
+        let length = stream::after_lines(path, Start::at(0))?.1;
+        Ok(Self { path, member: "", at: 0, bytes: length, encoding: Encoding::Raw, alone: true })
+    }
+
     fn wrong(&self, problem: String) -> VolumeError {
         let place = if self.member.is_empty() { "header".to_owned() } else { format!("header of {}", self.member) };
         VolumeError::Field { path: self.path.to_owned(), place, problem }
     }
 
-    fn volume(&self, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    /// The array before its numbers are read, and their order.
+    fn streamed(&self, selection: &Selection) -> Result<(Streamed, Arranged), VolumeError> {
         let source_name = self.path.display().to_string();
         let header = self.header()?;
         let arranged = self.arranged(&header.shape, selection)?;
@@ -160,8 +171,24 @@ impl Place<'_> {
             picks: stored.picks(component, time),
             alone: self.alone,
         };
-        let mut notes = Vec::new();
-        let voxels = if stored.is_straight() && header.is_half {
+        let is_in_order = "its numbers are not in the order of slices, as in Fortran order";
+        let dims = if stored.is_straight() { Ok(geometry.dims) } else { Err(is_in_order) };
+        let (files, halves, has_labels) = (data.paths(), header.is_half, header.is_boolean);
+        let finish = move |voxels, mut notes: Vec<String>| {
+            let mut volume = Volume::of_voxels(&source_name, voxels, geometry)?;
+            (volume.components, volume.has_labels, volume.files) = (components, has_labels, files);
+            notes.push(format!("{source_name}: NumPy files have no spacing; Relume uses 1 1 1"));
+            volume.assumed_spacing = notes.last().cloned();
+            volume.notes = notes;
+            Ok(volume)
+        };
+        Ok((Streamed { data, halves, dims, notes: Vec::new(), finish: Box::new(finish) }, stored))
+    }
+
+    fn volume(&self, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+        let source_name = self.path.display().to_string();
+        let (Streamed { data, halves, mut notes, finish, .. }, stored) = self.streamed(selection)?;
+        let voxels = if stored.is_straight() && halves {
             data.read_halves(progress, &mut notes)?
         } else if stored.is_straight() {
             data.read(progress, &mut notes)?
@@ -169,20 +196,13 @@ impl Place<'_> {
             // The file may have fewer numbers than it states, so that memory grows as they come.
             let voxels = data.read(progress, &mut notes)?;
             let voxels = with_voxels!(voxels, numbers => stored.straightened(&source_name, numbers)?);
-            if header.is_half { floats_of_halves(voxels, &source_name)? } else { voxels }
-        } else if header.is_half {
+            if halves { floats_of_halves(voxels, &source_name)? } else { voxels }
+        } else if halves {
             Voxels::F32(self.laid::<u16, f32>(&data, &stored, progress, &mut notes, float_of_half)?)
         } else {
-            with_type!(header.voxel_type, T => T::into_voxels(self.laid(&data, &stored, progress, &mut notes, |it: T| it)?))
+            with_type!(data.voxel_type, T => T::into_voxels(self.laid(&data, &stored, progress, &mut notes, |it: T| it)?))
         };
-        let mut volume = Volume::new(&source_name, voxels, geometry)?;
-        volume.components = components;
-        volume.has_labels = header.is_boolean;
-        volume.files = data.paths();
-        notes.push(format!("{source_name}: NumPy files have no spacing; Relume uses 1 1 1"));
-        volume.assumed_spacing = notes.last().cloned();
-        volume.notes = notes;
-        Ok(volume)
+        finish(voxels, notes)
     }
 
     /// Reads numbers in another order than that of voxels, each slab straight into its place.

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::path::Path;
 
+use super::slabs::Slabs;
 use super::stream::{beginning, count};
 use super::streamed::Streamed;
 use super::{
@@ -26,8 +27,17 @@ struct Format {
     /// Choices that files of the format offer beside component, time step and array.
     further: Further,
     read: fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
-    /// Reads the header of a file whose voxels are read slice by slice.
-    streamed: Option<ReadHeader>,
+    access: Access,
+}
+
+/// How voxels are read without holding all of them.
+enum Access {
+    /// Not at all.
+    Whole,
+    /// In the order of the file, behind a header.
+    Stream(ReadHeader),
+    /// Some slices at a time; the header needs so many of them.
+    Slabs(usize),
 }
 
 /// Choices beside component, time step and array.
@@ -84,7 +94,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: Further { levels: true, ..NOTHING },
         read: bricks::read,
-        streamed: None,
+        access: Access::Whole,
     },
     Format {
         name: "DICOM",
@@ -93,7 +103,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: Further { series: true, ..NOTHING },
         read: dicom::read,
-        streamed: None,
+        access: Access::Slabs(1),
     },
     Format {
         name: "MetaImage",
@@ -102,7 +112,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: NOTHING,
         read: metaimage::read,
-        streamed: Some(metaimage::streamed),
+        access: Access::Stream(metaimage::streamed),
     },
     Format {
         name: "NIfTI and Analyze",
@@ -111,7 +121,7 @@ const FORMATS: [Format; 15] = [
         is_another: nifti::is_another,
         further: NOTHING,
         read: nifti::read,
-        streamed: None,
+        access: Access::Stream(nifti::streamed),
     },
     Format {
         name: "NRRD",
@@ -120,7 +130,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: NOTHING,
         read: nrrd::read,
-        streamed: Some(nrrd::streamed),
+        access: Access::Stream(nrrd::streamed),
     },
     Format {
         name: "MRC and CCP4",
@@ -129,7 +139,7 @@ const FORMATS: [Format; 15] = [
         is_another: mrc::is_another,
         further: NOTHING,
         read: mrc::read,
-        streamed: None,
+        access: Access::Stream(mrc::streamed),
     },
     Format {
         name: "NumPy array",
@@ -138,7 +148,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: Further { axes: true, ..NOTHING },
         read: numpy::read,
-        streamed: None,
+        access: Access::Stream(numpy::streamed),
     },
     Format {
         name: "NumPy archive",
@@ -147,7 +157,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: Further { axes: true, ..NOTHING },
         read: numpy::read_archive,
-        streamed: None,
+        access: Access::Whole,
     },
     Format {
         name: "TIFF",
@@ -156,7 +166,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: Further { series: true, levels: true, ..NOTHING },
         read: tiff::read,
-        streamed: None,
+        access: Access::Slabs(1),
     },
     Format {
         name: "VTK legacy",
@@ -165,7 +175,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: NOTHING,
         read: vtk::read,
-        streamed: None,
+        access: Access::Whole,
     },
     Format {
         name: "VTK XML image data",
@@ -174,7 +184,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: NOTHING,
         read: vti::read,
-        streamed: None,
+        access: Access::Whole,
     },
     Format {
         name: "HDF5",
@@ -183,7 +193,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: Further { levels: true, axes: true, ..NOTHING },
         read: hdf5::read,
-        streamed: None,
+        access: Access::Slabs(0),
     },
     Format {
         name: "NetCDF",
@@ -192,7 +202,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: Further { levels: true, axes: true, ..NOTHING },
         read: hdf5::read,
-        streamed: None,
+        access: Access::Slabs(0),
     },
     Format {
         name: "raw with a sidecar",
@@ -201,7 +211,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: NOTHING,
         read: raw::read_beside_sidecar,
-        streamed: Some(raw::streamed_beside_sidecar),
+        access: Access::Stream(raw::streamed_beside_sidecar),
     },
     Format {
         name: "sidecar of raw voxels",
@@ -210,7 +220,7 @@ const FORMATS: [Format; 15] = [
         is_another: ALONE,
         further: NOTHING,
         read: raw::read_sidecar,
-        streamed: Some(raw::streamed_by_sidecar),
+        access: Access::Stream(raw::streamed_by_sidecar),
     },
 ];
 
@@ -274,7 +284,7 @@ fn format_of(path: &Path) -> Result<Option<&'static Format>, VolumeError> {
 /// Makes a file of bricks of the volume in the file `source` and writes it to the empty `file`. `layout` is that of
 /// headerless voxels.
 ///
-/// The source is read once, slice by slice. 64 slices of each level of resolution, together 4/3 of those of the volume, are
+/// The source is read once, slice by slice: as a stream, or some slices at a time, which take a half of `budget` at most. 64 slices of each level of resolution, together 4/3 of those of the volume, are
 /// kept in memory, or in temporary files in `folder` as far as they take more than `budget` bytes. For voxels of more than
 /// two bytes the bricks are read once more, for mean and histogram.
 ///
@@ -288,28 +298,45 @@ pub fn make_bricks(
     budget: u64,
     progress: &dyn Progress,
 ) -> Result<BricksMade, MakeError> {
-    let streamed = streamed(source, layout, selection)?;
-    bricks::make(source, streamed, selection, (file, folder), budget, progress)
+    let input = input(source, layout, selection, progress)?;
+    bricks::make(source, input, selection, (file, folder), budget, progress)
 }
 
-/// Reads the header of the volume in the file `path`, whose voxels are read slice by slice; `layout` is that of headerless
-/// voxels.
-fn streamed(path: &Path, layout: Option<&RawLayout>, selection: &Selection) -> Result<Streamed, VolumeError> {
+/// The volume in the file or folder `path`, before its voxels are read; `layout` is that of headerless voxels.
+fn input(
+    path: &Path,
+    layout: Option<&RawLayout>,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<bricks::Input, VolumeError> {
     if let Some(layout) = layout {
         if has_header(path) {
             return Err(VolumeError::HasHeader { path: path.to_owned() });
         }
         let file = Some(path.to_owned());
-        return raw::streamed(&RawLayout { file, ..layout.clone() }, Path::new(""), selection);
+        let streamed = raw::streamed(&RawLayout { file, ..layout.clone() }, Path::new(""), selection)?;
+        return Ok(bricks::Input::Stream(streamed));
     }
-    let not_streamed = |reason| VolumeError::NotStreamed { source_name: path.display().to_string(), reason };
+    let slabs = |probe| {
+        let (slabs, volume) = Slabs::of(path, selection, (read, probe), progress)?;
+        Ok(bricks::Input::Slabs(Box::new(slabs), Box::new(volume)))
+    };
     if path.is_dir() {
-        return Err(not_streamed("it is a folder"));
+        return slabs(usize::from(!zarr::is_node(path)));
     }
-    let format = format_of(path)?.ok_or_else(|| not_streamed("its format is read as a whole"))?;
+    let Some(format) = format_of(path)? else {
+        // A part of a Zarr store, or the error of an unknown format.
+        return slabs(0);
+    };
     format.check(&path.display().to_string(), selection)?;
-    let streamed = format.streamed.ok_or_else(|| not_streamed("its format is read as a whole"))?;
-    streamed(path, selection)
+    match format.access {
+        Access::Whole => {
+            let reason = "its format is read as a whole";
+            Err(VolumeError::NotStreamed { source_name: path.display().to_string(), reason })
+        }
+        Access::Stream(streamed) => Ok(bricks::Input::Stream(streamed(path, selection)?)),
+        Access::Slabs(probe) => slabs(probe),
+    }
 }
 
 /// Returns the compressed blocks of the values that [`open`] would read from `path`; `None` unless it is a VTK XML file

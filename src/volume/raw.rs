@@ -124,7 +124,7 @@ pub(super) fn streamed(layout: &RawLayout, base: &Path, selection: &Selection) -
             None => Ok(volume),
         }
     };
-    Ok(Streamed { data, dims, notes: Vec::new(), finish: Box::new(finish) })
+    Ok(Streamed { data, halves: false, dims, notes: Vec::new(), finish: Box::new(finish) })
 }
 
 /// Reads the volume that the sidecar `path` describes; without the key `file`, `NAME.toml` describes `NAME`.
@@ -219,14 +219,15 @@ fn guessed_by_content(path: &Path, bytes: u64) -> Vec<RawLayout> {
 
 /// The volume that `layout`, from the sidecar `path`, describes, before its voxels are read.
 fn streamed_by(path: &Path, layout: &RawLayout, selection: &Selection) -> Result<Streamed, VolumeError> {
-    let Streamed { data, dims, notes, finish } = streamed(layout, path.parent().unwrap_or(Path::new("")), selection)?;
+    let Streamed { data, halves, dims, notes, finish } =
+        streamed(layout, path.parent().unwrap_or(Path::new("")), selection)?;
     let sidecar = path.to_owned();
     let with_sidecar = move |voxels, notes| {
         let mut volume = finish(voxels, notes)?;
         volume.files.push(sidecar);
         Ok(volume)
     };
-    Ok(Streamed { data, dims, notes, finish: Box::new(with_sidecar) })
+    Ok(Streamed { data, halves, dims, notes, finish: Box::new(with_sidecar) })
 }
 
 #[cfg(test)]

@@ -114,6 +114,7 @@ impl Volume {
         Self {
             voxels,
             bricks: None,
+            part: None,
             geometry,
             selection,
             component_names,

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::several::Series;
-use super::{Asked, Several, VolumeError};
+use super::{Asked, Part, Several, VolumeError};
 use crate::memory;
 
 /// Place of the voxels of a volume: memory or file.
@@ -77,6 +77,9 @@ pub struct Selection {
     /// Whether the middle slice of the volume suffices, as for [`Preview`](super::Preview). Readers that find it at once
     /// read no other.
     pub middle: bool,
+    /// First slice along z and end of those that suffice, as far as the volume has them. Readers that find them at once read no
+    /// other, and state [`Volume::part`](super::Volume::part).
+    pub slices: Option<[usize; 2]>,
     /// Place of the voxels.
     pub memory: HostMemory,
 }
@@ -95,13 +98,23 @@ impl Selection {
             asks: self.asks || otherwise.asks,
             resample: self.resample || otherwise.resample,
             middle: self.middle || otherwise.middle,
+            slices: self.slices.or(otherwise.slices),
             memory: if self.memory == HostMemory::Whole { otherwise.memory } else { self.memory },
         }
     }
 
-    /// Returns the slices to read of `depth`: all, or the middle one.
+    /// Returns the slices to read of `depth`: all, the middle one, or those that are chosen.
     pub(super) fn slices(&self, depth: usize) -> Range<usize> {
-        if self.middle { depth / 2..depth / 2 + 1 } else { 0..depth }
+        match self.slices {
+            _ if self.middle => depth / 2..depth / 2 + 1,
+            Some([first, end]) => first.min(depth)..end.min(depth),
+            None => 0..depth,
+        }
+    }
+
+    /// The part of `depth` slices that is read, if not all are; `together` of them are decoded at once.
+    pub(super) fn part(&self, depth: usize, together: usize) -> Option<Part> {
+        (self.middle || self.slices.is_some()).then_some(Part { depth, together })
     }
 
     /// Returns the component to read of `count` in the file `source`; `kind` is their kind, or empty.

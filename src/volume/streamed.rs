@@ -2,7 +2,7 @@
 
 use super::data::Data;
 use super::stream::count;
-use super::{Volume, VolumeError, Voxels};
+use super::{Volume, VolumeError, VoxelType, Voxels};
 use crate::progress::Progress;
 
 /// Makes the volume of its voxels and the notes of reading them. Without voxels, it makes a volume whose voxels lie
@@ -13,6 +13,8 @@ type Finish = Box<dyn FnOnce(Voxels, Vec<String>) -> Result<Volume, VolumeError>
 pub(super) struct Streamed {
     /// The voxels.
     pub(super) data: Data,
+    /// Whether the numbers, which have the type `uint16` here, are floats of 16 bits; the voxels are those of 32.
+    pub(super) halves: bool,
     /// Voxels along each axis, or the reason why they are not those of the file.
     pub(super) dims: Result<[usize; 3], &'static str>,
     /// Notes of the header.
@@ -22,6 +24,11 @@ pub(super) struct Streamed {
 }
 
 impl Streamed {
+    /// Type of the voxels.
+    pub(super) fn voxel_type(&self) -> VoxelType {
+        if self.halves { VoxelType::F32 } else { self.data.voxel_type }
+    }
+
     /// Reads all voxels into memory, of which they may take what `selection` allows.
     pub(super) fn read(
         mut self,
@@ -31,9 +38,11 @@ impl Streamed {
     ) -> Result<Volume, VolumeError> {
         // A header that promises more than its files hold is wrong, whatever the memory.
         self.data.check_lengths()?;
-        let bytes = count(self.data.voxels()).saturating_mul(count(self.data.voxel_type.bytes()));
+        let bytes = count(self.data.voxels()).saturating_mul(count(self.voxel_type().bytes()));
         selection.memory.check(source, bytes)?;
-        let voxels = self.data.read(progress, &mut self.notes)?;
+        let notes = &mut self.notes;
+        let voxels =
+            if self.halves { self.data.read_halves(progress, notes)? } else { self.data.read(progress, notes)? };
         (self.finish)(voxels, self.notes)
     }
 }

@@ -94,9 +94,9 @@ fn what_makes_no_bricks_or_needs_more_memory_is_told_with_the_way_out() {
     folder.refused(2, &["bricks", "long.raw", "-o", "long.nrrd"], &["-o long.nrrd", ".bricks"]);
     folder.refused(2, &["bricks", "long.raw", "-o", "x.bricks", "--spacing", "1x1x2"], &["--spacing", "render"]);
     folder.refused(1, &["bricks", "nothing.nrrd", "-o", "x.bricks"], &["nothing.nrrd"]);
-    let folder = folder.with("a.npy", b"\x93NUMPY\x01\x00");
-    let advised = ["a.npy", "relume convert a.npy a-whole.nrrd"];
-    folder.refused(1, &["bricks", "a.npy", "-o", "x.bricks"], &advised);
+    let folder = folder.with("a.vtk", b"# vtk DataFile Version 3.0\n");
+    let advised = ["a.vtk", "its format is read as a whole", "relume convert a.vtk a-whole.nrrd"];
+    folder.refused(1, &["bricks", "a.vtk", "-o", "x.bricks"], &advised);
     folder.done(&["bricks", "long.raw", "-o", "long.bricks"]);
     let render = |file: &'static str, more: &[&'static str]| {
         [&["render", "scene.toml", "--volume", file, "-o", "p.png", "--memory", "1MiB"], more].concat()

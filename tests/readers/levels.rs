@@ -105,7 +105,10 @@ fn all_levels_have_the_mean_of_the_finest_and_know_the_ranges_of_their_macrocell
             let values = span(2).flat_map(|z| span(1).flat_map(move |y| span(0).map(move |x| [x, y, z])));
             let values = values.map(|at| whole.value(at).unwrap());
             let range = values.fold([f64::MAX, f64::MIN], |[low, high], value| [low.min(value), high.max(value)]);
-            assert!([low, high] == range && !nan, "level {level}, macrocell {at:?}: {low} to {high}, {range:?}");
+            assert!(
+                [low, high].map(f64::to_bits) == range.map(f64::to_bits) && !nan,
+                "level {level}, macrocell {at:?}: {low} to {high}, {range:?}"
+            );
         };
         cache.each_cell(check).unwrap();
         assert_eq!(cell, cells.iter().product::<usize>());
@@ -154,7 +157,7 @@ fn halves_round_as_means_do_leave_nan_out_and_end_with_what_is_there() {
             voxels[66] = 9.0;
             let Voxels::$variant(found) = halved(&Voxels::$variant(voxels)) else { panic!("another type") };
             assert!(found[..2] == [$type::MAX, 0.0] && found[2].is_nan(), "{found:?}");
-            assert!(found[3..5] == [3.0, $type::INFINITY] && found[5] == 1.0 && found[33] == 9.0, "{found:?}");
+            assert!(found[3..6] == [3.0, $type::INFINITY, 1.0] && found[33..] == [9.0], "{found:?}");
         )*};
     }
     float!(F32 f32, F64 f64);

@@ -15,6 +15,7 @@ mod numpy;
 mod phantom;
 mod preview;
 mod refusals;
+mod slabs;
 #[path = "../support/mod.rs"]
 mod support;
 mod tiff;

@@ -5,19 +5,20 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-use super::cells::CellRanges;
+use super::cells::{CellRanges, macrocells};
 use super::format::{Entry, FIXED, Fixed, LevelMade, Origin, Text, digest};
 use super::grid::{BRICK, BrickGrid};
 use super::slab::{Halves, Halving, Rows, halved, halved_dims};
 use super::{BATCH, read_at, unpacked};
-use crate::parallel;
 use crate::progress::Progress;
-use crate::volume::data::{check_cancelled, report};
+use crate::volume::data::{Data, Take, check_cancelled, report};
+use crate::volume::slabs::Slabs;
 use crate::volume::statistics::{Extent, Measured, Sums, measure_counted, occurrences};
 use crate::volume::stream::count;
 use crate::volume::streamed::Streamed;
-use crate::volume::voxels::with_type;
-use crate::volume::{Selection, VolumeError, Voxel, VoxelType};
+use crate::volume::voxels::{float_of_half, with_type};
+use crate::volume::{Selection, Volume, VolumeError, Voxel, VoxelType};
+use crate::{memory, parallel};
 
 const EDGE: usize = BRICK as usize;
 
@@ -51,17 +52,71 @@ pub struct BricksMade {
     pub notes: Vec<String>,
 }
 
-/// Makes a file of bricks of `streamed`, which `selection` chose of the file `source`; as `volume::make_bricks`.
+/// A volume before its voxels are read.
+pub(in crate::volume) enum Input {
+    /// Voxels in the order of their file.
+    Stream(Streamed),
+    /// Slices, some at a time, and the volume without voxels.
+    Slabs(Box<Slabs>, Box<Volume>),
+}
+
+/// The voxels of a volume.
+enum Source {
+    /// Numbers of a file, and whether they are floats of 16 bits.
+    Stream(Data, bool),
+    /// So many slices at a time.
+    Slabs(Box<Slabs>, usize),
+}
+
+impl Source {
+    /// Hands the voxels to `take`, in order.
+    fn read_into<T: Voxel>(
+        &self,
+        progress: &dyn Progress,
+        notes: &mut Vec<String>,
+        take: Take<'_, T>,
+    ) -> Result<(), VolumeError> {
+        match self {
+            Self::Stream(data, false) => data.read_into::<T>(progress, notes, take),
+            Self::Stream(data, true) => {
+                let mut floats = Vec::new();
+                data.read_into::<u16>(progress, notes, &mut |first, halves| {
+                    floats.clear();
+                    floats.extend(halves.iter().map(|&bits| float_of_half(bits)));
+                    take(first, bytemuck::cast_slice(&floats))
+                })
+            }
+            Self::Slabs(slabs, slices) => slabs.read_into::<T>(*slices, progress, notes, take),
+        }
+    }
+}
+
+/// Makes a file of bricks of `input`, which `selection` chose of the file or folder `source`; as `volume::make_bricks`.
 pub(in crate::volume) fn make(
     source: &Path,
-    streamed: Streamed,
+    input: Input,
     selection: &Selection,
-    (file, folder): (&File, &Path),
+    out: (&File, &Path),
     budget: u64,
     progress: &dyn Progress,
 ) -> Result<BricksMade, MakeError> {
     let origin = origin(source, selection);
-    with_type!(streamed.data.voxel_type, T => made::<T>((source, origin), streamed, (file, folder), budget, progress))
+    let (volume, voxels, budget) = match input {
+        Input::Stream(streamed) => {
+            let not_streamed = |reason| VolumeError::NotStreamed { source_name: source.display().to_string(), reason };
+            streamed.dims.map_err(not_streamed)?;
+            // Before memory is taken by the numbers of a header.
+            streamed.data.check_lengths()?;
+            let none = with_type!(streamed.voxel_type(), T => T::into_voxels(Vec::new()));
+            let volume = (streamed.finish)(none, streamed.notes)?;
+            (volume, Source::Stream(streamed.data, streamed.halves), budget)
+        }
+        Input::Slabs(slabs, volume) => {
+            let (slices, bytes) = slabs.at_once(budget);
+            (*volume, Source::Slabs(slabs, slices), budget.saturating_sub(bytes))
+        }
+    };
+    with_type!(volume.voxels.voxel_type(), T => made::<T>((source, origin), (volume, &voxels), out, budget, progress))
 }
 
 /// Size, time and choices of the file `source`.
@@ -80,20 +135,23 @@ fn origin(source: &Path, selection: &Selection) -> Origin {
 
 fn made<T: Voxel>(
     (source, origin): (&Path, Origin),
-    streamed: Streamed,
+    (mut volume, voxels): (Volume, &Source),
     (file, folder): (&File, &Path),
     budget: u64,
     progress: &dyn Progress,
 ) -> Result<BricksMade, MakeError> {
-    let not_streamed = |reason| VolumeError::NotStreamed { source_name: source.display().to_string(), reason };
-    let dims = streamed.dims.map_err(not_streamed)?;
-    // Before memory is taken by the numbers of a header.
-    streamed.data.check_lengths()?;
-    let mut volume = (streamed.finish)(T::into_voxels(Vec::new()), streamed.notes)?;
+    let dims = volume.geometry.dims;
+    // Twice: as ranges, and as the bytes of them.
+    let cells =
+        BrickGrid::levels(dims).iter().map(|grid| 2 * count(CellRanges::bytes(macrocells(grid.dims), T::TYPE))).sum();
+    if memory::available_bytes().is_some_and(|free| cells > free) {
+        return Err(VolumeError::Memory { source_name: source.display().to_string(), bytes: cells }.into());
+    }
     let halving = if volume.has_labels { Halving::MostFrequent } else { Halving::Mean };
     let mut making = Making::<T>::new(BrickGrid::levels(dims), halving, (file, folder), budget)?;
     let mut failed = None;
-    let read = streamed.data.read_into::<T>(progress, &mut volume.notes, &mut |_, part| {
+    let mut notes = std::mem::take(&mut volume.notes);
+    let read = voxels.read_into::<T>(progress, &mut notes, &mut |_, part| {
         making.take(part).map_err(|error| {
             failed = Some(error);
             VolumeError::Cancelled { source_name: source.display().to_string() }
@@ -103,6 +161,7 @@ fn made<T: Voxel>(
         return Err(error.into());
     }
     read?;
+    volume.notes = notes;
     let extent = making.levels[0].extent;
     if extent.finite == 0 {
         let Extent { not_a_number, infinite, .. } = extent;

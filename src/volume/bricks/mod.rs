@@ -16,8 +16,8 @@ use rayon::prelude::*;
 
 pub use cells::{CELL, macrocells};
 pub use grid::BRICK;
-pub(super) use make::make;
 pub use make::{BricksMade, MakeError};
+pub(super) use make::{Input, make};
 
 use super::data::{check_cancelled, report};
 use super::select::HostMemory;

@@ -187,13 +187,17 @@ pub(super) fn halved<T: Voxel>(voxels: &[T], dims: [usize; 3], halving: Halving)
     let [width, height, depth] = halved_dims(dims);
     let mut out = Vec::with_capacity(width * height * depth);
     let mut eight = [T::zeroed(); 8];
+    let mut rows: Vec<&[T]> = Vec::with_capacity(4);
     for z in 0..depth {
         for y in 0..height {
+            rows.clear();
+            for z in 2 * z..nz.min(2 * z + 2) {
+                rows.extend((2 * y..ny.min(2 * y + 2)).map(|y| &voxels[nx * (y + ny * z)..nx * (y + ny * z + 1)]));
+            }
             for x in 0..width {
                 let mut there = 0;
-                for row in (2 * z..nz.min(2 * z + 2)).flat_map(|z| (2 * y..ny.min(2 * y + 2)).map(move |y| y + ny * z))
-                {
-                    for &voxel in &voxels[nx * row + 2 * x..nx * row + nx.min(2 * x + 2)] {
+                for row in &rows {
+                    for &voxel in &row[2 * x..nx.min(2 * x + 2)] {
                         eight[there] = voxel;
                         there += 1;
                     }

@@ -158,6 +158,9 @@ fn volume(
     let mut volume = if first.segmentation.is_empty() {
         selection.no_array(&source_name)?;
         scalar(images, series, source, selection, progress)?
+    } else if selection.slices.is_some() {
+        let reason = "it is a segmentation";
+        return Err(VolumeError::NotStreamed { source_name, reason });
     } else {
         segments::read(first, series, source, selection, progress)?
     };
@@ -185,7 +188,8 @@ fn scalar(
     let component = selection.component(&source_name, components, first.colours())?;
     let time = selection.time(&source_name, times.len())?;
     let range = selection.slices(times[time].len());
-    let slices = &times[time][range.clone()];
+    let all = &times[time];
+    let slices = &all[range.clone()];
     let uneven = uneven.filter(|_| !selection.middle);
     let lattice = match &uneven {
         Some((_, problem)) if !selection.resample => {
@@ -196,14 +200,15 @@ fn scalar(
             notes.push(format!("{source_name}: {problem}; the slices are resampled to even steps"));
             Lattice { dims: [lattice.dims[0], lattice.dims[1], whole(last.round()) + 1], ..lattice }
         }
-        None if selection.middle => lattice.of_slices(&range),
+        None if selection.middle || selection.slices.is_some() => lattice.of_slices(&range),
         None => lattice,
     };
     let grid = Grid::of(lattice, &source_name, selection.resample)?;
     let frame = |slice: &Slice| images[slice.image].frame(slice.frame);
-    let (slope, intercept) = (frame(&slices[0]).slope, frame(&slices[0]).intercept);
-    let differ = slices.iter().any(|slice| (frame(slice).slope, frame(slice).intercept) != (slope, intercept));
-    let values = if slices.iter().any(|slice| images[slice.image].has_lut) {
+    // The values of some slices are those of the whole volume.
+    let (slope, intercept) = (frame(&all[0]).slope, frame(&all[0]).intercept);
+    let differ = all.iter().any(|slice| (frame(slice).slope, frame(slice).intercept) != (slope, intercept));
+    let values = if all.iter().any(|slice| images[slice.image].has_lut) {
         Values::Looked
     } else if differ {
         notes.push(format!(
@@ -223,8 +228,9 @@ fn scalar(
     (volume.slope, volume.intercept) = scaling;
     volume.components = components;
     volume.anatomical = is_anatomical;
-    volume.files = files(images, slices);
-    let middle = slices[slices.len() / 2];
+    volume.part = selection.part(all.len(), 1);
+    volume.files = files(images, all);
+    let middle = all[all.len() / 2];
     let about = About::read(&images[middle.image].path, middle.frame)?;
     volume.presets.windows = about.windows;
     if volume.presets.windows.is_empty() && first.modality == "CT" {

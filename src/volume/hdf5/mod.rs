@@ -111,9 +111,14 @@ impl Reading<'_> {
         placed: Placed,
     ) -> Result<Volume, VolumeError> {
         data::check_size(&self.source, &array.shape)?;
+        let differ = placed.scales.as_ref().is_some_and(|scales| scales.one(arranged, chosen).is_none());
+        if differ && self.selection.slices.is_some() {
+            let reason = "its slices have scales of their own";
+            return Err(VolumeError::NotStreamed { source_name: self.source.clone(), reason });
+        }
         // Scales of slices are those of the whole volume.
         let whole = Selection::default();
-        let slices = if placed.scales.is_none() { self.selection } else { &whole }.slices(arranged.length(Axis::Z));
+        let slices = if differ { &whole } else { self.selection }.slices(arranged.length(Axis::Z));
         let geometry = placed.geometry(&self.source, arranged)?.of_slices(&slices);
         let mut voxels = self.voxels(array, arranged, chosen, &slices)?;
         let assumed = placed.assumed();
@@ -122,7 +127,9 @@ impl Reading<'_> {
         if let Some(empty) = placed.empty {
             let cleared = cleared(&mut voxels, empty);
             if cleared > 0 {
-                notes.push(format!("{cleared} voxels have the fill value {empty}, and are NaN"));
+                // A slab does not know how many there are in all.
+                let number = if self.selection.slices.is_some() { "some".to_owned() } else { cleared.to_string() };
+                notes.push(format!("{number} voxels have the fill value {empty}, and are NaN"));
             }
         }
         let mut scale = placed.scale;
@@ -137,6 +144,8 @@ impl Reading<'_> {
             }
         }
         let mut volume = Volume::new(&self.source, voxels, geometry)?;
+        let together = array.chunks.as_ref().and_then(|chunks| chunks.get(arranged.place(Axis::Z)?).copied());
+        volume.part = self.selection.part(arranged.length(Axis::Z), together.unwrap_or(1));
         (volume.slope, volume.intercept) = scale;
         volume.unit = placed.unit;
         volume.anatomical = placed.is_anatomical;
@@ -194,9 +203,12 @@ impl Reading<'_> {
         chosen: [usize; 2],
         slices: &Range<usize>,
     ) -> Result<Voxels, VolumeError> {
+        let voxel_type = if array.kind == Kind::Half { VoxelType::F32 } else { array.voxel_type };
+        if slices.is_empty() {
+            return Ok(with_type!(voxel_type, T => T::into_voxels(Vec::new())));
+        }
         let region = tiles::region(arranged, chosen, slices);
         let unit = self.unit(array, &region)?;
-        let voxel_type = if array.kind == Kind::Half { VoxelType::F32 } else { array.voxel_type };
         with_type!(voxel_type, T => Ok(T::into_voxels(self.blocks::<T>(array, arranged, &region, &unit)?)))
     }
 

@@ -15,6 +15,7 @@ use super::geometry::Lattice;
 use super::resample::Grid;
 use super::select::Pick;
 use super::stream::{self, Encoding, Skip, Start, count};
+use super::streamed::Streamed;
 use super::unit::Unit;
 use super::{Selection, Volume, VolumeError, VoxelType, Window, foreign};
 use crate::progress::Progress;
@@ -47,6 +48,11 @@ fn beginning(path: &Path) -> Result<(Vec<u8>, Encoding, PathBuf, Option<PathBuf>
 
 /// Reads a `NIfTI` or Analyze file, or the pair of which `path` is one file.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    streamed(path, selection)?.read(&path.display().to_string(), selection, progress)
+}
+
+/// Reads the header of a `NIfTI` or Analyze file, or of the pair of which `path` is one file.
+pub(super) fn streamed(path: &Path, selection: &Selection) -> Result<Streamed, VolumeError> {
     let (bytes, encoding, header_path, image_path) = beginning(path)?;
     let Some(header) = Header::of(&bytes) else {
         return Err(no_header(path, &bytes));
@@ -61,7 +67,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
         return Err(VolumeError::Field { path: header_path, place, problem });
     };
     let encoding = if header.kind.is_pair { encoding_of_image(&image) } else { encoding };
-    Reading { header, path: &header_path, image, encoding }.volume(selection, progress)
+    Reading { header, path: &header_path, image, encoding }.streamed(selection)
 }
 
 /// The encoding of the image of a pair. Voxels may begin with any bytes, so the name decides.
@@ -148,7 +154,7 @@ struct Stored {
 }
 
 impl Reading<'_> {
-    fn volume(&self, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    fn streamed(&self, selection: &Selection) -> Result<Streamed, VolumeError> {
         let header = &self.header;
         let source_name = self.path.display().to_string();
         let Stored { voxel_type, interleaved } = self.stored()?;
@@ -178,21 +184,23 @@ impl Reading<'_> {
         let files = vec![DataFile { path: self.image.clone(), numbers }];
         let byte_order = header.kind.byte_order;
         let data = Data { files, start, encoding: self.encoding, voxel_type, byte_order, picks, alone: true };
-        let voxels = data.read(progress, &mut notes)?;
-        let mut volume = grid.volume(&source_name, voxels, header.intent_code == LABELS, slope)?;
-        volume.files = data.paths();
+        let mut files = data.paths();
         if header.kind.is_pair {
-            volume.files.push(self.path.to_owned());
+            files.push(self.path.to_owned());
         }
-        (volume.slope, volume.intercept) = (slope, intercept);
-        volume.anatomical = is_anatomical;
-        volume.unit = Some(Unit::Millimetre);
-        volume.components = components;
-        volume.presets.windows.extend(Window::new("window of the file", header.cal_min, header.cal_max));
-        volume.metadata = self.metadata(times);
-        notes.append(&mut volume.notes);
-        volume.notes = notes;
-        Ok(volume)
+        let (dims, has_labels, metadata) = (grid.dims(), header.intent_code == LABELS, self.metadata(times));
+        let window = Window::new("window of the file", header.cal_min, header.cal_max);
+        let finish = move |voxels, mut notes: Vec<String>| {
+            let mut volume = grid.volume(&source_name, voxels, has_labels, slope)?;
+            (volume.files, volume.metadata, volume.components) = (files, metadata, components);
+            (volume.slope, volume.intercept) = (slope, intercept);
+            (volume.anatomical, volume.unit) = (is_anatomical, Some(Unit::Millimetre));
+            volume.presets.windows.extend(window);
+            notes.append(&mut volume.notes);
+            volume.notes = notes;
+            Ok(volume)
+        };
+        Ok(Streamed { data, halves: false, dims, notes, finish: Box::new(finish) })
     }
 
     fn wrong(&self, place: &str, problem: String) -> VolumeError {

@@ -63,6 +63,7 @@ pub(super) fn read(
     let geometry = Geometry::unit(&source_name, [picture.width, picture.height, run.files.len()])?.of_slices(&range);
     let voxels = slices.voxels(component, progress)?;
     let mut volume = Volume::new(&source_name, voxels, geometry)?;
+    volume.part = selection.part(run.files.len(), 1);
     volume.components = picture.samples;
     volume.has_labels = picture.sample == Sample::Bits(1);
     let mut notes = vec!["slices state no spacing; Relume uses 1 1 1".to_owned()];

@@ -17,7 +17,7 @@ use glam::{DMat3, DVec3};
 use super::data;
 use super::several::{Series, Several};
 use super::stream::count;
-use super::{Geometry, Selection, Volume, VolumeError};
+use super::{Geometry, Part, Selection, Volume, VolumeError};
 use crate::progress::{Progress, Quiet};
 pub(super) use directory::recognises;
 use directory::{Tiff, tag};
@@ -77,6 +77,8 @@ struct Chosen {
     pages: Vec<Page>,
     /// Index of the first of them along z.
     first: usize,
+    /// The slices of which they are a part.
+    part: Option<Part>,
     /// Level of resolution, if there are several.
     level: Option<usize>,
     sample: usize,
@@ -169,6 +171,7 @@ fn volume(
     let mut volume = Volume::new(source_name, voxels, geometry)?;
     volume.unit = stated.unit;
     volume.components = chosen.components;
+    volume.part = chosen.part;
     volume.selection.level = chosen.level;
     volume.has_labels = picture.sample == Sample::Bits(1);
     if let Some([slope, intercept]) = stated.scale {
@@ -226,7 +229,15 @@ fn in_order(
     Ok((
         stated,
         picture,
-        Chosen { pages, first: selection.slices(depth).start, level: None, sample, component, components },
+        Chosen {
+            pages,
+            first: selection.slices(depth).start,
+            part: selection.part(depth, 1),
+            level: None,
+            sample,
+            component,
+            components,
+        },
     ))
 }
 
@@ -425,7 +436,15 @@ impl Files<'_> {
         Ok((
             image.stated.clone(),
             picture,
-            Chosen { pages, first: selection.slices(depth).start, level: None, sample, component, components },
+            Chosen {
+                pages,
+                first: selection.slices(depth).start,
+                part: selection.part(depth, 1),
+                level: None,
+                sample,
+                component,
+                components,
+            },
         ))
     }
 

@@ -216,6 +216,7 @@ impl Reading<'_> {
         let geometry = geometry.of_slices(&slices);
         let (voxels, missing) = self.voxels(level, [component, time], &slices)?;
         let mut volume = Volume::new(&source, voxels, geometry)?;
+        volume.part = self.selection.part(dims[2], level.together());
         volume.unit = image.unit;
         volume.components = components;
         volume.component_names = names;
@@ -253,8 +254,10 @@ impl Reading<'_> {
         notes.extend(image.notes.iter().cloned());
         notes.extend(assumed.clone());
         if missing > 0 {
-            let are = if missing == 1 { "chunk is" } else { "chunks are" };
-            notes.push(format!("{missing} {are} not there; their voxels have the fill value"));
+            // A slab does not know how many there are in all.
+            let number = if self.selection.slices.is_some() { "some".to_owned() } else { missing.to_string() };
+            let are = if missing == 1 && self.selection.slices.is_none() { "chunk is" } else { "chunks are" };
+            notes.push(format!("{number} {are} not there; their voxels have the fill value"));
         }
         volume.notes = notes.into_iter().map(|note| format!("{source}: {note}")).collect();
         volume.assumed_spacing = assumed.map(|note| format!("{source}: {note}"));
@@ -280,7 +283,8 @@ impl Reading<'_> {
                 }
             };
         }
-        if self.selection.asks {
+        // Slices are read of the finest level, whatever the memory.
+        if self.selection.asks || self.selection.slices.is_some() {
             return self.selection.level(&source, &dims);
         }
         let bytes: Vec<u64> = image.levels.iter().map(Level::bytes).collect();
@@ -315,6 +319,12 @@ impl Reading<'_> {
 }
 
 impl Level {
+    /// Slices of a chunk.
+    fn together(&self) -> usize {
+        let unit = self.array.shard.as_ref().map_or(&self.array.chunks, |shard| &shard.chunks);
+        self.arranged.place(Axis::Z).map_or(1, |place| unit[place])
+    }
+
     /// Bytes of the voxels of one channel at one time.
     fn bytes(&self) -> u64 {
         let size = match self.array.kind {
