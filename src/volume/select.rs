@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::several::Series;
-use super::{Asked, Part, Several, VolumeError};
+use super::{Asked, Several, VolumeError};
 use crate::memory;
 
 /// Place of the voxels of a volume: memory or file.
@@ -52,6 +52,15 @@ impl Several {
             }
         }
     }
+}
+
+/// Slices of a volume that are a part of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Slices of the whole volume.
+    pub depth: usize,
+    /// Slices that are decoded together: those of a chunk, from a multiple of this number on.
+    pub together: usize,
 }
 
 /// Choice among the volumes of a file; the default suffices for a file with one volume.

@@ -6,17 +6,8 @@ use std::path::{Path, PathBuf};
 use super::data::{Take, check_cancelled};
 use super::stream::count;
 use super::voxels::with_type;
-use super::{Selection, Volume, VolumeError, Voxel, VoxelType, with_voxels};
+use super::{Part, Selection, Volume, VolumeError, Voxel, VoxelType, with_voxels};
 use crate::progress::Progress;
-
-/// Slices of a volume that are a part of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Part {
-    /// Slices of the whole volume.
-    pub depth: usize,
-    /// Slices that are decoded together: those of a chunk, from a multiple of this number on.
-    pub together: usize,
-}
 
 /// Reads what a selection chooses of a file or folder.
 pub(super) type Open = fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>;

@@ -6,9 +6,9 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::grid::{BRICK, BrickGrid};
+use crate::volume::Voxel;
 use crate::volume::resample::most_frequent;
 use crate::volume::stream::count;
-use crate::volume::{Voxel, allocate};
 
 const EDGE: usize = BRICK as usize;
 
@@ -21,11 +21,11 @@ pub(super) enum Store<T> {
 
 impl<T: Voxel> Store<T> {
     /// Room for so many voxels: in memory, if there is as much `room`, or else in a file in `folder`.
-    pub(super) fn new(voxels: usize, room: &mut u64, folder: &Path) -> Result<Self, super::MakeError> {
+    pub(super) fn new(voxels: usize, room: &mut u64, folder: &Path) -> io::Result<Self> {
         match room.checked_sub(count(voxels).saturating_mul(count(size_of::<T>()))) {
             Some(rest) => {
                 *room = rest;
-                Ok(Self::InMemory(allocate::zeroed(folder, voxels)?))
+                Ok(Self::InMemory(zeroed(voxels)?))
             }
             None => Ok(Self::Spilled(tempfile::tempfile_in(folder)?)),
         }
@@ -61,6 +61,11 @@ impl<T: Voxel> Store<T> {
     }
 }
 
+/// So many zeros.
+fn zeroed<T: Voxel>(voxels: usize) -> io::Result<Vec<T>> {
+    bytemuck::try_zeroed_vec(voxels).map_err(|()| io::ErrorKind::OutOfMemory.into())
+}
+
 /// Rows of the volume, put in the order of the bricks of a slab.
 #[derive(Debug)]
 pub(super) struct Rows<T> {
@@ -71,10 +76,10 @@ pub(super) struct Rows<T> {
 }
 
 impl<T: Voxel> Rows<T> {
-    pub(super) fn new(grid: BrickGrid, room: &mut u64, folder: &Path) -> Result<Self, super::MakeError> {
+    pub(super) fn new(grid: BrickGrid, room: &mut u64, folder: &Path) -> io::Result<Self> {
         let [nx, ny, nz] = grid.dims;
         let store = Store::new(nx * ny * nz.min(EDGE), room, folder)?;
-        let strip = if store.is_spilled() { allocate::zeroed(folder, nx * ny.min(EDGE))? } else { Vec::new() };
+        let strip = if store.is_spilled() { zeroed(nx * ny.min(EDGE))? } else { Vec::new() };
         Ok(Self { grid, store, strip })
     }
 
@@ -120,11 +125,7 @@ pub(super) fn halved_dims(dims: [usize; 3]) -> [usize; 3] {
 
 impl<T: Voxel> Halves<T> {
     /// Room for those of a slab of `coarser`, the bricks over halved `finer` ones.
-    pub(super) fn new(
-        [finer, coarser]: [BrickGrid; 2],
-        room: &mut u64,
-        folder: &Path,
-    ) -> Result<Self, super::MakeError> {
+    pub(super) fn new([finer, coarser]: [BrickGrid; 2], room: &mut u64, folder: &Path) -> io::Result<Self> {
         let [nx, ny, nz] = coarser.dims;
         Ok(Self { finer, store: Store::new(nx * ny * nz.min(EDGE), room, folder)?, places: vec![0] })
     }
