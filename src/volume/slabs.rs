@@ -169,7 +169,7 @@ mod tests {
     fn slabs_follow_each_other_within_the_memory_and_no_chunk_is_decoded_twice_where_it_fits() {
         // A slice has 16 bytes, a chunk 112.
         for (budget, slices, is_noted) in
-            [(u64::MAX, 50, false), (900, 14, false), (448, 7, false), (224, 7, false), (223, 6, true), (0, 1, true)]
+            [(u64::MAX, 50, false), (1100, 14, false), (448, 7, false), (224, 7, false), (223, 6, true), (0, 1, true)]
         {
             let (slabs, header) = Slabs::of(Path::new("made"), &Selection::default(), (open, 0), &Quiet).unwrap();
             assert_eq!((header.geometry.dims, header.voxels.voxel_type()), ([4, 2, 50], VoxelType::U16));

@@ -48,7 +48,7 @@ fn index(geometry: &Geometry, number: usize) -> [usize; 3] {
 fn a_level_of_a_ramp_is_the_ramp_at_the_places_of_its_voxels() {
     let dims = [256, 32, 4];
     let finest = Geometry::unit("", dims).unwrap();
-    let ramp = |place: glam::DVec3| 2.0 * place.x - 4.0 * place.y + place.z;
+    let ramp = |place: glam::DVec3| 2.0 * place.x + 4.0 * place.y + place.z;
     let spacing = glam::DVec3::new(0.5, 0.75, 2.0);
     let origin = glam::DVec3::new(-3.0, 8.0, 0.25);
     let all = 0..finest.voxels();
