@@ -95,6 +95,15 @@ impl Geometry {
         Self::new(source, dims, self.spacing * sides, self.world_from_index((sides - 1.0) / 2.0), self.direction)
     }
 
+    /// The grid of the next coarser level of resolution. An axis of one voxel stays as it is.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::of_blocks`].
+    pub(super) fn halved(&self, source: &str) -> Result<Self, VolumeError> {
+        self.of_blocks(source, self.dims.map(|n| n.min(2)), self.dims.map(|n| n.div_ceil(2)))
+    }
+
     /// Whether the voxels coincide with those of `other`, up to the rounding of headers: spacings within a thousandth
     /// of each other, directions within 1e-3, origins within a thousandth of a voxel plus a millionth of their distance
     /// from 0.

@@ -230,12 +230,14 @@ impl Fixed {
                 let Entry { offset, bytes, .. } = index[brick];
                 let whole = count(grid.voxels(brick) * voxel_type.bytes());
                 let bytes = u64::from(bytes);
-                let name = name(level, brick);
+                let name = || name(level, brick);
                 if offset != end {
+                    let name = name();
                     let problem = format!("{name} begins at byte {offset}, but the one before it ends at byte {end}");
                     return Err(wrong(problem));
                 }
                 if bytes > whole || bytes.saturating_mul(LZ4_LIMIT) < whole {
+                    let name = name();
                     let problem = format!("{name} has {bytes} bytes, which cannot hold {whole} bytes of voxels");
                     return Err(wrong(problem));
                 }
@@ -382,7 +384,8 @@ impl Text {
     /// The text of a `volume` of these `levels`, the finest first, which was made from `source`. Metadata that are too long
     /// are left out, and those of levels of the source.
     pub(super) fn of(volume: &Volume, levels: &[LevelMade], source: Origin) -> Result<String, String> {
-        let metadata = volume.metadata.iter().filter(|(key, _)| !LEVELS.contains(&key.as_str()));
+        let of_levels = volume.selection.level.is_some();
+        let metadata = volume.metadata.iter().filter(|(key, _)| !(of_levels && LEVELS.contains(&key.as_str())));
         let windows = volume.presets.windows.iter();
         let labels = volume.presets.labels.iter();
         let mut text = Self {
@@ -440,10 +443,7 @@ impl Text {
         let direction = DMat3::from_cols_array(&self.direction);
         let source = path.display().to_string();
         let finest = Geometry::new(&source, self.dims, spacing, origin, direction)?;
-        (0..level).try_fold(finest, |finer, _| {
-            // An axis of one voxel stays as it is.
-            finer.of_blocks(&source, finer.dims.map(|n| n.min(2)), finer.dims.map(|n| n.div_ceil(2)))
-        })
+        (0..level).try_fold(finest, |finer, _| finer.halved(&source))
     }
 
     /// Statistics of the stored values of a level, and their largest rounding error as f64.

@@ -141,6 +141,9 @@ fn made<T: Voxel>(
     progress: &dyn Progress,
 ) -> Result<BricksMade, MakeError> {
     let dims = volume.geometry.dims;
+    let name = source.display().to_string();
+    // A file whose coarsest spacing is no number could not be opened.
+    (1..BrickGrid::levels(dims).len()).try_fold(volume.geometry, |finer, _| finer.halved(&name))?;
     // Twice: as ranges, and as the bytes of them.
     let cells =
         BrickGrid::levels(dims).iter().map(|grid| 2 * count(CellRanges::bytes(macrocells(grid.dims), T::TYPE))).sum();

@@ -9,6 +9,7 @@ mod slab;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -108,9 +109,8 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     Selection { level: None, ..selection.clone() }.only(&source)?;
     let (mut volume, mut cache) = BrickCache::open(path, selection)?;
     if selection.middle {
-        let [nx, ny, nz] = cache.grid.dims;
-        let slices = selection.slices(nz);
-        volume.voxels = cache.part([0, 0, slices.start], [nx, ny, slices.end])?.voxels;
+        let slices = selection.slices(cache.grid.dims[2]);
+        volume.voxels = with_type!(cache.voxel_type, T => cache.slices::<T>(&slices, progress)?);
         volume.geometry = volume.geometry.of_slices(&slices);
         return Ok(volume);
     }
@@ -122,7 +122,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
         HostMemory::InFile => 0,
     };
     if bytes <= limit {
-        volume.voxels = with_type!(cache.voxel_type, T => cache.all::<T>(progress)?);
+        volume.voxels = with_type!(cache.voxel_type, T => cache.slices::<T>(&(0..cache.grid.dims[2]), progress)?);
         return Ok(volume);
     }
     if selection.memory == HostMemory::Whole {
@@ -372,23 +372,26 @@ impl BrickCache {
         })
     }
 
-    /// All voxels.
-    fn all<T: Voxel>(&self, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
+    /// The voxels of the `wanted` slices.
+    fn slices<T: Voxel>(&self, wanted: &Range<usize>, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
         let [nx, ny, _] = self.grid.dims;
-        let mut all = allocate::zeroed::<T>(&self.path, self.grid.all_voxels())?;
-        let bricks: Vec<usize> = (0..self.index.len()).collect();
-        for batch in bricks.chunks(BATCH) {
+        let mut all = allocate::zeroed::<T>(&self.path, nx * ny * wanted.len())?;
+        let bricks = self.grid.within([0, 0, wanted.start], [nx, ny, wanted.end]);
+        for (done, batch) in bricks.chunks(BATCH).enumerate() {
+            report(&self.path, count(done * BATCH), count(bricks.len()), progress)?;
             for (&brick, voxels) in batch.iter().zip(self.decoded(batch)?) {
                 let stored: &[T] = with_voxels!(&*voxels, stored => bytemuck::cast_slice(stored));
                 let [low, high] = self.grid.span(brick);
-                let rows = (low[2]..high[2]).flat_map(|z| (low[1]..high[1]).map(move |y| y + ny * z));
-                for (row, voxels) in rows.zip(stored.chunks_exact(high[0] - low[0])) {
-                    all[nx * row + low[0]..nx * row + high[0]].copy_from_slice(voxels);
+                let rows = (low[2]..high[2]).flat_map(|z| (low[1]..high[1]).map(move |y| (y, z)));
+                for ((y, z), voxels) in rows.zip(stored.chunks_exact(high[0] - low[0])) {
+                    if wanted.contains(&z) {
+                        let row = y + ny * (z - wanted.start);
+                        all[nx * row + low[0]..nx * row + high[0]].copy_from_slice(voxels);
+                    }
                 }
             }
-            let done = batch.last().map_or(0, |last| last + 1);
-            report(&self.path, count(done), count(bricks.len()), progress)?;
         }
+        report(&self.path, count(bricks.len()), count(bricks.len()), progress)?;
         check_cancelled(&self.path, progress)?;
         Ok(T::into_voxels(all))
     }
