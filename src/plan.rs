@@ -10,7 +10,7 @@ mod warning;
 
 use std::sync::Arc;
 
-pub use integration::{Narrow, narrow};
+pub use integration::{Narrow, narrow, read_ahead};
 pub use needs::PlannedFilm;
 pub(crate) use needs::is_constant;
 use needs::{exponents, longest_way, transmittance};

@@ -184,9 +184,6 @@ fn of_volume(error: &VolumeError) -> Option<String> {
         VolumeError::BrickMemory { .. } => {
             Some("; allow more with --memory, or read a coarser level with --pyramid-level N".to_owned())
         }
-        VolumeError::InFile { what: "a picture without a scene", .. } => {
-            Some("; write a scene with its name ([volume] file), or allow more with --memory".to_owned())
-        }
         VolumeError::InFile { .. } => Some("; allow more with --memory, or leave that out".to_owned()),
         VolumeError::NotStreamed { source_name, .. } => {
             let source = Path::new(source_name);

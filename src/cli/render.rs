@@ -673,7 +673,7 @@ fn ready_device(
     let uploaded = on_device.uploaded();
     let whole = !matches!(scene.volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
     warn_of_storage(&uploaded.storage, whole);
-    warn_of_undeclared(uploaded.labels.as_ref());
+    warn_of_undeclared(uploaded.labels.as_deref());
     Ok(Ready { on_device, times: [("device", opened), ("upload", clock.read())] })
 }
 

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use relume::vulkan::DeviceChoice;
 
+use super::render::memory_size;
 use super::scene::{LookArgs, SceneArgs};
 use super::{CliError, Report};
 
@@ -12,6 +13,7 @@ Examples:
   relume view                                 the built-in scene
   relume view scene.toml
   relume view head.mhd                        a volume, with materials and lights made from its values
+  relume view scan.bricks --memory 2GiB       a volume that exceeds the memory: coarse at once, refined at rest
   relume view --frames 100 --json             draws 100 frames and prints their times";
 
 /// Arguments of `relume view`.
@@ -28,6 +30,14 @@ pub(crate) struct Args {
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
+    /// Memory of the device for a volume, such as 512MiB or 2GiB. Of a larger one, a coarse level is shown, and at rest the
+    /// bricks that the picture needs (docs/SCALE.md). Default: all of it, and half of it for bricks.
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    device_memory: Option<u64>,
+    /// Memory of the host for the voxels of a file of bricks (`relume bricks`). If they take more, they stay in the file
+    /// (docs/SCALE.md). Default: half of the available memory.
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    memory: Option<u64>,
     /// Draw this number of frames and end.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
@@ -51,6 +61,8 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
         source,
         size: args.size.map(|size| size.map(|side| u32::try_from(side).unwrap_or(u32::MAX))),
         device: args.device.clone(),
+        memory: args.memory,
+        device_memory: args.device_memory,
         validation: if args.validation { Validation::On } else { Validation::Off },
         frames: args.frames,
         script,
@@ -77,8 +89,9 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
 /// Fails, because this build has no window.
 #[cfg(not(feature = "window"))]
 pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
-    let Args { scene, look, size, device, frames, script, validation } = args;
-    tracing::debug!("asked for {scene:?} {look:?} {size:?} {device:?} {frames:?} {script:?} {validation}");
+    let Args { scene, look, size, device, memory, device_memory, frames, script, validation } = args;
+    let asked = (scene, look, size, device, [memory, device_memory], frames, script, validation);
+    tracing::debug!("asked for {asked:?}");
     Err(CliError::Failed(
         "this build of Relume has no window (the feature `window` is off); use `relume render` for pictures".to_owned(),
     ))

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::number::{count, nearest, whole};
 use crate::scene::{Aim, Camera, Projection, Scene, View};
-use crate::volume::{Geometry, Volume};
+use crate::volume::{Geometry, Volume, coarse_index};
 
 /// Fraction of the picture that the visible voxels span in their larger direction.
 pub(super) const FILL: f64 = 0.9;
@@ -63,10 +63,13 @@ pub(super) fn outline(
 
 /// World points whose hull is that of the voxels of `scene` that its crop box, transfer function and labels show.
 pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
-    let volume = &*scene.volume;
+    // Of voxels that stay in a file, those of a coarse level.
+    let volume = scene.volume.at_hand();
+    let block = scene.volume.block_of(volume);
     let [nx, ny, nz] = volume.geometry.dims;
     // Voxels around a crop box between them.
     let crop = scene.crop.map(|[low, high]| {
+        let [low, high] = [low, high].map(|index| coarse_index(index, block));
         let ends = |axis: usize, last: usize| {
             let [low, high] = [low[axis].floor(), high[axis].ceil()].map(|at| whole(at.max(0.0)).min(last));
             [low, high.max(low)]

@@ -214,7 +214,7 @@ impl Source {
             error => OpenError::from(error),
         };
         let (mut volume, stored) = volume_alone(&whole_name, &options, progress).map_err(of_volume)?;
-        volume.require_voxels("a picture without a scene")?;
+        volume.prepare_coarse(progress)?;
         let statistics = volume.statistics()?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let look = first_look(&name, &volume, &statistics, options.wish)?;

@@ -4,9 +4,6 @@
 use crate::number::count;
 use crate::scene::{Scene, Term};
 
-/// Pairs of neighbouring voxels that are looked at.
-const PAIRS: usize = 1024;
-
 /// An interval that steps miss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Narrow {
@@ -54,22 +51,16 @@ fn supports(term: &Term) -> impl Iterator<Item = [f64; 2]> {
 /// Lower and higher value at the ends of steps along the axes, from voxels spread over the volume.
 fn pairs(scene: &Scene) -> Vec<[f64; 2]> {
     let volume = &scene.volume;
-    let dims = volume.geometry.dims;
-    let spread = (0..PAIRS).map(|i| {
-        // Additive recurrence with the powers of the inverse of the root of x⁴ = x + 1 (Roberts 2018).
-        let place = |power: i32| (count(i) * 0.819_172_513_396_164_4_f64.powi(power)).fract();
-        [place(1), place(2), place(3)]
-    });
-    let pair = |(i, place): (usize, [f64; 3])| {
-        let axis = i % 3;
-        let voxel: [usize; 3] = std::array::from_fn(|axis| crate::number::whole(place[axis] * count(dims[axis])));
-        let mut next = voxel;
-        next[axis] += 1;
-        // A damaged brick is an error of the march.
-        let [from, to] = [volume.read_value(voxel).ok()??, volume.read_value(next).ok()??];
-        let change = (to - from) * scene.accuracy.step_length / volume.geometry.spacing[axis];
+    let pair = |(i, ends): (usize, &Option<[f64; 2]>)| {
+        let [from, to] = (*ends)?;
+        let change = (to - from) * scene.accuracy.step_length / volume.geometry.spacing[i % 3];
         let (middle, half) = (f64::midpoint(from, to), change.abs() / 2.0);
         (middle.is_finite() && half.is_finite()).then_some([middle - half, middle + half])
     };
-    spread.enumerate().filter_map(pair).collect()
+    volume.neighbours().iter().enumerate().filter_map(pair).collect()
+}
+
+/// Reads what plans of a scene need of voxels that stay in a file, which takes up to seconds the first time.
+pub fn read_ahead(scene: &Scene) {
+    scene.volume.neighbours();
 }

@@ -167,6 +167,11 @@ impl March {
                 return Ok(());
             }
         }
+        self.dispatch(renderer, uploaded)
+    }
+
+    /// Runs the next dispatch, whether or not bricks are to be loaded before.
+    pub(super) fn dispatch(&mut self, renderer: &Renderer, uploaded: &Uploaded) -> Result<(), RenderError> {
         if self.schedule.is_done() {
             if let Some(mean) = &mut self.mean {
                 mean.add(renderer)?;
@@ -205,13 +210,38 @@ impl March {
         Ok(())
     }
 
+    /// As [`Self::step`], but does not wait for bricks to be read: a thread does that, and meanwhile the device does nothing.
+    /// Returns whether the device did any work.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Self::step`], and [`RenderError::Volume`] if a file of bricks cannot be read.
+    pub fn step_ahead(&mut self, renderer: &Renderer, uploaded: &Uploaded) -> Result<bool, RenderError> {
+        if let (Some(rounds), Some(pool)) = (&mut self.rounds, &uploaded.pool)
+            && rounds.is_loading()
+        {
+            return rounds.load_ahead(renderer, uploaded, pool);
+        }
+        self.step(renderer, uploaded).map(|()| true)
+    }
+
+    /// Bricks of the present round that are loaded, all that it waits for, and its number from 1; `None` of a volume that the
+    /// device holds whole.
+    #[must_use]
+    pub fn bricks(&self) -> Option<[usize; 3]> {
+        self.rounds.as_ref().map(|rounds| {
+            let [loaded, all] = rounds.progress();
+            [loaded, all, rounds.counts.rounds]
+        })
+    }
+
     /// Returns the film of a finished march, stored as its plan states.
     ///
     /// # Errors
     ///
     /// [`RenderError::Vulkan`].
     pub fn finish(self, renderer: &Renderer) -> Result<DeviceFilm, RenderError> {
-        let left = DeviceFilm { bricks: self.rounds.map(|rounds| rounds.counts), ..self.left };
+        let left = DeviceFilm { bricks: self.rounds.as_ref().map(|rounds| rounds.counts), ..self.left };
         renderer.store(match self.mean {
             None => left,
             Some(mean) => DeviceFilm { accumulators: mean.accumulators, transmittance: mean.transmittance, ..left },

@@ -28,13 +28,59 @@ pub enum Residence {
     },
 }
 
-/// Textures that a pool fills, and their texels.
+/// Textures that a pool fills.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Loaded<'a> {
-    pub(super) storage: &'a Storage,
-    pub(super) labels: Option<&'a LabelMap>,
+pub(super) struct Filled<'a> {
     pub(super) volume: &'a Image3d,
     pub(super) label_image: Option<&'a Image3d>,
+}
+
+/// Makes the texels of bricks; needs no device.
+#[derive(Debug)]
+pub(super) struct Packer {
+    source: Arc<Volume>,
+    storage: Storage,
+    labels: Option<Arc<LabelMap>>,
+    smooth_labels: bool,
+    grid: BrickGrid,
+    apron: u32,
+}
+
+/// Texels of the slot of a brick.
+#[derive(Debug)]
+pub(super) struct Packed {
+    pub(super) brick: usize,
+    volume: Vec<u8>,
+    labels: Option<Vec<u8>>,
+}
+
+impl Packed {
+    /// Bytes that it takes in the buffer of an upload.
+    fn bytes(&self) -> u64 {
+        let all = [Some(&self.volume), self.labels.as_ref()];
+        all.into_iter().flatten().map(|texels| (texels.len() as u64).next_multiple_of(16)).sum()
+    }
+}
+
+impl Packer {
+    /// Reads and packs `brick`.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Volume`] if its file cannot be read.
+    pub(super) fn pack(&self, brick: usize) -> Result<Packed, RenderError> {
+        let edge = slot_edge(self.apron) as usize;
+        let first = self
+            .grid
+            .place(brick)
+            .map(|at| i64::try_from(at * BRICK as usize).unwrap_or(i64::MAX) - i64::from(self.apron));
+        let volume = self.storage.texels_of_box(&self.source, first, edge).map_err(RenderError::Volume)?;
+        let labels = self
+            .labels
+            .as_ref()
+            .map(|map| map.texels_of_box(self.source.geometry.dims, first, edge, self.smooth_labels));
+        Ok(Packed { brick, volume, labels })
+    }
 }
 
 /// Uniform of the pool, in the layout of `shaders/bricks.wgsl`.
@@ -58,12 +104,13 @@ pub(super) struct Pool {
     pub(super) apron: u32,
     /// Slots along each axis.
     slots: [u32; 3],
-    source: Arc<Volume>,
-    smooth_labels: bool,
+    pub(super) packer: Arc<Packer>,
     /// Page of each brick.
     pub(super) pages: Buffer,
     pub(super) uniform: Buffer,
     staging: Buffer,
+    /// Bytes of a brick in `staging`.
+    staged_bytes: u64,
     held: Mutex<Held>,
 }
 
@@ -135,15 +182,15 @@ impl PoolSize {
 }
 
 impl Pool {
-    /// The pool of `volume`; its slots are those of an image of [`PoolSize::extent`].
+    /// The pool of `volume` with `labels`; its slots are those of an image of [`PoolSize::extent`].
     pub(super) fn new(
         device: &Device,
         size: PoolSize,
         grid: BrickGrid,
-        volume: &Arc<Volume>,
-        voxel_bytes: u64,
-        smooth_labels: bool,
+        (volume, storage): (&Arc<Volume>, &Storage),
+        (labels, smooth_labels): (Option<&Arc<LabelMap>>, bool),
     ) -> Result<Self, RenderError> {
+        let voxel_bytes = voxel_bytes(storage, labels.map(|map| &**map), smooth_labels);
         let texel = size.extent().map(|texels| rounded(1.0 / f64::from(texels)));
         let uniform = BrickUniform {
             dims: volume.geometry.dims.map(|n| rounded(count(n))),
@@ -156,19 +203,29 @@ impl Pool {
         let pages = Buffer::host(device, "pages", 4 * grid.bricks() as u64, HostUse::Storage)?;
         pages.write(0, &vec![0; 4 * grid.bricks()])?;
         let slot_bytes = u64::from(slot_edge(size.apron)).pow(3) * voxel_bytes;
-        let staged = STAGING_BYTES.max(slot_bytes + 32);
+        // Volume and labels begin at multiples of 16 bytes.
+        let staged_bytes = slot_bytes + 32;
+        let staged = STAGING_BYTES.max(staged_bytes);
         let staging = Buffer::host(device, "staging", staged.next_multiple_of(16), HostUse::Upload)?;
         let slots = size.slots.iter().map(|&n| n as usize).product();
         let held = Held { slot_of: vec![None; grid.bricks()], brick_in: vec![None; slots] };
+        let packer = Packer {
+            source: Arc::clone(volume),
+            storage: storage.clone(),
+            labels: labels.cloned(),
+            smooth_labels,
+            grid,
+            apron: size.apron,
+        };
         Ok(Self {
             grid,
             apron: size.apron,
             slots: size.slots,
-            source: Arc::clone(volume),
-            smooth_labels,
+            packer: Arc::new(packer),
             pages,
             uniform: buffer,
             staging,
+            staged_bytes,
             held: Mutex::new(held),
         })
     }
@@ -188,52 +245,51 @@ impl Pool {
         [slot % width, slot / width % height, slot / (width * height)].map(unsigned)
     }
 
-    /// Loads the first of `bricks` that fit into one submission, and returns their number. A slot is free, or holds a
-    /// brick that `is_kept` is false for; of those, the ones with the highest number `spare(brick)` are replaced first.
+    /// Number of bricks that one submission uploads.
+    pub(super) fn batch(&self) -> usize {
+        usize::try_from(self.staging.bytes() / self.staged_bytes).unwrap_or(usize::MAX).max(1)
+    }
+
+    /// Loads the first of `packed` that there are slots for in one submission, and returns them: at most [`Self::batch`]. A slot is free, or holds a brick that `is_kept` is false for; of those, the ones with the highest
+    /// number `spare(brick)` are replaced first.
     pub(super) fn load(
         &self,
         renderer: &Renderer,
-        textures: Loaded<'_>,
+        textures: Filled<'_>,
         held: &mut Held,
-        bricks: &[usize],
+        packed: impl Iterator<Item = Result<Packed, RenderError>>,
         is_kept: impl Fn(usize) -> bool,
         spare: impl Fn(usize) -> i64,
-    ) -> Result<usize, RenderError> {
-        let edge = slot_edge(self.apron) as usize;
+    ) -> Result<Vec<usize>, RenderError> {
         let mut room: Vec<usize> =
             (0..held.brick_in.len()).filter(|&slot| held.brick_in[slot].is_none_or(|brick| !is_kept(brick))).collect();
         room.sort_by_key(|&slot| held.brick_in[slot].map(&spare).unwrap_or(i64::MAX));
         // Texels of the bricks by image, with their places.
         let mut copies: Vec<(&Image3d, [u32; 3], u64)> = Vec::new();
         let (mut filled, mut loaded) = (0_u64, Vec::new());
-        // Bytes of a brick, once one is packed: all have as many, and the first fits.
-        let mut needed = 0;
-        for &brick in bricks {
-            if filled + needed > self.staging.bytes() {
+        // A brick is packed only if there is a slot for it.
+        let fit = room.len().min(self.batch());
+        for packed in packed.take(fit) {
+            let packed = packed?;
+            if filled + packed.bytes() > self.staging.bytes() {
                 break;
             }
             let Some(slot) = room.pop() else { break };
-            let first = self
-                .grid
-                .place(brick)
-                .map(|at| i64::try_from(at * BRICK as usize).unwrap_or(i64::MAX) - i64::from(self.apron));
-            let texels = textures.storage.texels_of_box(&self.source, first, edge).map_err(RenderError::Volume)?;
-            let of_labels = textures
-                .labels
-                .map(|map| map.texels_of_box(self.source.geometry.dims, first, edge, self.smooth_labels));
-            let all = [Some((textures.volume, texels)), textures.label_image.zip(of_labels)];
-            needed = all.iter().flatten().map(|(_, texels)| (texels.len() as u64).next_multiple_of(16)).sum();
             if let Some(replaced) = held.brick_in[slot].take() {
                 held.slot_of[replaced] = None;
                 self.pages.write(4 * replaced as u64, &0_u32.to_ne_bytes())?;
             }
             let place = self.place(slot);
+            let all = [Some((textures.volume, &packed.volume)), textures.label_image.zip(packed.labels.as_ref())];
             for (image, texels) in all.into_iter().flatten() {
-                self.staging.write(filled, &texels)?;
+                self.staging.write(filled, texels)?;
                 copies.push((image, place.map(|at| at * slot_edge(self.apron)), filled));
                 filled += (texels.len() as u64).next_multiple_of(16);
             }
-            loaded.push((brick, slot, place));
+            loaded.push((packed.brick, slot, place));
+        }
+        if loaded.is_empty() {
+            return Ok(Vec::new());
         }
         renderer.device.run("bricks", |recorder| {
             for (image, first, offset) in &copies {
@@ -246,7 +302,7 @@ impl Pool {
             held.slot_of[brick] = Some(slot);
             self.pages.write(4 * brick as u64, &(1 + (x | y << 10 | z << 20)).to_ne_bytes())?;
         }
-        Ok(loaded.len())
+        Ok(loaded.into_iter().map(|(brick, ..)| brick).collect())
     }
 }
 

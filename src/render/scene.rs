@@ -186,6 +186,16 @@ impl SceneRenderer {
         RelightMatrices::of_scene(&self.scene, &self.planned, mix)
     }
 
+    /// Runs the pipeline of a march in bricks once, without bricks: all rays wait. No compilation delays the march then.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn warm_up_rounds(&self) -> Result<(), RenderError> {
+        let mut march = self.begin_march(WARM_UP, Speed::default())?;
+        march.dispatch(&self.renderer, &self.uploaded)
+    }
+
     /// Runs every pipeline of the scene once, so that no compilation delays the first picture.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::sync::{Arc, Mutex};
 
-use super::pool::{Loaded, Pool, PoolSize, Residence, voxel_bytes};
+use super::pool::{Filled, Pool, PoolSize, Residence, voxel_bytes};
 use super::{RenderError, Renderer};
 use crate::plan::{Planned, ScenePlan};
 use crate::progress::Progress;
@@ -14,6 +14,12 @@ use crate::vulkan::{Buffer, Format, HostUse, Image3d};
 
 /// Bytes per upload; limits the host's copy.
 const SLAB_BYTES: usize = 4 << 20;
+/// Most bytes of a voxel: four floats, and a label of 16 bits.
+const MOST_VOXEL_BYTES: u64 = 16 + MOST_LABEL_BYTES;
+/// Most bytes of a label.
+const MOST_LABEL_BYTES: u64 = 2;
+/// Part of the memory for a volume that its coarse level may take: one of so many.
+const COARSE_PART: u64 = 4;
 
 /// A volume on the device, with its description on the host.
 #[derive(Debug)]
@@ -23,7 +29,7 @@ pub struct Uploaded {
     /// Its macrocells with their value ranges.
     pub cells: Cells,
     /// Row of the label table for each voxel, if the plan has labels.
-    pub labels: Option<LabelMap>,
+    pub labels: Option<Arc<LabelMap>>,
     pub(super) volume: Image3d,
     pub(super) label_image: Option<Image3d>,
     /// The bricks in these textures, if they are the slots of a pool.
@@ -48,14 +54,9 @@ impl Uploaded {
 }
 
 impl Uploaded {
-    /// The textures that a pool fills, and their texels.
-    pub(super) fn loaded(&self) -> Loaded<'_> {
-        Loaded {
-            storage: &self.storage,
-            labels: self.labels.as_ref(),
-            volume: &self.volume,
-            label_image: self.label_image.as_ref(),
-        }
+    /// The textures that a pool fills.
+    pub(super) fn filled(&self) -> Filled<'_> {
+        Filled { volume: &self.volume, label_image: self.label_image.as_ref() }
     }
 
     /// Residence of the volume.
@@ -117,26 +118,22 @@ impl Renderer {
             scene.volume.require_voxels("a volume with labels").map_err(RenderError::Volume)?;
         }
         let labels = match &scene.labels {
-            Some(labels) if planned.plan.labels => Some(LabelMap::new(labels).map_err(RenderError::Labels)?),
+            Some(labels) if planned.plan.labels => Some(Arc::new(LabelMap::new(labels).map_err(RenderError::Labels)?)),
             _ => None,
         };
         let smooth = planned.plan.smooth_labels;
         let label_format =
             labels.as_ref().map(|map| if map.texel_bytes(smooth) == 1 { Format::R8Uint } else { Format::R16Uint });
-        let voxel_bytes = voxel_bytes(&storage, labels.as_ref(), smooth);
+        let voxel_bytes = voxel_bytes(&storage, labels.as_deref(), smooth);
         let limit = self.largest_texture(format);
-        let voxels = dims.iter().fold(1_u64, |product, &n| product.saturating_mul(n as u64));
-        let fits = !self.always_bricked
-            && scene.volume.bricks.is_none()
-            && dims.iter().zip(limit).all(|(&n, limit)| n as u64 <= u64::from(limit))
-            && voxels.saturating_mul(voxel_bytes) <= self.volume_budget();
-        if !fits {
+        let in_file = scene.volume.bricks.is_some();
+        if in_file || self.always_bricked || !self.has_room(dims, voxel_bytes, self.volume_budget()) {
             if planned.plan.reads_light_grid() {
                 return Err(RenderError::Bricked { what: "shadows" });
             }
             let cells = match &scene.volume.bricks {
                 Some(cache) => Cells::of_cache(dims, cache, &storage).map_err(RenderError::Volume)?,
-                None => Cells::new(&scene.volume, &storage, labels.as_ref()),
+                None => Cells::new(&scene.volume, &storage, labels.as_deref()),
             };
             let (grid, apron) = (BrickGrid::new(cells.dims), apron(scene, &planned.plan));
             let size = PoolSize::new(&self.device, grid, apron, voxel_bytes, self.pool_budget(), limit)?;
@@ -144,7 +141,8 @@ impl Renderer {
             let label_image = label_format
                 .map(|format| Image3d::new(&self.device, "bricks of labels", format, size.extent()))
                 .transpose()?;
-            let pool = Some(Pool::new(&self.device, size, grid, &scene.volume, voxel_bytes, smooth)?);
+            let (source, labelled) = ((&scene.volume, &storage), (labels.as_ref(), smooth));
+            let pool = Some(Pool::new(&self.device, size, grid, source, labelled)?);
             return Ok(Uploaded { storage, cells, labels, volume, label_image, pool, kept: Kept::default() });
         }
         let volume = self.fill("volume", format, dims, progress, |slices| storage.slab(&scene.volume, slices))?;
@@ -153,8 +151,43 @@ impl Renderer {
             .zip(label_format)
             .map(|(map, format)| self.fill("labels", format, dims, progress, |slices| map.texels(dims, slices, smooth)))
             .transpose()?;
-        let cells = Cells::new(&scene.volume, &storage, labels.as_ref());
+        let cells = Cells::new(&scene.volume, &storage, labels.as_deref());
         Ok(Uploaded { storage, cells, labels, volume, label_image, pool: None, kept: Kept::default() })
+    }
+
+    /// Whether a texture of `dims` voxels of `voxel_bytes` bytes takes at most `budget` bytes, and no axis exceeds the device.
+    fn has_room(&self, dims: [usize; 3], voxel_bytes: u64, budget: u64) -> bool {
+        let voxels = dims.iter().fold(1_u64, |product, &n| product.saturating_mul(n as u64));
+        let limit = self.largest_texture(Format::R16Unorm);
+        dims.iter().zip(limit).all(|(&n, limit)| n as u64 <= u64::from(limit))
+            && voxels.saturating_mul(voxel_bytes) <= budget
+    }
+
+    /// Whether the device holds the volume of `scene`, whose values have `statistics`, whole, as `planned` stores it.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Volume`], [`RenderError::Labels`].
+    pub fn holds_whole(&self, scene: &Scene, planned: &Planned, statistics: &Statistics) -> Result<bool, RenderError> {
+        if scene.volume.bricks.is_some() || self.always_bricked {
+            return Ok(false);
+        }
+        let storage = Storage::of(&planned.plan, &scene.volume, statistics).map_err(RenderError::Volume)?;
+        let labels = if planned.plan.labels { MOST_LABEL_BYTES } else { 0 };
+        let voxel_bytes = voxel_bytes(&storage, None, false) + labels;
+        Ok(self.has_room(scene.volume.geometry.dims, voxel_bytes, self.volume_budget()))
+    }
+
+    /// Whether there is room for a coarse level of `dims` voxels beside the bricks of its volume, however it is stored.
+    #[must_use]
+    pub fn has_room_for_coarse(&self, dims: [usize; 3]) -> bool {
+        self.has_room(dims, MOST_VOXEL_BYTES, self.volume_budget() / COARSE_PART)
+    }
+
+    /// The same renderer with less memory for a volume, by `bytes` that are in use, if the user has stated how much there is.
+    #[must_use]
+    pub fn beside(&self, bytes: u64) -> Self {
+        Self { memory_bytes: self.memory_bytes.map(|all| all.saturating_sub(bytes)), ..self.clone() }
     }
 
     /// Refuses a volume that the device cannot filter.

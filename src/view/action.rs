@@ -128,6 +128,8 @@ pub enum Action {
     Solve(Option<Step>),
     /// Solves the palette with each preset of smoothness, to show what they cost. Changes no spectrum.
     CompareSmoothness,
+    /// Stops the refinement of a coarse level of the volume until the next change.
+    StopRefining,
     /// Cancels the measurement and the palette solver.
     GiveUp,
     /// Dismisses the notice with this index.

@@ -53,8 +53,9 @@ fn control(error: &(dyn Error + 'static)) -> Option<&'static str> {
     match error.downcast_ref() {
         Some(RenderError::Volume(error)) => return control(error),
         Some(RenderError::Matrix { .. }) => return Some("; set a smaller k, or choose another model"),
-        Some(RenderError::Slot { .. } | RenderError::Bricked { .. }) => {
-            return Some("; write `downsample` into the [volume] of the scene");
+        Some(RenderError::Slot { .. }) => return Some("; write `downsample` into the [volume] of the scene"),
+        Some(RenderError::Bricked { .. }) => {
+            return Some("; switch them off, or write `downsample` into the [volume] of the scene");
         }
         Some(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }) => {
             return Some("; make the window smaller, or use fewer light positions");
@@ -65,6 +66,11 @@ fn control(error: &(dyn Error + 'static)) -> Option<&'static str> {
         (Some(VolumeError::UnknownFormat { is_known: false, .. }), _) => {
             Some("; if it holds headerless voxels, name it .raw")
         }
+        (Some(VolumeError::BrickMemory { .. }), _) => Some("; start relume view with more --memory"),
+        (Some(VolumeError::Exceeds { .. }), _) => {
+            Some("; start relume view with more --memory, or make bricks of the file with relume bricks")
+        }
+        (Some(VolumeError::InFile { .. }), _) => Some("; start relume view with more --memory, or leave that out"),
         (_, Some(ModelError::Tolerance { .. })) => Some("; set a larger tolerance, or k"),
         _ => None,
     }

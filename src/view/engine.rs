@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec2;
 
+use super::coarse::Coarse;
 use super::export::Snapshot;
 use super::load::{Loaded, warn_of_plan};
 use super::probe::Pixel;
@@ -16,9 +17,9 @@ use crate::film::{Components, RelightMatrices};
 use crate::memory::give_back_freed;
 use crate::model::{ColourModel, ModelError};
 use crate::number::{count, whole};
-use crate::plan::{PlanError, Planned, Stale, plan};
+use crate::plan::{PlanError, Planned, Stale, plan, read_ahead};
 use crate::progress::Quiet;
-use crate::render::{DeviceFilm, March, Relight, RenderError, Renderer, SceneRenderer, Speed};
+use crate::render::{BrickCounts, DeviceFilm, March, Relight, RenderError, Renderer, SceneRenderer, Speed};
 use crate::scene::{Scene, positions};
 use crate::volume::Statistics;
 use crate::vulkan::StorageImage;
@@ -50,8 +51,10 @@ pub struct Counts {
 /// Renders pictures of one loaded scene.
 #[derive(Debug)]
 pub struct Engine {
-    /// Scene of the current march and of its refinements.
+    /// Scene of the current march and of its refinements; with a coarse level in place of a volume in bricks.
     on_device: SceneRenderer,
+    /// The volume in bricks, of which `on_device` has a coarse level.
+    bricks: Option<Bricks>,
     /// Size of the finest picture, in pixels.
     size: [usize; 2],
     /// Scene to march next, if it differs from the scene that is marched or shown.
@@ -70,6 +73,8 @@ pub struct Engine {
     lights: u64,
     /// Whether the last march or relight failed; no finer one is tried then.
     failed: bool,
+    /// Whether the user stopped the refinement.
+    stopped: bool,
     /// Level of the next picture of a new scene.
     coarse: usize,
     /// Speed of the last march with this plan, per level.
@@ -100,6 +105,57 @@ pub struct Stepped {
     pub worked: bool,
 }
 
+/// A volume in bricks.
+#[derive(Debug)]
+struct Bricks {
+    coarse: Coarse,
+    /// The scene with the volume itself.
+    scene: Box<Scene>,
+    /// It on the device, once it is planned. The bricks there stay between marches.
+    on_device: Option<SceneRenderer>,
+    /// Plan in preparation.
+    planning: Option<Planning>,
+    /// Speed of the last march.
+    speed: Option<Speed>,
+}
+
+/// Next picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Next {
+    /// At this level.
+    Level(usize),
+    /// Of all voxels of a volume in bricks.
+    Voxels,
+}
+
+/// Coarse level of the volume that the picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ShownLevel {
+    /// Its number; 0 are the voxels themselves.
+    pub level: u32,
+    /// Number of voxels whose mean is one of it.
+    pub voxels: usize,
+    /// What refines it.
+    pub then: Refining,
+}
+
+/// Refinement of a coarse level of the volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refining {
+    /// It waits until the hand rests and the coarse picture is complete.
+    Waits,
+    /// It is being planned.
+    Prepares,
+    /// Bricks that are loaded, those that the round needs, and its number from 1.
+    Loads([usize; 3]),
+    /// The bricks that are loaded are marched.
+    Marches,
+    /// The user stopped it.
+    Stopped,
+    /// It failed.
+    Failed,
+}
+
 /// Planning in the background.
 #[derive(Debug)]
 struct Planning {
@@ -119,6 +175,8 @@ struct Marching {
     march: March,
     /// Width and height of a pixel of the march, in window pixels; or [`ALL_RAYS`].
     level: usize,
+    /// Whether it is of all voxels of a volume in bricks.
+    of_bricks: bool,
     spent: Duration,
 }
 
@@ -129,6 +187,8 @@ struct Lit {
     /// Matrices of the last relight; `None` before the first.
     by: Option<RelightMatrices>,
     level: usize,
+    /// Whether it is of all voxels of a volume in bricks.
+    of_bricks: bool,
     /// Window size for which the picture was marched, in pixels.
     size: [usize; 2],
     accumulators: DeviceFilm,
@@ -157,10 +217,14 @@ impl Engine {
     /// Creates the engine for the scene `loaded`, without marching.
     #[must_use]
     pub fn new(loaded: Loaded) -> Self {
-        let Loaded { on_device, file, .. } = loaded;
+        let Loaded { on_device, coarse, file, .. } = loaded;
         let state = State::new(&file);
+        let scene = || Box::new(state.scene.clone());
+        let bricks =
+            coarse.map(|coarse| Bricks { coarse, scene: scene(), on_device: None, planning: None, speed: None });
         Self {
             on_device,
+            bricks,
             size: [0; 2],
             wanted: None,
             planning: None,
@@ -171,6 +235,7 @@ impl Engine {
             unlit: false,
             lights: 0,
             failed: false,
+            stopped: false,
             coarse: FINER,
             speeds: BTreeMap::new(),
             counts: Counts::default(),
@@ -190,12 +255,29 @@ impl Engine {
             self.coarse = self.coarse.max(FINER);
         }
         self.size = size;
-        self.wanted = Some(Box::new(scene.clone()));
-        self.failed = false;
+        self.wanted = Some(Box::new(self.marched(scene)));
+        if let Some(bricks) = &mut self.bricks {
+            *bricks.scene = scene.clone();
+        }
+        // A stop before the first picture holds for it.
+        (self.failed, self.stopped) = (false, self.stopped && self.lit.is_none());
         self.reached = Reached::default();
         self.changed = Instant::now();
-        if self.marching.as_ref().is_some_and(|marching| marching.level < self.coarse) {
+        if self.marching.as_ref().is_some_and(|marching| marching.of_bricks || marching.level < self.coarse) {
             self.marching = None;
+        }
+    }
+
+    /// `scene` as it is marched first: with a coarse level in place of a volume in bricks.
+    fn marched(&self, scene: &Scene) -> Scene {
+        self.bricks.as_ref().map_or_else(|| scene.clone(), |bricks| bricks.coarse.scene(scene))
+    }
+
+    /// Stops the refinement of a coarse level of the volume until the next change. The bricks that are loaded stay.
+    pub fn stop(&mut self) {
+        if self.bricks.is_some() {
+            self.marching.take_if(|marching| marching.of_bricks);
+            self.stopped = true;
         }
     }
 
@@ -210,7 +292,9 @@ impl Engine {
     /// is
     /// needed.
     pub fn update(&mut self, state: &State, size: [usize; 2]) -> bool {
-        let stale = Stale::between(&self.state.scene, self.planned(), &state.scene);
+        // Of a volume in bricks, the coarse level decides: comparing plans reads voxels.
+        let [before, after] = [&self.state.scene, &state.scene].map(|scene| self.marched(scene));
+        let stale = Stale::between(&before, self.planned(), &after);
         // A scene waiting for its plan takes its spectra from the plan.
         let waits = self.wanted.is_some() || self.planning.is_some();
         let marches = stale >= Stale::Accumulators || size != self.size || (waits && stale > Stale::Nothing);
@@ -226,7 +310,10 @@ impl Engine {
     /// Takes over the spectra of `scene`, which leave the films valid.
     fn follow_spectra(&mut self, scene: &Scene) {
         let planned = self.planned().clone();
-        self.on_device.retarget(scene.clone(), planned);
+        self.on_device.retarget(self.marched(scene), planned);
+        if let Some(bricks) = &mut self.bricks {
+            *bricks.scene = scene.clone();
+        }
         if let Some(lit) = &mut self.lit
             && let Components::Surfaces(spectra) = &mut lit.components
             && let Components::Surfaces(now) = Components::new(scene, &lit.accumulators.planned)
@@ -276,8 +363,13 @@ impl Engine {
                 break;
             }
             if let Some(marching) = &mut self.marching {
+                let of_bricks = self.bricks.as_ref().and_then(|bricks| bricks.on_device.as_ref());
+                let on_device = of_bricks.filter(|_| marching.of_bricks).unwrap_or(&self.on_device);
                 let dispatched = Instant::now();
-                marching.march.step(self.on_device.renderer(), self.on_device.uploaded())?;
+                if !marching.march.step_ahead(on_device.renderer(), on_device.uploaded())? {
+                    // Bricks are being read.
+                    break;
+                }
                 marching.spent += dispatched.elapsed();
                 self.counts.dispatches += 1;
                 stepped.worked = true;
@@ -296,7 +388,7 @@ impl Engine {
     /// Whether [`Self::step`] has work to do.
     #[must_use]
     pub fn has_work(&self, hand_rests: bool) -> bool {
-        let finer = !self.failed && self.lit.as_ref().is_some_and(|lit| lit.level != self.finest_level());
+        let finer = !self.failed && self.finer().is_some();
         let wanted = self.wanted.is_some() || self.planning.is_some() || self.fitting.is_some();
         // Without a picture or after a failure, frames handle the relight.
         let unlit = self.unlit && !self.failed && self.lit.is_some();
@@ -311,8 +403,11 @@ impl Engine {
             // A panic of the thread has already been reported.
             if let Ok(fitted) = thread.join() {
                 let fitted = Arc::new(fitted.map_err(PlanError::from)?);
-                if self.planned().model.as_ref().is_some_and(|model| Arc::ptr_eq(model, &of)) {
-                    self.on_device.set_model(Arc::clone(&fitted));
+                let of_bricks = self.bricks.as_mut().and_then(|bricks| bricks.on_device.as_mut());
+                for on_device in [Some(&mut self.on_device), of_bricks].into_iter().flatten() {
+                    if on_device.planned().model.as_ref().is_some_and(|model| Arc::ptr_eq(model, &of)) {
+                        on_device.set_model(Arc::clone(&fitted));
+                    }
                 }
                 if let Some(lit) = &mut self.lit
                     && let Components::Model(model, _) = &mut lit.components
@@ -327,7 +422,12 @@ impl Engine {
             }
         }
         let observer = self.state.scene.display.observer;
-        let stale = self.planned().model.as_ref().filter(|model| model.observer() != observer);
+        let of_bricks = self.bricks.as_ref().and_then(|bricks| bricks.on_device.as_ref());
+        // The model of the picture first.
+        let of_picture = self.lit.as_ref().and_then(|lit| lit.accumulators.planned.model.as_ref());
+        let of_plans = [Some(&self.on_device), of_bricks].map(|it| it.and_then(|it| it.planned().model.as_ref()));
+        let mut models = [of_picture].into_iter().chain(of_plans).flatten();
+        let stale = models.find(|model| model.observer() != observer);
         if let (Some(of), None) = (stale.map(Arc::clone), &self.fitting) {
             let model = Arc::clone(&of);
             self.fitting = Some(Fitting { of, thread: std::thread::spawn(move || model.seen_by(observer)) });
@@ -337,16 +437,31 @@ impl Engine {
 
     /// Level of the finest picture.
     fn finest_level(&self) -> usize {
-        if self.planned().plan.rays > 1 { ALL_RAYS } else { 1 }
+        // Several rays a pixel are for all voxels.
+        if self.planned().plan.rays > 1 && self.bricks.is_none() { ALL_RAYS } else { 1 }
+    }
+
+    /// Whether no picture is finer than that of `lit`.
+    fn is_complete(&self, lit: &Lit) -> bool {
+        if self.bricks.is_some() { lit.of_bricks } else { lit.level == self.finest_level() }
+    }
+
+    /// Picture after the shown one, if there is a finer one.
+    fn finer(&self) -> Option<Next> {
+        let finest = self.finest_level();
+        let lit = self.lit.as_ref().filter(|lit| !self.is_complete(lit))?;
+        match lit.level {
+            level if level == finest => (!self.stopped).then_some(Next::Voxels),
+            level if level > 1 => Some(Next::Level(level / FINER.min(level))),
+            _ => Some(Next::Level(finest)),
+        }
     }
 
     /// Starts the march of the requested scene, or else a refinement of the shown one. Returns whether a march has
     /// started; a
     /// new plan may delay it.
     fn begin(&mut self) -> Result<bool, RenderError> {
-        let finest = self.finest_level();
-        let shown = self.lit.as_ref().map(|lit| lit.level).filter(|&level| level != finest);
-        let mut level = shown.map(|level| if level > 1 { level / FINER.min(level) } else { finest });
+        let mut next = self.finer();
         if let Some(planning) = self.planning.take() {
             if !planning.thread.is_finished() {
                 self.planning = Some(planning);
@@ -359,18 +474,22 @@ impl Engine {
                     self.speeds.clear();
                 }
                 self.on_device = on_device;
-                level = Some(self.coarse);
+                next = Some(Next::Level(self.coarse));
             }
         }
         if let Some(scene) = self.wanted.take() {
-            let Some(planned) = self.planned().changed_to(self.scene(), &scene) else {
+            let Some(planned) = self.planned().changed_to(self.on_device.scene(), &scene) else {
                 self.plan(*scene);
                 return Ok(false);
             };
             self.on_device.retarget(*scene, planned);
-            level = Some(self.coarse);
+            next = Some(Next::Level(self.coarse));
         }
-        let Some(level) = level else { return Ok(false) };
+        let level = match next {
+            None => return Ok(false),
+            Some(Next::Voxels) => return self.begin_voxels(),
+            Some(Next::Level(level)) => level,
+        };
         let size = self.size.map(|pixels| pixels.div_ceil(level.max(1)).max(1));
         let elsewhere = || self.speeds.values().next().map(|speed| speed.elsewhere());
         let speed = self.speeds.get(&level).copied().or_else(elsewhere).unwrap_or_else(|| self.renderer().speed());
@@ -380,7 +499,38 @@ impl Engine {
             _ => self.on_device.begin_coarse_march(size, speed)?,
         };
         self.counts.marches += 1;
-        self.marching = Some(Marching { march, level, spent: Duration::ZERO });
+        self.marching = Some(Marching { march, level, of_bricks: false, spent: Duration::ZERO });
+        Ok(true)
+    }
+
+    /// Starts the march of all voxels of the volume in bricks; its plan may delay it.
+    fn begin_voxels(&mut self) -> Result<bool, RenderError> {
+        let Some(bricks) = &mut self.bricks else { return Ok(false) };
+        if let Some(planning) = bricks.planning.take() {
+            if !planning.thread.is_finished() {
+                bricks.planning = Some(planning);
+                return Ok(false);
+            }
+            // A panic of the thread has already been reported.
+            if let Ok(on_device) = planning.thread.join() {
+                let on_device = on_device?;
+                bricks.speed = None;
+                bricks.on_device = Some(on_device);
+            }
+        }
+        let planned = bricks.on_device.as_ref().and_then(|on_device| {
+            let planned = on_device.planned().changed_to(on_device.scene(), &bricks.scene)?;
+            on_device.holds(&bricks.scene, &planned).then_some(planned)
+        });
+        let (Some(planned), Some(on_device)) = (planned, &mut bricks.on_device) else {
+            bricks.plan(&self.on_device);
+            return Ok(false);
+        };
+        on_device.retarget((*bricks.scene).clone(), planned);
+        let speed = bricks.speed.unwrap_or_else(|| on_device.renderer().speed());
+        let march = on_device.begin_march(self.size, speed)?;
+        self.counts.marches += 1;
+        self.marching = Some(Marching { march, level: 1, of_bricks: true, spent: Duration::ZERO });
         Ok(true)
     }
 
@@ -401,29 +551,44 @@ impl Engine {
     pub fn end(mut self) {
         // A panic of the thread has already been reported.
         self.planning.take().map(|planning| planning.thread.join()).transpose().ok();
+        let of_bricks = self.bricks.take().and_then(|bricks| bricks.planning);
+        of_bricks.map(|planning| planning.thread.join()).transpose().ok();
     }
 
     /// Shows the film of the finished march.
     fn finish(&mut self) -> Result<(), RenderError> {
-        let Some(Marching { march, level, spent }) = self.marching.take() else { return Ok(()) };
-        self.speeds.insert(level, march.speed());
-        if level == self.coarse {
-            if spent > COARSE && self.coarse < COARSEST {
-                self.coarse *= 2;
-            } else if spent < COARSE / 5 && self.coarse > 1 {
-                self.coarse /= 2;
+        let Some(Marching { march, level, of_bricks, spent }) = self.marching.take() else { return Ok(()) };
+        match &mut self.bricks {
+            Some(bricks) if of_bricks => bricks.speed = Some(march.speed()),
+            _ => {
+                self.speeds.insert(level, march.speed());
+                if level == self.coarse {
+                    if spent > COARSE && self.coarse < COARSEST {
+                        self.coarse *= 2;
+                    } else if spent < COARSE / 5 && self.coarse > 1 {
+                        self.coarse /= 2;
+                    }
+                }
             }
         }
+        let marched = self.bricks.as_ref().and_then(|bricks| bricks.on_device.as_ref()).filter(|_| of_bricks);
+        let (scene, model) = {
+            let on_device = marched.unwrap_or(&self.on_device);
+            (on_device.scene(), on_device.planned().model.clone())
+        };
         let mut accumulators = march.finish(self.renderer())?;
         let relight = self.renderer().relight_window(&accumulators)?;
         // Its colour model may have been refitted for another observer in the meantime.
-        accumulators.planned.model.clone_from(&self.planned().model);
-        let components = Components::new(self.scene(), &accumulators.planned);
+        accumulators.planned.model = model;
+        // Spectra that leave the film valid may have changed, too.
+        let scene = self.bricks.as_ref().map_or(scene, |bricks| &bricks.scene);
+        let components = Components::new(scene, &accumulators.planned);
         self.pictures += 1;
-        self.lit = Some(Lit { relight, by: None, level, size: self.size, accumulators, components });
+        self.lit = Some(Lit { relight, by: None, level, of_bricks, size: self.size, accumulators, components });
         self.unlit = true;
         if self.wanted.is_none() && self.planning.is_none() {
-            self.reached = Reached { first: true, finest: self.reached.finest || level == self.finest_level() };
+            let complete = self.lit.as_ref().is_some_and(|lit| self.is_complete(lit));
+            self.reached = Reached { first: true, finest: self.reached.finest || complete };
         }
         Ok(())
     }
@@ -455,11 +620,34 @@ impl Engine {
         Some(Snapshot { renderer, accumulators, matrices: lit.matrices(&self.state)? })
     }
 
-    /// Whether the picture is the finest one requested, or the last one before a failure.
+    /// Whether the picture is the finest one requested, or the last one before a failure or before [`Self::stop`].
     #[must_use]
     pub fn is_finest(&self) -> bool {
-        let lit = self.lit.as_ref().is_some_and(|lit| lit.level == self.finest_level() && lit.size == self.size);
-        (lit || self.failed) && !self.has_work(true)
+        let lit = self.lit.as_ref().is_some_and(|lit| self.is_complete(lit) && lit.size == self.size);
+        (lit || self.failed || (self.stopped && self.lit.is_some())) && !self.has_work(true)
+    }
+
+    /// Coarse level of the volume that the picture shows; `None` if it shows all voxels, and before the first picture.
+    #[must_use]
+    pub fn shown_level(&self) -> Option<ShownLevel> {
+        let (bricks, lit) = (self.bricks.as_ref()?, self.lit.as_ref()?);
+        let of_bricks = self.marching.as_ref().filter(|marching| marching.of_bricks);
+        let then = match of_bricks.and_then(|marching| marching.march.bricks()) {
+            _ if self.failed => Refining::Failed,
+            _ if self.stopped => Refining::Stopped,
+            Some(bricks @ [loaded, all, _]) if loaded < all => Refining::Loads(bricks),
+            Some(_) => Refining::Marches,
+            None if bricks.planning.is_some() => Refining::Prepares,
+            None => Refining::Waits,
+        };
+        let voxels = bricks.coarse.block().iter().product();
+        (!lit.of_bricks).then_some(ShownLevel { level: bricks.coarse.level(), voxels, then })
+    }
+
+    /// Bricks that the march of the picture loaded, if it shows all voxels of a volume in bricks.
+    #[must_use]
+    pub fn brick_counts(&self) -> Option<BrickCounts> {
+        self.lit.as_ref().and_then(|lit| lit.accumulators.bricks)
     }
 
     /// Pixels of the marched picture that is shown, across and down; fewer than the window's while it is coarse.
@@ -509,7 +697,19 @@ impl Engine {
     /// The scene whose picture is shown or being marched.
     #[must_use]
     pub fn scene(&self) -> &Scene {
-        self.on_device.scene()
+        self.bricks.as_ref().map_or_else(|| self.on_device.scene(), |bricks| &bricks.scene)
+    }
+
+    /// The scene whose voxels are in memory, to follow a ray in: [`Self::scene`], or with a coarse level of blocks of so many
+    /// voxels if its own voxels stay in a file.
+    #[must_use]
+    pub fn scene_at_hand(&self) -> (Scene, Option<[usize; 3]>) {
+        match &self.bricks {
+            Some(bricks) if bricks.scene.volume.bricks.is_some() => {
+                (bricks.coarse.scene(&bricks.scene), Some(bricks.coarse.block()))
+            }
+            _ => (self.scene().clone(), None),
+        }
     }
 
     /// Statistics of the volume.
@@ -546,6 +746,31 @@ impl Engine {
     #[must_use]
     pub fn renderer(&self) -> &Renderer {
         self.on_device.renderer()
+    }
+}
+
+impl Bricks {
+    /// Starts to plan the scene in the background and to prepare the device for it; `coarse` is its coarse level there.
+    fn plan(&mut self, coarse: &SceneRenderer) {
+        let (before, scene) = (self.on_device.take(), (*self.scene).clone());
+        let (renderer, statistics) = (coarse.renderer().beside(coarse.uploaded().bytes()), coarse.statistics().clone());
+        let thread = std::thread::spawn(move || {
+            // Later plans are compared between frames.
+            read_ahead(&scene);
+            let planned = plan(&scene, &Quiet)?;
+            warn_of_plan(&planned);
+            let on_device = match before {
+                Some(before) if before.holds(&scene, &planned) => before.with_scene(scene, planned, &Quiet),
+                before => {
+                    // There may be no room for two pools.
+                    drop(before);
+                    SceneRenderer::with_plan(&renderer, scene, planned, statistics, &Quiet)
+                }
+            }?;
+            on_device.warm_up_rounds()?;
+            Ok(on_device)
+        });
+        self.planning = Some(Planning { thread });
     }
 }
 

@@ -3,13 +3,15 @@
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
+use super::coarse::Coarse;
 use super::job::Listener;
 use crate::document::{OpenError, SceneFile, Source};
 use crate::memory::give_back_freed;
-use crate::plan::Planned;
+use crate::plan::{Planned, plan};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, SceneRenderer};
-use crate::volume::Statistics;
+use crate::scene::Scene;
+use crate::volume::{HostMemory, Statistics};
 
 /// Reason why a scene could not be opened.
 #[derive(Debug, thiserror::Error)]
@@ -43,8 +45,11 @@ impl LoadError {
 /// Scene on the device.
 #[derive(Debug)]
 pub struct Loaded {
-    /// The scene, planned, uploaded and warmed up.
+    /// The scene, planned, uploaded and warmed up; with a coarse level in place of a volume that the device or the memory
+    /// cannot hold whole.
     pub on_device: SceneRenderer,
+    /// This coarse level.
+    pub coarse: Option<Coarse>,
     /// The scene file.
     pub file: SceneFile,
     /// Source of the scene.
@@ -124,13 +129,20 @@ pub(super) fn warn_of_plan(planned: &Planned) {
 }
 
 impl Loaded {
-    /// Opens `source` on a device: reads, plans and uploads it, and warms the pipelines up.
+    /// Opens `source` on a device: reads, plans and uploads it, and warms the pipelines up. Its voxels are kept in `memory`.
     ///
     /// # Errors
     ///
     /// [`LoadError`].
-    pub fn open(renderer: &Renderer, source: Source, progress: &dyn Progress) -> Result<Self, LoadError> {
-        let (file, statistics) = source.read(progress)?;
+    pub fn open(
+        renderer: &Renderer,
+        source: Source,
+        memory: HostMemory,
+        progress: &dyn Progress,
+    ) -> Result<Self, LoadError> {
+        let mut bounded = source.clone();
+        bounded.options.selection.memory = memory;
+        let (file, statistics) = bounded.read(progress)?;
         Self::prepare(renderer, file, statistics, source, progress)
     }
 
@@ -146,9 +158,25 @@ impl Loaded {
         source: Source,
         progress: &dyn Progress,
     ) -> Result<Self, LoadError> {
-        let on_device = SceneRenderer::with_statistics(renderer, file.scene.clone(), statistics, progress)?;
-        warn_of_plan(on_device.planned());
+        let scene = file.scene.clone();
+        let planned = |scene: &Scene| plan(scene, progress).map_err(RenderError::from);
+        let whole = if scene.volume.bricks.is_some() { None } else { Some(planned(&scene)?) };
+        let whole = match whole {
+            Some(planned) if renderer.holds_whole(&scene, &planned, &statistics)? => Some(planned),
+            _ => None,
+        };
+        let (scene, planned, coarse) = match whole {
+            Some(planned) => (scene, planned, None),
+            None => {
+                let coarse = Coarse::of(renderer, &scene, progress)?;
+                let scene = coarse.scene(&scene);
+                let planned = planned(&scene)?;
+                (scene, planned, Some(coarse))
+            }
+        };
+        warn_of_plan(&planned);
+        let on_device = SceneRenderer::with_plan(renderer, scene, planned, statistics, progress)?;
         on_device.warm_up()?;
-        Ok(Self { on_device, file, source })
+        Ok(Self { on_device, coarse, file, source })
     }
 }

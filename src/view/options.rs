@@ -17,6 +17,10 @@ pub struct Options {
     pub size: Option<[u32; 2]>,
     /// Rendering device.
     pub device: DeviceChoice,
+    /// Bytes of the host for voxels of a file of bricks; half of the available memory by default.
+    pub memory: Option<u64>,
+    /// Bytes of the device for a volume; all of its memory by default.
+    pub device_memory: Option<u64>,
     /// Use of the validation layer.
     pub validation: Validation,
     /// Folder for cached measurements.

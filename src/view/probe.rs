@@ -14,7 +14,7 @@ use crate::spectrum::colour::{
 };
 use crate::spectrum::{BANDS, Spectrum};
 use crate::tables::{LabelMap, Reflected, Storage};
-use crate::volume::{Statistics, VolumeError};
+use crate::volume::{Statistics, VolumeError, index_of_coarse};
 
 /// Factor by which the steps of the truth are shorter than those of the picture.
 const FINER: f64 = 8.0;
@@ -136,6 +136,9 @@ pub struct Probe {
     /// before
     /// the ray was marched.
     pub absorbed: Vec<f64>,
+    /// Voxels whose mean is one of the coarse level that the ray was marched in; `None` if it is the volume itself. Errors
+    /// are unknown then.
+    pub level: Option<usize>,
     /// Segments of the ray, from the eye on; empty if it misses the rendered part of the volume. `None` before it was
     /// marched.
     pub ray: Option<Vec<Stretch>>,
@@ -152,7 +155,7 @@ impl Probe {
         let matrices = |mix: &Mix| RelightMatrices::new(&pixel.components, positions, background, mix, &scene.display);
         let lit = |name: &str, mix: &Mix| {
             let shown = Shown(only(numbers.relight(&matrices(mix))));
-            let error = ray.map(|ray| {
+            let error = ray.filter(|ray| ray.level.is_none()).map(|ray| {
                 let [all, model] = ray.colours(scene, mix).map(|truth| shown.difference(truth));
                 Error { all, model }
             });
@@ -193,6 +196,7 @@ impl Probe {
             transmittance: through.sum(),
             seen: ray.map_or_else(Vec::new, |ray| ray.seen.clone()),
             absorbed: ray.map_or_else(Vec::new, |ray| ray.absorbed.clone()),
+            level: ray.and_then(|ray| ray.level),
             ray: ray.map(|ray| ray.stretches.clone()),
         }
     }
@@ -235,6 +239,7 @@ impl Probe {
             "shares": self.shares.iter().map(share).collect::<Vec<_>>(),
             "positions": self.positions.iter().map(share).collect::<Vec<_>>(),
             "transmittance": self.transmittance,
+            "voxels_per_sample": self.level,
             "seen": by_name(&self.seen),
             "absorbed": by_name(&self.absorbed),
             "ray": self.ray.iter().flatten().map(|stretch| json!({
@@ -342,6 +347,8 @@ pub struct Ray {
     marched: [Film<f64>; 2],
     /// Segments, from the eye on.
     pub stretches: Vec<Stretch>,
+    /// Voxels whose mean is one of the coarse level that was marched, if it was not the volume itself.
+    level: Option<usize>,
     /// Visible amount of each material of the scene along the ray, regardless of shading; weighted by luminance if the
     /// transmittance is coloured.
     pub seen: Vec<f64>,
@@ -412,7 +419,25 @@ impl Ray {
         };
         let components = Components::new(scene, &planned);
         let Profile { stretches, seen, absorbed, .. } = profile;
-        Ok(Self { components, positions: planned.positions.len(), marched: [truth, own], stretches, seen, absorbed })
+        Ok(Self {
+            components,
+            positions: planned.positions.len(),
+            marched: [truth, own],
+            stretches,
+            level: None,
+            seen,
+            absorbed,
+        })
+    }
+
+    /// The ray of a volume of which a coarse level of blocks of `block` voxels was marched, with its places in voxel indices
+    /// of the volume; `None` leaves it as it is.
+    pub(super) fn of_blocks(mut self, block: Option<[usize; 3]>) -> Self {
+        if let Some(block) = block {
+            self.level = Some(block.iter().product());
+            self.stretches.iter_mut().for_each(|stretch| stretch.place = index_of_coarse(stretch.place, block));
+        }
+        self
     }
 
     /// Colours under `mix`: with an eighth of the picture's step length, and with its own.

@@ -113,12 +113,13 @@ impl Prober {
             }
             self.ray = Some(behind.ray?);
         } else if self.job.is_none() && !self.followed && engine.is_finest() {
-            let (scene, statistics) = (engine.scene().clone(), engine.statistics().clone());
+            let ((scene, block), statistics) = (engine.scene_at_hand(), engine.statistics().clone());
             let (which, components) = ([pixel.size, pixel.place], pixel.components.clone());
             self.job = Some(Job::start(wake, move |progress| {
                 let background = scene.background.as_ref();
                 let reflected = lacks_spectra.then(|| Reflected::new(&components, background));
-                Behind { reflected, ray: Ray::march(&scene, &statistics, which, progress) }
+                let ray = Ray::march(&scene, &statistics, which, progress);
+                Behind { reflected, ray: ray.map(|ray| ray.of_blocks(block)) }
             }));
         }
         // The refitted picture for another observer is still pending.

@@ -71,5 +71,10 @@ fn device(options: &Options, window: &Arc<Window>) -> Result<(Surface, Renderer)
     let display = window.display_handle().map_err(|_| VulkanError::NoWindow { lacking: "a display".to_owned() })?;
     let device = present::open_device(&options.device, options.validation, display.as_raw())?;
     let surface = Surface::new(&device, Arc::clone(window))?;
-    Ok((surface, Renderer::new(device).with_dispatches_of(DISPATCH)))
+    let renderer = Renderer::new(device).with_dispatches_of(DISPATCH);
+    let renderer = match options.device_memory {
+        Some(bytes) => renderer.with_memory(bytes),
+        None => renderer,
+    };
+    Ok((surface, renderer))
 }

@@ -353,6 +353,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             Command::Spectrum(side, name.trim().to_owned(), standard.trim().to_owned())
         }
         "solve" => Command::Do(Action::Solve(None)),
+        "cancel" if rest == ["refining"] => Command::Do(Action::StopRefining),
         "cancel" if rest == ["page"] => Command::Do(Action::GiveUpPage),
         "cancel" => Command::Do(Action::GiveUp),
         "undo" => Command::Do(Action::Undo),

@@ -47,7 +47,9 @@ impl Slices {
     #[must_use]
     pub fn json(&self, volume: &Volume) -> Option<Value> {
         let at = self.crosshair(&volume.geometry);
-        self.shown.then(|| json!({ "at": at.to_array(), "value": volume.value(voxel(at)), "window": self.window }))
+        // A voxel that cannot be read has no value; the march has told why.
+        let value = || volume.read_value(voxel(at)).ok().flatten();
+        self.shown.then(|| json!({ "at": at.to_array(), "value": value(), "window": self.window }))
     }
 }
 

@@ -141,6 +141,12 @@ impl Viewer {
             .document
             .as_ref()
             .and_then(|document| self.panels.layout.slices.json(&document.state().scene.volume));
+        if let Some(engine) = &self.engine {
+            self.record.report.volume_level =
+                engine.shown_level().map(|shown| serde_json::json!({ "level": shown.level, "voxels": shown.voxels }));
+            self.record.report.bricks = engine.brick_counts();
+            self.record.report.host_bricks = engine.scene().volume.bricks.as_ref().map(|cache| cache.counts());
+        }
         self.picture.prober.end();
         if let Some(measuring) = self.tasks.measuring.take() {
             measuring.end();

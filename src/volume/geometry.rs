@@ -123,6 +123,15 @@ impl Geometry {
         self.spacing * DVec3::from_array(self.dims.map(count))
     }
 
+    /// Opposite corners of the box of whole voxels; `None` if its sides are not along the axes of the world.
+    #[must_use]
+    pub fn world_box(&self) -> Option<[DVec3; 2]> {
+        let is_along = |axis: usize| self.direction.col(axis).abs().max_element() > 1.0 - 1e-12;
+        let last = DVec3::from_array(self.dims.map(count)) - 0.5;
+        let corners = [DVec3::splat(-0.5), last].map(|index| self.world_from_index(index));
+        (0..3).all(is_along).then_some(corners)
+    }
+
     /// Number of voxels.
     #[must_use]
     pub fn voxels(&self) -> usize {

@@ -28,7 +28,9 @@ impl Volume {
         self.require_voxels("averaging blocks")?;
         let geometry = self.coarser(block)?;
         let voxels = with_voxels!(&self.voxels, stored => {
-            reduce(stored, self.geometry.dims, &geometry, block, |values| Voxel::mean(values.iter().copied()))
+            Voxel::into_voxels(reduce(stored, self.geometry.dims, geometry.dims, block, |values| {
+                Voxel::mean(values.iter().copied())
+            }))
         });
         Ok(self.resampled(voxels, geometry, block))
     }
@@ -43,7 +45,7 @@ impl Volume {
         self.require_voxels("averaging blocks")?;
         let geometry = self.coarser(block)?;
         let voxels = with_voxels!(&self.voxels, stored => {
-            reduce(stored, self.geometry.dims, &geometry, block, most_frequent)
+            Voxel::into_voxels(reduce(stored, self.geometry.dims, geometry.dims, block, most_frequent))
         });
         Ok(self.resampled(voxels, geometry, block))
     }
@@ -88,6 +90,7 @@ impl Volume {
         Ok(Some(laid))
     }
 
+    /// The grid of complete blocks.
     fn coarser(&self, block: [usize; 3]) -> Result<Geometry, VolumeError> {
         let dims = self.geometry.dims;
         if (0..3).any(|axis| block[axis] == 0 || block[axis] > dims[axis]) {
@@ -97,18 +100,24 @@ impl Volume {
     }
 
     fn resampled(&self, voxels: Voxels, geometry: Geometry, block: [usize; 3]) -> Self {
-        let (mut notes, assumed_spacing) = (self.notes.clone(), self.assumed_spacing.clone());
+        let mut resampled = self.reduced(voxels, geometry, block);
         let dims = self.geometry.dims;
         let dropped: [usize; 3] = std::array::from_fn(|axis| dims[axis] % block[axis]);
         if dropped != [0; 3] {
             let [x, y, z] = dropped;
-            notes.push(format!(
+            resampled.notes.push(format!(
                 "{}: {x}, {y}, {z} voxels at the ends of x, y, z do not fill a block and are dropped",
                 self.source
             ));
         }
-        let Self { source, files, metadata, presets, .. } = self;
+        resampled
+    }
+
+    /// This volume with `voxels`, one for each block, on their grid.
+    pub(super) fn reduced(&self, voxels: Voxels, geometry: Geometry, block: [usize; 3]) -> Self {
+        let Self { source, files, metadata, presets, notes, assumed_spacing, .. } = self;
         let (source, files, metadata, presets) = (source.clone(), files.clone(), metadata.clone(), presets.clone());
+        let (notes, assumed_spacing) = (notes.clone(), assumed_spacing.clone());
         let blocks = std::array::from_fn(|axis| self.blocks[axis] * block[axis]);
         let (selection, component_names) = (self.selection.clone(), self.component_names.clone());
         Self {
@@ -150,32 +159,46 @@ fn lay<T: Voxel>(stored: &[T], [nx, ny, nz]: [usize; 3], offset: [i64; 3], laid:
     lost
 }
 
-/// Reduces each block to one voxel; `choose` may reorder the voxels of the block.
+/// The means of blocks of `block` voxels of a grid of `dims`, or their most frequent numbers if these are `labels`. Blocks at
+/// the end of an axis may be incomplete.
+pub(super) fn of_blocks<T: Voxel>(stored: &[T], dims: [usize; 3], block: [usize; 3], labels: bool) -> Vec<T> {
+    let coarse = std::array::from_fn(|axis| dims[axis].div_ceil(block[axis]));
+    if labels {
+        reduce(stored, dims, coarse, block, most_frequent)
+    } else {
+        reduce(stored, dims, coarse, block, |values| Voxel::mean(values.iter().copied()))
+    }
+}
+
+/// Reduces each block to one voxel of a grid of `coarse` voxels; `choose` may reorder the voxels of the block.
 fn reduce<T: Voxel>(
     stored: &[T],
-    [nx, ny, _]: [usize; 3],
-    coarse: &Geometry,
+    [nx, ny, nz]: [usize; 3],
+    coarse: [usize; 3],
     [bx, by, bz]: [usize; 3],
     choose: impl Fn(&mut [T]) -> Option<T> + Sync,
-) -> Voxels {
-    let [width, height, _] = coarse.dims;
-    // Offsets from the first voxel of a block to each of its voxels.
-    let offsets: Vec<usize> =
-        (0..bx * by * bz).map(|i| i % bx + nx * (i / bx % by) + nx * ny * (i / (bx * by))).collect();
-    let mut voxels = vec![T::zeroed(); coarse.voxels()];
+) -> Vec<T> {
+    let [width, height, depth] = coarse;
+    let mut voxels = vec![T::zeroed(); width * height * depth];
     voxels.par_chunks_mut(width).enumerate().for_each_init(
-        || vec![T::zeroed(); offsets.len()],
+        || Vec::with_capacity(bx * by * bz),
         |values, (row, out)| {
-            let start = nx * (row % height * by + ny * (row / height * bz));
+            let (first_y, first_z) = (row % height * by, row / height * bz);
             for (block, voxel) in out.iter_mut().enumerate() {
-                let block = &stored[start + bx * block..];
-                values.iter_mut().zip(&offsets).for_each(|(value, &offset)| *value = block[offset]);
+                let first_x = bx * block;
+                values.clear();
+                for z in first_z..(first_z + bz).min(nz) {
+                    for y in first_y..(first_y + by).min(ny) {
+                        let row = nx * (y + ny * z);
+                        values.extend_from_slice(&stored[row + first_x..row + (first_x + bx).min(nx)]);
+                    }
+                }
                 // A block has at least one voxel.
                 *voxel = choose(values).unwrap_or(T::zeroed());
             }
         },
     );
-    T::into_voxels(voxels)
+    voxels
 }
 
 /// The most frequent value, the smallest one among ties.

@@ -259,3 +259,52 @@ fn a_header_that_promises_more_than_its_file_has_is_refused_before_memory_is_tak
     let error = made.unwrap_err().to_string();
     assert!(error.contains("lies.nrrd") && error.contains("1000000000000000"), "{error}");
 }
+
+#[test]
+fn the_coarse_level_of_voxels_in_a_file_is_that_of_voxels_in_memory() {
+    for voxel_type in [VoxelType::U8, VoxelType::I16, VoxelType::F32] {
+        let made = Made::new(voxel_type);
+        made.bricks("v.bricks", u64::MAX, &Quiet).unwrap();
+        // Level 0 has a coarser one in the file; the last level has none, and its bricks are averaged.
+        let last = volume::brick_levels(&made.path("v.bricks")).unwrap().len() - 1;
+        for level in [0, last] {
+            let open = |memory| {
+                let selection = Selection { level: Some(level), memory, ..Selection::default() };
+                volume::open(&made.path("v.bricks"), &selection, &Quiet).unwrap()
+            };
+            let (in_file, whole) = (open(HostMemory::InFile), open(HostMemory::Whole));
+            assert!(in_file.at_hand().voxels.is_empty(), "before it is made");
+            in_file.prepare_coarse(&Quiet).unwrap();
+            let coarse = in_file.at_hand();
+            let expected = whole.coarse_level([2; 3]).unwrap();
+            assert_eq!(
+                (coarse.geometry, in_file.block_of(coarse)),
+                (expected.geometry, [2; 3]),
+                "{voxel_type} {level}"
+            );
+            assert!(coarse.voxels == expected.voxels, "{voxel_type} {level}");
+        }
+    }
+}
+
+#[test]
+fn the_coarse_level_takes_a_small_part_of_the_memory_from_the_bricks() {
+    // 4×4×4 bricks of bytes, of which 27 and what is beside them take just less than the voxels.
+    let folder = tempfile::tempdir().unwrap();
+    let [raw, bricks] = ["v.raw", "v.bricks"].map(|name| folder.path().join(name));
+    let dims = [300, 300, 280];
+    std::fs::write(&raw, vec![7_u8; dims.iter().product()]).unwrap();
+    let source = (&*raw, Some(&RawLayout::new(dims, VoxelType::U8)));
+    write_bricks(&bricks, source, &Selection::default(), u64::MAX, &Quiet).unwrap();
+    let bounded = |bytes: u64| open(&bricks, HostMemory::Bounded { bytes: Some(bytes) });
+    let error = bounded(1 << 20).unwrap_err();
+    let least: u64 = error.split("at least ").nth(1).and_then(|text| text.split(' ').next()?.parse().ok()).unwrap();
+    let read = bounded(24 << 20).unwrap();
+    assert!(read.bricks.is_some() && least <= 24, "{error}");
+    let before = read.bricks.as_ref().unwrap().counts().held;
+    read.prepare_coarse(&Quiet).unwrap();
+    let after = read.bricks.as_ref().unwrap().counts().held;
+    let coarse = read.at_hand();
+    assert_eq!(coarse.geometry.dims, [75, 75, 70], "an eighth of the memory at most");
+    assert!(after < before && after >= 27, "{after} of {before} bricks");
+}

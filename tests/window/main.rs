@@ -2,6 +2,7 @@
 #![cfg(feature = "window")]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod bricks;
 #[path = "../support/mod.rs"]
 mod support;
 mod view;

@@ -570,7 +570,10 @@ pub struct NoCt {
 pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> Result<FirstLook, NoCt> {
     // A comment ends with its line.
     let name = &name.replace(char::is_control, " ");
-    let values = Values::of(volume, statistics);
+    // Of voxels that stay in a file, a coarse level is examined.
+    let at_hand = volume.at_hand();
+    let block = volume.block_of(at_hand);
+    let values = Values::of(at_hand, statistics);
     if let Some(look) = wish.look.filter(|look| look.is_of_ct())
         && values.water(statistics).is_none()
     {
@@ -593,7 +596,8 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
     };
     let (shape, guess) =
         shape(&values, (&volume.presets, statistics), wish, axis, if is_flat { Rise::Even } else { Rise::Steep });
-    let scale = count(values.thinned.stride[axis]) * geometry.spacing[axis] / geometry.spacing.min_element();
+    let stride = count(values.thinned.stride[axis] * block[axis]);
+    let scale = stride * geometry.spacing[axis] / geometry.spacing.min_element();
     let thickness = |layers: &[Layer]| -> Vec<f64> {
         thicknesses(&values.thinned, layers, axis).into_iter().map(|voxels| (voxels * scale).max(1.0)).collect()
     };
@@ -609,14 +613,19 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
     let crop = match values.kind {
         Kind::Ct { water } => {
             let body: Vec<bool> = values.thinned.values.iter().map(|&value| f64::from(value) > water - 300.0).collect();
-            part::largest_part(&values.thinned, &body, geometry.dims)
+            part::largest_part(&values.thinned, &body, at_hand.geometry.dims)
         }
         _ => None,
     };
-    let outline = fit::outline(volume, values.thinned.stride, crop, |_, value| is_flat || shows(rounded(value)));
+    let outline = fit::outline(at_hand, values.thinned.stride, crop, |_, value| is_flat || shows(rounded(value)));
     // A body is known to be upright.
     let camera = if matches!(values.kind, Kind::Ct { .. }) { camera } else { raised(camera, &outline) };
     let camera = fit::fitted(&camera, &outline, geometry);
+    let crop = crop.map(|[low, high]| {
+        let of_block = |axis: usize, at: usize, end: usize| (at * block[axis] + end).min(geometry.dims[axis] - 1);
+        let low = std::array::from_fn(|axis| of_block(axis, low[axis], 0));
+        [low, std::array::from_fn(|axis| of_block(axis, high[axis], block[axis] - 1))]
+    });
     let alone = if crop.is_some() { "; only the largest connected part is shown" } else { "" };
     let guess = format!("{name} has no scene, so Relume made one: {guess}{alone}.");
     let of_ramp = |range, rise| (scale * ramp_thickness(&values.thinned, range, rise, axis)).max(1.0);

@@ -1,9 +1,12 @@
 //! Rounds of a march in bricks: rays go on until the next brick is missing, and the bricks that they want are loaded.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 
 use crate::number::{count, whole};
-use crate::render::pool::Pool;
+use crate::render::pool::{Held, Packed, Pool};
 use crate::render::{RenderError, Renderer, Uploaded};
 use crate::tables::{Occupancy, RayTable};
 use crate::vulkan::{Buffer, HostUse};
@@ -54,6 +57,10 @@ pub(super) struct Rounds {
     visible: Vec<usize>,
     /// Bricks to load before the next round.
     loading: VecDeque<usize>,
+    /// Number of bricks that the next round waits for.
+    of_round: usize,
+    /// Bricks being read for it.
+    fetch: Option<Fetch>,
     /// Bricks that the next round needs.
     kept: Vec<bool>,
     /// Bricks that this march has loaded.
@@ -63,6 +70,39 @@ pub(super) struct Rounds {
     /// Whether all rays have ended.
     pub(super) done: bool,
     pub(super) counts: BrickCounts,
+}
+
+/// Bricks that a thread reads and packs. It uses no device.
+#[derive(Debug)]
+struct Fetch {
+    cancelled: Arc<AtomicBool>,
+    thread: JoinHandle<Result<Vec<Packed>, RenderError>>,
+}
+
+impl Fetch {
+    /// Starts to read `bricks` of `pool`; `None` without bricks.
+    fn start(pool: &Pool, bricks: Vec<usize>) -> Option<Self> {
+        if bricks.is_empty() {
+            return None;
+        }
+        let (packer, cancelled) = (Arc::clone(&pool.packer), Arc::new(AtomicBool::new(false)));
+        let heard = Arc::clone(&cancelled);
+        let thread = std::thread::spawn(move || {
+            let wanted = bricks.into_iter().take_while(|_| !heard.load(Ordering::Relaxed));
+            wanted.map(|brick| packer.pack(brick)).collect()
+        });
+        Some(Self { cancelled, thread })
+    }
+
+    fn is_over(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    /// The bricks, in the order of the request.
+    fn packed(self) -> Result<Vec<Packed>, RenderError> {
+        // A panic of the thread has already been reported.
+        self.thread.join().unwrap_or(Err(RenderError::Cancelled))
+    }
 }
 
 /// Rows and first sample of a round.
@@ -79,6 +119,13 @@ pub(super) struct Round {
 /// Bytes of `buffer`.
 fn length(buffer: &Buffer) -> usize {
     usize::try_from(buffer.bytes()).unwrap_or(usize::MAX)
+}
+
+impl Drop for Rounds {
+    fn drop(&mut self) {
+        // The thread ends after the brick that it reads.
+        self.fetch.iter().for_each(|fetch| fetch.cancelled.store(true, Ordering::Relaxed));
+    }
 }
 
 impl Rounds {
@@ -111,6 +158,8 @@ impl Rounds {
             read_back: Buffer::host(device, "wanted bricks, read back", bytes, HostUse::ReadBack)?,
             ranks,
             loading: if fit { visible.iter().copied().collect() } else { VecDeque::new() },
+            of_round: if fit { visible.len() } else { 0 },
+            fetch: None,
             kept,
             known: vec![false; bricks],
             lowest: i64::MIN,
@@ -158,21 +207,68 @@ impl Rounds {
     pub(super) fn load(&mut self, renderer: &Renderer, uploaded: &Uploaded, pool: &Pool) -> Result<(), RenderError> {
         let mut held = pool.held();
         self.loading.retain(|&brick| !held.has(brick));
+        let bricks: Vec<usize> = self.loading.iter().copied().collect();
+        let packed = bricks.iter().map(|&brick| pool.packer.pack(brick));
+        self.put(renderer, uploaded, (pool, &mut held), packed)
+    }
+
+    /// Loads bricks that `packed` yields, the first ones of the next round.
+    fn put(
+        &mut self,
+        renderer: &Renderer,
+        uploaded: &Uploaded,
+        (pool, held): (&Pool, &mut Held),
+        packed: impl Iterator<Item = Result<Packed, RenderError>>,
+    ) -> Result<(), RenderError> {
         let (kept, ranks, lowest) = (&self.kept, &self.ranks, self.lowest);
         // Bricks that all rays have left go first, then those that rays reach last.
         let spare = |brick: usize| if ranks[brick] < lowest { i64::MAX - 1 } else { ranks[brick] };
-        let loading: &[usize] = self.loading.make_contiguous();
-        let loaded = pool.load(renderer, uploaded.loaded(), &mut held, loading, |brick| kept[brick], spare)?;
-        for brick in self.loading.drain(..loaded) {
+        let loaded = pool.load(renderer, uploaded.filled(), held, packed, |brick| kept[brick], spare)?;
+        for &brick in &loaded {
             self.counts.loaded += 1;
             self.counts.again += usize::from(self.known[brick]);
             self.known[brick] = true;
         }
-        if loaded == 0 {
+        self.loading.retain(|brick| !loaded.contains(brick));
+        if loaded.is_empty() {
             // Another march holds the slots; the rays will ask again.
             self.loading.clear();
         }
         Ok(())
+    }
+
+    /// As [`Self::load`], but never waits for bricks: a thread reads and packs them, those after the ones that are loaded too.
+    /// Returns whether the device did any work.
+    pub(super) fn load_ahead(
+        &mut self,
+        renderer: &Renderer,
+        uploaded: &Uploaded,
+        pool: &Pool,
+    ) -> Result<bool, RenderError> {
+        let mut held = pool.held();
+        let Some(fetch) = self.fetch.take() else {
+            self.loading.retain(|&brick| !held.has(brick));
+            self.fetch = Fetch::start(pool, self.loading.iter().take(pool.batch()).copied().collect());
+            return Ok(false);
+        };
+        if !fetch.is_over() {
+            self.fetch = Some(fetch);
+            return Ok(false);
+        }
+        let packed = fetch.packed()?;
+        // Another march may have loaded some of them since.
+        let packed: Vec<Packed> = packed.into_iter().filter(|packed| !held.has(packed.brick)).collect();
+        self.loading.retain(|&brick| !held.has(brick));
+        self.fetch = Fetch::start(pool, self.loading.iter().skip(packed.len()).take(pool.batch()).copied().collect());
+        if !packed.is_empty() {
+            self.put(renderer, uploaded, (pool, &mut held), packed.into_iter().map(Ok))?;
+        }
+        Ok(true)
+    }
+
+    /// Bricks of the present round that are loaded, and all that it waits for.
+    pub(super) fn progress(&self) -> [usize; 2] {
+        [self.of_round.saturating_sub(self.loading.len()), self.of_round]
     }
 
     /// Ends a round: returns the next one, whose bricks are to be loaded first; `None` if all rays have ended.
@@ -201,6 +297,7 @@ impl Rounds {
         for &brick in &wanted {
             self.kept[brick] = true;
         }
+        self.of_round = wanted.len();
         self.loading = wanted.into();
         self.counts.rounds += 1;
         self.reset()?;

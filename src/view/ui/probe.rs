@@ -78,7 +78,7 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
             patch(ui, &lit.shown.code(), 14.0);
             ui.label(&lit.name);
             ui.label(RichText::new(lab(lit)).small().monospace());
-            error(ui, lit);
+            error(ui, lit, probe.level.is_some());
             ui.end_row();
         }
     });
@@ -129,6 +129,12 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         "Along the ray",
         "From the eye: the thin line is the data value, bars are opacities in the colours of the materials, and the falling line is the transmittance.",
     );
+    if let Some(voxels) = probe.level {
+        let text = format!(
+            "The ray goes through the coarse level in memory, means of {voxels} voxels. The errors of the colours are unknown."
+        );
+        ui.label(RichText::new(text).small());
+    }
     match probe.ray.as_deref() {
         None => {
             ui.label(RichText::new("marching the ray …").small().weak());
@@ -182,8 +188,10 @@ fn lab(lit: &Lit) -> String {
     format!("Lab {l:5.1} {a:6.1} {b:6.1}")
 }
 
-fn error(ui: &mut Ui, lit: &Lit) {
+/// Error of a colour. It stays unknown if the ray was marched in a coarse level of the volume.
+fn error(ui: &mut Ui, lit: &Lit, unknown: bool) {
     match lit.error {
+        None if unknown => ui.label(RichText::new("ΔE ?").small().weak()),
         None => ui.label(RichText::new("ΔE …").small().weak()),
         Some(error) => {
             let help = format!(

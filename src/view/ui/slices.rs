@@ -345,11 +345,18 @@ fn controls(
 /// Value and position of the voxel at the crosshair.
 fn told(volume: &Volume, at: DVec3) -> String {
     let voxel = voxel(at);
-    let value = volume.value(voxel).map_or_else(String::new, brief);
+    let at_hand = volume.at_hand();
+    let block = volume.block_of(at_hand);
+    let coarse = std::array::from_fn(|axis| voxel[axis] / block[axis]);
+    let value = at_hand.value(coarse).map_or_else(String::new, brief);
+    let of_level = match block.iter().product::<usize>() {
+        1 => String::new(),
+        voxels => format!(" (mean of {voxels} voxels)"),
+    };
     let [x, y, z] = volume.geometry.world_from_index(at).to_array().map(|along| format!("{:.1}", along + 0.0));
     let unit = volume.unit.map_or_else(String::new, |unit| format!(" {unit}"));
     let [i, j, k] = voxel;
-    format!("value {value} at voxel {i} {j} {k}: {x} {y} {z}{unit}")
+    format!("value {value}{of_level} at voxel {i} {j} {k}: {x} {y} {z}{unit}")
 }
 
 /// Draws the crosshair of the slices into the picture in `rect`: short lines along the axes of the grid.
@@ -480,8 +487,11 @@ fn texture(
     }
     let codes = codes(colours);
     let overlay = key.materials.as_ref().map(|of| overlay(ui, scene, statistics, of));
+    // Of voxels that stay in a file, those of a coarse level.
+    let at_hand = scene.volume.at_hand();
+    let index = index / scene.volume.block_of(at_hand)[plane.normal];
     let painted = Painted {
-        volume: &scene.volume,
+        volume: at_hand,
         window,
         overlay: overlay.as_deref(),
         labels: labels.map(|labels| (labels, codes.as_slice())),

@@ -3,6 +3,7 @@
 use egui::{RichText, Sides, Ui};
 
 use super::{Shown, controls};
+use crate::view::engine::{Refining, ShownLevel};
 
 /// Content of the status line.
 #[derive(Clone, Debug, Default)]
@@ -13,6 +14,8 @@ pub struct Status {
     pub size: [usize; 2],
     /// Marched pixels of the picture that is shown, if there is one.
     pub shown: Option<[usize; 2]>,
+    /// Coarse level of the volume that is shown, if it is not the volume itself.
+    pub level: Option<ShownLevel>,
     /// Error of the colours in words.
     pub error: Option<String>,
     /// Progress of the current march, 0 to 1.
@@ -25,11 +28,28 @@ pub struct Status {
     pub frame_ms: f64,
 }
 
+/// Coarse level of the volume and its refinement, in words.
+fn told(shown: ShownLevel) -> String {
+    let then = match shown.then {
+        Refining::Waits => "refined at rest".to_owned(),
+        Refining::Prepares => "preparing its bricks".to_owned(),
+        Refining::Loads([loaded, all, 1]) => format!("loading bricks, {loaded} of {all} (Esc stops)"),
+        Refining::Loads([loaded, all, round]) => {
+            format!("loading bricks, {loaded} of {all} in round {round} (Esc stops)")
+        }
+        Refining::Marches => "marching its bricks (Esc stops)".to_owned(),
+        Refining::Stopped => "stopped; the next change refines it".to_owned(),
+        Refining::Failed => "it cannot be refined, see the notice".to_owned(),
+    };
+    format!("level {} of the volume, 1/{} of its voxels; {then}", shown.level, shown.voxels)
+}
+
 /// Shows the status line.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) {
     let status = shown.status;
     ui.horizontal(|ui| {
         let at = match (status.marching, status.beside, status.finest) {
+            _ if status.level.is_some() => status.level.map_or_else(String::new, told),
             (Some(part), _, _) => format!("refining {:.0} %", 100.0 * part),
             (None, Some(beside), _) => beside.to_owned(),
             (None, None, true) => "at rest".to_owned(),

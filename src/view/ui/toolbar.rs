@@ -122,6 +122,12 @@ pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     if pressed(&PANELS) {
         asked.push(Action::Panels(!shown.panels));
     }
+    // Escape closes windows over the picture first.
+    let over = shown.probe.is_some() || shown.layout.help || shown.layout.lesson.is_some() || shown.layout.ruler.on;
+    let is_free = !over && ui.memory(|memory| memory.focused().is_none());
+    if is_free && shown.status.level.is_some() && ui.input(|input| input.key_pressed(Key::Escape)) {
+        asked.push(Action::StopRefining);
+    }
 }
 
 /// Shows the toolbar.

@@ -5,6 +5,7 @@ use super::picture::place_inside;
 use crate::document::{Document, Edit};
 use crate::number::count;
 use crate::view::action::{Action, Leaving, Losing};
+use crate::view::engine::Engine;
 use crate::view::layout::Arrange;
 use crate::view::tour::Tour;
 
@@ -57,6 +58,7 @@ impl Viewer {
             Action::Solve(step) => self.solve(step),
             Action::CompareSmoothness => self.compare_smoothness(),
             Action::GiveUp => (self.tasks.measuring, self.tasks.solving) = (None, None),
+            Action::StopRefining => self.engine.iter_mut().for_each(Engine::stop),
             Action::Dismiss(index) => {
                 if index < self.panels.notices.len() {
                     self.panels.notices.remove(index);

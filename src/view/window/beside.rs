@@ -111,6 +111,9 @@ impl Viewer {
         let (Some(engine), Some(document)) = (&self.engine, &self.opened.document) else { return };
         let renderer = engine.renderer().clone();
         let (scene, mix) = (document.state().scene.clone(), document.state().mix());
+        if let Err(error) = scene.volume.require_voxels("measured settings") {
+            return self.tell(&error);
+        }
         let (size, cache) = (self.record.report.size, self.options.cache.clone());
         let (proxy, last) = (self.proxy.clone(), Arc::new(Mutex::new(None::<Instant>)));
         // Frames disturb the measurement, so few of them show its progress.

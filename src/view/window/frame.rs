@@ -187,6 +187,7 @@ impl Viewer {
             shown: engine.and_then(Engine::resolution),
             size: self.record.report.size,
             error: self.error(),
+            level: engine.and_then(Engine::shown_level),
             marching: engine.and_then(Engine::progress),
             beside: match (&self.tasks.measuring, &self.tasks.solving, &self.loading.now) {
                 (_, _, Some(_)) => Some("opening"),

@@ -10,7 +10,7 @@ use crate::view::action::Leaving;
 use crate::view::engine::Engine;
 use crate::view::load::{LoadError, Loaded, Loading};
 use crate::view::ui;
-use crate::volume::Selection;
+use crate::volume::{HostMemory, Selection};
 use crate::vulkan::VulkanError;
 
 /// Largest number of device losses before a finest picture; the window closes after more.
@@ -54,7 +54,8 @@ impl Viewer {
     pub(super) fn open(&mut self, source: Source) {
         // An open question belongs to the previous source.
         self.panels.chooser.close();
-        self.load(source.clone(), false, move |renderer, progress| Loaded::open(renderer, source, progress));
+        let memory = HostMemory::Bounded { bytes: self.options.memory };
+        self.load(source.clone(), false, move |renderer, progress| Loaded::open(renderer, source, memory, progress));
     }
 
     /// Opens another volume of the current file.
@@ -154,7 +155,7 @@ impl Viewer {
             self.give_up_tour("Another file was opened");
             self.forget_waiting();
             let before = self.opened.document.as_ref();
-            if !before.is_some_and(|before| before.has_grid_of(loaded.on_device.scene())) {
+            if !before.is_some_and(|before| before.has_grid_of(&loaded.file.scene)) {
                 self.panels.layout.forget_volume();
             }
             self.opened.document = Some(document.with_statistics(loaded.on_device.statistics().clone()));
@@ -162,7 +163,9 @@ impl Viewer {
             if let Some(path) = self.opened.source.path.as_deref().filter(|_| !self.is_scripted()) {
                 self.panels.recent.add(path);
             }
-            self.opened.selection = loaded.on_device.scene().volume.selection.clone();
+            // Where the voxels are is no choice of a volume.
+            self.opened.selection =
+                Selection { memory: HostMemory::default(), ..loaded.file.scene.volume.selection.clone() };
             self.opened.title = self.opened.source.title(&self.opened.selection);
             (self.tasks.curve, self.tasks.chosen) = (None, None);
             if let Some(guess) = &loaded.file.guess {
@@ -188,8 +191,9 @@ impl Viewer {
 
     /// Returns the initial document of a loaded scene; `None` if it would discard unsaved changes.
     fn document_of(&self, loaded: &Loaded) -> Option<Document> {
-        let scene = loaded.on_device.scene();
-        let but_time = |selection: &Selection| Selection { time: None, ..selection.clone() };
+        let scene = &loaded.file.scene;
+        let but_time =
+            |selection: &Selection| Selection { time: None, memory: HostMemory::default(), ..selection.clone() };
         let alike = but_time(&scene.volume.selection) == but_time(&self.opened.selection);
         match self.opened.document.as_ref().filter(|_| loaded.source.is_another_of(&self.opened.source)) {
             Some(before) if before.has_grid_of(scene) => Some(before.clone().with_file(loaded.file.clone(), alike)),

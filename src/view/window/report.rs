@@ -2,8 +2,10 @@
 
 use crate::measure::Choice;
 use crate::number::{count, whole};
+use crate::render::BrickCounts;
 use crate::view::effort::Measured;
 use crate::view::engine::Counts;
+use crate::volume::CacheCounts;
 
 /// Report of a session.
 #[derive(Clone, Debug, Default, serde::Serialize)]
@@ -19,6 +21,12 @@ pub struct Report {
     pub counts: Counts,
     /// Counts at each `settle` of the script.
     pub settled: Vec<Counts>,
+    /// Coarse level of the volume that the picture shows at the end: its number, and the voxels whose mean is one of it.
+    pub volume_level: Option<serde_json::Value>,
+    /// Bricks of the last march of all voxels, of a volume in bricks.
+    pub bricks: Option<BrickCounts>,
+    /// Bricks read from a file, if voxels stay in one.
+    pub host_bricks: Option<CacheCounts>,
     /// Settings chosen by measurements.
     pub choices: Vec<Choice>,
     /// Measured settings at the end.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::report::keep;
 use super::{Viewer, Woken};
 use crate::document::Edit;
 use crate::document::Source;
@@ -201,6 +202,18 @@ impl Viewer {
         if !engine.is_finest() {
             return;
         }
+        if engine.shown_level().is_some() {
+            for export in std::mem::take(&mut self.saving.waiting) {
+                let (Export::Picture(path) | Export::Accumulators(path) | Export::Page(path)) = export;
+                let text = format!(
+                    "{} was not saved: the picture shows a coarse level of the volume, which was not refined.",
+                    path.display()
+                );
+                keep(&mut self.record.report.failures, text.clone());
+                self.note(text);
+            }
+            return;
+        }
         let state = document.state().clone();
         let Some(snapshot) = engine.snapshot().map(Arc::new) else { return };
         for export in std::mem::take(&mut self.saving.waiting) {
@@ -292,7 +305,12 @@ impl Viewer {
             }
             return;
         }
-        let snapshot = self.engine.as_ref().filter(|engine| engine.is_finest()).and_then(Engine::snapshot);
+        let finest = self.engine.as_ref().filter(|engine| engine.is_finest());
+        if finest.is_some_and(|engine| engine.shown_level().is_some()) {
+            self.give_up_tour("The picture shows a coarse level of the volume, which was not refined");
+            return;
+        }
+        let snapshot = finest.and_then(Engine::snapshot);
         let Some(snapshot) = snapshot else { return };
         let fits = self.tour.as_mut().is_some_and(|tour| tour.takes(snapshot.size()));
         if !fits {

@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use rayon::prelude::*;
 
@@ -21,6 +21,7 @@ pub use make::{BricksMade, MakeError};
 pub(super) use make::{Input, make};
 
 use super::data::{check_cancelled, report};
+use super::resample::of_blocks;
 use super::select::HostMemory;
 use super::statistics::Measured;
 use super::stream::{self, count};
@@ -38,6 +39,10 @@ const LEAST_HELD: usize = 27;
 const WORKING: u64 = 16 << 20;
 /// Bricks that are decoded at once where all are.
 const BATCH: usize = 32;
+/// Part of the memory that the coarse level may take: one of so many.
+const COARSE_PART: u64 = 8;
+/// Most voxels of the coarse level: it is marched while a hand moves.
+const MOST_COARSE: u64 = 1 << 24;
 
 /// Whether the first bytes of a file identify a file of bricks.
 pub(super) fn recognises(beginning: &[u8]) -> bool {
@@ -89,7 +94,13 @@ pub struct BrickCache {
     cells: ([u64; 2], u32),
     measured: Measured,
     rounded: f64,
+    /// Bytes for decoded bricks and what is kept beside them.
+    limit: u64,
     held: Mutex<Held>,
+    /// Coarse level of the volume, once it is made.
+    coarse: OnceLock<Arc<Volume>>,
+    /// Values of neighbouring voxels that plans compare, once they are read.
+    neighbours: OnceLock<Vec<Option<[f64; 2]>>>,
 }
 
 /// Decoded bricks.
@@ -194,7 +205,10 @@ impl BrickCache {
             levels,
             grid,
             voxel_type: volume.voxels.voxel_type(),
+            limit: u64::MAX,
             held: Mutex::new(Held { known: vec![false; index.len()], ..Held::default() }),
+            coarse: OnceLock::new(),
+            neighbours: OnceLock::new(),
             index,
             cells: (cells, cells_digest),
             measured,
@@ -217,20 +231,101 @@ impl BrickCache {
 
     /// Bounds the memory of decoded bricks and of what a march keeps beside them by `limit` bytes.
     fn bound(&mut self, limit: u64) -> Result<(), VolumeError> {
+        self.limit = limit;
+        self.leave_room(0)
+    }
+
+    /// Leaves room for `taken` bytes beside the decoded bricks.
+    fn leave_room(&self, taken: u64) -> Result<(), VolumeError> {
         let brick = count(self.grid.largest() * self.voxel_type.bytes());
         // The index, the ranges of the macrocells while they are read, as f32, and their occupancy.
         let cells = count(macrocells(self.grid.dims).iter().product());
         let working = WORKING * count(self.voxel_type.bytes());
-        let beside = working + count(self.index.len() * 48) + self.cells.0[1] + 9 * cells;
-        let room = limit.saturating_sub(beside) / brick;
+        let beside = working + count(self.index.len() * 48) + self.cells.0[1] + 9 * cells + taken;
+        let room = self.limit.saturating_sub(beside) / brick;
         let held = usize::try_from(room).unwrap_or(usize::MAX).min(self.index.len());
         let needed = LEAST_HELD.min(self.index.len());
         if held < needed {
             let least = beside + count(needed) * brick;
-            return Err(VolumeError::BrickMemory { source_name: self.path.display().to_string(), least, limit });
+            let source_name = self.path.display().to_string();
+            return Err(VolumeError::BrickMemory { source_name, least, limit: self.limit });
         }
         self.held().counts.held = held;
         Ok(())
+    }
+
+    /// Values of neighbouring voxels: what `read` returned the first time.
+    pub(super) fn neighbours(&self, read: impl FnOnce() -> Vec<Option<[f64; 2]>>) -> &[Option<[f64; 2]>] {
+        self.neighbours.get_or_init(read)
+    }
+
+    /// The coarse level of the volume, once it is made.
+    pub(super) fn coarse(&self) -> Option<&Arc<Volume>> {
+        self.coarse.get()
+    }
+
+    /// Makes the coarse level of `volume`, whose voxels are in this file: the finest one that takes a small part of the memory.
+    pub(super) fn make_coarse(&self, volume: &Volume, progress: &dyn Progress) -> Result<(), VolumeError> {
+        if self.coarse.get().is_some() {
+            return Ok(());
+        }
+        let coarser = self.coarser_levels();
+        let block = self.coarse_block(coarser);
+        let dims: [usize; 3] = std::array::from_fn(|axis| self.grid.dims[axis].div_ceil(block[axis]));
+        self.leave_room(count(dims.iter().product::<usize>() * self.voxel_type.bytes()))?;
+        let there = self.level + coarser;
+        let voxels = if self.levels.get(there).is_some_and(|level| level.geometry.dims == dims) {
+            let selection = Selection { level: Some(there), ..Selection::default() };
+            read(&self.path, &selection, progress)?.voxels
+        } else {
+            // Files of the first version have no levels.
+            with_type!(self.voxel_type, T => self.means::<T>(block, volume.has_labels, progress)?)
+        };
+        // Another thread may have made the same one.
+        self.coarse.set(Arc::new(volume.of_coarse_voxels(voxels, block)?)).ok();
+        Ok(())
+    }
+
+    /// Sides of the blocks of the level that is coarser by so many halvings.
+    fn coarse_block(&self, coarser: usize) -> [usize; 3] {
+        self.grid.dims.map(|n| n.next_power_of_two().min(1 << coarser))
+    }
+
+    /// Number of halvings to the coarse level.
+    fn coarser_levels(&self) -> usize {
+        let is_small = |coarser: &usize| {
+            let sides = self.coarse_block(*coarser);
+            let voxels = count((0..3).map(|axis| self.grid.dims[axis].div_ceil(sides[axis])).product());
+            voxels <= MOST_COARSE && voxels * count(self.voxel_type.bytes()) <= self.limit / COARSE_PART
+        };
+        // Blocks of voxels that are averaged here divide a brick.
+        let most = (BRICK.ilog2() as usize).max(self.levels.len() - 1 - self.level);
+        (1..=most).find(is_small).unwrap_or(most)
+    }
+
+    /// The means of blocks of `block` voxels, or their most frequent numbers if these are `labels`, brick by brick.
+    fn means<T: Voxel>(&self, block: [usize; 3], labels: bool, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
+        let [width, height, depth] = std::array::from_fn(|axis| self.grid.dims[axis].div_ceil(block[axis]));
+        let mut means = allocate::zeroed::<T>(&self.path, width * height * depth)?;
+        let bricks: Vec<usize> = (0..self.index.len()).collect();
+        let batch = BATCH.min(self.held().counts.held).max(1);
+        for bricks in bricks.chunks(batch) {
+            for (&brick, voxels) in bricks.iter().zip(self.decoded(bricks)?) {
+                let stored: &[T] = with_voxels!(&*voxels, stored => bytemuck::cast_slice(stored));
+                let [low, high] = self.grid.span(brick);
+                let dims = std::array::from_fn(|axis| high[axis] - low[axis]);
+                let [x, y, z]: [usize; 3] = std::array::from_fn(|axis| low[axis] / block[axis]);
+                let [across, down]: [usize; 2] = std::array::from_fn(|axis| dims[axis].div_ceil(block[axis]));
+                for (row, part) in of_blocks(stored, dims, block, labels).chunks_exact(across).enumerate() {
+                    let first = x + width * (y + row % down + height * (z + row / down));
+                    means[first..first + across].copy_from_slice(part);
+                }
+            }
+            let done = bricks.last().map_or(0, |last| last + 1);
+            report(&self.path, count(done), count(self.index.len()), progress)?;
+        }
+        check_cancelled(&self.path, progress)?;
+        Ok(T::into_voxels(means))
     }
 
     fn held(&self) -> MutexGuard<'_, Held> {
