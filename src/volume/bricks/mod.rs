@@ -69,7 +69,7 @@ pub struct BrickLevel {
     pub bytes: u64,
 }
 
-/// The levels of resolution of the file of bricks `path`, the finest first. [`Selection::level`] chooses one of them.
+/// The levels of resolution of the file of bricks `path`, the finest first. The `level` of a [`Selection`] chooses one of them.
 ///
 /// # Errors
 ///
