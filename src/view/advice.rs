@@ -53,9 +53,11 @@ fn control(error: &(dyn Error + 'static)) -> Option<&'static str> {
     match error.downcast_ref() {
         Some(RenderError::Volume(error)) => return control(error),
         Some(RenderError::Matrix { .. }) => return Some("; set a smaller k, or choose another model"),
-        Some(RenderError::Slot { .. }) => return Some("; write `downsample` into the [volume] of the scene"),
+        Some(RenderError::Slot { .. }) => return Some("; start relume view with more --device-memory"),
         Some(RenderError::Bricked { .. }) => {
-            return Some("; switch them off, or write `downsample` into the [volume] of the scene");
+            return Some(
+                "; switch them off, or take a coarser level: of a file of bricks with --pyramid-level, of others with `downsample` in the [volume] of the scene",
+            );
         }
         Some(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }) => {
             return Some("; make the window smaller, or use fewer light positions");
