@@ -118,7 +118,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         meant.push(Action::Close);
     }
     if !shown.chooses {
-        toolbar::keys(ui, shown, &mut meant);
+        toolbar::keys(ui, shown, popup, &mut meant);
     }
     if !meant.is_empty() {
         // The text being typed is applied first.
@@ -155,6 +155,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             rect
         })
         .inner;
+    toolbar::note_typed(ui);
     if is_in_use(ui.ctx()) {
         hide_tooltips(ui.ctx());
     }

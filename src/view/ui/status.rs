@@ -32,7 +32,7 @@ pub struct Status {
 fn told(shown: ShownLevel) -> String {
     let then = match shown.then {
         Refining::Waits => "refined at rest".to_owned(),
-        Refining::Prepares => "preparing its bricks".to_owned(),
+        Refining::Prepares => "preparing its bricks (Esc stops)".to_owned(),
         Refining::Loads([loaded, all, 1]) => format!("loading bricks, {loaded} of {all} (Esc stops)"),
         Refining::Loads([loaded, all, round]) => {
             format!("loading bricks, {loaded} of {all} in round {round} (Esc stops)")

@@ -1,6 +1,6 @@
 //! Toolbar: file menu, undo and redo, palette, theme, and visibility of the panels.
 
-use egui::{Area, Button, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2};
+use egui::{Area, Button, Id, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2};
 
 use super::Shown;
 use super::controls::toggle;
@@ -105,8 +105,8 @@ const FILES: [Item; 11] = [
     },
 ];
 
-/// Handles keyboard shortcuts, also without panels.
-pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
+/// Handles keyboard shortcuts, also without panels. `popup`: whether one is open, which Escape closes.
+pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, popup: bool, asked: &mut Vec<Action>) {
     let pressed = |shortcut: &KeyboardShortcut| ui.input_mut(|input| input.consume_shortcut(shortcut));
     // The longer shortcut first, as above.
     if pressed(&REDO) {
@@ -124,10 +124,22 @@ pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     }
     // Escape closes windows over the picture first.
     let over = shown.probe.is_some() || shown.layout.help || shown.layout.lesson.is_some() || shown.layout.ruler.on;
-    let is_free = !over && ui.memory(|memory| memory.focused().is_none());
+    // The library uses Escape to leave the focused field before this frame.
+    let typed = ui.data(|data| data.get_temp(typed_id())).unwrap_or(false);
+    let is_free = !(over || popup || typed);
     if is_free && shown.status.level.is_some() && ui.input(|input| input.key_pressed(Key::Escape)) {
         asked.push(Action::StopRefining);
     }
+}
+
+/// Notes for the next frame whether a field has the keyboard focus.
+pub(super) fn note_typed(ui: &Ui) {
+    let typed = ui.memory(|memory| memory.focused().is_some());
+    ui.data_mut(|data| data.insert_temp(typed_id(), typed));
+}
+
+fn typed_id() -> Id {
+    Id::new("typed before")
 }
 
 /// Shows the toolbar.

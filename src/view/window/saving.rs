@@ -13,7 +13,7 @@ use crate::output::numbered;
 use crate::output::page::{PageError, Summary};
 use crate::progress::Progress;
 use crate::view::action::File;
-use crate::view::engine::Engine;
+use crate::view::engine::{Engine, Refining};
 use crate::view::export::ExportError;
 use crate::view::job::Job;
 use crate::view::tour::Tour;
@@ -202,12 +202,13 @@ impl Viewer {
         if !engine.is_finest() {
             return;
         }
-        if engine.shown_level().is_some() {
+        if let Some(shown) = engine.shown_level() {
             for export in std::mem::take(&mut self.saving.waiting) {
                 let (Export::Picture(path) | Export::Accumulators(path) | Export::Page(path)) = export;
                 let text = format!(
-                    "{} was not saved: the picture shows a coarse level of the volume, which was not refined.",
-                    path.display()
+                    "{} was not saved: the picture shows a coarse level of the volume; {}.",
+                    path.display(),
+                    refined_by(shown.then)
                 );
                 keep(&mut self.record.report.failures, text.clone());
                 self.note(text);
@@ -306,8 +307,9 @@ impl Viewer {
             return;
         }
         let finest = self.engine.as_ref().filter(|engine| engine.is_finest());
-        if finest.is_some_and(|engine| engine.shown_level().is_some()) {
-            self.give_up_tour("The picture shows a coarse level of the volume, which was not refined");
+        if let Some(shown) = finest.and_then(Engine::shown_level) {
+            let why = format!("The picture shows a coarse level of the volume; {}", refined_by(shown.then));
+            self.give_up_tour(&why);
             return;
         }
         let snapshot = finest.and_then(Engine::snapshot);
@@ -351,4 +353,12 @@ fn saved_page(path: &Path, summary: &Summary, anatomical: bool) -> String {
 /// Absolute path, for display.
 fn whole_path(path: &Path) -> String {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
+}
+
+/// What refines a coarse level after `then`, as the end of a sentence.
+fn refined_by(then: Refining) -> &'static str {
+    match then {
+        Refining::Failed => "its refinement failed: move the camera to try again, or open the file again",
+        _ => "its refinement was stopped: change anything, or open the file again, to go on",
+    }
 }
