@@ -34,8 +34,8 @@ pub(crate) struct Args {
     /// bricks that the picture needs (docs/SCALE.md). Default: all of it, and half of it for bricks.
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     device_memory: Option<u64>,
-    /// Memory of the host for the voxels of a file of bricks (`relume bricks`). If they take more, they stay in the file
-    /// (docs/SCALE.md). Default: half of the available memory.
+    /// Memory of the host for the voxels. If those of a file of bricks (`relume bricks`) take more, they stay in the file
+    /// (docs/SCALE.md); files of other formats are refused then. Default: half of the available memory.
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     memory: Option<u64>,
     /// Draw this number of frames and end.
