@@ -176,6 +176,8 @@ pub struct Renderer {
     dispatching: Dispatching,
     /// Largest number of bytes of a volume on the device, if it is not the device's own.
     memory_bytes: Option<u64>,
+    /// Bytes of other volumes that stay on the device beside the one that is marched.
+    beside_bytes: u64,
     /// Largest number of texels along an axis of a volume's texture, if it is not the device's own.
     longest_axis: Option<u32>,
     /// Whether volumes that fit are in bricks, too.
@@ -227,6 +229,7 @@ impl Renderer {
             device,
             dispatching,
             memory_bytes: None,
+            beside_bytes: 0,
             longest_axis: None,
             always_bricked: false,
             speed: Speed::default(),

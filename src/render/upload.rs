@@ -15,9 +15,7 @@ use crate::vulkan::{Buffer, Format, HostUse, Image3d};
 /// Bytes per upload; limits the host's copy.
 const SLAB_BYTES: usize = 4 << 20;
 /// Most bytes of a voxel: four floats, and a label of 16 bits.
-const MOST_VOXEL_BYTES: u64 = 16 + MOST_LABEL_BYTES;
-/// Most bytes of a label.
-const MOST_LABEL_BYTES: u64 = 2;
+const MOST_VOXEL_BYTES: u64 = 16 + 2;
 /// Part of the memory for a volume that its coarse level may take: one of so many.
 const COARSE_PART: u64 = 4;
 
@@ -127,7 +125,7 @@ impl Renderer {
         let voxel_bytes = voxel_bytes(&storage, labels.as_deref(), smooth);
         let limit = self.largest_texture(format);
         let in_file = scene.volume.bricks.is_some();
-        if in_file || self.always_bricked || !self.has_room(dims, voxel_bytes, self.volume_budget()) {
+        if in_file || self.always_bricked || !self.has_room(dims, format, voxel_bytes, self.volume_budget()) {
             if planned.plan.reads_light_grid() {
                 return Err(RenderError::Bricked { what: "shadows" });
             }
@@ -155,39 +153,44 @@ impl Renderer {
         Ok(Uploaded { storage, cells, labels, volume, label_image, pool: None, kept: Kept::default() })
     }
 
-    /// Whether a texture of `dims` voxels of `voxel_bytes` bytes takes at most `budget` bytes, and no axis exceeds the device.
-    fn has_room(&self, dims: [usize; 3], voxel_bytes: u64, budget: u64) -> bool {
+    /// Whether a texture of `dims` voxels, with labels `voxel_bytes` bytes each, takes at most `budget` bytes, and no axis exceeds
+    /// the device's textures of `format`.
+    fn has_room(&self, dims: [usize; 3], format: Format, voxel_bytes: u64, budget: u64) -> bool {
         let voxels = dims.iter().fold(1_u64, |product, &n| product.saturating_mul(n as u64));
-        let limit = self.largest_texture(Format::R16Unorm);
+        let limit = self.largest_texture(format);
         dims.iter().zip(limit).all(|(&n, limit)| n as u64 <= u64::from(limit))
             && voxels.saturating_mul(voxel_bytes) <= budget
     }
 
     /// Whether the device holds the volume of `scene`, whose values have `statistics`, whole, as `planned` stores it.
-    ///
-    /// # Errors
-    ///
-    /// [`RenderError::Volume`], [`RenderError::Labels`].
-    pub fn holds_whole(&self, scene: &Scene, planned: &Planned, statistics: &Statistics) -> Result<bool, RenderError> {
+    #[must_use]
+    pub fn holds_whole(&self, scene: &Scene, planned: &Planned, statistics: &Statistics) -> bool {
         if scene.volume.bricks.is_some() || self.always_bricked {
-            return Ok(false);
+            return false;
         }
-        let storage = Storage::of(&planned.plan, &scene.volume, statistics).map_err(RenderError::Volume)?;
-        let labels = if planned.plan.labels { MOST_LABEL_BYTES } else { 0 };
-        let voxel_bytes = voxel_bytes(&storage, None, false) + labels;
-        Ok(self.has_room(scene.volume.geometry.dims, voxel_bytes, self.volume_budget()))
+        // The voxels are in memory.
+        let storage = Storage::new(&planned.plan, &scene.volume, statistics);
+        let declared = scene.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| labels.declared.len());
+        let label_bytes = declared.map_or(0, |declared| LabelMap::bytes_of(declared, planned.plan.smooth_labels));
+        let voxel_bytes = voxel_bytes(&storage, None, false) + label_bytes as u64;
+        let (dims, format) = (scene.volume.geometry.dims, Format::from(storage.format));
+        self.has_room(dims, format, voxel_bytes, self.volume_budget())
     }
 
     /// Whether there is room for a coarse level of `dims` voxels beside the bricks of its volume, however it is stored.
     #[must_use]
     pub fn has_room_for_coarse(&self, dims: [usize; 3]) -> bool {
-        self.has_room(dims, MOST_VOXEL_BYTES, self.volume_budget() / COARSE_PART)
+        let budget = self.volume_budget() / COARSE_PART;
+        let formats = [Format::R16Unorm, Format::R32Float, Format::Rgba16Snorm, Format::Rgba32Float];
+        formats.into_iter().all(|format| self.has_room(dims, format, MOST_VOXEL_BYTES, budget))
     }
 
-    /// The same renderer with less memory for a volume, by `bytes` that are in use, if the user has stated how much there is.
+    /// The same renderer beside another volume of `bytes`: with less memory for a volume, if the user has stated how much there
+    /// is, and for pictures.
     #[must_use]
     pub fn beside(&self, bytes: u64) -> Self {
-        Self { memory_bytes: self.memory_bytes.map(|all| all.saturating_sub(bytes)), ..self.clone() }
+        let memory_bytes = self.memory_bytes.map(|all| all.saturating_sub(bytes));
+        Self { memory_bytes, beside_bytes: bytes, ..self.clone() }
     }
 
     /// Refuses a volume that the device cannot filter.

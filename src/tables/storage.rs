@@ -590,7 +590,14 @@ impl LabelMap {
     /// Bytes of a texel of [`Self::texels`].
     #[must_use]
     pub fn texel_bytes(&self, smooth: bool) -> usize {
-        if smooth && self.visible.len() > 128 { 2 } else { 1 }
+        // The first row is of no label.
+        Self::bytes_of(self.visible.len() - 1, smooth)
+    }
+
+    /// [`Self::texel_bytes`] of a map with so many `declared` labels.
+    #[must_use]
+    pub fn bytes_of(declared: usize, smooth: bool) -> usize {
+        if smooth && declared > 127 { 2 } else { 1 }
     }
 
     /// Whether voxel `i` has a declared label with an opacity above 0.

@@ -162,7 +162,7 @@ impl Loaded {
         let planned = |scene: &Scene| plan(scene, progress).map_err(RenderError::from);
         let whole = if scene.volume.bricks.is_some() { None } else { Some(planned(&scene)?) };
         let whole = match whole {
-            Some(planned) if renderer.holds_whole(&scene, &planned, &statistics)? => Some(planned),
+            Some(planned) if renderer.holds_whole(&scene, &planned, &statistics) => Some(planned),
             _ => None,
         };
         let (scene, planned, coarse) = match whole {

@@ -8,7 +8,7 @@ use relume::film::Film;
 use relume::output::write_bricks;
 use relume::plan::{Integrate, plan};
 use relume::progress::Quiet;
-use relume::render::{BrickCounts, Dispatching, Renderer, SceneRenderer};
+use relume::render::{BrickCounts, Dispatching, Renderer, Residence, SceneRenderer};
 use relume::scene::{Aim, Gradients, Integration, Interpolation, Scene};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::tables::{apron, slot_edge};
@@ -385,5 +385,23 @@ fn films_of_bricks_in_a_file_are_films_of_voxels_in_memory_to_the_bit() {
             let counts = stored.bricks.as_ref().unwrap().counts();
             assert!(counts.loaded > 0 && counts.again == 0, "{name}: {counts:?}");
         }
+    });
+}
+
+#[test]
+fn room_on_the_device_is_that_of_the_textures_and_of_other_volumes_beside_them() {
+    with_renderer(|renderer| {
+        let scene = scenes::named("labels");
+        let whole = SceneRenderer::new(renderer, scene.clone(), &Quiet).unwrap();
+        assert!(whole.planned().plan.labels && whole.uploaded().residence() == Residence::Whole);
+        let bytes = whole.uploaded().bytes();
+        let holds =
+            |bytes: u64| renderer.clone().with_memory(bytes).holds_whole(&scene, whole.planned(), whole.statistics());
+        assert!(holds(bytes) && !holds(bytes - 1));
+
+        let heap = renderer.device().limits().device_heap_bytes;
+        let (planned, statistics) = (whole.planned().clone(), whole.statistics().clone());
+        let beside = SceneRenderer::with_plan(&renderer.beside(heap), scene, planned, statistics, &Quiet).unwrap();
+        assert_eq!(beside.march(SIZE, &Quiet).unwrap_err().code(), "picture-memory-exceeded");
     });
 }

@@ -217,7 +217,7 @@ impl Renderer {
     ) -> Result<March, RenderError> {
         let plan = &planned.plan;
         let device = &self.device;
-        self.check_picture(plan, size, uploaded.bytes())?;
+        self.check_picture(plan, size, uploaded.bytes() + self.beside_bytes)?;
         if plan.transmittance == Transmittance::Mixed && plan.components() > LARGEST_MATRIX {
             return Err(RenderError::Matrix { dimension: plan.components(), largest: LARGEST_MATRIX });
         }
