@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let (file, _) = args.scene.load_as(Wish::default(), memory, progress)?;
             let planned = plan(&file.scene, progress)?;
             warn_of_plan(&planned);
-            of_scene(&file, &planned, &args.voxel)
+            of_scene(&file, &planned, &args.voxel, progress)
         }
     }
 }
@@ -410,10 +410,15 @@ fn of_accumulators(path: &Path, file: &FilmFile) -> Report {
     Report { text, json }
 }
 
-fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Result<Report, CliError> {
+fn of_scene(
+    file: &SceneFile,
+    planned: &Planned,
+    voxels: &[[usize; 3]],
+    progress: &dyn Progress,
+) -> Result<Report, CliError> {
     let scene = &file.scene;
     let statistics = scene.volume.statistics()?;
-    let storage = Storage::of(&planned.plan, &scene.volume, &statistics)?;
+    let storage = Storage::of(&planned.plan, &scene.volume, &statistics, progress)?;
     let sampled = sampled(&scene.volume, voxels)?;
     let (volume, geometry) = (&scene.volume, &scene.volume.geometry);
     let mut text = format!("{}\n", scene.name);

@@ -2,6 +2,7 @@
 //! step.
 
 use crate::number::count;
+use crate::progress::Progress;
 use crate::scene::{Scene, Term};
 
 /// An interval that steps miss.
@@ -60,7 +61,8 @@ fn pairs(scene: &Scene) -> Vec<[f64; 2]> {
     volume.neighbours().iter().enumerate().filter_map(pair).collect()
 }
 
-/// Reads what plans of a scene need of voxels that stay in a file, which takes up to seconds the first time.
-pub fn read_ahead(scene: &Scene) {
-    scene.volume.neighbours();
+/// Reads the voxels that plans of a scene need of a file of bricks, which takes up to seconds the first time. `progress` can
+/// cancel it: then the next plan reads them.
+pub fn read_ahead(scene: &Scene, progress: &dyn Progress) {
+    scene.volume.read_neighbours_ahead(progress);
 }

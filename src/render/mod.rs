@@ -51,6 +51,9 @@ pub enum RenderError {
     /// The work was cancelled.
     #[error("cancelled")]
     Cancelled,
+    /// A thread in the background ended without a result.
+    #[error("the thread that plans the scene panicked, which is a bug of Relume; its message is in the terminal")]
+    Panicked,
     /// The matrices of a colour model are too large for the device.
     #[error(
         "the model peercy needs a transmittance matrix of {dimension}×{dimension} numbers, and a device has room for {largest}×{largest}"
@@ -155,6 +158,7 @@ impl RenderError {
             Self::Plan(error) => error.code(),
             Self::Volume(error) | Self::Labels(error) => error.code(),
             Self::Cancelled => "cancelled",
+            Self::Panicked => "planning-panicked",
             Self::Matrix { .. } => "matrix-too-large",
             Self::Camera => "camera-without-direction",
             Self::TooManySamples { .. } => "samples-too-many",

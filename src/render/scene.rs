@@ -109,6 +109,11 @@ impl SceneRenderer {
         (self.scene, self.planned) = (scene, planned);
     }
 
+    /// Sets the bytes of other volumes that stay on the device beside this one: pictures have less memory then.
+    pub(crate) fn set_beside(&mut self, bytes: u64) {
+        self.renderer.beside_bytes = bytes;
+    }
+
     /// The renderer and its device.
     #[must_use]
     pub fn renderer(&self) -> &Renderer {

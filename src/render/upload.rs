@@ -108,7 +108,7 @@ impl Renderer {
         statistics: &Statistics,
         progress: &dyn Progress,
     ) -> Result<Uploaded, RenderError> {
-        let storage = Storage::of(&planned.plan, &scene.volume, statistics).map_err(RenderError::Volume)?;
+        let storage = Storage::of(&planned.plan, &scene.volume, statistics, progress).map_err(RenderError::Volume)?;
         let dims = scene.volume.geometry.dims;
         let format = Format::from(storage.format);
         self.check_filter(planned, &storage)?;
@@ -133,6 +133,9 @@ impl Renderer {
                 Some(cache) => Cells::of_cache(dims, cache, &storage).map_err(RenderError::Volume)?,
                 None => Cells::new(&scene.volume, &storage, labels.as_deref()),
             };
+            if progress.cancelled() {
+                return Err(RenderError::Cancelled);
+            }
             let (grid, apron) = (BrickGrid::new(cells.dims), apron(scene, &planned.plan));
             let size = PoolSize::new(&self.device, grid, apron, voxel_bytes, self.pool_budget(), limit)?;
             let volume = Image3d::new(&self.device, "bricks", format, size.extent())?;
@@ -182,7 +185,9 @@ impl Renderer {
     pub fn has_room_for_coarse(&self, dims: [usize; 3]) -> bool {
         let budget = self.volume_budget() / COARSE_PART;
         let formats = [Format::R16Unorm, Format::R32Float, Format::Rgba16Snorm, Format::Rgba32Float];
-        formats.into_iter().all(|format| self.has_room(dims, format, MOST_VOXEL_BYTES, budget))
+        // A texture of a format that the device lacks is refused by name.
+        let mut known = formats.into_iter().filter(|&format| self.largest_texture(format) != [0; 3]);
+        known.all(|format| self.has_room(dims, format, MOST_VOXEL_BYTES, budget))
     }
 
     /// The same renderer beside another volume of `bytes`: with less memory for a volume, if the user has stated how much there

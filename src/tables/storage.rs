@@ -9,6 +9,7 @@ use crate::number::rounded;
 use crate::number::{count, readable, whole};
 use crate::parallel;
 use crate::plan::ScenePlan;
+use crate::progress::Progress;
 use crate::scene::{Labels, VolumeAs};
 use crate::volume::{BrickCache, Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxels};
 
@@ -81,15 +82,20 @@ impl Storage {
         storage
     }
 
-    /// As [`Self::new`], also for a volume whose voxels stay in a file of bricks.
+    /// As [`Self::new`], also for a volume whose voxels stay in a file of bricks, all of which may be read.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Read`], [`VolumeError::Bricks`].
-    pub fn of(plan: &ScenePlan, volume: &Volume, statistics: &Statistics) -> Result<Self, VolumeError> {
+    /// [`VolumeError::Read`], [`VolumeError::Bricks`], [`VolumeError::Cancelled`].
+    pub fn of(
+        plan: &ScenePlan,
+        volume: &Volume,
+        statistics: &Statistics,
+        progress: &dyn Progress,
+    ) -> Result<Self, VolumeError> {
         Self::chosen(plan, volume, statistics, |storage| match &volume.bricks {
             None => Ok(largest_differences(storage, volume)),
-            Some(cache) => largest_in_cache(storage, cache, volume.geometry.dims),
+            Some(cache) => largest_in_cache(storage, cache, (&volume.source, volume.geometry.dims), progress),
         })
     }
 
@@ -384,10 +390,18 @@ fn largest_differences(storage: &Storage, volume: &Volume) -> [f64; 3] {
     })
 }
 
-/// As [`largest_differences`] of a volume of `dims` voxels in `cache`, brick by brick.
-fn largest_in_cache(storage: &Storage, cache: &BrickCache, dims: [usize; 3]) -> Result<[f64; 3], VolumeError> {
+/// As [`largest_differences`] of the volume in `cache`, given its source and dimensions, brick by brick.
+fn largest_in_cache(
+    storage: &Storage,
+    cache: &BrickCache,
+    (source, dims): (&str, [usize; 3]),
+    progress: &dyn Progress,
+) -> Result<[f64; 3], VolumeError> {
     let mut all = [0.0_f64; 3];
     for [first, end] in cache.boxes() {
+        if progress.cancelled() {
+            return Err(VolumeError::Cancelled { source_name: source.to_owned() });
+        }
         // One voxel more on each side. Rows of these alone would have differences to one side.
         let low: [usize; 3] = first.map(|at| at.saturating_sub(1));
         let high: [usize; 3] = std::array::from_fn(|axis| (end[axis] + 1).min(dims[axis]));

@@ -10,6 +10,7 @@ use glam::DVec2;
 
 use super::coarse::Coarse;
 use super::export::Snapshot;
+use super::job::Job;
 use super::load::{Loaded, warn_of_plan};
 use super::probe::Pixel;
 use crate::document::State;
@@ -18,7 +19,7 @@ use crate::memory::give_back_freed;
 use crate::model::{ColourModel, ModelError};
 use crate::number::{count, whole};
 use crate::plan::{PlanError, Planned, Stale, plan, read_ahead};
-use crate::progress::Quiet;
+use crate::progress::Progress;
 use crate::render::{BrickCounts, DeviceFilm, March, Relight, RenderError, Renderer, SceneRenderer, Speed};
 use crate::scene::{Scene, positions};
 use crate::volume::Statistics;
@@ -60,7 +61,7 @@ pub struct Engine {
     /// Scene to march next, if it differs from the scene that is marched or shown.
     wanted: Option<Box<Scene>>,
     /// New plan in preparation in the background: its colour model, its pipelines and the volume in its storage format.
-    planning: Option<Planning>,
+    planning: Option<Job<Result<SceneRenderer, RenderError>>>,
     /// Colour model for the current observer, fitted in the background.
     fitting: Option<Fitting>,
     marching: Option<Marching>,
@@ -73,6 +74,8 @@ pub struct Engine {
     lights: u64,
     /// Whether the last march or relight failed; no finer one is tried then.
     failed: bool,
+    /// Whether all voxels of a volume in bricks are planned or marched, or that failed: the coarse picture is complete.
+    refines: bool,
     /// Whether the user stopped the refinement.
     stopped: bool,
     /// Level of the next picture of a new scene.
@@ -156,10 +159,20 @@ pub enum Refining {
     Failed,
 }
 
-/// Planning in the background.
+/// Planning of a volume in bricks in the background.
 #[derive(Debug)]
 struct Planning {
-    thread: JoinHandle<Result<SceneRenderer, RenderError>>,
+    job: Job<Prepared>,
+    /// Whether the scene has changed since: an error of the former one does not concern it.
+    outdated: bool,
+}
+
+/// What such planning leaves.
+#[derive(Debug)]
+struct Prepared {
+    /// The scene on the device, or the former one if the bricks there are still of use.
+    on_device: Option<SceneRenderer>,
+    made: Result<(), RenderError>,
 }
 
 /// Fit of a colour model's matrices in the background.
@@ -235,6 +248,7 @@ impl Engine {
             unlit: false,
             lights: 0,
             failed: false,
+            refines: false,
             stopped: false,
             coarse: FINER,
             speeds: BTreeMap::new(),
@@ -257,10 +271,10 @@ impl Engine {
         self.size = size;
         self.wanted = Some(Box::new(self.marched(scene)));
         if let Some(bricks) = &mut self.bricks {
-            *bricks.scene = scene.clone();
+            bricks.change(scene);
         }
-        // A stop before the first picture holds for it.
-        (self.failed, self.stopped) = (false, self.stopped && self.lit.is_none());
+        (self.failed, self.refines) = (false, false);
+        self.resume();
         self.reached = Reached::default();
         self.changed = Instant::now();
         if self.marching.as_ref().is_some_and(|marching| marching.of_bricks || marching.level < self.coarse) {
@@ -273,12 +287,20 @@ impl Engine {
         self.bricks.as_ref().map_or_else(|| scene.clone(), |bricks| bricks.coarse.scene(scene))
     }
 
-    /// Stops the refinement of a coarse level of the volume until the next change. The bricks that are loaded stay.
+    /// Stops the refinement of a coarse level of the volume until the next [`update`](Self::update). The bricks that are loaded stay.
     pub fn stop(&mut self) {
         if self.bricks.is_some() {
             self.marching.take_if(|marching| marching.of_bricks);
             self.stopped = true;
         }
+        if let Some(planning) = self.bricks.as_ref().and_then(|bricks| bricks.planning.as_ref()) {
+            planning.job.cancel();
+        }
+    }
+
+    /// Ends a stop, except one before the first picture, which holds for it.
+    fn resume(&mut self) {
+        self.stopped &= self.lit.is_none();
     }
 
     /// Requests the light of `state`, without a march.
@@ -299,9 +321,10 @@ impl Engine {
         let waits = self.wanted.is_some() || self.planning.is_some();
         let marches = stale >= Stale::Accumulators || size != self.size || (waits && stale > Stale::Nothing);
         self.light(state);
+        self.resume();
         if marches {
             self.look(&state.scene, size);
-        } else if stale > Stale::Nothing && !self.failed {
+        } else if stale > Stale::Nothing && (!self.failed || self.refines) {
             self.follow_spectra(&state.scene);
         }
         marches
@@ -312,7 +335,7 @@ impl Engine {
         let planned = self.planned().clone();
         self.on_device.retarget(self.marched(scene), planned);
         if let Some(bricks) = &mut self.bricks {
-            *bricks.scene = scene.clone();
+            bricks.change(scene);
         }
         if let Some(lit) = &mut self.lit
             && let Components::Surfaces(spectra) = &mut lit.components
@@ -462,20 +485,18 @@ impl Engine {
     /// new plan may delay it.
     fn begin(&mut self) -> Result<bool, RenderError> {
         let mut next = self.finer();
-        if let Some(planning) = self.planning.take() {
-            if !planning.thread.is_finished() {
+        self.refines = false;
+        if let Some(mut planning) = self.planning.take() {
+            if !planning.is_over() {
                 self.planning = Some(planning);
                 return Ok(false);
             }
-            // A panic of the thread has already been reported.
-            if let Ok(on_device) = planning.thread.join() {
-                let on_device = on_device?;
-                if on_device.planned().plan != self.planned().plan {
-                    self.speeds.clear();
-                }
-                self.on_device = on_device;
-                next = Some(Next::Level(self.coarse));
+            let on_device = planning.take().ok_or(RenderError::Panicked)??;
+            if on_device.planned().plan != self.planned().plan {
+                self.speeds.clear();
             }
+            self.on_device = on_device;
+            next = Some(Next::Level(self.coarse));
         }
         if let Some(scene) = self.wanted.take() {
             let Some(planned) = self.planned().changed_to(self.on_device.scene(), &scene) else {
@@ -487,9 +508,14 @@ impl Engine {
         }
         let level = match next {
             None => return Ok(false),
-            Some(Next::Voxels) => return self.begin_voxels(),
+            Some(Next::Voxels) => {
+                self.refines = true;
+                return self.begin_voxels();
+            }
             Some(Next::Level(level)) => level,
         };
+        let of_bricks = self.bricks.as_ref().and_then(|bricks| bricks.on_device.as_ref());
+        self.on_device.set_beside(of_bricks.map_or(0, |on_device| on_device.uploaded().bytes()));
         let size = self.size.map(|pixels| pixels.div_ceil(level.max(1)).max(1));
         let elsewhere = || self.speeds.values().next().map(|speed| speed.elsewhere());
         let speed = self.speeds.get(&level).copied().or_else(elsewhere).unwrap_or_else(|| self.renderer().speed());
@@ -506,16 +532,18 @@ impl Engine {
     /// Starts the march of all voxels of the volume in bricks; its plan may delay it.
     fn begin_voxels(&mut self) -> Result<bool, RenderError> {
         let Some(bricks) = &mut self.bricks else { return Ok(false) };
-        if let Some(planning) = bricks.planning.take() {
-            if !planning.thread.is_finished() {
+        if let Some(mut planning) = bricks.planning.take() {
+            if !planning.job.is_over() {
                 bricks.planning = Some(planning);
                 return Ok(false);
             }
-            // A panic of the thread has already been reported.
-            if let Ok(on_device) = planning.thread.join() {
-                let on_device = on_device?;
-                bricks.speed = None;
-                bricks.on_device = Some(on_device);
+            let Prepared { on_device, made } = planning.job.take().ok_or(RenderError::Panicked)?;
+            bricks.on_device = on_device;
+            match made {
+                Ok(()) => bricks.speed = None,
+                // The present scene is planned anew.
+                Err(_) if planning.outdated || planning.job.is_cancelled() => {}
+                Err(error) => return Err(error),
             }
         }
         let planned = bricks.on_device.as_ref().and_then(|on_device| {
@@ -537,22 +565,31 @@ impl Engine {
     /// Starts to plan `scene` in the background and to prepare the device for the plan.
     fn plan(&mut self, scene: Scene) {
         let before = self.on_device.clone();
-        let thread = std::thread::spawn(move || {
-            let made = ready(&before, scene);
+        let planning = move |progress: &dyn Progress| {
+            let made = ready(&before, scene, progress);
             // This may be the last use of a replaced volume.
             drop(before);
             give_back_freed();
             made
-        });
-        self.planning = Some(Planning { thread });
+        };
+        self.planning = Some(Job::start(|| {}, planning));
     }
 
-    /// Waits for the planning thread: it must not use the device while the program exits.
-    pub fn end(mut self) {
-        // A panic of the thread has already been reported.
-        self.planning.take().map(|planning| planning.thread.join()).transpose().ok();
-        let of_bricks = self.bricks.take().and_then(|bricks| bricks.planning);
-        of_bricks.map(|planning| planning.thread.join()).transpose().ok();
+    /// Cancels the planning, and returns its threads, which may take a moment to end: they must not use the device while the
+    /// program exits.
+    #[must_use]
+    pub fn give_up(self) -> Vec<JoinHandle<()>> {
+        let of_bricks = self.bricks.and_then(|bricks| bricks.planning);
+        let threads = [self.planning.map(Job::give_up), of_bricks.map(|planning| planning.job.give_up())];
+        threads.into_iter().flatten().flatten().collect()
+    }
+
+    /// Cancels the planning and waits for its threads.
+    pub fn end(self) {
+        for thread in self.give_up() {
+            // A panic of the thread has already been reported.
+            thread.join().ok();
+        }
     }
 
     /// Shows the film of the finished march.
@@ -571,17 +608,16 @@ impl Engine {
                 }
             }
         }
-        let marched = self.bricks.as_ref().and_then(|bricks| bricks.on_device.as_ref()).filter(|_| of_bricks);
-        let (scene, model) = {
-            let on_device = marched.unwrap_or(&self.on_device);
-            (on_device.scene(), on_device.planned().model.clone())
-        };
+        let bricks = self.bricks.as_ref().filter(|_| of_bricks);
+        let marched = bricks.and_then(|bricks| bricks.on_device.as_ref()).unwrap_or(&self.on_device);
+        let model = marched.planned().model.clone();
         let mut accumulators = march.finish(self.renderer())?;
         let relight = self.renderer().relight_window(&accumulators)?;
         // Its colour model may have been refitted for another observer in the meantime.
         accumulators.planned.model = model;
-        // Spectra that leave the film valid may have changed, too.
-        let scene = self.bricks.as_ref().map_or(scene, |bricks| &bricks.scene);
+        // Spectra that leave the film valid may have changed, too. Before a coarse march ends, `bricks` may have a scene of
+        // other materials, which waits for its plan.
+        let scene = bricks.map_or_else(|| self.on_device.scene(), |bricks| &bricks.scene);
         let components = Components::new(scene, &accumulators.planned);
         self.pictures += 1;
         self.lit = Some(Lit { relight, by: None, level, of_bricks, size: self.size, accumulators, components });
@@ -750,35 +786,64 @@ impl Engine {
 }
 
 impl Bricks {
+    /// Replaces the scene.
+    fn change(&mut self, scene: &Scene) {
+        *self.scene = scene.clone();
+        if let Some(planning) = &mut self.planning {
+            planning.outdated = true;
+        }
+    }
+
     /// Starts to plan the scene in the background and to prepare the device for it; `coarse` is its coarse level there.
     fn plan(&mut self, coarse: &SceneRenderer) {
         let (before, scene) = (self.on_device.take(), (*self.scene).clone());
         let (renderer, statistics) = (coarse.renderer().beside(coarse.uploaded().bytes()), coarse.statistics().clone());
-        let thread = std::thread::spawn(move || {
-            // Later plans are compared between frames.
-            read_ahead(&scene);
-            let planned = plan(&scene, &Quiet)?;
-            warn_of_plan(&planned);
-            let on_device = match before {
-                Some(before) if before.holds(&scene, &planned) => before.with_scene(scene, planned, &Quiet),
-                before => {
-                    // There may be no room for two pools.
-                    drop(before);
-                    SceneRenderer::with_plan(&renderer, scene, planned, statistics, &Quiet)
-                }
-            }?;
-            on_device.warm_up_rounds()?;
-            Ok(on_device)
-        });
-        self.planning = Some(Planning { thread });
+        let planning = move |progress: &dyn Progress| {
+            let mut on_device = before;
+            let made = prepare(&mut on_device, &renderer, scene, statistics, progress);
+            Prepared { on_device, made }
+        };
+        self.planning = Some(Planning { job: Job::start(|| {}, planning), outdated: false });
     }
 }
 
-/// Plans `scene` and moves it to the device; warms the pipelines up if the plan differs from the one `before`.
-fn ready(before: &SceneRenderer, scene: Scene) -> Result<SceneRenderer, RenderError> {
-    let planned = plan(&scene, &Quiet)?;
+/// Plans `scene`, whose voxels have `statistics`, for a march in bricks and replaces what is `on_device` by it. After an error,
+/// the former scene stays if its bricks are still of use.
+fn prepare(
+    on_device: &mut Option<SceneRenderer>,
+    renderer: &Renderer,
+    scene: Scene,
+    statistics: Statistics,
+    progress: &dyn Progress,
+) -> Result<(), RenderError> {
+    // Later plans are compared between frames.
+    read_ahead(&scene, progress);
+    if progress.cancelled() {
+        return Err(RenderError::Cancelled);
+    }
+    let planned = plan(&scene, progress)?;
     warn_of_plan(&planned);
-    let on_device = before.with_scene(scene, planned, &Quiet)?;
+    let holds = on_device.as_ref().filter(|before| before.holds(&scene, &planned));
+    let made = if let Some(before) = holds {
+        before.with_scene(scene, planned, progress)?
+    } else {
+        if planned.plan.reads_light_grid() {
+            return Err(RenderError::Bricked { what: "shadows" });
+        }
+        // There may be no room for two pools.
+        *on_device = None;
+        SceneRenderer::with_plan(renderer, scene, planned, statistics, progress)?
+    };
+    made.warm_up_rounds()?;
+    *on_device = Some(made);
+    Ok(())
+}
+
+/// Plans `scene` and moves it to the device; warms the pipelines up if the plan differs from the one `before`.
+fn ready(before: &SceneRenderer, scene: Scene, progress: &dyn Progress) -> Result<SceneRenderer, RenderError> {
+    let planned = plan(&scene, progress)?;
+    warn_of_plan(&planned);
+    let on_device = before.with_scene(scene, planned, progress)?;
     if on_device.planned().plan != before.planned().plan {
         on_device.warm_up()?;
     }

@@ -120,11 +120,29 @@ impl<T: Send + 'static> Job<T> {
         self.listener.cancel();
     }
 
-    /// Cancels the task and waits for its thread to end.
-    pub fn end(mut self) {
+    /// Whether the task has been asked to stop.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.listener.cancelled()
+    }
+
+    /// Whether the task's thread has ended; without a result if it panicked.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Cancels the task and returns its thread, which may take a moment to end.
+    #[must_use]
+    pub fn give_up(mut self) -> Option<JoinHandle<()>> {
         self.listener.cancel();
+        self.thread.take()
+    }
+
+    /// Cancels the task and waits for its thread to end.
+    pub fn end(self) {
         // A panic of the thread has already been reported.
-        self.thread.take().map(JoinHandle::join).transpose().ok();
+        self.give_up().map(JoinHandle::join).transpose().ok();
     }
 }
 

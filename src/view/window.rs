@@ -154,7 +154,9 @@ impl Viewer {
         self.saving.end();
         self.give_up();
         // Background tasks must not use the device while the process exits.
-        self.engine.take().into_iter().for_each(Engine::end);
+        self.give_up_engine();
+        // A panic of a thread has already been reported.
+        self.loading.planning.drain(..).for_each(|thread| drop(thread.join()));
         self.loading.given_up.drain(..).for_each(Loading::end);
         if let Some(failed) = self.ending.failed.take() {
             return Err(failed);

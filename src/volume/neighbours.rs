@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use super::{BRICK, Volume};
 use crate::number::{count, whole};
+use crate::progress::{Progress, Quiet};
 
 /// Pairs of neighbouring voxels that are looked at.
 const PAIRS: usize = 1024;
@@ -13,12 +14,22 @@ impl Volume {
     /// none. Those of a file of bricks are read once and kept.
     pub(crate) fn neighbours(&self) -> Cow<'_, [Option<[f64; 2]>]> {
         match &self.bricks {
-            Some(cache) => Cow::Borrowed(cache.neighbours(|| self.read_neighbours())),
-            None => Cow::Owned(self.read_neighbours()),
+            Some(cache) => Cow::Borrowed(cache.neighbours(|| self.read_neighbours(&Quiet).unwrap_or_default())),
+            None => Cow::Owned(self.read_neighbours(&Quiet).unwrap_or_default()),
         }
     }
 
-    fn read_neighbours(&self) -> Vec<Option<[f64; 2]>> {
+    /// Reads the [`Self::neighbours`] of a file of bricks, and keeps them unless `progress` cancels the reading.
+    pub(crate) fn read_neighbours_ahead(&self, progress: &dyn Progress) {
+        if let Some(cache) = self.bricks.as_ref().filter(|cache| !cache.has_neighbours())
+            && let Some(values) = self.read_neighbours(progress)
+        {
+            cache.neighbours(|| values);
+        }
+    }
+
+    /// The [`Self::neighbours`]; `None` if `progress` cancels the reading.
+    fn read_neighbours(&self, progress: &dyn Progress) -> Option<Vec<Option<[f64; 2]>>> {
         let dims = self.geometry.dims;
         let spread = (0..PAIRS).map(|i| {
             // Additive recurrence with the powers of the inverse of the root of x⁴ = x + 1 (Roberts 2018).
@@ -37,8 +48,11 @@ impl Volume {
         voxels.sort_by_key(|(_, voxel)| [2, 1, 0].map(|axis| voxel[axis] / BRICK as usize));
         let mut values = vec![None; PAIRS];
         for (i, voxel) in voxels {
+            if progress.cancelled() {
+                return None;
+            }
             values[i] = read(i % 3, voxel);
         }
-        values
+        Some(values)
     }
 }

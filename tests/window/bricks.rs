@@ -8,9 +8,10 @@ use relume::document::{Source, State};
 use relume::internal::view::engine::{Refining, ShownLevel};
 use relume::internal::view::{Engine, Loaded};
 use relume::output::write_bricks;
-use relume::progress::Quiet;
-use relume::render::Renderer;
-use relume::scene::{Aim, Scene};
+use relume::plan::{plan, read_ahead};
+use relume::progress::{Progress, Quiet};
+use relume::render::{Renderer, SceneRenderer};
+use relume::scene::{Aim, Scene, VolumeAs};
 use relume::volume::{HostMemory, RawLayout, Selection, VoxelType};
 
 use crate::support::program::Folder;
@@ -226,6 +227,92 @@ fn a_refinement_that_is_stopped_or_fails_leaves_the_coarse_picture_and_says_so()
         assert!(engine.picture().is_some() && engine.is_finest() && !engine.has_work(true));
         assert_eq!(engine.shown_level().unwrap().then, Refining::Failed);
         engine.end();
+    });
+}
+
+#[test]
+fn an_error_or_a_stop_of_bricks_concerns_only_the_scene_that_was_planned_and_keeps_the_pool() {
+    with_renderer(|renderer| {
+        let folder = bricks(DIMS);
+        let (mut engine, mut state) = opened(renderer, &folder.path("scene.toml"), HostMemory::InFile);
+        let prepares = |engine: &Engine| engine.shown_level().is_some_and(|shown| shown.then == Refining::Prepares);
+        // Shadows need all voxels; they are gone before their plan has failed.
+        state.scene.lights[0].shadows = true;
+        engine.update(&state, SIZE);
+        until(&mut engine, prepares);
+        state.scene.lights[0].shadows = false;
+        engine.update(&state, SIZE);
+        until(&mut engine, Engine::is_finest);
+        assert_eq!(engine.shown_level(), None);
+
+        // A plan that is stopped is no error, and a light goes on with it.
+        state.scene.lights[0].shadows = true;
+        engine.update(&state, SIZE);
+        until(&mut engine, prepares);
+        engine.stop();
+        until(&mut engine, Engine::is_finest);
+        assert_eq!(engine.shown_level().unwrap().then, Refining::Stopped);
+        state.scene.lights[0].intensity *= 0.5;
+        assert!(!engine.update(&state, SIZE), "a light");
+        let begun = Instant::now();
+        let error = loop {
+            match engine.step(true) {
+                Err(error) => break error,
+                Ok(_) => assert!(begun.elapsed() < Duration::from_secs(60), "shadows need all voxels"),
+            }
+        };
+        assert_eq!(error.code(), "bricks-unsupported");
+        assert_eq!(engine.shown_level().unwrap().then, Refining::Failed);
+
+        // The coarse picture takes other colours.
+        let pictures = engine.pictures();
+        state.scene.materials[0].reflectance = state.scene.materials[1].reflectance.clone();
+        assert!(!engine.update(&state, SIZE), "a colour");
+        assert!(engine.pictures() > pictures && engine.show().unwrap(), "it is relit");
+
+        // No brick is loaded again.
+        state.scene.lights[0].shadows = false;
+        engine.update(&state, SIZE);
+        until(&mut engine, Engine::is_finest);
+        assert_eq!((engine.shown_level(), engine.brick_counts().unwrap().loaded), (None, 0));
+
+        // An engine that is replaced hands over the thread that plans.
+        state.scene.lights[0].shadows = true;
+        engine.update(&state, SIZE);
+        until(&mut engine, prepares);
+        let threads = engine.give_up();
+        assert_eq!(threads.len(), 1);
+        threads.into_iter().for_each(|thread| thread.join().unwrap());
+    });
+}
+
+#[test]
+fn a_plan_of_voxels_in_a_file_is_cancelled_while_it_reads_them() {
+    struct Cancelled;
+    impl Progress for Cancelled {
+        fn report(&self, _stage: &str, _done: u64, _total: u64) {}
+
+        fn cancelled(&self) -> bool {
+            true
+        }
+    }
+    with_renderer(|renderer| {
+        let folder = bricks(DIMS);
+        let mut source = Source::of(&folder.path("scene.toml"));
+        source.options.selection.memory = HostMemory::InFile;
+        let (file, statistics) = source.read(&Quiet).unwrap();
+        let mut scene = file.scene;
+        // Floats: packed gradients are scaled to the largest difference of all voxels.
+        scene.accuracy.volume = VolumeAs::Single;
+        let read = || scene.volume.bricks.as_ref().unwrap().counts().loaded;
+        read_ahead(&scene, &Cancelled);
+        assert_eq!(read(), 0);
+        read_ahead(&scene, &Quiet);
+        assert!(read() > 0);
+        let planned = plan(&scene, &Quiet).unwrap();
+        assert!(planned.plan.stores_gradient());
+        let error = SceneRenderer::with_plan(renderer, scene.clone(), planned, statistics, &Cancelled).unwrap_err();
+        assert!(error.to_string().contains("v.bricks was cancelled"), "{error}");
     });
 }
 

@@ -1,5 +1,7 @@
 //! Opening of scenes in the background, and recovery of a lost device.
 
+use std::thread::JoinHandle;
+
 use egui::Rect;
 
 use super::{ViewError, Viewer, Woken};
@@ -36,6 +38,8 @@ pub(super) struct Opening {
     pub(super) now: Option<Loading>,
     /// Cancelled tasks that may still be running.
     pub(super) given_up: Vec<Loading>,
+    /// Threads of replaced engines that may still be running.
+    pub(super) planning: Vec<JoinHandle<()>>,
     /// Number of tasks started.
     pub(super) number: u64,
 }
@@ -104,6 +108,12 @@ impl Viewer {
             loading.give_up();
             self.loading.given_up.push(loading);
         }
+    }
+
+    /// Removes the engine and cancels its planning.
+    pub(super) fn give_up_engine(&mut self) {
+        self.loading.planning.retain(|thread| !thread.is_finished());
+        self.loading.planning.extend(self.engine.take().into_iter().flat_map(Engine::give_up));
     }
 
     pub(super) fn loaded(&mut self, loaded: Result<Loaded, LoadError>, again: bool) {
@@ -184,6 +194,7 @@ impl Viewer {
         if let Some(document) = &self.opened.document {
             engine.light(document.state());
         }
+        self.give_up_engine();
         self.engine = Some(engine);
         // The next frame requests a picture, since it knows the picture's size.
         self.picture.place = Rect::ZERO;
@@ -218,7 +229,8 @@ impl Viewer {
         self.record.report.losses += 1;
         self.record.report.validation.extend(screen.renderer.device().validation_messages());
         self.record.before = self.counts();
-        (self.engine, self.tasks.measuring) = (None, None);
+        self.give_up_engine();
+        self.tasks.measuring = None;
         ui::forget_slices(&self.panels.context);
         self.panels.textures.clear();
         let was_opening = self.loading.now.as_ref().map(|loading| loading.source().clone());

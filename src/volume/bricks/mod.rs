@@ -259,6 +259,11 @@ impl BrickCache {
         self.neighbours.get_or_init(read)
     }
 
+    /// Whether [`Self::neighbours`] have been read.
+    pub(super) fn has_neighbours(&self) -> bool {
+        self.neighbours.get().is_some()
+    }
+
     /// The coarse level of the volume, once it is made.
     pub(super) fn coarse(&self) -> Option<&Arc<Volume>> {
         self.coarse.get()
