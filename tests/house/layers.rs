@@ -21,7 +21,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("film", &["plan", "scene", "model", "spectrum", "number"]),
     ("ranks", &["film", "scene"]),
     ("annotate", &["film", "plan", "scene", "spectrum", "volume", "number", "written"]),
-    ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "number", "parallel"]),
+    ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "progress", "number", "parallel"]),
     ("reference", &["film", "tables", "plan", "scene", "volume", "memory", "progress", "number", "parallel"]),
     ("shader", &[]),
     ("vulkan", &["shader"]),
