@@ -125,9 +125,9 @@ fn of_output(error: &OutputError) -> Option<String> {
         OutputError::Parts { .. } => {
             Some("; relume render --block I/N --accumulators FILE.exr makes the parts".to_owned())
         }
-        OutputError::Missing { missing, blocks, as_part, .. } => {
+        OutputError::Missing { missing, blocks, is_part, .. } => {
             let first = missing.first().map_or(1, |gap| gap[0]);
-            let partial = if *as_part { "" } else { ", or add --partial to composite these to a larger part" };
+            let partial = if *is_part { ", or add --partial to composite these to a larger part" } else { "" };
             Some(format!(
                 "; relume render --block {first}/{blocks} --accumulators FILE.exr makes the first of them{partial}"
             ))

@@ -256,8 +256,8 @@ pub enum OutputError {
         missing: Vec<[usize; 2]>,
         /// Number of blocks of the volume.
         blocks: usize,
-        /// Whether a larger part was asked for, in place of the whole film.
-        as_part: bool,
+        /// Whether the parts are all of a larger part, which was not asked for.
+        is_part: bool,
     },
     /// The film is inconsistent, in memory or in a file.
     #[error("this film cannot be stored or relit: {detail}")]

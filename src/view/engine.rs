@@ -310,10 +310,15 @@ impl Engine {
         *self.state = state.clone();
     }
 
-    /// Requests pictures of `state` in `size` and updates everything that has become stale. Returns whether a new march
-    /// is
-    /// needed.
+    /// Requests pictures of `state` in `size`, updates everything that has become stale, and ends a stop. Returns whether a new
+    /// march is needed.
     pub fn update(&mut self, state: &State, size: [usize; 2]) -> bool {
+        self.resume();
+        self.renew(state, size)
+    }
+
+    /// As [`Self::update`], but a stop goes on: a tour changes the light by itself.
+    pub fn renew(&mut self, state: &State, size: [usize; 2]) -> bool {
         // Of a volume in bricks, the coarse level decides: comparing plans reads voxels.
         let [before, after] = [&self.state.scene, &state.scene].map(|scene| self.marched(scene));
         let stale = Stale::between(&before, self.planned(), &after);
@@ -321,7 +326,6 @@ impl Engine {
         let waits = self.wanted.is_some() || self.planning.is_some();
         let marches = stale >= Stale::Accumulators || size != self.size || (waits && stale > Stale::Nothing);
         self.light(state);
-        self.resume();
         if marches {
             self.look(&state.scene, size);
         } else if stale > Stale::Nothing && (!self.failed || self.refines) {
@@ -491,12 +495,18 @@ impl Engine {
                 self.planning = Some(planning);
                 return Ok(false);
             }
-            let on_device = planning.take().ok_or(RenderError::Panicked)??;
-            if on_device.planned().plan != self.planned().plan {
-                self.speeds.clear();
+            match planning.take().ok_or(RenderError::Panicked).flatten() {
+                Ok(on_device) => {
+                    if on_device.planned().plan != self.planned().plan {
+                        self.speeds.clear();
+                    }
+                    self.on_device = on_device;
+                    next = Some(Next::Level(self.coarse));
+                }
+                Err(error) if self.wanted.is_none() => return Err(error),
+                // It concerns a scene that nobody waits for any more.
+                Err(_) => {}
             }
-            self.on_device = on_device;
-            next = Some(Next::Level(self.coarse));
         }
         if let Some(scene) = self.wanted.take() {
             let Some(planned) = self.planned().changed_to(self.on_device.scene(), &scene) else {
@@ -807,8 +817,8 @@ impl Bricks {
     }
 }
 
-/// Plans `scene`, whose voxels have `statistics`, for a march in bricks and replaces what is `on_device` by it. After an error,
-/// the former scene stays if its bricks are still of use.
+/// Plans `scene`, whose voxels have `statistics`, for a march in bricks and replaces what is `on_device` by it. After an error of
+/// the plan, the former scene stays.
 fn prepare(
     on_device: &mut Option<SceneRenderer>,
     renderer: &Renderer,
@@ -827,7 +837,7 @@ fn prepare(
     let made = if let Some(before) = holds {
         before.with_scene(scene, planned, progress)?
     } else {
-        if planned.plan.reads_light_grid() {
+        if planned.plan.reads_light_grid() && !renderer.holds_whole(&scene, &planned, &statistics) {
             return Err(RenderError::Bricked { what: "shadows" });
         }
         // There may be no room for two pools.

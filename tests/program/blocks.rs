@@ -58,7 +58,7 @@ fn parts_that_do_not_composite_are_refused_with_a_sentence() {
     let refused = |parts: &[&str], words: &[&str]| {
         folder.refused(1, &[&["composite"], parts, &["-o", "film.exr"]].concat(), words);
     };
-    refused(&["p1.exr", "p2.exr", "p4.exr"], &["block 3 of 4 is missing", "--block 3/4", "--partial"]);
+    refused(&["p1.exr", "p2.exr", "p4.exr"], &["block 3 of 4 is missing", "--block 3/4"]);
     refused(&["p2.exr", "p3.exr"], &["blocks 1, 4 of 4 are missing"]);
     refused(&["p2.exr", "p3.exr", "--partial"], &["blocks 1, 4 of 4 are missing", "--block 1/4"]);
     // All blocks below a cut are no whole film either, unless that is what was asked for.

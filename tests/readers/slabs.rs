@@ -63,6 +63,7 @@ fn assert_same(path: &Path) -> Selection {
         assert_eq!((read.slope, read.intercept), (whole.slope, whole.intercept), "{name}");
         assert_eq!((&read.presets, read.has_labels), (&whole.presets, whole.has_labels), "{name}");
         assert_eq!((read.components, &read.component_names), (whole.components, &whole.component_names), "{name}");
+        assert_eq!(read.assumed_spacing, whole.assumed_spacing, "{name}");
         let mut metadata = read.metadata.clone();
         metadata.retain(|(key, _)| key != "bricks of");
         let expected = whole.metadata.iter().filter(|(key, _)| key != "pyramid" && key != "level");
@@ -76,6 +77,13 @@ fn bricks_of_zarr_stores_are_those_of_the_volume() {
     for bundle in all("zarr") {
         assert_same(volumes::bundle(&bundle).path());
     }
+    // A picture: no axis z.
+    let flat = tempfile::tempdir().unwrap();
+    let array = r#"{"zarr_format": 2, "shape": [2, 3], "chunks": [2, 3], "dtype": "|u1", "compressor": null,
+        "fill_value": 0, "order": "C", "filters": null}"#;
+    std::fs::write(flat.path().join(".zarray"), array).unwrap();
+    std::fs::write(flat.path().join("0.0"), [1, 2, 3, 4, 5, 6]).unwrap();
+    assert_same(flat.path());
     let store = volumes::bundle(&data("zarr/image.bundle"));
     // A coarser level, which has slices of its own.
     let selection = Selection { component: Some(0), time: Some(0), level: Some(1), ..Selection::default() };
@@ -143,21 +151,25 @@ fn bricks_of_folders_of_slices_are_those_of_the_volume_if_their_slices_are_alike
     assert_same(folder.path());
     // A missing slice leaves steps uneven.
     std::fs::remove_file(folder.path().join("5")).unwrap();
-    assert!(bricks(folder.path(), &Selection::default(), 1).is_err());
+    let error = bricks(folder.path(), &Selection::default(), 1).unwrap_err();
+    assert!(error.contains("missing"), "{error}");
     let resampled = Selection { resample: true, ..Selection::default() };
     let error = bricks(folder.path(), &resampled, 1).unwrap_err();
     assert!(error.contains("its slices are resampled together"), "{error}");
 
+    // Slices that lie askew: one alone would not show it.
+    let askew = |z: u16| slice(f64::from(z), z).text(0x0020_0032, "DS", &format!("1\\{}\\{z}", f64::from(z) * 0.5));
+    let askew: Vec<_> = (0..4_u16).map(|z| (format!("{z}"), file(&askew(z), EXPLICIT))).collect();
+    let askew: Vec<(&str, Vec<u8>)> = askew.iter().map(|(name, bytes)| (name.as_str(), bytes.clone())).collect();
+    let error = bricks(volumes::folder(&askew).path(), &Selection::default(), 1).unwrap_err();
+    assert!(error.contains("sheared"), "{error}");
+
     let pictures = tempfile::tempdir().unwrap();
-    for (number, name) in ["none_uint8_little", "lzw_uint8_strips"].into_iter().cycle().take(5).enumerate() {
-        let (_, volume) = chosen(&data(&format!("tiff/{name}.tif")));
-        if volume.geometry.dims[2] == 1 {
-            std::fs::copy(data(&format!("tiff/{name}.tif")), pictures.path().join(format!("s{number}.tif"))).unwrap();
-        }
+    for number in 0..5_u8 {
+        let picture = [b"P5\n3 2\n255\n".as_slice(), &[number, 1, 2, 3, 4, 5 * number]].concat();
+        std::fs::write(pictures.path().join(format!("s{number}.pgm")), picture).unwrap();
     }
-    if std::fs::read_dir(pictures.path()).unwrap().count() > 0 {
-        assert_same(pictures.path());
-    }
+    assert_same(pictures.path());
     let labels = file(&segmentation("LABELMAP", &[(1, 0.0, [1; 9]), (1, 1.0, [0; 9])]), EXPLICIT);
     let folder = volumes::folder(&[("s.dcm", labels)]);
     let error = bricks(&folder.path().join("s.dcm"), &Selection::default(), 1).unwrap_err();

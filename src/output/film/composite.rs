@@ -210,7 +210,10 @@ pub fn composite(
         missing.push([next, node.leaves[1]]);
     }
     if !missing.is_empty() {
-        return Err(OutputError::Missing { path: front.path.to_owned(), missing, blocks, as_part });
+        let there = [front.part.first, back.part.last];
+        let are_outside = missing.iter().all(|gap| gap[1] < there[0] || gap[0] > there[1]);
+        let is_part = !as_part && are_outside && Node::smallest(blocks, there).leaves == there;
+        return Err(OutputError::Missing { path: front.path.to_owned(), missing, blocks, is_part });
     }
     // The front of each level, and the back, their composite and the lines of a file.
     let levels = u64::from(usize::BITS - (blocks - 1).leading_zeros()).min(total);

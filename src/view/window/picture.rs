@@ -7,9 +7,10 @@ use glam::{DVec2, DVec3};
 
 use super::Viewer;
 use super::report::keep;
+use crate::document::State;
 use crate::number::{count, unsigned, whole};
 use crate::scene::{Camera, View};
-use crate::view::engine::Reached;
+use crate::view::engine::{Engine, Reached};
 use crate::view::layout::Arrange;
 use crate::view::probe::Probe;
 use crate::view::prober::Prober;
@@ -104,8 +105,17 @@ impl Viewer {
 
     /// Updates the picture from the document.
     pub(super) fn show_again(&mut self) {
+        self.request(Engine::update);
+    }
+
+    /// As [`Self::show_again`], for a change that a tour made.
+    pub(super) fn show_tour(&mut self) {
+        self.request(Engine::renew);
+    }
+
+    fn request(&mut self, of: impl Fn(&mut Engine, &State, [usize; 2]) -> bool) {
         let (Some(document), Some(engine)) = (&self.opened.document, &mut self.engine) else { return };
-        if engine.update(document.state(), self.record.report.size) {
+        if of(engine, document.state(), self.record.report.size) {
             (self.picture.moved, self.picture.reached) = (Instant::now(), Reached::default());
         }
     }

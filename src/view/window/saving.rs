@@ -283,7 +283,7 @@ impl Viewer {
                 self.tour = None;
             }
             if changed {
-                self.show_again();
+                self.show_tour();
             }
         } else if let Some(engine) = &mut self.engine {
             engine.light(&document.preview(&edit));

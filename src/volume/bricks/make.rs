@@ -176,7 +176,13 @@ fn made<T: Voxel>(
     let (bricks, spilled) = (making.levels[0].index.len(), making.is_spilled());
     let bytes = making.end(&text, &cells)?;
     let levels = levels.iter().map(|level| level.dims).collect();
-    Ok(BricksMade { dims, voxel_type: T::TYPE, bricks, levels, bytes, spilled, notes: volume.notes })
+    // A warning of this run is not one of the volume.
+    let warning = match voxels {
+        Source::Slabs(slabs, slices) => slabs.warning(*slices),
+        Source::Stream(..) => None,
+    };
+    let notes = volume.notes.into_iter().chain(warning).collect();
+    Ok(BricksMade { dims, voxel_type: T::TYPE, bricks, levels, bytes, spilled, notes })
 }
 
 /// A brick as it is written.

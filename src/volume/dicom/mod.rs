@@ -200,7 +200,12 @@ fn scalar(
             notes.push(format!("{source_name}: {problem}; the slices are resampled to even steps"));
             Lattice { dims: [lattice.dims[0], lattice.dims[1], whole(last.round()) + 1], ..lattice }
         }
-        None if selection.middle || selection.slices.is_some() => lattice.of_slices(&range),
+        None if selection.middle => lattice.of_slices(&range),
+        None if selection.slices.is_some() => {
+            // A slice alone does not lean.
+            Grid::of(lattice, &source_name, selection.resample)?;
+            lattice.of_slices(&range)
+        }
         None => lattice,
     };
     let grid = Grid::of(lattice, &source_name, selection.resample)?;

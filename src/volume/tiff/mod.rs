@@ -186,8 +186,9 @@ fn volume(
         volume.component_names = stated.names;
     }
     volume.metadata = stated.metadata;
+    let depth = chosen.part.map_or(dims[2], |part| part.depth);
     let unknown: Vec<&str> = (0..3)
-        .filter(|&axis| dims[axis] > 1 && stated.spacing[axis].is_none())
+        .filter(|&axis| [dims[0], dims[1], depth][axis] > 1 && stated.spacing[axis].is_none())
         .map(|axis| ["x", "y", "z"][axis])
         .collect();
     let assumed = if stated.spacing == [None; 3] {
