@@ -138,7 +138,7 @@ pub struct ShownLevel {
     pub level: u32,
     /// Number of voxels whose mean is one of it.
     pub voxels: usize,
-    /// What refines it.
+    /// State of its refinement.
     pub then: Refining,
 }
 
@@ -167,7 +167,7 @@ struct Planning {
     outdated: bool,
 }
 
-/// What such planning leaves.
+/// Result of such planning.
 #[derive(Debug)]
 struct Prepared {
     /// The scene on the device, or the former one if the bricks there are still of use.

@@ -13,18 +13,6 @@ use crate::progress::Progress;
 /// Bytes of voxels that are allocated before anything is decoded. Later, as many as have been decoded.
 const BATCH: usize = 32 << 20;
 
-/// Storage of the voxels of all parts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Storage {
-    /// Compressed: memory grows as parts are decoded, so that a header alone allocates little.
-    Compressed,
-    /// As they are, in several files.
-    Files,
-    /// As they are, in one file, which one thread reads from its beginning to its end: two would copy little faster, take more
-    /// time of the processors, and make a disk seek.
-    OneFile,
-}
-
 /// A part: adjacent voxels that one thread decodes.
 pub(super) struct Part<'a, P> {
     pub(super) part: P,
@@ -51,12 +39,13 @@ pub(super) trait Decode<P>: Sync {
 
 /// Decodes `parts`, which have `all` voxels, one behind the other.
 ///
-/// Of several errors, the first part's is returned.
+/// Memory grows as parts are decoded, so that a header alone allocates little; if the voxels `are_there`, uncompressed,
+/// it is allocated at once. Of several errors, the first part's is returned.
 pub(super) fn read<'a, P: Send, D: Decode<P>>(
     decode: &D,
     parts: impl Iterator<Item = Part<'a, P>>,
     all: usize,
-    storage: Storage,
+    are_there: bool,
     progress: &dyn Progress,
 ) -> Result<Vec<D::Voxel>, VolumeError> {
     let size = size_of::<D::Voxel>();
@@ -64,7 +53,6 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
     let mut voxels: Vec<D::Voxel> = Vec::new();
     let mut there = 0;
     let mut parts = parts.peekable();
-    let are_there = storage != Storage::Compressed;
     if are_there && let Some(first) = parts.peek() {
         // Memory that the system zeroes is not written twice.
         voxels = allocate::zeroed(first.path, all)?;
@@ -98,14 +86,8 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
             decode.decode(scratch, &part.part, place)?;
             done.add(part.path, size_of_val(place))
         };
-        if storage == Storage::OneFile {
-            let mut scratch = decode.scratch();
-            places.into_iter().try_for_each(|place| one(&mut scratch, place))?;
-        } else {
-            let results: Vec<Result<(), VolumeError>> =
-                places.into_par_iter().map_init(|| decode.scratch(), one).collect();
-            results.into_iter().collect::<Result<(), _>>()?;
-        }
+        let results: Vec<Result<(), VolumeError>> = places.into_par_iter().map_init(|| decode.scratch(), one).collect();
+        results.into_iter().collect::<Result<(), _>>()?;
         there += more;
     }
     Ok(voxels)

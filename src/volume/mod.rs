@@ -102,7 +102,7 @@ pub struct Volume {
     pub presets: Presets,
     /// Choice among the volumes of the file.
     pub selection: Selection,
-    /// What the voxels are a part of, if some slices were read.
+    /// The volume of which the voxels are a part, if some slices were read.
     pub part: Option<Part>,
     /// Size of the block of file voxels whose mean is one voxel, along each axis.
     pub blocks: [usize; 3],

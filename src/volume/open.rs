@@ -30,7 +30,7 @@ struct Format {
     access: Access,
 }
 
-/// How voxels are read without holding all of them.
+/// Way of reading voxels without holding all of them.
 enum Access {
     /// Not at all.
     Whole,

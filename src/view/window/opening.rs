@@ -173,7 +173,7 @@ impl Viewer {
             if let Some(path) = self.opened.source.path.as_deref().filter(|_| !self.is_scripted()) {
                 self.panels.recent.add(path);
             }
-            // Where the voxels are is no choice of a volume.
+            // The place of the voxels is no choice of a volume.
             self.opened.selection =
                 Selection { memory: HostMemory::default(), ..loaded.file.scene.volume.selection.clone() };
             self.opened.title = self.opened.source.title(&self.opened.selection);

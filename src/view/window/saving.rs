@@ -355,7 +355,7 @@ fn whole_path(path: &Path) -> String {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
 }
 
-/// What refines a coarse level after `then`, as the end of a sentence.
+/// The way to refine a coarse level after `then`, as the end of a sentence.
 fn refined_by(then: Refining) -> &'static str {
     match then {
         Refining::Failed => "its refinement failed: move the camera to try again, or open the file again",

@@ -88,6 +88,16 @@ struct Chosen {
 }
 
 impl Chosen {
+    /// The `pages` that `selection` chose of a volume of `depth` slices.
+    fn new(
+        pages: Vec<Page>,
+        (selection, depth): (&Selection, usize),
+        [sample, component, components]: [usize; 3],
+    ) -> Self {
+        let (first, part) = (selection.slices(depth).start, selection.part(depth, 1));
+        Self { pages, first, part, level: None, sample, component, components }
+    }
+
     /// Replaces the pages, which are like `fine`, by those of the chosen level of resolution, and returns what these are
     /// like. The levels of a page are its directories of smaller pages of the same type.
     fn take_level(
@@ -227,19 +237,7 @@ fn in_order(
     let (channel, sample) = (component / picture.samples, component % picture.samples);
     let index = |z: usize| channel + channels * (z + depth * time);
     let pages = selection.slices(depth).map(|z| pages[index(z)].clone()).collect();
-    Ok((
-        stated,
-        picture,
-        Chosen {
-            pages,
-            first: selection.slices(depth).start,
-            part: selection.part(depth, 1),
-            level: None,
-            sample,
-            component,
-            components,
-        },
-    ))
+    Ok((stated, picture, Chosen::new(pages, (selection, depth), [sample, component, components])))
 }
 
 /// The component that is read, and the number of components, for pages of `channels` channels.
@@ -434,19 +432,8 @@ impl Files<'_> {
         let planes = &planes[selection.slices(depth)];
         let pages = planes.iter().map(|&plane| self.page(&ome, contents, plane)).collect::<Result<Vec<_>, _>>()?;
         let picture = alike(&self.paths, &pages)?;
-        Ok((
-            image.stated.clone(),
-            picture,
-            Chosen {
-                pages,
-                first: selection.slices(depth).start,
-                part: selection.part(depth, 1),
-                level: None,
-                sample,
-                component,
-                components,
-            },
-        ))
+        let chosen = Chosen::new(pages, (selection, depth), [sample, component, components]);
+        Ok((image.stated.clone(), picture, chosen))
     }
 
     /// The pages of a file that the description names; `None` is the file with the description.

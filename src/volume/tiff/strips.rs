@@ -13,7 +13,7 @@ use weezl::BitOrder;
 use super::directory::{Entry, Tiff};
 use super::page::{Chunks, Coding, Compression, Page, Predictor, Sample};
 use crate::progress::Progress;
-use crate::volume::batches::{self, Decode, Part, Storage};
+use crate::volume::batches::{self, Decode, Part};
 use crate::volume::data::SLAB_BYTES;
 use crate::volume::guard::guarded;
 use crate::volume::stream::{PackBits, count, read_fully};
@@ -123,12 +123,7 @@ impl Stack {
         self.check_lengths()?;
         let all = self.pages.iter().map(|page| page.picture().width * page.picture().height).sum();
         let is_plain = self.pages.iter().all(|page| page.coding.compression == Compression::None);
-        let storage = match self.paths.len() {
-            _ if !is_plain => Storage::Compressed,
-            0 | 1 => Storage::OneFile,
-            _ => Storage::Files,
-        };
-        batches::read(decode, self.bands(), all, storage, progress)
+        batches::read(decode, self.bands(), all, is_plain, progress)
     }
 }
 
