@@ -52,7 +52,7 @@ pub enum RenderError {
     #[error("cancelled")]
     Cancelled,
     /// A thread in the background ended without a result.
-    #[error("the thread that plans the scene panicked, which is a bug of Relume; its message is in the terminal")]
+    #[error("a thread in the background panicked, which is a bug of Relume; its message is in the terminal")]
     Panicked,
     /// The matrices of a colour model are too large for the device.
     #[error(
@@ -158,7 +158,7 @@ impl RenderError {
             Self::Plan(error) => error.code(),
             Self::Volume(error) | Self::Labels(error) => error.code(),
             Self::Cancelled => "cancelled",
-            Self::Panicked => "planning-panicked",
+            Self::Panicked => "thread-panicked",
             Self::Matrix { .. } => "matrix-too-large",
             Self::Camera => "camera-without-direction",
             Self::TooManySamples { .. } => "samples-too-many",

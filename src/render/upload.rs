@@ -108,13 +108,18 @@ impl Renderer {
         statistics: &Statistics,
         progress: &dyn Progress,
     ) -> Result<Uploaded, RenderError> {
+        // Before the bricks are read.
+        let in_file = scene.volume.bricks.is_some();
+        if scene.labels.is_some() {
+            scene.volume.require_voxels("a volume with labels").map_err(RenderError::Volume)?;
+        }
+        if in_file && planned.plan.reads_light_grid() {
+            return Err(RenderError::Bricked { what: "shadows" });
+        }
         let storage = Storage::of(&planned.plan, &scene.volume, statistics, progress).map_err(RenderError::Volume)?;
         let dims = scene.volume.geometry.dims;
         let format = Format::from(storage.format);
         self.check_filter(planned, &storage)?;
-        if scene.labels.is_some() {
-            scene.volume.require_voxels("a volume with labels").map_err(RenderError::Volume)?;
-        }
         let labels = match &scene.labels {
             Some(labels) if planned.plan.labels => Some(Arc::new(LabelMap::new(labels).map_err(RenderError::Labels)?)),
             _ => None,
@@ -124,7 +129,6 @@ impl Renderer {
             labels.as_ref().map(|map| if map.texel_bytes(smooth) == 1 { Format::R8Uint } else { Format::R16Uint });
         let voxel_bytes = voxel_bytes(&storage, labels.as_deref(), smooth);
         let limit = self.largest_texture(format);
-        let in_file = scene.volume.bricks.is_some();
         if in_file || self.always_bricked || !self.has_room(dims, format, voxel_bytes, self.volume_budget()) {
             if planned.plan.reads_light_grid() {
                 return Err(RenderError::Bricked { what: "shadows" });
@@ -171,13 +175,11 @@ impl Renderer {
         if scene.volume.bricks.is_some() || self.always_bricked {
             return false;
         }
-        // The voxels are in memory.
-        let storage = Storage::new(&planned.plan, &scene.volume, statistics);
+        let format = Storage::format_of(&planned.plan, &scene.volume, statistics);
         let declared = scene.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| labels.declared.len());
         let label_bytes = declared.map_or(0, |declared| LabelMap::bytes_of(declared, planned.plan.smooth_labels));
-        let voxel_bytes = voxel_bytes(&storage, None, false) + label_bytes as u64;
-        let (dims, format) = (scene.volume.geometry.dims, Format::from(storage.format));
-        self.has_room(dims, format, voxel_bytes, self.volume_budget())
+        let voxel_bytes = format.bytes() as u64 + label_bytes as u64;
+        self.has_room(scene.volume.geometry.dims, Format::from(format), voxel_bytes, self.volume_budget())
     }
 
     /// Whether there is room for a coarse level of `dims` voxels beside the bricks of its volume, however it is stored.

@@ -82,6 +82,13 @@ impl Storage {
         storage
     }
 
+    /// The format of [`Self::new`], which follows from the statistics: no voxel is read.
+    #[must_use]
+    pub fn format_of(plan: &ScenePlan, volume: &Volume, statistics: &Statistics) -> VolumeFormat {
+        let Ok(storage) = Self::chosen(plan, volume, statistics, |_| Ok::<_, Infallible>([0.0; 3]));
+        storage.format
+    }
+
     /// As [`Self::new`], also for a volume whose voxels stay in a file of bricks, all of which may be read.
     ///
     /// # Errors

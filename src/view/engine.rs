@@ -1,6 +1,7 @@
 //! Renders a state in slices: a coarse picture first, then finer ones up to the window's size, relit when the light
 //! changes.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -269,7 +270,7 @@ impl Engine {
             self.coarse = self.coarse.max(FINER);
         }
         self.size = size;
-        self.wanted = Some(Box::new(self.marched(scene)));
+        self.wanted = Some(Box::new(self.marched(scene).into_owned()));
         if let Some(bricks) = &mut self.bricks {
             bricks.change(scene);
         }
@@ -283,8 +284,8 @@ impl Engine {
     }
 
     /// `scene` as it is marched first: with a coarse level in place of a volume in bricks.
-    fn marched(&self, scene: &Scene) -> Scene {
-        self.bricks.as_ref().map_or_else(|| scene.clone(), |bricks| bricks.coarse.scene(scene))
+    fn marched<'a>(&self, scene: &'a Scene) -> Cow<'a, Scene> {
+        self.bricks.as_ref().map_or(Cow::Borrowed(scene), |bricks| Cow::Owned(bricks.coarse.scene(scene)))
     }
 
     /// Stops the refinement of a coarse level of the volume until the next [`update`](Self::update). The bricks that are loaded stay.
@@ -337,7 +338,7 @@ impl Engine {
     /// Takes over the spectra of `scene`, which leave the films valid.
     fn follow_spectra(&mut self, scene: &Scene) {
         let planned = self.planned().clone();
-        self.on_device.retarget(self.marched(scene), planned);
+        self.on_device.retarget(self.marched(scene).into_owned(), planned);
         if let Some(bricks) = &mut self.bricks {
             bricks.change(scene);
         }
@@ -808,9 +809,10 @@ impl Bricks {
     fn plan(&mut self, coarse: &SceneRenderer) {
         let (before, scene) = (self.on_device.take(), (*self.scene).clone());
         let (renderer, statistics) = (coarse.renderer().beside(coarse.uploaded().bytes()), coarse.statistics().clone());
+        let known = (coarse.planned().clone(), coarse.scene().clone());
         let planning = move |progress: &dyn Progress| {
             let mut on_device = before;
-            let made = prepare(&mut on_device, &renderer, scene, statistics, progress);
+            let made = prepare(&mut on_device, &renderer, (scene, known), statistics, progress);
             Prepared { on_device, made }
         };
         self.planning = Some(Planning { job: Job::start(|| {}, planning), outdated: false });
@@ -818,11 +820,11 @@ impl Bricks {
 }
 
 /// Plans `scene`, whose voxels have `statistics`, for a march in bricks and replaces what is `on_device` by it. After an error of
-/// the plan, the former scene stays.
+/// the plan, the former scene stays. `known` is the plan of its coarse level, whose colour model it mostly shares.
 fn prepare(
     on_device: &mut Option<SceneRenderer>,
     renderer: &Renderer,
-    scene: Scene,
+    (scene, known): (Scene, (Planned, Scene)),
     statistics: Statistics,
     progress: &dyn Progress,
 ) -> Result<(), RenderError> {
@@ -831,7 +833,10 @@ fn prepare(
     if progress.cancelled() {
         return Err(RenderError::Cancelled);
     }
-    let planned = plan(&scene, progress)?;
+    let planned = match known.0.changed_to(&known.1, &scene) {
+        Some(planned) => planned,
+        None => plan(&scene, progress)?,
+    };
     warn_of_plan(&planned);
     let holds = on_device.as_ref().filter(|before| before.holds(&scene, &planned));
     let made = if let Some(before) = holds {

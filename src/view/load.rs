@@ -161,13 +161,9 @@ impl Loaded {
         let scene = file.scene.clone();
         let planned = |scene: &Scene| plan(scene, progress).map_err(RenderError::from);
         let whole = if scene.volume.bricks.is_some() { None } else { Some(planned(&scene)?) };
-        let whole = match whole {
-            Some(planned) if renderer.holds_whole(&scene, &planned, &statistics) => Some(planned),
-            _ => None,
-        };
         let (scene, planned, coarse) = match whole {
-            Some(planned) => (scene, planned, None),
-            None => {
+            Some(planned) if renderer.holds_whole(&scene, &planned, &statistics) => (scene, planned, None),
+            _ => {
                 let coarse = Coarse::of(renderer, &scene, progress)?;
                 let scene = coarse.scene(&scene);
                 let planned = planned(&scene)?;

@@ -45,7 +45,9 @@ impl Volume {
         };
         // In the order of the bricks of a file, so that each is read once.
         let mut voxels: Vec<(usize, [usize; 3])> = spread.enumerate().collect();
-        voxels.sort_by_key(|(_, voxel)| [2, 1, 0].map(|axis| voxel[axis] / BRICK as usize));
+        if self.bricks.is_some() {
+            voxels.sort_by_key(|(_, voxel)| [2, 1, 0].map(|axis| voxel[axis] / BRICK as usize));
+        }
         let mut values = vec![None; PAIRS];
         for (i, voxel) in voxels {
             if progress.cancelled() {

@@ -187,12 +187,12 @@ impl<'a> Place<'a> {
 
     fn volume(&self, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
         let source_name = self.path.display().to_string();
-        let (Streamed { data, halves, mut notes, finish, .. }, stored) = self.streamed(selection)?;
-        let voxels = if stored.is_straight() && halves {
-            data.read_halves(progress, &mut notes)?
-        } else if stored.is_straight() {
-            data.read(progress, &mut notes)?
-        } else if self.encoding != Encoding::Raw {
+        let (streamed, stored) = self.streamed(selection)?;
+        if stored.is_straight() {
+            return streamed.read(&source_name, selection, progress);
+        }
+        let Streamed { data, halves, mut notes, finish, .. } = streamed;
+        let voxels = if self.encoding != Encoding::Raw {
             // The file may have fewer numbers than it states, so that memory grows as they come.
             let voxels = data.read(progress, &mut notes)?;
             let voxels = with_voxels!(voxels, numbers => stored.straightened(&source_name, numbers)?);

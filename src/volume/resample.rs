@@ -22,17 +22,7 @@ impl Volume {
     ///
     /// [`VolumeError::Block`] if a side of the block is 0 or longer than the volume.
     pub fn downsample(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
-        if self.has_labels {
-            return self.downsample_labels(block);
-        }
-        self.require_voxels("averaging blocks")?;
-        let geometry = self.coarser(block)?;
-        let voxels = with_voxels!(&self.voxels, stored => {
-            Voxel::into_voxels(reduce(stored, self.geometry.dims, geometry.dims, block, |values| {
-                Voxel::mean(values.iter().copied())
-            }))
-        });
-        Ok(self.resampled(voxels, geometry, block))
+        self.whole_blocks(block, self.has_labels)
     }
 
     /// Reduces every block to its most frequent voxel, the smallest one among ties, because labels have no mean.
@@ -42,10 +32,14 @@ impl Volume {
     ///
     /// [`VolumeError::Block`] if a side of the block is 0 or longer than the volume.
     pub fn downsample_labels(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
+        self.whole_blocks(block, true)
+    }
+
+    fn whole_blocks(&self, block: [usize; 3], labels: bool) -> Result<Self, VolumeError> {
         self.require_voxels("averaging blocks")?;
         let geometry = self.coarser(block)?;
         let voxels = with_voxels!(&self.voxels, stored => {
-            Voxel::into_voxels(reduce(stored, self.geometry.dims, geometry.dims, block, most_frequent))
+            Voxel::into_voxels(reduce(stored, self.geometry.dims, geometry.dims, block, labels))
         });
         Ok(self.resampled(voxels, geometry, block))
     }
@@ -162,21 +156,16 @@ fn lay<T: Voxel>(stored: &[T], [nx, ny, nz]: [usize; 3], offset: [i64; 3], laid:
 /// The means of blocks of `block` voxels of a grid of `dims`, or their most frequent numbers if these are `labels`. Blocks at
 /// the end of an axis may be incomplete.
 pub(super) fn of_blocks<T: Voxel>(stored: &[T], dims: [usize; 3], block: [usize; 3], labels: bool) -> Vec<T> {
-    let coarse = std::array::from_fn(|axis| dims[axis].div_ceil(block[axis]));
-    if labels {
-        reduce(stored, dims, coarse, block, most_frequent)
-    } else {
-        reduce(stored, dims, coarse, block, |values| Voxel::mean(values.iter().copied()))
-    }
+    reduce(stored, dims, std::array::from_fn(|axis| dims[axis].div_ceil(block[axis])), block, labels)
 }
 
-/// Reduces each block to one voxel of a grid of `coarse` voxels; `choose` may reorder the voxels of the block.
+/// As [`of_blocks`], of the first `coarse` blocks along each axis.
 fn reduce<T: Voxel>(
     stored: &[T],
     [nx, ny, nz]: [usize; 3],
     coarse: [usize; 3],
     [bx, by, bz]: [usize; 3],
-    choose: impl Fn(&mut [T]) -> Option<T> + Sync,
+    labels: bool,
 ) -> Vec<T> {
     let [width, height, depth] = coarse;
     let mut voxels = vec![T::zeroed(); width * height * depth];
@@ -194,7 +183,8 @@ fn reduce<T: Voxel>(
                     }
                 }
                 // A block has at least one voxel.
-                *voxel = choose(values).unwrap_or(T::zeroed());
+                let one = if labels { most_frequent(values) } else { T::mean(values.iter().copied()) };
+                *voxel = one.unwrap_or(T::zeroed());
             }
         },
     );
@@ -202,7 +192,7 @@ fn reduce<T: Voxel>(
 }
 
 /// The most frequent value, the smallest one among ties.
-pub(super) fn most_frequent<T: Voxel>(values: &mut [T]) -> Option<T> {
+fn most_frequent<T: Voxel>(values: &mut [T]) -> Option<T> {
     // Labels are numbers; NaN is not a valid label, so its order does not matter.
     values.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
     let runs = values.chunk_by(|a, b| a == b);

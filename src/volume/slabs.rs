@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use super::data::{Take, check_cancelled};
 use super::stream::count;
-use super::voxels::with_type;
 use super::{Part, Selection, Volume, VolumeError, Voxel, VoxelType, with_voxels};
 use crate::progress::Progress;
 
@@ -47,7 +46,7 @@ impl Slabs {
         let mut header = open(path, &selection, progress)?;
         let part = header.part.take().ok_or_else(|| not_streamed("its reader reads it as a whole"))?;
         header.geometry.dims[2] = part.depth;
-        header.voxels = with_type!(header.voxels.voxel_type(), T => T::into_voxels(Vec::new()));
+        header.voxels = header.voxels.voxel_type().no_voxels();
         Ok((Self { path: path.to_owned(), selection, open, header: header.clone(), part }, header))
     }
 

@@ -5,6 +5,13 @@ use std::str::FromStr;
 
 use super::{VolumeError, VoxelType};
 
+impl VoxelType {
+    /// No voxels of this type.
+    pub(super) fn no_voxels(self) -> Voxels {
+        with_type!(self, T => <T as Voxel>::into_voxels(Vec::new()))
+    }
+}
+
 impl FromStr for VoxelType {
     type Err = VolumeError;
 

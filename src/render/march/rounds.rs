@@ -101,7 +101,7 @@ impl Fetch {
     /// The bricks, in the order of the request.
     fn packed(self) -> Result<Vec<Packed>, RenderError> {
         // A panic of the thread has already been reported.
-        self.thread.join().unwrap_or(Err(RenderError::Cancelled))
+        self.thread.join().unwrap_or(Err(RenderError::Panicked))
     }
 }
 

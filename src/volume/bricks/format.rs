@@ -15,8 +15,7 @@ use super::cells::{self, CellRanges};
 use super::grid::{BrickGrid, slabs};
 use crate::volume::statistics::{BINS, Extent, Measured};
 use crate::volume::stream::count;
-use crate::volume::voxels::with_type;
-use crate::volume::{Geometry, LabelPreset, Presets, Unit, Volume, VolumeError, Voxel, VoxelType, Window};
+use crate::volume::{Geometry, LabelPreset, Presets, Unit, Volume, VolumeError, VoxelType, Window};
 
 /// First bytes of a file of bricks.
 pub(super) const MAGIC: [u8; 8] = *b"RELUMEBK";
@@ -458,7 +457,7 @@ impl Text {
     pub(super) fn volume(&self, path: &Path, level: usize) -> Result<Volume, VolumeError> {
         let wrong = |what: &str| damaged(path, format!("its text has no usable {what}"));
         let voxel_type = self.voxel_type(path)?;
-        let none = with_type!(voxel_type, T => <T as Voxel>::into_voxels(Vec::new()));
+        let none = voxel_type.no_voxels();
         let mut volume = Volume::of_voxels(&path.display().to_string(), none, self.geometry(path, level)?)?;
         if !(self.slope.is_finite() && self.intercept.is_finite()) {
             return Err(wrong("slope and intercept"));

@@ -8,10 +8,11 @@ use std::time::UNIX_EPOCH;
 use super::cells::{CellRanges, macrocells};
 use super::format::{Entry, FIXED, Fixed, LevelMade, Origin, Text, digest};
 use super::grid::{BRICK, BrickGrid};
-use super::slab::{Halves, Halving, Rows, halved, halved_dims};
+use super::slab::{Halves, Rows, halved_dims};
 use super::{BATCH, read_at, unpacked};
 use crate::progress::Progress;
 use crate::volume::data::{Data, Take, check_cancelled, report};
+use crate::volume::resample::of_blocks;
 use crate::volume::slabs::Slabs;
 use crate::volume::statistics::{Extent, Measured, Sums, measure_counted, occurrences};
 use crate::volume::stream::count;
@@ -107,7 +108,7 @@ pub(in crate::volume) fn make(
             streamed.dims.map_err(not_streamed)?;
             // Before memory is taken by the numbers of a header.
             streamed.data.check_lengths()?;
-            let none = with_type!(streamed.voxel_type(), T => T::into_voxels(Vec::new()));
+            let none = streamed.voxel_type().no_voxels();
             let volume = (streamed.finish)(none, streamed.notes)?;
             (volume, Source::Stream(streamed.data, streamed.halves), budget)
         }
@@ -150,8 +151,7 @@ fn made<T: Voxel>(
     if memory::available_bytes().is_some_and(|free| cells > free) {
         return Err(VolumeError::Memory { source_name: source.display().to_string(), bytes: cells }.into());
     }
-    let halving = if volume.has_labels { Halving::MostFrequent } else { Halving::Mean };
-    let mut making = Making::<T>::new(BrickGrid::levels(dims), halving, (file, folder), budget)?;
+    let mut making = Making::<T>::new(BrickGrid::levels(dims), volume.has_labels, (file, folder), budget)?;
     let mut failed = None;
     let mut notes = std::mem::take(&mut volume.notes);
     let read = voxels.read_into::<T>(progress, &mut notes, &mut |_, part| {
@@ -211,7 +211,7 @@ struct Making<'a, T> {
     rows: usize,
     /// The levels of resolution, the finest first.
     levels: Vec<Level<T>>,
-    halving: Halving,
+    labels: bool,
 }
 
 /// A level that is being made.
@@ -230,7 +230,7 @@ struct Level<T> {
 impl<'a, T: Voxel> Making<'a, T> {
     fn new(
         grids: Vec<BrickGrid>,
-        halving: Halving,
+        labels: bool,
         (file, folder): (&'a File, &Path),
         budget: u64,
     ) -> Result<Self, MakeError> {
@@ -253,7 +253,7 @@ impl<'a, T: Voxel> Making<'a, T> {
         let slab = Rows::new(grids[0], &mut room, folder)?;
         let mut written = BufWriter::new(file);
         written.write_all(&[0; FIXED])?;
-        Ok(Self { file, written, at: count(FIXED), slab, rest: Vec::new(), rows: 0, levels, halving })
+        Ok(Self { file, written, at: count(FIXED), slab, rest: Vec::new(), rows: 0, levels, labels })
     }
 
     fn is_spilled(&self) -> bool {
@@ -300,8 +300,8 @@ impl<'a, T: Voxel> Making<'a, T> {
     fn write_slab(&mut self, level: usize, slab: usize) -> io::Result<()> {
         let grid = self.levels[level].grid;
         let bricks: Vec<usize> = grid.of_slab(slab).collect();
-        let halving = (level + 1 < self.levels.len()).then_some(self.halving);
-        let packed = |brick: usize, voxels: &[T]| pack(voxels, grid.dims_of(brick), halving);
+        let labels = (level + 1 < self.levels.len()).then_some(self.labels);
+        let packed = |brick: usize, voxels: &[T]| pack(voxels, grid.dims_of(brick), labels);
         let mut first = 0;
         for batch in bricks.chunks(BATCH) {
             let batch_packed = if let Some(finer) = level.checked_sub(1) {
@@ -329,7 +329,7 @@ impl<'a, T: Voxel> Making<'a, T> {
         if let Some(halves) = level.checked_sub(1).and_then(|finer| self.levels[finer].halves.as_mut()) {
             halves.clear();
         }
-        if halving.is_some() && grid.ends_coarser(slab) { self.write_slab(level + 1, slab / 2) } else { Ok(()) }
+        if labels.is_some() && grid.ends_coarser(slab) { self.write_slab(level + 1, slab / 2) } else { Ok(()) }
     }
 
     fn write(&mut self, level: usize, brick: usize, packed: Packed<T>) -> io::Result<()> {
@@ -430,7 +430,9 @@ impl<T: Voxel> Level<T> {
 }
 
 /// Packs the voxels of a brick of `dims`: LZ4, or as they are if that is not longer.
-fn pack<T: Voxel>(voxels: &[T], dims: [usize; 3], halving: Option<Halving>) -> Packed<T> {
+///
+/// They are halved along each axis if there is a coarser level; then `labels` says whether they are labels.
+fn pack<T: Voxel>(voxels: &[T], dims: [usize; 3], labels: Option<bool>) -> Packed<T> {
     let swapped: Vec<T> = if cfg!(target_endian = "big") {
         voxels.iter().map(|voxel| voxel.with_bytes_swapped()).collect()
     } else {
@@ -448,7 +450,7 @@ fn pack<T: Voxel>(voxels: &[T], dims: [usize; 3], halving: Option<Halving>) -> P
         extent: Extent::of(voxels.iter().map(|&voxel| (voxel, 1))),
         occurrences: occurrences(voxels),
         rounded: if size_of::<T>() == 8 { voxels.iter().map(off).fold(0.0, f64::max) } else { 0.0 },
-        halved: halving.map_or_else(Vec::new, |halving| halved(voxels, dims, halving)),
+        halved: labels.map_or_else(Vec::new, |labels| of_blocks(voxels, dims, [2; 3], labels)),
     }
 }
 

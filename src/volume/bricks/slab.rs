@@ -7,7 +7,6 @@ use std::path::Path;
 
 use super::grid::{BRICK, BrickGrid};
 use crate::volume::Voxel;
-use crate::volume::resample::most_frequent;
 use crate::volume::stream::count;
 
 const EDGE: usize = BRICK as usize;
@@ -171,47 +170,4 @@ impl<T: Voxel> Halves<T> {
         }
         Ok(voxels)
     }
-}
-
-/// Reduction of two voxels along each axis to one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Halving {
-    /// Their mean.
-    Mean,
-    /// The most frequent one: labels have no mean.
-    MostFrequent,
-}
-
-/// Halves a brick of `dims` voxels along each axis; at an odd end a voxel stands for one or a few.
-pub(super) fn halved<T: Voxel>(voxels: &[T], dims: [usize; 3], halving: Halving) -> Vec<T> {
-    let [nx, ny, nz] = dims;
-    let [width, height, depth] = halved_dims(dims);
-    let mut out = Vec::with_capacity(width * height * depth);
-    let mut eight = [T::zeroed(); 8];
-    let mut rows: Vec<&[T]> = Vec::with_capacity(4);
-    for z in 0..depth {
-        for y in 0..height {
-            rows.clear();
-            for z in 2 * z..nz.min(2 * z + 2) {
-                rows.extend((2 * y..ny.min(2 * y + 2)).map(|y| &voxels[nx * (y + ny * z)..nx * (y + ny * z + 1)]));
-            }
-            for x in 0..width {
-                let mut there = 0;
-                for row in &rows {
-                    for &voxel in &row[2 * x..nx.min(2 * x + 2)] {
-                        eight[there] = voxel;
-                        there += 1;
-                    }
-                }
-                let block = &mut eight[..there];
-                let one = match halving {
-                    Halving::Mean => T::mean(block.iter().copied()),
-                    Halving::MostFrequent => most_frequent(block),
-                };
-                // A block has at least one voxel.
-                out.push(one.unwrap_or(T::zeroed()));
-            }
-        }
-    }
-    out
 }

@@ -205,7 +205,7 @@ impl Reading<'_> {
     ) -> Result<Voxels, VolumeError> {
         let voxel_type = if array.kind == Kind::Half { VoxelType::F32 } else { array.voxel_type };
         if slices.is_empty() {
-            return Ok(with_type!(voxel_type, T => T::into_voxels(Vec::new())));
+            return Ok(voxel_type.no_voxels());
         }
         let region = tiles::region(arranged, chosen, slices);
         let unit = self.unit(array, &region)?;

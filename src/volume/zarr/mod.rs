@@ -303,10 +303,9 @@ impl Reading<'_> {
     fn voxels(&self, level: &Level, chosen: [usize; 2], slices: &Range<usize>) -> Result<(Voxels, u64), VolumeError> {
         if slices.is_empty() && level.arranged.place(Axis::Z).is_none() {
             // The header alone; the only slice has no axis along which it could be left out.
-            use super::voxels::with_type;
-            use super::{Voxel, VoxelType};
-            let voxel_type = if level.array.kind == Kind::Half { VoxelType::F32 } else { level.array.voxel_type };
-            return Ok((with_type!(voxel_type, T => <T as Voxel>::into_voxels(Vec::new())), 0));
+            let is_half = level.array.kind == Kind::Half;
+            let voxel_type = if is_half { super::VoxelType::F32 } else { level.array.voxel_type };
+            return Ok((voxel_type.no_voxels(), 0));
         }
         let free = memory::available_bytes().unwrap_or(u64::MAX);
         let depth = level.arranged.length(Axis::Z).max(1);
