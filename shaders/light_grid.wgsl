@@ -16,22 +16,10 @@ fn passed(node: vec2u) -> f32 {
     return fma(fraction.y, far - near, near);
 }
 
-// Weights of four columns, of a place a part `t` of a space behind the second: those of a cubic, less a twelfth of the second
-// difference, so that depths that are linear between nodes have the least error (docs/theory/shadows.md).
-fn column_weights(t: f32) -> vec4f {
-    let square = t * t;
-    let cube = square * t;
-    let inner = vec2f(fma(1.5, cube, fma(-2.5, square, 1.0)), fma(-1.5, cube, fma(2.0, square, 0.5 * t)));
-    let cubic = vec4f(square - 0.5 * (t + cube), inner, 0.5 * (cube - square));
-    let second = vec4f(1.0 - t, fma(3.0, t, -2.0), fma(-3.0, t, 1.0), t);
-    return fma(vec4f(-SECOND_DIFFERENCE), second, cubic);
-}
-
 // Depth of the four columns `x` of a row, by these weights.
 fn depth_of_row(x: vec4u, row: i32, weights: vec4f) -> f32 {
     let start = slice.reads + sweep.columns.x * u32(clamp(row, 0, i32(sweep.columns.y) - 1));
-    let outer = weights.x * columns[start + x.x] + weights.w * columns[start + x.w];
-    return fma(weights.y, columns[start + x.y], fma(weights.z, columns[start + x.z], outer));
+    return weighted(weights, vec4f(columns[start + x.x], columns[start + x.y], columns[start + x.z], columns[start + x.w]));
 }
 
 // Depth of the columns at a node, cubic between sixteen of them. `columns` are 0 where none has entered.
@@ -39,8 +27,8 @@ fn passed_cubic(node: vec2u) -> f32 {
     // Rounding may place the first column before 0.
     let column = max(fma(vec2f(f32(slice.number)), sweep.shear, vec2f(node) - sweep.first), vec2f());
     let base = floor(column);
-    let x_weights = column_weights(column.x - base.x);
-    let y_weights = column_weights(column.y - base.y);
+    let x_weights = depth_weights(column.x - base.x, SECOND_DIFFERENCE);
+    let y_weights = depth_weights(column.y - base.y, SECOND_DIFFERENCE);
     let first = vec2i(base) - 1;
     let x = vec4u(clamp(vec4i(first.x) + vec4i(0, 1, 2, 3), vec4i(), vec4i(i32(sweep.columns.x) - 1)));
     let outer = y_weights.x * depth_of_row(x, first.y, x_weights) + y_weights.w * depth_of_row(x, first.y + 3, x_weights);
@@ -108,16 +96,16 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         if (SKY) {
             let i = dot(node, sweep.strides);
             let light = exp(-passed(at));
-            sky[i] = select(sky[i] + light, light, sweep.direction == 0u);
+            let sum = select(sky[i] + light, light, sweep.direction == 0u);
+            let depth = clamp(-log(sum / f32(sweep.directions)), 0.0, LARGEST_SKY_DEPTH);
+            sky[i] = select(sum, depth, sweep.direction + 1u == sweep.directions);
         } else {
             node.z += sweep.texels;
-            var texel = textureLoad(light_grid, node);
             if (POINT_LIGHT) {
-                texel[sweep.part] = nearest(depth_to_point(at));
+                store_depth(node, sweep.part, depth_to_point(at));
             } else {
-                texel[sweep.part] = nearest(passed_cubic(at));
+                store_depth(node, sweep.part, passed_cubic(at));
             }
-            textureStore(light_grid, node, texel);
         }
     }
     if (POINT_LIGHT) {

@@ -34,7 +34,7 @@ struct Sweep {
     // First label in the table.
     labels: u32,
     largest_rise: f32,
-    // Number of the direction of the sky.
+    // Number of the direction of the sky. After the last one, its sums become depths.
     direction: u32,
     // Distances in `sky` from a node to the next along each axis.
     strides: vec3u,
@@ -45,6 +45,8 @@ struct Sweep {
     start: f32,
     // Units of length per texture coordinate.
     local_scale: vec3f,
+    // Number of directions of the sky.
+    directions: u32,
 }
 
 // Rows of a slice that one dispatch fills.
@@ -66,8 +68,7 @@ struct Slice {
 @group(0) @binding(2) var volume_sampler: sampler;
 @group(0) @binding(4) var labels: texture_3d<u32>;
 @group(0) @binding(5) var<storage, read_write> columns: array<f32>;
-@group(0) @binding(6) var light_grid: texture_storage_3d<rgba16float, read_write>;
-// Light of the directions so far, at each node.
+// Light of the directions so far, at each node; after the last one, the depth that stands for their mean.
 @group(0) @binding(7) var<storage, read_write> sky: array<f32>;
 var<immediate> slice: Slice;
 

@@ -12,7 +12,6 @@ struct Order {
 const NONE: u32 = 0xffffffffu;
 
 @group(0) @binding(0) var depths: texture_3d<f32>;
-@group(0) @binding(1) var light_grid: texture_storage_3d<rgba16float, write>;
 var<immediate> order: Order;
 
 fn depth_of(node: vec3u, number: u32) -> f32 {

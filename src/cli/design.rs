@@ -82,6 +82,24 @@ fn kind(path: &Path) -> Result<Kind, CliError> {
     }
 }
 
+/// Warns of lights with spectra in the scene `text` that its palette does not have, where it has lights that are new to the
+/// scene: most likely they were renamed.
+fn warn_of_old_lights(scene: &Path, text: &str, palette: &Palette) {
+    let table: toml::Table = text.parse().unwrap_or_default();
+    let Some(lights) = table.get("lights").and_then(toml::Value::as_table) else { return };
+    let named = |name: &str| palette.lights.iter().any(|light| light.name == name);
+    let has_new = palette.lights.iter().any(|light| !lights.contains_key(&light.name));
+    let old: Vec<&str> = lights.keys().map(String::as_str).filter(|name| !named(name)).collect();
+    if has_new && !old.is_empty() {
+        tracing::warn!(
+            "{}: [palette.lights] does not have {}, which keep the spectra that they had; remove their tables of [lights] \
+             if the palette replaces them",
+            scene.display(),
+            old.join(", ")
+        );
+    }
+}
+
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let reports = args.report.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<Vec<_>, CliError>>()?;
     let stated = palette::load(&args.palette)?;
@@ -114,6 +132,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let scene = session::solved_text(path, &args.palette, &scene_text, &solution)
             .map_err(|error| CliError::Failed(format!("--save-scene {}: {error}", path.display())))?;
         write_text(path, &scene)?;
+        warn_of_old_lights(&args.palette, &scene_text, &solution.palette);
     } else if let Some(names) = scene.as_ref().and_then(|scene| with_own_spectra(scene, &solution.palette)) {
         tracing::warn!(
             "{} has spectra of its own for {names}, and its pictures show those; --save-scene FILE.toml writes the scene \

@@ -294,11 +294,15 @@ pub(crate) fn main() -> ExitCode {
                     | Command::Page(_)
                     | Command::Figures(_)
             );
-            match (is_silent, cli.json) {
-                (true, _) => {}
+            let printed = match (is_silent, cli.json) {
+                (true, _) => Ok(()),
                 (false, true) => terminal::print(&report.json_text()),
-                (false, false) if cli.quiet && writes => {}
+                (false, false) if cli.quiet && writes => Ok(()),
                 (false, false) => terminal::print(&report.text),
+            };
+            if let Err(error) = printed {
+                terminal::complain(&CliError::Failed(format!("cannot write the result to standard output: {error}")));
+                return ExitCode::FAILURE;
             }
             ExitCode::from(if interrupted { INTERRUPTED } else { missed.into() })
         }
@@ -320,7 +324,8 @@ pub(crate) fn main() -> ExitCode {
             } else {
                 terminal::complain(&error);
                 if cli.json {
-                    terminal::print(&format!("{:#}\n", sorted(error_json(&error, code, &terminal.warnings()))));
+                    // What failed is told already.
+                    terminal::print(&format!("{:#}\n", sorted(error_json(&error, code, &terminal.warnings())))).ok();
                 }
             }
             if let Some(processes) = processes {

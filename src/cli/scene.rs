@@ -67,7 +67,7 @@ const SEVERAL: &str = "Volumes with several components, time steps, arrays, seri
 #[derive(Debug, Args)]
 pub(crate) struct SelectionArgs {
     /// Read this component of every voxel, counted from 0: a colour channel, an entry of a vector or a tensor.
-    #[arg(long, help_heading = SEVERAL, value_name = "N")]
+    #[arg(long, help_heading = SEVERAL, value_name = "N", value_parser = component_number)]
     component: Option<usize>,
     /// Read this time step, counted from 0.
     #[arg(long, help_heading = SEVERAL, value_name = "N")]
@@ -185,7 +185,7 @@ pub(crate) struct LookArgs {
     #[arg(long, help_heading = LOOK, value_name = "NAME", value_parser = Look::named)]
     look: Option<Look>,
     /// Show a range of values of this width around --level in grey, from transparent to most opaque.
-    #[arg(long, help_heading = LOOK, value_name = "WIDTH", value_parser = width, requires = "level", conflicts_with = "look")]
+    #[arg(long, help_heading = LOOK, value_name = "WIDTH", value_parser = width, allow_negative_numbers = true, requires = "level", conflicts_with = "look")]
     window: Option<f64>,
     /// Centre of the range of --window.
     #[arg(long, help_heading = LOOK, value_name = "CENTRE", allow_negative_numbers = true, requires = "window")]
@@ -199,6 +199,10 @@ impl LookArgs {
 }
 
 /// Parses the width of a window of values.
+fn component_number(text: &str) -> Result<usize, String> {
+    text.parse().map_err(|_| "write the number of a component, from 0 on; relume info FILE lists them".to_owned())
+}
+
 fn width(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number.is_finite());
     number.ok_or_else(|| "write a width above 0, such as 400".to_owned())
@@ -293,7 +297,7 @@ impl SceneArgs {
             tracing::warn!("{note}");
         }
         if let Some(unlike) = design::unlike(&file) {
-            tracing::warn!("{unlike}");
+            tracing::warn!("{unlike}; `relume design SCENE --save-scene NEW` solves it again");
         }
         if let (Some(path), Some([])) = (&self.labels, scene.labels.as_ref().map(|labels| &labels.declared[..])) {
             tracing::warn!(

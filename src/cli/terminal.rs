@@ -14,6 +14,8 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use relume::progress::Progress;
 use signal_hook::consts::SIGINT;
+#[cfg(unix)]
+use signal_hook::consts::{SIGHUP, SIGTERM};
 use signal_hook::flag::register;
 use tracing::Metadata;
 use tracing::field::{Field, Visit};
@@ -28,9 +30,11 @@ use super::advice;
 /// Exit code after Ctrl-C: 128 plus the number of the signal, as in shells.
 pub(super) const INTERRUPTED: u8 = 130;
 
-/// Exit code after the signal with which launchers end a process.
+/// Exit codes after the signals with which launchers and shells that close end a process.
 #[cfg(unix)]
 const TERMINATED: u8 = 143;
+#[cfg(unix)]
+const HUNG_UP: u8 = 129;
 
 /// Error message after Ctrl-C.
 pub(super) const TOLD: &str = "interrupted";
@@ -81,6 +85,10 @@ impl Terminal {
                 "cannot handle Ctrl-C ({error}); it will end the program at once and may leave temporary files"
             );
         }
+        #[cfg(unix)]
+        if let Err(error) = end_at_once(SIGTERM, TERMINATED).and_then(|()| end_at_once(SIGHUP, HUNG_UP)) {
+            tracing::warn!("cannot handle the signals TERM and HUP ({error}); they may leave temporary files");
+        }
         // Handled so that the signal does not kill the program: the write beyond `ulimit -f` then fails and is
         // reported.
         #[cfg(unix)]
@@ -100,7 +108,7 @@ impl Terminal {
              killed, or the job was cancelled; this one leaves no incomplete file"
         );
         #[cfg(unix)]
-        if let Err(error) = on_signal(signal_hook::consts::SIGTERM, "terminated", move || {
+        if let Err(error) = on_signal(SIGTERM, "terminated", move || {
             relume::output::discard_unfinished();
             complain(&super::CliError::Failed(ended));
             signal_hook::low_level::exit(TERMINATED.into());
@@ -134,6 +142,30 @@ fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
         // Runs no exit handlers, because other threads are still at work.
         signal_hook::low_level::exit(INTERRUPTED.into());
     })
+}
+
+/// Ends the program when the signal arrives, with this exit code, and discards half-written files.
+#[cfg(unix)]
+fn end_at_once(signal: i32, code: u8) -> io::Result<()> {
+    // `nohup` has the program go on.
+    if is_ignored(signal) {
+        return Ok(());
+    }
+    let name = if signal == SIGHUP { "HUP" } else { "TERM" };
+    on_signal(signal, name, move || {
+        relume::output::discard_unfinished();
+        complain(&super::CliError::Failed(format!("ended by the signal {name}; no incomplete file is left")));
+        signal_hook::low_level::exit(code.into());
+    })
+}
+
+/// Whether the program was started with this signal ignored, as far as the system says.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask >> (signal - 1) & 1 == 1
 }
 
 /// Runs `end` in a thread of its own, called `name`, when the signal arrives.
@@ -261,9 +293,12 @@ pub(super) fn end_without_display() -> ! {
 }
 
 /// Prints a result. A closed pipe (`| head`) is not an error.
-pub(crate) fn print(text: &str) {
+pub(crate) fn print(text: &str) -> io::Result<()> {
     let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).ok();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        printed => printed,
+    }
 }
 
 /// True once an error was printed, or another process prints it.

@@ -84,9 +84,8 @@ pub fn look(scene: &Scene, palette: &Palette, row: usize, column: usize) -> Look
 /// A cell whose target colour differs clearly from that of the spectra that the scene file stores.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "[palette.cells]: {material} under {light} is to be {wanted}, but the spectra in the scene show {shown} (ΔE00 {difference:.0}); a \
-     palette is solved for spectra that the scene does not state, so remove `reflectance` of its materials and `spectrum` of \
-     its lights to solve it again"
+    "[palette.cells]: {material} under {light} is to be {wanted}, but the spectra in the scene show {shown} (ΔE00 {difference:.0}), \
+     solved for an earlier palette"
 )]
 pub struct Unlike {
     /// Name of the material.

@@ -173,19 +173,49 @@ fn with_definitions<T>(
     if definitions.is_empty() {
         return read(&stated, file);
     }
-    let mut table: Table = stated.deserialize()?;
+    let before: Table = stated.deserialize()?;
+    let mut table = before.clone();
     let resolve = |definition: &Definition| {
         let failed = |message| SceneError::Define { given: definition.given.clone(), message };
         let text = define(&mut table, &definition.text).map_err(failed)?;
         Ok(Definition { given: definition.given.clone(), text })
     };
     let definitions: &[Definition] = &definitions.iter().map(resolve).collect::<Result<Vec<_>, SceneError>>()?;
+    if let Some(error) = definitions.iter().find_map(|definition| unused_material(&before, &table, definition)) {
+        return Err(error);
+    }
     let changed = toml::to_string(&table)
         .map_err(|error| SceneError::Define { given: all_given(definitions), message: error.to_string() })?;
     let changed_by = Some((text, definitions));
     let defined = Text { name: name.to_owned(), text: &changed, changed: changed_by, volume: &volume };
     let file = defined.deserialize()?;
     read(&defined, file)
+}
+
+/// The error for a definition of a material that `before` does not have, if nothing in `table` uses it: most likely it is
+/// misnamed.
+fn unused_material(before: &Table, table: &Table, definition: &Definition) -> Option<SceneError> {
+    let name = definition.text.strip_prefix("materials.")?.split(['.', '=']).next()?;
+    let materials = before.get("materials").and_then(toml::Value::as_table);
+    if materials.is_some_and(|materials| materials.contains_key(name)) {
+        return None;
+    }
+    if table.iter().any(|(key, value)| key != "materials" && has_text(value, name)) {
+        return None;
+    }
+    let names: Vec<&str> = materials.into_iter().flatten().map(|(name, _)| name.as_str()).collect();
+    let message = format!("there is no materials.{name} (there are: {}), and nothing uses a new one", names.join(", "));
+    Some(SceneError::Define { given: definition.given.clone(), message })
+}
+
+/// Whether `value` or a part of it is this text.
+fn has_text(value: &toml::Value, text: &str) -> bool {
+    match value {
+        toml::Value::String(string) => string == text,
+        toml::Value::Array(values) => values.iter().any(|value| has_text(value, text)),
+        toml::Value::Table(table) => table.iter().any(|(key, value)| key == text || has_text(value, text)),
+        _ => false,
+    }
 }
 
 /// The definitions that changed the scene, as given.

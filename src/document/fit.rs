@@ -11,8 +11,9 @@ use crate::volume::{Geometry, Volume, coarse_index};
 pub(super) const FILL: f64 = 0.9;
 /// Rounds of the fit, each of which corrects the centre, and of that of the box.
 const ROUNDS: usize = 16;
-/// Aspect ratios at which the box of a fit is compared with its points.
-const ASPECTS: [f64; 5] = [0.5, 0.75, 1.0, 1.33, 1.78];
+/// Aspect ratios beside 1 at which the box of a fit is compared with its points, each with the weight of the difference there. A
+/// box fits wide pictures nearly exactly, and not all upright ones as well.
+const ASPECTS: [(f64, f64); 5] = [(0.5, 0.3), (0.67, 0.3), (0.75, 0.3), (1.33, 1.0), (1.78, 1.0)];
 /// Steps of the logarithms of the sides of a box.
 const COARSEST: f64 = 0.25;
 const FINEST: f64 = 1e-3;
@@ -185,12 +186,17 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], geometry: &Geometry) -> 
         distance_for(&corners, centre, &view, [size * aspect * FILL, size * FILL], near)
     };
     let distance = farthest(centre);
-    let wanted = ASPECTS.map(|aspect| larger(of_points(aspect)));
-    // Largest difference between the distances of box and points, a little more for a box of another shape.
+    let wanted = ASPECTS.map(|(aspect, weight)| (aspect, weight, larger(of_points(aspect))));
+    // Largest difference between the distances of box and points in other pictures, where both are equal in a square one; a
+    // little more for a box of another shape.
     let misfit = |box_half: DVec3| {
-        let of_aspect = |(&aspect, wanted): (&f64, &f64)| (larger(of_box(box_half, aspect)) / wanted).ln().abs();
-        let shape = (box_half / half).map(f64::ln).length_squared();
-        SHAPE.mul_add(shape, ASPECTS.iter().zip(&wanted).map(of_aspect).fold(0.0, f64::max))
+        let square = larger(of_box(box_half, 1.0)) / distance;
+        let of_aspect = |&(aspect, weight, wanted): &(f64, f64, f64)| {
+            weight * (larger(of_box(box_half, aspect)) / (wanted * square)).ln().abs()
+        };
+        let shape = (box_half / half).map(f64::ln);
+        let shape = (shape - DVec3::splat(shape.element_sum() / 3.0)).length_squared();
+        SHAPE.mul_add(shape, wanted.iter().map(of_aspect).fold(0.0, f64::max))
     };
     // Steps to the best neighbour in a grid of ratios, which becomes finer where there is none.
     let mut fitting = (half, misfit(half));

@@ -12,7 +12,7 @@ use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlErr
 use super::design::{self, Side};
 use super::{Definition, Dial, LightState, Mixing, SceneFile, Source, State};
 use crate::output::{OutputError, write_atomically};
-use crate::palette::Solution;
+use crate::palette::{Palette, Solution};
 use crate::scene::{
     AccumulateAs, Accuracy, Aim, AmbientShares, Camera, Integration, Interval, LabelInterpolation, Lighting,
     Projection, Scene,
@@ -206,9 +206,22 @@ pub fn solved_text(path: &Path, scene: &Path, text: &str, solution: &Solution) -
         }
     }
     for (column, found) in palette.lights.iter().zip(&solution.lights).filter(|(column, _)| column.spectrum.is_none()) {
+        for (key, item) in placed_like(&document, &column.name, palette) {
+            set(&mut document, "lights", &column.name, key, item)?;
+        }
         set(&mut document, "lights", &column.name, "spectrum", samples(found.spectrum()))?;
     }
     Ok(document.to_string())
+}
+
+/// For a light that the scene lacks: where the first light of the palette that it has shines from, so that their pictures
+/// differ in colours alone.
+fn placed_like(document: &DocumentMut, name: &str, palette: &Palette) -> Vec<(&'static str, Item)> {
+    let lights = document.get("lights").and_then(Item::as_table_like);
+    let has = |name: &str| lights?.get(name)?.as_table_like();
+    let model = palette.lights.iter().find_map(|light| has(&light.name)).filter(|_| has(name).is_none());
+    let keys = ["kind", "direction", "position", "shadows"];
+    keys.into_iter().filter_map(|key| Some((key, model?.get(key)?.clone()))).collect()
 }
 
 /// Whether a definition may name a file.

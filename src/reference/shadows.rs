@@ -364,12 +364,36 @@ fn sky_depths<R: Real>(
     Ok(sums.into_iter().map(|sum| R::from_f64(depth(sum))).collect())
 }
 
-/// The `depths` of `from` at the nodes of `to`, which divides the same box.
+/// The `depths` of `from` at the nodes of `to`, which divides the same box: a cubic between 64 nodes.
 fn resampled<R: Real>(from: &LightGrid, depths: &[R], to: &LightGrid, samples: &impl Samples<R>) -> Vec<R> {
-    let [width, height, depth] = to.dims;
-    let node = |axis: usize, i: usize| R::from_f64((count(i) - to.offset[axis]) / to.scale[axis]);
-    let plane = |z: usize| (0..width * height).map(move |i| [node(0, i % width), node(1, i / width), node(2, z)]);
-    (0..depth).flat_map(plane).map(|place| samples.stored_depth(read(from, depths, place))).collect()
+    // Along each axis, the four nodes around each node of `to`, and their weights.
+    let along = |axis: usize| -> Vec<([usize; 4], [R; 4])> {
+        let last = from.dims[axis] - 1;
+        let spaces = [last, to.dims[axis] - 1].map(count);
+        let part = spaces[0] / spaces[1];
+        let of_node = |i: usize| {
+            let at = R::from_f64(count(i) * part).min(R::from_f64(spaces[0]));
+            let base = at.floor().index().min(last - 1);
+            let weights = depth_weights(at - R::from_f64(count(base)), SECOND_DIFFERENCE * part * part);
+            (std::array::from_fn(|i| (base + i).saturating_sub(1).min(last)), weights)
+        };
+        (0..to.dims[axis]).map(of_node).collect()
+    };
+    let [x, y, z] = [along(0), along(1), along(2)];
+    let [width, height, _] = from.dims;
+    let plane = |z: &([usize; 4], [R; 4])| -> Vec<R> {
+        let at = |[i, j, k]: [usize; 3]| depths[i + width * (j + height * k)];
+        let row = |y: &([usize; 4], [R; 4])| {
+            let node = |x: &([usize; 4], [R; 4])| {
+                let line = |j, k| weighted(x.1, x.0.map(|i| at([i, j, k])));
+                let square = |k| weighted(y.1, y.0.map(|j| line(j, k)));
+                samples.stored_depth(weighted(z.1, z.0.map(square)).max(R::default()))
+            };
+            x.iter().map(node).collect::<Vec<R>>()
+        };
+        y.iter().flat_map(row).collect()
+    };
+    parallel::map(z.len(), &|k| plane(&z[k])).concat()
 }
 
 /// Depth of the columns at a node of a slice, linear between four of them.
@@ -391,10 +415,10 @@ fn passed<R: Real>(sweep: &Sweep, columns: &[R], slice: usize, node: [usize; 2])
     between(line(0), line(1), fraction[1])
 }
 
-/// Weights of four columns, of a place a part `t` of a space behind the second: those of a cubic, less a twelfth of the second
+/// Weights of four depths, of a place a part `t` of a space behind the second: those of a cubic, less `part` of the second
 /// difference, so that depths that are linear between nodes have the least error (docs/theory/shadows.md).
-fn column_weights<R: Real>(t: R) -> [R; 4] {
-    let [half, number] = [R::from_f64(0.5), R::from_f64(SECOND_DIFFERENCE)];
+fn depth_weights<R: Real>(t: R, part: f64) -> [R; 4] {
+    let [half, number] = [R::from_f64(0.5), R::from_f64(part)];
     let (square, cube) = (t * t, t * t * t);
     let of = |factor: f64, x: R, rest: R| R::from_f64(factor).mul_add(x, rest);
     let cubic = [
@@ -416,14 +440,16 @@ fn passed_cubic<R: Real>(sweep: &Sweep, columns: &[R], slice: usize, node: [usiz
         let (shear, first) = (R::from_f64(sweep.shear[axis]), R::from_f64(sweep.first[axis]));
         let column = R::from_f64(count(slice)).mul_add(shear, R::from_f64(count(node[axis])) - first).max(R::default());
         base[axis] = column.floor().index();
-        weights[axis] = column_weights(column - R::from_f64(count(base[axis])));
+        weights[axis] = depth_weights(column - R::from_f64(count(base[axis])), SECOND_DIFFERENCE);
     }
     let on = |axis: usize, i: usize| (base[axis] + i).saturating_sub(1).min(sweep.columns[axis] - 1);
-    let between = |[a, b, c, d]: [R; 4], [first, second, third, fourth]: [R; 4]| {
-        b.mul_add(second, c.mul_add(third, a * first + d * fourth))
-    };
-    let row = |j: usize| between(weights[0], std::array::from_fn(|i| columns[on(0, i) + sweep.columns[0] * on(1, j)]));
-    between(weights[1], std::array::from_fn(row)).max(R::default())
+    let row = |j: usize| weighted(weights[0], std::array::from_fn(|i| columns[on(0, i) + sweep.columns[0] * on(1, j)]));
+    weighted(weights[1], std::array::from_fn(row)).max(R::default())
+}
+
+/// Sum of four values by their weights.
+fn weighted<R: Real>([a, b, c, d]: [R; 4], [first, second, third, fourth]: [R; 4]) -> R {
+    b.mul_add(second, c.mul_add(third, a * first + d * fourth))
 }
 
 /// Optical depth that a column gains over a slice.

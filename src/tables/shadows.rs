@@ -172,7 +172,8 @@ impl LightGrid {
     #[must_use]
     pub fn bytes(&self, depths: usize) -> f64 {
         let nodes: f64 = self.dims.iter().map(|&n| count(n)).product();
-        8.0 * nodes * count(depths.div_ceil(GRID_LIGHTS))
+        let texel = if depths == 1 { 4.0 } else { 8.0 * count(depths.div_ceil(GRID_LIGHTS)) };
+        nodes * texel
     }
 
     /// Most depths of columns of a sky on this grid, which keeps those of as many slices as its `reach` has, in units of

@@ -13,6 +13,9 @@ use crate::progress::Progress;
 /// Bytes of voxels that are allocated before anything is decoded. Later, as many as have been decoded.
 const BATCH: usize = 32 << 20;
 
+/// Most divisions of the parts of a batch for each thread.
+const DIVISIONS: usize = 8;
+
 /// A part: adjacent voxels that one thread decodes.
 pub(super) struct Part<'a, P> {
     pub(super) part: P,
@@ -86,7 +89,10 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
             decode.decode(scratch, &part.part, place)?;
             done.add(part.path, size_of_val(place))
         };
-        let results: Vec<Result<(), VolumeError>> = places.into_par_iter().map_init(|| decode.scratch(), one).collect();
+        // Every division has a scratch of its own, which may open a file.
+        let least = places.len() / (DIVISIONS * rayon::current_num_threads());
+        let places = places.into_par_iter().with_min_len(least.max(1));
+        let results: Vec<Result<(), VolumeError>> = places.map_init(|| decode.scratch(), one).collect();
         results.into_iter().collect::<Result<(), _>>()?;
         there += more;
     }

@@ -637,6 +637,18 @@ fn a_full_disk_is_said_to_be_full() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_result_that_cannot_be_printed_is_an_error() {
+    let folder = Folder::new();
+    let program = env!("CARGO_BIN_EXE_relume");
+    for arguments in ["info scene.toml", "info scene.toml --json"] {
+        let mut command = std::process::Command::new("bash");
+        command.args(["-c", &format!("'{program}' {arguments} > /dev/full")]).current_dir(folder.path("."));
+        Outcome::of(&mut command).assert_refused(1, &["cannot write the result to standard output"]);
+    }
+}
+
 /// The system kills a program that exceeds `ulimit -f` unless it handles the signal.
 #[cfg(target_os = "linux")]
 #[test]

@@ -176,6 +176,36 @@ fn interrupted(folder: &Folder, arguments: &[&str], ready: impl Fn(&Folder)) -> 
     took
 }
 
+/// Launchers end programs by TERM, closed terminals by HUP; `nohup` has a program go on after HUP.
+#[test]
+fn a_signal_that_ends_the_program_leaves_no_incomplete_file() {
+    let program = env!("CARGO_BIN_EXE_relume");
+    let turning = render(&["--turntable", "600", "-o", "t.apng"]).join(" ");
+    for (signal, code) in [("TERM", 143), ("HUP", 129)] {
+        let folder = Folder::new();
+        let before = folder.names();
+        let child = start(&folder, &turning.split(' ').collect::<Vec<_>>());
+        let begun = Instant::now();
+        while parts(&folder).is_empty() && begun.elapsed() < Duration::from_secs(20) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        assert!(!parts(&folder).is_empty(), "the animation is being written");
+        Command::new("kill").args([&format!("-{signal}"), &child.id().to_string()]).status().unwrap();
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        assert!(said.contains(&format!("ended by the signal {signal}")), "{said}");
+        assert_eq!(folder.names(), before, "{signal} left something behind");
+    }
+    let folder = Folder::new();
+    let line = format!(
+        "trap '' HUP; '{program}' render scene.toml -o p.png --size 300x300 & sleep 0.3; kill -HUP $!; wait $!"
+    );
+    let mut command = Command::new("bash");
+    command.args(["-c", &line]).current_dir(folder.path("."));
+    assert_eq!(Outcome::of(&mut command).code, Some(0), "nohup");
+}
+
 /// Shortest time of several attempts, since the machine may be busy.
 fn ends_at_once(folder: &Folder, arguments: &[&str], ready: impl Fn(&Folder)) {
     let tries = (0..5).map(|_| interrupted(folder, arguments, &ready));

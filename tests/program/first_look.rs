@@ -205,7 +205,7 @@ fn an_edited_cell_of_a_solved_palette_is_not_ignored_in_silence() {
     let edited = format!("{before}day = \"#3060ff{}", &after[6..]);
     std::fs::write(folder.path("b.toml"), edited).unwrap();
     let warning = warning("b.toml");
-    for word in ["palette.cells", "under day", "#3060ff", "remove `reflectance`"] {
+    for word in ["palette.cells", "under day", "#3060ff", "relume design"] {
         assert!(warning.contains(word), "no {word} in {warning}");
     }
     let designed = folder.done(&["design", "b.toml"]).err;
@@ -218,6 +218,28 @@ fn an_edited_cell_of_a_solved_palette_is_not_ignored_in_silence() {
     assert!(!outcome.err.contains("palette.cells"), "the spectra are those of the palette: {}", outcome.err);
     let json: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
     assert_eq!(json["lights"], serde_json::json!([{ "name": "day", "weight": 1.0 }]), "{json}");
+}
+
+#[test]
+fn a_light_that_is_renamed_in_the_palette_shines_from_where_the_others_do() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    folder.done(&["render", "ball.nrrd", "--size", "8x8", "-o", "a.png", "--save-scene", "a.toml"]);
+    let scene = std::fs::read_to_string(folder.path("a.toml")).unwrap();
+    let table: toml::Table = scene.parse().unwrap();
+    let name = table["palette"]["lights"].as_table().unwrap().keys().find(|name| name.starts_with("for_")).unwrap();
+    // Only the palette is edited, as its user may do.
+    let (before, palette) = scene.split_at(scene.find("[palette").unwrap());
+    let (palette, after) = palette.split_at(palette.find("[materials").unwrap_or(palette.len()));
+    let edited = format!("{before}{}{after}", palette.replace(name.as_str(), "for_core"));
+    std::fs::write(folder.path("b.toml"), edited).unwrap();
+    let outcome = folder.done(&["design", "b.toml", "--save-scene", "c.toml"]);
+    assert!(outcome.err.contains(&format!("[palette.lights] does not have {name}")), "{}", outcome.err);
+    let solved: toml::Table = std::fs::read_to_string(folder.path("c.toml")).unwrap().parse().unwrap();
+    let [day, core] = ["day", "for_core"].map(|name| solved["lights"][name].as_table().unwrap());
+    assert!(day.contains_key("kind"), "{day:?}");
+    for key in ["kind", "direction", "position", "shadows"] {
+        assert_eq!(core.get(key), day.get(key), "{key}");
+    }
 }
 
 #[test]

@@ -9,14 +9,14 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::dispatching::TableMemory;
-use super::source::{Fill, light_grid_source, light_order_source, sky_source};
+use super::source::{Fill, Texel, light_grid_source, light_order_source, sky_source};
 use crate::number::{count, rounded, unsigned, whole};
 use crate::plan::{Planned, ScenePlan};
 use crate::render::{RenderError, Renderer, Source, Uploaded};
 use crate::scene::{Interpolation, Lookup, Scene};
 use crate::tables::{
-    ExtinctionTable, GRID_LIGHTS, GradientTable, GridDepth, GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid,
-    PositionTable, SKY_SPACING, Sweep, Within, sky_direction, sky_reach,
+    ExtinctionTable, GRID_LIGHTS, GradientTable, GridDepth, GridLight, LARGEST_RISE, LightGrid, PositionTable,
+    SKY_SPACING, Sweep, Within, sky_direction, sky_reach,
 };
 use crate::vulkan::{Buffer, ComputePipeline, Filter, Format, HostUse, Image3d, Resource, ResourceSet, Sampler};
 
@@ -66,7 +66,7 @@ struct SweepUniform {
     point: [f32; 3],
     start: f32,
     local_scale: [f32; 3],
-    unused: u32,
+    directions: u32,
 }
 
 /// Push constants of a dispatch, in the layout of `shaders/light_medium.wgsl`.
@@ -105,9 +105,6 @@ struct ToDepths {
     texels: u32,
     summed: [u32; 3],
     part: u32,
-    directions: f32,
-    largest_depth: f32,
-    unused: [u32; 2],
 }
 
 /// Uniform of a sweep with a reach, in the layout of `shaders/columns_within.wgsl`.
@@ -148,8 +145,8 @@ struct Key {
 #[derive(Debug)]
 pub(super) struct DeviceGrid {
     key: Key,
-    /// Number of texels per node.
-    texels: usize,
+    /// Number of depths per node that it can hold.
+    room: usize,
     image: Image3d,
     sampler: Sampler,
     place: Buffer,
@@ -206,7 +203,8 @@ impl Renderer {
         let room = room.min(count(usize::try_from(limits.max_allocation_bytes).unwrap_or(usize::MAX)));
         let storage = usize::try_from(limits.max_storage_buffer_bytes).unwrap_or(usize::MAX);
         let most_columns = room.min(count(storage));
-        let extent = limits.max_extent_3d(Format::Rgba16Float);
+        let format = self.texel_format(plan.grid_depths());
+        let extent = limits.max_extent_3d(format);
         let (depths, reach) = (plan.grid_depths(), plan.sky().and_then(|_| sky_reach(scene)));
         let fits = |spacing: f64| {
             let grid = LightGrid::new(scene, spacing);
@@ -214,7 +212,7 @@ impl Renderer {
             let [width, height, depth] = grid.dims;
             let sides = [width, height, depth * texels];
             let of_sky = |reach| 4.0 * LightGrid::new(scene, SKY_SPACING * spacing).kept_columns(reach);
-            grid.bytes(depths) <= room
+            count(width * height * depth * texels) * f64::from(format.texel_bytes()) <= room
                 && reach.map_or(0.0, of_sky) <= most_columns
                 && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)
         };
@@ -225,6 +223,14 @@ impl Renderer {
             spacing *= 1.02;
         }
         plan.reads_light_grid().then_some(spacing)
+    }
+
+    /// Format of the texels of a light grid with so many `depths` per node: one number for one depth, if the device filters
+    /// it, and four otherwise. Both hold 16-bit floats.
+    fn texel_format(&self, depths: usize) -> Format {
+        let limits = self.device.limits();
+        let has_one = limits.storage_image(Format::R32Float) && limits.linear_filter(Format::R32Float);
+        if depths == 1 && has_one { Format::R32Float } else { Format::Rgba16Float }
     }
 
     /// The light grid of `scene`, which [`DeviceGrid::advance`] completes; `None` if the plan reads none. Keeps the grid
@@ -252,7 +258,7 @@ impl Renderer {
             lookup: plan.lookup,
             interpolation: plan.interpolation,
         };
-        let texels = depths.len().div_ceil(GRID_LIGHTS);
+        let (texels, format) = (depths.len().div_ceil(GRID_LIGHTS), self.texel_format(depths.len()));
         let mut kept = uploaded.kept.0.lock().unwrap_or_else(PoisonError::into_inner);
         let [fine, coarser] = &mut *kept;
         let known = |kept: &Option<Arc<dyn Any + Send + Sync>>| {
@@ -274,7 +280,7 @@ impl Renderer {
             // A march in progress reads the grid as it is; this is the third reference without one.
             let is_shared = Arc::strong_count(grid) > 2;
             let filling = grid.filling();
-            let stays = !is_shared && grid.texels >= texels && filling.stay(&depths);
+            let stays = !is_shared && grid.room >= depths.len() && filling.stay(&depths);
             filling.is_of(&depths) || stays
         }) {
             grid.filling().aim_at(&depths);
@@ -285,11 +291,11 @@ impl Renderer {
         let [width, height, depth] = key.grid.dims.map(unsigned);
         let extent = [width, height, depth * unsigned(texels)];
         let grid = Arc::new(DeviceGrid {
-            image: Image3d::written(&self.device, "light grid", Format::Rgba16Float, extent)?,
+            image: Image3d::written(&self.device, "light grid", format, extent)?,
             sampler: Sampler::new(&self.device, "light grid", Filter::Linear)?,
             place: self.place(&key.grid, texels)?,
             key,
-            texels,
+            room: if format == Format::R32Float { 1 } else { GRID_LIGHTS * texels },
             filling: Mutex::default(),
         });
         grid.filling().aim_at(&depths);
@@ -316,7 +322,7 @@ impl Renderer {
             Order { from: std::array::from_fn(number), nodes, texel: unsigned(texel) }
         });
         let depths = ("depths", Resource::Texture(&before.image));
-        grid.over_nodes(self, light_order_source(GROUP), depths, &orders.collect::<Vec<_>>())?;
+        grid.over_nodes(self, light_order_source(GROUP, grid.texel()), depths, &orders.collect::<Vec<_>>())?;
         for (depth, number) in filling.depths.iter_mut().zip(numbers) {
             depth.1 = number.is_some();
         }
@@ -372,6 +378,11 @@ impl Filling {
 impl DeviceGrid {
     fn filling(&self) -> MutexGuard<'_, Filling> {
         self.filling.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What a texel holds.
+    fn texel(&self) -> Texel {
+        if self.room == 1 { Texel::One } else { Texel::Four }
     }
 
     /// Whether all depths are complete.
@@ -493,11 +504,13 @@ impl DeviceGrid {
             texels: unsigned(depth / GRID_LIGHTS * self.key.grid.dims[2]),
             summed: self.key.sky.dims.map(unsigned),
             part: unsigned(depth % GRID_LIGHTS),
-            directions: rounded(count(complete.directions)),
-            largest_depth: rounded(LARGEST_SKY_DEPTH),
-            unused: [0; 2],
         };
-        self.over_nodes(renderer, sky_source(GROUP), ("sky", Resource::Storage(&complete.sums)), &[constants])
+        self.over_nodes(
+            renderer,
+            sky_source(GROUP, self.texel()),
+            ("sky", Resource::Storage(&complete.sums)),
+            &[constants],
+        )
     }
 
     /// Runs a shader that writes every node, once for each of these push constants; it reads the `input` of this name.
@@ -583,7 +596,7 @@ impl DeviceGrid {
             point: sweep.to.map_or([0.0; 3], |to| vector(to.point)),
             start: rounded(sweep.to.map_or(0.0, |to| to.start)),
             local_scale: sweep.to.map_or([1.0; 3], |to| vector(to.local_scale)),
-            unused: 0,
+            directions: unsigned(summing.as_ref().map_or(1, |summing| summing.directions)),
         };
         let sweep_buffer = uniform("sweep", bytemuck::bytes_of(&sweep_uniform))?;
         let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients.0))?;
@@ -609,7 +622,7 @@ impl DeviceGrid {
         }
         let filter = if plan.interpolation == Interpolation::Linear { Filter::Linear } else { Filter::Nearest };
         let sampler = Sampler::new(device, "volume", filter)?;
-        let (pipeline, set) = renderer.bind(light_grid_source(plan, GROUP, memory, fill), |name| {
+        let (pipeline, set) = renderer.bind(light_grid_source(plan, GROUP, memory, fill, self.texel()), |name| {
             Some(match name {
                 "sweep_uniform" => Resource::Uniform(&sweep_buffer),
                 "gradient_table" => Resource::Uniform(&gradients),

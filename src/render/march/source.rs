@@ -7,7 +7,7 @@ use crate::render::Source;
 use crate::render::pool::Residence;
 use crate::scene::{Interpolation, Lookup, StoreAs};
 use crate::shader::Constants;
-use crate::tables::{BRICK, CELL, FILM_ROWS, SECOND_DIFFERENCE, slot_edge};
+use crate::tables::{BRICK, CELL, FILM_ROWS, LARGEST_SKY_DEPTH, SECOND_DIFFERENCE, slot_edge};
 use crate::vulkan::Format;
 
 /// Bytes of a table in a uniform buffer, the limit of most devices.
@@ -224,8 +224,30 @@ pub(super) enum Fill {
     },
 }
 
+/// Depths in a texel of a light grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Texel {
+    One,
+    Four,
+}
+
+impl Texel {
+    fn text(self) -> (&'static str, &'static str) {
+        match self {
+            Self::One => text!("light_texel_one.wgsl"),
+            Self::Four => text!("light_texel_four.wgsl"),
+        }
+    }
+}
+
 /// Source of the shader that fills a light grid for `plan`, with the extinctions in this memory.
-pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: TableMemory, fill: Fill) -> Source {
+pub(super) fn light_grid_source(
+    plan: &ScenePlan,
+    group: [u32; 2],
+    tables: TableMemory,
+    fill: Fill,
+    texel: Texel,
+) -> Source {
     let constants = Constants::new()
         .bool("SKY", matches!(fill, Fill::Sky { .. }))
         .bool("POINT_LIGHT", fill == Fill::Point)
@@ -240,7 +262,8 @@ pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: Table
         .u32("GROUP_WIDTH", group[0])
         .u32("GROUP_HEIGHT", group[1])
         .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
-        .f32("SECOND_DIFFERENCE", rounded(SECOND_DIFFERENCE));
+        .f32("SECOND_DIFFERENCE", rounded(SECOND_DIFFERENCE))
+        .f32("LARGEST_SKY_DEPTH", rounded(LARGEST_SKY_DEPTH));
     let extinctions = match tables {
         TableMemory::Storage => text!("extinctions_storage.wgsl"),
         TableMemory::Uniform => text!("extinctions_uniform.wgsl"),
@@ -254,21 +277,31 @@ pub(super) fn light_grid_source(plan: &ScenePlan, group: [u32; 2], tables: Table
         half,
         text!("light_medium.wgsl"),
         if fill == (Fill::Sky { within: true }) { text!("columns_within.wgsl") } else { text!("columns.wgsl") },
+        text!("depth_weights.wgsl"),
+        texel.text(),
         text!("light_grid.wgsl"),
     ];
     Source { name: "light grid", constants, parts }
 }
 
 /// Source of the shader that sets the depths of ambient light.
-pub(super) fn sky_source(group: [u32; 2]) -> Source {
-    let constants = Constants::new().u32("GROUP_WIDTH", group[0]).u32("GROUP_HEIGHT", group[1]);
-    Source { name: "sky", constants, parts: vec![text!("nearest_half.wgsl"), text!("sky.wgsl")] }
+pub(super) fn sky_source(group: [u32; 2], texel: Texel) -> Source {
+    let constants = Constants::new()
+        .u32("GROUP_WIDTH", group[0])
+        .u32("GROUP_HEIGHT", group[1])
+        .f32("SECOND_DIFFERENCE", rounded(SECOND_DIFFERENCE));
+    let parts = vec![text!("nearest_half.wgsl"), texel.text(), text!("depth_weights.wgsl"), text!("sky.wgsl")];
+    Source { name: "sky", constants, parts }
 }
 
 /// Source of the shader that gives depths of a light grid other numbers.
-pub(super) fn light_order_source(group: [u32; 2]) -> Source {
+pub(super) fn light_order_source(group: [u32; 2], texel: Texel) -> Source {
     let constants = Constants::new().u32("GROUP_WIDTH", group[0]).u32("GROUP_HEIGHT", group[1]);
-    Source { name: "light order", constants, parts: vec![text!("light_order.wgsl")] }
+    Source {
+        name: "light order",
+        constants,
+        parts: vec![text!("nearest_half.wgsl"), texel.text(), text!("light_order.wgsl")],
+    }
 }
 
 /// Source of the march shader of `plan`.

@@ -122,7 +122,7 @@ pub(super) struct Tiff {
 }
 
 /// Buffer of a file in bytes: a directory with some of its values.
-const BUFFER: usize = 4096;
+const BUFFER: usize = 8192;
 
 impl Tiff {
     /// Opens a file and reads its header.
@@ -309,6 +309,16 @@ impl Tiff {
         let bytes = &mut bytes[..usize::try_from(size).unwrap_or(8)];
         self.read(one.at, bytes)?;
         Ok(Some(self.number(bytes)))
+    }
+
+    /// Whether [`Self::next_whole`] has the values of `entry` in `window`, or so near to what was read last that they cost no
+    /// further access of the file.
+    pub(super) fn is_near(&self, window: usize, entry: Entry) -> bool {
+        let Window { at, bytes } = &self.windows[window];
+        let size = entry.count.saturating_mul(entry.size());
+        let end = entry.at.checked_sub(*at).map(|first| first.saturating_add(size));
+        end.is_some_and(|end| end <= stream::count(bytes.len()))
+            || self.here.is_some_and(|here| entry.at.abs_diff(here) < stream::count(BUFFER) / 2)
     }
 
     /// [`Self::whole`] for the values of two tags that are asked for in turn: window 0 or 1 keeps those that follow, so that

@@ -347,9 +347,7 @@ impl Contents {
             place: "page 1, ImageDescription".to_owned(),
             problem,
         };
-        let (first, Chunks::Listed { offsets, .. }) = (&self.pages[0], self.pages[0].chunks) else {
-            return Ok(self.pages.clone());
-        };
+        let first = &self.pages[0];
         if images == self.pages.len() {
             return Ok(self.pages.clone());
         }
@@ -361,7 +359,10 @@ impl Contents {
         if images > directory::MOST_PAGES {
             return Err(wrong(format!("{images} images; Relume reads at most {}", directory::MOST_PAGES)));
         }
-        let start = Tiff::open(path)?.whole(offsets, 0, "page 1, StripOffsets")?;
+        let start = match first.chunks {
+            Chunks::Whole(start) => Some(start),
+            Chunks::Listed { offsets, .. } => Tiff::open(path)?.whole(offsets, 0, "page 1, StripOffsets")?,
+        };
         let start = start.ok_or_else(|| wrong("the first strip has no offset".to_owned()))?;
         let bytes = first.coding.bytes();
         let (expected, found) = (bytes.saturating_mul(count(images)), self.length.saturating_sub(start));

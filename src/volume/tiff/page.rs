@@ -197,6 +197,19 @@ impl Coding {
         if self.is_tiled { self.chunk[1] } else { self.rows(band) }
     }
 
+    /// Whether the decoded bytes of a strip or tile are voxels in their place, apart from byte order and predictor.
+    pub(super) fn is_direct(&self) -> bool {
+        self.interleaved() == 1
+            && self.chunk[0] == self.picture.width
+            && self.predictor != Predictor::Float
+            && !matches!(self.picture.sample, Sample::Bits(_))
+    }
+
+    /// Whether the bytes of a strip are voxels in their place, apart from byte order.
+    pub(super) fn is_as_it_is(&self) -> bool {
+        self.is_direct() && self.compression == Compression::None
+    }
+
     /// Bytes that the decoded page has at least, of which one component is read.
     pub(super) fn bytes(&self) -> u64 {
         let [across, _] = self.chunks();
@@ -211,6 +224,9 @@ impl Coding {
         least.saturating_mul(pages)
     }
 }
+
+/// Bytes of uncompressed strips that are read together.
+pub(super) const GROUP: usize = 1 << 20;
 
 /// Positions of the strips or tiles of a page.
 #[derive(Clone, Copy, Debug)]
@@ -282,6 +298,7 @@ impl Reading<'_> {
         let picture = self.picture()?;
         let coding = self.coding(picture)?;
         let chunks = self.chunks(&coding)?;
+        let (coding, chunks) = self.joined(coding, chunks)?;
         let coding = match like {
             Some(page) if *page.coding == coding => Arc::clone(&page.coding),
             _ => Arc::new(coding),
@@ -447,5 +464,34 @@ impl Reading<'_> {
             }
         }
         Ok(Chunks::Listed { offsets, bytes })
+    }
+
+    /// A page of few small strips that are voxels as they are, and follow each other, as a page of one strip: its decoder
+    /// then needs nothing but their place.
+    fn joined(&mut self, coding: Coding, chunks: Chunks) -> Result<(Coding, Chunks), VolumeError> {
+        /// More strips are looked up when they are decoded.
+        const MOST: u64 = 64;
+        let [across, down] = coding.chunks();
+        let Chunks::Listed { offsets, bytes } = chunks else { return Ok((coding, chunks)) };
+        let is_small = coding.bytes() <= count(GROUP) && count(down) <= MOST && !coding.is_tiled;
+        let is_near = self.tiff.is_near(0, offsets) && bytes.is_none_or(|bytes| self.tiff.is_near(1, bytes));
+        if !(coding.is_as_it_is() && !coding.is_planar && across == 1 && is_small && is_near) {
+            return Ok((coding, chunks));
+        }
+        let place = self.place("strips");
+        let (mut first, mut end) = (None, 0);
+        for strip in 0..down {
+            let wanted = count(coding.row_bytes() * coding.rows(strip));
+            let at = self.tiff.next_whole(0, offsets, count(strip), &place)?;
+            let stated = bytes.map(|bytes| self.tiff.next_whole(1, bytes, count(strip), &place)).transpose()?;
+            let follows = at.is_some_and(|at| first.is_none() || at == end);
+            let (Some(at), true) = (at, follows && stated.is_none_or(|stated| stated == Some(wanted))) else {
+                return Ok((coding, chunks));
+            };
+            first = first.or(Some(at));
+            end = at.saturating_add(wanted);
+        }
+        let whole = [coding.picture.width, coding.picture.height];
+        Ok(first.map_or((coding, chunks), |at| (Coding { chunk: whole, ..coding }, Chunks::Whole(at))))
     }
 }

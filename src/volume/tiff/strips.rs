@@ -11,7 +11,7 @@ use ruzstd::decoding::StreamingDecoder;
 use weezl::BitOrder;
 
 use super::directory::{Entry, Tiff};
-use super::page::{Chunks, Coding, Compression, Page, Predictor, Sample};
+use super::page::{Chunks, Coding, Compression, GROUP, Page, Predictor, Sample};
 use crate::progress::Progress;
 use crate::volume::batches::{self, Decode, Part};
 use crate::volume::data::SLAB_BYTES;
@@ -30,9 +30,6 @@ pub(in crate::volume) struct Stack {
     pub(in crate::volume) pages: Vec<Page>,
     pub(in crate::volume) sample: usize,
 }
-
-/// Bytes of uncompressed strips that are read together.
-const GROUP: usize = 1 << 20;
 
 /// Adjacent rows of strips or tiles of a page: adjacent rows of voxels.
 #[derive(Clone, Copy)]
@@ -110,7 +107,7 @@ impl Stack {
             let [_, down] = coding.chunks();
             // Many small strips would take more time for their seeks than for their bytes.
             let strip = coding.row_bytes().saturating_mul(coding.chunk[1]).max(1);
-            let group = if is_as_it_is(coding) { (GROUP / strip).max(1) } else { 1 };
+            let group = if coding.is_as_it_is() { (GROUP / strip).max(1) } else { 1 };
             (0..down).step_by(group).map(move |row| {
                 let rows = group.min(down - row);
                 let voxels = (row..row + rows).map(|row| coding.rows(row)).sum::<usize>() * coding.picture.width;
@@ -243,7 +240,7 @@ impl<'a, T: Voxel> Worker<'a, T> {
         let page = &self.stack.pages[band.page];
         let coding = &*page.coding;
         let swaps = self.file(page.file)?.byte_order != ByteOrder::NATIVE && coding.compression != Compression::Jpeg;
-        if is_as_it_is(coding) {
+        if coding.is_as_it_is() {
             self.read(band, bytemuck::cast_slice_mut(out))?;
             if swaps && size_of::<T>() > 1 {
                 out.iter_mut().for_each(|number| *number = number.with_bytes_swapped());
@@ -253,7 +250,7 @@ impl<'a, T: Voxel> Worker<'a, T> {
         let [across, _] = coding.chunks();
         for column in 0..across {
             let chunk = self.chunk(band.page, band.row, column)?;
-            if is_direct(coding) {
+            if coding.is_direct() {
                 let wanted = chunk.wanted;
                 self.unpack(page, &chunk, |stream| read_fully(stream, &mut bytemuck::cast_slice_mut(out)[..wanted]))?;
                 for row in out.chunks_mut(coding.picture.width) {
@@ -419,19 +416,6 @@ impl<'a, T: Voxel> Worker<'a, T> {
             }
         }
     }
-}
-
-/// Whether the decoded bytes of a strip or tile are voxels in their place, apart from byte order and predictor.
-fn is_direct(coding: &Coding) -> bool {
-    coding.interleaved() == 1
-        && coding.chunk[0] == coding.picture.width
-        && coding.predictor != Predictor::Float
-        && !matches!(coding.picture.sample, Sample::Bits(_))
-}
-
-/// Whether the bytes of a strip are voxels in their place, apart from byte order.
-fn is_as_it_is(coding: &Coding) -> bool {
-    is_direct(coding) && coding.compression == Compression::None
 }
 
 /// Bytes of a file from an offset on.
