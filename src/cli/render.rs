@@ -301,11 +301,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     let memory = HostMemory::Bounded { bytes: args.memory };
     let (file, statistics) = args.scene.load_as(args.look.wish(), memory, progress)?;
     let scene = file.scene.clone();
-    for (given, what) in [
-        (args.reference, "--reference"),
-        (args.goal.goal().is_some(), "a search for settings"),
-        (args.turntable.is_some(), "a turntable"),
-    ] {
+    for (given, what) in [(args.reference, "--reference"), (args.goal.goal().is_some(), "a search for settings")] {
         if given {
             scene.volume.require_voxels(what)?;
         }
@@ -389,6 +385,8 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         ..Overlay::of_scene(&scene, &planned, &mix)
     });
     if args.turntable.is_some() {
+        // The cameras follow the visible voxels.
+        scene.volume.prepare_coarse(progress)?;
         let ready = ready_device(&scene, &planned, &statistics, (args, args.size), progress)?;
         let mut times = vec![("load", loaded)];
         times.extend(ready.times);
@@ -403,9 +401,11 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         };
         let mut on_device = ready.on_device;
         let written = turntable::write(&mut on_device, &look, &frames, progress)?;
+        let read = scene.volume.bricks.as_ref().map(|cache| cache.counts());
         times.extend(written.times);
         save_scene()?;
-        let text = format!("{}{}\n", frames.told(written.pictures), spent(&times));
+        let bricks = told_of(written.bricks, read);
+        let text = format!("{}{bricks}{}\n", frames.told(written.pictures), spent(&times));
         let json = json!({
             "outputs": listed,
             "size": args.size,
@@ -413,6 +413,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             "plan": super::info::plan_json(&scene, &planned, &on_device.uploaded().storage, learnt),
             "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<Map<_, _>>(),
             "marches": written.pictures,
+            "march": {"bricks": written.bricks, "host_bricks": read},
             "pictures": frames.json(written.pictures),
             "peak_mb": peak_mb(),
         });

@@ -5,7 +5,7 @@ use relume::internal::annotate::{self, Overlay};
 use relume::internal::number::count;
 use relume::measure::{Stopwatch, Timing};
 use relume::progress::{Progress, unreported};
-use relume::render::SceneRenderer;
+use relume::render::{BrickCounts, SceneRenderer};
 use relume::scene::Mix;
 
 use super::CliError;
@@ -27,6 +27,8 @@ pub(crate) struct Look<'a> {
 pub(crate) struct Written {
     /// Their number; others were there.
     pub(crate) pictures: usize,
+    /// Bricks of all marches, if the volume is in bricks.
+    pub(crate) bricks: Option<BrickCounts>,
     pub(crate) times: [(&'static str, Timing); 3],
 }
 
@@ -44,6 +46,7 @@ pub(crate) fn write(
     let cameras = cameras.ok_or_else(|| CliError::Failed("the camera has no line of sight to turn about".into()))?;
     let matrices = on_device.matrices(mix);
     let (mut marching, mut relighting) = (Timing::default(), Timing::default());
+    let mut bricks = None::<BrickCounts>;
     let whole = Stopwatch::start();
     let inputs_of = |index: usize| digest(inputs, &format!("{:?} {}", cameras[index], overlay.is_some()));
     let form = Form { size: [width, height], bits, backdrop };
@@ -52,6 +55,7 @@ pub(crate) fn write(
         let clock = Stopwatch::start();
         let film = on_device.march([width, height], &unreported(progress))?;
         marching += clock.read();
+        bricks = bricks.into_iter().chain(film.bricks).reduce(BrickCounts::then);
         let clock = Stopwatch::start();
         let relight = on_device.renderer().relight_linear(&film)?;
         relight.run(&matrices)?;
@@ -63,5 +67,5 @@ pub(crate) fn write(
         Ok(Frame { linear, shown })
     })?;
     let writing = whole.read() - marching - relighting;
-    Ok(Written { pictures, times: [("march", marching), ("relight", relighting), ("write", writing)] })
+    Ok(Written { pictures, bricks, times: [("march", marching), ("relight", relighting), ("write", writing)] })
 }

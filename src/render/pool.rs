@@ -121,6 +121,8 @@ pub(super) struct Held {
     slot_of: Vec<Option<usize>>,
     /// Brick of each slot.
     brick_in: Vec<Option<usize>>,
+    /// Whether each brick has been loaded before.
+    known: Vec<bool>,
 }
 
 /// Sizes of a pool that a device can hold.
@@ -208,7 +210,8 @@ impl Pool {
         let staged = STAGING_BYTES.max(staged_bytes);
         let staging = Buffer::host(device, "staging", staged.next_multiple_of(16), HostUse::Upload)?;
         let slots = size.slots.iter().map(|&n| n as usize).product();
-        let held = Held { slot_of: vec![None; grid.bricks()], brick_in: vec![None; slots] };
+        let bricks = grid.bricks();
+        let held = Held { slot_of: vec![None; bricks], brick_in: vec![None; slots], known: vec![false; bricks] };
         let packer = Packer {
             source: Arc::clone(volume),
             storage: storage.clone(),
@@ -310,6 +313,18 @@ impl Held {
     /// Whether a slot holds `brick`.
     pub(super) fn has(&self, brick: usize) -> bool {
         self.slot_of[brick].is_some()
+    }
+
+    /// Whether `brick` has been loaded before.
+    pub(super) fn is_known(&self, brick: usize) -> bool {
+        self.known[brick]
+    }
+
+    /// Marks `bricks` as loaded before.
+    pub(super) fn know(&mut self, bricks: &[usize]) {
+        for &brick in bricks {
+            self.known[brick] = true;
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::support::exr::Exr;
 use crate::support::program::Folder;
 
 /// A long volume of 8-bit values, with a sidecar: 5000×14×15 voxels.
@@ -104,4 +105,41 @@ fn what_makes_no_bricks_or_needs_more_memory_is_told_with_the_way_out() {
     let advised = ["the voxels take 2 MiB of memory, and may take 1 MiB", "relume bricks long.raw -o long.bricks"];
     folder.refused(1, &render("long.raw", &[]), &advised);
     folder.refused(1, &render("long.bricks", &[]), &["at least 17 MiB of memory", "--memory"]);
+}
+
+/// Parallel rays of a stated height: the cameras follow no voxels.
+#[test]
+fn a_turntable_of_a_volume_that_stays_in_its_file_shows_that_volume_and_keeps_its_bricks() {
+    let voxels: Vec<u8> = (0..512 * 256 * 224_usize)
+        .map(|i| u8::try_from((i % 512 / 2 + i / 512 % 256 / 3 + i / (512 * 256)) % 251).unwrap())
+        .collect();
+    let sidecar = "dims = [512, 256, 224]\ntype = \"uint8\"\n";
+    let folder = Folder::new().with("v.raw", voxels).with("v.raw.toml", sidecar);
+    folder.done(&["bricks", "v.raw", "-o", "v.bricks"]);
+    let turn = |file: &'static str, name: &'static str, more: &[&'static str]| {
+        let scene =
+            ["render", "scene.toml", "--volume", file, "--size", "24x18", "--turntable", "3", "-o", name, "--json"];
+        let exact = ["-D", "accuracy.interpolation=\"exact_linear\"", "-D", "camera.projection=\"orthographic\""];
+        let height = ["-D", "camera.height=300"];
+        folder.done(&[&scene[..], &exact, &height, more].concat()).json()
+    };
+    let pictures = |stem: &str| [1, 2, 3].map(|n| Exr::read(&folder.path(&format!("{stem}-000{n}.exr"))).rgba());
+    turn("v.raw", "whole.exr", &[]);
+    let whole = pictures("whole");
+    assert!(whole[0] != whole[1] && whole[0].iter().any(|&number| number > 0.1), "it turns, and is not black");
+    let json = turn("v.bricks", "stored.exr", &["--memory", "27MiB"]);
+    let [bricks, read] = ["bricks", "host_bricks"].map(|key| &json["march"][key]);
+    assert!(bricks["loaded"] == bricks["visible"] && bricks["again"] == 0, "all stay on the device: {bricks}");
+    assert!(read["loaded"].as_u64() >= bricks["loaded"].as_u64(), "{read}");
+    assert!(pictures("stored") == whole);
+    let small = ["--memory", "27MiB", "--device-memory", "8MiB"];
+    let json = turn("v.bricks", "small.exr", &small);
+    let bricks = &json["march"]["bricks"];
+    assert!(bricks["again"].as_u64() > Some(0), "there is no room for all: {bricks}");
+    assert!(pictures("small") == whole);
+    for part in ["2/2", "1/2"] {
+        turn("v.bricks", "part.exr", &[&small[..], &["--part", part]].concat());
+    }
+    let files = |stem: &str| [1, 2, 3].map(|n| std::fs::read(folder.path(&format!("{stem}-000{n}.exr"))).unwrap());
+    assert!(files("part") == files("small"));
 }

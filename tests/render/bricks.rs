@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
+use relume::document::moves::turntable;
 use relume::film::Film;
 use relume::output::write_bricks;
 use relume::plan::{Integrate, plan};
@@ -384,6 +385,34 @@ fn films_of_bricks_in_a_file_are_films_of_voxels_in_memory_to_the_bit() {
             assert!(one.3.transmittance.iter().any(|&passed| passed < 0.9), "{name}: the rays meet the volume");
             let counts = stored.bricks.as_ref().unwrap().counts();
             assert!(counts.loaded > 0 && counts.again == 0, "{name}: {counts:?}");
+        }
+    });
+}
+
+#[test]
+fn bricks_stay_between_the_cameras_of_a_turntable_and_films_are_those_of_single_renders() {
+    with_renderer(|renderer| {
+        let folder = tempfile::tempdir().unwrap();
+        let mut scene = large(scenes::named("diffuse_one"));
+        scene.volume = Arc::new(in_file(&scene.volume, folder.path()));
+        scene.volume.prepare_coarse(&Quiet).unwrap();
+        let cameras = turntable(&scene, &scene.camera, 1.2, 3).unwrap();
+        for memory in [4_000_000, 100_000_000] {
+            let renderer = renderer.clone().with_memory(memory);
+            let turning = SceneRenderer::new(&renderer, scene.clone(), &Quiet).unwrap();
+            let mut all = None::<BrickCounts>;
+            for camera in &cameras {
+                let mut turned = turning.clone();
+                turned.camera_mut().clone_from(camera);
+                let film = turned.march(SIZE, &Quiet).unwrap();
+                all = all.into_iter().chain(film.bricks).reduce(BrickCounts::then);
+                let single = Scene { camera: camera.clone(), ..scene.clone() };
+                let single = SceneRenderer::new(&renderer, single, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
+                assert!(bits(&renderer.read(&film).unwrap()) == bits(&renderer.read(&single).unwrap()), "{camera:?}");
+            }
+            let BrickCounts { visible, held, loaded, again, .. } = all.unwrap();
+            assert!(loaded - again <= visible, "each is loaded once for the first time: {all:?}");
+            assert_eq!((again == 0, loaded == visible), (held >= visible, held >= visible), "{all:?}");
         }
     });
 }
