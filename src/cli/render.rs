@@ -29,7 +29,7 @@ use super::goal::GoalArgs;
 use super::model::Learnt;
 use super::processes::{self, Asked, Processes, Sharing, sharing};
 use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
-use super::{CliError, Report, turntable};
+use super::{CliError, Report, light_grid, turntable};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -236,6 +236,8 @@ struct Marched {
     details: serde_json::Value,
     /// Bricks of the march, if the volume is in bricks.
     bricks: Option<BrickCounts>,
+    /// Level of the shadows in words.
+    shadows: String,
 }
 
 /// Results that the outputs need.
@@ -404,7 +406,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let read = scene.volume.bricks.as_ref().map(|cache| cache.counts());
         times.extend(written.times);
         save_scene()?;
-        let bricks = told_of(written.bricks, read);
+        let bricks = told_of(written.bricks, read) + &written.shadows;
         let text = format!("{}{bricks}{}\n", frames.told(written.pictures), spent(&times));
         let json = json!({
             "outputs": listed,
@@ -413,7 +415,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             "plan": super::info::plan_json(&scene, &planned, &on_device.uploaded().storage, learnt),
             "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<Map<_, _>>(),
             "marches": written.pictures,
-            "march": {"bricks": written.bricks, "host_bricks": read},
+            "march": {"bricks": written.bricks, "host_bricks": read, "light_grid": written.light_grid},
             "pictures": frames.json(written.pictures),
             "peak_mb": peak_mb(),
         });
@@ -496,6 +498,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     };
     let kept = checked.as_ref().map_or("", |(text, _)| text);
     let bricks = told_of(marched.bricks, scene.volume.bricks.as_ref().map(|cache| cache.counts()));
+    let bricks = bricks + &marched.shadows;
     let text = format!("wrote {}; {}\n{new}{bricks}{}\n{kept}", listed.join(", "), lit_by(&mix), spent(&times));
     let times: Map<_, _> = times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
@@ -701,7 +704,9 @@ fn on_device(
     };
     let accumulators = &made.device;
     warn_of_nothing(scene, planned, mix, Some(accumulators.occupied[0]));
-    if let Some(spacing) = accumulators.light_spacing.filter(|&spacing| spacing > scene.shadows.spacing) {
+    let is_of_level = accumulators.light_block.is_some();
+    if let Some(spacing) = accumulators.light_spacing.filter(|&spacing| spacing > scene.shadows.spacing && !is_of_level)
+    {
         tracing::warn!(
             "the light grid has a node every {} voxels instead of {}: a finer one would take more than an eighth of the device's memory",
             brief(spacing),
@@ -715,6 +720,7 @@ fn on_device(
         "cells": {"occupied": accumulators.occupied[0], "total": accumulators.occupied[1]},
         "volume_bytes": uploaded.bytes(),
         "pixel_bytes": planned.plan.pixel_bytes(),
+        "light_grid": light_grid::json(accumulators),
         "bricks": accumulators.bricks,
         "host_bricks": scene.volume.bricks.as_ref().map(|cache| cache.counts()),
     });
@@ -730,6 +736,7 @@ fn on_device(
         storage: uploaded.storage.clone(),
         details,
         bricks: accumulators.bricks,
+        shadows: light_grid::told(accumulators),
         times: [&times[..], &made.times].concat(),
     }))
 }
@@ -814,5 +821,6 @@ fn on_cpu(
         times: vec![("reference", clock.read())],
         details: json!(null),
         bricks: None,
+        shadows: String::new(),
     })
 }

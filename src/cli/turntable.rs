@@ -8,9 +8,9 @@ use relume::progress::{Progress, unreported};
 use relume::render::{BrickCounts, SceneRenderer};
 use relume::scene::Mix;
 
-use super::CliError;
 use super::files::{self, Backdrop, Bits};
 use super::frames::{Form, Frame, Frames, digest};
+use super::{CliError, light_grid};
 
 /// Appearance of the pictures.
 pub(crate) struct Look<'a> {
@@ -29,6 +29,9 @@ pub(crate) struct Written {
     pub(crate) pictures: usize,
     /// Bricks of all marches, if the volume is in bricks.
     pub(crate) bricks: Option<BrickCounts>,
+    /// Level of their shadows in words, and their light grid.
+    pub(crate) shadows: String,
+    pub(crate) light_grid: serde_json::Value,
     pub(crate) times: [(&'static str, Timing); 3],
 }
 
@@ -47,6 +50,7 @@ pub(crate) fn write(
     let matrices = on_device.matrices(mix);
     let (mut marching, mut relighting) = (Timing::default(), Timing::default());
     let mut bricks = None::<BrickCounts>;
+    let (mut shadows, mut grid) = (String::new(), serde_json::Value::Null);
     let whole = Stopwatch::start();
     let inputs_of = |index: usize| digest(inputs, &format!("{:?} {}", cameras[index], overlay.is_some()));
     let form = Form { size: [width, height], bits, backdrop };
@@ -56,6 +60,7 @@ pub(crate) fn write(
         let film = on_device.march([width, height], &unreported(progress))?;
         marching += clock.read();
         bricks = bricks.into_iter().chain(film.bricks).reduce(BrickCounts::then);
+        (shadows, grid) = (light_grid::told(&film), light_grid::json(&film));
         let clock = Stopwatch::start();
         let relight = on_device.renderer().relight_linear(&film)?;
         relight.run(&matrices)?;
@@ -67,5 +72,11 @@ pub(crate) fn write(
         Ok(Frame { linear, shown })
     })?;
     let writing = whole.read() - marching - relighting;
-    Ok(Written { pictures, bricks, times: [("march", marching), ("relight", relighting), ("write", writing)] })
+    Ok(Written {
+        pictures,
+        bricks,
+        shadows,
+        light_grid: grid,
+        times: [("march", marching), ("relight", relighting), ("write", writing)],
+    })
 }

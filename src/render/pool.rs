@@ -329,19 +329,26 @@ impl Held {
 }
 
 impl Renderer {
-    /// Bytes for a volume that the device holds whole: its memory, or what the user allows.
+    /// Bytes for a volume that the device holds whole: its memory, or what the user allows, less what other volumes take of it.
     pub(super) fn volume_budget(&self) -> u64 {
-        let limits = self.device.limits();
-        let heap = limits.device_heap_bytes.min(limits.max_allocation_bytes);
-        self.memory_bytes.map_or(heap, |bytes| heap.min(bytes))
+        self.most_volume_bytes(self.taken_bytes)
     }
 
-    /// Bytes of a pool: what the user allows, or half of the device's memory; on a software device half of what is free.
+    /// [`Self::volume_budget`], where other volumes take `taken` bytes.
+    pub(super) fn most_volume_bytes(&self, taken: u64) -> u64 {
+        let limits = self.device.limits();
+        let heap = limits.device_heap_bytes.min(limits.max_allocation_bytes);
+        self.memory_bytes.map_or(heap, |bytes| heap.min(bytes.saturating_sub(taken)))
+    }
+
+    /// Bytes of a pool: what the user allows, less what other volumes take of it, or half of the device's memory; on a software
+    /// device half of what is free.
     pub(super) fn pool_budget(&self) -> u64 {
         let limits = self.device.limits();
         let free = (self.device.info().kind == DeviceKind::Software).then(crate::memory::available_bytes).flatten();
         let half = free.map_or(limits.device_heap_bytes, |free| free.min(limits.device_heap_bytes)) / 2;
-        self.memory_bytes.unwrap_or(half).min(limits.max_allocation_bytes)
+        let stated = self.memory_bytes.map(|bytes| bytes.saturating_sub(self.taken_bytes));
+        stated.unwrap_or(half).min(limits.max_allocation_bytes)
     }
 
     /// Largest extent of a texture of `format`.

@@ -11,7 +11,7 @@ use relume::output::write_bricks;
 use relume::plan::{plan, read_ahead};
 use relume::progress::{Progress, Quiet};
 use relume::render::{Renderer, SceneRenderer};
-use relume::scene::{Aim, Scene, VolumeAs};
+use relume::scene::{Aim, Integration, Scene, VolumeAs};
 use relume::volume::{HostMemory, RawLayout, Selection, VoxelType};
 
 use crate::support::program::Folder;
@@ -122,7 +122,9 @@ fn voxels_in_a_file_are_coarse_at_once_and_at_rest_the_film_of_voxels_in_memory_
         engine.update(&state, SIZE);
         until(&mut engine, |engine| engine.picture().is_some());
         let coarse = engine.shown_level().unwrap();
-        assert_eq!((coarse.level, coarse.voxels, coarse.then), (1, 8, Refining::Waits));
+        assert_eq!((coarse.level, coarse.voxels), (1, 8));
+        // A fast device has marched all sizes of the picture in the same step.
+        assert!(matches!(coarse.then, Refining::Waits | Refining::Prepares), "{coarse:?}");
         let mut loads = 0;
         until(&mut engine, |engine| {
             let then = engine.shown_level().map(|shown| shown.then);
@@ -234,19 +236,22 @@ fn a_refinement_that_is_stopped_or_fails_leaves_the_coarse_picture_and_says_so()
 fn an_error_or_a_stop_of_bricks_concerns_only_the_scene_that_was_planned_and_keeps_the_pool() {
     with_renderer(|renderer| {
         let folder = bricks(DIMS);
+        // Room for all bricks, but not for one around which long segments read: 167 texels along each axis of 8 bytes.
+        let renderer = &renderer.clone().with_memory(34_000_000);
         let (mut engine, mut state) = opened(renderer, &folder.path("scene.toml"), HostMemory::InFile);
+        state.scene.accuracy.integration = Integration::Segments;
         let prepares = |engine: &Engine| engine.shown_level().is_some_and(|shown| shown.then == Refining::Prepares);
-        // Shadows need all voxels; they are gone before their plan has failed.
-        state.scene.lights[0].shadows = true;
+        // The long segments are gone before their plan has failed.
+        state.scene.accuracy.step_length = 100.0;
         engine.update(&state, SIZE);
         until(&mut engine, prepares);
-        state.scene.lights[0].shadows = false;
+        state.scene.accuracy.step_length = 1.0;
         engine.update(&state, SIZE);
         until(&mut engine, Engine::is_finest);
         assert_eq!(engine.shown_level(), None);
 
         // A plan that is stopped is no error, and a light goes on with it.
-        state.scene.lights[0].shadows = true;
+        state.scene.accuracy.step_length = 100.0;
         engine.update(&state, SIZE);
         until(&mut engine, prepares);
         engine.stop();
@@ -258,10 +263,10 @@ fn an_error_or_a_stop_of_bricks_concerns_only_the_scene_that_was_planned_and_kee
         let error = loop {
             match engine.step(true) {
                 Err(error) => break error,
-                Ok(_) => assert!(begun.elapsed() < Duration::from_secs(60), "shadows need all voxels"),
+                Ok(_) => assert!(begun.elapsed() < Duration::from_secs(60), "there is no room"),
             }
         };
-        assert_eq!(error.code(), "bricks-unsupported");
+        assert_eq!(error.code(), "volume-memory-exceeded");
         assert_eq!(engine.shown_level().unwrap().then, Refining::Failed);
 
         // The coarse picture takes other colours.
@@ -271,13 +276,13 @@ fn an_error_or_a_stop_of_bricks_concerns_only_the_scene_that_was_planned_and_kee
         assert!(engine.pictures() > pictures && engine.show().unwrap(), "it is relit");
 
         // No brick is loaded again.
-        state.scene.lights[0].shadows = false;
+        state.scene.accuracy.step_length = 1.0;
         engine.update(&state, SIZE);
         until(&mut engine, Engine::is_finest);
         assert_eq!((engine.shown_level(), engine.brick_counts().unwrap().loaded), (None, 0));
 
         // An engine that is replaced hands over the thread that plans.
-        state.scene.lights[0].shadows = true;
+        state.scene.accuracy.step_length = 100.0;
         engine.update(&state, SIZE);
         until(&mut engine, prepares);
         let threads = engine.give_up();
