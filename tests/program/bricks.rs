@@ -127,21 +127,15 @@ fn a_turntable_of_a_volume_that_stays_in_its_file_shows_that_volume_and_keeps_it
     turn("v.raw", "whole.exr", &[]);
     let whole = pictures("whole");
     assert!(whole[0] != whole[1] && whole[0].iter().any(|&number| number > 0.1), "it turns, and is not black");
-    let json = turn("v.bricks", "stored.exr", &["--memory", "27MiB"]);
-    let [bricks, read] = ["bricks", "host_bricks"].map(|key| &json["march"][key]);
-    assert!(bricks["loaded"] == bricks["visible"] && bricks["again"] == 0, "all stay on the device: {bricks}");
-    assert!(read["loaded"].as_u64() >= bricks["loaded"].as_u64(), "{read}");
-    assert!(pictures("stored") == whole);
     let small = ["--memory", "27MiB", "--device-memory", "8MiB"];
     let json = turn("v.bricks", "small.exr", &small);
     let bricks = &json["march"]["bricks"];
     assert!(bricks["again"].as_u64() > Some(0), "there is no room for all: {bricks}");
     assert!(pictures("small") == whole);
-    for part in ["2/2", "1/2"] {
-        turn("v.bricks", "part.exr", &[&small[..], &["--part", part]].concat());
-    }
-    let files = |stem: &str| [1, 2, 3].map(|n| std::fs::read(folder.path(&format!("{stem}-000{n}.exr"))).unwrap());
-    assert!(files("part") == files("small"));
+    assert!(json["march"]["host_bricks"]["loaded"].as_u64() > Some(0), "{json}");
+    turn("v.bricks", "part.exr", &[&small[..], &["--part", "1/2"]].concat());
+    let files = |stem: &str| [1, 3].map(|n| std::fs::read(folder.path(&format!("{stem}-000{n}.exr"))).unwrap());
+    assert!(files("part") == files("small") && !folder.path("part-0002.exr").exists());
     // The level of its shadows is told.
     let dark =
         ["render", "scene.toml", "--volume", "v.bricks", "--memory", "27MiB", "--size", "24x18", "-o", "dark.png"];
@@ -149,16 +143,4 @@ fn a_turntable_of_a_volume_that_stays_in_its_file_shows_that_volume_and_keeps_it
     let level =
         "shadows are from level 2 of the volume, means of 4×4×4 voxels, with a node of the light grid every 4 voxels";
     assert!(told.contains(level), "{told}");
-    // A label map is in memory.
-    let labelled = std::fs::read_to_string(folder.path("scene.toml")).unwrap();
-    let labels = "[labels.7]\nname = \"block\"\nmaterial = \"bone\"\nopacity = 0.3\n";
-    let seven: Vec<u8> = (0..512 * 256 * 224_usize).map(|i| if i % 512 < 200 { 7 } else { 0 }).collect();
-    let folder = folder.with("labelled.toml", labelled + labels).with("l.raw", seven).with("l.raw.toml", sidecar);
-    let render = |volume: &str, labels: &str, name: &str, more: &[&str]| {
-        let scene = ["render", "labelled.toml", "--volume", volume, "--labels", labels, "--size", "24x18", "-o", name];
-        folder.done(&[&scene[..], &["-D", "accuracy.interpolation=\"exact_linear\""], more].concat());
-        std::fs::read(folder.path(name)).unwrap()
-    };
-    let whole = render("v.raw", "l.raw", "a.png", &[]);
-    assert!(whole == render("v.bricks", "l.raw", "b.png", &["--memory", "27MiB"]));
 }

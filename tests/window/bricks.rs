@@ -292,6 +292,62 @@ fn an_error_or_a_stop_of_bricks_concerns_only_the_scene_that_was_planned_and_kee
 }
 
 #[test]
+fn a_label_map_of_voxels_in_a_file_is_in_memory_and_the_window_refuses_it() {
+    with_renderer(|renderer| {
+        let labels: Vec<u8> = (0..DIMS.iter().product()).map(|i: usize| if i % DIMS[0] < 70 { 7 } else { 0 }).collect();
+        let sidecar = format!("dims = {DIMS:?}\ntype = \"uint8\"\n");
+        let named =
+            SCENE.replace("VOLUME", "v.bricks").replace("[materials.shell]", "labels = \"l.raw\"\n[materials.shell]");
+        let seven = "[labels.7]\nname = \"half\"\nmaterial = \"core\"\nopacity = 0.3\n";
+        let folder = bricks(DIMS).with("l.raw", labels).with("l.raw.toml", sidecar);
+        let folder = folder.with("labelled.toml", format!("{named}{seven}"));
+        let [stored, whole] = [HostMemory::InFile, HostMemory::Whole].map(|memory| {
+            let mut source = Source::of(&folder.path("labelled.toml"));
+            source.options.selection.memory = memory;
+            let (file, statistics) = source.read(&Quiet).unwrap();
+            let on_device = SceneRenderer::with_statistics(renderer, file.scene, statistics, &Quiet).unwrap();
+            assert!(on_device.planned().plan.labels);
+            let film = on_device.march(SIZE, &Quiet).unwrap();
+            assert_eq!(film.bricks.is_some(), memory == HostMemory::InFile);
+            renderer.read(&film).unwrap()
+        });
+        assert!(stored == whole, "the film of voxels in memory, to the bit");
+        let source = Source::of(&folder.path("labelled.toml"));
+        let error = Loaded::open(renderer, source, HostMemory::InFile, &Quiet).unwrap_err();
+        let told = std::iter::successors(Some(&error as &dyn std::error::Error), |error| error.source());
+        let told: Vec<String> = told.map(ToString::to_string).collect();
+        assert!(told.join(": ").contains("a label map in the window"), "{told:?}");
+    });
+}
+
+#[test]
+fn shadows_at_rest_are_those_of_a_render_to_the_bit_and_their_level_is_told() {
+    with_renderer(|renderer| {
+        let folder = bricks(DIMS);
+        let (mut engine, mut state) = opened(renderer, &folder.path("scene.toml"), HostMemory::InFile);
+        engine.update(&state, SIZE);
+        until(&mut engine, Engine::is_finest);
+        assert_eq!(engine.light_block(), None);
+        state.scene.lights[0].shadows = true;
+        engine.update(&state, SIZE);
+        until(&mut engine, Engine::is_finest);
+        assert_eq!((engine.shown_level(), engine.light_block()), (None, Some([2; 3])));
+        let single = SceneRenderer::new(renderer, state.scene.clone(), &Quiet).unwrap();
+        let single = renderer.read(&single.march(SIZE, &Quiet).unwrap()).unwrap();
+        let pixels = SIZE[0] * SIZE[1];
+        let of_pixel = |i: usize| {
+            let planes = [&single.accumulators, &single.transmittance];
+            planes
+                .into_iter()
+                .flat_map(move |numbers| numbers.iter().skip(i).step_by(pixels))
+                .map(|number| number.to_bits())
+        };
+        assert!(film(&engine) == (0..pixels).flat_map(of_pixel).collect::<Vec<_>>());
+        engine.end();
+    });
+}
+
+#[test]
 fn a_plan_of_voxels_in_a_file_is_cancelled_while_it_reads_them() {
     struct Cancelled;
     impl Progress for Cancelled {
