@@ -25,6 +25,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (FILMS > 0u) {
         read_films();
     }
+    if (GRID_LIGHTS > 0u) {
+        light_place = light_uniform;
+    }
     let pixel = vec2u(id.x, id.y + band.first_row);
     if (pixel.x >= march.width || pixel.y >= march.height) {
         return;

@@ -216,9 +216,6 @@ fn of_render(error: &RenderError) -> Option<String> {
         RenderError::Slot { .. } => {
             Some(": take a larger --device-memory, or --downsample to average blocks of voxels".to_owned())
         }
-        RenderError::Bricked { .. } => {
-            Some(": take shadows = false for the lights, --downsample, or a larger --device-memory".to_owned())
-        }
         RenderError::PictureSize { .. } => {
             Some(": take a smaller --size, fewer light positions, or --reference".to_owned())
         }

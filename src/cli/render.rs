@@ -29,7 +29,7 @@ use super::goal::GoalArgs;
 use super::model::Learnt;
 use super::processes::{self, Asked, Processes, Sharing, sharing};
 use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
-use super::{CliError, Report, turntable};
+use super::{CliError, Report, light_grid, turntable};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -236,6 +236,8 @@ struct Marched {
     details: serde_json::Value,
     /// Bricks of the march, if the volume is in bricks.
     bricks: Option<BrickCounts>,
+    /// Level of the shadows in words.
+    shadows: String,
 }
 
 /// Results that the outputs need.
@@ -301,11 +303,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     let memory = HostMemory::Bounded { bytes: args.memory };
     let (file, statistics) = args.scene.load_as(args.look.wish(), memory, progress)?;
     let scene = file.scene.clone();
-    for (given, what) in [
-        (args.reference, "--reference"),
-        (args.goal.goal().is_some(), "a search for settings"),
-        (args.turntable.is_some(), "a turntable"),
-    ] {
+    for (given, what) in [(args.reference, "--reference"), (args.goal.goal().is_some(), "a search for settings")] {
         if given {
             scene.volume.require_voxels(what)?;
         }
@@ -389,6 +387,8 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         ..Overlay::of_scene(&scene, &planned, &mix)
     });
     if args.turntable.is_some() {
+        // The cameras follow the visible voxels.
+        scene.volume.prepare_coarse(progress)?;
         let ready = ready_device(&scene, &planned, &statistics, (args, args.size), progress)?;
         let mut times = vec![("load", loaded)];
         times.extend(ready.times);
@@ -403,9 +403,11 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         };
         let mut on_device = ready.on_device;
         let written = turntable::write(&mut on_device, &look, &frames, progress)?;
+        let read = scene.volume.bricks.as_ref().map(|cache| cache.counts());
         times.extend(written.times);
         save_scene()?;
-        let text = format!("{}{}\n", frames.told(written.pictures), spent(&times));
+        let bricks = told_of(written.bricks, read) + &written.shadows;
+        let text = format!("{}{bricks}{}\n", frames.told(written.pictures), spent(&times));
         let json = json!({
             "outputs": listed,
             "size": args.size,
@@ -413,6 +415,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             "plan": super::info::plan_json(&scene, &planned, &on_device.uploaded().storage, learnt),
             "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<Map<_, _>>(),
             "marches": written.pictures,
+            "march": {"bricks": written.bricks, "host_bricks": read, "light_grid": written.light_grid},
             "pictures": frames.json(written.pictures),
             "peak_mb": peak_mb(),
         });
@@ -495,6 +498,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     };
     let kept = checked.as_ref().map_or("", |(text, _)| text);
     let bricks = told_of(marched.bricks, scene.volume.bricks.as_ref().map(|cache| cache.counts()));
+    let bricks = bricks + &marched.shadows;
     let text = format!("wrote {}; {}\n{new}{bricks}{}\n{kept}", listed.join(", "), lit_by(&mix), spent(&times));
     let times: Map<_, _> = times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
@@ -700,7 +704,9 @@ fn on_device(
     };
     let accumulators = &made.device;
     warn_of_nothing(scene, planned, mix, Some(accumulators.occupied[0]));
-    if let Some(spacing) = accumulators.light_spacing.filter(|&spacing| spacing > scene.shadows.spacing) {
+    let is_of_level = accumulators.light_block.is_some();
+    if let Some(spacing) = accumulators.light_spacing.filter(|&spacing| spacing > scene.shadows.spacing && !is_of_level)
+    {
         tracing::warn!(
             "the light grid has a node every {} voxels instead of {}: a finer one would take more than an eighth of the device's memory",
             brief(spacing),
@@ -714,6 +720,7 @@ fn on_device(
         "cells": {"occupied": accumulators.occupied[0], "total": accumulators.occupied[1]},
         "volume_bytes": uploaded.bytes(),
         "pixel_bytes": planned.plan.pixel_bytes(),
+        "light_grid": light_grid::json(accumulators),
         "bricks": accumulators.bricks,
         "host_bricks": scene.volume.bricks.as_ref().map(|cache| cache.counts()),
     });
@@ -729,6 +736,7 @@ fn on_device(
         storage: uploaded.storage.clone(),
         details,
         bricks: accumulators.bricks,
+        shadows: light_grid::told(accumulators),
         times: [&times[..], &made.times].concat(),
     }))
 }
@@ -813,5 +821,6 @@ fn on_cpu(
         times: vec![("reference", clock.read())],
         details: json!(null),
         bricks: None,
+        shadows: String::new(),
     })
 }

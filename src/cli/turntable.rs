@@ -5,12 +5,12 @@ use relume::internal::annotate::{self, Overlay};
 use relume::internal::number::count;
 use relume::measure::{Stopwatch, Timing};
 use relume::progress::{Progress, unreported};
-use relume::render::SceneRenderer;
+use relume::render::{BrickCounts, SceneRenderer};
 use relume::scene::Mix;
 
-use super::CliError;
 use super::files::{self, Backdrop, Bits};
 use super::frames::{Form, Frame, Frames, digest};
+use super::{CliError, light_grid};
 
 /// Appearance of the pictures.
 pub(crate) struct Look<'a> {
@@ -27,6 +27,11 @@ pub(crate) struct Look<'a> {
 pub(crate) struct Written {
     /// Their number; others were there.
     pub(crate) pictures: usize,
+    /// Bricks of all marches, if the volume is in bricks.
+    pub(crate) bricks: Option<BrickCounts>,
+    /// Level of their shadows in words, and their light grid.
+    pub(crate) shadows: String,
+    pub(crate) light_grid: serde_json::Value,
     pub(crate) times: [(&'static str, Timing); 3],
 }
 
@@ -44,6 +49,8 @@ pub(crate) fn write(
     let cameras = cameras.ok_or_else(|| CliError::Failed("the camera has no line of sight to turn about".into()))?;
     let matrices = on_device.matrices(mix);
     let (mut marching, mut relighting) = (Timing::default(), Timing::default());
+    let mut bricks = None::<BrickCounts>;
+    let (mut shadows, mut grid) = (String::new(), serde_json::Value::Null);
     let whole = Stopwatch::start();
     let inputs_of = |index: usize| digest(inputs, &format!("{:?} {}", cameras[index], overlay.is_some()));
     let form = Form { size: [width, height], bits, backdrop };
@@ -52,6 +59,8 @@ pub(crate) fn write(
         let clock = Stopwatch::start();
         let film = on_device.march([width, height], &unreported(progress))?;
         marching += clock.read();
+        bricks = bricks.into_iter().chain(film.bricks).reduce(BrickCounts::then);
+        (shadows, grid) = (light_grid::told(&film), light_grid::json(&film));
         let clock = Stopwatch::start();
         let relight = on_device.renderer().relight_linear(&film)?;
         relight.run(&matrices)?;
@@ -63,5 +72,11 @@ pub(crate) fn write(
         Ok(Frame { linear, shown })
     })?;
     let writing = whole.read() - marching - relighting;
-    Ok(Written { pictures, times: [("march", marching), ("relight", relighting), ("write", writing)] })
+    Ok(Written {
+        pictures,
+        bricks,
+        shadows,
+        light_grid: grid,
+        times: [("march", marching), ("relight", relighting), ("write", writing)],
+    })
 }

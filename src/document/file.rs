@@ -523,10 +523,6 @@ impl Text<'_> {
 
         let (volume, stored) = self.volume(&file.volume, base, options, progress)?;
         let labels = self.label_volume(&file.volume, (&volume.source, &stored), declared, base, options, progress)?;
-        if labels.is_some() {
-            let refused = |source| SceneError::Volume { scene: self.name.clone(), source };
-            volume.require_voxels("a label map").map_err(refused)?;
-        }
         let smallest = volume.geometry.spacing.min_element();
         transfer.opacity_length = opacity_length.unwrap_or(smallest);
         let accuracy = Accuracy {

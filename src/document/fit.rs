@@ -84,7 +84,12 @@ pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
     let by_value = |value: f64| ranges.iter().any(|&[low, high]| (low..=high).contains(&value));
     let label = |index: usize| {
         let labels = scene.labels.as_ref()?;
-        let label = nearest(labels.volume.voxels.value(index)?);
+        // That of the voxel in the middle of a block.
+        let [x, y, z] = [index % nx, index / nx % ny, index / (nx * ny)];
+        let dims = labels.volume.geometry.dims;
+        let [x, y, z] =
+            [(x, 0), (y, 1), (z, 2)].map(|(at, axis)| (at * block[axis] + block[axis] / 2).min(dims[axis] - 1));
+        let label = nearest(labels.volume.voxels.value(x + dims[0] * (y + dims[1] * z))?);
         labels.declared.iter().find(|entry| i64::from(entry.label) == i64::from(label))
     };
     let shows = |index: usize, value: f64| match label(index) {

@@ -50,6 +50,9 @@ pub struct DeviceFilm {
     pub occupied: [usize; 2],
     /// Spacing of its light grid in voxels, if it has one: the stated one, or more where memory is short.
     pub light_spacing: Option<f64>,
+    /// Voxels of the volume whose mean is one of those that its light grid was filled from, along each axis, if these are of a
+    /// coarse level.
+    pub light_block: Option<[usize; 3]>,
     /// Bricks that its march loaded, if the volume is in bricks.
     pub bricks: Option<BrickCounts>,
     pub(super) accumulators: StorageImage,

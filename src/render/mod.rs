@@ -3,6 +3,7 @@
 //! [`Renderer::upload`] puts a volume on the device, [`Renderer::march`] makes a [`DeviceFilm`] of it, and
 //! [`Renderer::relight_linear`] makes a picture of the film, as often as the light changes.
 
+mod level;
 mod march;
 mod pipelines;
 mod pool;
@@ -15,6 +16,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+pub(crate) use level::Level;
 pub use march::{BrickCounts, DeviceFilm, Dispatching, March, MarchUniform, Speed, TableMemory};
 pub use pool::Residence;
 pub use relight::{Relight, RelightUniform};
@@ -92,9 +94,9 @@ pub enum RenderError {
         limit: [u32; 3],
     },
     /// The scene needs more of the volume on the device than its bricks.
-    #[error("the device holds the volume in bricks, and {what} need all of it at once")]
+    #[error("the device holds the volume in bricks, and was given no coarse level of it, which {what} need")]
     Bricked {
-        /// The feature that needs all of it, in the plural.
+        /// The feature that needs it, in the plural.
         what: &'static str,
     },
     /// A sample reads more voxels around a brick than were uploaded with it.
@@ -180,6 +182,8 @@ pub struct Renderer {
     dispatching: Dispatching,
     /// Largest number of bytes of a volume on the device, if it is not the device's own.
     memory_bytes: Option<u64>,
+    /// Bytes of these that other volumes take.
+    taken_bytes: u64,
     /// Bytes of other volumes that stay on the device beside the one that is marched.
     beside_bytes: u64,
     /// Largest number of texels along an axis of a volume's texture, if it is not the device's own.
@@ -233,6 +237,7 @@ impl Renderer {
             device,
             dispatching,
             memory_bytes: None,
+            taken_bytes: 0,
             beside_bytes: 0,
             longest_axis: None,
             always_bricked: false,

@@ -121,6 +121,8 @@ pub(super) struct Held {
     slot_of: Vec<Option<usize>>,
     /// Brick of each slot.
     brick_in: Vec<Option<usize>>,
+    /// Whether each brick has been loaded before.
+    known: Vec<bool>,
 }
 
 /// Sizes of a pool that a device can hold.
@@ -208,7 +210,8 @@ impl Pool {
         let staged = STAGING_BYTES.max(staged_bytes);
         let staging = Buffer::host(device, "staging", staged.next_multiple_of(16), HostUse::Upload)?;
         let slots = size.slots.iter().map(|&n| n as usize).product();
-        let held = Held { slot_of: vec![None; grid.bricks()], brick_in: vec![None; slots] };
+        let bricks = grid.bricks();
+        let held = Held { slot_of: vec![None; bricks], brick_in: vec![None; slots], known: vec![false; bricks] };
         let packer = Packer {
             source: Arc::clone(volume),
             storage: storage.clone(),
@@ -311,22 +314,41 @@ impl Held {
     pub(super) fn has(&self, brick: usize) -> bool {
         self.slot_of[brick].is_some()
     }
+
+    /// Whether `brick` has been loaded before.
+    pub(super) fn is_known(&self, brick: usize) -> bool {
+        self.known[brick]
+    }
+
+    /// Marks `bricks` as loaded before.
+    pub(super) fn know(&mut self, bricks: &[usize]) {
+        for &brick in bricks {
+            self.known[brick] = true;
+        }
+    }
 }
 
 impl Renderer {
-    /// Bytes for a volume that the device holds whole: its memory, or what the user allows.
+    /// Bytes for a volume that the device holds whole: its memory, or what the user allows, less what other volumes take of it.
     pub(super) fn volume_budget(&self) -> u64 {
-        let limits = self.device.limits();
-        let heap = limits.device_heap_bytes.min(limits.max_allocation_bytes);
-        self.memory_bytes.map_or(heap, |bytes| heap.min(bytes))
+        self.most_volume_bytes(self.taken_bytes)
     }
 
-    /// Bytes of a pool: what the user allows, or half of the device's memory; on a software device half of what is free.
+    /// [`Self::volume_budget`], where other volumes take `taken` bytes.
+    pub(super) fn most_volume_bytes(&self, taken: u64) -> u64 {
+        let limits = self.device.limits();
+        let heap = limits.device_heap_bytes.min(limits.max_allocation_bytes);
+        self.memory_bytes.map_or(heap, |bytes| heap.min(bytes.saturating_sub(taken)))
+    }
+
+    /// Bytes of a pool: what the user allows, less what other volumes take of it, or half of the device's memory; on a software
+    /// device half of what is free.
     pub(super) fn pool_budget(&self) -> u64 {
         let limits = self.device.limits();
         let free = (self.device.info().kind == DeviceKind::Software).then(crate::memory::available_bytes).flatten();
         let half = free.map_or(limits.device_heap_bytes, |free| free.min(limits.device_heap_bytes)) / 2;
-        self.memory_bytes.unwrap_or(half).min(limits.max_allocation_bytes)
+        let stated = self.memory_bytes.map(|bytes| bytes.saturating_sub(self.taken_bytes));
+        stated.unwrap_or(half).min(limits.max_allocation_bytes)
     }
 
     /// Largest extent of a texture of `format`.

@@ -3,13 +3,17 @@
 use std::any::Any;
 use std::sync::{Arc, Mutex};
 
+use glam::DVec3;
+
+use super::level::Level;
 use super::pool::{Filled, Pool, PoolSize, Residence, voxel_bytes};
 use super::{RenderError, Renderer};
+use crate::number::count;
 use crate::plan::{Planned, ScenePlan};
 use crate::progress::Progress;
-use crate::scene::{Interpolation, Scene};
-use crate::tables::{BrickGrid, Cells, LabelMap, Storage, VolumeFormat, apron};
-use crate::volume::Statistics;
+use crate::scene::{Interpolation, Labels, Scene};
+use crate::tables::{BrickGrid, Cells, LabelMap, Storage, VolumeFormat, apron, slot_edge};
+use crate::volume::{Statistics, macrocells};
 use crate::vulkan::{Buffer, Format, HostUse, Image3d};
 
 /// Bytes per upload; limits the host's copy.
@@ -18,6 +22,8 @@ const SLAB_BYTES: usize = 4 << 20;
 const MOST_VOXEL_BYTES: u64 = 16 + 2;
 /// Part of the memory for a volume that its coarse level may take: one of so many.
 const COARSE_PART: u64 = 4;
+/// Part of the memory for a volume in bricks that the level of its shadows may take: one of so many.
+const LIGHT_PART: u64 = 2;
 
 /// A volume on the device, with its description on the host.
 #[derive(Debug)]
@@ -32,7 +38,19 @@ pub struct Uploaded {
     pub(super) label_image: Option<Image3d>,
     /// The bricks in these textures, if they are the slots of a pool.
     pub(super) pool: Option<Pool>,
+    /// A coarse level of a volume in bricks, if its scene has shadows.
+    level: Option<LightLevel>,
     pub(super) kept: Kept,
+}
+
+/// A coarse level of a volume in bricks, of which light grids are filled.
+#[derive(Debug)]
+struct LightLevel {
+    uploaded: Box<Uploaded>,
+    /// Voxels of the volume whose mean is one of it, along each axis.
+    block: [usize; 3],
+    /// Factors from texture coordinates of the volume to those of the level: its last blocks may be incomplete.
+    scale: DVec3,
 }
 
 /// Results of marches of finished and of coarse pictures that are kept as long as the volume, of a type that the march
@@ -44,10 +62,12 @@ impl Uploaded {
     /// Bytes of its textures on the device.
     #[must_use]
     pub fn bytes(&self) -> u64 {
+        let of_level = self.level.as_ref().map_or(0, |level| level.uploaded.bytes());
         let [width, height, depth] = self.volume.extent().map(u64::from);
         let texels = width * height * depth;
         let per_texel = [Some(&self.volume), self.label_image.as_ref()];
-        per_texel.into_iter().flatten().map(|image| texels * u64::from(image.format().texel_bytes())).sum()
+        let images = per_texel.into_iter().flatten();
+        of_level + images.map(|image| texels * u64::from(image.format().texel_bytes())).sum::<u64>()
     }
 }
 
@@ -63,16 +83,32 @@ impl Uploaded {
         self.pool.as_ref().map_or(Residence::Whole, |pool| Residence::Bricked { apron: pool.apron })
     }
 
-    /// Whether a march of `scene` under `plan` reads only voxels that the slots of a pool have around a brick.
+    /// Whether a march of `scene` under `plan` reads only voxels that the slots of a pool have around a brick, and shadows only
+    /// where there is a level for them.
     #[must_use]
     pub fn reaches(&self, scene: &Scene, plan: &ScenePlan) -> bool {
-        self.pool.as_ref().is_none_or(|pool| apron(scene, plan) <= pool.apron)
+        self.pool.as_ref().is_none_or(|pool| apron(scene, plan) <= pool.apron && self.has_light(plan))
+    }
+
+    fn has_light(&self, plan: &ScenePlan) -> bool {
+        self.pool.is_none() || self.level.is_some() || !plan.reads_light_grid()
+    }
+
+    /// The voxels of which light grids are filled, those of a coarse level of a volume in bricks, and the factors from texture
+    /// coordinates of the volume to theirs.
+    pub(super) fn medium(&self) -> (&Self, DVec3) {
+        self.level.as_ref().map_or((self, DVec3::ONE), |level| (&*level.uploaded, level.scale))
+    }
+
+    /// Voxels whose mean is one of [`Self::medium`], along each axis, if it is a coarse level.
+    pub(super) fn light_block(&self) -> Option<[usize; 3]> {
+        self.level.as_ref().map(|level| level.block)
     }
 
     /// Refuses a march of a volume in bricks that needs more of it than a brick.
     pub(super) fn check_march(&self, scene: &Scene, plan: &ScenePlan) -> Result<(), RenderError> {
         let Some(pool) = &self.pool else { return Ok(()) };
-        if plan.reads_light_grid() {
+        if !self.has_light(plan) {
             return Err(RenderError::Bricked { what: "shadows" });
         }
         if !self.reaches(scene, plan) {
@@ -81,6 +117,15 @@ impl Uploaded {
         }
         Ok(())
     }
+}
+
+/// Texture format of the volume of `scene`, whose values have `statistics`, as `planned` stores it, and bytes of a voxel and its
+/// label.
+fn stored_as(scene: &Scene, planned: &Planned, statistics: &Statistics) -> (Format, u64) {
+    let format = Storage::format_of(&planned.plan, &scene.volume, statistics);
+    let declared = scene.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| labels.declared.len());
+    let label_bytes = declared.map_or(0, |declared| LabelMap::bytes_of(declared, planned.plan.smooth_labels));
+    (Format::from(format), format.bytes() as u64 + label_bytes as u64)
 }
 
 impl From<VolumeFormat> for Format {
@@ -108,13 +153,10 @@ impl Renderer {
         statistics: &Statistics,
         progress: &dyn Progress,
     ) -> Result<Uploaded, RenderError> {
-        // Before the bricks are read.
         let in_file = scene.volume.bricks.is_some();
-        if scene.labels.is_some() {
-            scene.volume.require_voxels("a volume with labels").map_err(RenderError::Volume)?;
-        }
-        if in_file && planned.plan.reads_light_grid() {
-            return Err(RenderError::Bricked { what: "shadows" });
+        // Before the bricks are read.
+        if let Some(labels) = &scene.labels {
+            labels.volume.require_voxels("a label map").map_err(RenderError::Labels)?;
         }
         let storage = Storage::of(&planned.plan, &scene.volume, statistics, progress).map_err(RenderError::Volume)?;
         let dims = scene.volume.geometry.dims;
@@ -130,25 +172,31 @@ impl Renderer {
         let voxel_bytes = voxel_bytes(&storage, labels.as_deref(), smooth);
         let limit = self.largest_texture(format);
         if in_file || self.always_bricked || !self.has_room(dims, format, voxel_bytes, self.volume_budget()) {
-            if planned.plan.reads_light_grid() {
-                return Err(RenderError::Bricked { what: "shadows" });
-            }
             let cells = match &scene.volume.bricks {
-                Some(cache) => Cells::of_cache(dims, cache, &storage).map_err(RenderError::Volume)?,
+                Some(cache) => {
+                    Cells::of_cache(dims, cache, &storage, labels.as_deref()).map_err(RenderError::Volume)?
+                }
                 None => Cells::new(&scene.volume, &storage, labels.as_deref()),
             };
             if progress.cancelled() {
                 return Err(RenderError::Cancelled);
             }
             let (grid, apron) = (BrickGrid::new(cells.dims), apron(scene, &planned.plan));
-            let size = PoolSize::new(&self.device, grid, apron, voxel_bytes, self.pool_budget(), limit)?;
+            let pool_of = |budget: u64| PoolSize::new(&self.device, grid, apron, voxel_bytes, budget, limit);
+            // Before a level is made.
+            pool_of(self.pool_budget())?;
+            let is_dimmed = planned.plan.reads_light_grid();
+            let stored = (format, voxel_bytes);
+            let level = is_dimmed.then(|| self.light_level(scene, planned, stored, progress)).transpose()?;
+            let beside = level.as_ref().map_or(0, |level| level.uploaded.bytes());
+            let size = pool_of(self.beside(beside).pool_budget())?;
             let volume = Image3d::new(&self.device, "bricks", format, size.extent())?;
             let label_image = label_format
                 .map(|format| Image3d::new(&self.device, "bricks of labels", format, size.extent()))
                 .transpose()?;
             let (source, labelled) = ((&scene.volume, &storage), (labels.as_ref(), smooth));
             let pool = Some(Pool::new(&self.device, size, grid, source, labelled)?);
-            return Ok(Uploaded { storage, cells, labels, volume, label_image, pool, kept: Kept::default() });
+            return Ok(Uploaded { storage, cells, labels, volume, label_image, pool, level, kept: Kept::default() });
         }
         let volume = self.fill("volume", format, dims, progress, |slices| storage.slab(&scene.volume, slices))?;
         let label_image = labels
@@ -157,7 +205,32 @@ impl Renderer {
             .map(|(map, format)| self.fill("labels", format, dims, progress, |slices| map.texels(dims, slices, smooth)))
             .transpose()?;
         let cells = Cells::new(&scene.volume, &storage, labels.as_deref());
-        Ok(Uploaded { storage, cells, labels, volume, label_image, pool: None, kept: Kept::default() })
+        Ok(Uploaded { storage, cells, labels, volume, label_image, pool: None, level: None, kept: Kept::default() })
+    }
+
+    /// Uploads the finest coarse level of the volume of `scene` for which there is room beside its bricks.
+    fn light_level(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        (format, voxel_bytes): (Format, u64),
+        progress: &dyn Progress,
+    ) -> Result<LightLevel, RenderError> {
+        // It leaves room for a brick.
+        let slot_bytes = u64::from(slot_edge(apron(scene, &planned.plan))).pow(3) * voxel_bytes;
+        let all = self.most_volume_bytes(0);
+        let budget = (all / LIGHT_PART).min(all.saturating_sub(slot_bytes));
+        let fits = |dims: [usize; 3]| self.has_room(dims, format, voxel_bytes, budget);
+        let Level { volume, labels, block } = Level::finest(scene, fits, progress)?;
+        let statistics = volume.statistics().map_err(RenderError::Volume)?;
+        let covered = |axis: usize| count(block[axis] * volume.geometry.dims[axis]);
+        let scale = std::array::from_fn(|axis| count(scene.volume.geometry.dims[axis]) / covered(axis));
+        let of_labels = |(of, volume): (&Labels, Arc<_>)| Labels { volume, declared: of.declared.clone() };
+        let labels = scene.labels.as_ref().zip(labels).map(of_labels);
+        let coarse = Scene { volume, labels, ..scene.clone() };
+        let whole = Self { always_bricked: false, taken_bytes: 0, ..self.clone() };
+        let uploaded = Box::new(whole.upload(&coarse, planned, &statistics, progress)?);
+        Ok(LightLevel { uploaded, block, scale: DVec3::from_array(scale) })
     }
 
     /// Whether a texture of `dims` voxels, with labels `voxel_bytes` bytes each, takes at most `budget` bytes, and no axis exceeds
@@ -175,17 +248,31 @@ impl Renderer {
         if scene.volume.bricks.is_some() || self.always_bricked {
             return false;
         }
-        let format = Storage::format_of(&planned.plan, &scene.volume, statistics);
-        let declared = scene.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| labels.declared.len());
-        let label_bytes = declared.map_or(0, |declared| LabelMap::bytes_of(declared, planned.plan.smooth_labels));
-        let voxel_bytes = format.bytes() as u64 + label_bytes as u64;
-        self.has_room(scene.volume.geometry.dims, Format::from(format), voxel_bytes, self.volume_budget())
+        let (format, voxel_bytes) = stored_as(scene, planned, statistics);
+        self.has_room(scene.volume.geometry.dims, format, voxel_bytes, self.volume_budget())
+    }
+
+    /// Refuses a volume that the device holds neither whole nor one brick of it, from the description of [`Self::holds_whole`].
+    pub(crate) fn check_room(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        statistics: &Statistics,
+    ) -> Result<(), RenderError> {
+        if self.holds_whole(scene, planned, statistics) {
+            return Ok(());
+        }
+        let (format, voxel_bytes) = stored_as(scene, planned, statistics);
+        let grid = BrickGrid::new(macrocells(scene.volume.geometry.dims));
+        let (apron, limit) = (apron(scene, &planned.plan), self.largest_texture(format));
+        PoolSize::new(&self.device, grid, apron, voxel_bytes, self.pool_budget(), limit).map(drop)
     }
 
     /// Whether there is room for a coarse level of `dims` voxels beside the bricks of its volume, however it is stored.
     #[must_use]
     pub fn has_room_for_coarse(&self, dims: [usize; 3]) -> bool {
-        let budget = self.volume_budget() / COARSE_PART;
+        // The level is the same beside another one.
+        let budget = self.most_volume_bytes(0) / COARSE_PART;
         let formats = [Format::R16Unorm, Format::R32Float, Format::Rgba16Snorm, Format::Rgba32Float];
         // A texture of a format that the device lacks is refused by name.
         let mut known = formats.into_iter().filter(|&format| self.largest_texture(format) != [0; 3]);
@@ -196,8 +283,8 @@ impl Renderer {
     /// is, and for pictures.
     #[must_use]
     pub fn beside(&self, bytes: u64) -> Self {
-        let memory_bytes = self.memory_bytes.map(|all| all.saturating_sub(bytes));
-        Self { memory_bytes, beside_bytes: bytes, ..self.clone() }
+        let (taken_bytes, beside_bytes) = (self.taken_bytes + bytes, self.beside_bytes + bytes);
+        Self { taken_bytes, beside_bytes, ..self.clone() }
     }
 
     /// Refuses a volume that the device cannot filter.

@@ -41,15 +41,7 @@ impl Cells {
         let grid = volume.geometry.dims;
         let dims = macrocells(grid);
         let ranges = with_voxels!(&volume.voxels, stored => ranges(stored, grid, dims, storage));
-        let labelled = match labels {
-            None => Vec::new(),
-            Some(map) => parallel::map(dims.iter().product(), &|cell| {
-                let [xs, ys, zs] = touched(cell, dims, grid);
-                zs.into_iter()
-                    .any(|z| ys.clone().any(|y| xs.clone().any(|x| map.is_visible(x + grid[0] * (y + grid[1] * z)))))
-            }),
-        };
-        Self { dims, ranges, labelled }
+        Self { dims, ranges, labelled: labelled(grid, labels) }
     }
 
     /// The macrocells of the volume in `cache`, as of its voxels: their ranges are in the file.
@@ -57,7 +49,12 @@ impl Cells {
     /// # Errors
     ///
     /// [`VolumeError::Read`], [`VolumeError::Bricks`].
-    pub fn of_cache(grid: [usize; 3], cache: &BrickCache, storage: &Storage) -> Result<Self, VolumeError> {
+    pub fn of_cache(
+        grid: [usize; 3],
+        cache: &BrickCache,
+        storage: &Storage,
+        labels: Option<&LabelMap>,
+    ) -> Result<Self, VolumeError> {
         let dims = macrocells(grid);
         let mut ranges = Vec::with_capacity(dims.iter().product());
         cache.each_cell(|ends, has_nan| {
@@ -67,7 +64,7 @@ impl Cells {
             // NaN becomes the low end, since `storage` normalises it like the smallest value.
             ranges.push([rounded(if has_nan { 0.0 } else { low }), rounded(high)]);
         })?;
-        Ok(Self { dims, ranges, labelled: Vec::new() })
+        Ok(Self { dims, ranges, labelled: labelled(grid, labels) })
     }
 
     /// Returns the occupancy under a table whose entries, from the lowest value to the highest, are `active`.
@@ -119,6 +116,16 @@ impl Occupancy {
         }
         grown
     }
+}
+
+/// Whether each macrocell of a volume of `grid` voxels has one with a visible label; none of them without `labels`.
+fn labelled(grid: [usize; 3], labels: Option<&LabelMap>) -> Vec<bool> {
+    let dims = macrocells(grid);
+    let Some(map) = labels else { return Vec::new() };
+    parallel::map(dims.iter().product(), &|cell| {
+        let [xs, ys, zs] = touched(cell, dims, grid);
+        zs.into_iter().any(|z| ys.clone().any(|y| xs.clone().any(|x| map.is_visible(x + grid[0] * (y + grid[1] * z)))))
+    })
 }
 
 /// Voxels that samples in a macrocell can touch, and one more on each side.

@@ -54,11 +54,6 @@ fn control(error: &(dyn Error + 'static)) -> Option<&'static str> {
         Some(RenderError::Volume(error)) => return control(error),
         Some(RenderError::Matrix { .. }) => return Some("; set a smaller k, or choose another model"),
         Some(RenderError::Slot { .. }) => return Some("; start relume view with more --device-memory"),
-        Some(RenderError::Bricked { .. }) => {
-            return Some(
-                "; switch them off, or take a coarser level: of a file of bricks with --pyramid-level, of others with `downsample` in the [volume] of the scene",
-            );
-        }
         Some(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }) => {
             return Some("; make the window smaller, or use fewer light positions");
         }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::progress::Progress;
-use crate::render::{RenderError, Renderer};
+use crate::render::{Level, RenderError, Renderer};
 use crate::scene::{Aim, Labels, Scene};
 use crate::volume::{Volume, coarse_index};
 
@@ -24,31 +24,9 @@ impl Coarse {
     ///
     /// [`RenderError::Volume`], [`RenderError::Cancelled`].
     pub fn of(renderer: &Renderer, scene: &Scene, progress: &dyn Progress) -> Result<Self, RenderError> {
-        scene.volume.prepare_coarse(progress).map_err(RenderError::Volume)?;
-        let at_hand = scene.volume.at_hand();
-        let dims = at_hand.geometry.dims;
-        let sides = |side: usize| dims.map(|n| side.min(n.next_power_of_two()));
-        let of_blocks = |side: usize| std::array::from_fn(|axis| dims[axis].div_ceil(sides(side)[axis]));
-        let first = if scene.volume.bricks.is_some() { 1 } else { 2 };
-        let mut all = std::iter::successors(Some(first), |side: &usize| side.checked_mul(2));
-        // The level of a single voxel always fits.
-        let side = all.find(|&side| of_blocks(side) == [1; 3] || renderer.has_room_for_coarse(of_blocks(side)));
-        let further = sides(side.unwrap_or(first));
-        progress.report("averaging voxels", 0, 1);
-        if progress.cancelled() {
-            return Err(RenderError::Cancelled);
-        }
-        let block = std::array::from_fn(|axis| scene.volume.block_of(at_hand)[axis] * further[axis]);
-        let made = match scene.volume.coarse_in_file().filter(|_| further == [1; 3]) {
-            Some(coarse) => Arc::clone(coarse),
-            None => Arc::new(at_hand.coarse_level(further).map_err(RenderError::Volume)?),
-        };
-        // The scene may state another grid than the file.
-        let geometry = made.grid_over(&scene.volume, block).map_err(RenderError::Volume)?;
-        let coarse = if made.geometry == geometry { made } else { Arc::new(Volume { geometry, ..(*made).clone() }) };
-        let labels = scene.labels.as_ref().map(|labels| labels.volume.coarse_level_of_labels(block)).transpose();
-        let labels = labels.map_err(RenderError::Labels)?.map(Arc::new);
-        Ok(Self { volume: coarse, labels, block })
+        let Level { volume, labels, block } =
+            Level::finest(scene, |dims| renderer.has_room_for_coarse(dims), progress)?;
+        Ok(Self { volume, labels, block })
     }
 
     /// `scene` with this level in place of its volume: the same picture but for the voxels.

@@ -697,6 +697,13 @@ impl Engine {
         self.lit.as_ref().and_then(|lit| lit.accumulators.bricks)
     }
 
+    /// Voxels whose mean is one of the coarse level that the shadows of the picture come from, along each axis, if it shows all
+    /// voxels of a volume in bricks.
+    #[must_use]
+    pub fn light_block(&self) -> Option<[usize; 3]> {
+        self.lit.as_ref().and_then(|lit| lit.accumulators.light_block)
+    }
+
     /// Pixels of the marched picture that is shown, across and down; fewer than the window's while it is coarse.
     #[must_use]
     pub fn resolution(&self) -> Option<[usize; 2]> {
@@ -842,9 +849,7 @@ fn prepare(
     let made = if let Some(before) = holds {
         before.with_scene(scene, planned, progress)?
     } else {
-        if planned.plan.reads_light_grid() && !renderer.holds_whole(&scene, &planned, &statistics) {
-            return Err(RenderError::Bricked { what: "shadows" });
-        }
+        renderer.check_room(&scene, &planned, &statistics)?;
         // There may be no room for two pools.
         *on_device = None;
         SceneRenderer::with_plan(renderer, scene, planned, statistics, progress)?

@@ -144,6 +144,7 @@ impl Viewer {
         if let Some(engine) = &self.engine {
             self.record.report.volume_level =
                 engine.shown_level().map(|shown| serde_json::json!({ "level": shown.level, "voxels": shown.voxels }));
+            self.record.report.light_block = engine.light_block();
             self.record.report.bricks = engine.brick_counts();
             self.record.report.host_bricks = engine.scene().volume.bricks.as_ref().map(|cache| cache.counts());
         }

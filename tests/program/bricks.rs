@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::support::exr::Exr;
 use crate::support::program::Folder;
 
 /// A long volume of 8-bit values, with a sidecar: 5000×14×15 voxels.
@@ -104,4 +105,42 @@ fn what_makes_no_bricks_or_needs_more_memory_is_told_with_the_way_out() {
     let advised = ["the voxels take 2 MiB of memory, and may take 1 MiB", "relume bricks long.raw -o long.bricks"];
     folder.refused(1, &render("long.raw", &[]), &advised);
     folder.refused(1, &render("long.bricks", &[]), &["at least 17 MiB of memory", "--memory"]);
+}
+
+/// Parallel rays of a stated height: the cameras follow no voxels.
+#[test]
+fn a_turntable_of_a_volume_that_stays_in_its_file_shows_that_volume_and_keeps_its_bricks() {
+    let voxels: Vec<u8> = (0..512 * 256 * 224_usize)
+        .map(|i| u8::try_from((i % 512 / 2 + i / 512 % 256 / 3 + i / (512 * 256)) % 251).unwrap())
+        .collect();
+    let sidecar = "dims = [512, 256, 224]\ntype = \"uint8\"\n";
+    let folder = Folder::new().with("v.raw", voxels).with("v.raw.toml", sidecar);
+    folder.done(&["bricks", "v.raw", "-o", "v.bricks"]);
+    let turn = |file: &'static str, name: &'static str, more: &[&'static str]| {
+        let scene =
+            ["render", "scene.toml", "--volume", file, "--size", "24x18", "--turntable", "3", "-o", name, "--json"];
+        let exact = ["-D", "accuracy.interpolation=\"exact_linear\"", "-D", "camera.projection=\"orthographic\""];
+        let height = ["-D", "camera.height=300"];
+        folder.done(&[&scene[..], &exact, &height, more].concat()).json()
+    };
+    let pictures = |stem: &str| [1, 2, 3].map(|n| Exr::read(&folder.path(&format!("{stem}-000{n}.exr"))).rgba());
+    turn("v.raw", "whole.exr", &[]);
+    let whole = pictures("whole");
+    assert!(whole[0] != whole[1] && whole[0].iter().any(|&number| number > 0.1), "it turns, and is not black");
+    let small = ["--memory", "27MiB", "--device-memory", "8MiB"];
+    let json = turn("v.bricks", "small.exr", &small);
+    let bricks = &json["march"]["bricks"];
+    assert!(bricks["again"].as_u64() > Some(0), "there is no room for all: {bricks}");
+    assert!(pictures("small") == whole);
+    assert!(json["march"]["host_bricks"]["loaded"].as_u64() > Some(0), "{json}");
+    turn("v.bricks", "part.exr", &[&small[..], &["--part", "1/2"]].concat());
+    let files = |stem: &str| [1, 3].map(|n| std::fs::read(folder.path(&format!("{stem}-000{n}.exr"))).unwrap());
+    assert!(files("part") == files("small") && !folder.path("part-0002.exr").exists());
+    // The level of its shadows is told.
+    let dark =
+        ["render", "scene.toml", "--volume", "v.bricks", "--memory", "27MiB", "--size", "24x18", "-o", "dark.png"];
+    let told = folder.done(&[&dark[..], &["-D", "lights.day.shadows=true"]].concat()).out;
+    let level =
+        "shadows are from level 2 of the volume, means of 4×4×4 voxels, with a node of the light grid every 4 voxels";
+    assert!(told.contains(level), "{told}");
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
+use relume::document::moves::turntable;
 use relume::film::Film;
 use relume::output::write_bricks;
 use relume::plan::{Integrate, plan};
@@ -288,20 +289,99 @@ fn twenty_thousand_slices_are_rendered_on_a_device_with_two_thousand_texels_an_a
     });
 }
 
+/// The means of the blocks of a ramp are those of a ramp, so that it casts the same shadows from its coarse level, where no
+/// block is incomplete and none is cut off: in the crop box.
+fn ramp(light: &str) -> Scene {
+    let dims = [81, 35, 33];
+    let text = format!(
+        r#"
+        shading = "none"
+        [materials.only]
+        reflectance = "orange"
+        [transfer]
+        opacity_length = 1
+        [[transfer.intervals]]
+        material = "only"
+        range = [0, 2400]
+        opacity = 0.1
+        [lights.day]
+        spectrum = "D65"
+        shadows = true
+        {light}
+        [shadows]
+        spacing = 2
+        start = 0
+        [accuracy]
+        interpolation = "exact_linear"
+    "#
+    );
+    let values = (0..81 * 35 * 33).map(|i| u16::try_from(16 * (i % 81 + i / 81 % 35 + i / (81 * 35))).unwrap());
+    let geometry = Geometry::unit("ramp", dims).unwrap();
+    let mut scene = scenes::of(&text, Volume::new("ramp", Voxels::U16(values.collect()), geometry).unwrap());
+    scene.transfer.terms[0].opacity = vec![(0.0, 0.0), (2400.0, 0.1)];
+    scene.crop = Some([DVec3::splat(1.0), DVec3::new(78.0, 32.0, 30.0)]);
+    scene
+}
+
+/// A half of the light grid rounds a depth of at most 4 by 2⁻¹⁰, and the tables of both have other domains.
+const OF_A_RAMP: f32 = 2e-3;
+
 #[test]
-fn what_needs_the_whole_volume_is_refused_by_name() {
+fn shadows_from_means_of_a_ramp_are_those_of_the_ramp() {
     with_renderer(|renderer| {
-        let mut scene = large(scenes::named("diffuse_one"));
-        scene.lights[0].shadows = true;
+        let (day, bricks) = ("kind = \"directional\"\ndirection = ", renderer.clone().always_in_bricks());
+        for (light, reach) in [
+            (format!("{day}[0.3, 0.5, 0.8]"), None),
+            (format!("{day}[-0.9, 0.2, -0.4]"), None),
+            ("kind = \"point\"\nposition = [90, 10, -20]".to_owned(), None),
+            ("kind = \"three_point\"".to_owned(), None),
+            ("kind = \"ambient\"".to_owned(), None),
+            ("kind = \"ambient\"".to_owned(), Some(9.0)),
+        ] {
+            let mut scene = ramp(&light);
+            scene.shadows.reach = reach;
+            let rungs = Rungs::new(scene.clone(), SIZE);
+            let film = rungs.gpu_accumulators(renderer);
+            assert!(film.light_block.is_none() && film.light_spacing == Some(2.0), "{light}: it fits");
+            let whole = renderer.read(&film).unwrap();
+            // Room for one brick of two, and for both.
+            let [one, both] = [700_000, 2_000_000].map(|memory| {
+                let film = rungs.gpu_accumulators(&bricks.clone().with_memory(memory));
+                assert_eq!((film.light_block, film.light_spacing), (Some([2; 3]), Some(2.0)), "{light}");
+                (film.bricks.unwrap(), renderer.read(&film).unwrap())
+            });
+            assert!(one.0.held == 1 && both.0.held == 2, "{:?} {:?}", one.0, both.0);
+            assert!(bits(&one.1) == bits(&both.1), "{light}: the pool decides nothing");
+            let largest = whole.accumulators.iter().fold(0.0, |most: f32, &number| most.max(number));
+            let pairs = whole.accumulators.iter().zip(&one.1.accumulators);
+            let apart = pairs.map(|(one, other)| (one - other).abs()).fold(0.0, f32::max);
+            assert!(apart <= OF_A_RAMP * largest, "{light}: {apart:e} of {largest}");
+            scene.lights[0].shadows = false;
+            let bright = Rungs::new(scene, SIZE).gpu(renderer);
+            let pairs = whole.accumulators.iter().zip(&bright.accumulators);
+            let dimmed = pairs.map(|(dim, bright)| bright - dim).fold(0.0, f32::max);
+            assert!(dimmed > 50.0 * OF_A_RAMP * largest, "{light}: shadows take {dimmed} of {largest}");
+        }
+    });
+}
+
+#[test]
+fn shadows_that_are_switched_on_later_make_a_level_and_no_march_goes_without() {
+    with_renderer(|renderer| {
+        let mut scene = large(scenes::named("labels"));
         let renderer = renderer.clone().always_in_bricks();
-        let error = SceneRenderer::new(&renderer, scene.clone(), &Quiet).unwrap_err();
-        assert_eq!(error.to_string(), "the device holds the volume in bricks, and shadows need all of it at once");
-        // The same for a scene that gets shadows later.
-        let shadowed = Rungs::new(scene.clone(), SIZE);
-        scene.lights[0].shadows = false;
-        let on_device = SceneRenderer::new(&renderer, scene, &Quiet).unwrap();
-        let later = on_device.with_scene(shadowed.scene.clone(), shadowed.planned.clone(), &Quiet).unwrap();
-        assert_eq!(later.march(SIZE, &Quiet).unwrap_err().code(), "bricks-unsupported");
+        let before = SceneRenderer::new(&renderer, scene.clone(), &Quiet).unwrap();
+        scene.lights[0].shadows = true;
+        let shadowed = Rungs::new(scene, SIZE);
+        assert!(!before.holds(&shadowed.scene, &shadowed.planned));
+        let march = renderer.march(&shadowed.scene, &shadowed.planned, before.uploaded(), SIZE, &Quiet);
+        assert_eq!(march.unwrap_err().code(), "bricks-unsupported");
+        let later = before.with_scene(shadowed.scene.clone(), shadowed.planned.clone(), &Quiet).unwrap();
+        let film = later.march(SIZE, &Quiet).unwrap();
+        assert_eq!(film.light_block, Some([2; 3]));
+        assert!(later.uploaded().bytes() > before.uploaded().bytes(), "the level is on the device");
+        // Off again: nothing is uploaded.
+        assert!(later.holds(before.scene(), before.planned()));
     });
 }
 
@@ -347,6 +427,9 @@ fn films_of_bricks_in_a_file_are_films_of_voxels_in_memory_to_the_bit() {
             ("specular_three", -0.5, Interpolation::Cubic, Gradients::Central),
             ("floats", 1.0, Interpolation::ExactLinear, Gradients::Packed),
             ("narrow", 1.0, Interpolation::ExactLinear, Gradients::Packed),
+            // The label map is in memory.
+            ("labels", 1.0, Interpolation::ExactLinear, Gradients::Packed),
+            ("nearest_labels", 1.0, Interpolation::Cubic, Gradients::Packed),
         ] {
             let mut scene =
                 large(scenes::named(if matches!(name, "floats" | "narrow") { "diffuse_one" } else { name }));
@@ -384,6 +467,34 @@ fn films_of_bricks_in_a_file_are_films_of_voxels_in_memory_to_the_bit() {
             assert!(one.3.transmittance.iter().any(|&passed| passed < 0.9), "{name}: the rays meet the volume");
             let counts = stored.bricks.as_ref().unwrap().counts();
             assert!(counts.loaded > 0 && counts.again == 0, "{name}: {counts:?}");
+        }
+    });
+}
+
+#[test]
+fn bricks_stay_between_the_cameras_of_a_turntable_and_films_are_those_of_single_renders() {
+    with_renderer(|renderer| {
+        let folder = tempfile::tempdir().unwrap();
+        let mut scene = large(scenes::named("diffuse_one"));
+        scene.volume = Arc::new(in_file(&scene.volume, folder.path()));
+        scene.volume.prepare_coarse(&Quiet).unwrap();
+        let cameras = turntable(&scene, &scene.camera, 1.2, 3).unwrap();
+        for memory in [4_000_000, 100_000_000] {
+            let renderer = renderer.clone().with_memory(memory);
+            let turning = SceneRenderer::new(&renderer, scene.clone(), &Quiet).unwrap();
+            let mut all = None::<BrickCounts>;
+            for camera in &cameras {
+                let mut turned = turning.clone();
+                turned.camera_mut().clone_from(camera);
+                let film = turned.march(SIZE, &Quiet).unwrap();
+                all = all.into_iter().chain(film.bricks).reduce(BrickCounts::then);
+                let single = Scene { camera: camera.clone(), ..scene.clone() };
+                let single = SceneRenderer::new(&renderer, single, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
+                assert!(bits(&renderer.read(&film).unwrap()) == bits(&renderer.read(&single).unwrap()), "{camera:?}");
+            }
+            let BrickCounts { visible, held, loaded, again, .. } = all.unwrap();
+            assert!(loaded - again <= visible, "each is loaded once for the first time: {all:?}");
+            assert_eq!((again == 0, loaded == visible), (held >= visible, held >= visible), "{all:?}");
         }
     });
 }

@@ -195,9 +195,10 @@ impl Renderer {
     }
 
     /// The least spacing of a light grid for `scene`, in voxels, that is at least the stated one and fits into an eighth
-    /// of the device's memory, as the columns of a sky with a reach do; `None` if the plan reads no light grid.
+    /// of the device's memory, as the columns of a sky with a reach do; `None` if the plan reads no light grid. A grid that is
+    /// filled from a coarse level of the `uploaded` volume has no more nodes than the level has voxels.
     #[must_use]
-    pub fn light_spacing(&self, scene: &Scene, plan: &ScenePlan) -> Option<f64> {
+    pub fn light_spacing(&self, scene: &Scene, plan: &ScenePlan, uploaded: &Uploaded) -> Option<f64> {
         let limits = self.device.limits();
         let room = count(usize::try_from(limits.device_heap_bytes).unwrap_or(usize::MAX)) * MEMORY_PART;
         let room = room.min(count(usize::try_from(limits.max_allocation_bytes).unwrap_or(usize::MAX)));
@@ -217,7 +218,8 @@ impl Renderer {
                 && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)
         };
         // A scene that was built in code may have any number.
-        let mut spacing = scene.shadows.spacing.max(0.5);
+        let of_level = uploaded.light_block().map_or(0.0, |block| block.into_iter().map(count).fold(0.0, f64::max));
+        let mut spacing = scene.shadows.spacing.max(0.5).max(of_level);
         // A grid of two nodes along each axis always fits.
         while plan.reads_light_grid() && !fits(spacing) {
             spacing *= 1.02;
@@ -245,16 +247,17 @@ impl Renderer {
         coarse: bool,
     ) -> Result<Option<Arc<DeviceGrid>>, RenderError> {
         let plan = &planned.plan;
-        let Some(spacing) = self.light_spacing(scene, plan) else { return Ok(None) };
+        let Some(spacing) = self.light_spacing(scene, plan, uploaded) else { return Ok(None) };
         let depths = PositionTable::new(scene, planned).grid_depths(scene, plan);
         let grids = |spacing: f64| [spacing, SKY_SPACING * spacing].map(|spacing| LightGrid::new(scene, spacing));
         let [grid, sky] = grids(spacing);
+        let (medium, _) = uploaded.medium();
         let mut key = Key {
             grid,
             sky,
             start: scene.shadow_start(),
-            extinctions: ExtinctionTable::of_plan(scene, planned, uploaded.storage.domain),
-            gradients: GradientTable::new(scene, &uploaded.storage),
+            extinctions: ExtinctionTable::of_plan(scene, planned, medium.storage.domain),
+            gradients: GradientTable::new(scene, &medium.storage),
             lookup: plan.lookup,
             interpolation: plan.interpolation,
         };
@@ -563,9 +566,11 @@ impl DeviceGrid {
             Ok(buffer)
         };
         let vector = |vector: DVec3| vector.to_array().map(rounded);
-        let [corner, per_slice, across, down] = sweep.line.map(vector);
-        let [low, high] = grid.room().map(vector);
-        let [scale, offset] = extinctions.coordinate_from_texel(&uploaded.storage);
+        let (medium, to_medium) = uploaded.medium();
+        let on_medium = |place: DVec3| vector(place * to_medium);
+        let [corner, per_slice, across, down] = sweep.line.map(on_medium);
+        let [low, high] = grid.room().map(on_medium);
+        let [scale, offset] = extinctions.coordinate_from_texel(&medium.storage);
         let sweep_uniform = SweepUniform {
             corner,
             behind: rounded(sweep.behind),
@@ -579,7 +584,7 @@ impl DeviceGrid {
             coordinate_scale: rounded(scale),
             high,
             coordinate_offset: rounded(offset),
-            gradient_scale: uploaded.storage.gradient_scale().map(rounded),
+            gradient_scale: medium.storage.gradient_scale().map(rounded),
             coordinate_last: rounded(count(extinctions.values.len() - 1)),
             shear: sweep.shear.map(rounded),
             first: sweep.first.map(rounded),
@@ -595,7 +600,7 @@ impl DeviceGrid {
             path: rounded(sweep.path),
             point: sweep.to.map_or([0.0; 3], |to| vector(to.point)),
             start: rounded(sweep.to.map_or(0.0, |to| to.start)),
-            local_scale: sweep.to.map_or([1.0; 3], |to| vector(to.local_scale)),
+            local_scale: sweep.to.map_or([1.0; 3], |to| vector(to.local_scale / to_medium)),
             directions: unsigned(summing.as_ref().map_or(1, |summing| summing.directions)),
         };
         let sweep_buffer = uniform("sweep", bytemuck::bytes_of(&sweep_uniform))?;
@@ -626,9 +631,9 @@ impl DeviceGrid {
             Some(match name {
                 "sweep_uniform" => Resource::Uniform(&sweep_buffer),
                 "gradient_table" => Resource::Uniform(&gradients),
-                "volume" => Resource::Texture(&uploaded.volume),
+                "volume" => Resource::Texture(&medium.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
-                "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
+                "labels" => Resource::Texture(medium.label_image.as_ref()?),
                 "columns" => Resource::Storage(&planes),
                 "reach" => Resource::Uniform(&reach),
                 "sky" => Resource::Storage(&summing.as_ref()?.sums),

@@ -23,18 +23,24 @@ pub struct BrickCounts {
     pub held: usize,
     /// Bricks that the march loaded, each time counted.
     pub loaded: usize,
-    /// Bricks among them that it had loaded before.
+    /// Bricks among them that had been loaded before, by this march or an earlier one of the same volume.
     pub again: usize,
     /// Rounds, for all rays of a pixel together.
     pub rounds: usize,
 }
 
 impl BrickCounts {
-    /// Those of two marches.
+    /// Those of two marches of different parts of the volume.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
+        Self { visible: self.visible + other.visible, ..self.then(other) }
+    }
+
+    /// Those of two marches of the same volume.
+    #[must_use]
+    pub fn then(self, other: Self) -> Self {
         Self {
-            visible: self.visible + other.visible,
+            visible: self.visible.max(other.visible),
             held: self.held.max(other.held),
             loaded: self.loaded + other.loaded,
             again: self.again + other.again,
@@ -63,8 +69,6 @@ pub(super) struct Rounds {
     fetch: Option<Fetch>,
     /// Bricks that the next round needs.
     kept: Vec<bool>,
-    /// Bricks that this march has loaded.
-    known: Vec<bool>,
     /// Lowest rank of a brick that rays wait for.
     lowest: i64,
     /// Whether all rays have ended.
@@ -161,7 +165,6 @@ impl Rounds {
             of_round: if fit { visible.len() } else { 0 },
             fetch: None,
             kept,
-            known: vec![false; bricks],
             lowest: i64::MIN,
             done: false,
             counts: BrickCounts { visible: visible.len(), held: pool.capacity(), rounds: 1, ..BrickCounts::default() },
@@ -224,11 +227,9 @@ impl Rounds {
         // Bricks that all rays have left go first, then those that rays reach last.
         let spare = |brick: usize| if ranks[brick] < lowest { i64::MAX - 1 } else { ranks[brick] };
         let loaded = pool.load(renderer, uploaded.filled(), held, packed, |brick| kept[brick], spare)?;
-        for &brick in &loaded {
-            self.counts.loaded += 1;
-            self.counts.again += usize::from(self.known[brick]);
-            self.known[brick] = true;
-        }
+        self.counts.loaded += loaded.len();
+        self.counts.again += loaded.iter().filter(|&&brick| held.is_known(brick)).count();
+        held.know(&loaded);
         self.loading.retain(|brick| !loaded.contains(brick));
         if loaded.is_empty() {
             // Another march holds the slots; the rays will ask again.

@@ -16,6 +16,8 @@ pub struct Status {
     pub shown: Option<[usize; 2]>,
     /// Coarse level of the volume that is shown, if it is not the volume itself.
     pub level: Option<ShownLevel>,
+    /// Voxels whose mean is one of the coarse level that its shadows come from, along each axis, if they do.
+    pub light_block: Option<[usize; 3]>,
     /// Error of the colours in words.
     pub error: Option<String>,
     /// Progress of the current march, 0 to 1.
@@ -60,9 +62,12 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) {
         let coarse = status.shown.filter(|shown| *shown != status.size);
         let coarse = coarse.map_or_else(String::new, |[width, height]| format!(" (now {width}×{height})"));
         let error = status.error.as_ref().map_or_else(String::new, |error| format!("  |  {error}"));
+        let shadows = status
+            .light_block
+            .map_or_else(String::new, |[x, y, z]| format!("  |  shadows from means of {x}×{y}×{z} voxels"));
         // The most useful parts first, because a long line is truncated at its end.
         let text = format!(
-            "{at}  |  {width}×{height}{coarse}  |  frame {:.1} ms{error}  |  {}",
+            "{at}  |  {width}×{height}{coarse}  |  frame {:.1} ms{error}{shadows}  |  {}",
             status.frame_ms, status.device
         );
         let left = |ui: &mut Ui| drop(ui.add(egui::Label::new(RichText::new(text).small()).truncate()));

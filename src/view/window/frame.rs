@@ -188,6 +188,7 @@ impl Viewer {
             size: self.record.report.size,
             error: self.error(),
             level: engine.and_then(Engine::shown_level),
+            light_block: engine.and_then(Engine::light_block),
             marching: engine.and_then(Engine::progress),
             beside: match (&self.tasks.measuring, &self.tasks.solving, &self.loading.now) {
                 (_, _, Some(_)) => Some("opening"),

@@ -23,6 +23,8 @@ pub struct Report {
     pub settled: Vec<Counts>,
     /// Coarse level of the volume that the picture shows at the end: its number, and the voxels whose mean is one of it.
     pub volume_level: Option<serde_json::Value>,
+    /// Voxels whose mean is one of the coarse level that the shadows of a volume in bricks come from.
+    pub light_block: Option<[usize; 3]>,
     /// Bricks of the last march of all voxels, of a volume in bricks.
     pub bricks: Option<BrickCounts>,
     /// Bricks read from a file, if voxels stay in one.
