@@ -6,7 +6,7 @@ use relume::internal::number::count;
 use relume::measure::{Stopwatch, Timing};
 use relume::progress::{Progress, unreported};
 use relume::render::SceneRenderer;
-use relume::scene::Mix;
+use relume::scene::{Camera, Mix, Scene};
 
 use super::CliError;
 use super::files::{self, Backdrop, Bits};
@@ -19,8 +19,16 @@ pub(crate) struct Look<'a> {
     pub(crate) bits: Bits,
     pub(crate) backdrop: Option<Backdrop>,
     pub(crate) overlay: Option<Overlay<'a>>,
+    /// Camera of each picture.
+    pub(crate) cameras: &'a [Camera],
     /// Digest of the scene, the lights and the settings of the command.
     pub(crate) inputs: u64,
+}
+
+/// Cameras of a full turn of `scene` in `count` pictures of `size`.
+pub(crate) fn cameras(scene: &Scene, [width, height]: [usize; 2], frames: u16) -> Result<Vec<Camera>, CliError> {
+    let cameras = turntable(scene, &scene.camera, count(width) / count(height), frames);
+    cameras.ok_or_else(|| CliError::Failed("the camera has no line of sight to turn about".into()))
 }
 
 /// Pictures that a turntable wrote.
@@ -37,11 +45,7 @@ pub(crate) fn write(
     frames: &Frames<'_>,
     progress: &dyn Progress,
 ) -> Result<Written, CliError> {
-    let Look { mix, size: [width, height], bits, backdrop, ref overlay, inputs } = *look;
-    let scene = on_device.scene();
-    let aspect = count(width) / count(height);
-    let cameras = turntable(scene, &scene.camera, aspect, frames.count());
-    let cameras = cameras.ok_or_else(|| CliError::Failed("the camera has no line of sight to turn about".into()))?;
+    let Look { mix, size: [width, height], bits, backdrop, ref overlay, cameras, inputs } = *look;
     let matrices = on_device.matrices(mix);
     let (mut marching, mut relighting) = (Timing::default(), Timing::default());
     let whole = Stopwatch::start();

@@ -4,83 +4,39 @@ use std::sync::Arc;
 
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
-use crate::scene::{Aim, Labels, Scene};
-use crate::volume::{Volume, coarse_index};
+use crate::scene::{Coarse, Scene};
+use crate::volume::Volume;
 
-/// A coarse level of the volume of a scene, which the device holds whole.
-#[derive(Clone, Debug)]
-pub struct Coarse {
-    volume: Arc<Volume>,
-    labels: Option<Arc<Volume>>,
-    /// Voxels of the volume whose mean is one of the level, along each axis.
-    block: [usize; 3],
-}
-
-impl Coarse {
-    /// The finest level of the volume of `scene`, and of its labels, for which `renderer` has room beside bricks. Of voxels
-    /// that stay in a file, the file's coarse level is made first, if it is not.
-    ///
-    /// # Errors
-    ///
-    /// [`RenderError::Volume`], [`RenderError::Cancelled`].
-    pub fn of(renderer: &Renderer, scene: &Scene, progress: &dyn Progress) -> Result<Self, RenderError> {
-        scene.volume.prepare_coarse(progress).map_err(RenderError::Volume)?;
-        let at_hand = scene.volume.at_hand();
-        let dims = at_hand.geometry.dims;
-        let sides = |side: usize| dims.map(|n| side.min(n.next_power_of_two()));
-        let of_blocks = |side: usize| std::array::from_fn(|axis| dims[axis].div_ceil(sides(side)[axis]));
-        let first = if scene.volume.bricks.is_some() { 1 } else { 2 };
-        let mut all = std::iter::successors(Some(first), |side: &usize| side.checked_mul(2));
-        // The level of a single voxel always fits.
-        let side = all.find(|&side| of_blocks(side) == [1; 3] || renderer.has_room_for_coarse(of_blocks(side)));
-        let further = sides(side.unwrap_or(first));
-        progress.report("averaging voxels", 0, 1);
-        if progress.cancelled() {
-            return Err(RenderError::Cancelled);
-        }
-        let block = std::array::from_fn(|axis| scene.volume.block_of(at_hand)[axis] * further[axis]);
-        let made = match scene.volume.coarse_in_file().filter(|_| further == [1; 3]) {
-            Some(coarse) => Arc::clone(coarse),
-            None => Arc::new(at_hand.coarse_level(further).map_err(RenderError::Volume)?),
-        };
-        // The scene may state another grid than the file.
-        let geometry = made.grid_over(&scene.volume, block).map_err(RenderError::Volume)?;
-        let coarse = if made.geometry == geometry { made } else { Arc::new(Volume { geometry, ..(*made).clone() }) };
-        let labels = scene.labels.as_ref().map(|labels| labels.volume.coarse_level_of_labels(block)).transpose();
-        let labels = labels.map_err(RenderError::Labels)?.map(Arc::new);
-        Ok(Self { volume: coarse, labels, block })
+/// The finest level of the volume of `scene`, and of its labels, for which `renderer` has room beside bricks. Of voxels
+/// that stay in a file, the file's coarse level is made first, if it is not.
+///
+/// # Errors
+///
+/// [`RenderError::Volume`], [`RenderError::Cancelled`].
+pub(super) fn coarse(renderer: &Renderer, scene: &Scene, progress: &dyn Progress) -> Result<Coarse, RenderError> {
+    scene.volume.prepare_coarse(progress).map_err(RenderError::Volume)?;
+    let at_hand = scene.volume.at_hand();
+    let dims = at_hand.geometry.dims;
+    let sides = |side: usize| dims.map(|n| side.min(n.next_power_of_two()));
+    let of_blocks = |side: usize| std::array::from_fn(|axis| dims[axis].div_ceil(sides(side)[axis]));
+    let first = if scene.volume.bricks.is_some() { 1 } else { 2 };
+    let mut all = std::iter::successors(Some(first), |side: &usize| side.checked_mul(2));
+    // The level of a single voxel always fits.
+    let side = all.find(|&side| of_blocks(side) == [1; 3] || renderer.has_room_for_coarse(of_blocks(side)));
+    let further = sides(side.unwrap_or(first));
+    progress.report("averaging voxels", 0, 1);
+    if progress.cancelled() {
+        return Err(RenderError::Cancelled);
     }
-
-    /// `scene` with this level in place of its volume: the same picture but for the voxels.
-    #[must_use]
-    pub fn scene(&self, scene: &Scene) -> Scene {
-        let mut coarse = scene.clone();
-        coarse.volume = Arc::clone(&self.volume);
-        coarse.labels = scene
-            .labels
-            .as_ref()
-            .zip(self.labels.as_ref())
-            .map(|(labels, volume)| Labels { volume: Arc::clone(volume), declared: labels.declared.clone() });
-        coarse.crop = scene.crop.map(|corners| corners.map(|index| coarse_index(index, self.block)));
-        // Steps as long in voxels.
-        let longer = self.volume.geometry.spacing.min_element() / scene.volume.geometry.spacing.min_element();
-        coarse.accuracy.step_length *= longer;
-        // A camera that fits the whole volume fits the box of the finest voxels, which incomplete blocks exceed.
-        if let Aim::Orbit { around: around @ None, .. } = &mut coarse.camera.aim {
-            *around = scene.volume.geometry.world_box();
-        }
-        coarse
-    }
-
-    /// Voxels of the volume whose mean is one of the level, along each axis.
-    #[must_use]
-    pub fn block(&self) -> [usize; 3] {
-        self.block
-    }
-
-    /// Number of the level; 0 are the voxels themselves.
-    #[must_use]
-    pub fn level(&self) -> u32 {
-        self.block.iter().max().map_or(0, |side| side.ilog2())
-    }
+    let block = std::array::from_fn(|axis| scene.volume.block_of(at_hand)[axis] * further[axis]);
+    let made = match scene.volume.coarse_in_file().filter(|_| further == [1; 3]) {
+        Some(coarse) => Arc::clone(coarse),
+        None => Arc::new(at_hand.coarse_level(further).map_err(RenderError::Volume)?),
+    };
+    // The scene may state another grid than the file.
+    let geometry = made.grid_over(&scene.volume, block).map_err(RenderError::Volume)?;
+    let volume = if made.geometry == geometry { made } else { Arc::new(Volume { geometry, ..(*made).clone() }) };
+    let labels = scene.labels.as_ref().map(|labels| labels.volume.coarse_level_of_labels(block)).transpose();
+    let labels = labels.map_err(RenderError::Labels)?.map(Arc::new);
+    Ok(Coarse::new(volume, labels, block))
 }
