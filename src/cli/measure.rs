@@ -34,7 +34,7 @@ Examples:
 
 Errors are ΔE00 (1 is just visible side by side) against the truth: the full spectrum of 81 wavelengths in f64, exact samples
 at an eighth of the shortest step, and no early ray termination. Only pixels that show the volume count. Errors are split by
-cause, rung by rung: step, termination, basis, tables and storage, rounding, device; the parts need not add up. Times are
+cause, rung by rung: step, termination, level, basis, tables and storage, rounding, device; the parts need not add up. Times are
 medians; a frame is a march and a relight. * marks settings on the Pareto front: no other is both faster and more accurate.";
 
 /// Arguments of `relume measure`.
@@ -46,8 +46,8 @@ pub(crate) struct Args {
     /// Settings to measure in addition to that of the scene (repeatable). Relume combines all values of all given knobs.
     ///
     /// KNOB is model, k, accumulate, storage, step (in voxels), termination, rays (per pixel), integration, variation, spacing (of
-    /// the light grid, in voxels), directions (of the sky), interpolation, labels, volume, gradients, entries, lookup, skipping or scale (of the picture, 0.05
-    /// to 1). Commas separate VALUES. A..B is a range: for k all whole numbers from A to B, for termination A, 10A, 100A and so on,
+    /// the light grid, in voxels), directions (of the sky), interpolation, labels, volume, gradients, entries, lookup, skipping, `voxel_pixels` (of
+    /// coarser levels) or scale (of the picture, 0.05 to 1). Commas separate VALUES. A..B is a range: for k all whole numbers from A to B, for termination A, 10A, 100A and so on,
     /// for rays A, 4A, 16A, for other knobs A, 2A, 4A and so on. Without --sweep, every knob is swept by itself, but for those
     /// that take a truth of their own (rays) or have no effect on most scenes.
     #[arg(long, value_name = "KNOB=VALUES,…")]

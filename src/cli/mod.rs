@@ -14,6 +14,7 @@ mod files;
 mod frames;
 mod goal;
 mod info;
+mod level;
 mod light_grid;
 mod measure;
 mod model;

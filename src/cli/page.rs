@@ -22,6 +22,7 @@ use relume::volume::{HostMemory, Statistics};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files;
+use super::level::{self, Taken};
 use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
 use super::{CliError, Report};
 
@@ -178,9 +179,15 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     }
     let names: Vec<String> = positions(&file.scene).into_iter().map(|position| position.name).collect();
     let mix = args.lights.mix(Mix::of_scene(&file.scene), &names)?;
-    let (scene, planned) = planned(&file, &mix, progress)?;
     let size = args.size.unwrap_or([800, 800]);
-    let (cameras, columns) = cameras(args, &scene, size)?;
+    let (cameras, columns) = cameras(args, &file.scene, size)?;
+    let Taken { scene, statistics, text, .. } = level::taken(&file.scene, statistics, (&cameras, size), progress)?;
+    if !text.is_empty() {
+        tracing::info!("{}", text.trim_end());
+    }
+    // On a level, the camera of the scene is stated otherwise, for the same picture.
+    let cameras = if cameras.len() == 1 { vec![scene.camera.clone()] } else { cameras };
+    let (scene, planned) = planned(&scene, &mix, progress)?;
     let plan = &planned.plan;
     let numbers = plan.components() * plan.positions.total() + plan.transmittance_numbers();
     page::check_memory(cameras.len(), size, numbers, false, memory::available_bytes())?;
@@ -198,9 +205,8 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
 
 /// The plan with material weights, where absorption is grey and the scene does not ask for anything else: they are exact
 /// under every light.
-fn planned(file: &SceneFile, mix: &Mix, progress: &dyn Progress) -> Result<(Scene, Planned), CliError> {
+fn planned(scene: &Scene, mix: &Mix, progress: &dyn Progress) -> Result<(Scene, Planned), CliError> {
     let lights: Vec<_> = mix.0.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect();
-    let scene = &file.scene;
     if scene.accuracy.accumulate == AccumulateAs::Auto && scene.accuracy.dimension.is_none() {
         let mut exact = scene.clone();
         exact.accuracy.accumulate = AccumulateAs::Weights;
@@ -268,6 +274,9 @@ fn marched(
     renderer.check_picture(&planned.plan, size, 0)?;
     let mut on_device =
         SceneRenderer::with_plan(renderer, scene.clone(), planned.clone(), statistics.clone(), progress)?;
+    if let Some([x, y, z]) = on_device.uploaded().light_block() {
+        tracing::warn!("shadows of this volume in bricks come from means of {x}×{y}×{z} voxels (docs/SCALE.md)");
+    }
     let mut views = Vec::new();
     for (index, camera) in cameras.iter().enumerate() {
         progress.report("marching", index as u64, cameras.len() as u64);
@@ -294,7 +303,7 @@ pub(super) fn small_page(
     file: &SceneFile,
     progress: &dyn Progress,
 ) -> Result<PackedPage, CliError> {
-    let (scene, planned) = planned(file, &Mix::of_scene(&file.scene), progress)?;
+    let (scene, planned) = planned(&file.scene, &Mix::of_scene(&file.scene), progress)?;
     let (size, cameras) = ([SMALL; 2], [file.scene.camera.clone()]);
     let statistics = scene.volume.statistics()?;
     let views = marched(renderer, &scene, &planned, &statistics, (&cameras, size), progress)?;

@@ -150,13 +150,14 @@ impl Processes {
         }
     }
 
-    /// Returns the blocks once all processes are ready to march. All must render the same.
+    /// Returns the blocks once all processes are ready to march. All must render the same, with shadows from means of
+    /// `light_block` voxels.
     pub(crate) fn agree(
         &self,
         scene: &Scene,
         planned: &Planned,
         mix: &Mix,
-        size: [usize; 2],
+        (size, light_block): ([usize; 2], Option<[usize; 3]>),
         asked: Asked,
     ) -> Result<Cut, CliError> {
         let mut hasher = DefaultHasher::new();
@@ -174,6 +175,7 @@ impl Processes {
             format!("the size is {width}×{height}"),
             format!("the outputs are {asked}"),
             format!("the scene is {:016x}", scene.digest()),
+            format!("the shadows come from blocks of {:?} voxels", light_block.unwrap_or([1; 3])),
             format!("the plan is {:016x}", hasher.finish()),
         ];
         let mine = [&[READY], about.join("\n").as_bytes()].concat();

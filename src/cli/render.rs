@@ -26,6 +26,7 @@ use relume::vulkan::{Device, DeviceChoice, Validation};
 use super::files::{self, Backdrop, Bits, DressArgs, picture_kind};
 use super::frames::{AnimationArgs, Frames, digest};
 use super::goal::GoalArgs;
+use super::level::{self, Taken};
 use super::model::Learnt;
 use super::processes::{self, Asked, Processes, Sharing, sharing};
 use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
@@ -330,7 +331,18 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     let clock = Stopwatch::start();
     let marched_size = choice.as_ref().map_or(args.size, |choice| choice.setting.marched_size(args.size));
     let enlargement = Enlargement::new(marched_size, args.size);
-    let scene = choice.as_ref().map_or(scene.clone(), |choice| choice.setting.applied(&scene));
+    if args.turntable.is_some() {
+        // The cameras follow the visible voxels.
+        scene.volume.prepare_coarse(progress)?;
+    }
+    let cameras = match args.turntable {
+        Some(count) => turntable::cameras(&scene, args.size, count)?,
+        None => vec![scene.camera.clone()],
+    };
+    // The error of a choice is that of the picture from the volume itself.
+    let whole = choice.as_ref().map_or(scene.clone(), |choice| choice.setting.applied(&scene));
+    let Taken { scene, statistics, text: told_level, json: level } =
+        level::taken(&whole, statistics, (&cameras, args.size), progress)?;
     let lights: Vec<(String, Light)> =
         mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
     // The reference computes all wavelengths and needs a model only for a film file.
@@ -387,8 +399,6 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         ..Overlay::of_scene(&scene, &planned, &mix)
     });
     if args.turntable.is_some() {
-        // The cameras follow the visible voxels.
-        scene.volume.prepare_coarse(progress)?;
         let ready = ready_device(&scene, &planned, &statistics, (args, args.size), progress)?;
         let mut times = vec![("load", loaded)];
         times.extend(ready.times);
@@ -399,6 +409,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             bits: args.bits,
             backdrop: args.dress.background,
             overlay,
+            cameras: &cameras,
             inputs,
         };
         let mut on_device = ready.on_device;
@@ -407,13 +418,14 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         times.extend(written.times);
         save_scene()?;
         let bricks = told_of(written.bricks, read) + &written.shadows;
-        let text = format!("{}{bricks}{}\n", frames.told(written.pictures), spent(&times));
+        let text = format!("{}{told_level}{bricks}{}\n", frames.told(written.pictures), spent(&times));
         let json = json!({
             "outputs": listed,
             "size": args.size,
             "device": super::info::device_json(on_device.renderer().device().info()),
             "plan": super::info::plan_json(&scene, &planned, &on_device.uploaded().storage, learnt),
             "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<Map<_, _>>(),
+            "level": level,
             "marches": written.pictures,
             "march": {"bricks": written.bricks, "host_bricks": read, "light_grid": written.light_grid},
             "pictures": frames.json(written.pictures),
@@ -483,7 +495,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     let written = clock.read();
     let checked = match (&choice, &marched.linear) {
         (Some(choice), Some(linear)) => {
-            Some(super::goal::checked(choice, &args.goal, &scene, &mix, args.size, linear, progress)?)
+            Some(super::goal::checked(choice, &args.goal, &whole, &mix, args.size, linear, progress)?)
         }
         _ => None,
     };
@@ -499,7 +511,8 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     let kept = checked.as_ref().map_or("", |(text, _)| text);
     let bricks = told_of(marched.bricks, scene.volume.bricks.as_ref().map(|cache| cache.counts()));
     let bricks = bricks + &marched.shadows;
-    let text = format!("wrote {}; {}\n{new}{bricks}{}\n{kept}", listed.join(", "), lit_by(&mix), spent(&times));
+    let text =
+        format!("wrote {}; {}\n{new}{told_level}{bricks}{}\n{kept}", listed.join(", "), lit_by(&mix), spent(&times));
     let times: Map<_, _> = times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
         "outputs": listed,
@@ -509,6 +522,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         "plan": super::info::plan_json(&scene, &planned, &marched.storage, learnt),
         "times": times,
         "march": marched.details,
+        "level": level,
         "block": args.block.map(|block| [block.index + 1, block.count]),
         "peak_mb": peak_mb(),
     });
@@ -692,11 +706,18 @@ fn on_device(
 ) -> Result<Option<Marched>, CliError> {
     let Ready { on_device, times } = ready_device(scene, planned, statistics, (args, size), progress)?;
     let (renderer, uploaded) = (on_device.renderer(), on_device.uploaded());
+    if let (Some(Block { index, count }), Some([x, y, z])) = (args.block, uploaded.light_block()) {
+        return Err(CliError::Failed(format!(
+            "--block {}/{count}: shadows of this volume in bricks come from means of {x}×{y}×{z} voxels, which follow from the memory, so \
+             those of other blocks may differ; give it more --device-memory to hold the volume whole, or set shadows = false",
+            index + 1
+        )));
+    }
     let Wanted { linear, display, accumulation, .. } = wanted;
     let made = match processes {
         Some(processes) => {
             let asked = Asked { film: accumulation, linear, display };
-            let cut = processes.agree(scene, planned, mix, size, asked)?;
+            let cut = processes.agree(scene, planned, mix, (size, uploaded.light_block()), asked)?;
             let Some(made) = processes.render(&on_device, mix, (size, &cut), asked, progress)? else { return Ok(None) };
             made
         }

@@ -6,7 +6,7 @@ use relume::internal::number::count;
 use relume::measure::{Stopwatch, Timing};
 use relume::progress::{Progress, unreported};
 use relume::render::{BrickCounts, SceneRenderer};
-use relume::scene::Mix;
+use relume::scene::{Camera, Mix, Scene};
 
 use super::files::{self, Backdrop, Bits};
 use super::frames::{Form, Frame, Frames, digest};
@@ -19,8 +19,16 @@ pub(crate) struct Look<'a> {
     pub(crate) bits: Bits,
     pub(crate) backdrop: Option<Backdrop>,
     pub(crate) overlay: Option<Overlay<'a>>,
+    /// Camera of each picture.
+    pub(crate) cameras: &'a [Camera],
     /// Digest of the scene, the lights and the settings of the command.
     pub(crate) inputs: u64,
+}
+
+/// Cameras of a full turn of `scene` in `count` pictures of `size`.
+pub(crate) fn cameras(scene: &Scene, [width, height]: [usize; 2], frames: u16) -> Result<Vec<Camera>, CliError> {
+    let cameras = turntable(scene, &scene.camera, count(width) / count(height), frames);
+    cameras.ok_or_else(|| CliError::Failed("the camera has no line of sight to turn about".into()))
 }
 
 /// Pictures that a turntable wrote.
@@ -42,16 +50,15 @@ pub(crate) fn write(
     frames: &Frames<'_>,
     progress: &dyn Progress,
 ) -> Result<Written, CliError> {
-    let Look { mix, size: [width, height], bits, backdrop, ref overlay, inputs } = *look;
-    let scene = on_device.scene();
-    let aspect = count(width) / count(height);
-    let cameras = turntable(scene, &scene.camera, aspect, frames.count());
-    let cameras = cameras.ok_or_else(|| CliError::Failed("the camera has no line of sight to turn about".into()))?;
+    let Look { mix, size: [width, height], bits, backdrop, ref overlay, cameras, inputs } = *look;
     let matrices = on_device.matrices(mix);
     let (mut marching, mut relighting) = (Timing::default(), Timing::default());
     let mut bricks = None::<BrickCounts>;
     let (mut shadows, mut grid) = (String::new(), serde_json::Value::Null);
     let whole = Stopwatch::start();
+    // Pictures with shadows from different levels do not belong together.
+    let of_level = |block: [usize; 3]| digest(inputs, &format!("{block:?}"));
+    let inputs = on_device.uploaded().light_block().map_or(inputs, of_level);
     let inputs_of = |index: usize| digest(inputs, &format!("{:?} {}", cameras[index], overlay.is_some()));
     let form = Form { size: [width, height], bits, backdrop };
     let pictures = frames.write(form, ("marching", progress), inputs_of, |index| {

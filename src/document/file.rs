@@ -29,8 +29,9 @@ use crate::number::{brief, count, readable, unsigned};
 use crate::palette::{self, Member, Misplaced};
 use crate::progress::Progress;
 use crate::scene::{
-    Accuracy, Aim, Camera, Display, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, MOST_RAYS, Material, MaterialCurve,
-    OPAQUE_DEPTH, PHASES, Placement, Projection, Scene, SceneLight, Shadows, Term, Transfer, unit,
+    Accuracy, Aim, Camera, Display, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, MOST_RAYS, MOST_VOXEL_PIXELS,
+    Material, MaterialCurve, OPAQUE_DEPTH, PHASES, Placement, Projection, Scene, SceneLight, Shadows, Term, Transfer,
+    unit,
 };
 use crate::spectrum::{INDICES, Layers, Reflectance, Spectrum, SpectrumError, SpectrumSource, THICKNESSES, ThinFilm};
 use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Unit, Volume, VolumeError};
@@ -511,6 +512,9 @@ impl Text<'_> {
                 Some(dimension.ok_or_else(|| self.invalid(at, message))?)
             }
         };
+        let pixels = &(0.0..=MOST_VOXEL_PIXELS);
+        let voxel_pixels =
+            self.optional("voxel_pixels", file.accuracy.voxel_pixels.as_ref(), pixels, usual.voxel_pixels)?;
         let exposure =
             self.optional("exposure", file.display.exposure.as_ref(), &(0.0..=1e9), Display::default().exposure)?;
         let opacity_length = file
@@ -540,6 +544,7 @@ impl Text<'_> {
             model: file.accuracy.model,
             tolerance,
             dimension,
+            voxel_pixels,
             storage: file.accuracy.storage,
         };
         let usual = Shadows::default();

@@ -483,6 +483,9 @@ fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Resu
     if now.variation.to_bits() != then.variation.to_bits() {
         table.insert("variation", value(now.variation));
     }
+    if now.voxel_pixels.to_bits() != then.voxel_pixels.to_bits() {
+        table.insert("voxel_pixels", value(now.voxel_pixels));
+    }
     if now.labels != then.labels {
         let labels = match now.labels {
             LabelInterpolation::Smooth => "smooth",

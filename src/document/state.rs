@@ -12,7 +12,8 @@ use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::Palette;
 use crate::scene::{
-    Accuracy, AmbientShares, GRADIENT_POINTS, Interval, LabelEntry, Lighting, MOST_RAYS, Mix, PHASES, Scene,
+    Accuracy, AmbientShares, GRADIENT_POINTS, Interval, LabelEntry, Lighting, MOST_RAYS, MOST_VOXEL_PIXELS, Mix,
+    PHASES, Scene,
 };
 use crate::spectrum::ThinFilm;
 use crate::spectrum::deficiency::Deficiency;
@@ -227,6 +228,7 @@ fn allowed(accuracy: &Accuracy, voxel: f64) -> Accuracy {
         rays: accuracy.rays.clamp(1, MOST_RAYS),
         variation: within(accuracy.variation, [1e-6, 1.0], 1e-3),
         tolerance: within(accuracy.tolerance, [1e-3, 100.0], 1.0),
+        voxel_pixels: within(accuracy.voxel_pixels, [0.0, MOST_VOXEL_PIXELS], 0.0),
         dimension: accuracy.dimension.map(|k| k.clamp(1, LARGEST_DIMENSION)),
         ..accuracy.clone()
     }

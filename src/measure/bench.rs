@@ -6,7 +6,7 @@ use super::clock::{Stopwatch, Timing, summary};
 use super::difference::delta_e;
 use super::enlarge::Enlargement;
 use super::error::MeasureError;
-use super::ladder::{FINER, Ladder};
+use super::ladder::{FINER, Ladder, LadderError};
 use super::sample::{Drawn, drawn, p95_of_all};
 use super::setting::{Knob, Setting, Value};
 use super::shown::{looked_up, picture};
@@ -14,7 +14,7 @@ use crate::model::ErrorSummary;
 use crate::plan::{Planned, plan};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, SceneRenderer};
-use crate::scene::{Mix, Scene};
+use crate::scene::{Coarse, Mix, Scene};
 
 /// Factor by which the truth's steps are shorter than needed, because the next settings tried often have slightly
 /// shorter steps.
@@ -27,6 +27,8 @@ pub struct Bench<'a> {
     /// Estimated number of visible pixels in the picture; the ladder's pixels are a sample of them.
     showing: usize,
     on_device: SceneRenderer,
+    /// The level of the volume that the scene asks for, if it is coarser.
+    coarse: Option<Coarse>,
     size: [usize; 2],
     truth: Vec<DVec3>,
     /// Step length of the truth, in world units.
@@ -43,13 +45,15 @@ pub struct Ready {
     numbers: Option<Value>,
     on_device: SceneRenderer,
     marched: [usize; 2],
+    /// Step length that the setting states, in world units; longer on the device by a coarser level.
+    step_length: f64,
 }
 
 impl Ready {
     /// Step length in world units.
     #[must_use]
     pub fn step_length(&self) -> f64 {
-        self.on_device.scene().accuracy.step_length
+        self.step_length
     }
 }
 
@@ -87,12 +91,20 @@ impl<'a> Bench<'a> {
         if ladder.pixels.is_empty() {
             return Err(MeasureError::Nothing { sampled: size[0] * size[1], source_name: scene.name.clone() });
         }
-        let planned = plan(scene, progress)?;
-        let statistics = ladder.statistics().clone();
-        let on_device = SceneRenderer::with_plan(renderer, scene.clone(), planned.clone(), statistics, progress)?;
+        let coarse = match scene.level(size).level {
+            0 => None,
+            level => Some(Coarse::of_level(scene, level, progress).map_err(LadderError::from)?),
+        };
+        let marched = coarse.as_ref().map_or_else(|| scene.clone(), |coarse| coarse.scene_in(scene, size));
+        let planned = plan(&marched, progress)?;
+        let statistics = match &coarse {
+            None => ladder.statistics().clone(),
+            Some(coarse) => coarse.volume().statistics().map_err(LadderError::from)?,
+        };
+        let on_device = SceneRenderer::with_plan(renderer, marched, planned.clone(), statistics, progress)?;
         let (truth, step_length) = (Vec::new(), f64::INFINITY);
         let (plans, warm) = (vec![(None, planned)], Vec::new());
-        Ok(Self { scene, ladder, showing, on_device, size, truth, step_length, plans, warm })
+        Ok(Self { scene, ladder, showing, on_device, coarse, size, truth, step_length, plans, warm })
     }
 
     /// Prepares `setting` for rendering. It may set only step, dimension and scale; other knobs would need another
@@ -102,7 +114,9 @@ impl<'a> Bench<'a> {
     ///
     /// [`RenderError`] if the setting cannot be planned or uploaded.
     pub fn ready(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Ready, RenderError> {
-        let (scene, numbers) = (setting.applied(self.scene), setting.get(Knob::K));
+        let (stated, numbers) = (setting.applied(self.scene), setting.get(Knob::K));
+        let step_length = stated.accuracy.step_length;
+        let scene = self.coarse.as_ref().map_or_else(|| stated.clone(), |coarse| coarse.scene_in(&stated, self.size));
         let planned = match self.plans.iter().find(|(known, _)| *known == numbers) {
             Some((_, planned)) => planned.clone(),
             None => {
@@ -112,7 +126,8 @@ impl<'a> Bench<'a> {
             }
         };
         let marched = setting.marched_size(self.size);
-        Ok(Ready { numbers, on_device: self.on_device.with_scene(scene, planned, progress)?, marched })
+        let on_device = self.on_device.with_scene(scene, planned, progress)?;
+        Ok(Ready { numbers, on_device, marched, step_length })
     }
 
     /// Checks that the device can hold the picture.

@@ -34,6 +34,8 @@ pub enum Cause {
     Interpolation,
     /// Early ray termination.
     Termination,
+    /// A coarser level of the volume, with steps as long in its voxels.
+    Level,
     /// Shadows from a light grid instead of rays to the lights.
     LightGrid,
     /// Spectra represented by few numbers.
@@ -50,11 +52,12 @@ pub enum Cause {
 
 impl Cause {
     /// All causes, from the truth down.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::PixelArea,
         Self::Step,
         Self::Interpolation,
         Self::Termination,
+        Self::Level,
         Self::LightGrid,
         Self::Basis,
         Self::Tables,
@@ -71,6 +74,7 @@ impl Cause {
             Self::Step => "step",
             Self::Interpolation => "interpolation",
             Self::Termination => "termination",
+            Self::Level => "level",
             Self::LightGrid => "light grid",
             Self::Basis => "basis",
             Self::Tables => "tables and storage",
@@ -197,6 +201,23 @@ impl<'a> Ladder<'a> {
         (finest, most_rays): (f64, usize),
         progress: &dyn Progress,
     ) -> Result<Self, LadderError> {
+        let mut ladder = Self::without_pixels(scene, mix, size, (finest, true_rays(most_rays)))?;
+        ladder.pixels = ladder.showing(pixels, progress)?;
+        Ok(ladder)
+    }
+
+    /// The ladder of the same pixels of `scene`, which is that of this ladder with a coarser level of its volume.
+    pub(super) fn of_level<'b>(&self, scene: &'b Scene) -> Result<Ladder<'b>, LadderError> {
+        let ladder = Ladder::without_pixels(scene, self.mix.clone(), self.size, (self.finest, self.rays))?;
+        Ok(Ladder { pixels: self.pixels.clone(), ..ladder })
+    }
+
+    fn without_pixels(
+        scene: &'a Scene,
+        mix: Mix,
+        size: [usize; 2],
+        (finest, rays): (f64, usize),
+    ) -> Result<Self, LadderError> {
         let statistics = scene.volume.statistics()?;
         let labels = scene.labels.as_ref().filter(|labels| !labels.declared.is_empty());
         let labels = labels.map(LabelMap::new).transpose()?;
@@ -212,13 +233,12 @@ impl<'a> Ladder<'a> {
             pixels: Vec::new(),
             background: DVec3::ZERO,
             finest,
-            rays: true_rays(most_rays),
+            rays,
             full: HashMap::new(),
             kept: None,
             depths: KeptDepths::default(),
         };
         ladder.background = ladder.matrices(scene, &truth).background.iter().copied().sum();
-        ladder.pixels = ladder.showing(pixels, progress)?;
         Ok(ladder)
     }
 

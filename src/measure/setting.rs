@@ -9,8 +9,8 @@ use serde::{Serialize, Serializer};
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable, whole};
 use crate::scene::{
-    AccumulateAs, Gradients, Integration, Interpolation, LabelInterpolation, Lookup, MOST_RAYS, Scene, StoreAs,
-    VolumeAs,
+    AccumulateAs, Gradients, Integration, Interpolation, LabelInterpolation, Lookup, MOST_RAYS, MOST_VOXEL_PIXELS,
+    Scene, StoreAs, VolumeAs,
 };
 
 /// An option that trades speed for accuracy.
@@ -52,6 +52,8 @@ pub enum Knob {
     Lookup,
     /// Empty-space skipping.
     Skipping,
+    /// Largest size of a voxel in the picture, in pixels, for which a coarser level of the volume is taken.
+    VoxelPixels,
     /// Marched pixels across as a fraction of those asked for; the picture is enlarged.
     Scale,
 }
@@ -80,7 +82,7 @@ pub(super) enum Growth {
 
 impl Knob {
     /// All knobs.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::Model,
         Self::K,
         Self::Accumulate,
@@ -99,6 +101,7 @@ impl Knob {
         Self::Entries,
         Self::Lookup,
         Self::Skipping,
+        Self::VoxelPixels,
         Self::Scale,
     ];
 
@@ -124,6 +127,7 @@ impl Knob {
             Self::Entries => "entries",
             Self::Lookup => "lookup",
             Self::Skipping => "skipping",
+            Self::VoxelPixels => "voxel_pixels",
             Self::Scale => "scale",
         }
     }
@@ -150,6 +154,7 @@ impl Knob {
             Self::Entries => "entries of the transfer table",
             Self::Lookup => "lookup in the transfer table",
             Self::Skipping => "empty-space skipping",
+            Self::VoxelPixels => "largest voxel in the picture, in pixels, by a coarser level; 0: all voxels",
             Self::Scale => "marched pixels across, as a share",
         }
     }
@@ -176,6 +181,7 @@ impl Knob {
             Self::Entries => numbers(2.0..=65536.0, true, Growth::Times(2.0)),
             Self::Lookup => Choices::Names(vec!["nearest", "linear"]),
             Self::Skipping => Choices::Names(vec!["on", "off"]),
+            Self::VoxelPixels => numbers(0.0..=MOST_VOXEL_PIXELS, false, Growth::Times(2.0)),
             Self::Scale => numbers(0.05..=1.0, false, Growth::Times(2.0)),
         }
     }
@@ -247,6 +253,7 @@ impl Knob {
             (Self::Lookup, Value::Name(name)) => {
                 scene.transfer.lookup = if name == "nearest" { Lookup::Nearest } else { Lookup::Linear };
             }
+            (Self::VoxelPixels, Value::Number(pixels)) => accuracy.voxel_pixels = pixels,
             (Self::Skipping, Value::Name(name)) => accuracy.skipping = name == "on",
             _ => {}
         }

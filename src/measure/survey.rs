@@ -1,5 +1,7 @@
 //! Measurement of settings of a scene on a device: cost, error, and causes of the error.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -9,7 +11,7 @@ use super::clock::Stopwatch;
 use super::difference::{Difference, delta_e};
 use super::enlarge::Enlargement;
 use super::error::MeasureError;
-use super::ladder::{Cause, Ladder, Lattice};
+use super::ladder::{Cause, Ladder, LadderError, Lattice};
 use super::measured::{CloseUp, Cost, Frames, Measured, Run};
 use super::setting::Setting;
 use super::shown::{looked_up, picture};
@@ -17,8 +19,9 @@ use crate::number::count;
 use crate::plan::{Planned, ScenePlan, plan};
 use crate::progress::{Progress, unreported};
 use crate::render::{Renderer, SceneRenderer};
-use crate::scene::{Accuracy, Mix, Scene};
+use crate::scene::{Accuracy, Coarse, Level, Mix, Scene};
 use crate::tables::TransferTable;
+use crate::volume::Statistics;
 use crate::vulkan::DeviceKind;
 
 /// Untimed runs before the timed ones.
@@ -41,9 +44,10 @@ pub struct SurveyOptions {
 /// Pixels across and down of a close-up.
 const CLOSE_UP: usize = 17;
 
-/// A form of storage of the volume on the device, and the times of its uploads.
+/// A form of storage of a level of the volume on the device, and the times of its uploads.
 struct Upload {
     plan: ScenePlan,
+    level: u32,
     runs: Vec<Run>,
 }
 
@@ -65,14 +69,23 @@ pub struct Survey<'a> {
     truth: Arc<Vec<DVec3>>,
     resident: Option<SceneRenderer>,
     uploads: Vec<Upload>,
+    /// Coarser levels of the volume, by their numbers.
+    levels: BTreeMap<u32, OfLevel>,
     /// Earlier measurements. A setting equivalent to a measured one shares its row: a second measurement would give
     /// another time.
     known: Vec<Known>,
 }
 
+/// A coarser level of the volume of the scene.
+struct OfLevel {
+    coarse: Coarse,
+    statistics: Statistics,
+}
+
 /// Properties that equivalent settings share.
 #[derive(PartialEq)]
 struct Same {
+    level: u32,
     plan: ScenePlan,
     carrier: String,
     /// Step length, termination, variation, scale, spacing of the light grid and directions of the sky.
@@ -91,6 +104,28 @@ impl std::fmt::Debug for Survey<'_> {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         out.debug_struct("Survey").field("options", &self.options).finish_non_exhaustive()
     }
+}
+
+impl Upload {
+    fn is_of(&self, plan: &ScenePlan, level: u32) -> bool {
+        self.level == level && self.plan.is_stored_as(plan)
+    }
+}
+
+/// Climbs the rungs from exact samples to stored tables in f32: all of them read the volume that the device marches.
+fn lower(
+    climb: &mut Climb,
+    ladder: &mut Ladder<'_>,
+    (scene, planned, table): (&Scene, &Planned, &TransferTable),
+    progress: &dyn Progress,
+) -> Result<(), MeasureError> {
+    if planned.plan.reads_light_grid() {
+        climb.to(Cause::LightGrid, ladder.full(&scene.accuracy, &scene.shadows, progress)?.to_vec());
+    }
+    climb.to(Cause::Basis, ladder.model(scene, planned, progress)?);
+    climb.to(Cause::Tables, ladder.stored::<f64>(scene, planned, table, progress)?);
+    climb.to(Cause::Rounding, ladder.stored::<f32>(scene, planned, table, progress)?);
+    Ok(())
 }
 
 impl<'a> Survey<'a> {
@@ -126,6 +161,7 @@ impl<'a> Survey<'a> {
             truth,
             resident: None,
             uploads: Vec::new(),
+            levels: BTreeMap::new(),
             known: Vec::new(),
         })
     }
@@ -187,13 +223,15 @@ impl<'a> Survey<'a> {
     /// [`MeasureError`].
     pub fn measure(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Measured, MeasureError> {
         let progress = &unreported(progress);
-        let scene = setting.applied(self.scene);
+        let stated = setting.applied(self.scene);
+        let (scene, level) = self.at_level(&stated, progress)?;
         let planned = plan(&scene, progress)?;
-        let on_device = self.upload(scene, planned, WARM_UP, progress)?;
+        let on_device = self.upload(scene, level, planned, WARM_UP, progress)?;
         let (scene, planned, uploaded) = (on_device.scene(), on_device.planned(), on_device.uploaded());
         let size = setting.marched_size(self.options.size);
         let table = TransferTable::new(scene, planned, uploaded.storage.domain);
         let same = Same {
+            level,
             plan: planned.plan.clone(),
             carrier: carrier(planned),
             numbers: [
@@ -224,12 +262,12 @@ impl<'a> Survey<'a> {
         let enlargement = Enlargement::new(size, self.options.size);
         let enlarged = if enlargement.is_none() { None } else { Some(enlargement.pixels(&of_size(size)?)) };
         let dispatches = frames.dispatches;
-        let upload = self.uploads.iter().find(|upload| upload.plan.is_stored_as(&planned.plan));
+        let upload = self.uploads.iter().find(|upload| upload.is_of(&planned.plan, level));
         let times = frames.times(upload.map_or_else(|| Cost::of(&[]), |upload| Cost::of(&upload.runs)));
 
         let truth = Arc::clone(&self.truth);
         let mut climb = Climb::from(truth.to_vec(), self.ladder.pixels.clone());
-        let accuracy = &scene.accuracy;
+        let accuracy = &stated.accuracy;
         let stated = (self.scene.accuracy.interpolation, self.scene.accuracy.labels);
         let of_step = |step_length: f64| {
             let (interpolation, labels) = stated;
@@ -251,12 +289,14 @@ impl<'a> Survey<'a> {
             climb.to(Cause::Interpolation, other.to_vec());
         }
         climb.to(Cause::Termination, self.ladder.full(accuracy, &rays, progress)?.to_vec());
-        if planned.plan.reads_light_grid() {
-            climb.to(Cause::LightGrid, self.ladder.full(accuracy, &scene.shadows, progress)?.to_vec());
+        if level == 0 {
+            lower(&mut climb, &mut self.ladder, (scene, planned, &table), progress)?;
+        } else {
+            let mut ladder = self.ladder.of_level(scene)?;
+            let rays = ladder.rays();
+            climb.to(Cause::Level, ladder.full(&scene.accuracy, &rays, progress)?.to_vec());
+            lower(&mut climb, &mut ladder, (scene, planned, &table), progress)?;
         }
-        climb.to(Cause::Basis, self.ladder.model(scene, planned, progress)?);
-        climb.to(Cause::Tables, self.ladder.stored::<f64>(scene, planned, &table, progress)?);
-        climb.to(Cause::Rounding, self.ladder.stored::<f32>(scene, planned, &table, progress)?);
         climb.to(Cause::Device, looked_up(&whole_size, self.options.size, &self.ladder.pixels));
         if let Some(enlarged) = enlarged {
             climb.to(Cause::Resolution, looked_up(&enlarged, self.options.size, &self.ladder.pixels));
@@ -298,8 +338,8 @@ impl<'a> Survey<'a> {
         // Groups settings by form of storage, so that each volume is uploaded once per turn.
         let mut order: Vec<usize> = (0..self.known.len()).collect();
         let stored = |index: &usize| {
-            let plan = &self.known[*index].same.plan;
-            self.uploads.iter().position(|upload| upload.plan.is_stored_as(plan))
+            let Same { plan, level, .. } = &self.known[*index].same;
+            self.uploads.iter().position(|upload| upload.is_of(plan, *level))
         };
         order.sort_by_key(stored);
         let total = self.options.runs.saturating_sub(AT_ONCE);
@@ -317,9 +357,9 @@ impl<'a> Survey<'a> {
     /// Times one more frame of a measured setting.
     fn time_once_more(&mut self, index: usize, progress: &dyn Progress) -> Result<(), MeasureError> {
         let setting = self.known[index].row.setting.clone();
-        let scene = setting.applied(self.scene);
+        let (scene, level) = self.at_level(&setting.applied(self.scene), progress)?;
         let planned = plan(&scene, progress)?;
-        let on_device = self.upload(scene, planned, 0, progress)?;
+        let on_device = self.upload(scene, level, planned, 0, progress)?;
         let size = setting.marched_size(self.options.size);
         if on_device.planned().plan.reads_light_grid() {
             // Settings share a volume, and so one light grid; that of another setting may have replaced it.
@@ -336,7 +376,7 @@ impl<'a> Survey<'a> {
     /// Updates `rows` to the times of all runs so far.
     fn write_times(&mut self, rows: &mut [Measured]) {
         for known in &mut self.known {
-            let upload = self.uploads.iter().find(|upload| upload.plan.is_stored_as(&known.same.plan));
+            let upload = self.uploads.iter().find(|upload| upload.is_of(&known.same.plan, known.same.level));
             let times = known.frames.times(upload.map_or(known.row.times.upload, |upload| Cost::of(&upload.runs)));
             known.row = Measured { frame_ms: times.frame_ms(), times, ..known.row.clone() };
             for row in rows.iter_mut().filter(|row| known.settings.contains(&row.setting)) {
@@ -357,9 +397,9 @@ impl<'a> Survey<'a> {
         let first: [usize; 2] =
             std::array::from_fn(|axis| worst[axis].saturating_sub(side / 2).min(self.options.size[axis] - side));
         let pixels: Vec<[usize; 2]> = (0..side * side).map(|i| [first[0] + i % side, first[1] + i / side]).collect();
-        let scene = row.setting.applied(self.scene);
+        let (scene, level) = self.at_level(&row.setting.applied(self.scene), progress)?;
         let planned = plan(&scene, progress)?;
-        let on_device = self.upload(scene, planned, 0, progress)?;
+        let on_device = self.upload(scene, level, planned, 0, progress)?;
         let size = row.setting.marched_size(self.options.size);
         let marched = picture(&self.ladder, &on_device, size, progress)?;
         let [across, down] = self.options.size;
@@ -370,11 +410,29 @@ impl<'a> Survey<'a> {
         Ok(Some(CloseUp { side, first, differences: delta_e(&shown, &truth), shown, truth, whole }))
     }
 
+    /// `stated` with the level of its volume that it asks for, and the number of this level.
+    fn at_level(&mut self, stated: &Scene, progress: &dyn Progress) -> Result<(Scene, u32), MeasureError> {
+        let Level { level, .. } = stated.level(self.options.size);
+        if level == 0 {
+            return Ok((stated.clone(), 0));
+        }
+        let OfLevel { coarse, .. } = match self.levels.entry(level) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let coarse = Coarse::of_level(self.scene, level, progress).map_err(LadderError::from)?;
+                let statistics = coarse.volume().statistics().map_err(LadderError::from)?;
+                new.insert(OfLevel { coarse, statistics })
+            }
+        };
+        Ok((coarse.scene_in(stated, self.options.size), level))
+    }
+
     /// Uploads the volume as `planned` needs it, unless it is resident. A new form of storage is first uploaded
     /// `warm_up` times without timing.
     fn upload(
         &mut self,
         scene: Scene,
+        level: u32,
         planned: Planned,
         warm_up: usize,
         progress: &dyn Progress,
@@ -382,15 +440,17 @@ impl<'a> Survey<'a> {
         if let Some(resident) = self.resident.as_ref().filter(|resident| resident.holds(&scene, &planned)) {
             return Ok(resident.with_scene(scene, planned, progress)?);
         }
-        let known = self.uploads.iter().position(|upload| upload.plan.is_stored_as(&planned.plan));
+        let known = self.uploads.iter().position(|upload| upload.is_of(&planned.plan, level));
         let index = known.unwrap_or_else(|| {
-            self.uploads.push(Upload { plan: planned.plan.clone(), runs: Vec::new() });
+            self.uploads.push(Upload { plan: planned.plan.clone(), level, runs: Vec::new() });
             self.uploads.len() - 1
         });
         let warm_up = if known.is_some() { 0 } else { warm_up };
+        let statistics = self.levels.get(&level).map_or_else(|| self.ladder.statistics(), |level| &level.statistics);
+        let statistics = statistics.clone();
         let mut uploaded = |warm_up: bool| {
             self.resident = None;
-            let (scene, planned, statistics) = (scene.clone(), planned.clone(), self.ladder.statistics().clone());
+            let (scene, planned, statistics) = (scene.clone(), planned.clone(), statistics.clone());
             let clock = Stopwatch::start();
             let resident = SceneRenderer::with_plan(self.renderer, scene, planned, statistics, progress)?;
             if !warm_up {

@@ -4,7 +4,7 @@ use super::setting::{Choices, Growth, Knob, Setting, Value};
 use crate::number::readable;
 
 /// Default sweeps: each knob by itself, starting from the scene's own setting.
-const USUAL: [&str; 13] = [
+const USUAL: [&str; 14] = [
     "k=3,4,6,8,12",
     "model=nodes,sharpened,sharpened-semigroup,bands,rgb-naive,rgb-prefiltered,rgb-fitted",
     "storage=f16",
@@ -17,6 +17,7 @@ const USUAL: [&str; 13] = [
     "entries=64,256,4096",
     "lookup=nearest",
     "skipping=off",
+    "voxel_pixels=1,2,4",
     "scale=0.25,0.5",
 ];
 /// Maximum number of settings of one sweep.

@@ -24,6 +24,7 @@ pub(super) fn written(scene: &Scene) -> Vec<(&'static str, &'static str, String)
         ("volume", toml(accuracy.volume)),
         ("gradients", toml(accuracy.gradients)),
         ("skipping", accuracy.skipping.to_string()),
+        ("voxel_pixels", readable(accuracy.voxel_pixels)),
     ];
     let entries = scene.transfer.entries.map(|entries| ("transfer", "entries", entries.to_string()));
     let accuracy = stated.into_iter().map(|(key, value)| ("accuracy", key, value));

@@ -207,6 +207,8 @@ fn of_accuracy(before: &Accuracy, after: &Accuracy) -> Stale {
         model,
         tolerance,
         dimension,
+        // A level is taken before the scene is planned, by `Coarse::scene`.
+        voxel_pixels: _,
         // Compared in the plan.
         integration: _,
         rays: _,

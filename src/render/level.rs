@@ -53,6 +53,7 @@ impl Level {
         let volume = if made.geometry == geometry { made } else { Arc::new(Volume { geometry, ..(*made).clone() }) };
         let labels = scene.labels.as_ref().map(|labels| labels.volume.coarse_level_of_labels(block)).transpose();
         let labels = labels.map_err(RenderError::Labels)?.map(Arc::new);
+        progress.report("averaging voxels", 1, 1);
         Ok(Self { volume, labels, block })
     }
 }

@@ -100,8 +100,9 @@ impl Uploaded {
         self.level.as_ref().map_or((self, DVec3::ONE), |level| (&*level.uploaded, level.scale))
     }
 
-    /// Voxels whose mean is one of [`Self::medium`], along each axis, if it is a coarse level.
-    pub(super) fn light_block(&self) -> Option<[usize; 3]> {
+    /// Voxels along each axis whose mean casts shadows, if these come from a coarse level, as those of a volume in bricks do.
+    #[must_use]
+    pub fn light_block(&self) -> Option<[usize; 3]> {
         self.level.as_ref().map(|level| level.block)
     }
 
@@ -283,8 +284,8 @@ impl Renderer {
     /// is, and for pictures.
     #[must_use]
     pub fn beside(&self, bytes: u64) -> Self {
-        let (taken_bytes, beside_bytes) = (self.taken_bytes + bytes, self.beside_bytes + bytes);
-        Self { taken_bytes, beside_bytes, ..self.clone() }
+        // A renderer of a coarse level may count bricks beside it that are gone.
+        Self { taken_bytes: self.taken_bytes + bytes, beside_bytes: bytes, ..self.clone() }
     }
 
     /// Refuses a volume that the device cannot filter.

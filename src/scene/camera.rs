@@ -117,6 +117,19 @@ impl View {
 }
 
 impl Camera {
+    /// The camera that stands where this one does for the volume of `geometry` in a picture of `width / height = aspect`,
+    /// whatever the volume. `None` if it has no line of sight.
+    #[must_use]
+    pub(crate) fn placed(&self, geometry: &Geometry, aspect: f64) -> Option<Self> {
+        let view = self.view(geometry, aspect)?;
+        let projection = match self.projection {
+            Projection::Orthographic { .. } => Projection::Orthographic { height: Some(2.0 * view.half[1]) },
+            perspective @ Projection::Perspective { .. } => perspective,
+        };
+        let aim = Aim::LookAt { position: view.eye, target: self.aim.target(geometry) };
+        Some(Self { projection, aim, up: self.up })
+    }
+
     /// Frame of this camera for the volume of `geometry` and a picture of `width / height = aspect`. `None` if the
     /// camera has no line of sight: its target is its eye, or its up direction is parallel to its line of sight.
     #[must_use]

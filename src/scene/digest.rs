@@ -45,6 +45,9 @@ impl Scene {
 
 fn hash_voxels(volume: &Volume, hasher: &mut impl Hasher) {
     format!("{:?} {:?} {:?}", volume.geometry, volume.slope, volume.intercept).hash(hasher);
+    if let Some(finest) = volume.finest {
+        finest.hash(hasher);
+    }
     // Annotations of a picture show them.
     format!("{:?} {:?}", volume.unit, volume.anatomical).hash(hasher);
     std::mem::discriminant(&volume.voxels).hash(hasher);

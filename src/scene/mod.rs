@@ -2,6 +2,7 @@
 
 mod blocks;
 mod camera;
+mod coarse;
 mod digest;
 mod lights;
 mod transfer;
@@ -11,6 +12,7 @@ use std::sync::Arc;
 pub use blocks::{Block, Blocks, MOST_BLOCKS, Node, low_leaves};
 pub use camera::{Aim, Camera, Projection, View};
 pub(crate) use camera::{centre, unit};
+pub use coarse::{Coarse, LabelLeft, Level};
 pub(crate) use lights::{INTENSITY, THREE_POINT_PARTS, THREE_POINT_SUM};
 pub use lights::{Mix, MixLight, Placement, Position, positions, three_point};
 pub(crate) use transfer::depth_from_opacity;
@@ -417,6 +419,9 @@ pub const PHASES: std::ops::RangeInclusive<f64> = -0.99..=0.99;
 /// Largest number of rays of a pixel.
 pub const MOST_RAYS: usize = 256;
 
+/// Largest [`Accuracy::voxel_pixels`].
+pub const MOST_VOXEL_PIXELS: f64 = 64.0;
+
 /// Accuracy settings; each documents its cost and the error it affects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Accuracy {
@@ -452,6 +457,10 @@ pub struct Accuracy {
     pub tolerance: f64,
     /// Dimension k, if stated; `tolerance` is then ignored.
     pub dimension: Option<usize>,
+    /// Largest size of a voxel in the picture, in pixels, up to which a coarser level of the volume takes its place
+    /// ([`Scene::level`]), 0 to [`MOST_VOXEL_PIXELS`]; 0 always takes the volume itself. A level has an eighth of the voxels of
+    /// the one before and half of the steps; its means fade what is thinner than a voxel.
+    pub voxel_pixels: f64,
     /// Storage of finished accumulators: 16 bits halve the memory and change colours by at most
     /// [`Planned::half_precision_error`](crate::plan::Planned::half_precision_error).
     pub storage: StoreAs,
@@ -476,6 +485,7 @@ impl Accuracy {
             model: ModelKind::default(),
             tolerance: 1.0,
             dimension: None,
+            voxel_pixels: 0.0,
             storage: StoreAs::default(),
         }
     }

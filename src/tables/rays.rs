@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 use super::CELL;
 use crate::number::{count, unsigned, whole};
 use crate::scene::{Blocks, Scene, View};
-use crate::volume::Geometry;
+use crate::volume::{Geometry, Volume};
 
 /// Parameters of all pixels' rays, in texture coordinates of the volume (0 to 1 along each axis).
 ///
@@ -95,23 +95,17 @@ pub fn ray_places(count: usize) -> Vec<[f64; 2]> {
     points.iter().map(|point| std::array::from_fn(|axis| point[axis] - mean[axis] + 0.5)).collect()
 }
 
-/// Opposite corners of the volume in voxel indices.
-fn whole_box(geometry: &Geometry) -> [DVec3; 2] {
-    [DVec3::ZERO, DVec3::from_array(geometry.dims.map(count)) - 1.0]
-}
-
 /// Texture coordinates of opposite corners in voxel indices.
-fn texture_box(geometry: &Geometry, [first, last]: [DVec3; 2]) -> [DVec3; 2] {
-    let dims = DVec3::from_array(geometry.dims.map(count));
+fn texture_box(volume: &Volume, [first, last]: [DVec3; 2]) -> [DVec3; 2] {
+    let dims = DVec3::from_array(volume.geometry.dims.map(count));
     // An axis with a single voxel is one voxel thick.
-    let thin = dims.cmpeq(DVec3::ONE);
+    let thin = volume.thin_axes().into();
     [(first, DVec3::ZERO), (last, DVec3::ONE)].map(|(at, of_thin)| DVec3::select(thin, of_thin, (at + 0.5) / dims))
 }
 
 /// Opposite corners of the crop box of `scene` in texture coordinates.
 pub(super) fn crop_box(scene: &Scene) -> [DVec3; 2] {
-    let geometry = &scene.volume.geometry;
-    texture_box(geometry, scene.crop.unwrap_or_else(|| whole_box(geometry)))
+    texture_box(&scene.volume, scene.crop.unwrap_or_else(|| scene.volume.whole_box()))
 }
 
 impl BlockBox {
@@ -170,7 +164,8 @@ impl RayTable {
             (eye_distance * half_u, eye_distance * half_v, half_u, half_v)
         };
 
-        let ([low, high], [crop_low, crop_high]) = (texture_box(geometry, whole_box(geometry)), crop_box(scene));
+        let ([low, high], [crop_low, crop_high]) =
+            (texture_box(&scene.volume, scene.volume.whole_box()), crop_box(scene));
         let block = BlockBox::of_scene(scene);
         if scene.block.is_some() && block.is_none() {
             return None;

@@ -97,12 +97,15 @@ pub fn measure(
     cache: Option<&Path>,
     progress: &dyn Progress,
 ) -> Result<(Curve, Option<Choice>), MeasureError> {
+    // The window marches level 0.
+    let mut shown = scene.clone();
+    shown.accuracy.voxel_pixels = 0.0;
     let Some(goal) = goal else {
-        return Ok((Curve::new(scene, size, &curve(renderer, scene, mix, size, cache, progress)?), None));
+        return Ok((Curve::new(scene, size, &curve(renderer, &shown, mix, size, cache, progress)?), None));
     };
     // Pictures in progress are coarse anyway.
     let wanted = Wanted { size, goal, pixels: Pixels::All };
-    let choice = choose(renderer, scene, mix, wanted, cache, progress)?;
+    let choice = choose(renderer, &shown, mix, wanted, cache, progress)?;
     Ok((Curve::new(scene, size, &choice.tried), Some(choice)))
 }
 

@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 
 use glam::DVec2;
 
-use super::coarse::Coarse;
 use super::export::Snapshot;
 use super::job::Job;
 use super::load::{Loaded, warn_of_plan};
@@ -22,7 +21,7 @@ use crate::number::{count, whole};
 use crate::plan::{PlanError, Planned, Stale, plan, read_ahead};
 use crate::progress::Progress;
 use crate::render::{BrickCounts, DeviceFilm, March, Relight, RenderError, Renderer, SceneRenderer, Speed};
-use crate::scene::{Scene, positions};
+use crate::scene::{Coarse, Scene, positions};
 use crate::volume::Statistics;
 use crate::vulkan::StorageImage;
 

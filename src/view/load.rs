@@ -3,14 +3,14 @@
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-use super::coarse::Coarse;
+use super::coarse::coarse;
 use super::job::Listener;
 use crate::document::{OpenError, SceneFile, Source};
 use crate::memory::give_back_freed;
 use crate::plan::{Planned, plan};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, SceneRenderer};
-use crate::scene::Scene;
+use crate::scene::{Coarse, Scene};
 use crate::volume::{HostMemory, Statistics};
 
 /// Reason why a scene could not be opened.
@@ -168,7 +168,7 @@ impl Loaded {
         let (scene, planned, coarse) = match whole {
             Some(planned) if renderer.holds_whole(&scene, &planned, &statistics) => (scene, planned, None),
             _ => {
-                let coarse = Coarse::of(renderer, &scene, progress)?;
+                let coarse = coarse(renderer, &scene, progress)?;
                 let scene = coarse.scene(&scene);
                 let planned = planned(&scene)?;
                 (scene, planned, Some(coarse))

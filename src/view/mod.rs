@@ -7,7 +7,7 @@
 pub mod action;
 #[cfg(feature = "window")]
 mod advice;
-pub mod coarse;
+mod coarse;
 pub mod effort;
 pub mod engine;
 pub mod export;

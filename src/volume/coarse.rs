@@ -1,13 +1,27 @@
 //! Coarse levels: means of blocks of voxels, which stand for a volume that exceeds the memory or the device.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::data::report;
 use super::resample::of_blocks;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
-use crate::number::count;
+use crate::number::{count, whole};
 use crate::progress::Progress;
+
+/// A grid of which a volume is a coarse level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Finest {
+    /// Its voxels along each axis.
+    pub dims: [usize; 3],
+    /// Those whose mean is a voxel of the level, along each axis.
+    pub block: [usize; 3],
+}
+
+/// Labels are numbers of 16 bits.
+const LABELS: usize = 1 << 16;
 
 impl Volume {
     /// The volume of the means of blocks of `block` voxels; of labels, the most frequent ones. Blocks at the ends of the axes
@@ -36,10 +50,77 @@ impl Volume {
         self.of_coarse_voxels(voxels, block)
     }
 
+    /// The volume at half the resolution, so many times: a level of its file of bricks as long as there is one, if its voxels
+    /// stay there; then means of 2×2×2 voxels of the level before, or the most frequent ones if these are `labels`. Both are
+    /// the same voxels. They stay in the file if they exceed the memory.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::InFile`] for labels in a file that does not mark them as labels, whose levels are means;
+    /// [`VolumeError::Cancelled`], [`VolumeError::Read`], [`VolumeError::Bricks`], [`VolumeError::BrickMemory`].
+    pub fn coarser_by(&self, halvings: u32, labels: bool, progress: &dyn Progress) -> Result<Self, VolumeError> {
+        if labels && !self.has_labels {
+            self.require_voxels("a level of labels that are not marked as labels")?;
+        }
+        let mut made = None;
+        let mut done = 0;
+        if let Some(cache) = &self.bricks {
+            done = cache.further_levels().min(halvings as usize);
+            made = Some(cache.coarser(self, done, progress)?);
+        }
+        for halving in done..halvings as usize {
+            report(Path::new(&self.source), halving as u64, halvings.into(), progress)?;
+            let finer = made.as_ref().unwrap_or(self);
+            made = Some(finer.of_blocks(finer.geometry.dims.map(|n| n.min(2)), labels)?);
+        }
+        Ok(made.unwrap_or_else(|| self.clone()))
+    }
+
+    /// Number of levels coarser than the volume, down to a single voxel; none if its voxels stay in a file without levels.
+    #[must_use]
+    pub fn coarser_levels(&self) -> u32 {
+        if self.bricks.as_ref().is_some_and(|cache| cache.further_levels() == 0) {
+            return 0;
+        }
+        self.geometry.dims.map(|n| n.next_power_of_two().ilog2()).into_iter().max().unwrap_or(0)
+    }
+
+    /// Opposite corners of the box from the centre of the first voxel to that of the last one, in voxel indices. Of a coarse
+    /// level, this is the box of the finest voxels, up to half a block larger than that of its own.
+    #[must_use]
+    pub fn whole_box(&self) -> [DVec3; 2] {
+        let Finest { dims, block } = self.finest.unwrap_or(Finest { dims: self.geometry.dims, block: [1; 3] });
+        let last = DVec3::from_array(dims.map(count)) - 1.0;
+        [DVec3::ZERO, last].map(|index| coarse_index(index, block))
+    }
+
+    /// Axes along which the volume, or the one of which it is a coarse level, has one voxel.
+    #[must_use]
+    pub fn thin_axes(&self) -> [bool; 3] {
+        self.finest.map_or(self.geometry.dims, |finest| finest.dims).map(|n| n == 1)
+    }
+
+    /// Number of voxels of each label, of a label map.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Read`], [`VolumeError::Bricks`].
+    pub(crate) fn counts_of_labels(&self) -> Result<Vec<u64>, VolumeError> {
+        let mut counts = vec![0; LABELS];
+        match &self.bricks {
+            Some(cache) => cache.each_brick(|voxels| count_labels(voxels, &mut counts))?,
+            None => count_labels(&self.voxels, &mut counts),
+        }
+        Ok(counts)
+    }
+
     /// The coarse level of this volume with these `voxels`.
     pub(super) fn of_coarse_voxels(&self, voxels: Voxels, block: [usize; 3]) -> Result<Self, VolumeError> {
         let dims = std::array::from_fn(|axis| self.geometry.dims[axis].div_ceil(block[axis]));
-        Ok(self.reduced(voxels, self.geometry.of_blocks(&self.source, block, dims)?, block))
+        let coarse = self.reduced(voxels, self.geometry.of_blocks(&self.source, block, dims)?, block);
+        let Finest { dims, block: sides } = self.finest.unwrap_or(Finest { dims: self.geometry.dims, block: [1; 3] });
+        let block = std::array::from_fn(|axis| sides[axis] * block[axis]);
+        Ok(Self { finest: Some(Finest { dims, block }), ..coarse })
     }
 
     /// Makes the coarse level of a volume whose voxels stay in a file, unless it is made: [`Self::at_hand`] returns it then.
@@ -78,6 +159,15 @@ impl Volume {
     pub(crate) fn grid_over(&self, of: &Self, block: [usize; 3]) -> Result<Geometry, VolumeError> {
         of.geometry.of_blocks(&self.source, block, self.geometry.dims)
     }
+}
+
+/// Adds the number of `voxels` of each label to `counts`.
+fn count_labels(voxels: &Voxels, counts: &mut [u64]) {
+    with_voxels!(voxels, stored => for &voxel in stored {
+        if let Some(found) = counts.get_mut(whole(voxel.to_f64())) {
+            *found += 1;
+        }
+    });
 }
 
 /// The index in a coarse level of blocks of `block` voxels that is at `index` of the volume.

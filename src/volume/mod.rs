@@ -51,7 +51,7 @@ mod vtk;
 mod zarr;
 
 pub use bricks::{BRICK, BrickCache, BrickLevel, BricksMade, CELL, CacheCounts, MakeError, brick_levels, macrocells};
-pub use coarse::{coarse_index, index_of_coarse};
+pub use coarse::{Finest, coarse_index, index_of_coarse};
 pub use error::VolumeError;
 pub use geometry::Geometry;
 pub use open::{extensions, make_bricks, open, open_by, open_raw, packed_blocks};
@@ -106,6 +106,8 @@ pub struct Volume {
     pub part: Option<Part>,
     /// Size of the block of file voxels whose mean is one voxel, along each axis.
     pub blocks: [usize; 3],
+    /// The grid of which the voxels are a coarse level, if they are: a picture shows its box.
+    pub finest: Option<Finest>,
     /// Path of the file as requested, or name of the phantom.
     pub source: String,
     /// Files that were read: header, sidecar and data; empty for a phantom.
@@ -157,6 +159,7 @@ impl Volume {
             selection: Selection::default(),
             part: None,
             blocks: [1; 3],
+            finest: None,
             source: source.to_owned(),
             files: Vec::new(),
             metadata: Vec::new(),

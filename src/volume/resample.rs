@@ -118,6 +118,7 @@ impl Volume {
             voxels,
             bricks: None,
             part: None,
+            finest: None,
             geometry,
             selection,
             component_names,

@@ -76,7 +76,8 @@ fn render_tells_programs_what_it_did() {
     let folder = Folder::new();
     let outcome = folder.done(&["render", "scene.toml", "--size", SIZE, "-o", "p.png", "--json"]);
     let json = outcome.json();
-    let expected = ["block", "device", "lights", "march", "outputs", "peak_mb", "plan", "size", "times", "warnings"];
+    let expected =
+        ["block", "device", "level", "lights", "march", "outputs", "peak_mb", "plan", "size", "times", "warnings"];
     assert_eq!(keys(&json), expected);
     assert!(json["block"].is_null());
     assert_eq!(json["outputs"], serde_json::json!(["p.png"]));

@@ -7,6 +7,7 @@ use std::error::Error;
 use std::iter;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::time::Duration;
 
 use relume::document::{Definition, SceneOptions, load_embedded, parse};
@@ -17,6 +18,7 @@ use relume::measure::{
 use relume::plan::plan_full_spectrum;
 use relume::progress::{Progress, Quiet};
 use relume::scene::{AmbientShares, Projection, Scene};
+use relume::volume::{Geometry, Volume, Voxels};
 use support::program::{Folder, SCENE};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, GLASS, glass_straight_on, parsed};
@@ -656,4 +658,68 @@ fn a_dimension_without_effect_is_neither_advised_nor_drawn_on_the_front() {
     for text in [&outcome.out, &outcome.err] {
         assert!(!text.contains("smaller error") && !text.contains("k = 7"), "{text}");
     }
+}
+
+/// A scene of 17×17×17 voxels of 200 where `is_inside`, and 0 elsewhere, seen along z with a pixel for each voxel.
+fn straight_on(is_inside: impl Fn([f64; 3]) -> bool) -> Scene {
+    let mut scene = parsed(
+        r#"
+        version = 1
+        shading = "none"
+        background = 0.2
+        [volume]
+        phantom = "slab"
+        dims = [17, 17, 17]
+        [materials.only]
+        reflectance = "orange"
+        [[transfer.intervals]]
+        material = "only"
+        range = [100, 250]
+        opacity = 0.05
+        [lights.day]
+        spectrum = "D65"
+        [camera]
+        projection = "orthographic"
+        height = 16
+        position = [8, 8, -10]
+        target = [8, 8, 0]
+        [accuracy]
+        termination = 0
+        integration = "samples"
+        "#,
+    );
+    let centre = |at: usize| f64::from(u8::try_from(at).unwrap()) - 8.0;
+    let place = |i: usize| [i % 17, i / 17 % 17, i / 289].map(centre);
+    let voxels = Voxels::U8((0..4913).map(|i| if is_inside(place(i)) { 200 } else { 0 }).collect());
+    scene.volume = Arc::new(Volume::new("block", voxels, Geometry::unit("block", [17; 3]).unwrap()).unwrap());
+    scene
+}
+
+/// From the first voxels to the last ones, a homogeneous block of 17 has 16 steps, 8 of level 1 and 4 of level 2.
+#[test]
+fn a_coarser_level_fades_a_thin_shell_and_changes_nothing_in_a_homogeneous_block() {
+    let sweeps = ["voxel_pixels=1,2,4"];
+    let row = |rows: &[Measured], pixels: f64| {
+        let value = Some(Value::Number(pixels));
+        rows.iter().find(|row| row.setting.get(Knob::VoxelPixels) == value).unwrap().clone()
+    };
+    let has_level = |row: &Measured| row.causes.iter().any(|(cause, _)| *cause == Cause::Level);
+    measured(&straight_on(|_| true), &sweeps, |_, rows| {
+        assert!(!has_level(&rows[0]) && !has_level(&row(rows, 1.0)), "a voxel takes a pixel");
+        for pixels in [2.0, 4.0] {
+            // Rounding of f64 alone.
+            let error = by(&row(rows, pixels), Cause::Level).delta_e.max;
+            assert!(error <= 1e-9, "{pixels}: {error}");
+            assert!(row(rows, pixels).volume_bytes < rows[0].volume_bytes / 4, "{:?}", row(rows, pixels));
+        }
+    });
+    let radius = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt();
+    measured(&straight_on(|place| (5.0..6.0).contains(&radius(place))), &sweeps, |_, rows| {
+        let [own, two, four] =
+            [0.0, 2.0, 4.0].map(|pixels| if pixels > 0.0 { row(rows, pixels) } else { rows[0].clone() });
+        let [two, four] = [two, four].map(|row| (by(&row, Cause::Level).delta_e.p95, row.error.delta_e.p95));
+        assert!(two.0 > 1.0 && four.0 > two.0, "{two:?} {four:?}");
+        // The error of the picture is that against level 0.
+        assert!(own.error.delta_e.p95 < two.1 && two.1 < four.1, "{:?} {two:?} {four:?}", own.error);
+    });
 }

@@ -221,6 +221,12 @@ fn a_file_of_bricks_of_version_1_has_its_one_level() {
         assert_eq!(read.selection.level, None);
     }
     assert_eq!(volume::brick_levels(&old).unwrap().len(), 1);
+    assert_eq!(
+        volume::open(&old, &Selection { memory: HostMemory::InFile, ..Selection::default() }, &Quiet)
+            .unwrap()
+            .coarser_levels(),
+        0
+    );
     // Its coarse level is averaged from its three bricks.
     let [in_file, whole] = [HostMemory::InFile, HostMemory::Whole]
         .map(|memory| volume::open(&old, &Selection { memory, ..Selection::default() }, &Quiet).unwrap());
@@ -247,4 +253,24 @@ fn a_damaged_level_is_named() {
     let cells = |level| made.level(level, HostMemory::InFile).bricks.unwrap().each_cell(|_, _| ());
     assert!(cells(2).unwrap_err().to_string().contains("macrocells are damaged"));
     assert!(cells(0).is_ok() && cells(1).is_ok());
+}
+
+#[test]
+fn halving_in_memory_makes_the_levels_of_the_file() {
+    let dims = [131, 70, 3];
+    let voxels = Voxels::U8((0..131 * 70 * 3_usize).map(|i| u8::try_from(i * i % 251).unwrap()).collect());
+    let made = Made::of(&voxels, dims);
+    for memory in [HostMemory::Whole, HostMemory::InFile] {
+        let finest = made.level(0, memory);
+        assert_eq!(finest.coarser_levels(), 8, "131 voxels, halved eight times, are one");
+        for halvings in [1, 2] {
+            let level = made.level(halvings, HostMemory::Whole);
+            let halved = finest.coarser_by(u32::try_from(halvings).unwrap(), false, &Quiet).unwrap();
+            assert!(halved.voxels == level.voxels && halved.geometry == level.geometry, "{memory:?}: {halvings}");
+        }
+        // The file ends with level 2, a single brick.
+        let [third, of_second] = [(&finest, 3), (&made.level(2, HostMemory::Whole), 1)]
+            .map(|(volume, halvings)| volume.coarser_by(halvings, false, &Quiet).unwrap().voxels);
+        assert!(third == of_second && third.len() == 17 * 9, "{memory:?}");
+    }
 }

@@ -320,6 +320,7 @@ pub(super) struct AccuracyFile {
     pub(super) model: ModelKind,
     pub(super) tolerance: Option<At<f64>>,
     pub(super) k: Option<At<DimensionFile>>,
+    pub(super) voxel_pixels: Option<At<f64>>,
     #[serde(default)]
     pub(super) storage: StoreAs,
 }

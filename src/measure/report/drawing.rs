@@ -5,8 +5,10 @@ use std::fmt::Write as _;
 use crate::number::count;
 
 /// Colours of parts for all kinds of colour vision, on white and on black (after Okabe and Ito 2008).
-pub(super) const PARTS: [&str; 10] =
-    ["#7a4fa3", "#0072b2", "#56b4e9", "#009e73", "#f0e442", "#d55e00", "#e69f00", "#cc79a7", "#999999", "#b8a800"];
+pub(super) const PARTS: [&str; 11] = [
+    "#7a4fa3", "#0072b2", "#56b4e9", "#009e73", "#8c510a", "#f0e442", "#d55e00", "#e69f00", "#cc79a7", "#999999",
+    "#b8a800",
+];
 
 /// Style of the classes in a standalone drawing, on white.
 const LIGHT: &str = "svg{font-family:'DejaVu Sans',Helvetica,Arial,sans-serif;font-size:12px}\

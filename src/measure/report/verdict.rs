@@ -128,6 +128,9 @@ fn why(cause: Cause, scene: &Scene, own: &Measured) -> String {
         Cause::Termination => {
             format!("rays end at a transmittance of {}", readable(scene.accuracy.termination))
         }
+        Cause::Level => {
+            format!("means of blocks take the place of voxels, up to {} pixels", readable(scene.accuracy.voxel_pixels))
+        }
         Cause::LightGrid => {
             format!("shadows come from a grid with a node every {} voxels", readable(scene.shadows.spacing))
         }

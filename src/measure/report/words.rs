@@ -14,7 +14,7 @@ const fn word(name: &'static str, keys: &'static [&'static str], meaning: &'stat
 }
 
 /// Terms that are column heads of the table of all numbers also give the heads' tooltips.
-const WORDS: [Word; 46] = [
+const WORDS: [Word; 48] = [
     word(
         "ΔE00",
         &["ΔE00"],
@@ -126,6 +126,16 @@ const WORDS: [Word; 46] = [
         "lookup",
         &["lookup="],
         "whether the table of the transfer function is interpolated (linear) or read at the nearest entry",
+    ),
+    word(
+        "level",
+        &["level"],
+        "as a cause of errors: means of blocks of voxels take the place of the voxels, and steps are as long in them",
+    ),
+    word(
+        "voxel_pixels",
+        &["voxel_pixels="],
+        "largest voxel in the picture, in pixels, for which a coarser level of the volume is taken; 0 takes all voxels",
     ),
     word("skipping", &["skipping="], "empty-space skipping, which changes times only"),
     word(

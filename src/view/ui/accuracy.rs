@@ -11,7 +11,7 @@ use crate::document::{Document, Edit, STEPS};
 use crate::measure::{Goal, Preset};
 use crate::plan::Planned;
 use crate::plan::Stale;
-use crate::scene::{Accuracy, Integration, LabelInterpolation};
+use crate::scene::{Accuracy, Integration, LabelInterpolation, MOST_VOXEL_PIXELS};
 use crate::view::action::Action;
 use crate::view::effort::{Curve, Measured};
 
@@ -65,6 +65,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
         if effort.planned.is_some_and(|planned| planned.plan.labels) {
             labels(ui, &scene.accuracy, asked);
         }
+        voxel_pixels(ui, &scene.accuracy, asked);
         integration(ui, &scene.accuracy, effort.planned.and_then(Planned::no_segments), asked);
         match effort.running {
             Some((part, stage)) => {
@@ -109,6 +110,22 @@ fn rays(ui: &mut Ui, accuracy: &Accuracy, asked: &mut Vec<Action>) {
         menu.response.on_hover_text("A pixel is the mean of these rays: smoother edges, in as many times the time. One ray while the picture changes.");
         if rays != accuracy.rays {
             asked.push(Action::Edit(Edit::Accuracy(Accuracy { rays, ..accuracy.clone() })));
+        }
+    });
+}
+
+/// Largest voxels of rendered pictures. The window itself marches all voxels.
+fn voxel_pixels(ui: &mut Ui, accuracy: &Accuracy, asked: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        ui.label("Voxels up to");
+        let mut pixels = accuracy.voxel_pixels;
+        let dragged =
+            number(ui, &mut pixels, 2, |drag| drag.speed(0.05).range(0.0..=MOST_VOXEL_PIXELS).suffix(" pixels"));
+        dragged.widget_info(|| WidgetInfo::slider(true, pixels, "voxels up to"));
+        let help = "relume render, page and measure take a coarser level of the volume whose voxels are at most so large: \
+                    faster, and thin layers fade. 0 takes all voxels, as this window always does at rest.";
+        if dragged.on_hover_text(help).changed() {
+            asked.push(Action::Edit(Edit::Accuracy(Accuracy { voxel_pixels: pixels, ..accuracy.clone() })));
         }
     });
 }

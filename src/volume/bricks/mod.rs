@@ -26,7 +26,9 @@ use super::select::HostMemory;
 use super::statistics::Measured;
 use super::stream::{self, count};
 use super::voxels::with_type;
-use super::{Geometry, Selection, Several, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, with_voxels};
+use super::{
+    Finest, Geometry, Selection, Several, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, with_voxels,
+};
 use crate::memory;
 use crate::progress::Progress;
 use cells::CellRanges;
@@ -195,6 +197,8 @@ impl BrickCache {
             volume.selection.level = Some(level);
             let told = [Several::Levels(dims).to_string(), level.to_string()];
             volume.metadata.extend(LEVELS.map(str::to_owned).into_iter().zip(told));
+            let dims = levels[0].geometry.dims;
+            volume.finest = (level > 0).then(|| Finest { dims, block: block_of(dims, level) });
         }
         let Level { grid, index, cells, cells_digest } = opened.levels.swap_remove(level);
         let cache = Self {
@@ -291,9 +295,38 @@ impl BrickCache {
         Ok(())
     }
 
+    /// Number of levels of the file that are coarser than this one.
+    pub(super) fn further_levels(&self) -> usize {
+        self.levels.len() - 1 - self.level
+    }
+
+    /// The level of the file that is coarser by so many halvings than `volume`, whose voxels are in this file: in memory if it
+    /// fits there.
+    pub(super) fn coarser(
+        &self,
+        volume: &Volume,
+        halvings: usize,
+        progress: &dyn Progress,
+    ) -> Result<Volume, VolumeError> {
+        let memory = HostMemory::Bounded { bytes: Some(self.limit) };
+        let selection = Selection { level: Some(self.level + halvings), memory, ..Selection::default() };
+        let Volume { voxels, bricks, .. } = read(&self.path, &selection, progress)?;
+        Ok(Volume { bricks, ..volume.of_coarse_voxels(voxels, self.coarse_block(halvings))? })
+    }
+
+    /// Calls `with` for the voxels of each brick.
+    pub(super) fn each_brick(&self, mut with: impl FnMut(&Voxels)) -> Result<(), VolumeError> {
+        let bricks: Vec<usize> = (0..self.index.len()).collect();
+        let batch = BATCH.min(self.held().counts.held).max(1);
+        for bricks in bricks.chunks(batch) {
+            self.decoded(bricks)?.iter().for_each(|voxels| with(voxels));
+        }
+        Ok(())
+    }
+
     /// Sides of the blocks of the level that is coarser by so many halvings.
     fn coarse_block(&self, coarser: usize) -> [usize; 3] {
-        self.grid.dims.map(|n| n.next_power_of_two().min(1 << coarser))
+        block_of(self.grid.dims, coarser)
     }
 
     /// Number of halvings to the coarse level.
@@ -304,7 +337,7 @@ impl BrickCache {
             voxels <= MOST_COARSE && voxels * count(self.voxel_type.bytes()) <= self.limit / COARSE_PART
         };
         // Blocks of voxels that are averaged here divide a brick.
-        let most = (BRICK.ilog2() as usize).max(self.levels.len() - 1 - self.level);
+        let most = (BRICK.ilog2() as usize).max(self.further_levels());
         (1..=most).find(is_small).unwrap_or(most)
     }
 
@@ -508,6 +541,11 @@ impl BrickCache {
         }
         Err(damaged(&self.path, format!("{what} damaged: the digest is {found:08x}, but should be {expected:08x}")))
     }
+}
+
+/// Sides of the blocks of `dims` voxels after so many halvings.
+fn block_of(dims: [usize; 3], halvings: usize) -> [usize; 3] {
+    dims.map(|n| n.next_power_of_two().min(1 << halvings))
 }
 
 impl Held {
