@@ -101,22 +101,13 @@ impl Terminal {
         self.has_rows.store(true, Ordering::Relaxed);
     }
 
-    /// Ends the program with a sentence when the launcher of several processes ends it, and discards half-written files.
+    /// Has the program end with a sentence about its launcher when that ends it, in place of the usual one.
     pub(crate) fn end_with_others(&self, rank: usize, count: usize) {
         let ended = format!(
             "rank {rank} of {count} processes: the launcher ended this process, as it does when another one failed or was \
              killed, or the job was cancelled; this one leaves no incomplete file"
         );
-        #[cfg(unix)]
-        if let Err(error) = on_signal(SIGTERM, "terminated", move || {
-            relume::output::discard_unfinished();
-            complain(&super::CliError::Failed(ended));
-            signal_hook::low_level::exit(TERMINATED.into());
-        }) {
-            tracing::warn!("if the launcher ends this process, an incomplete file may be left: {error}");
-        }
-        #[cfg(not(unix))]
-        drop(ended);
+        *ENDED.lock().unwrap_or_else(PoisonError::into_inner) = Some(ended);
     }
 
     /// Removes the progress bar.
@@ -144,6 +135,9 @@ fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
     })
 }
 
+/// What a process of several says when its launcher ends it.
+static ENDED: Mutex<Option<String>> = Mutex::new(None);
+
 /// Ends the program when the signal arrives, with this exit code, and discards half-written files.
 #[cfg(unix)]
 fn end_at_once(signal: i32, code: u8) -> io::Result<()> {
@@ -154,7 +148,9 @@ fn end_at_once(signal: i32, code: u8) -> io::Result<()> {
     let name = if signal == SIGHUP { "HUP" } else { "TERM" };
     on_signal(signal, name, move || {
         relume::output::discard_unfinished();
-        complain(&super::CliError::Failed(format!("ended by the signal {name}; no incomplete file is left")));
+        let ended = ENDED.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let ended = ended.unwrap_or_else(|| format!("ended by the signal {name}; no incomplete file is left"));
+        complain(&super::CliError::Failed(ended));
         signal_hook::low_level::exit(code.into());
     })
 }
