@@ -184,7 +184,10 @@ fn a_signal_that_ends_the_program_leaves_no_incomplete_file() {
     for (signal, code) in [("TERM", 143), ("HUP", 129)] {
         let folder = Folder::new();
         let before = folder.names();
-        let child = start(&folder, &turning.split(' ').collect::<Vec<_>>());
+        // This test may itself run under `nohup`.
+        let mut command = Command::new("env");
+        command.args(["--default-signal=HUP", program]).args(turning.split(' ')).current_dir(folder.path("."));
+        let child = command.stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let begun = Instant::now();
         while parts(&folder).is_empty() && begun.elapsed() < Duration::from_secs(20) {
             std::thread::sleep(Duration::from_millis(20));
