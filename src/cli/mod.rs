@@ -326,7 +326,7 @@ pub(crate) fn main() -> ExitCode {
             } else {
                 terminal::complain(&error);
                 if cli.json {
-                    // What failed is told already.
+                    // The failure itself is told already.
                     terminal::print(&format!("{:#}\n", sorted(error_json(&error, code, &terminal.warnings())))).ok();
                 }
             }

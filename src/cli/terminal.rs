@@ -135,7 +135,7 @@ fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
     })
 }
 
-/// What a process of several says when its launcher ends it.
+/// Sentence of one of several processes that its launcher ends.
 static ENDED: Mutex<Option<String>> = Mutex::new(None);
 
 /// Ends the program when the signal arrives, with this exit code, and discards half-written files.

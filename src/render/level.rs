@@ -4,56 +4,44 @@ use std::sync::Arc;
 
 use super::RenderError;
 use crate::progress::Progress;
-use crate::scene::Scene;
+use crate::scene::{Coarse, Scene};
 use crate::volume::Volume;
 
-/// Voxels of a coarse level.
-#[derive(Clone, Debug)]
-pub(crate) struct Level {
-    pub(crate) volume: Arc<Volume>,
-    /// Those of the labels, if the scene has labels.
-    pub(crate) labels: Option<Arc<Volume>>,
-    /// Voxels of the volume whose mean is one of the level, along each axis.
-    pub(crate) block: [usize; 3],
-}
-
-impl Level {
-    /// The finest level of the volume of `scene`, and of its labels, of so many voxels along each axis that it `fits`. Of voxels
-    /// that stay in a file, the file's coarse level is made first, if it is not.
-    ///
-    /// # Errors
-    ///
-    /// [`RenderError::Volume`], [`RenderError::Labels`], [`RenderError::Cancelled`].
-    pub(crate) fn finest(
-        scene: &Scene,
-        fits: impl Fn([usize; 3]) -> bool,
-        progress: &dyn Progress,
-    ) -> Result<Self, RenderError> {
-        scene.volume.prepare_coarse(progress).map_err(RenderError::Volume)?;
-        let at_hand = scene.volume.at_hand();
-        let dims = at_hand.geometry.dims;
-        let sides = |side: usize| dims.map(|n| side.min(n.next_power_of_two()));
-        let of_blocks = |side: usize| std::array::from_fn(|axis| dims[axis].div_ceil(sides(side)[axis]));
-        let first = if scene.volume.bricks.is_some() { 1 } else { 2 };
-        let mut all = std::iter::successors(Some(first), |side: &usize| side.checked_mul(2));
-        // The level of a single voxel always fits.
-        let side = all.find(|&side| of_blocks(side) == [1; 3] || fits(of_blocks(side)));
-        let further = sides(side.unwrap_or(first));
-        progress.report("averaging voxels", 0, 1);
-        if progress.cancelled() {
-            return Err(RenderError::Cancelled);
-        }
-        let block = std::array::from_fn(|axis| scene.volume.block_of(at_hand)[axis] * further[axis]);
-        let made = match scene.volume.coarse_in_file().filter(|_| further == [1; 3]) {
-            Some(coarse) => Arc::clone(coarse),
-            None => Arc::new(at_hand.coarse_level(further).map_err(RenderError::Volume)?),
-        };
-        // The scene may state another grid than the file.
-        let geometry = made.grid_over(&scene.volume, block).map_err(RenderError::Volume)?;
-        let volume = if made.geometry == geometry { made } else { Arc::new(Volume { geometry, ..(*made).clone() }) };
-        let labels = scene.labels.as_ref().map(|labels| labels.volume.coarse_level_of_labels(block)).transpose();
-        let labels = labels.map_err(RenderError::Labels)?.map(Arc::new);
-        progress.report("averaging voxels", 1, 1);
-        Ok(Self { volume, labels, block })
+/// The finest level of the volume of `scene`, and of its labels, of so many voxels along each axis that it `fits`. Of voxels
+/// that stay in a file, the file's coarse level is made first, if it is not.
+///
+/// # Errors
+///
+/// [`RenderError::Volume`], [`RenderError::Labels`], [`RenderError::Cancelled`].
+pub(crate) fn finest_level(
+    scene: &Scene,
+    fits: impl Fn([usize; 3]) -> bool,
+    progress: &dyn Progress,
+) -> Result<Coarse, RenderError> {
+    scene.volume.prepare_coarse(progress).map_err(RenderError::Volume)?;
+    let at_hand = scene.volume.at_hand();
+    let dims = at_hand.geometry.dims;
+    let sides = |side: usize| dims.map(|n| side.min(n.next_power_of_two()));
+    let of_blocks = |side: usize| std::array::from_fn(|axis| dims[axis].div_ceil(sides(side)[axis]));
+    let first = if scene.volume.bricks.is_some() { 1 } else { 2 };
+    let mut all = std::iter::successors(Some(first), |side: &usize| side.checked_mul(2));
+    // The level of a single voxel always fits.
+    let side = all.find(|&side| of_blocks(side) == [1; 3] || fits(of_blocks(side)));
+    let further = sides(side.unwrap_or(first));
+    progress.report("averaging voxels", 0, 1);
+    if progress.cancelled() {
+        return Err(RenderError::Cancelled);
     }
+    let block = std::array::from_fn(|axis| scene.volume.block_of(at_hand)[axis] * further[axis]);
+    let made = match scene.volume.coarse_in_file().filter(|_| further == [1; 3]) {
+        Some(coarse) => Arc::clone(coarse),
+        None => Arc::new(at_hand.coarse_level(further).map_err(RenderError::Volume)?),
+    };
+    // The scene may state another grid than the file.
+    let geometry = made.grid_over(&scene.volume, block).map_err(RenderError::Volume)?;
+    let volume = if made.geometry == geometry { made } else { Arc::new(Volume { geometry, ..(*made).clone() }) };
+    let labels = scene.labels.as_ref().map(|labels| labels.volume.coarse_level_of_labels(block)).transpose();
+    let labels = labels.map_err(RenderError::Labels)?.map(Arc::new);
+    progress.report("averaging voxels", 1, 1);
+    Ok(Coarse::new(volume, labels, block))
 }

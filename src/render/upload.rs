@@ -5,13 +5,13 @@ use std::sync::{Arc, Mutex};
 
 use glam::DVec3;
 
-use super::level::Level;
+use super::level::finest_level;
 use super::pool::{Filled, Pool, PoolSize, Residence, voxel_bytes};
 use super::{RenderError, Renderer};
 use crate::number::count;
 use crate::plan::{Planned, ScenePlan};
 use crate::progress::Progress;
-use crate::scene::{Interpolation, Labels, Scene};
+use crate::scene::{Interpolation, Scene};
 use crate::tables::{BrickGrid, Cells, LabelMap, Storage, VolumeFormat, apron, slot_edge};
 use crate::volume::{Statistics, macrocells};
 use crate::vulkan::{Buffer, Format, HostUse, Image3d};
@@ -222,15 +222,13 @@ impl Renderer {
         let all = self.most_volume_bytes(0);
         let budget = (all / LIGHT_PART).min(all.saturating_sub(slot_bytes));
         let fits = |dims: [usize; 3]| self.has_room(dims, format, voxel_bytes, budget);
-        let Level { volume, labels, block } = Level::finest(scene, fits, progress)?;
-        let statistics = volume.statistics().map_err(RenderError::Volume)?;
-        let covered = |axis: usize| count(block[axis] * volume.geometry.dims[axis]);
+        let coarse = finest_level(scene, fits, progress)?;
+        let (block, level) = (coarse.block(), coarse.scene(scene));
+        let statistics = level.volume.statistics().map_err(RenderError::Volume)?;
+        let covered = |axis: usize| count(block[axis] * level.volume.geometry.dims[axis]);
         let scale = std::array::from_fn(|axis| count(scene.volume.geometry.dims[axis]) / covered(axis));
-        let of_labels = |(of, volume): (&Labels, Arc<_>)| Labels { volume, declared: of.declared.clone() };
-        let labels = scene.labels.as_ref().zip(labels).map(of_labels);
-        let coarse = Scene { volume, labels, ..scene.clone() };
         let whole = Self { always_bricked: false, taken_bytes: 0, ..self.clone() };
-        let uploaded = Box::new(whole.upload(&coarse, planned, &statistics, progress)?);
+        let uploaded = Box::new(whole.upload(&level, planned, &statistics, progress)?);
         Ok(LightLevel { uploaded, block, scale: DVec3::from_array(scale) })
     }
 

@@ -3,13 +3,12 @@
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-use super::coarse::coarse;
 use super::job::Listener;
 use crate::document::{OpenError, SceneFile, Source};
 use crate::memory::give_back_freed;
 use crate::plan::{Planned, plan};
 use crate::progress::Progress;
-use crate::render::{RenderError, Renderer, SceneRenderer};
+use crate::render::{RenderError, Renderer, SceneRenderer, finest_level};
 use crate::scene::{Coarse, Scene};
 use crate::volume::{HostMemory, Statistics};
 
@@ -168,7 +167,7 @@ impl Loaded {
         let (scene, planned, coarse) = match whole {
             Some(planned) if renderer.holds_whole(&scene, &planned, &statistics) => (scene, planned, None),
             _ => {
-                let coarse = coarse(renderer, &scene, progress)?;
+                let coarse = finest_level(&scene, |dims| renderer.has_room_for_coarse(dims), progress)?;
                 let scene = coarse.scene(&scene);
                 let planned = planned(&scene)?;
                 (scene, planned, Some(coarse))

@@ -7,7 +7,6 @@
 pub mod action;
 #[cfg(feature = "window")]
 mod advice;
-mod coarse;
 pub mod effort;
 pub mod engine;
 pub mod export;

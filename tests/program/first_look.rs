@@ -221,6 +221,24 @@ fn an_edited_cell_of_a_solved_palette_is_not_ignored_in_silence() {
 }
 
 #[test]
+fn numbers_and_names_that_mean_nothing_are_refused_with_those_that_do() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    fn render<'a>(more: &[&'a str]) -> Vec<&'a str> {
+        [&["render", "ball.nrrd", "--size", "8x8", "-o", "p.png"], more].concat()
+    }
+    folder.refused(2, &render(&["--window", "-5", "--level", "3"]), &["-5", "write a width above 0"]);
+    folder.refused(2, &render(&["--component", "DAPI"]), &["DAPI", "the number of a component", "relume info"]);
+    let of = "materials.femur.reflectance=0.3";
+    folder.refused(
+        2,
+        &render(&["-D", of]),
+        &[of, "there is no materials.femur (there are: ", "nothing uses a new one"],
+    );
+    let used = ["-D", "materials.femur.reflectance=0.3", "-D", "transfer.intervals.0.material=femur"];
+    folder.done(&render(&used));
+}
+
+#[test]
 fn a_light_that_is_renamed_in_the_palette_shines_from_where_the_others_do() {
     let folder = Folder::new().with("ball.nrrd", ball());
     folder.done(&["render", "ball.nrrd", "--size", "8x8", "-o", "a.png", "--save-scene", "a.toml"]);

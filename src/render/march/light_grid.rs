@@ -383,7 +383,7 @@ impl DeviceGrid {
         self.filling.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What a texel holds.
+    /// Depths in each of its texels.
     fn texel(&self) -> Texel {
         if self.room == 1 { Texel::One } else { Texel::Four }
     }
