@@ -45,6 +45,30 @@ fn available_in(meminfo: &str) -> Option<u64> {
     kibibytes.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
+/// Asks the system for large pages behind the zeros of `block`, which nothing has touched yet. On its first write, Linux then
+/// provides 2 MiB at once in place of 4 KiB; by itself it often does so only where it is asked to
+/// (`/sys/kernel/mm/transparent_hugepage/enabled`). Blocks below 4 MiB gain nothing. Without large pages all stays as it was.
+#[cfg_attr(target_os = "linux", expect(unsafe_code, reason = "a system call that takes a pointer"))]
+pub fn prefer_large_pages<T>(block: &mut [T]) {
+    #[cfg(target_os = "linux")]
+    {
+        /// Bytes of a large page of most processors; a multiple of the others' small pages.
+        const LARGE: usize = 1 << 21;
+        let before = block.as_mut_ptr().cast::<u8>().align_offset(LARGE);
+        let length = size_of_val(block).saturating_sub(before) / LARGE * LARGE;
+        if size_of_val(block) < 2 * LARGE || length == 0 {
+            return;
+        }
+        let first = block.as_mut_ptr().cast::<u8>().wrapping_add(before).cast();
+        // SAFETY: the pages from `first` on lie within `block`, which is borrowed alone, and the advice keeps their contents.
+        let advised = unsafe { rustix::mm::madvise(first, length, rustix::mm::Advice::LinuxHugepage) };
+        // A kernel without large pages refuses; the pages are small then.
+        advised.unwrap_or_default();
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = block;
+}
+
 /// Returns freed heap memory to the operating system. glibc does not do this by itself: each thread has its own heap,
 /// which keeps its freed pages. A software device compiles its shaders in these heaps, too.
 #[cfg_attr(all(target_os = "linux", target_env = "gnu"), expect(unsafe_code, reason = "a function of the C library"))]
@@ -109,5 +133,39 @@ mod tests {
         assert_eq!(left_in_groups("5:cpu:/\n4:hugetlb,memory:/old\n0::/slice\n", read), 50);
         assert_eq!(left_in_groups("0::/\n", read), u64::MAX, "without a limit");
         assert_eq!(left_in_groups("4:memory:/elsewhere\n\nrubbish\n", read), u64::MAX);
+    }
+
+    /// Flags of the mapping that holds `address`.
+    #[cfg(target_os = "linux")]
+    fn flags_at(address: usize) -> String {
+        let maps = std::fs::read_to_string("/proc/self/smaps").unwrap();
+        let mut holds = false;
+        for line in maps.lines() {
+            let first = line.split_whitespace().next().unwrap_or_default();
+            if let Some((low, high)) = first.split_once('-') {
+                let ends = [low, high].map(|end| usize::from_str_radix(end, 16).unwrap());
+                holds = (ends[0]..ends[1]).contains(&address);
+            } else if holds && first == "VmFlags:" {
+                return line.to_owned();
+            }
+        }
+        String::new()
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn large_pages_are_preferred_for_large_blocks_only() {
+        let mut large = vec![0_u16; 8 << 20];
+        prefer_large_pages(&mut large);
+        if std::path::Path::new("/sys/kernel/mm/transparent_hugepage").exists() {
+            let flags = flags_at(large.as_ptr() as usize + (8 << 20));
+            assert!(flags.split(' ').any(|flag| flag == "hg"), "{flags}");
+        }
+        large.fill(7);
+        assert!(large.iter().all(|&voxel| voxel == 7), "the block is written as before");
+        let mut small = vec![1_u8; 100];
+        prefer_large_pages(&mut small);
+        prefer_large_pages::<u8>(&mut []);
+        assert_eq!(small, vec![1; 100]);
     }
 }

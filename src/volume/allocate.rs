@@ -4,10 +4,13 @@ use std::path::Path;
 
 use super::VolumeError;
 use super::stream::count;
+use crate::memory::prefer_large_pages;
 
 /// Returns a vector of zeros; the system provides its memory at the first write.
 pub(super) fn zeroed<T: bytemuck::Zeroable>(path: &Path, length: usize) -> Result<Vec<T>, VolumeError> {
-    bytemuck::try_zeroed_vec(length).map_err(|()| short::<T>(path, length))
+    let mut zeros = bytemuck::try_zeroed_vec(length).map_err(|()| short::<T>(path, length))?;
+    prefer_large_pages(&mut zeros);
+    Ok(zeros)
 }
 
 /// Reserves room for `more` behind the `voxels`. The capacity doubles as voxels arrive, up to that of `all` voxels.
