@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::{RenderError, Renderer};
 use crate::number::{count, rounded, unsigned};
-use crate::tables::{BRICK, BrickGrid, LabelMap, Storage, slot_edge};
+use crate::tables::{BRICK, BrickGrid, LabelMap, Storage, read_for_box, slot_edge};
 use crate::volume::Volume;
 use crate::vulkan::{Buffer, Device, DeviceKind, Format, HostUse, Image3d};
 
@@ -69,17 +69,29 @@ impl Packer {
     ///
     /// [`RenderError::Volume`] if its file cannot be read.
     pub(super) fn pack(&self, brick: usize) -> Result<Packed, RenderError> {
-        let edge = slot_edge(self.apron) as usize;
-        let first = self
-            .grid
-            .place(brick)
-            .map(|at| i64::try_from(at * BRICK as usize).unwrap_or(i64::MAX) - i64::from(self.apron));
+        let (first, edge) = self.slot_box(brick);
         let volume = self.storage.texels_of_box(&self.source, first, edge).map_err(RenderError::Volume)?;
         let labels = self
             .labels
             .as_ref()
             .map(|map| map.texels_of_box(self.source.geometry.dims, first, edge, self.smooth_labels));
         Ok(Packed { brick, volume, labels })
+    }
+
+    /// First voxel of the slot of `brick`, and its edge.
+    fn slot_box(&self, brick: usize) -> ([i64; 3], usize) {
+        let first = |at: usize| i64::try_from(at * BRICK as usize).unwrap_or(i64::MAX) - i64::from(self.apron);
+        (self.grid.place(brick).map(first), slot_edge(self.apron) as usize)
+    }
+
+    /// How many of the first `bricks` can be packed without reading a brick of their file twice: all if the voxels are in memory.
+    pub(super) fn fitting(&self, bricks: &[usize]) -> usize {
+        let Some(cache) = &self.source.bricks else { return bricks.len() };
+        let dims = self.source.geometry.dims;
+        cache.fitting(bricks.iter().map(|&brick| {
+            let (first, edge) = self.slot_box(brick);
+            read_for_box(dims, first, edge)
+        }))
     }
 }
 

@@ -4,6 +4,20 @@ use std::ops::Range;
 
 use crate::parallel;
 
+fn signed(number: usize) -> i64 {
+    i64::try_from(number).unwrap_or(i64::MAX)
+}
+
+/// Part of a grid of `dims` voxels that the texels of a box of `edge` voxels along each axis depend on, which begins at `first`:
+/// from its first voxel to before its end. One voxel more on each side is for differences; beyond it lie only faces of the
+/// grid, which are repeated.
+#[must_use]
+pub fn read_for_box(dims: [usize; 3], first: [i64; 3], edge: usize) -> [[usize; 3]; 2] {
+    let within = |at: i64, n: usize| usize::try_from(at.max(0)).unwrap_or(usize::MAX).min(n);
+    let low = std::array::from_fn(|axis| within(first[axis] - 1, dims[axis] - 1));
+    [low, std::array::from_fn(|axis| within(first[axis] + signed(edge) + 1, dims[axis]))]
+}
+
 /// Texels of a box of `edge` voxels along each axis, x fastest, `texel_bytes` each. The box begins at `first` and reaches
 /// beyond a grid of `dims` voxels, where the texels at the faces are repeated; one of its voxels lies in the grid.
 /// `row(y, z, xs, out)` writes the texels of `xs` in the row of the grid.
@@ -15,7 +29,6 @@ pub(super) fn texels_of_box(
     row: impl Fn(usize, usize, Range<usize>, &mut [u8]) + Sync,
 ) -> Vec<u8> {
     let within = |at: i64, n: usize| usize::try_from(at.max(0)).unwrap_or(usize::MAX).min(n - 1);
-    let signed = |number: usize| i64::try_from(number).unwrap_or(i64::MAX);
     let row_bytes = edge * texel_bytes;
     let mut bytes = vec![0_u8; row_bytes * edge * edge];
     let xs = within(first[0], dims[0])..within(first[0] + signed(edge) - 1, dims[0]) + 1;

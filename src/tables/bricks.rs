@@ -10,6 +10,9 @@ use crate::scene::{Gradients, Interpolation, Scene};
 
 pub use crate::volume::BRICK;
 
+/// Levels of an octree of bricks whose places have 63 bits in all.
+const LEVELS: usize = 21;
+
 /// Texels along an edge of a slot: a brick and its apron. Brick b owns the macrocells from 8b on, so the voxel indices
 /// [64b, 64b + 64], and linear interpolation at the upper end and a rounding beyond it reads two voxels behind the last.
 #[must_use]
@@ -89,37 +92,46 @@ impl BrickGrid {
         low.cmplt(place + 1.0).all() && high.cmpgt(place).all()
     }
 
-    /// For each brick a number that only grows along any of `rays`: the sum over the axes of its distance to the brick of
-    /// the eye, or to the nearest one; for parallel rays, of its places in the direction of the rays.
+    /// For each brick a number that only grows along any of `rays`: its place in an octree that is traversed from the brick of
+    /// the eye, or from the nearest one to it; for parallel rays, from the corner that they come from.
     #[must_use]
     pub fn ranks(&self, rays: &RayTable) -> Vec<i64> {
         let parallel = rays.direction_u == DVec3::ZERO && rays.direction_v == DVec3::ZERO;
         let eye = rays.base - rays.eye_distance * rays.direction;
         let cells = (eye * rays.cell_scale + rays.cell_offset).to_array();
-        let place = |axis: usize| -> usize {
-            let brick = cells[axis] / count(BRICK as usize / CELL);
-            whole(brick.floor().max(0.0)).min(self.counts[axis] - 1)
-        };
-        let eye = [0, 1, 2].map(place);
-        let signed = |number: usize| i64::try_from(number).unwrap_or(i64::MAX);
-        let along = |axis: usize, at: usize| {
-            let direction = rays.direction[axis];
-            match (parallel, direction > 0.0, direction < 0.0) {
-                (false, ..) => signed(at.abs_diff(eye[axis])),
-                (true, true, _) => signed(at),
-                (true, _, true) => -signed(at),
-                (true, false, false) => 0,
+        let first = |axis: usize| -> usize {
+            let last = self.counts[axis] - 1;
+            match (parallel, rays.direction[axis] < 0.0) {
+                (false, _) => {
+                    let brick = cells[axis] / count(BRICK as usize / CELL);
+                    whole(brick.floor().max(0.0)).min(last)
+                }
+                (true, true) => last,
+                (true, false) => 0,
             }
         };
+        // Of the two halves of a block along an axis, the one of `first`, or next to it, comes first.
+        let of_place = |axis: usize, at: usize| -> i64 {
+            let far = |level: usize| {
+                let [half, first] = [at, first(axis)].map(|place| place >> level);
+                (half % 2 == 1) != (first >= (half | 1))
+            };
+            (0..LEVELS).map(|level| i64::from(far(level)) << (3 * level + axis)).sum()
+        };
+        let of_axes = [0, 1, 2].map(|axis| (0..self.counts[axis]).map(|at| of_place(axis, at)).collect::<Vec<_>>());
         (0..self.bricks())
-            .map(|brick| self.place(brick).into_iter().enumerate().map(|(axis, at)| along(axis, at)).sum())
+            .map(|brick| self.place(brick).into_iter().zip(&of_axes).map(|(at, of_axis)| of_axis[at]).sum())
             .collect()
     }
 }
 
 #[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::scene::{Aim, Projection};
+    use crate::volume::{Geometry, Volume, Voxels};
+    use std::sync::Arc;
 
     #[test]
     fn a_brick_is_occupied_if_one_of_its_macrocells_is() {
@@ -135,5 +147,51 @@ mod tests {
         };
         assert_eq!(occupied(&[]), [0_usize; 0]);
         assert_eq!(occupied(&[[16, 7, 8], [7, 0, 0], [8, 7, 7], [0, 0, 0]]), [0, 1, 5]);
+    }
+
+    /// Rays through a volume of `counts` bricks.
+    fn rays(counts: [usize; 3], position: DVec3, target: DVec3, projection: Projection) -> RayTable {
+        let dims = counts.map(|n| n * BRICK as usize);
+        let geometry = Geometry::unit("test", dims).unwrap();
+        let voxels = Voxels::U8(vec![0; dims.iter().product()]);
+        let mut scene = Scene::new("test", Arc::new(Volume::new("test", voxels, geometry).unwrap()));
+        (scene.camera.aim, scene.camera.projection) = (Aim::LookAt { position, target }, projection);
+        RayTable::new(&scene, &scene.camera.view(&geometry, 1.0).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn ranks_grow_along_rays_and_bricks_of_a_block_follow_each_other() {
+        let counts = [5, 4, 3];
+        let grid = BrickGrid { counts };
+        let centre = DVec3::new(160.0, 128.0, 96.0);
+        let perspective = Projection::Perspective { fov_degrees: 30.0 };
+        let parallel = Projection::Orthographic { height: Some(300.0) };
+        let outside = DVec3::new(-200.0, 500.0, 90.0);
+        let number = |[x, y, z]: [usize; 3]| x + 5 * (y + 4 * z);
+        for (eye, projection, first) in [
+            (outside, perspective, [0, 3, 1]),
+            (DVec3::new(200.0, 70.0, 150.0), perspective, [3, 1, 2]),
+            (outside, parallel, [0, 3, 0]),
+        ] {
+            let ranks = grid.ranks(&rays(counts, eye, centre, projection));
+            let sorted: std::collections::BTreeSet<i64> = ranks.iter().copied().collect();
+            assert_eq!(sorted.len(), 60, "each brick has a rank of its own");
+            assert_eq!(sorted.first(), Some(&ranks[number(first)]), "{first:?}");
+            for brick in 0..60 {
+                let place = grid.place(brick);
+                for axis in 0..3 {
+                    let away = if place[axis] >= first[axis] { [1, 0] } else { [0, 1] };
+                    let next = (place[axis] + away[0]).checked_sub(away[1]).filter(|&at| at < counts[axis]);
+                    let Some(next) = next else { continue };
+                    let mut farther = place;
+                    farther[axis] = next;
+                    assert!(ranks[brick] < ranks[number(farther)], "{place:?} {farther:?} from {first:?}");
+                }
+            }
+            // The eight bricks of a block differ in the last three bits.
+            let block = |place: [usize; 3]| ranks[number(place)] >> 3;
+            assert_eq!(block([0, 0, 0]), block([1, 1, 1]));
+            assert_eq!(block([2, 2, 0]), block([3, 3, 1]));
+        }
     }
 }

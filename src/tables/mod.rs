@@ -14,6 +14,7 @@ mod storage;
 mod thin_film;
 mod transfer;
 
+pub use boxes::read_for_box;
 pub use bricks::{BRICK, BrickGrid, apron, slot_edge};
 pub use cells::{CELL, Cells, Occupancy};
 pub use gradient::GradientTable;

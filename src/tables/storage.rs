@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::ops::Range;
 
-use super::boxes::texels_of_box;
+use super::boxes::{read_for_box, texels_of_box};
 use crate::number::rounded;
 use crate::number::{count, readable, whole};
 use crate::parallel;
@@ -280,14 +280,10 @@ impl Storage {
     /// [`VolumeError::Read`], [`VolumeError::Bricks`] if the voxels are in a file of bricks.
     pub fn texels_of_box(&self, volume: &Volume, first: [i64; 3], edge: usize) -> Result<Vec<u8>, VolumeError> {
         let Some(cache) = &volume.bricks else { return Ok(self.texels_in_memory(volume, first, edge)) };
-        // One voxel more on each side, for differences. Beyond it lie only faces of the grid, which are repeated.
-        let dims = volume.geometry.dims;
-        let within = |at: i64, n: usize| usize::try_from(at.max(0)).unwrap_or(usize::MAX).min(n);
-        let signed = |number: usize| i64::try_from(number).unwrap_or(i64::MAX);
-        let low = std::array::from_fn(|axis| within(first[axis] - 1, dims[axis] - 1));
-        let high = std::array::from_fn(|axis| within(first[axis] + signed(edge) + 1, dims[axis]));
+        let [low, high] = read_for_box(volume.geometry.dims, first, edge);
         let part = cache.part(low, high)?;
-        Ok(self.texels_in_memory(&part, std::array::from_fn(|axis| first[axis] - signed(low[axis])), edge))
+        let of_part = |axis| first[axis] - i64::try_from(low[axis]).unwrap_or(i64::MAX);
+        Ok(self.texels_in_memory(&part, std::array::from_fn(of_part), edge))
     }
 
     fn texels_in_memory(&self, volume: &Volume, first: [i64; 3], edge: usize) -> Vec<u8> {

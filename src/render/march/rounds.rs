@@ -57,7 +57,7 @@ pub(super) struct Rounds {
     /// Rows, sample and bricks that rays wait for.
     pub(super) wanted: Buffer,
     read_back: Buffer,
-    /// A number for each brick that only grows along a ray.
+    /// A number for each brick that only grows along a ray; near bricks have near numbers.
     ranks: Vec<i64>,
     /// Bricks with a visible macrocell, in the order of their ranks.
     visible: Vec<usize>,
@@ -293,7 +293,9 @@ impl Rounds {
         }
         wanted.sort_by_key(|&brick| (self.ranks[brick], brick));
         self.lowest = wanted.first().map_or(i64::MIN, |&brick| self.ranks[brick]);
-        wanted.truncate(pool.capacity());
+        // Bricks of a file are read once a round if there is room for them, but a round is worth an upload.
+        let fit = pool.packer.fitting(&wanted).max(pool.batch());
+        wanted.truncate(fit.min(pool.capacity()));
         self.kept.fill(false);
         for &brick in &wanted {
             self.kept[brick] = true;

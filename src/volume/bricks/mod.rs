@@ -6,7 +6,7 @@ mod grid;
 mod make;
 mod slab;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -418,6 +418,16 @@ impl BrickCache {
         let source = self.path.display().to_string();
         let dims = std::array::from_fn(|axis| end[axis] - first[axis]);
         Volume::new(&source, voxels, Geometry::unit(&source, dims)?)
+    }
+
+    /// How many of the first `boxes`, each from its first voxel to before its end, have their bricks in memory together.
+    pub fn fitting(&self, boxes: impl Iterator<Item = [[usize; 3]; 2]>) -> usize {
+        let (held, mut needed) = (self.counts().held, HashSet::new());
+        let fits = |[first, end]: &[[usize; 3]; 2]| {
+            needed.extend(self.grid.within(*first, *end));
+            needed.len() <= held
+        };
+        boxes.take_while(fits).count()
     }
 
     /// Places of the bricks, as boxes from the first voxel to before the end.
