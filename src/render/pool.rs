@@ -353,14 +353,19 @@ impl Renderer {
         self.memory_bytes.map_or(heap, |bytes| heap.min(bytes.saturating_sub(taken)))
     }
 
-    /// Bytes of a pool: what the user allows, less what other volumes take of it, or half of the device's memory; on a software
-    /// device half of what is free.
-    pub(super) fn pool_budget(&self) -> u64 {
+    /// Bytes of a pool and of the level of its shadows: what the user allows, or half of the device's memory.
+    pub(super) fn bricked_bytes(&self) -> u64 {
+        self.memory_bytes.unwrap_or(self.device.limits().device_heap_bytes / 2)
+    }
+
+    /// Bytes of a pool beside a level of `level_bytes`: what the user allows, less what other volumes take of it, or half of the
+    /// device's memory; on a software device at most half of what is free.
+    pub(super) fn pool_budget(&self, level_bytes: u64) -> u64 {
         let limits = self.device.limits();
         let free = (self.device.info().kind == DeviceKind::Software).then(crate::memory::available_bytes).flatten();
-        let half = free.map_or(limits.device_heap_bytes, |free| free.min(limits.device_heap_bytes)) / 2;
         let stated = self.memory_bytes.map(|bytes| bytes.saturating_sub(self.taken_bytes));
-        stated.unwrap_or(half).min(limits.max_allocation_bytes)
+        pool_bytes(stated, [limits.device_heap_bytes, free.unwrap_or(u64::MAX)], level_bytes)
+            .min(limits.max_allocation_bytes)
     }
 
     /// Largest extent of a texture of `format`.
@@ -368,6 +373,12 @@ impl Renderer {
         let limit = self.device.limits().max_extent_3d(format);
         limit.map(|limit| self.longest_axis.map_or(limit, |longest| limit.min(longest)))
     }
+}
+
+/// Bytes of a pool beside a level of `level` bytes, which share what the user `stated`, or half of a device's `heap` and of what
+/// is `free`.
+fn pool_bytes(stated: Option<u64>, [heap, free]: [u64; 2], level: u64) -> u64 {
+    stated.unwrap_or(heap.min(free) / 2).saturating_sub(level)
 }
 
 /// Bytes of a voxel and its label.
@@ -394,6 +405,15 @@ mod tests {
         ];
         assert_eq!(theirs, Some(ours));
         assert_eq!(layout.map(|layout| layout.size as usize), Some(size_of::<BrickUniform>()));
+    }
+
+    #[test]
+    fn a_pool_and_the_level_of_its_shadows_share_half_of_a_device_or_the_stated_memory() {
+        for (stated, free, together) in [(None, u64::MAX, 500), (None, 600, 300), (Some(900), 600, 900)] {
+            let bytes = [0, 120, 250].map(|level| pool_bytes(stated, [1000, free], level) + level);
+            assert_eq!(bytes, [together; 3]);
+        }
+        assert_eq!(pool_bytes(None, [1000, 400], 250), 0);
     }
 
     #[test]

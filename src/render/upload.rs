@@ -22,7 +22,7 @@ const SLAB_BYTES: usize = 4 << 20;
 const MOST_VOXEL_BYTES: u64 = 16 + 2;
 /// Part of the memory for a volume that its coarse level may take: one of so many.
 const COARSE_PART: u64 = 4;
-/// Part of the memory for a volume in bricks that the level of its shadows may take: one of so many.
+/// Part of the memory for bricks that the level of its shadows may take: one of so many.
 const LIGHT_PART: u64 = 2;
 
 /// A volume on the device, with its description on the host.
@@ -185,12 +185,12 @@ impl Renderer {
             let (grid, apron) = (BrickGrid::new(cells.dims), apron(scene, &planned.plan));
             let pool_of = |budget: u64| PoolSize::new(&self.device, grid, apron, voxel_bytes, budget, limit);
             // Before a level is made.
-            pool_of(self.pool_budget())?;
+            pool_of(self.pool_budget(0))?;
             let is_dimmed = planned.plan.reads_light_grid();
             let stored = (format, voxel_bytes);
             let level = is_dimmed.then(|| self.light_level(scene, planned, stored, progress)).transpose()?;
             let beside = level.as_ref().map_or(0, |level| level.uploaded.bytes());
-            let size = pool_of(self.beside(beside).pool_budget())?;
+            let size = pool_of(self.pool_budget(beside))?;
             let volume = Image3d::new(&self.device, "bricks", format, size.extent())?;
             let label_image = label_format
                 .map(|format| Image3d::new(&self.device, "bricks of labels", format, size.extent()))
@@ -219,15 +219,15 @@ impl Renderer {
     ) -> Result<LightLevel, RenderError> {
         // It leaves room for a brick.
         let slot_bytes = u64::from(slot_edge(apron(scene, &planned.plan))).pow(3) * voxel_bytes;
-        let all = self.most_volume_bytes(0);
-        let budget = (all / LIGHT_PART).min(all.saturating_sub(slot_bytes));
+        let whole = Self { always_bricked: false, taken_bytes: 0, ..self.clone() };
+        let budget =
+            whole.pool_budget(slot_bytes).min(self.bricked_bytes().min(self.most_volume_bytes(0)) / LIGHT_PART);
         let fits = |dims: [usize; 3]| self.has_room(dims, format, voxel_bytes, budget);
         let coarse = finest_level(scene, fits, progress)?;
         let (block, level) = (coarse.block(), coarse.scene(scene));
         let statistics = level.volume.statistics().map_err(RenderError::Volume)?;
         let covered = |axis: usize| count(block[axis] * level.volume.geometry.dims[axis]);
         let scale = std::array::from_fn(|axis| count(scene.volume.geometry.dims[axis]) / covered(axis));
-        let whole = Self { always_bricked: false, taken_bytes: 0, ..self.clone() };
         let uploaded = Box::new(whole.upload(&level, planned, &statistics, progress)?);
         Ok(LightLevel { uploaded, block, scale: DVec3::from_array(scale) })
     }
@@ -264,7 +264,7 @@ impl Renderer {
         let (format, voxel_bytes) = stored_as(scene, planned, statistics);
         let grid = BrickGrid::new(macrocells(scene.volume.geometry.dims));
         let (apron, limit) = (apron(scene, &planned.plan), self.largest_texture(format));
-        PoolSize::new(&self.device, grid, apron, voxel_bytes, self.pool_budget(), limit).map(drop)
+        PoolSize::new(&self.device, grid, apron, voxel_bytes, self.pool_budget(0), limit).map(drop)
     }
 
     /// Whether there is room for a coarse level of `dims` voxels beside the bricks of its volume, however it is stored.

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::data::report;
+use super::data::{check_cancelled, report};
 use super::resample::of_blocks;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
 use crate::number::{count, whole};
-use crate::progress::Progress;
+use crate::progress::{Progress, Quiet};
 
 /// A grid of which a volume is a coarse level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -31,7 +31,7 @@ impl Volume {
     ///
     /// [`VolumeError::InFile`] if the voxels are not in memory.
     pub fn coarse_level(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
-        self.of_blocks(block, self.has_labels)
+        self.of_blocks(block, self.has_labels, &Quiet)
     }
 
     /// As [`Self::coarse_level`], of a label map.
@@ -40,13 +40,16 @@ impl Volume {
     ///
     /// [`VolumeError::InFile`] if the voxels are not in memory.
     pub fn coarse_level_of_labels(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
-        self.of_blocks(block, true)
+        self.of_blocks(block, true, &Quiet)
     }
 
-    fn of_blocks(&self, block: [usize; 3], labels: bool) -> Result<Self, VolumeError> {
+    fn of_blocks(&self, block: [usize; 3], labels: bool, progress: &dyn Progress) -> Result<Self, VolumeError> {
         self.require_voxels("averaging blocks")?;
         let dims = self.geometry.dims;
-        let voxels = with_voxels!(&self.voxels, stored => Voxel::into_voxels(of_blocks(stored, dims, block, labels)));
+        let voxels = with_voxels!(&self.voxels, stored => {
+            Voxel::into_voxels(of_blocks(stored, dims, block, labels, progress))
+        });
+        check_cancelled(Path::new(&self.source), progress)?;
         self.of_coarse_voxels(voxels, block)
     }
 
@@ -71,7 +74,7 @@ impl Volume {
         for halving in done..halvings as usize {
             report(Path::new(&self.source), halving as u64, halvings.into(), progress)?;
             let finer = made.as_ref().unwrap_or(self);
-            made = Some(finer.of_blocks(finer.geometry.dims.map(|n| n.min(2)), labels)?);
+            made = Some(finer.of_blocks(finer.geometry.dims.map(|n| n.min(2)), labels, progress)?);
         }
         Ok(made.unwrap_or_else(|| self.clone()))
     }
@@ -186,6 +189,7 @@ pub fn index_of_coarse(coarse: DVec3, block: [usize; 3]) -> DVec3 {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
     use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
 
     #[test]
     fn a_coarse_level_covers_all_voxels_and_its_last_blocks_may_be_incomplete() {
@@ -201,5 +205,25 @@ mod tests {
         assert!(there.distance(same) < 1e-12, "{there} {same}");
         let back = index_of_coarse(coarse_index(DVec3::new(3.0, 1.0, 0.0), [2, 2, 1]), [2, 2, 1]);
         assert!(back.distance(DVec3::new(3.0, 1.0, 0.0)) < 1e-12, "{back}");
+    }
+
+    /// Progress that cancels at its fourth question.
+    #[derive(Default)]
+    struct Impatient(AtomicU64);
+
+    impl Progress for Impatient {
+        fn report(&self, _: &str, _: u64, _: u64) {}
+
+        fn cancelled(&self) -> bool {
+            self.0.fetch_add(1, Ordering::Relaxed) >= 3
+        }
+    }
+
+    #[test]
+    fn averaging_is_cancelled_within_a_halving() {
+        let geometry = Geometry::unit("test", [2, 40, 2]).unwrap();
+        let volume = Volume::new("test", Voxels::U8(vec![0; 160]), geometry).unwrap();
+        let failed = volume.coarser_by(1, false, &Impatient::default());
+        assert!(matches!(failed, Err(VolumeError::Cancelled { .. })), "{failed:?}");
     }
 }

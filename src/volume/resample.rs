@@ -10,6 +10,7 @@ use super::geometry::Lattice;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
 use crate::number::{count, whole};
 use crate::parallel;
+use crate::progress::{Progress, Quiet};
 
 impl Volume {
     /// Averages blocks of `block` voxels; the mean is rounded to the stored type (integers half up: ⌊x + ½⌋). Volumes of
@@ -39,7 +40,7 @@ impl Volume {
         self.require_voxels("averaging blocks")?;
         let geometry = self.coarser(block)?;
         let voxels = with_voxels!(&self.voxels, stored => {
-            Voxel::into_voxels(reduce(stored, self.geometry.dims, geometry.dims, block, labels))
+            Voxel::into_voxels(reduce(stored, self.geometry.dims, geometry.dims, block, labels, &Quiet))
         });
         Ok(self.resampled(voxels, geometry, block))
     }
@@ -156,8 +157,14 @@ fn lay<T: Voxel>(stored: &[T], [nx, ny, nz]: [usize; 3], offset: [i64; 3], laid:
 
 /// The means of blocks of `block` voxels of a grid of `dims`, or their most frequent numbers if these are `labels`. Blocks at
 /// the end of an axis may be incomplete.
-pub(super) fn of_blocks<T: Voxel>(stored: &[T], dims: [usize; 3], block: [usize; 3], labels: bool) -> Vec<T> {
-    reduce(stored, dims, std::array::from_fn(|axis| dims[axis].div_ceil(block[axis])), block, labels)
+pub(super) fn of_blocks<T: Voxel>(
+    stored: &[T],
+    dims: [usize; 3],
+    block: [usize; 3],
+    labels: bool,
+    progress: &dyn Progress,
+) -> Vec<T> {
+    reduce(stored, dims, std::array::from_fn(|axis| dims[axis].div_ceil(block[axis])), block, labels, progress)
 }
 
 /// As [`of_blocks`], of the first `coarse` blocks along each axis.
@@ -167,12 +174,16 @@ fn reduce<T: Voxel>(
     coarse: [usize; 3],
     [bx, by, bz]: [usize; 3],
     labels: bool,
+    progress: &dyn Progress,
 ) -> Vec<T> {
     let [width, height, depth] = coarse;
     let mut voxels = vec![T::zeroed(); width * height * depth];
     voxels.par_chunks_mut(width).enumerate().for_each_init(
         || Vec::with_capacity(bx * by * bz),
         |values, (row, out)| {
+            if progress.cancelled() {
+                return;
+            }
             let (first_y, first_z) = (row % height * by, row / height * bz);
             for (block, voxel) in out.iter_mut().enumerate() {
                 let first_x = bx * block;

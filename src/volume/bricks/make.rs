@@ -10,7 +10,7 @@ use super::format::{Entry, FIXED, Fixed, LevelMade, Origin, Text, digest};
 use super::grid::{BRICK, BrickGrid};
 use super::slab::{Halves, Rows, halved_dims};
 use super::{BATCH, read_at, unpacked};
-use crate::progress::Progress;
+use crate::progress::{Progress, Quiet};
 use crate::volume::data::{Data, Take, check_cancelled, report};
 use crate::volume::resample::of_blocks;
 use crate::volume::slabs::Slabs;
@@ -450,7 +450,7 @@ fn pack<T: Voxel>(voxels: &[T], dims: [usize; 3], labels: Option<bool>) -> Packe
         extent: Extent::of(voxels.iter().map(|&voxel| (voxel, 1))),
         occurrences: occurrences(voxels),
         rounded: if size_of::<T>() == 8 { voxels.iter().map(off).fold(0.0, f64::max) } else { 0.0 },
-        halved: labels.map_or_else(Vec::new, |labels| of_blocks(voxels, dims, [2; 3], labels)),
+        halved: labels.map_or_else(Vec::new, |labels| of_blocks(voxels, dims, [2; 3], labels, &Quiet)),
     }
 }
 

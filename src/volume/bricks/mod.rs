@@ -354,7 +354,7 @@ impl BrickCache {
                 let dims = std::array::from_fn(|axis| high[axis] - low[axis]);
                 let [x, y, z]: [usize; 3] = std::array::from_fn(|axis| low[axis] / block[axis]);
                 let [across, down]: [usize; 2] = std::array::from_fn(|axis| dims[axis].div_ceil(block[axis]));
-                for (row, part) in of_blocks(stored, dims, block, labels).chunks_exact(across).enumerate() {
+                for (row, part) in of_blocks(stored, dims, block, labels, progress).chunks_exact(across).enumerate() {
                     let first = x + width * (y + row % down + height * (z + row / down));
                     means[first..first + across].copy_from_slice(part);
                 }
