@@ -5,6 +5,7 @@ mod bricks;
 mod consistency;
 mod effects;
 mod goals;
+mod light_levels;
 mod machines;
 mod model;
 mod needs;
@@ -30,6 +31,7 @@ use bricks::{BrickRow, brick_rows};
 use consistency::{halved_steps, relit_against_rendered};
 use effects::effect_rows;
 use goals::{GoalRow, GoalScene, GoalSummary, goal_row};
+use light_levels::light_level_rows;
 use machines::machine_rows;
 use model::{AutomaticSummary, LIGHT_GROUPS, ModelSetting, automatic_dimension, model_row, nodes_beside_rgb};
 use needs::{NeedRow, need_rows};
@@ -60,6 +62,9 @@ struct Args {
     /// The frog for `shadows` and `effects`; default: the phantom.
     #[arg(long, value_name = "FILE")]
     volume: Option<std::path::PathBuf>,
+    /// Scenes for `light-levels`.
+    #[arg(long, value_name = "FILE", default_values = ["data/scenes/default.toml", "data/scenes/engine.toml"])]
+    scene: Vec<std::path::PathBuf>,
     /// Voxels along each axis of the phantom for `bricks` and `machines`.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u16).range(64..=2048))]
     edge: u16,
@@ -91,6 +96,8 @@ enum Instrument {
     Effects,
     /// Cost of a volume in bricks beside that of the whole volume. Fails above 1.25 times the march.
     Bricks,
+    /// Error of shadows from coarse levels, as volumes in bricks have them, against those of the voxels.
+    LightLevels,
     /// A simulated table of one picture composited by up to 1,024 machines: measured marches of blocks and rates of
     /// compositing, and a model of the network.
     Machines,
@@ -164,6 +171,11 @@ fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
             let rows = brick_rows(&renderer, args.edge.into())?;
             let holds = rows.iter().all(BrickRow::holds);
             Ok(Report { text: bricks::text(&rows), json: json!({ "bricks": rows, "holds": holds }) })
+        }
+        Instrument::LightLevels => {
+            let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+            let rows = light_level_rows(&renderer, &args.scene)?;
+            Ok(Report { text: light_levels::text(&rows), json: json!({ "light_levels": rows }) })
         }
         Instrument::Machines => {
             let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);

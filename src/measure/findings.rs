@@ -187,6 +187,7 @@ mod tests {
         };
         Measured {
             setting: Setting::default(),
+            level: None,
             carrier: String::new(),
             components: 8,
             times,

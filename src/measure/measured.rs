@@ -9,6 +9,7 @@ use super::clock::{Summary, Timing, summary};
 use super::difference::Difference;
 use super::ladder::Cause;
 use super::setting::Setting;
+use crate::scene::Level;
 
 /// Time of repeated work.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -60,6 +61,8 @@ pub struct Times {
 pub struct Measured {
     /// The setting.
     pub setting: Setting,
+    /// The level of the volume that is marched, with its reason; `None` if the setting asks for none.
+    pub level: Option<Level>,
     /// Representation of spectra, in words.
     pub carrier: String,
     /// Components per pixel and light position.

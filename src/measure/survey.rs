@@ -224,6 +224,7 @@ impl<'a> Survey<'a> {
     pub fn measure(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Measured, MeasureError> {
         let progress = &unreported(progress);
         let stated = setting.applied(self.scene);
+        let asked = (stated.accuracy.voxel_pixels > 0.0).then(|| stated.level(self.options.size));
         let (scene, level) = self.at_level(&stated, progress)?;
         let planned = plan(&scene, progress)?;
         let on_device = self.upload(scene, level, planned, WARM_UP, progress)?;
@@ -246,7 +247,7 @@ impl<'a> Survey<'a> {
         };
         if let Some(known) = self.known.iter_mut().find(|known| known.same == same) {
             known.settings.push(setting.clone());
-            return Ok(Measured { setting: setting.clone(), ..known.row.clone() });
+            return Ok(Measured { setting: setting.clone(), level: asked, ..known.row.clone() });
         }
         let volume_bytes = uploaded.bytes();
         let mut warm_up = Frames::default();
@@ -308,6 +309,7 @@ impl<'a> Survey<'a> {
         let tables = size_of_val(table.source.as_slice()) + size_of_val(table.opacity.as_slice());
         let row = Measured {
             setting: setting.clone(),
+            level: asked,
             carrier: same.carrier.clone(),
             components: plan.components(),
             frame_ms: times.frame_ms(),

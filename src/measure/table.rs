@@ -26,8 +26,9 @@ const HEADS: [&str; 12] = [
 fn cells(row: &Measured) -> [String; 12] {
     let march = &row.times.march.wall_ms;
     let error = &row.error.delta_e;
+    let level = row.level.map_or_else(String::new, |asked| format!(" (level {})", asked.level));
     [
-        format!("{}{}", row.setting, if row.pareto { " *" } else { "" }),
+        format!("{}{level}{}", row.setting, if row.pareto { " *" } else { "" }),
         short(row.frame_ms),
         short(march.median),
         format!("{}–{}", short(march.min), short(march.max)),
@@ -79,7 +80,7 @@ pub fn to_csv(rows: &[Measured]) -> String {
     let costs = ["upload", "march", "relight", "read_back"];
     let clocks = ["wall", "cpu", "device"];
     let mut heads: Vec<String> = Knob::ALL.map(|knob| knob.name().to_owned()).to_vec();
-    heads.push("frame_ms".to_owned());
+    heads.extend(["level", "frame_ms"].map(str::to_owned));
     for cost in costs {
         for clock in clocks {
             heads.extend(["median", "min", "max"].map(|part| format!("{cost}_{clock}_ms_{part}")));
@@ -96,6 +97,7 @@ pub fn to_csv(rows: &[Measured]) -> String {
     for row in rows {
         let mut cells: Vec<String> =
             Knob::ALL.map(|knob| row.setting.get(knob).map_or_else(String::new, |value| value.to_string())).to_vec();
+        cells.push(row.level.map_or_else(String::new, |asked| asked.level.to_string()));
         cells.push(row.frame_ms.to_string());
         let times = &row.times;
         cells.extend([times.upload, times.march, times.relight, times.read_back].iter().flat_map(numbers));

@@ -198,6 +198,13 @@ fn a_scene_pays_only_for_what_it_uses() {
 }
 
 #[test]
+fn a_coarser_level_is_refused_by_name() {
+    let small = ["-D", "volume.dims=[8,8,8]", "--size", "16x16", "--frames", "1"];
+    let level = ["bench", "default", "-D", "accuracy.voxel_pixels=1"];
+    Folder::new().refused(2, &[&level[..], &small].concat(), &["accuracy.voxel_pixels", "relume measure"]);
+}
+
+#[test]
 fn a_first_picture_is_timed_by_stages() {
     let ball = |index: i32| {
         let [x, y, z] = [index % 12 - 6, index / 12 % 10 - 5, index / 120 - 4];

@@ -13,7 +13,7 @@ use std::time::Duration;
 use relume::document::{Definition, SceneOptions, load_embedded, parse};
 use relume::measure::{
     Cause, Difference, Findings, Knob, MeasureError, Measured, NodesBesideRgb, Setting, Summary, Survey, SurveyOptions,
-    Value, cheapest, html, mark_pareto, settings, to_csv, to_markdown, trade,
+    Value, cheapest, html, mark_pareto, settings, to_csv, to_markdown, to_text, trade,
 };
 use relume::plan::plan_full_spectrum;
 use relume::progress::{Progress, Quiet};
@@ -706,11 +706,16 @@ fn a_coarser_level_fades_a_thin_shell_and_changes_nothing_in_a_homogeneous_block
     let has_level = |row: &Measured| row.causes.iter().any(|(cause, _)| *cause == Cause::Level);
     measured(&straight_on(|_| true), &sweeps, |_, rows| {
         assert!(!has_level(&rows[0]) && !has_level(&row(rows, 1.0)), "a voxel takes a pixel");
+        assert_eq!((rows[0].level, row(rows, 1.0).level.map(|level| level.level)), (None, Some(0)));
+        let (text, csv) = (to_text(rows), to_csv(rows));
+        assert!(text.contains("voxel_pixels=4 (level 2)") && csv.contains("level,frame_ms"), "{text}{csv}");
         for pixels in [2.0, 4.0] {
             // Rounding of f64 alone.
             let error = by(&row(rows, pixels), Cause::Level).delta_e.max;
             assert!(error <= 1e-9, "{pixels}: {error}");
             assert!(row(rows, pixels).volume_bytes < rows[0].volume_bytes / 4, "{:?}", row(rows, pixels));
+            let level = row(rows, pixels).level.unwrap();
+            assert_eq!((f64::from(1 << level.level), level.allowed), (pixels, pixels), "a voxel takes a pixel");
         }
     });
     let radius = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt();

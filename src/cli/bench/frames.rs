@@ -188,6 +188,13 @@ impl<'a> Bench<'a> {
         let Some(Loaded { scene, statistics, .. }) = &self.loaded else { return Err(CliError::Cancelled) };
         let mut scene = scene.clone();
         case.change(&mut scene)?;
+        if scene.accuracy.voxel_pixels > 0.0 {
+            return Err(CliError::Usage(
+                "accuracy.voxel_pixels is not for bench, which marches the volume itself: relume measure --sweep \
+                 voxel_pixels=… times coarser levels"
+                    .to_owned(),
+            ));
+        }
         let known = self.plans.iter().find_map(|(before, planned)| planned.changed_to(before, &scene));
         let planned = match known {
             Some(planned) => planned,
