@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use relume::document::{SceneOptions, load};
 use relume::progress::Quiet;
-use relume::render::{Renderer, SceneRenderer};
+use relume::render::{Renderer, Residence, SceneRenderer};
 use relume::scene::{Mix, Scene, Shading};
 use relume::spectrum::colour::{Lab, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::tables::{apron, slot_edge};
@@ -79,6 +79,9 @@ fn of_scene(
         LightLevelRow { scene: file.display().to_string(), shading, shadows, delta_e, lighter }
     };
     let dims = scene.volume.geometry.dims;
+    if whole.uploaded().residence() != Residence::Whole {
+        return Err("the device must hold the volume whole: its shadows are those of the voxels".into());
+    }
     let voxel_bytes = whole.uploaded().bytes() / dims.iter().product::<usize>() as u64;
     let slot_bytes = u64::from(slot_edge(apron(scene, &whole.planned().plan))).pow(3) * voxel_bytes;
     let mut rows = Vec::new();
@@ -88,7 +91,8 @@ fn of_scene(
         let memory = level_bytes + level_bytes.max(slot_bytes);
         let bricked = renderer.clone().always_in_bricks().with_memory(memory);
         let bricked = SceneRenderer::new(&bricked, scene.clone(), &Quiet)?;
-        if bricked.uploaded().light_block() != Some([side; 3]) {
+        let block = dims.map(|n| side.min(n.next_power_of_two()));
+        if bricked.uploaded().light_block() != Some(block) {
             return Err(format!("{memory} bytes have shadows of {:?}", bricked.uploaded().light_block()).into());
         }
         rows.push(row(format!("means of {side}×{side}×{side}"), &picture(&bricked)?));

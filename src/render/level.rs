@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::RenderError;
 use crate::progress::Progress;
 use crate::scene::{Coarse, Scene};
-use crate::volume::Volume;
+use crate::volume::{Volume, VolumeError};
 
 /// The finest level of the volume of `scene`, and of its labels, of so many voxels along each axis that it `fits`. Of voxels
 /// that stay in a file, the file's coarse level is made first, if it is not.
@@ -33,15 +33,18 @@ pub(crate) fn finest_level(
         return Err(RenderError::Cancelled);
     }
     let block = std::array::from_fn(|axis| scene.volume.block_of(at_hand)[axis] * further[axis]);
+    let failed = |error: fn(VolumeError) -> RenderError| {
+        move |cause| if progress.cancelled() { RenderError::Cancelled } else { error(cause) }
+    };
     let made = match scene.volume.coarse_in_file().filter(|_| further == [1; 3]) {
         Some(coarse) => Arc::clone(coarse),
-        None => Arc::new(at_hand.coarse_level(further).map_err(RenderError::Volume)?),
+        None => Arc::new(at_hand.coarse_level(further, progress).map_err(failed(RenderError::Volume))?),
     };
     // The scene may state another grid than the file.
     let geometry = made.grid_over(&scene.volume, block).map_err(RenderError::Volume)?;
     let volume = if made.geometry == geometry { made } else { Arc::new(Volume { geometry, ..(*made).clone() }) };
-    let labels = scene.labels.as_ref().map(|labels| labels.volume.coarse_level_of_labels(block)).transpose();
-    let labels = labels.map_err(RenderError::Labels)?.map(Arc::new);
+    let labels = scene.labels.as_ref().map(|labels| labels.volume.coarse_level_of_labels(block, progress)).transpose();
+    let labels = labels.map_err(failed(RenderError::Labels))?.map(Arc::new);
     progress.report("averaging voxels", 1, 1);
     Ok(Coarse::new(volume, labels, block))
 }

@@ -353,13 +353,15 @@ impl Renderer {
         self.memory_bytes.map_or(heap, |bytes| heap.min(bytes.saturating_sub(taken)))
     }
 
-    /// Bytes of a pool and of the level of its shadows: what the user allows, or half of the device's memory.
+    /// Bytes of a pool and of the level of its shadows: what the user allows, or half of the device's memory. Unlike the free memory, it
+    /// stays the same from picture to picture.
     pub(super) fn bricked_bytes(&self) -> u64 {
-        self.memory_bytes.unwrap_or(self.device.limits().device_heap_bytes / 2)
+        let limits = self.device.limits();
+        self.memory_bytes.unwrap_or(limits.device_heap_bytes / 2).min(self.most_volume_bytes(0))
     }
 
-    /// Bytes of a pool beside a level of `level_bytes`: what the user allows, less what other volumes take of it, or half of the
-    /// device's memory; on a software device at most half of what is free.
+    /// Bytes of a pool beside a level of `level_bytes` that is already there: what the user allows, less what other volumes take of it,
+    /// or half of the device's memory; on a software device at most half of what is free.
     pub(super) fn pool_budget(&self, level_bytes: u64) -> u64 {
         let limits = self.device.limits();
         let free = (self.device.info().kind == DeviceKind::Software).then(crate::memory::available_bytes).flatten();
@@ -375,10 +377,10 @@ impl Renderer {
     }
 }
 
-/// Bytes of a pool beside a level of `level` bytes, which share what the user `stated`, or half of a device's `heap` and of what
-/// is `free`.
+/// Bytes of a pool beside a level of `level` bytes, which share what the user `stated`, or half of a device's `heap`. What is `free`
+/// no longer includes the level.
 fn pool_bytes(stated: Option<u64>, [heap, free]: [u64; 2], level: u64) -> u64 {
-    stated.unwrap_or(heap.min(free) / 2).saturating_sub(level)
+    stated.map_or((heap / 2).saturating_sub(level).min(free / 2), |bytes| bytes.saturating_sub(level))
 }
 
 /// Bytes of a voxel and its label.
@@ -409,11 +411,12 @@ mod tests {
 
     #[test]
     fn a_pool_and_the_level_of_its_shadows_share_half_of_a_device_or_the_stated_memory() {
-        for (stated, free, together) in [(None, u64::MAX, 500), (None, 600, 300), (Some(900), 600, 900)] {
+        for (stated, free, together) in [(None, u64::MAX, 500), (Some(900), 600, 900)] {
             let bytes = [0, 120, 250].map(|level| pool_bytes(stated, [1000, free], level) + level);
             assert_eq!(bytes, [together; 3]);
         }
-        assert_eq!(pool_bytes(None, [1000, 400], 250), 0);
+        // A level that is there is not free.
+        assert_eq!([0, 120, 250].map(|level| pool_bytes(None, [1000, 600 - level], level)), [300, 240, 175]);
     }
 
     #[test]

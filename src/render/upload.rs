@@ -219,15 +219,15 @@ impl Renderer {
     ) -> Result<LightLevel, RenderError> {
         // It leaves room for a brick.
         let slot_bytes = u64::from(slot_edge(apron(scene, &planned.plan))).pow(3) * voxel_bytes;
-        let whole = Self { always_bricked: false, taken_bytes: 0, ..self.clone() };
-        let budget =
-            whole.pool_budget(slot_bytes).min(self.bricked_bytes().min(self.most_volume_bytes(0)) / LIGHT_PART);
+        let all = self.bricked_bytes();
+        let budget = (all / LIGHT_PART).min(all.saturating_sub(slot_bytes));
         let fits = |dims: [usize; 3]| self.has_room(dims, format, voxel_bytes, budget);
         let coarse = finest_level(scene, fits, progress)?;
         let (block, level) = (coarse.block(), coarse.scene(scene));
         let statistics = level.volume.statistics().map_err(RenderError::Volume)?;
         let covered = |axis: usize| count(block[axis] * level.volume.geometry.dims[axis]);
         let scale = std::array::from_fn(|axis| count(scene.volume.geometry.dims[axis]) / covered(axis));
+        let whole = Self { always_bricked: false, taken_bytes: 0, ..self.clone() };
         let uploaded = Box::new(whole.upload(&level, planned, &statistics, progress)?);
         Ok(LightLevel { uploaded, block, scale: DVec3::from_array(scale) })
     }

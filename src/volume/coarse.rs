@@ -9,7 +9,7 @@ use super::data::{check_cancelled, report};
 use super::resample::of_blocks;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
 use crate::number::{count, whole};
-use crate::progress::{Progress, Quiet};
+use crate::progress::Progress;
 
 /// A grid of which a volume is a coarse level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -29,18 +29,18 @@ impl Volume {
     ///
     /// # Errors
     ///
-    /// [`VolumeError::InFile`] if the voxels are not in memory.
-    pub fn coarse_level(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
-        self.of_blocks(block, self.has_labels, &Quiet)
+    /// [`VolumeError::InFile`] if the voxels are not in memory; [`VolumeError::Cancelled`] if `progress` asks for the end.
+    pub fn coarse_level(&self, block: [usize; 3], progress: &dyn Progress) -> Result<Self, VolumeError> {
+        self.of_blocks(block, self.has_labels, progress)
     }
 
     /// As [`Self::coarse_level`], of a label map.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::InFile`] if the voxels are not in memory.
-    pub fn coarse_level_of_labels(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
-        self.of_blocks(block, true, &Quiet)
+    /// [`VolumeError::InFile`] if the voxels are not in memory; [`VolumeError::Cancelled`] if `progress` asks for the end.
+    pub fn coarse_level_of_labels(&self, block: [usize; 3], progress: &dyn Progress) -> Result<Self, VolumeError> {
+        self.of_blocks(block, true, progress)
     }
 
     fn of_blocks(&self, block: [usize; 3], labels: bool, progress: &dyn Progress) -> Result<Self, VolumeError> {
@@ -189,6 +189,7 @@ pub fn index_of_coarse(coarse: DVec3, block: [usize; 3]) -> DVec3 {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
     use super::*;
+    use crate::progress::Quiet;
     use std::sync::atomic::{AtomicU64, Ordering};
 
     #[test]
@@ -196,7 +197,7 @@ mod tests {
         // Voxel x holds 10·x; the axes have 5, 2 and 1 voxels.
         let voxels = Voxels::U16((0..10).map(|i| 10 * (i % 5)).collect());
         let volume = Volume::new("test", voxels, Geometry::unit("test", [5, 2, 1]).unwrap()).unwrap();
-        let coarse = volume.coarse_level([2, 2, 1]).unwrap();
+        let coarse = volume.coarse_level([2, 2, 1], &Quiet).unwrap();
         assert_eq!(coarse.geometry.dims, [3, 1, 1]);
         assert_eq!([0, 1, 2].map(|at| coarse.voxels.value(at)), [Some(5.0), Some(25.0), Some(40.0)]);
         assert_eq!((coarse.blocks, volume.block_of(&coarse)), ([2, 2, 1], [2, 2, 1]));

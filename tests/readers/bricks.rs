@@ -276,7 +276,7 @@ fn the_coarse_level_of_voxels_in_a_file_is_that_of_voxels_in_memory() {
             assert!(in_file.at_hand().voxels.is_empty(), "before it is made");
             in_file.prepare_coarse(&Quiet).unwrap();
             let coarse = in_file.at_hand();
-            let expected = whole.coarse_level([2; 3]).unwrap();
+            let expected = whole.coarse_level([2; 3], &Quiet).unwrap();
             assert_eq!(
                 (coarse.geometry, in_file.block_of(coarse)),
                 (expected.geometry, [2; 3]),

@@ -233,7 +233,7 @@ fn a_file_of_bricks_of_version_1_has_its_one_level() {
     in_file.prepare_coarse(&Quiet).unwrap();
     let coarse = in_file.at_hand();
     assert_eq!((coarse.geometry.dims, coarse.voxels.len()), ([65, 1, 1], 65));
-    assert!(coarse.voxels == whole.coarse_level([2, 1, 1]).unwrap().voxels);
+    assert!(coarse.voxels == whole.coarse_level([2, 1, 1], &Quiet).unwrap().voxels);
     let message = open(&old, 1, HostMemory::Whole).unwrap_err().to_string();
     assert!(message.contains("level 1 does not exist; the file holds one level, 0"), "{message}");
 }

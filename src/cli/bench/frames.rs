@@ -182,19 +182,19 @@ impl<'a> Bench<'a> {
             // Frees the previous scene first.
             (self.loaded, self.resident, self.plans) = (None, Vec::new(), Vec::new());
             let scene = case.scene(self.args, progress)?;
+            if scene.accuracy.voxel_pixels > 0.0 {
+                return Err(CliError::Usage(
+                    "accuracy.voxel_pixels is not for bench, which marches the volume itself: -D accuracy.voxel_pixels=0 does \
+                     so, and relume measure --sweep voxel_pixels=… times coarser levels"
+                        .to_owned(),
+                ));
+            }
             let statistics = scene.volume.statistics()?;
             self.loaded = Some(Loaded { key, scene, statistics });
         }
         let Some(Loaded { scene, statistics, .. }) = &self.loaded else { return Err(CliError::Cancelled) };
         let mut scene = scene.clone();
         case.change(&mut scene)?;
-        if scene.accuracy.voxel_pixels > 0.0 {
-            return Err(CliError::Usage(
-                "accuracy.voxel_pixels is not for bench, which marches the volume itself: relume measure --sweep \
-                 voxel_pixels=… times coarser levels"
-                    .to_owned(),
-            ));
-        }
         let known = self.plans.iter().find_map(|(before, planned)| planned.changed_to(before, &scene));
         let planned = match known {
             Some(planned) => planned,

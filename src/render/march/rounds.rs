@@ -293,8 +293,9 @@ impl Rounds {
         }
         wanted.sort_by_key(|&brick| (self.ranks[brick], brick));
         self.lowest = wanted.first().map_or(i64::MIN, |&brick| self.ranks[brick]);
-        // Bricks of a file are read once a round if there is room for them, but a round is worth an upload.
-        let fit = pool.packer.fitting(&wanted).max(pool.batch());
+        // Bricks of a file are read once a round if there is room for them. But a round is worth an upload, and an eighth of the pool, so
+        // that the waiting rays are not read and written for each brick of large voxels.
+        let fit = pool.packer.fitting(&wanted).max(pool.batch()).max(pool.capacity().div_ceil(8));
         wanted.truncate(fit.min(pool.capacity()));
         self.kept.fill(false);
         for &brick in &wanted {
