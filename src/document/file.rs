@@ -29,7 +29,7 @@ use crate::number::{brief, count, readable, unsigned};
 use crate::palette::{self, Member, Misplaced};
 use crate::progress::Progress;
 use crate::scene::{
-    Accuracy, Aim, Camera, Display, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, MOST_RAYS, MOST_VOXEL_PIXELS,
+    Accuracy, Aim, Camera, Display, Fill, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, MOST_RAYS, MOST_VOXEL_PIXELS,
     Material, MaterialCurve, OPAQUE_DEPTH, PHASES, Placement, Projection, Scene, SceneLight, Shadows, Term, Transfer,
     unit,
 };

@@ -1,24 +1,24 @@
 //! Cameras that show the visible voxels as large as fits.
 
-use glam::DVec3;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::number::{count, nearest, whole};
-use crate::scene::{Aim, Camera, Projection, Scene, View};
-use crate::volume::{Geometry, Volume, coarse_index};
+use crate::number::{count, nearest, unsigned, whole};
+use crate::scene::{Aim, Camera, Fill, Interpolation, LabelEntry, Projection, Scene, Term, View, depth_from_opacity};
+use crate::volume::{Geometry, Volume, Voxel, coarse_index, with_voxels};
 
-/// Fraction of the picture that the visible voxels span in their larger direction.
+/// Fraction of the picture that its visible pixels span in their larger direction.
 pub(super) const FILL: f64 = 0.9;
-/// Rounds of the fit, each of which corrects the centre, and of that of the box.
-const ROUNDS: usize = 16;
-/// Aspect ratios beside 1 at which the box of a fit is compared with its points, each with the weight of the difference there. A
-/// box fits wide pictures nearly exactly, and not all upright ones as well.
-const ASPECTS: [(f64, f64); 5] = [(0.5, 0.3), (0.67, 0.3), (0.75, 0.3), (1.33, 1.0), (1.78, 1.0)];
-/// Steps of the logarithms of the sides of a box.
-const COARSEST: f64 = 0.25;
-const FINEST: f64 = 1e-3;
-/// Misfit of a box whose sides differ from those of the points by a factor of e.
-const SHAPE: f64 = 2e-3;
+/// Aspect ratios for which a fit states its fill.
+const ASPECTS: [f64; Fill::MOST] = [0.5, 0.625, 0.75, 0.875, 1.0, 1.15, 1.3333, 1.5, 1.7778, 2.4];
+/// Rounds of a fit, of which each leaves about a fifth of the error: the depth of an object over its distance.
+const ROUNDS: usize = 10;
+/// Fits to silhouettes. The second is for objects that extend beyond the frame of the first.
+const PASSES: usize = 2;
+/// Optical depth from which a pixel is visible: it is brighter than about 12 of 255 in a first look.
+const VISIBLE: f64 = 0.016;
 /// Cosine of the elevation below which the upright axis is nearly the line of sight.
 const STEEP: f64 = 0.3;
 /// Most rows of voxels that are searched for visible ones.
@@ -62,27 +62,23 @@ pub(super) fn outline(
     found.into_iter().flat_map(around).map(|index| volume.geometry.world_from_index(index)).collect()
 }
 
-/// World points whose hull is that of the voxels of `scene` that its crop box, transfer function and labels show.
-pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
-    // Of voxels that stay in a file, those of a coarse level.
-    let volume = scene.volume.at_hand();
+/// Voxels of `volume`, the voxels of `scene` at hand, around its crop box and between them.
+fn crop_of(scene: &Scene, volume: &Volume) -> Option<[[usize; 3]; 2]> {
     let block = scene.volume.block_of(volume);
-    let [nx, ny, nz] = volume.geometry.dims;
-    // Voxels around a crop box between them.
-    let crop = scene.crop.map(|[low, high]| {
-        let [low, high] = [low, high].map(|index| coarse_index(index, block));
-        let ends = |axis: usize, last: usize| {
-            let [low, high] = [low[axis].floor(), high[axis].ceil()].map(|at| whole(at.max(0.0)).min(last));
-            [low, high.max(low)]
-        };
-        let [x, y, z] = [ends(0, nx - 1), ends(1, ny - 1), ends(2, nz - 1)];
-        [[x[0], y[0], z[0]], [x[1], y[1], z[1]]]
-    });
-    let lines = |axis: usize| crop.map_or(volume.geometry.dims[axis], |[low, high]| high[axis] - low[axis] + 1);
-    let step = whole((count(lines(1) * lines(2)) / count(ROWS)).sqrt().ceil()).max(1);
-    let ranges = ranges(scene);
-    let by_value = |value: f64| ranges.iter().any(|&[low, high]| (low..=high).contains(&value));
-    let label = |index: usize| {
+    let dims = volume.geometry.dims;
+    let [low, high] = scene.crop?.map(|index| coarse_index(index, block));
+    let ends = |axis: usize| {
+        let [low, high] = [low[axis].floor(), high[axis].ceil()].map(|at| whole(at.max(0.0)).min(dims[axis] - 1));
+        [low, high.max(low)]
+    };
+    let [x, y, z] = [0, 1, 2].map(ends);
+    Some([[x[0], y[0], z[0]], [x[1], y[1], z[1]]])
+}
+
+/// The declared label of a voxel of `volume`, the voxels of `scene` at hand, by its index.
+fn label_of<'a>(scene: &'a Scene, volume: &Volume) -> impl Fn(usize) -> Option<&'a LabelEntry> + Sync {
+    let (block, [nx, ny, _]) = (scene.volume.block_of(volume), volume.geometry.dims);
+    move |index: usize| {
         let labels = scene.labels.as_ref()?;
         // That of the voxel in the middle of a block.
         let [x, y, z] = [index % nx, index / nx % ny, index / (nx * ny)];
@@ -91,12 +87,72 @@ pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
             [(x, 0), (y, 1), (z, 2)].map(|(at, axis)| (at * block[axis] + block[axis] / 2).min(dims[axis] - 1));
         let label = nearest(labels.volume.voxels.value(x + dims[0] * (y + dims[1] * z))?);
         labels.declared.iter().find(|entry| i64::from(entry.label) == i64::from(label))
-    };
+    }
+}
+
+/// World points whose hull is that of the voxels of `scene` that its crop box, transfer function and labels show.
+pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
+    // Of voxels that stay in a file, those of a coarse level.
+    let volume = scene.volume.at_hand();
+    let crop = crop_of(scene, volume);
+    let lines = |axis: usize| crop.map_or(volume.geometry.dims[axis], |[low, high]| high[axis] - low[axis] + 1);
+    let step = whole((count(lines(1) * lines(2)) / count(ROWS)).sqrt().ceil()).max(1);
+    let ranges = ranges(scene);
+    let by_value = |value: f64| ranges.iter().any(|&[low, high]| (low..=high).contains(&value));
+    let label = label_of(scene, volume);
     let shows = |index: usize, value: f64| match label(index) {
         Some(entry) => entry.opacity > 0.0 || entry.absorption > 0.0,
         None => by_value(value),
     };
     outline(volume, [1, step.min(lines(1).div_ceil(8)), step.min(lines(2).div_ceil(8))], crop, shows)
+}
+
+/// The camera of the directions and the projection of `camera` whose picture of `scene` is as large as fits.
+pub(super) fn of_scene(camera: &Camera, scene: &Scene) -> Camera {
+    let volume = scene.volume.at_hand();
+    let depths = Depths::of(&scene.transfer.terms, scene.transfer.opacity_length);
+    let label = label_of(scene, volume);
+    let depth = |index: usize, value: f64| match label(index) {
+        Some(entry) => (depth_from_opacity(entry.opacity) + entry.absorption) / scene.transfer.opacity_length,
+        None => depths.at(value),
+    };
+    let is_interpolated = scene.accuracy.interpolation != Interpolation::Nearest;
+    framed(camera, &visible(scene), Seen { volume, crop: crop_of(scene, volume), is_interpolated }, depth)
+}
+
+/// Optical depths per world unit by the value.
+pub(super) struct Depths {
+    first: f64,
+    per_value: f64,
+    depths: Vec<f64>,
+}
+
+impl Depths {
+    /// Those of a transfer function with these terms.
+    pub(super) fn of(terms: &[Term], opacity_length: f64) -> Self {
+        /// Entries: enough for every bend of almost every transfer function, and at most.
+        const ENTRIES: [f64; 2] = [2048.0, 65536.0];
+        let curves = || terms.iter().flat_map(|term| [&term.opacity, &term.absorption]);
+        let mut bends: Vec<f64> = curves().flatten().map(|point| point.0).collect();
+        bends.sort_unstable_by(f64::total_cmp);
+        let (first, last) = bends.first().copied().zip(bends.last().copied()).unwrap_or_default();
+        let gaps = bends.windows(2).map(|pair| pair[1] - pair[0]).filter(|&gap| gap > 0.0);
+        let entries = (2.0 * (last - first) / gaps.fold(f64::MAX, f64::min)).clamp(ENTRIES[0], ENTRIES[1]).ceil();
+        let value = |entry: usize| (last - first).mul_add(count(entry) / entries, first);
+        let depth = |value: f64| -> f64 { terms.iter().map(|term| term.depth(value)).sum::<f64>() / opacity_length };
+        // Ends for the values beyond.
+        let beyond = [f64::NEG_INFINITY, f64::INFINITY].map(depth);
+        let mut depths = vec![beyond[0]];
+        depths.extend((0..=whole(entries)).map(|entry| depth(value(entry))));
+        depths.push(beyond[1]);
+        Self { first, per_value: entries / (last - first).max(f64::MIN_POSITIVE), depths }
+    }
+
+    /// Optical depth at `value`; none where it is no number.
+    pub(super) fn at(&self, value: f64) -> f64 {
+        let entry = (value - self.first).mul_add(self.per_value, 1.5).max(0.0);
+        if entry.is_nan() { 0.0 } else { self.depths[whole(entry).min(self.depths.len() - 1)] }
+    }
 }
 
 /// Ranges of values that a scene shows: where a term has at least 0.3 of its largest opacity or absorption. A term whose
@@ -140,9 +196,8 @@ fn scales(projection: Projection) -> [f64; 2] {
     }
 }
 
-/// The camera of the directions and the projection of `camera` that shows `points` in the middle of the picture; `camera`
-/// itself if there are none. Its box is such that [`FILL`] of it is [`FILL`] of the points in width and in height, so that
-/// they fit pictures of every aspect ratio.
+/// The camera of the directions and the projection of `camera` that shows `points` in the middle of a square picture, and
+/// whose visible pixels would span [`FILL`] of pictures of all aspect ratios; `camera` itself if there are none.
 pub(super) fn fitted(camera: &Camera, points: &[DVec3], geometry: &Geometry) -> Camera {
     let (Aim::Orbit { azimuth, elevation, front, .. }, Some(view)) = (camera.aim, camera.view(geometry, 1.0)) else {
         return camera.clone();
@@ -152,100 +207,339 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], geometry: &Geometry) -> 
     else {
         return camera.clone();
     };
-    let half = (high - low) / 2.0;
+    let View { forward, right, up, .. } = view;
+    // A box has no side of length 0.
+    let half = ((high - low) / 2.0).max(DVec3::splat(1e-3 * (high - low).max_element()));
     let [size, near] = scales(camera.projection);
-    let sides = [view.right, view.up];
-    let farthest = |centre: DVec3| {
-        let [width, height] = distance_for(points, centre, &view, [size * FILL; 2], near);
-        width.max(height)
-    };
-    let mut centre = (low + high) / 2.0;
-    // Steps along the upright axis keep it in the middle of the points when the camera turns about it.
-    let upright = camera.up.normalize_or_zero();
-    let rise = upright.dot(view.up);
-    let lift = if rise > STEEP { upright / rise } else { view.up };
-    for _ in 0..ROUNDS {
-        let distance = farthest(centre);
-        // The ends of the picture as place and depth, and the step after which they are equally far from the middle.
-        let step = sides.map(|side| {
+    // The ends of the picture from `distance`, as place and depth, along its width and its height.
+    let ends = |centre: DVec3, distance: f64| {
+        [right, up].map(|side| {
             let end = |point: &DVec3| {
                 let from_centre = *point - centre;
-                let depth = (distance + near * from_centre.dot(view.forward)).max(1e-3 * distance);
-                (from_centre.dot(side) / depth, depth)
+                let depth = (distance + near * from_centre.dot(forward)).max(1e-3 * distance);
+                [(from_centre.dot(side) / depth, depth); 2]
             };
-            let of_point = |point: &DVec3| [end(point); 2];
             // Equal places are told apart by their depths, so that the order of the threads does not matter.
             let outer = |[low, high]: [(f64, f64); 2], [left, right]: [(f64, f64); 2]| {
                 [if left < low { left } else { low }, if right > high { right } else { high }]
             };
-            let none = || [(f64::INFINITY, 1.0), (f64::NEG_INFINITY, 1.0)];
-            let [low, high] = points.par_iter().map(of_point).reduce(none, outer);
-            (low.0 + high.0) / (low.1.recip() + high.1.recip())
-        });
-        centre += step[0] * view.right + step[1] * lift;
+            points.par_iter().map(end).reduce(|| [(f64::INFINITY, 1.0), (f64::NEG_INFINITY, 1.0)], outer)
+        })
+    };
+    // Ratio of the larger span to that of a picture that is filled.
+    let larger = |ends: [[(f64, f64); 2]; 2], aspect: f64| {
+        let [width, height] = ends.map(|[low, high]| (high.0 - low.0) / (2.0 * size * FILL));
+        (width / aspect).max(height)
+    };
+    // Steps along the upright axis keep it in the middle of the points when the camera turns about it.
+    let upright = camera.up.normalize_or_zero();
+    let rise = upright.dot(up);
+    let lift = if rise > STEEP { upright / rise } else { up };
+    let (mut centre, mut distance) = ((low + high) / 2.0, (high - low).length() / size);
+    for _ in 0..ROUNDS {
+        let found = ends(centre, distance);
+        // The step after which opposite ends are equally far from the middle.
+        let step = found.map(|[low, high]| (low.0 + high.0) / (low.1.recip() + high.1.recip()));
+        centre += step[0] * right + step[1] * lift;
+        distance *= larger(found, 1.0);
     }
-    // The distance at which the points, or a box around the centre, fill a picture of this aspect ratio.
-    let of_points = |aspect: f64| distance_for(points, centre, &view, [size * aspect * FILL, size * FILL], near);
-    let of_box = |half: DVec3, aspect: f64| {
-        let corners: Vec<DVec3> = (0..8).map(|corner| centre + half * sign_of(corner)).collect();
-        distance_for(&corners, centre, &view, [size * aspect * FILL, size * FILL], near)
-    };
-    let distance = farthest(centre);
-    let wanted = ASPECTS.map(|(aspect, weight)| (aspect, weight, larger(of_points(aspect))));
-    // Largest difference between the distances of box and points in other pictures, where both are equal in a square one; a
-    // little more for a box of another shape.
-    let misfit = |box_half: DVec3| {
-        let square = larger(of_box(box_half, 1.0)) / distance;
-        let of_aspect = |&(aspect, weight, wanted): &(f64, f64, f64)| {
-            weight * (larger(of_box(box_half, aspect)) / (wanted * square)).ln().abs()
+    let fill = ASPECTS.map(|aspect| {
+        let mut there = distance / aspect.min(1.0);
+        for _ in 0..ROUNDS {
+            there *= larger(ends(centre, there), aspect);
+        }
+        // The fraction that the box spans from this distance.
+        let of_corner = |corner: u32| {
+            let corner = half * DVec3::from_array([0, 1, 2].map(|axis| f64::from(corner >> axis & 1) * 2.0 - 1.0));
+            let across = (corner.dot(right).abs() / aspect).max(corner.dot(up).abs());
+            across / (size * (there + near * corner.dot(forward)))
         };
-        let shape = (box_half / half).map(f64::ln);
-        let shape = (shape - DVec3::splat(shape.element_sum() / 3.0)).length_squared();
-        SHAPE.mul_add(shape, wanted.iter().map(of_aspect).fold(0.0, f64::max))
-    };
-    // Steps to the best neighbour in a grid of ratios, which becomes finer where there is none.
-    let mut fitting = (half, misfit(half));
-    let mut step = COARSEST;
-    while step > FINEST {
-        let neighbour = |place: usize| {
-            let exponents = [place % 3, place / 3 % 3, place / 9].map(|it| count(it) - 1.0);
-            let one = fitting.0 * DVec3::from_array(exponents.map(|it| (step * it).exp()));
-            (one, misfit(one))
+        let fill = (0..8).map(of_corner).fold(0.0, f64::max);
+        // Four digits are enough, and readable.
+        [aspect, (fill * 1e4).round() / 1e4]
+    });
+    let is_valid = fill.iter().all(|pair| (0.01..=100.0).contains(&pair[1]));
+    let Some(fill) = Fill::by_aspect(&fill).filter(|_| is_valid) else { return camera.clone() };
+    let around = Some([centre - half, centre + half]);
+    Camera { aim: Aim::Orbit { azimuth, elevation, fill, front, around }, ..*camera }
+}
+
+/// The voxels that a camera fits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen<'a> {
+    pub(super) volume: &'a Volume,
+    /// The first and the last of them along each axis, if not all are seen.
+    pub(super) crop: Option<[[usize; 3]; 2]>,
+    /// Whether values between them are interpolated.
+    pub(super) is_interpolated: bool,
+}
+
+impl Seen<'_> {
+    /// A value between the voxel at `index`, of this `value`, and the mean of its neighbours: that of a speck is small.
+    fn smooth(&self, index: usize, value: f64) -> f64 {
+        let [nx, ny, nz] = self.volume.geometry.dims;
+        let axes = [(index % nx, nx, 1), (index / nx % ny, ny, nx), (index / (nx * ny), nz, nx * ny)];
+        let at = |index: usize| {
+            let stored = self.volume.voxels.value(index).unwrap_or(f64::NAN);
+            stored.mul_add(self.volume.slope, self.volume.intercept)
         };
-        let best = (0..27).map(neighbour).min_by(|one, other| one.1.total_cmp(&other.1));
-        match best.filter(|best| best.1 < fitting.1) {
-            Some(best) => fitting = best,
-            None => step /= 2.0,
+        // Beyond the volume lies the value of its face.
+        let pair = |(place, side, step): (usize, usize, usize)| {
+            let before = if place > 0 { at(index - step) } else { value };
+            before + if place + 1 < side { at(index + step) } else { value }
+        };
+        f64::midpoint(value, axes.map(pair).iter().sum::<f64>() / 6.0)
+    }
+}
+
+/// The camera of the directions and the projection of `camera` that fits the visible pixels of its own picture of a volume.
+/// `depth` is called with the index and the value of a voxel, and returns the
+/// optical depth per world unit. `outline` are points around most of these voxels.
+pub(super) fn framed(
+    camera: &Camera,
+    outline: &[DVec3],
+    seen: Seen<'_>,
+    depth: impl Fn(usize, f64) -> f64 + Sync,
+) -> Camera {
+    let volume = seen.volume;
+    let mut found = fitted(camera, outline, &volume.geometry);
+    for _ in 0..PASSES {
+        let Some(view) = found.view(&volume.geometry, 1.0) else { break };
+        let target = found.aim.target(&volume.geometry);
+        let silhouette = Silhouette::of(&view, target, seen, outline, &depth);
+        if silhouette.points.is_empty() {
+            break;
+        }
+        found = fitted(camera, &silhouette.points, &volume.geometry);
+        if silhouette.is_whole {
+            break;
         }
     }
-    let fitting = fitting.0 * (distance / larger(of_box(fitting.0, 1.0)));
-    let fitting = if fitting.is_finite() && fitting.max_element() > 0.0 { fitting } else { half };
-    Camera {
-        projection: camera.projection,
-        aim: Aim::Orbit { azimuth, elevation, fill: FILL, front, around: Some([centre - fitting, centre + fitting]) },
-        up: camera.up,
+    found
+}
+
+/// The visible pixels of a square picture.
+struct Silhouette {
+    /// World points at the corners of the first and the last visible pixel of each row and column, at their mean depth.
+    points: Vec<DVec3>,
+    /// Whether nothing extends beyond the frame.
+    is_whole: bool,
+}
+
+impl Silhouette {
+    /// The silhouette of a volume that `view` shows with `target` in the middle. `outline` are points around most of its
+    /// visible voxels.
+    fn of(
+        view: &View,
+        target: DVec3,
+        of: Seen<'_>,
+        outline: &[DVec3],
+        depth: &(impl Fn(usize, f64) -> f64 + Sync),
+    ) -> Self {
+        /// Fraction of the outline within which its ends hardly lie.
+        const INNER: f64 = 0.75;
+        let reach = |side: fn(DVec3) -> f64| {
+            let of_point = |point: &DVec3| {
+                let seen = view.seen(*point);
+                (side(seen) / if view.parallel { 1.0 } else { seen.z.max(f64::MIN_POSITIVE) }).abs()
+            };
+            outline.iter().map(of_point).fold(0.0, f64::max)
+        };
+        let inner = [INNER * reach(|seen| seen.x), INNER * reach(|seen| seen.y)];
+        // Voxels in the middle of the picture cannot be its ends, unless the outline is far too large.
+        let middle = DVec3::from_array([inner[0], inner[1], 0.0]);
+        let found = Sums::of(view, target, of, middle, depth).silhouette(view, inner);
+        found.unwrap_or_else(|| {
+            let all = Sums::of(view, target, of, DVec3::ZERO, depth).silhouette(view, [0.0; 2]);
+            all.unwrap_or(Self { points: Vec::new(), is_whole: true })
+        })
     }
 }
 
-/// Signs of the coordinates of a corner, from 0 to 7.
-fn sign_of(corner: u32) -> DVec3 {
-    DVec3::from_array([0, 1, 2].map(|axis| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 }))
+/// Optical depths of the pixels of a square picture.
+struct Sums {
+    side: usize,
+    /// In units of 1 / [`UNITS`]: sums of whole numbers do not depend on the order of the threads.
+    depths: Vec<AtomicU64>,
+    /// Sums of these depths, each times its distance from the eye over `far`.
+    weighted: Vec<AtomicU64>,
+    far: f64,
 }
 
-fn larger([one, other]: [f64; 2]) -> f64 {
-    one.max(other)
+/// Units of an optical depth of 1.
+const UNITS: f64 = 1048576.0;
+/// Half the width of the picture of [`Sums`], in half widths of that of its view.
+const FRAME: f64 = 1.25;
+
+impl Sums {
+    /// Adds the voxels outside the `inner` part of the picture, a fraction of its half width and half height.
+    fn of(view: &View, target: DVec3, of: Seen<'_>, inner: DVec3, depth: &(impl Fn(usize, f64) -> f64 + Sync)) -> Self {
+        /// Most voxels that are added.
+        const VOXELS: f64 = 16_777_216.0;
+        /// Least and most pixels of a side.
+        const SIDES: [f64; 2] = [256.0, 512.0];
+        let Seen { volume, crop, is_interpolated } = of;
+        let geometry = &volume.geometry;
+        let [nx, ny, nz] = geometry.dims;
+        let [low, high] = crop.unwrap_or([[0; 3], [nx - 1, ny - 1, nz - 1]]);
+        let lines: [usize; 3] = std::array::from_fn(|axis| high[axis] - low[axis] + 1);
+        let stride = whole((lines.map(count).iter().product::<f64>() / VOXELS).cbrt().ceil()).max(1);
+        let stride = lines.map(|lines| stride.min(lines.div_ceil(32)));
+        let step = geometry.spacing * DVec3::from_array(stride.map(count));
+        // Axes of a sampled voxel and the first of them, in coordinates of the picture.
+        let place = |index: [usize; 3]| view.seen(geometry.world_from_index(DVec3::from_array(index.map(count))));
+        let axes = [0, 1, 2].map(|axis| {
+            let along = geometry.direction.col(axis) * step[axis];
+            DVec3::new(along.dot(view.right) / view.half[0], along.dot(view.up) / view.half[1], along.dot(view.forward))
+        });
+        let origin = place(low);
+        let middle = if view.parallel { 1.0 } else { view.seen(target).z };
+        // A pixel is about as large as a voxel.
+        let pitch = step.element_product().cbrt() / (middle * view.half[1]);
+        let side = (2.0 * FRAME / pitch).clamp(SIDES[0], SIDES[1]).ceil();
+        let pixels = side / (2.0 * FRAME);
+        let footprint = axes.into_iter().fold(DVec3::ZERO, |most, axis| most.max(axis.abs())) * pixels;
+        // Optical depth of a pixel by a voxel at distance 1 with a depth of 1 per world unit.
+        let area = view.half[0] * view.half[1] / (pixels * pixels);
+        let unit = UNITS * step.element_product() / area;
+        let far = (0..8_usize)
+            .map(|corner| {
+                let ends: [usize; 3] =
+                    std::array::from_fn(|axis| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] });
+                place(ends).z
+            })
+            .fold(f64::MIN_POSITIVE, f64::max);
+        let sums = || (0..whole(side * side)).map(|_| AtomicU64::new(0)).collect::<Vec<_>>();
+        let found = Self { side: whole(side), depths: sums(), weighted: sums(), far };
+        let samples: [usize; 3] = std::array::from_fn(|axis| lines[axis].div_ceil(stride[axis]));
+        // The march ends at the centres of the outermost voxels, so that half of them lies within.
+        let within = |axis: usize, at: usize| {
+            let end = count(lines[axis] - 1) / count(stride[axis]);
+            if end < 1.0 { end / 2.0 } else { count(at).clamp(0.5, end - 0.5) }
+        };
+        let of_row = |[y, z]: [usize; 2], row: &mut Vec<f64>| {
+            let first = low[0] + nx * (low[1] + y * stride[1] + ny * (low[2] + z * stride[2]));
+            let start = origin + axes[1] * within(1, y) + axes[2] * within(2, z);
+            let skipped = crossing(start, axes[0], inner, view.parallel);
+            let [before, after] = skipped.map_or([samples[0]; 2], |[from, to]| {
+                let from = whole(from.max(0.0).ceil()).min(samples[0]);
+                [from, whole(to.max(0.0)).saturating_add(1).clamp(from, samples[0])]
+            });
+            for range in [0..before, after..samples[0]] {
+                values(volume, first + range.start * stride[0], stride[0], range.len(), row);
+                for (x, &value) in range.zip(&*row) {
+                    let index = first + x * stride[0];
+                    let mut depth_here = depth(index, value);
+                    if depth_here > 0.0 && is_interpolated {
+                        depth_here = depth_here.min(depth(index, of.smooth(index, value)));
+                    }
+                    if depth_here > 0.0 {
+                        found.add(start + axes[0] * within(0, x), view.parallel, depth_here * unit, footprint, pixels);
+                    }
+                }
+            }
+        };
+        (0..samples[2]).into_par_iter().for_each(|z| {
+            let mut row = Vec::new();
+            (0..samples[1]).for_each(|y| of_row([y, z], &mut row));
+        });
+        found
+    }
+
+    /// Adds a voxel to the pixels that its `footprint` at distance 1 covers.
+    fn add(&self, seen: DVec3, parallel: bool, units: f64, footprint: DVec3, pixels: f64) {
+        /// Optical depth that hides all behind it.
+        const OPAQUE: f64 = 16.0;
+        let by = if parallel { 1.0 } else { seen.z };
+        if by <= 0.0 {
+            return;
+        }
+        let last = count(self.side) - 1.0;
+        let ends = |at: f64, width: f64| {
+            let at = (at / by + FRAME) * pixels;
+            // Pixels whose centre lies in the footprint, or the nearest one.
+            let [first, end] = [(at - width / by / 2.0 - 0.5).ceil(), (at + width / by / 2.0 - 0.5).floor()];
+            let covered = if first <= end { [first, end] } else { [at.floor(); 2] };
+            // Beyond the frame, the pixels at its edge.
+            covered.map(|pixel| whole(pixel.clamp(0.0, last)))
+        };
+        let ([left, right], [below, above]) = (ends(seen.x, footprint.x), ends(seen.y, footprint.y));
+        let covered = count((right - left + 1) * (above - below + 1));
+        let units = (units / (by * by * covered)).min(OPAQUE * UNITS);
+        let weighted = units * (seen.z / self.far).clamp(0.0, 1.0);
+        let [units, weighted] = [units, weighted].map(|it| u64::from(unsigned(whole(it))));
+        for y in below..=above {
+            for pixel in y * self.side + left..=y * self.side + right {
+                self.depths[pixel].fetch_add(units, Ordering::Relaxed);
+                self.weighted[pixel].fetch_add(weighted, Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// The visible pixels; `None` if there are none, or if an end of the picture lies in its `inner` part.
+    fn silhouette(&self, view: &View, inner: [f64; 2]) -> Option<Silhouette> {
+        let side = self.side;
+        let number = |pixel: &AtomicU64| count(usize::try_from(pixel.load(Ordering::Relaxed)).unwrap_or(usize::MAX));
+        let is_visible = |pixel: &usize| number(&self.depths[*pixel]) >= VISIBLE * UNITS;
+        // The first and the last visible pixel of a line of pixels.
+        let line_ends = |first: usize, step: usize| {
+            let pixels = || (0..side).map(|at| first + at * step);
+            Some([pixels().find(is_visible)?, pixels().rev().find(is_visible)?])
+        };
+        let rows = (0..side).filter_map(|y| line_ends(y * side, 1));
+        let columns = (0..side).filter_map(|x| line_ends(x, side));
+        let ends: Vec<usize> = rows.chain(columns).flatten().collect();
+        let place = |pixel: usize| count(pixel) * 2.0 * FRAME / count(side) - FRAME;
+        let mut is_whole = true;
+        for (axis, inner) in inner.into_iter().enumerate() {
+            let at = |pixel: &usize| [pixel % side, pixel / side][axis];
+            let (first, last) = (ends.iter().map(at).min()?, ends.iter().map(at).max()?);
+            is_whole &= first > 0 && last + 1 < side;
+            if place(first) > -inner || place(last + 1) < inner {
+                return None;
+            }
+        }
+        let corners = |&pixel: &usize| {
+            let depth = self.far * number(&self.weighted[pixel]) / number(&self.depths[pixel]).max(1.0);
+            let there = view.eye + depth * view.forward;
+            let corner = move |[x, y]: [usize; 2]| {
+                let [x, y] = [place(pixel % side + x), place(pixel / side + y)];
+                view.point_at(DVec2::new(1.0 + x, 1.0 - y) / 2.0, there)
+            };
+            [[0, 0], [1, 0], [0, 1], [1, 1]].map(corner)
+        };
+        Some(Silhouette { points: ends.iter().flat_map(corners).collect(), is_whole })
+    }
 }
 
-/// Distances from `centre` along the line of sight of `view` at which `points` reach `limits` of the width and the height at
-/// distance 1; nearer points reach farther by `near`.
-fn distance_for(points: &[DVec3], centre: DVec3, view: &View, limits: [f64; 2], near: f64) -> [f64; 2] {
-    let of_point = |point: &DVec3| {
-        let from_centre = *point - centre;
-        let depth = near * from_centre.dot(view.forward);
-        [from_centre.dot(view.right).abs() / limits[0] - depth, from_centre.dot(view.up).abs() / limits[1] - depth]
-    };
-    let farther = |one: [f64; 2], other: [f64; 2]| [one[0].max(other[0]), one[1].max(other[1])];
-    points.par_iter().map(of_point).reduce(|| [0.0; 2], farther)
+/// Steps along `axis` from `start` between which a row lies in the `inner` part of the picture, in coordinates of
+/// [`View::seen`].
+fn crossing(start: DVec3, axis: DVec3, inner: DVec3, parallel: bool) -> Option<[f64; 2]> {
+    let (by, by_step) = if parallel { (1.0, 0.0) } else { (start.z, axis.z) };
+    let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+    for (at, step, limit) in [(start.x, axis.x, inner.x), (start.y, axis.y, inner.y)] {
+        for sign in [-1.0, 1.0] {
+            // Inside where room + step·room_step is above 0.
+            let (room, room_step) = (limit * by + sign * at, limit * by_step + sign * step);
+            if room_step > 0.0 {
+                from = from.max(-room / room_step);
+            } else if room_step < 0.0 {
+                to = to.min(-room / room_step);
+            } else if room <= 0.0 {
+                return None;
+            }
+        }
+    }
+    (from < to).then_some([from, to])
+}
+
+/// Puts `number` values of `volume` from the voxel at `first`, every n-th by `step`, into `row`.
+fn values(volume: &Volume, first: usize, step: usize, number: usize, row: &mut Vec<f64>) {
+    row.clear();
+    with_voxels!(&volume.voxels, stored => {
+        let from = stored.get(first..).unwrap_or_default();
+        row.extend(from.iter().step_by(step).take(number).map(|&it| Voxel::to_f64(it).mul_add(volume.slope, volume.intercept)));
+    });
 }
 
 /// Distance from `target`, or with parallel rays half the height of the picture, at which `points` reach at most the

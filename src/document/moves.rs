@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::fit;
-use crate::scene::{Aim, Camera, Projection, Scene, View};
+use crate::scene::{Aim, Camera, Fill, Projection, Scene, View};
 use crate::volume::Geometry;
 
 /// A movement of the camera.
@@ -90,7 +90,7 @@ pub fn moved(scene: &Scene, opened: &Camera, aspect: f64, step: Move) -> Camera 
             let stated = from_side(camera, opened, side);
             // The camera of a first look fits the visible voxels, others the whole volume.
             let is_fitted = matches!(stated.aim, Aim::Orbit { around: Some(_), .. });
-            Some(if is_fitted { fit::fitted(&stated, &fit::visible(scene), geometry) } else { stated })
+            Some(if is_fitted { fit::of_scene(&stated, scene) } else { stated })
         }
         step => go(camera, geometry, aspect, step),
     };
@@ -160,7 +160,7 @@ fn from_side(camera: &Camera, opened: &Camera, side: Side) -> Camera {
         Projection::Orthographic { .. } => Projection::Orthographic { height: None },
         perspective @ Projection::Perspective { .. } => perspective,
     };
-    Camera { projection, aim: Aim::Orbit { azimuth: 0.0, elevation: 0.0, fill: 1.0, front, around }, up }
+    Camera { projection, aim: Aim::Orbit { azimuth: 0.0, elevation: 0.0, fill: Fill::of(1.0), front, around }, up }
 }
 
 fn go(camera: &Camera, geometry: &Geometry, aspect: f64, step: Move) -> Option<Camera> {
@@ -260,7 +260,8 @@ mod tests {
         {
             for side in Side::ALL {
                 let around = Some([DVec3::ZERO, DVec3::splat(20.0)]);
-                let aim = Aim::Orbit { azimuth: 0.0, elevation: 15.0, fill: 0.9, front: DVec3::NEG_Y, around };
+                let aim =
+                    Aim::Orbit { azimuth: 0.0, elevation: 15.0, fill: Fill::of(0.9), front: DVec3::NEG_Y, around };
                 scene.camera = Camera { projection, aim, up: DVec3::Z };
                 let camera = moved(&scene, &scene.camera, aspect, Move::Axis(side));
                 let view = camera.view(&scene.volume.geometry, aspect).expect("it has a line of sight");
@@ -283,7 +284,13 @@ mod tests {
             // The first view is the narrow side of the block.
             let narrow = Camera {
                 projection,
-                aim: Aim::Orbit { azimuth: 0.0, elevation: 15.0, fill: 1.0, front: DVec3::NEG_Y, around: None },
+                aim: Aim::Orbit {
+                    azimuth: 0.0,
+                    elevation: 15.0,
+                    fill: Fill::of(1.0),
+                    front: DVec3::NEG_Y,
+                    around: None,
+                },
                 up: DVec3::Z,
             };
             let narrow = fit::fitted(&narrow, &fit::visible(&scene), geometry);

@@ -360,7 +360,12 @@ fn camera(camera: &Camera) -> Table {
         Aim::Orbit { azimuth, elevation, fill, front, around } => {
             table.insert("azimuth", value(azimuth));
             table.insert("elevation", value(elevation));
-            table.insert("fill", value(fill));
+            let pairs = fill.pairs();
+            let fill = match pairs {
+                [[_, fraction]] => value(*fraction),
+                _ => value(pairs.iter().map(|&pair| numbers(pair)).collect::<Array>()),
+            };
+            table.insert("fill", fill);
             table.insert("front", value(numbers(front.to_array())));
             if let Some(around) = around {
                 table.insert(

@@ -50,7 +50,7 @@ pub enum Aim {
         /// Degrees above the horizon.
         elevation: f64,
         /// Fraction of the picture that the volume's box spans.
-        fill: f64,
+        fill: Fill,
         /// World direction from the centre to the camera at azimuth 0.
         front: DVec3,
         /// Opposite corners of a box in the world, in place of the volume's.
@@ -63,8 +63,61 @@ impl Default for Camera {
     fn default() -> Self {
         Self {
             projection: Projection::Perspective { fov_degrees: 30.0 },
-            aim: Aim::Orbit { azimuth: -20.0, elevation: 15.0, fill: 0.95, front: DVec3::NEG_Z, around: None },
+            aim: Aim::Orbit {
+                azimuth: -20.0,
+                elevation: 15.0,
+                fill: Fill::of(0.95),
+                front: DVec3::NEG_Z,
+                around: None,
+            },
             up: DVec3::NEG_Y,
+        }
+    }
+}
+
+/// Fraction of the picture that a box spans: one, or one for each of several aspect ratios.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fill {
+    /// Aspect ratio and fraction, of which the first `number` count.
+    nodes: [[f64; 2]; Fill::MOST],
+    number: usize,
+}
+
+impl Fill {
+    /// Most aspect ratios.
+    pub const MOST: usize = 10;
+
+    /// The same fraction for every picture.
+    #[must_use]
+    pub const fn of(fraction: f64) -> Self {
+        Self { nodes: [[1.0, fraction]; Self::MOST], number: 1 }
+    }
+
+    /// Pairs of an aspect ratio (width / height) and its fraction. `None` unless there are 1 to [`Self::MOST`] pairs with
+    /// ascending aspect ratios above 0.
+    #[must_use]
+    pub fn by_aspect(pairs: &[[f64; 2]]) -> Option<Self> {
+        let is_ascending = pairs.windows(2).all(|pair| pair[0][0] < pair[1][0]);
+        let mut fill = Self { number: pairs.len(), ..Self::of(1.0) };
+        fill.nodes.get_mut(..pairs.len())?.copy_from_slice(pairs);
+        (is_ascending && pairs.first()?[0] > 0.0).then_some(fill)
+    }
+
+    /// Pairs of an aspect ratio and its fraction; a single pair holds for every picture.
+    #[must_use]
+    pub fn pairs(&self) -> &[[f64; 2]] {
+        self.nodes.get(..self.number).unwrap_or_default()
+    }
+
+    /// Fraction for a picture of `width / height = aspect`: linear between the pairs, constant beyond them.
+    #[must_use]
+    pub fn at(&self, aspect: f64) -> f64 {
+        let pairs = self.pairs();
+        let after = pairs.partition_point(|pair| pair[0] < aspect);
+        match (after.checked_sub(1).and_then(|before| pairs.get(before)), pairs.get(after)) {
+            (Some(&[a0, f0]), Some(&[a1, f1])) => (f1 - f0).mul_add((aspect - a0) / (a1 - a0), f0),
+            (Some(&[_, end]), None) | (None, Some(&[_, end])) => end,
+            (None, None) => 1.0,
         }
     }
 }
@@ -157,7 +210,7 @@ impl Camera {
                         let radius = corners[0].length();
                         let distance = corners.iter().fold(radius, |distance, corner| {
                             let reach = (corner.dot(right).abs() / aspect).max(corner.dot(up).abs());
-                            distance.max(reach / (tangent * fill) - corner.dot(forward))
+                            distance.max(reach / (tangent * fill.at(aspect)) - corner.dot(forward))
                         });
                         target - distance * forward
                     }
@@ -165,9 +218,9 @@ impl Camera {
                 (eye, tangent, false)
             }
             (Projection::Orthographic { height }, aim) => {
-                let fitted = |fill: f64| {
+                let fitted = |fill: Fill| {
                     corners.iter().fold(0.0_f64, |half, corner| {
-                        half.max((corner.dot(right).abs() / aspect).max(corner.dot(up).abs()) / fill)
+                        half.max((corner.dot(right).abs() / aspect).max(corner.dot(up).abs()) / fill.at(aspect))
                     })
                 };
                 match aim {
@@ -248,6 +301,18 @@ mod tests {
             let from_eye = point - view.eye;
             assert!((place.x > 0.5) == (from_eye.x > 0.0) && (place.y > 0.5) == (from_eye.z < 0.0), "{place}");
             assert_eq!(view.place_of(view.eye - 2.0 * forward), None, "behind the eye");
+        }
+    }
+    #[test]
+    fn a_fill_by_aspect_ratio_is_linear_between_its_pairs_and_constant_beyond() {
+        let fill = Fill::by_aspect(&[[0.5, 1.0], [1.0, 2.0], [2.0, 1.5]]).expect("aspect ratios ascend");
+        for (aspect, expected) in [(0.1, 1.0), (0.5, 1.0), (0.75, 1.5), (1.0, 2.0), (1.5, 1.75), (2.0, 1.5), (9.0, 1.5)]
+        {
+            assert!((fill.at(aspect) - expected).abs() < 1e-15, "{aspect}: {}", fill.at(aspect));
+            assert!((Fill::of(0.9).at(aspect) - 0.9).abs() < 1e-15, "{aspect}");
+        }
+        for refused in [&[][..], &[[1.0, 1.0], [1.0, 2.0]], &[[0.0, 1.0]], &[[f64::NAN, 1.0]], &[[1.0, 1.0]; 11]] {
+            assert_eq!(Fill::by_aspect(refused), None, "{refused:?}");
         }
     }
 }

@@ -10,7 +10,7 @@ mod transfer;
 use std::sync::Arc;
 
 pub use blocks::{Block, Blocks, MOST_BLOCKS, Node, low_leaves};
-pub use camera::{Aim, Camera, Projection, View};
+pub use camera::{Aim, Camera, Fill, Projection, View};
 pub(crate) use camera::{centre, unit};
 pub use coarse::{Coarse, LabelLeft, Level};
 pub(crate) use lights::{INTENSITY, THREE_POINT_PARTS, THREE_POINT_SUM};

@@ -113,6 +113,11 @@ pub(crate) fn depth_from_opacity(opacity: f64) -> f64 {
 }
 
 impl Term {
+    /// Optical depth per opacity length at `value`, of scattering and of absorption at its peak.
+    pub(crate) fn depth(&self, value: f64) -> f64 {
+        depth_from_opacity(height_at(&self.opacity, value)) + height_at(&self.absorption, value)
+    }
+
     /// A trapezoid: `opacity` and `absorption` from `low` to `high`, with ramps to 0 over `ramp` on either side.
     #[must_use]
     pub fn interval(material: usize, [low, high]: [f64; 2], ramp: [f64; 2], opacity: f64, absorption: f64) -> Self {

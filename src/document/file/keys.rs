@@ -264,6 +264,14 @@ pub(super) enum HandFile {
     Place([f64; 2]),
 }
 
+/// One fraction, or pairs of an aspect ratio and a fraction.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a fill is a number, or pairs of an aspect ratio and a number, [[0.75, 0.9], [1.5, 1]]")]
+pub(super) enum FillFile {
+    One(f64),
+    ByAspect(Vec<[f64; 2]>),
+}
+
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CameraFile {
@@ -277,7 +285,7 @@ pub(super) struct CameraFile {
     pub(super) front: Option<At<[f64; 3]>>,
     pub(super) azimuth: Option<At<f64>>,
     pub(super) elevation: Option<At<f64>>,
-    pub(super) fill: Option<At<f64>>,
+    pub(super) fill: Option<At<FillFile>>,
     pub(super) around: Option<At<[[f64; 3]; 2]>>,
 }
 

@@ -182,12 +182,10 @@ impl Text<'_> {
                 if let Some(key) = &file.around {
                     return Err(self.invalid(key, "a camera with a `position` and a `target` has no `around`"));
                 }
-                let orbit = [&file.azimuth, &file.elevation, &file.fill];
-                if let Some(key) = orbit.into_iter().flatten().next() {
-                    return Err(self.invalid(
-                        key,
-                        "a camera with a `position` and a `target` has no `azimuth`, `elevation` or `fill`",
-                    ));
+                let orbit = [&file.azimuth, &file.elevation].into_iter().flatten().map(At::span);
+                if let Some(place) = orbit.chain(file.fill.as_ref().map(At::span)).next() {
+                    let message = "a camera with a `position` and a `target` has no `azimuth`, `elevation` or `fill`";
+                    return Err(self.refuse(place.start, message.to_owned()));
                 }
                 Aim::LookAt {
                     position: self.vector("camera.position", position)?,
@@ -197,7 +195,7 @@ impl Text<'_> {
             (None, None) => Aim::Orbit {
                 azimuth: self.optional("camera.azimuth", file.azimuth.as_ref(), &FINITE, -20.0)?,
                 elevation: self.optional("camera.elevation", file.elevation.as_ref(), &(-89.9..=89.9), 15.0)?,
-                fill: self.optional("camera.fill", file.fill.as_ref(), &(0.01..=100.0), 0.95)?,
+                fill: file.fill.as_ref().map_or(Ok(Fill::of(0.95)), |fill| self.fill(fill))?,
                 front: file.front.as_ref().map_or(Ok(DVec3::NEG_Z), |front| self.direction("camera.front", front))?,
                 around: file.around.as_ref().map(|around| self.around(around)).transpose()?,
             },
@@ -206,6 +204,23 @@ impl Text<'_> {
             }
         };
         Ok(Camera { projection, aim, up })
+    }
+
+    /// The fill of an orbiting camera.
+    fn fill(&self, fill: &At<FillFile>) -> Result<Fill, SceneError> {
+        let found = match fill.get_ref() {
+            FillFile::One(fraction) => Some(Fill::of(*fraction)),
+            FillFile::ByAspect(pairs) => Fill::by_aspect(pairs),
+        };
+        let found = found.filter(|fill| fill.pairs().iter().all(|pair| (0.01..=100.0).contains(&pair[1])));
+        found.ok_or_else(|| {
+            let message = format!(
+                "camera.fill must be a number from 0.01 to 100, or up to {} pairs of an ascending aspect ratio (width / \
+                 height) and such a number, [[0.75, 0.9], [1.5, 1]]",
+                Fill::MOST
+            );
+            self.invalid(fill, message)
+        })
     }
 
     /// The box of an orbiting camera.

@@ -16,11 +16,11 @@ pub use values::{Kind, Peak, Values};
 
 use self::groups::Groups;
 use self::sample::Thinned;
-use super::fit;
+use super::fit::{self, Depths, Seen};
 use super::moves::Side;
 use super::transfer_presets::TransferPreset;
 use crate::number::{brief, count, nearest, rounded, whole};
-use crate::scene::{Aim, Camera, Interval, Projection};
+use crate::scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term};
 use crate::volume::{Geometry, LabelPreset, Presets, Statistics, Volume, Window};
 use crate::written::refused_name;
 
@@ -535,7 +535,7 @@ fn directions(volume: &Volume, values: &Values) -> Camera {
         _ => DVec3::Z,
     };
     let projection = Projection::Perspective { fov_degrees: 30.0 };
-    Camera { projection, aim: Aim::Orbit { azimuth, elevation, fill: 1.0, front, around: None }, up }
+    Camera { projection, aim: Aim::Orbit { azimuth, elevation, fill: Fill::of(1.0), front, around: None }, up }
 }
 
 /// Text of the scene that a first look at `volume`, whose file is called `name`, makes; it names no volume.
@@ -620,7 +620,23 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
     let outline = fit::outline(at_hand, values.thinned.stride, crop, |_, value| is_flat || shows(rounded(value)));
     // A body is known to be upright.
     let camera = if matches!(values.kind, Kind::Ct { .. }) { camera } else { raised(camera, &outline) };
-    let camera = fit::fitted(&camera, &outline, geometry);
+    let opacities: Vec<f64> = match &shape {
+        Shape::Layers(layers) => {
+            layers.iter().zip(thickness(layers)).map(|(layer, thickness)| opacity(layer.depth, thickness)).collect()
+        }
+        Shape::Ramp { layer, rise } => {
+            let voxels = ramp_thickness(&values.thinned, layer.range, *rise, axis);
+            vec![opacity(layer.depth, (scale * voxels).max(1.0))]
+        }
+    };
+    let camera = if is_flat {
+        fit::fitted(&camera, &outline, geometry)
+    } else {
+        let depths = Depths::of(&terms(&shape, &opacities), geometry.spacing.min_element());
+        let is_interpolated = !matches!(values.kind, Kind::Labels(_));
+        let seen = Seen { volume: at_hand, crop, is_interpolated };
+        fit::framed(&camera, &outline, seen, |_, value| depths.at(value))
+    };
     let crop = crop.map(|[low, high]| {
         let of_block = |axis: usize, at: usize, end: usize| (at * block[axis] + end).min(geometry.dims[axis] - 1);
         let low = std::array::from_fn(|axis| of_block(axis, low[axis], 0));
@@ -628,7 +644,6 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
     });
     let alone = if crop.is_some() { "; only the largest connected part is shown" } else { "" };
     let guess = format!("{name} has no scene, so Relume made one: {guess}{alone}.");
-    let of_ramp = |range, rise| (scale * ramp_thickness(&values.thinned, range, rise, axis)).max(1.0);
     let groups = match (&values.kind, &shape) {
         (Kind::Labels(_), Shape::Layers(layers)) if layers.len() > 1 && wish.look.is_none() => {
             let names: Vec<String> = layers.iter().map(|layer| layer.name.clone()).collect();
@@ -638,7 +653,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         }
         _ => None,
     };
-    let text = text(name, &guess, (&shape, groups.as_ref()), (thickness, of_ramp), &camera, crop, geometry);
+    let text = text(name, &guess, (&shape, groups.as_ref()), &opacities, &camera, crop, geometry);
     Ok(FirstLook { text, guess })
 }
 
@@ -662,6 +677,7 @@ fn shape(
     let kind = match &values.kind {
         Kind::Ct { water } if *water == 0.0 => "a CT in Hounsfield units".to_owned(),
         Kind::Ct { water } => format!("a CT in which water has the value {}", brief(*water)),
+        Kind::Labels(labels) if labels.len() == 1 => "a segmentation with 1 label".to_owned(),
         Kind::Labels(labels) => format!("a segmentation with {} labels", labels.len()),
         Kind::Other(Some(modality)) => format!("{}, whose values have no known unit", modality.name()),
         Kind::Other(None) => "values without a known unit".to_owned(),
@@ -756,11 +772,37 @@ fn opacity(depth: Depth, thickness: f64) -> f64 {
     format!("{:.2e}", opacity.clamp(1e-3, 0.95)).parse().unwrap_or(opacity)
 }
 
+/// Points of the opacity of a ramp.
+fn ramp(layer: &Layer, rise: Rise, opacities: &[f64]) -> Vec<(f64, f64)> {
+    let [low, high] = layer.range;
+    let most = opacities.first().copied().unwrap_or_default();
+    let point = |[place, part]: [f64; 2]| {
+        let opacity = part * most;
+        ((high - low).mul_add(place, low), format!("{opacity:.3e}").parse().unwrap_or(opacity))
+    };
+    rise.points().into_iter().map(point).collect()
+}
+
+/// The terms of the transfer function of a scene; their materials are those of no scene.
+fn terms(shape: &Shape, opacities: &[f64]) -> Vec<Term> {
+    match shape {
+        Shape::Layers(layers) => layers
+            .iter()
+            .zip(opacities)
+            .map(|(layer, &opacity)| Term::interval(0, layer.range, [layer.ramp; 2], opacity, 0.0))
+            .collect(),
+        Shape::Ramp { layer, rise } => {
+            let opacity = ramp(layer, *rise, opacities);
+            vec![Term { opacity, absorption: Vec::new(), material: MaterialCurve(Vec::new()) }]
+        }
+    }
+}
+
 fn text(
     name: &str,
     guess: &str,
     (shape, groups): (&Shape, Option<&Groups>),
-    (thickness, of_ramp): (impl Fn(&[Layer]) -> Vec<f64>, impl Fn([f64; 2], Rise) -> f64),
+    opacities: &[f64],
     camera: &Camera,
     crop: Option<[[usize; 3]; 2]>,
     geometry: &Geometry,
@@ -782,11 +824,10 @@ fn text(
     match shape {
         Shape::Layers(layers) => {
             line("intervals = [");
-            for (layer, thickness) in layers.iter().zip(thickness(layers)) {
+            for (layer, opacity) in layers.iter().zip(opacities) {
                 if !layer.what.is_empty() {
                     line(&format!("    # {}", layer.what));
                 }
-                let opacity = opacity(layer.depth, thickness);
                 let ([low, high], ramp) = (layer.range, layer.ramp);
                 line(&format!(
                     "    {{ material = {}, range = [{low:?}, {high:?}], ramp = {ramp:?}, opacity = {opacity:?} }},",
@@ -796,8 +837,7 @@ fn text(
             line("]");
         }
         Shape::Ramp { layer, rise } => {
-            let [low, high] = layer.range;
-            let opacity = opacity(layer.depth, of_ramp([low, high], *rise));
+            let [low, _] = layer.range;
             line(match rise {
                 Rise::Steep => {
                     "# A window of values: transparent at the low end, most opaque at the high end. Between them the opacity rises \
@@ -805,11 +845,8 @@ fn text(
                 }
                 _ => "# A window of values: transparent at the low end, most opaque at the high end.",
             });
-            let point = |[place, part]: [f64; 2]| {
-                let value = (high - low).mul_add(place, low);
-                format!("[{value:?}, {:?}]", format!("{:.3e}", part * opacity).parse().unwrap_or(part * opacity))
-            };
-            let points: Vec<String> = rise.points().into_iter().map(point).collect();
+            let point = |(value, opacity): (f64, f64)| format!("[{value:?}, {opacity:?}]");
+            let points: Vec<String> = ramp(layer, *rise, opacities).into_iter().map(point).collect();
             line(&format!("opacity = [{}]", points.join(", ")));
             line(&format!("material = [[{low:?}, {}]]", quoted(&layer.name)));
         }
@@ -846,8 +883,12 @@ fn text(
         );
     }
     if let Aim::Orbit { azimuth, elevation, fill, front, around } = camera.aim {
-        line("\n# The camera orbits the box `around` and fits it by `fill`.\n[camera]");
-        line(&format!("azimuth = {azimuth:?}\nelevation = {elevation:?}\nfill = {fill:?}"));
+        line(
+            "\n# The camera orbits the box `around`. `fill` is the part of the picture that the box spans, by the aspect ratio (width /\n# height); visible pixels then span 0.9.\n[camera]",
+        );
+        line(&format!("azimuth = {azimuth:?}\nelevation = {elevation:?}"));
+        let pairs: Vec<String> = fill.pairs().iter().map(|pair| format!("{pair:?}")).collect();
+        line(&format!("fill = [{}]", pairs.join(", ")));
         line(&format!("front = {:?}\nup = {:?}", front.to_array(), camera.up.to_array()));
         if let Some([low, high]) = around {
             line(&format!("around = [{:?}, {:?}]", low.to_array(), high.to_array()));
