@@ -9,6 +9,7 @@ use serde_json::json;
 
 use relume::document::first_look::scene_text;
 use relume::document::{SceneOptions, Source, Wish};
+use relume::internal::number::count;
 use relume::measure::{Stopwatch, Timing, peak_mb};
 use relume::output::write_ready_png;
 use relume::plan::plan_for;
@@ -27,8 +28,8 @@ struct Stage {
     times: Times,
 }
 
-/// Stages of a first picture. The scene is made by reading, statistics and guess; the other stages are those of every
-/// picture.
+/// Stages of a first picture. The first three are parts of the fourth, which makes the scene and so runs them again; the
+/// others are those of every picture.
 const STAGES: [&str; 10] =
     ["reading", "statistics", "guess", "scene", "plan", "device", "upload", "march", "relight", "writing"];
 
@@ -52,6 +53,7 @@ pub(super) fn run(
     let mut startup_ms = None;
     let mut spent: Vec<Vec<Timing>> = STAGES.iter().map(|_| Vec::new()).collect();
     let mut peak = None;
+    let mut spans = [0.0; 2];
     // The first picture of the program is as a user's: the whole of it counts, and no stage is read twice.
     for time in 0..=times {
         let mut stages = Vec::with_capacity(STAGES.len());
@@ -85,6 +87,7 @@ pub(super) fn run(
         let codes: Vec<u8> = relight.read()?;
         ended(&mut clock);
         let rgb: Vec<u8> = codes.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+        spans = visible_spans(size, &rgb);
         write_ready_png(&output, size[0], size[1], &rgb)?;
         ended(&mut clock);
         if time == 0 {
@@ -92,9 +95,6 @@ pub(super) fn run(
             peak = peak_mb();
             continue;
         }
-        // The scene is read after its parts were: what is left is the parsing of its text.
-        let [reading, statistics, guess, whole] = [0, 1, 2, 3].map(|stage| stages[stage]);
-        stages[3] = whole - reading - statistics - guess;
         for (of_stage, time) in spent.iter_mut().zip(stages) {
             of_stage.push(time);
         }
@@ -112,8 +112,26 @@ pub(super) fn run(
         let median = |summary: &Option<relume::measure::Summary>| summary.map_or(f64::NAN, |it| it.median);
         let _ = writeln!(text, "{name:<29}  {:>7.1}  {:>7.1}", median(&times.wall_ms), median(&times.cpu_ms));
     }
+    let parts = "reading, statistics and guess are parts of scene";
+    let _ = writeln!(text, "{parts}; pixels brighter than {DARK} of 255 span {:.3} × {:.3}", spans[0], spans[1]);
     let json = json!({
-        "first": {"volume": name, "size": size, "startup_ms": startup_ms, "peak_mb": peak, "stages": stages},
+        "first": {"volume": name, "spans": spans, "size": size, "startup_ms": startup_ms, "peak_mb": peak, "stages": stages},
     });
     Ok(Report { text, json })
+}
+
+/// Code value up to which a pixel is not visible beside black.
+const DARK: u8 = 12;
+
+/// Fractions of the width and the height of a picture that its visible pixels span.
+fn visible_spans([width, height]: [usize; 2], rgb: &[u8]) -> [f64; 2] {
+    let visible = rgb.chunks_exact(3).enumerate().filter(|(_, pixel)| pixel.iter().any(|&code| code > DARK));
+    let [mut low, mut high] = [[usize::MAX; 2], [0; 2]];
+    for (index, _) in visible {
+        for (axis, at) in [index % width, index / width].into_iter().enumerate() {
+            low[axis] = low[axis].min(at);
+            high[axis] = high[axis].max(at + 1);
+        }
+    }
+    [(0, width), (1, height)].map(|(axis, side)| count(high[axis].saturating_sub(low[axis])) / count(side))
 }

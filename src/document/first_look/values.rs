@@ -1,5 +1,6 @@
 //! The values of a volume: percentiles, peaks, and the kind of data they suggest.
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::super::otsu::otsu;
@@ -98,7 +99,7 @@ impl Values {
         let thinned = Thinned::of(volume, statistics.min);
         let mut sorted: Vec<f32> =
             thinned.values.iter().copied().step_by((thinned.values.len() / SORTED).max(1)).collect();
-        sorted.sort_unstable_by(f32::total_cmp);
+        sorted.par_sort_unstable_by(f32::total_cmp);
         let (least, most) = (statistics.min, statistics.max);
         let kind = kind(volume, &thinned, &sorted, statistics);
         let peaks = Vec::new();
@@ -241,10 +242,11 @@ impl Histogram {
         let thinned = &values.thinned;
         let scale = count(BINS) / (range[1] - range[0]).max(f64::MIN_POSITIVE);
         // Four parts of the voxels are more than the bins need.
-        for place in (0..thinned.values.len()).step_by((thinned.values.len() / 1_000_000).max(1)) {
-            let bin = whole((f64::from(thinned.values[place]) - range[0]) * scale).min(BINS - 1);
+        let step = (thinned.values.len() / 1_000_000).max(1);
+        for (&value, gradient) in thinned.values.iter().step_by(step).zip(thinned.gradients(step)) {
+            let bin = whole((f64::from(value) - range[0]) * scale).min(BINS - 1);
             counts[bin] += 1.0;
-            gradients[bin] += f64::from(thinned.gradient(place));
+            gradients[bin] += f64::from(gradient);
         }
         let all = counts.iter().sum();
         Self { range, counts, gradients, all }
