@@ -86,6 +86,9 @@ fn instead_of(path: &Path, error: &io::Error) -> Option<String> {
     if error.kind() != io::ErrorKind::NotFound {
         return None;
     }
+    if let Ok(target) = std::fs::read_link(path) {
+        return Some(format!("; it is a link to {}, which does not exist", target.display()));
+    }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folder = std::path::absolute(folder).ok()?;
     let Ok(entries) = std::fs::read_dir(&folder) else {
@@ -95,13 +98,30 @@ fn instead_of(path: &Path, error: &io::Error) -> Option<String> {
         let name = name.to_lowercase();
         volume::extensions().chain(["toml"]).any(|it| name.ends_with(&format!(".{it}")))
     };
-    let mut names: Vec<String> =
-        entries.flatten().map(|it| it.file_name().to_string_lossy().into_owned()).filter(is_known).collect();
+    let mut names: Vec<String> = entries.flatten().map(|it| it.file_name().to_string_lossy().into_owned()).collect();
     names.sort();
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    if let Some(meant) = names.iter().find(|it| is_slip(it, &name)) {
+        return Some(format!("; did you mean {}?", path.with_file_name(meant).display()));
+    }
+    names.retain(is_known);
     let more = if names.len() > LISTED { ", …" } else { "" };
     names.truncate(LISTED);
     let has = if names.is_empty() { "no scene and no volume".to_owned() } else { names.join(", ") };
     Some(format!("; {} has {has}{more}", folder.display()))
+}
+
+/// Whether two names differ in case alone, by one letter, or by two neighbours that are swapped.
+fn is_slip(one: &str, other: &str) -> bool {
+    let [one, other] = [one, other].map(|name| name.to_lowercase().chars().collect::<Vec<_>>());
+    let first = one.iter().zip(&other).take_while(|(a, b)| a == b).count();
+    let (one, other) = (&one[first..], &other[first..]);
+    let last = one.iter().rev().zip(other.iter().rev()).take_while(|(a, b)| a == b).count();
+    match (&one[..one.len() - last], &other[..other.len() - last]) {
+        ([] | [_], [] | [_]) => true,
+        ([a, b], [c, d]) => a == d && b == c,
+        _ => false,
+    }
 }
 
 fn of_scene(error: &SceneError) -> Option<String> {
@@ -131,6 +151,14 @@ fn of_output(error: &OutputError) -> Option<String> {
             Some(format!(
                 "; relume render --block {first}/{blocks} --accumulators FILE.exr makes the first of them{partial}"
             ))
+        }
+        OutputError::Damaged { path, .. } if ["png", "jpg", "jpeg"].iter().any(|it| ends_in(path, it)) => Some(
+            "; a picture cannot be relit: relume render … --accumulators film.exr writes a film, and relume relight \
+             film.exr reads it"
+                .to_owned(),
+        ),
+        OutputError::Damaged { path, detail } if ends_in(path, "exr") && detail.contains("missing bytes") => {
+            Some("; the file ends too early: it was cut off, or is still being written".to_owned())
         }
         OutputError::Damaged { path, .. } | OutputError::NotAccumulators { path, .. } if !ends_in(path, "exr") => {
             Some(format!(

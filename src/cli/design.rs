@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use relume::document::session;
+use relume::document::{Source, session};
 use relume::measure::Stopwatch;
 use relume::output::page::escaped;
 use relume::output::{write_atomically, write_drawing};
@@ -102,6 +102,13 @@ fn warn_of_old_lights(scene: &Path, text: &str, palette: &Palette) {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let reports = args.report.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<Vec<_>, CliError>>()?;
+    if Source::of(&args.palette).bare_volume().is_some() {
+        return Err(CliError::Usage(format!(
+            "{0} is a volume: design solves a palette file, or a scene with a [palette], such as relume render {0} \
+             --save-scene scene.toml writes",
+            args.palette.display()
+        )));
+    }
     let stated = palette::load(&args.palette)?;
     let palette = args.smoothness.map_or_else(|| stated.clone(), |smoothness| stated.smoothed(smoothness));
     let outputs: Vec<&PathBuf> = args.output.iter().chain(&args.save_scene).chain(&args.report).collect();

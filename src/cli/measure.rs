@@ -1,14 +1,16 @@
 //! `relume measure`: cost and error of each setting of a scene, with the causes of the error.
 
 use std::collections::BTreeMap;
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
 use relume::document::SceneFile;
+use relume::internal::number;
 use relume::measure::{
-    Findings, MeasureError, Measured, NodesBesideRgb, Setting, Survey, SurveyOptions, html, mark_pareto, settings,
-    to_csv, to_markdown, to_text, trade,
+    Findings, MeasureError, Measured, NodesBesideRgb, Setting, Stopwatch, Survey, SurveyOptions, html, mark_pareto,
+    settings, to_csv, to_markdown, to_text, trade,
 };
 use relume::output::page::escaped;
 use relume::output::{write_atomically, write_drawing};
@@ -180,10 +182,26 @@ fn report_kind(path: &std::path::Path) -> Result<ReportKind, CliError> {
     }
 }
 
+/// The number of settings in words.
+fn settings_in_words(number: usize) -> String {
+    if number == 1 { "1 setting".to_owned() } else { format!("{number} settings") }
+}
+
 /// Measures the settings one by one. A cancellation keeps the finished rows.
 fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progress) -> Result<Outcome, CliError> {
     let mut outcome = Outcome { rows: Vec::new(), refused: Vec::new(), interrupted: false };
+    // A terminal shows a bar in place of these notes.
+    let is_told = !std::io::stderr().is_terminal();
+    if is_told {
+        tracing::info!("{} of the scene to measure", settings_in_words(settings.len()));
+    }
+    let clock = Stopwatch::start();
     for (done, setting) in settings.iter().enumerate() {
+        if is_told && done == 1 {
+            let seconds = clock.read().wall_ms / 1e3;
+            let all = seconds * number::count(settings.len());
+            tracing::info!("the first took {seconds:.1} s, so all take about {all:.0} s");
+        }
         progress.report(&format!("measuring {setting}"), done as u64, settings.len() as u64);
         match survey.measure(setting, progress) {
             Ok(row) => outcome.rows.push(row),

@@ -270,7 +270,7 @@ pub(crate) fn main() -> ExitCode {
     };
     // Of several processes the first speaks.
     let is_silent = processes.as_ref().is_some_and(|processes| !processes.is_first());
-    let terminal = Terminal::new(cli.quiet || is_silent);
+    let terminal = Terminal::new(cli.quiet || is_silent, cli.json);
     if let Some(processes) = processes.as_ref().filter(|processes| processes.count() > 1) {
         terminal.end_with_others(processes.rank(), processes.count());
     }
@@ -324,10 +324,9 @@ pub(crate) fn main() -> ExitCode {
             if matches!(error, CliError::Elsewhere) {
                 terminal::leave_to_others();
             } else {
-                terminal::complain(&error);
-                if cli.json {
+                if terminal::complain(&error) && cli.json {
                     // The failure itself is told already.
-                    terminal::print(&format!("{:#}\n", sorted(error_json(&error, code, &terminal.warnings())))).ok();
+                    terminal::print(&error_json(&error, code, &terminal.warnings())).ok();
                 }
             }
             if let Some(processes) = processes {
@@ -339,14 +338,19 @@ pub(crate) fn main() -> ExitCode {
 }
 
 /// The error of a failed command as JSON: its code, its sentence and its causes, with the exit code and the warnings.
-fn error_json(error: &CliError, exit_code: u8, warnings: &[String]) -> serde_json::Value {
+/// JSON of a failed or interrupted run, as text.
+fn error_json(error: &CliError, exit_code: u8, warnings: &[String]) -> String {
     let mut sentences = advice::sentences(error);
     let message = sentences.next();
-    serde_json::json!({
+    let mut json = serde_json::json!({
         "error": { "code": error.code(), "message": message, "causes": sentences.collect::<Vec<_>>() },
         "exit_code": exit_code,
         "warnings": warnings,
-    })
+    });
+    if exit_code == INTERRUPTED {
+        json["interrupted"] = true.into();
+    }
+    format!("{:#}\n", sorted(json))
 }
 
 /// Result of a command as text and as JSON.

@@ -14,7 +14,7 @@ use relume::internal::number::{brief, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::output::{FilmFile, Picture, PictureKind, write_atomically, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
-use relume::progress::Progress;
+use relume::progress::{Progress, Quiet};
 use relume::reference::{self, Exact};
 use relume::render::{BrickCounts, Renderer, SceneRenderer};
 use relume::scene::{Block, Blocks, MOST_BLOCKS, Mix, Placement, Scene, Shading, positions};
@@ -284,6 +284,10 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     outputs.extend(args.accumulators.iter().chain(&args.spectral).chain(&args.save_scene));
     // A part of an animation may have no picture.
     if pictures.is_empty() && outputs.is_empty() {
+        // A file that is no scene is told to be none; it would have had a default output otherwise.
+        if args.scene.scene.as_ref().is_some_and(|path| path.extension().is_none_or(|it| it != "toml")) {
+            source.read(&Quiet)?;
+        }
         return Err(CliError::Usage(
             "no output: add -o FILE.png or -o FILE.exr, --accumulators FILE.exr or --spectral FILE.exr".into(),
         ));

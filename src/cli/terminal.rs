@@ -57,7 +57,7 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
-    pub(crate) fn new(quiet: bool) -> Self {
+    pub(crate) fn new(quiet: bool, json: bool) -> Self {
         let shown = if quiet { LevelFilter::ERROR } else { LevelFilter::INFO };
         // Hides messages of the window's libraries, which are for their developers.
         let ours = |most: LevelFilter| {
@@ -79,7 +79,8 @@ impl Terminal {
         }
         let interrupted = Arc::new(AtomicBool::new(false));
         let has_rows = Arc::new(AtomicBool::new(false));
-        let heard = end_soon(&interrupted, &has_rows).and_then(|()| register(SIGINT, Arc::clone(&interrupted)));
+        let heard = end_soon(&interrupted, &has_rows, json.then(|| warnings.clone()))
+            .and_then(|()| register(SIGINT, Arc::clone(&interrupted)));
         if let Err(error) = heard {
             tracing::warn!(
                 "cannot handle Ctrl-C ({error}); it will end the program at once and may leave temporary files"
@@ -117,19 +118,23 @@ impl Terminal {
 
     /// All warnings, also with `--quiet`.
     pub(crate) fn warnings(&self) -> Vec<String> {
-        self.warnings.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.warnings.all()
     }
 }
 
-/// Ends the program soon after Ctrl-C, whatever it is doing, and discards half-written files.
+/// Ends the program soon after Ctrl-C, whatever it is doing, and discards half-written files. Prints JSON with these warnings
+/// if there are some to be printed.
 #[cfg(unix)]
-fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
+fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>, json: Option<Warnings>) -> io::Result<()> {
     let has_rows = Arc::clone(has_rows);
     on_signal(SIGINT, "ctrl-c", move || {
         wake_all();
         std::thread::sleep(if has_rows.load(Ordering::Relaxed) { PATIENCE_WITH_ROWS } else { PATIENCE });
         relume::output::discard_unfinished();
-        complain(&super::CliError::Failed(TOLD.to_owned()));
+        let error = super::CliError::Failed(TOLD.to_owned());
+        if let (true, Some(warnings)) = (complain(&error), &json) {
+            print(&super::error_json(&error, INTERRUPTED, &warnings.all())).ok();
+        }
         // Runs no exit handlers, because other threads are still at work.
         signal_hook::low_level::exit(INTERRUPTED.into());
     })
@@ -198,7 +203,7 @@ fn wake_all() {}
 
 /// A second Ctrl-C ends the program without waiting for the work to notice.
 #[cfg(not(unix))]
-fn end_soon(interrupted: &Arc<AtomicBool>, _: &Arc<AtomicBool>) -> io::Result<()> {
+fn end_soon(interrupted: &Arc<AtomicBool>, _: &Arc<AtomicBool>, _: Option<Warnings>) -> io::Result<()> {
     signal_hook::flag::register_conditional_shutdown(SIGINT, INTERRUPTED.into(), Arc::clone(interrupted)).map(drop)
 }
 
@@ -221,6 +226,12 @@ impl Progress for Terminal {
 /// Collects warnings for `--json`, each once.
 #[derive(Clone, Debug, Default)]
 struct Warnings(Arc<Mutex<Vec<String>>>);
+
+impl Warnings {
+    fn all(&self) -> Vec<String> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
 
 impl<S: tracing::Subscriber> Layer<S> for Warnings {
     fn on_event(&self, event: &tracing::Event<'_>, _: Context<'_, S>) {
@@ -305,11 +316,12 @@ pub(crate) fn leave_to_others() {
     *HAS_COMPLAINED.lock().unwrap_or_else(PoisonError::into_inner) = true;
 }
 
-/// Prints an error and its causes, one line each, with the flags that help. Prints only the first error if two threads end the program.
-pub(crate) fn complain(error: &(dyn std::error::Error + 'static)) {
+/// Prints an error and its causes, one line each, with the flags that help. Prints only the first error if two threads end the program,
+/// and returns whether this one was the first.
+pub(crate) fn complain(error: &(dyn std::error::Error + 'static)) -> bool {
     let mut told = HAS_COMPLAINED.lock().unwrap_or_else(PoisonError::into_inner);
     if std::mem::replace(&mut *told, true) {
-        return;
+        return false;
     }
     let mut text = String::new();
     for sentence in advice::sentences(error) {
@@ -318,4 +330,5 @@ pub(crate) fn complain(error: &(dyn std::error::Error + 'static)) {
     }
     let mut err = io::stderr().lock();
     err.write_all(text.as_bytes()).and_then(|()| err.flush()).ok();
+    true
 }

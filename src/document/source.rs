@@ -219,16 +219,20 @@ impl Source {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let look = first_look(&name, &volume, &statistics, options.wish)?;
         volume.geometry = stored;
-        let mut text = look.text;
+        let (mut text, mut guess) = (look.text, look.guess);
         if let Some(labels) = &options.labels {
             // A label map that cannot be read is an error of the scene.
             let labels = volume::open(labels, &Selection::default(), progress).ok();
-            let declared = labels.and_then(|labels| labels_text(&labels, &text)).unwrap_or_default();
-            text.push_str(&declared);
+            let declared = labels.and_then(|labels| labels_text(&labels, &text));
+            guess.push_str(match &declared {
+                Some(_) => " Voxels with a label are shown as materials of their own, and all others by their values.",
+                None => " The labels are not used: the label map has no label, or too many to be told apart.",
+            });
+            text.push_str(&declared.unwrap_or_default());
         }
         let read = parse_around(Some(volume), &whole_name, &text, Path::new(""), &options, progress);
         let file = read.map_err(of_volume)?;
-        Ok((SceneFile { guess: Some(look.guess), ..file }, statistics))
+        Ok((SceneFile { guess: Some(guess), ..file }, statistics))
     }
 }
 

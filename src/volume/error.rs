@@ -17,6 +17,12 @@ pub enum VolumeError {
         /// Error of the operating system.
         source: io::Error,
     },
+    /// A file without content.
+    #[error("{}: the file is empty: it has 0 bytes; copy or download it again", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
     /// A file cannot be read to its end.
     #[error("cannot read {}", path.display())]
     Read {
@@ -433,6 +439,7 @@ impl VolumeError {
     pub fn code(&self) -> &'static str {
         match self {
             Self::Open { .. } => "volume-not-openable",
+            Self::Empty { .. } => "volume-empty",
             Self::Read { .. } => "volume-not-readable",
             Self::UnknownFormat { .. } => "volume-format-unknown",
             Self::FolderTooLarge { .. } => "volume-folder-too-large",

@@ -255,6 +255,9 @@ fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<V
     if path.is_dir() {
         return folder::read(path, selection, progress, is_volume);
     }
+    if std::fs::metadata(path).is_ok_and(|it| it.is_file() && it.len() == 0) {
+        return Err(VolumeError::Empty { path: path.to_owned() });
+    }
     if let Some(what) = foreign::describe_address(path) {
         return Err(unknown(path, what, true));
     }

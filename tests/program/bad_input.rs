@@ -668,7 +668,7 @@ fn a_file_over_the_limit_of_the_shell_is_an_error_and_leaves_nothing() {
 #[test]
 fn ctrl_c_ends_long_work_at_once_and_leaves_nothing() {
     let folder = Folder::new();
-    let arguments = ["render", "scene.toml", "-o", "p.png", "--reference", "--size", "2000x2000"];
+    let arguments = ["render", "scene.toml", "-o", "p.png", "--reference", "--size", "2000x2000", "--json"];
     let mut command = folder.command(&arguments);
     let child = command.stderr(std::process::Stdio::piped()).stdout(std::process::Stdio::piped()).spawn().unwrap();
     std::thread::sleep(std::time::Duration::from_millis(700));
@@ -680,6 +680,50 @@ fn ctrl_c_ends_long_work_at_once_and_leaves_nothing() {
     assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(took.as_secs_f64() <= 2.0, "it took {took:?} to stop");
     assert_eq!(folder.names(), ["scene.toml"]);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(
+        [&json["interrupted"], &json["exit_code"]],
+        [&serde_json::json!(true), &serde_json::json!(130)],
+        "{json}"
+    );
+}
+
+// Files of another kind.
+
+#[test]
+fn files_of_another_kind_are_told_from_those_that_a_command_reads() {
+    let folder = Folder::new();
+    folder.done(&render(&["--accumulators", "acc.exr"]));
+    let film = std::fs::read(folder.path("acc.exr")).unwrap();
+    let folder = folder
+        .with("short.exr", &film[..film.len() / 2])
+        .with("empty.nrrd", b"")
+        .with("empty.dcm", b"")
+        .with("text.dcm", b"my notes on a scan")
+        .with("notes.txt", b"my notes")
+        .with("v.npy", b"\x93NUMPY");
+    for name in ["empty.nrrd", "empty.dcm"] {
+        for command in ["info", "render"] {
+            folder.refused(1, &[command, name], &[name, "empty", "0 bytes"]);
+        }
+    }
+    folder.refused(1, &["info", "text.dcm"], &["text.dcm", "no DICOM file"]);
+    folder.refused(2, &["design", "v.npy"], &["v.npy is a volume", "palette"]);
+    folder.refused(1, &["relight", "p.png", "-o", "q.png"], &["p.png", "a picture cannot be relit", "--accumulators"]);
+    folder.refused(1, &["relight", "short.exr", "-o", "q.png"], &["short.exr", "cut off"]);
+    folder.refused(1, &["render", "notes.txt"], &["notes.txt", "neither a volume nor a scene"]);
+    for (slip, meant) in
+        [("v.ny", "v.npy"), ("V.npy", "v.npy"), ("emtpy.nrrd", "empty.nrrd"), ("scene.tml", "scene.toml")]
+    {
+        folder.refused(1, &["render", slip, "-o", "q.png"], &[slip, &format!("did you mean {meant}?")]);
+    }
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("moved.nrrd", folder.path("link.nrrd")).unwrap();
+        folder.refused(1, &["info", "link.nrrd"], &["link.nrrd", "a link to moved.nrrd"]);
+    }
+    let other = folder.refused(1, &["render", "w.nii", "-o", "q.png"], &["w.nii"]);
+    assert!(!other.err.contains("did you mean"), "{}", other.err);
 }
 
 // Accumulator files.

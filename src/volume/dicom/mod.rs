@@ -18,6 +18,7 @@ use rayon::prelude::*;
 use super::data::Listing;
 use super::geometry::Lattice;
 use super::resample::Grid;
+use super::stream::beginning;
 use super::unit::Unit;
 use super::{Selection, Volume, VolumeError, Voxel, Voxels, allocate, with_voxels};
 use crate::number::whole;
@@ -34,7 +35,12 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
 
 /// Reads the file `path`.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
-    let Some(image) = Image::read(path)? else {
+    let image = Image::read(path);
+    if matches!(image, Ok(None) | Err(VolumeError::Field { .. })) && !recognises(&beginning(path)?) {
+        let problem = "there is no DICM, and the file does not begin with a data set: it is no DICOM file".to_owned();
+        return Err(VolumeError::Field { path: path.to_owned(), place: "byte 128".to_owned(), problem });
+    }
+    let Some(image) = image? else {
         let problem = "the file has no pixels; open the folder of the images that it refers to".to_owned();
         return Err(VolumeError::Field { path: path.to_owned(), place: "PixelData (7FE0,0010)".to_owned(), problem });
     };
