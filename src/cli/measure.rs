@@ -193,7 +193,7 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
     // A terminal shows a bar in place of these notes.
     let is_told = !std::io::stderr().is_terminal();
     if is_told {
-        tracing::info!("{} of the scene to measure", settings_in_words(settings.len()));
+        tracing::info!("{} to measure", settings_in_words(settings.len()));
     }
     let clock = Stopwatch::start();
     for (done, setting) in settings.iter().enumerate() {

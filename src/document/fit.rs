@@ -197,13 +197,12 @@ fn scales(projection: Projection) -> [f64; 2] {
 }
 
 /// The camera of the directions and the projection of `camera` that shows `points` in the middle of a square picture, and
-/// whose visible pixels would span [`FILL`] of pictures of all aspect ratios; `camera` itself if there are none.
-pub(super) fn fitted(camera: &Camera, points: &[DVec3], geometry: &Geometry) -> Camera {
+/// span [`FILL`] of pictures of all aspect ratios; `camera` itself if there are none. Its box is that of the points of `solid`.
+pub(super) fn fitted(camera: &Camera, points: &[DVec3], solid: &[DVec3], geometry: &Geometry) -> Camera {
     let (Aim::Orbit { azimuth, elevation, front, .. }, Some(view)) = (camera.aim, camera.view(geometry, 1.0)) else {
         return camera.clone();
     };
-    let (Some(low), Some(high)) =
-        (points.iter().copied().reduce(DVec3::min), points.iter().copied().reduce(DVec3::max))
+    let (Some(low), Some(high)) = (solid.iter().copied().reduce(DVec3::min), solid.iter().copied().reduce(DVec3::max))
     else {
         return camera.clone();
     };
@@ -275,20 +274,37 @@ pub(super) struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// A value between the voxel at `index`, of this `value`, and the mean of its neighbours: that of a speck is small.
-    fn smooth(&self, index: usize, value: f64) -> f64 {
+    /// Optical depth of the voxel at `index`, of this `value`, in its neighbourhood, and how far it extends towards its
+    /// neighbours, as a fraction of their distance. `depth` is that by value.
+    fn extent(&self, index: usize, value: f64, depth: impl Fn(f64) -> f64) -> (f64, f64) {
+        /// Places between two voxels, and the extent of one that is still visible there and not at the next.
+        const PLACES: [(f64, f64); 3] = [(0.75, 0.875), (0.5, 0.625), (0.25, 0.375)];
+        let here = depth(value);
+        if here <= 0.0 || !self.is_interpolated {
+            return (here, 0.5);
+        }
         let [nx, ny, nz] = self.volume.geometry.dims;
         let axes = [(index % nx, nx, 1), (index / nx % ny, ny, nx), (index / (nx * ny), nz, nx * ny)];
         let at = |index: usize| {
             let stored = self.volume.voxels.value(index).unwrap_or(f64::NAN);
             stored.mul_add(self.volume.slope, self.volume.intercept)
         };
-        // Beyond the volume lies the value of its face.
-        let pair = |(place, side, step): (usize, usize, usize)| {
+        let (mut sum, mut extent) = (0.0, None);
+        for (place, side, step) in axes {
+            // Beyond the volume lies the value of its face.
             let before = if place > 0 { at(index - step) } else { value };
-            before + if place + 1 < side { at(index + step) } else { value }
-        };
-        f64::midpoint(value, axes.map(pair).iter().sum::<f64>() / 6.0)
+            let after = if place + 1 < side { at(index + step) } else { value };
+            for other in [before, after] {
+                sum += other;
+                if depth(other) <= 0.0 {
+                    let is_visible = |&&(place, _): &&(f64, f64)| depth((other - value).mul_add(place, value)) > 0.0;
+                    let found = PLACES.iter().find(is_visible).map_or(0.125, |&(_, extent)| extent);
+                    extent = Some(extent.map_or(found, |extent: f64| extent.max(found)));
+                }
+            }
+        }
+        // Specks of noise fade where values are interpolated.
+        (here.min(depth(f64::midpoint(value, sum / 6.0))), extent.unwrap_or(0.5))
     }
 }
 
@@ -302,7 +318,7 @@ pub(super) fn framed(
     depth: impl Fn(usize, f64) -> f64 + Sync,
 ) -> Camera {
     let volume = seen.volume;
-    let mut found = fitted(camera, outline, &volume.geometry);
+    let mut found = fitted(camera, outline, outline, &volume.geometry);
     for _ in 0..PASSES {
         let Some(view) = found.view(&volume.geometry, 1.0) else { break };
         let target = found.aim.target(&volume.geometry);
@@ -310,7 +326,7 @@ pub(super) fn framed(
         if silhouette.points.is_empty() {
             break;
         }
-        found = fitted(camera, &silhouette.points, &volume.geometry);
+        found = fitted(camera, &silhouette.points, outline, &volume.geometry);
         if silhouette.is_whole {
             break;
         }
@@ -378,7 +394,7 @@ impl Sums {
         const VOXELS: f64 = 16_777_216.0;
         /// Least and most pixels of a side.
         const SIDES: [f64; 2] = [256.0, 512.0];
-        let Seen { volume, crop, is_interpolated } = of;
+        let Seen { volume, crop, .. } = of;
         let geometry = &volume.geometry;
         let [nx, ny, nz] = geometry.dims;
         let [low, high] = crop.unwrap_or([[0; 3], [nx - 1, ny - 1, nz - 1]]);
@@ -398,7 +414,10 @@ impl Sums {
         let pitch = step.element_product().cbrt() / (middle * view.half[1]);
         let side = (2.0 * FRAME / pitch).clamp(SIDES[0], SIDES[1]).ceil();
         let pixels = side / (2.0 * FRAME);
-        let footprint = axes.into_iter().fold(DVec3::ZERO, |most, axis| most.max(axis.abs())) * pixels;
+        // Between that of a face and that of a corner.
+        let sizes = axes.map(DVec3::abs);
+        let (most, sum) = (sizes[0].max(sizes[1]).max(sizes[2]), sizes[0] + sizes[1] + sizes[2]);
+        let footprint = most.midpoint(sum) * pixels;
         // Optical depth of a pixel by a voxel at distance 1 with a depth of 1 per world unit.
         let area = view.half[0] * view.half[1] / (pixels * pixels);
         let unit = UNITS * step.element_product() / area;
@@ -429,12 +448,11 @@ impl Sums {
                 values(volume, first + range.start * stride[0], stride[0], range.len(), row);
                 for (x, &value) in range.zip(&*row) {
                     let index = first + x * stride[0];
-                    let mut depth_here = depth(index, value);
-                    if depth_here > 0.0 && is_interpolated {
-                        depth_here = depth_here.min(depth(index, of.smooth(index, value)));
-                    }
-                    if depth_here > 0.0 {
-                        found.add(start + axes[0] * within(0, x), view.parallel, depth_here * unit, footprint, pixels);
+                    let (here, extent) = of.extent(index, value, |value| depth(index, value));
+                    if here > 0.0 {
+                        // A smaller or larger voxel.
+                        let (size, place) = (2.0 * extent, start + axes[0] * within(0, x));
+                        found.add(place, view.parallel, here * unit * size.powi(3), footprint * size, pixels);
                     }
                 }
             }

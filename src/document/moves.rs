@@ -293,7 +293,8 @@ mod tests {
                 },
                 up: DVec3::Z,
             };
-            let narrow = fit::fitted(&narrow, &fit::visible(&scene), geometry);
+            let visible = fit::visible(&scene);
+            let narrow = fit::fitted(&narrow, &visible, &visible, geometry);
             let cameras = turntable(&scene, &narrow, aspect, 24).expect("it has a line of sight");
             let views: Vec<View> = cameras.iter().filter_map(|camera| camera.view(geometry, aspect)).collect();
             let first = narrow.view(geometry, aspect).expect("it has a line of sight");

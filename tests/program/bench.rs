@@ -220,8 +220,11 @@ fn a_first_picture_is_timed_by_stages() {
     let expected =
         ["reading", "statistics", "guess", "scene", "plan", "device", "upload", "march", "relight", "writing"];
     assert_eq!(names, expected);
-    assert!(stages.iter().all(|stage| stage["times"]["wall_ms"]["median"].is_number()), "{stages:?}");
+    assert!(stages.iter().all(|stage| stage["times"]["wall_ms"]["median"].as_f64() >= Some(0.0)), "{stages:?}");
     assert!(json["first"]["startup_ms"].as_f64().unwrap() > 0.0);
+    // In a picture of 16 × 16 pixels, to a pixel at either end.
+    let spans: Vec<f64> = json["first"]["spans"].as_array().unwrap().iter().map(|it| it.as_f64().unwrap()).collect();
+    assert!((spans[0].max(spans[1]) - 0.9).abs() <= 2.0 / 16.0, "{spans:?}");
     assert!(folder.done(&first).out.contains("ball.nrrd, first picture of 16×16 pixels"));
     folder.refused(2, &["bench", "first"], &["first needs --volume"]);
     folder.refused(2, &["bench", "first", "--volume", "scene.toml"], &["scene.toml", "without a scene"]);

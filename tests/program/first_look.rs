@@ -310,12 +310,20 @@ fn the_camera_fits_wide_and_high_pictures() {
         let inside = (4..44).contains(&x) && (6..34).contains(&y) && (8..14).contains(&z);
         u8::from(inside) * 150 + u8::try_from((x + 2 * y + 3 * z).rem_euclid(7)).unwrap()
     });
-    let folder = Folder::new().with("slab.nrrd", slab);
-    for size in ["256x256", "320x240", "320x180", "240x320", "180x320"] {
-        folder.done(&["render", "slab.nrrd", "--size", size, "-o", "p.png"]);
+    // The march ends at the centres of thick slices, and specks of noise hardly show.
+    let column = nrrd([40, 40, 8], "spacings: 1 1 6\n", |[x, y, z]| {
+        let (x, y) = (x - 20, y - 20);
+        let is_speck = z == 4 && (x, y) == (-18, 0);
+        if x * x + y * y < 144 { 200 } else { u8::from(is_speck) * 60 }
+    });
+    let folder = Folder::new().with("slab.nrrd", slab).with("column.nrrd", column);
+    let sizes = ["256x256", "320x240", "320x180", "240x320", "180x320"];
+    for (name, size) in sizes.into_iter().flat_map(|size| [("slab.nrrd", size), ("column.nrrd", size)]) {
+        folder.done(&["render", name, "--size", size, "-o", "p.png"]);
         let spans = spans(&folder.path("p.png"));
         let larger = spans[0][0].max(spans[1][0]);
-        assert!((larger - 0.9).abs() <= 0.02, "{size}: {spans:?}");
+        // 2 % of the frame, and an eighth of one of 24 voxels at either end, to which the fit knows where they end.
+        assert!((larger - 0.9).abs() <= 0.03, "{name}, {size}: {spans:?}");
     }
 }
 

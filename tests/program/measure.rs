@@ -284,9 +284,12 @@ const MEASURE: [&str; 8] = ["measure", "scene.toml", "--size", "20x16", "--runs"
 #[test]
 fn measure_tells_programs_every_number() {
     let folder = Folder::new();
-    let json = folder
-        .done(&[&MEASURE[..], &["--sweep", "k=3,step=2", "--sweep", "accumulate=weights", "--json"]].concat())
-        .json();
+    let sweeps = ["--sweep", "k=3,step=2", "--sweep", "accumulate=weights", "--json"];
+    let outcome = folder.done(&[&MEASURE[..], &sweeps].concat());
+    for words in ["note: 3 settings to measure", " s, so all take about "] {
+        assert!(outcome.err.contains(words), "without a terminal, it says what it does: {}", outcome.err);
+    }
+    let json = outcome.json();
     let rows = json["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 3);
     assert_eq!(rows[0]["setting"], serde_json::json!({}));

@@ -630,7 +630,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         }
     };
     let camera = if is_flat {
-        fit::fitted(&camera, &outline, geometry)
+        fit::fitted(&camera, &outline, &outline, geometry)
     } else {
         let depths = Depths::of(&terms(&shape, &opacities), geometry.spacing.min_element());
         let is_interpolated = !matches!(values.kind, Kind::Labels(_));
