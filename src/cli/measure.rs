@@ -196,11 +196,13 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
         tracing::info!("{} to measure", settings_in_words(settings.len()));
     }
     let clock = Stopwatch::start();
+    let mut is_timed = false;
     for (done, setting) in settings.iter().enumerate() {
-        if is_told && done == 1 {
-            let seconds = clock.read().wall_ms / 1e3;
+        if is_told && outcome.rows.len() == 1 && !is_timed {
+            is_timed = true;
+            let seconds = clock.read().wall_ms / 1e3 / number::count(done);
             let all = seconds * number::count(settings.len());
-            tracing::info!("the first took {seconds:.1} s, so all take about {all:.0} s");
+            tracing::info!("the first took {seconds:.1} s, so a pass over all takes about {all:.0} s");
         }
         progress.report(&format!("measuring {setting}"), done as u64, settings.len() as u64);
         match survey.measure(setting, progress) {

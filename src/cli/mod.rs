@@ -270,7 +270,7 @@ pub(crate) fn main() -> ExitCode {
     };
     // Of several processes the first speaks.
     let is_silent = processes.as_ref().is_some_and(|processes| !processes.is_first());
-    let terminal = Terminal::new(cli.quiet || is_silent, cli.json);
+    let terminal = Terminal::new(cli.quiet || is_silent, cli.json && !is_silent);
     if let Some(processes) = processes.as_ref().filter(|processes| processes.count() > 1) {
         terminal.end_with_others(processes.rank(), processes.count());
     }
@@ -298,12 +298,13 @@ pub(crate) fn main() -> ExitCode {
             );
             let printed = match (is_silent, cli.json) {
                 (true, _) => Ok(()),
-                (false, true) => terminal::print(&report.json_text()),
+                (false, true) => terminal::conclude(&report.json_text()),
                 (false, false) if cli.quiet && writes => Ok(()),
-                (false, false) => terminal::print(&report.text),
+                (false, false) => terminal::conclude(&report.text),
             };
             if let Err(error) = printed {
-                terminal::complain(&CliError::Failed(format!("cannot write the result to standard output: {error}")));
+                let failed = CliError::Failed(format!("cannot write the result to standard output: {error}"));
+                terminal::complain(&failed, None);
                 return ExitCode::FAILURE;
             }
             ExitCode::from(if interrupted { INTERRUPTED } else { missed.into() })
@@ -324,10 +325,8 @@ pub(crate) fn main() -> ExitCode {
             if matches!(error, CliError::Elsewhere) {
                 terminal::leave_to_others();
             } else {
-                if terminal::complain(&error) && cli.json {
-                    // The failure itself is told already.
-                    terminal::print(&error_json(&error, code, &terminal.warnings())).ok();
-                }
+                let json = (cli.json && !is_silent).then(|| error_json(&error, code, &terminal.warnings()));
+                terminal::complain(&error, json.as_deref());
             }
             if let Some(processes) = processes {
                 processes.end(code);
@@ -337,8 +336,8 @@ pub(crate) fn main() -> ExitCode {
     }
 }
 
-/// The error of a failed command as JSON: its code, its sentence and its causes, with the exit code and the warnings.
-/// JSON of a failed or interrupted run, as text.
+/// The error of a failed or interrupted command as JSON text: its code, its sentence and its causes, with the exit code and the
+/// warnings.
 fn error_json(error: &CliError, exit_code: u8, warnings: &[String]) -> String {
     let mut sentences = advice::sentences(error);
     let message = sentences.next();

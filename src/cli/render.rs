@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use serde_json::{Map, json};
 
-use relume::document::{SceneFile, Source, State, session};
+use relume::document::{SceneFile, Source, State, is_other_text, session};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::annotate::{Frame, Overlay};
 use relume::internal::memory;
@@ -284,8 +284,8 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     outputs.extend(args.accumulators.iter().chain(&args.spectral).chain(&args.save_scene));
     // A part of an animation may have no picture.
     if pictures.is_empty() && outputs.is_empty() {
-        // A file that is no scene is told to be none; it would have had a default output otherwise.
-        if args.scene.scene.as_ref().is_some_and(|path| path.extension().is_none_or(|it| it != "toml")) {
+        // A text that is no scene is told to be none; it would have had a default output otherwise.
+        if args.scene.scene.as_ref().is_some_and(|path| is_other_text(path)) {
             source.read(&Quiet)?;
         }
         return Err(CliError::Usage(

@@ -132,9 +132,8 @@ fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>, json: Option<Warnin
         std::thread::sleep(if has_rows.load(Ordering::Relaxed) { PATIENCE_WITH_ROWS } else { PATIENCE });
         relume::output::discard_unfinished();
         let error = super::CliError::Failed(TOLD.to_owned());
-        if let (true, Some(warnings)) = (complain(&error), &json) {
-            print(&super::error_json(&error, INTERRUPTED, &warnings.all())).ok();
-        }
+        let json = json.as_ref().map(|warnings| super::error_json(&error, INTERRUPTED, &warnings.all()));
+        complain(&error, json.as_deref());
         // Runs no exit handlers, because other threads are still at work.
         signal_hook::low_level::exit(INTERRUPTED.into());
     })
@@ -155,7 +154,7 @@ fn end_at_once(signal: i32, code: u8) -> io::Result<()> {
         relume::output::discard_unfinished();
         let ended = ENDED.lock().unwrap_or_else(PoisonError::into_inner).take();
         let ended = ended.unwrap_or_else(|| format!("ended by the signal {name}; no incomplete file is left"));
-        complain(&super::CliError::Failed(ended));
+        complain(&super::CliError::Failed(ended), None);
         signal_hook::low_level::exit(code.into());
     })
 }
@@ -295,7 +294,7 @@ where
 #[cfg(feature = "window")]
 pub(super) fn end_without_display() -> ! {
     relume::output::discard_unfinished();
-    complain(&super::CliError::Failed("lost the connection to the display".to_owned()));
+    complain(&super::CliError::Failed("lost the connection to the display".to_owned()), None);
     signal_hook::low_level::exit(1)
 }
 
@@ -308,20 +307,34 @@ pub(crate) fn print(text: &str) -> io::Result<()> {
     }
 }
 
-/// True once an error was printed, or another process prints it.
-static HAS_COMPLAINED: Mutex<bool> = Mutex::new(false);
+/// True once the result or an error of the run was printed, or another process prints it.
+static IS_TOLD: Mutex<bool> = Mutex::new(false);
 
 /// Leaves the error of the run to another process, also if the launcher ends this one before it ends by itself.
 pub(crate) fn leave_to_others() {
-    *HAS_COMPLAINED.lock().unwrap_or_else(PoisonError::into_inner) = true;
+    *IS_TOLD.lock().unwrap_or_else(PoisonError::into_inner) = true;
 }
 
-/// Prints an error and its causes, one line each, with the flags that help. Prints only the first error if two threads end the program,
-/// and returns whether this one was the first.
-pub(crate) fn complain(error: &(dyn std::error::Error + 'static)) -> bool {
-    let mut told = HAS_COMPLAINED.lock().unwrap_or_else(PoisonError::into_inner);
+/// Prints the result of the run, unless it was told to be interrupted.
+///
+/// # Errors
+///
+/// Those of standard output; the run has no result then.
+pub(crate) fn conclude(text: &str) -> io::Result<()> {
+    let mut told = IS_TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    if !*told {
+        print(text)?;
+        *told = true;
+    }
+    Ok(())
+}
+
+/// Prints an error and its causes, one line each, with the flags that help, and `json` to standard output. Of two threads that end the
+/// program, the first one tells.
+pub(crate) fn complain(error: &(dyn std::error::Error + 'static), json: Option<&str>) {
+    let mut told = IS_TOLD.lock().unwrap_or_else(PoisonError::into_inner);
     if std::mem::replace(&mut *told, true) {
-        return false;
+        return;
     }
     let mut text = String::new();
     for sentence in advice::sentences(error) {
@@ -330,5 +343,8 @@ pub(crate) fn complain(error: &(dyn std::error::Error + 'static)) -> bool {
     }
     let mut err = io::stderr().lock();
     err.write_all(text.as_bytes()).and_then(|()| err.flush()).ok();
-    true
+    if let Some(json) = json {
+        // The failure itself is told already.
+        print(json).ok();
+    }
 }

@@ -13,7 +13,7 @@ use crate::volume::{Geometry, Volume, Voxel, coarse_index, with_voxels};
 pub(super) const FILL: f64 = 0.9;
 /// Aspect ratios for which a fit states its fill.
 const ASPECTS: [f64; Fill::MOST] = [0.5, 0.625, 0.75, 0.875, 1.0, 1.15, 1.3333, 1.5, 1.7778, 2.4];
-/// Rounds of a fit, of which each leaves about a fifth of the error: the depth of an object over its distance.
+/// Rounds of a fit. Few change it: Newton's method ends where the ends of the picture stay the same points.
 const ROUNDS: usize = 10;
 /// Fits to silhouettes. The second is for objects that extend beyond the frame of the first.
 const PASSES: usize = 2;
@@ -122,9 +122,11 @@ pub(super) fn of_scene(camera: &Camera, scene: &Scene) -> Camera {
 
 /// Optical depths per world unit by the value.
 pub(super) struct Depths {
-    first: f64,
+    range: [f64; 2],
     per_value: f64,
     depths: Vec<f64>,
+    /// The terms and their length of opacity, if the entries cannot show every bend.
+    exact: Option<(Vec<Term>, f64)>,
 }
 
 impl Depths {
@@ -137,7 +139,9 @@ impl Depths {
         bends.sort_unstable_by(f64::total_cmp);
         let (first, last) = bends.first().copied().zip(bends.last().copied()).unwrap_or_default();
         let gaps = bends.windows(2).map(|pair| pair[1] - pair[0]).filter(|&gap| gap > 0.0);
-        let entries = (2.0 * (last - first) / gaps.fold(f64::MAX, f64::min)).clamp(ENTRIES[0], ENTRIES[1]).ceil();
+        let wanted = 2.0 * (last - first) / gaps.fold(f64::MAX, f64::min);
+        let exact = (wanted > ENTRIES[1]).then(|| (terms.to_vec(), opacity_length));
+        let entries = wanted.clamp(ENTRIES[0], ENTRIES[1]).ceil();
         let value = |entry: usize| (last - first).mul_add(count(entry) / entries, first);
         let depth = |value: f64| -> f64 { terms.iter().map(|term| term.depth(value)).sum::<f64>() / opacity_length };
         // Ends for the values beyond.
@@ -145,13 +149,28 @@ impl Depths {
         let mut depths = vec![beyond[0]];
         depths.extend((0..=whole(entries)).map(|entry| depth(value(entry))));
         depths.push(beyond[1]);
-        Self { first, per_value: entries / (last - first).max(f64::MIN_POSITIVE), depths }
+        let per_value = if last > first { entries / (last - first) } else { 0.0 };
+        Self { range: [first, last], per_value, depths, exact }
     }
 
     /// Optical depth at `value`; none where it is no number.
     pub(super) fn at(&self, value: f64) -> f64 {
-        let entry = (value - self.first).mul_add(self.per_value, 1.5).max(0.0);
-        if entry.is_nan() { 0.0 } else { self.depths[whole(entry).min(self.depths.len() - 1)] }
+        if value.is_nan() {
+            return 0.0;
+        }
+        if let Some((terms, opacity_length)) = &self.exact {
+            return terms.iter().map(|term| term.depth(value)).sum::<f64>() / opacity_length;
+        }
+        let [first, last] = self.range;
+        let beyond = self.depths.len() - 1;
+        let entry = if value < first {
+            0
+        } else if value > last {
+            beyond
+        } else {
+            whole((value - first).mul_add(self.per_value, 1.5)).min(beyond - 1)
+        };
+        self.depths[entry]
     }
 }
 
@@ -225,11 +244,19 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], solid: &[DVec3], geometr
             points.par_iter().map(end).reduce(|| [(f64::INFINITY, 1.0), (f64::NEG_INFINITY, 1.0)], outer)
         })
     };
-    // Ratio of the larger span to that of a picture that is filled.
-    let larger = |ends: [[(f64, f64); 2]; 2], aspect: f64| {
+    // Distance at which the larger span fills the picture, if its ends stay the ends: a step of Newton's method for 1 / span, which is
+    // a concave function of the distance.
+    let next = |ends: [[(f64, f64); 2]; 2], aspect: f64, distance: f64| {
         let [width, height] = ends.map(|[low, high]| (high.0 - low.0) / (2.0 * size * FILL));
-        (width / aspect).max(height)
+        let (ratio, [low, high]) = if width / aspect > height { (width / aspect, ends[0]) } else { (height, ends[1]) };
+        let depth = (high.0 - low.0) / (high.0 / high.1 - low.0 / low.1);
+        // Both ends may lie on one side of the middle.
+        let depth = if depth.is_finite() { depth.clamp(low.1.min(high.1), low.1.max(high.1)) } else { low.1 };
+        (ratio - 1.0).mul_add(depth, distance)
     };
+    // No point may lie behind the eye.
+    let nearest = points.iter().map(|point| -point.dot(forward)).fold(f64::NEG_INFINITY, f64::max);
+    let least = |centre: DVec3| (near * (nearest + centre.dot(forward))).max(0.0) + 1e-3 * (high - low).length();
     // Steps along the upright axis keep it in the middle of the points when the camera turns about it.
     let upright = camera.up.normalize_or_zero();
     let rise = upright.dot(up);
@@ -240,12 +267,12 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], solid: &[DVec3], geometr
         // The step after which opposite ends are equally far from the middle.
         let step = found.map(|[low, high]| (low.0 + high.0) / (low.1.recip() + high.1.recip()));
         centre += step[0] * right + step[1] * lift;
-        distance *= larger(found, 1.0);
+        distance = next(found, 1.0, distance).max(least(centre));
     }
     let fill = ASPECTS.map(|aspect| {
         let mut there = distance / aspect.min(1.0);
         for _ in 0..ROUNDS {
-            there *= larger(ends(centre, there), aspect);
+            there = next(ends(centre, there), aspect, there).max(least(centre));
         }
         // The fraction that the box spans from this distance.
         let of_corner = |corner: u32| {
@@ -257,8 +284,8 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], solid: &[DVec3], geometr
         // Four digits are enough, and readable.
         [aspect, (fill * 1e4).round() / 1e4]
     });
-    let is_valid = fill.iter().all(|pair| (0.01..=100.0).contains(&pair[1]));
-    let Some(fill) = Fill::by_aspect(&fill).filter(|_| is_valid) else { return camera.clone() };
+    let valid: Vec<[f64; 2]> = fill.into_iter().filter(|pair| (0.01..=100.0).contains(&pair[1])).collect();
+    let Some(fill) = Fill::by_aspect(&valid) else { return camera.clone() };
     let around = Some([centre - half, centre + half]);
     Camera { aim: Aim::Orbit { azimuth, elevation, fill, front, around }, ..*camera }
 }
@@ -291,10 +318,11 @@ impl Seen<'_> {
         };
         let (mut sum, mut extent) = (0.0, None);
         for (place, side, step) in axes {
-            // Beyond the volume lies the value of its face.
+            // Beyond the volume lies the value of its face; no number counts as one.
             let before = if place > 0 { at(index - step) } else { value };
             let after = if place + 1 < side { at(index + step) } else { value };
             for other in [before, after] {
+                let other = if other.is_finite() { other } else { value };
                 sum += other;
                 if depth(other) <= 0.0 {
                     let is_visible = |&&(place, _): &&(f64, f64)| depth((other - value).mul_add(place, value)) > 0.0;
@@ -441,8 +469,11 @@ impl Sums {
             let start = origin + axes[1] * within(1, y) + axes[2] * within(2, z);
             let skipped = crossing(start, axes[0], inner, view.parallel);
             let [before, after] = skipped.map_or([samples[0]; 2], |[from, to]| {
+                if to < 0.0 {
+                    return [samples[0]; 2];
+                }
                 let from = whole(from.max(0.0).ceil()).min(samples[0]);
-                [from, whole(to.max(0.0)).saturating_add(1).clamp(from, samples[0])]
+                [from, whole(to).saturating_add(1).clamp(from, samples[0])]
             });
             for range in [0..before, after..samples[0]] {
                 values(volume, first + range.start * stride[0], stride[0], range.len(), row);

@@ -315,6 +315,38 @@ mod tests {
     }
 
     #[test]
+    fn objects_that_are_deep_along_the_line_of_sight_fill_pictures_of_every_shape() {
+        let scene = block();
+        let geometry = &scene.volume.geometry;
+        for (projection, half) in PROJECTIONS
+            .into_iter()
+            .flat_map(|projection| [[1.0, 1.0, 10.0], [10.0, 2.0, 1.0], [3.0, 18.0, 5.0]].map(|half| (projection, half)))
+        {
+            // The wide end is far from the eye, or near it.
+            for (taper, front) in [(1.0, DVec3::Z), (0.3, DVec3::X), (0.3, DVec3::NEG_X), (0.3, DVec3::Y), (0.3, DVec3::NEG_Y)] {
+                let corner = |corner: u32| {
+                    let sign = |axis: u32| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
+                    let narrow = |axis: usize| front[axis] == 0.0 && corner >> 3 & 1 == 1;
+                    let along = if corner >> 3 & 1 == 1 { 1.0 } else { -1.0 };
+                    DVec3::from_array([0_u32, 1, 2].map(|axis| {
+                        let at = axis as usize;
+                        if front[at] == 0.0 { sign(axis) * half[at] * if narrow(at) { taper } else { 1.0 } } else { along * half[at] }
+                    }))
+                };
+                let points: Vec<DVec3> = (0..16).map(corner).collect();
+                let up = if front == DVec3::Z { DVec3::Y } else { DVec3::Z };
+                let aim = Aim::Orbit { azimuth: 0.0, elevation: 0.0, fill: Fill::of(1.0), front, around: None };
+                let camera = fit::fitted(&Camera { projection, aim, up }, &points, &points, geometry);
+                for aspect in [0.5, 0.75, 1.0, 1.3333, 1.7778, 2.4] {
+                    let view = camera.view(geometry, aspect).expect("it has a line of sight");
+                    let reach = fit::reach(&view, &points);
+                    assert!((reach / 0.9 - 1.0).abs() <= 0.02, "{projection:?}, {half:?}, {front}, {aspect}: {reach}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_turntable_of_a_detail_keeps_its_camera() {
         let scene = block();
         let geometry = &scene.volume.geometry;

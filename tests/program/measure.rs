@@ -286,7 +286,7 @@ fn measure_tells_programs_every_number() {
     let folder = Folder::new();
     let sweeps = ["--sweep", "k=3,step=2", "--sweep", "accumulate=weights", "--json"];
     let outcome = folder.done(&[&MEASURE[..], &sweeps].concat());
-    for words in ["note: 3 settings to measure", " s, so all take about "] {
+    for words in ["note: 3 settings to measure", " s, so a pass over all takes about "] {
         assert!(outcome.err.contains(words), "without a terminal, it says what it does: {}", outcome.err);
     }
     let json = outcome.json();

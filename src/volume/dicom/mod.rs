@@ -33,10 +33,16 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
         || matches!(beginning, [0x08, 0x00, 0x00 | 0x01 | 0x05 | 0x08 | 0x16, 0x00, v, r, ..] if v.is_ascii_uppercase() && r.is_ascii_uppercase())
 }
 
+/// Whether these first bytes may be those of a DICOM file. Implicit value representations without a preamble have no mark: the first
+/// group is 0002 or 0008 then.
+fn may_be_dicom(beginning: &[u8]) -> bool {
+    recognises(beginning) || matches!(beginning, [2 | 8, 0, ..])
+}
+
 /// Reads the file `path`.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let image = Image::read(path);
-    if matches!(image, Ok(None) | Err(VolumeError::Field { .. })) && !recognises(&beginning(path)?) {
+    if matches!(image, Ok(None) | Err(VolumeError::Field { .. })) && !may_be_dicom(&beginning(path)?) {
         let problem = "there is no DICM, and the file does not begin with a data set: it is no DICOM file".to_owned();
         return Err(VolumeError::Field { path: path.to_owned(), place: "byte 128".to_owned(), problem });
     }
