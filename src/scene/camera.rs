@@ -34,6 +34,7 @@ pub enum Projection {
 
 /// Position and line of sight of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a scene has one camera, which is copied")]
 pub enum Aim {
     /// At `position`, towards `target`, both in world units.
     LookAt {
@@ -79,7 +80,7 @@ impl Default for Camera {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fill {
     /// Aspect ratio and fraction, of which the first `number` count.
-    nodes: [[f64; 2]; Fill::MOST],
+    nodes: [[f64; 2]; Self::MOST],
     number: usize,
 }
 
@@ -305,7 +306,7 @@ mod tests {
     }
     #[test]
     fn a_fill_by_aspect_ratio_is_linear_between_its_pairs_and_constant_beyond() {
-        let fill = Fill::by_aspect(&[[0.5, 1.0], [1.0, 2.0], [2.0, 1.5]]).expect("aspect ratios ascend");
+        let fill = Fill::by_aspect(&[[0.5, 1.0], [1.0, 2.0], [2.0, 1.5]]).unwrap_or(Fill::of(0.0));
         for (aspect, expected) in [(0.1, 1.0), (0.5, 1.0), (0.75, 1.5), (1.0, 2.0), (1.5, 1.75), (2.0, 1.5), (9.0, 1.5)]
         {
             assert!((fill.at(aspect) - expected).abs() < 1e-15, "{aspect}: {}", fill.at(aspect));
