@@ -318,19 +318,24 @@ mod tests {
     fn objects_that_are_deep_along_the_line_of_sight_fill_pictures_of_every_shape() {
         let scene = block();
         let geometry = &scene.volume.geometry;
-        for (projection, half) in PROJECTIONS
-            .into_iter()
-            .flat_map(|projection| [[1.0, 1.0, 10.0], [10.0, 2.0, 1.0], [3.0, 18.0, 5.0]].map(|half| (projection, half)))
-        {
+        for (projection, half) in PROJECTIONS.into_iter().flat_map(|projection| {
+            [[1.0, 1.0, 10.0], [10.0, 2.0, 1.0], [3.0, 18.0, 5.0]].map(|half| (projection, half))
+        }) {
             // The wide end is far from the eye, or near it.
-            for (taper, front) in [(1.0, DVec3::Z), (0.3, DVec3::X), (0.3, DVec3::NEG_X), (0.3, DVec3::Y), (0.3, DVec3::NEG_Y)] {
+            for (taper, front) in
+                [(1.0, DVec3::Z), (0.3, DVec3::X), (0.3, DVec3::NEG_X), (0.3, DVec3::Y), (0.3, DVec3::NEG_Y)]
+            {
                 let corner = |corner: u32| {
                     let sign = |axis: u32| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
                     let narrow = |axis: usize| front[axis] == 0.0 && corner >> 3 & 1 == 1;
                     let along = if corner >> 3 & 1 == 1 { 1.0 } else { -1.0 };
                     DVec3::from_array([0_u32, 1, 2].map(|axis| {
                         let at = axis as usize;
-                        if front[at] == 0.0 { sign(axis) * half[at] * if narrow(at) { taper } else { 1.0 } } else { along * half[at] }
+                        if front[at] == 0.0 {
+                            sign(axis) * half[at] * if narrow(at) { taper } else { 1.0 }
+                        } else {
+                            along * half[at]
+                        }
                     }))
                 };
                 let points: Vec<DVec3> = (0..16).map(corner).collect();
