@@ -11,9 +11,11 @@ use crate::volume::{Geometry, Volume, Voxel, coarse_index, with_voxels};
 
 /// Fraction of the picture that its visible pixels span in their larger direction.
 pub(super) const FILL: f64 = 0.9;
+/// Fraction of the way to the edge of the picture that an end reaches at most, where the other reaches less.
+const MOST: f64 = 0.94;
 /// Aspect ratios for which a fit states its fill.
 const ASPECTS: [f64; Fill::MOST] = [0.5, 0.625, 0.75, 0.875, 1.0, 1.15, 1.3333, 1.5, 1.7778, 2.4];
-/// Rounds of a fit. Few change it: Newton's method ends where the ends of the picture stay the same points.
+/// Rounds of a fit: steps of Newton's method for the distance, with one of the centre.
 const ROUNDS: usize = 10;
 /// Fits to silhouettes. The second is for objects that extend beyond the frame of the first.
 const PASSES: usize = 2;
@@ -244,36 +246,41 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], solid: &[DVec3], geometr
             points.par_iter().map(end).reduce(|| [(f64::INFINITY, 1.0), (f64::NEG_INFINITY, 1.0)], outer)
         })
     };
-    // Distance at which the larger span fills the picture, if its ends stay the ends: a step of Newton's method for 1 / span, which is
-    // a concave function of the distance.
-    let next = |ends: [[(f64, f64); 2]; 2], aspect: f64, distance: f64| {
-        let [width, height] = ends.map(|[low, high]| (high.0 - low.0) / (2.0 * size * FILL));
-        let (ratio, [low, high]) = if width / aspect > height { (width / aspect, ends[0]) } else { (height, ends[1]) };
-        let depth = (high.0 - low.0) / (high.0 / high.1 - low.0 / low.1);
-        // Both ends may lie on one side of the middle.
-        let depth = if depth.is_finite() { depth.clamp(low.1.min(high.1), low.1.max(high.1)) } else { low.1 };
-        (ratio - 1.0).mul_add(depth, distance)
+    // The step away after which the larger of width and height spans what it shall, if its nearer end decides.
+    let away = |ends: [[(f64, f64); 2]; 2], aspect: f64| {
+        let of_side = |([low, high], limit): ([(f64, f64); 2], f64)| {
+            ((high.0 - low.0) / (2.0 * size * limit * FILL), low.1.min(high.1))
+        };
+        let [width, height] = [(ends[0], aspect), (ends[1], 1.0)].map(of_side);
+        let (ratio, depth) = if width.0 > height.0 { width } else { height };
+        (ratio - 1.0) * depth
     };
-    // No point may lie behind the eye.
-    let nearest = points.iter().map(|point| -point.dot(forward)).fold(f64::NEG_INFINITY, f64::max);
-    let least = |centre: DVec3| (near * (nearest + centre.dot(forward))).max(0.0) + 1e-3 * (high - low).length();
+    // The distance from which both ends lie within a fraction of the picture; for that of the span, at least its distance.
+    let enough = |centre: DVec3, aspect: f64, fraction: f64| {
+        let needs = |point: &DVec3| {
+            let from_centre = *point - centre;
+            let across = (from_centre.dot(right).abs() / aspect).max(from_centre.dot(up).abs());
+            across / (size * fraction) - near * from_centre.dot(forward)
+        };
+        points.par_iter().map(needs).reduce(|| 0.0, f64::max)
+    };
     // Steps along the upright axis keep it in the middle of the points when the camera turns about it.
     let upright = camera.up.normalize_or_zero();
     let rise = upright.dot(up);
     let lift = if rise > STEEP { upright / rise } else { up };
-    let (mut centre, mut distance) = ((low + high) / 2.0, (high - low).length() / size);
+    let mut centre = (low + high) / 2.0;
     for _ in 0..ROUNDS {
-        let found = ends(centre, distance);
+        let found = ends(centre, enough(centre, 1.0, FILL));
         // The step after which opposite ends are equally far from the middle.
         let step = found.map(|[low, high]| (low.0 + high.0) / (low.1.recip() + high.1.recip()));
         centre += step[0] * right + step[1] * lift;
-        distance = next(found, 1.0, distance).max(least(centre));
     }
     let fill = ASPECTS.map(|aspect| {
-        let mut there = distance / aspect.min(1.0);
+        let mut there = enough(centre, aspect, FILL);
         for _ in 0..ROUNDS {
-            there = next(ends(centre, there), aspect, there).max(least(centre));
+            there += away(ends(centre, there), aspect);
         }
+        let there = there.max(enough(centre, aspect, MOST));
         // The fraction that the box spans from this distance.
         let of_corner = |corner: u32| {
             let corner = half * DVec3::from_array([0, 1, 2].map(|axis| f64::from(corner >> axis & 1) * 2.0 - 1.0));
@@ -304,8 +311,8 @@ impl Seen<'_> {
     /// Optical depth of the voxel at `index`, of this `value`, in its neighbourhood, and how far it extends towards its
     /// neighbours, as a fraction of their distance. `depth` is that by value.
     fn extent(&self, index: usize, value: f64, depth: impl Fn(f64) -> f64) -> (f64, f64) {
-        /// Places between two voxels, and the extent of one that is still visible there and not at the next.
-        const PLACES: [(f64, f64); 3] = [(0.75, 0.875), (0.5, 0.625), (0.25, 0.375)];
+        /// Halvings of the distance to a neighbour.
+        const HALVINGS: u32 = 5;
         let here = depth(value);
         if here <= 0.0 || !self.is_interpolated {
             return (here, 0.5);
@@ -325,8 +332,14 @@ impl Seen<'_> {
                 let other = if other.is_finite() { other } else { value };
                 sum += other;
                 if depth(other) <= 0.0 {
-                    let is_visible = |&&(place, _): &&(f64, f64)| depth((other - value).mul_add(place, value)) > 0.0;
-                    let found = PLACES.iter().find(is_visible).map_or(0.125, |&(_, extent)| extent);
+                    // The last place towards it that is visible.
+                    let (mut near, mut far) = (0.0, 1.0);
+                    for _ in 0..HALVINGS {
+                        let place = f64::midpoint(near, far);
+                        let is_visible = depth((other - value).mul_add(place, value)) > 0.0;
+                        (near, far) = if is_visible { (place, far) } else { (near, place) };
+                    }
+                    let found = f64::midpoint(near, far);
                     extent = Some(extent.map_or(found, |extent: f64| extent.max(found)));
                 }
             }
@@ -364,7 +377,7 @@ pub(super) fn framed(
 
 /// The visible pixels of a square picture.
 struct Silhouette {
-    /// World points at the corners of the first and the last visible pixel of each row and column, at their mean depth.
+    /// World points at the corners of the first and the last visible pixel of each row and column, at the depth of their nearest voxel.
     points: Vec<DVec3>,
     /// Whether nothing extends beyond the frame.
     is_whole: bool,
@@ -405,8 +418,8 @@ struct Sums {
     side: usize,
     /// In units of 1 / [`UNITS`]: sums of whole numbers do not depend on the order of the threads.
     depths: Vec<AtomicU64>,
-    /// Sums of these depths, each times its distance from the eye over `far`.
-    weighted: Vec<AtomicU64>,
+    /// Distance of the nearest voxel from the eye, in units of `far` / [`UNITS`].
+    nearest: Vec<AtomicU64>,
     far: f64,
 }
 
@@ -456,8 +469,8 @@ impl Sums {
                 place(ends).z
             })
             .fold(f64::MIN_POSITIVE, f64::max);
-        let sums = || (0..whole(side * side)).map(|_| AtomicU64::new(0)).collect::<Vec<_>>();
-        let found = Self { side: whole(side), depths: sums(), weighted: sums(), far };
+        let all = |content: u64| (0..whole(side * side)).map(|_| AtomicU64::new(content)).collect::<Vec<_>>();
+        let found = Self { side: whole(side), depths: all(0), nearest: all(u64::MAX), far };
         let samples: [usize; 3] = std::array::from_fn(|axis| lines[axis].div_ceil(stride[axis]));
         // The march ends at the centres of the outermost voxels, so that half of them lies within.
         let within = |axis: usize, at: usize| {
@@ -515,12 +528,12 @@ impl Sums {
         let ([left, right], [below, above]) = (ends(seen.x, footprint.x), ends(seen.y, footprint.y));
         let covered = count((right - left + 1) * (above - below + 1));
         let units = (units / (by * by * covered)).min(OPAQUE * UNITS);
-        let weighted = units * (seen.z / self.far).clamp(0.0, 1.0);
-        let [units, weighted] = [units, weighted].map(|it| u64::from(unsigned(whole(it))));
+        let nearest = ((seen.z - footprint.z / pixels / 2.0) / self.far).clamp(0.0, 1.0) * UNITS;
+        let [units, nearest] = [units, nearest].map(|it| u64::from(unsigned(whole(it))));
         for y in below..=above {
             for pixel in y * self.side + left..=y * self.side + right {
                 self.depths[pixel].fetch_add(units, Ordering::Relaxed);
-                self.weighted[pixel].fetch_add(weighted, Ordering::Relaxed);
+                self.nearest[pixel].fetch_min(nearest, Ordering::Relaxed);
             }
         }
     }
@@ -549,7 +562,7 @@ impl Sums {
             }
         }
         let corners = |&pixel: &usize| {
-            let depth = self.far * number(&self.weighted[pixel]) / number(&self.depths[pixel]).max(1.0);
+            let depth = self.far * number(&self.nearest[pixel]) / UNITS;
             let there = view.eye + depth * view.forward;
             let corner = move |[x, y]: [usize; 2]| {
                 let [x, y] = [place(pixel % side + x), place(pixel / side + y)];
