@@ -512,9 +512,7 @@ impl Sums {
     fn add(&self, seen: DVec3, parallel: bool, units: f64, footprint: DVec3, pixels: f64) {
         /// Optical depth that hides all behind it.
         const OPAQUE: f64 = 16.0;
-        // The front of the voxel is the largest part of its picture.
-        let front = seen.z - footprint.z / pixels / 2.0;
-        let by = if parallel { 1.0 } else { front };
+        let by = if parallel { 1.0 } else { seen.z };
         if by <= 0.0 {
             return;
         }
@@ -530,7 +528,7 @@ impl Sums {
         let ([left, right], [below, above]) = (ends(seen.x, footprint.x), ends(seen.y, footprint.y));
         let covered = count((right - left + 1) * (above - below + 1));
         let units = (units / (by * by * covered)).min(OPAQUE * UNITS);
-        let nearest = (front / self.far).clamp(0.0, 1.0) * UNITS;
+        let nearest = ((seen.z - footprint.z / pixels / 2.0) / self.far).clamp(0.0, 1.0) * UNITS;
         let [units, nearest] = [units, nearest].map(|it| u64::from(unsigned(whole(it))));
         for y in below..=above {
             for pixel in y * self.side + left..=y * self.side + right {

@@ -270,7 +270,8 @@ mod tests {
                 let view = camera.view(&scene.volume.geometry, aspect).expect("it has a line of sight");
                 let spans = ends(&view).map(|[low, high]| (high - low) / 2.0);
                 let (span, wanted) = (spans[0].max(spans[1]), 0.9);
-                assert!((span / wanted - 1.0).abs() <= 0.02, "{side:?}, {projection:?}, {aspect}: {spans:?}");
+                // Surfaces are half a voxel nearer than the voxels that are fitted: 3 % of the distance to the narrow side.
+                assert!((span / wanted - 1.0).abs() <= 0.03, "{side:?}, {projection:?}, {aspect}: {spans:?}");
                 let reach = ends(&view).concat().into_iter().map(f64::abs).fold(0.0, f64::max);
                 assert!(reach < 0.95, "{side:?}, {projection:?}, {aspect}: {:?}", ends(&view));
             }

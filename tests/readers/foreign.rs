@@ -13,7 +13,7 @@ use relume::volume::{self, Selection, VolumeError};
 /// Error message for the file or folder `path`.
 fn refusal(path: &Path) -> String {
     match volume::open(path, &Selection::default(), &Quiet) {
-        Err(error @ VolumeError::UnknownFormat { .. }) => error.to_string(),
+        Err(error @ (VolumeError::UnknownFormat { .. } | VolumeError::Empty { .. })) => error.to_string(),
         other => panic!("{}: {:?}", path.display(), other.map(|volume| volume.source)),
     }
 }

@@ -337,7 +337,7 @@ fn missing_keys_are_named() {
         assert!(matches!(error, VolumeError::MissingKey { .. }), "{error}");
     }
     let error = made("", &TWELVE).open().map(|volume| volume.voxels).unwrap_err();
-    assert!(matches!(error, VolumeError::MissingKey { .. }), "an empty file: {error}");
+    assert!(matches!(error, VolumeError::Empty { .. }), "an empty file: {error}");
 }
 
 #[test]

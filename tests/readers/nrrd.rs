@@ -519,7 +519,8 @@ fn missing_and_senseless_fields_are_named() {
     refused(&["endian: middle"], &TWELVE, &["middle", "little or big"]);
     refused(&["kinds: space space"], &TWELVE, &["2 entries", "3"]);
     made("NRRD0004\nwhat is this\n", &[]).refused(&["line 2", "what is this"]);
-    made("", &[]).refused(&["NRRD0001"]);
+    made("", &[]).refused(&["empty", "0 bytes"]);
+    made("\n", &[]).refused(&["NRRD0001"]);
     made("P5 3 2 255\n", &[]).refused(&["P5", "NRRD0001"]);
     let twice = open(&["content: a\ncontent: b"], &TWELVE).unwrap().notes;
     assert!(matches!(&twice[..], [note] if note.contains("content is repeated")), "{twice:?}");

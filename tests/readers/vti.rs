@@ -287,7 +287,8 @@ fn tags_that_make_no_image_are_refused() {
     for (from, to, words) in changes {
         refused(&changed("binary_zlib_little_32", from, to), words);
     }
-    refused(b"", &["no <VTKFile>"]);
+    refused(b"", &["empty", "0 bytes"]);
+    refused(b" ", &["no <VTKFile>"]);
     refused(b"<VTKFile type='ImageData'/>", &["no <ImageData>"]);
     refused(b"NDims = 3", &["no <VTKFile>"]);
     refused(b"what & where</VTKFile>", &["invalid XML"]);
