@@ -25,7 +25,7 @@ const BLOCKS: [usize; 2] = [2, 4];
 pub(crate) struct LightLevelRow {
     scene: String,
     shading: &'static str,
-    /// What casts shadows.
+    /// Source of the shadows: the voxels, a level, or none.
     shadows: String,
     /// ΔE00: mean, 95th percentile and maximum.
     delta_e: [f64; 3],

@@ -111,7 +111,7 @@ fn instead_of(path: &Path, error: &io::Error) -> Option<String> {
     Some(format!("; {} has {has}{more}", folder.display()))
 }
 
-/// Whether two names differ in case alone, by one letter, or by two neighbours that are swapped.
+/// True for names that differ in case alone, by one letter, or by two neighbours that are swapped.
 fn is_slip(one: &str, other: &str) -> bool {
     let [one, other] = [one, other].map(|name| name.to_lowercase().chars().collect::<Vec<_>>());
     let first = one.iter().zip(&other).take_while(|(a, b)| a == b).count();

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::number::{count, nearest, unsigned, whole};
-use crate::scene::{Aim, Camera, Fill, Interpolation, LabelEntry, Projection, Scene, Term, View, depth_from_opacity};
+use crate::scene::{Aim, Camera, Fill, Projection, Scene, Term, View};
 use crate::volume::{Geometry, Volume, Voxel, coarse_index, with_voxels};
 
 /// Fraction of the picture that its visible pixels span in their larger direction.
@@ -64,23 +64,27 @@ pub(super) fn outline(
     found.into_iter().flat_map(around).map(|index| volume.geometry.world_from_index(index)).collect()
 }
 
-/// Voxels of `volume`, the voxels of `scene` at hand, around its crop box and between them.
-fn crop_of(scene: &Scene, volume: &Volume) -> Option<[[usize; 3]; 2]> {
+/// World points whose hull is that of the voxels of `scene` that its crop box, transfer function and labels show.
+pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
+    // Of voxels that stay in a file, those of a coarse level.
+    let volume = scene.volume.at_hand();
     let block = scene.volume.block_of(volume);
-    let dims = volume.geometry.dims;
-    let [low, high] = scene.crop?.map(|index| coarse_index(index, block));
-    let ends = |axis: usize| {
-        let [low, high] = [low[axis].floor(), high[axis].ceil()].map(|at| whole(at.max(0.0)).min(dims[axis] - 1));
-        [low, high.max(low)]
-    };
-    let [x, y, z] = [0, 1, 2].map(ends);
-    Some([[x[0], y[0], z[0]], [x[1], y[1], z[1]]])
-}
-
-/// The declared label of a voxel of `volume`, the voxels of `scene` at hand, by its index.
-fn label_of<'a>(scene: &'a Scene, volume: &Volume) -> impl Fn(usize) -> Option<&'a LabelEntry> + Sync {
-    let (block, [nx, ny, _]) = (scene.volume.block_of(volume), volume.geometry.dims);
-    move |index: usize| {
+    let [nx, ny, nz] = volume.geometry.dims;
+    // Voxels around a crop box between them.
+    let crop = scene.crop.map(|[low, high]| {
+        let [low, high] = [low, high].map(|index| coarse_index(index, block));
+        let ends = |axis: usize, last: usize| {
+            let [low, high] = [low[axis].floor(), high[axis].ceil()].map(|at| whole(at.max(0.0)).min(last));
+            [low, high.max(low)]
+        };
+        let [x, y, z] = [ends(0, nx - 1), ends(1, ny - 1), ends(2, nz - 1)];
+        [[x[0], y[0], z[0]], [x[1], y[1], z[1]]]
+    });
+    let lines = |axis: usize| crop.map_or(volume.geometry.dims[axis], |[low, high]| high[axis] - low[axis] + 1);
+    let step = whole((count(lines(1) * lines(2)) / count(ROWS)).sqrt().ceil()).max(1);
+    let ranges = ranges(scene);
+    let by_value = |value: f64| ranges.iter().any(|&[low, high]| (low..=high).contains(&value));
+    let label = |index: usize| {
         let labels = scene.labels.as_ref()?;
         // That of the voxel in the middle of a block.
         let [x, y, z] = [index % nx, index / nx % ny, index / (nx * ny)];
@@ -89,37 +93,12 @@ fn label_of<'a>(scene: &'a Scene, volume: &Volume) -> impl Fn(usize) -> Option<&
             [(x, 0), (y, 1), (z, 2)].map(|(at, axis)| (at * block[axis] + block[axis] / 2).min(dims[axis] - 1));
         let label = nearest(labels.volume.voxels.value(x + dims[0] * (y + dims[1] * z))?);
         labels.declared.iter().find(|entry| i64::from(entry.label) == i64::from(label))
-    }
-}
-
-/// World points whose hull is that of the voxels of `scene` that its crop box, transfer function and labels show.
-pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
-    // Of voxels that stay in a file, those of a coarse level.
-    let volume = scene.volume.at_hand();
-    let crop = crop_of(scene, volume);
-    let lines = |axis: usize| crop.map_or(volume.geometry.dims[axis], |[low, high]| high[axis] - low[axis] + 1);
-    let step = whole((count(lines(1) * lines(2)) / count(ROWS)).sqrt().ceil()).max(1);
-    let ranges = ranges(scene);
-    let by_value = |value: f64| ranges.iter().any(|&[low, high]| (low..=high).contains(&value));
-    let label = label_of(scene, volume);
+    };
     let shows = |index: usize, value: f64| match label(index) {
         Some(entry) => entry.opacity > 0.0 || entry.absorption > 0.0,
         None => by_value(value),
     };
     outline(volume, [1, step.min(lines(1).div_ceil(8)), step.min(lines(2).div_ceil(8))], crop, shows)
-}
-
-/// The camera of the directions and the projection of `camera` whose picture of `scene` is as large as fits.
-pub(super) fn of_scene(camera: &Camera, scene: &Scene) -> Camera {
-    let volume = scene.volume.at_hand();
-    let depths = Depths::of(&scene.transfer.terms, scene.transfer.opacity_length);
-    let label = label_of(scene, volume);
-    let depth = |index: usize, value: f64| match label(index) {
-        Some(entry) => (depth_from_opacity(entry.opacity) + entry.absorption) / scene.transfer.opacity_length,
-        None => depths.at(value),
-    };
-    let is_interpolated = scene.accuracy.interpolation != Interpolation::Nearest;
-    framed(camera, &visible(scene), Seen { volume, crop: crop_of(scene, volume), is_interpolated }, depth)
 }
 
 /// Optical depths per world unit by the value.
@@ -303,7 +282,7 @@ pub(super) struct Seen<'a> {
     pub(super) volume: &'a Volume,
     /// The first and the last of them along each axis, if not all are seen.
     pub(super) crop: Option<[[usize; 3]; 2]>,
-    /// Whether values between them are interpolated.
+    /// Values between them are interpolated.
     pub(super) is_interpolated: bool,
 }
 
@@ -379,7 +358,7 @@ pub(super) fn framed(
 struct Silhouette {
     /// World points at the corners of the first and the last visible pixel of each row and column, at the depth of their nearest voxel.
     points: Vec<DVec3>,
-    /// Whether nothing extends beyond the frame.
+    /// Nothing extends beyond the frame.
     is_whole: bool,
 }
 

@@ -92,7 +92,12 @@ pub fn moved(scene: &Scene, opened: &Camera, aspect: f64, step: Move) -> Camera 
             let stated = from_side(camera, opened, side);
             // The camera of a first look fits the visible voxels, others the whole volume.
             let is_fitted = matches!(stated.aim, Aim::Orbit { around: Some(_), .. });
-            Some(if is_fitted { fit::of_scene(&stated, scene) } else { stated })
+            Some(if is_fitted {
+                let visible = fit::visible(scene);
+                fit::fitted(&stated, &visible, &visible, geometry)
+            } else {
+                stated
+            })
         }
         step => go(camera, geometry, aspect, step),
     };
@@ -270,8 +275,7 @@ mod tests {
                 let view = camera.view(&scene.volume.geometry, aspect).expect("it has a line of sight");
                 let spans = ends(&view).map(|[low, high]| (high - low) / 2.0);
                 let (span, wanted) = (spans[0].max(spans[1]), 0.9);
-                // Surfaces are half a voxel nearer than the voxels that are fitted: 3 % of the distance to the narrow side.
-                assert!((span / wanted - 1.0).abs() <= 0.03, "{side:?}, {projection:?}, {aspect}: {spans:?}");
+                assert!((span / wanted - 1.0).abs() <= 0.02, "{side:?}, {projection:?}, {aspect}: {spans:?}");
                 let reach = ends(&view).concat().into_iter().map(f64::abs).fold(0.0, f64::max);
                 assert!(reach < 0.95, "{side:?}, {projection:?}, {aspect}: {:?}", ends(&view));
             }

@@ -247,7 +247,7 @@ pub fn is_sidecar(path: &Path) -> bool {
     table.is_some_and(|it| it.contains_key("dims") || it.contains_key("type") || it.keys().eq(["volume"]))
 }
 
-/// Whether the file `path` is a text that is not TOML, by its name and its content.
+/// True for a text that is not TOML, by its name and its content.
 #[must_use]
 pub fn is_other_text(path: &Path) -> bool {
     let is_toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));

@@ -84,7 +84,7 @@ impl Packer {
         (self.grid.place(brick).map(first), slot_edge(self.apron) as usize)
     }
 
-    /// How many of the first `bricks` can be packed without reading a brick of their file twice: all if the voxels are in memory.
+    /// Number of the first `bricks` that can be packed without reading a brick of their file twice: all if the voxels are in memory.
     pub(super) fn fitting(&self, bricks: &[usize]) -> usize {
         let Some(cache) = &self.source.bricks else { return bricks.len() };
         let dims = self.source.geometry.dims;

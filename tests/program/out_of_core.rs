@@ -14,9 +14,9 @@ use instrument::out_of_core;
 fn a_volume_larger_than_its_memory_is_that_of_its_formula_and_takes_no_more() {
     let folder = tempfile::tempdir().unwrap();
     let program = Path::new(env!("CARGO_BIN_EXE_relume"));
-    // 150 MiB with 40 MiB on the host and 16 MiB on the device.
+    // 150 MiB with 30 MiB on the host and 16 MiB on the device.
     let dims = [512, 512, 600];
-    let memory = [40 << 20, 16 << 20];
+    let memory = [30 << 20, 16 << 20];
     let row = out_of_core(program, folder.path(), dims, memory, Duration::from_millis(100)).unwrap();
     assert!(row.is_true(), "{row:?}");
     let voxels = 150.0 * f64::from(1 << 20);
@@ -24,9 +24,9 @@ fn a_volume_larger_than_its_memory_is_that_of_its_formula_and_takes_no_more() {
     let [on_device, _, read, again] = row.loaded;
     assert!(on_device > 0 && read > on_device, "bricks have neighbours: {row:?}");
     assert!(again > 0, "there is no room for all: {row:?}");
-    // 8×8×10 bricks, and room for about 80 in memory and 27 on the device. The nearest ones first read each 8.4 times, and
-    // block by block 3.3 times.
-    assert!(read < 4 * 640, "rounds read bricks again: {row:?}");
+    // 8×8×10 bricks, and room for about 60 in memory and 27 on the device. Block by block each is read 7.0 times. The nearest ones
+    // first read it 8.4 times, with room for 80.
+    assert!(read < 8 * 640, "rounds read bricks again: {row:?}");
     // The slab of 64 slices takes 16 MiB.
     assert!(row.peak[0] <= voxels, "{row:?}");
 }

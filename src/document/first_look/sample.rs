@@ -119,7 +119,7 @@ impl Thinned {
     /// Fraction of the voxels from `threshold` on in connected parts of fewer than eight.
     pub(super) fn specks(&self, threshold: f64) -> f64 {
         const SPECK: usize = 8;
-        /// What is known of a voxel.
+        /// Known state of a voxel.
         #[derive(Clone, Copy, PartialEq)]
         enum Part {
             Unknown,

@@ -420,7 +420,7 @@ impl BrickCache {
         Volume::new(&source, voxels, Geometry::unit(&source, dims)?)
     }
 
-    /// How many of the first `boxes`, each from its first voxel to before its end, have their bricks in memory together.
+    /// Number of the first `boxes`, each from its first voxel to before its end, that have their bricks in memory together.
     pub fn fitting(&self, boxes: impl Iterator<Item = [[usize; 3]; 2]>) -> usize {
         let (held, mut needed) = (self.counts().held, HashSet::new());
         let fits = |[first, end]: &[[usize; 3]; 2]| {

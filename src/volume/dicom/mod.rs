@@ -33,7 +33,7 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
         || matches!(beginning, [0x08, 0x00, 0x00 | 0x01 | 0x05 | 0x08 | 0x16, 0x00, v, r, ..] if v.is_ascii_uppercase() && r.is_ascii_uppercase())
 }
 
-/// Whether these first bytes may be those of a DICOM file. Implicit value representations without a preamble have no mark: the first
+/// True if these first bytes may be those of a DICOM file. Implicit value representations without a preamble have no mark: the first
 /// group is 0002 or 0008 then.
 fn may_be_dicom(beginning: &[u8]) -> bool {
     recognises(beginning) || matches!(beginning, [2 | 8, 0, ..])
