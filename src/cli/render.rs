@@ -284,8 +284,8 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     outputs.extend(args.accumulators.iter().chain(&args.spectral).chain(&args.save_scene));
     // A part of an animation may have no picture.
     if pictures.is_empty() && outputs.is_empty() {
-        // A text that is no scene is told to be none; it would have had a default output otherwise.
-        if args.scene.scene.as_ref().is_some_and(|path| is_other_text(path)) {
+        // A volume would have had a default output: a missing file, and a text that is no scene, are told to be that.
+        if args.scene.scene.as_ref().is_some_and(|path| !path.exists() || is_other_text(path)) {
             source.read(&Quiet)?;
         }
         return Err(CliError::Usage(

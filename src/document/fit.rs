@@ -411,7 +411,7 @@ impl Sums {
     /// Adds the voxels outside the `inner` part of the picture, a fraction of its half width and half height.
     fn of(view: &View, target: DVec3, of: Seen<'_>, inner: DVec3, depth: &(impl Fn(usize, f64) -> f64 + Sync)) -> Self {
         /// Most voxels that are added.
-        const VOXELS: f64 = 16_777_216.0;
+        const VOXELS: f64 = 2_097_152.0;
         /// Least and most pixels of a side.
         const SIDES: [f64; 2] = [256.0, 512.0];
         let Seen { volume, crop, .. } = of;

@@ -715,7 +715,9 @@ fn files_of_another_kind_are_told_from_those_that_a_command_reads() {
     for (slip, meant) in
         [("v.ny", "v.npy"), ("V.npy", "v.npy"), ("emtpy.nrrd", "empty.nrrd"), ("scene.tml", "scene.toml")]
     {
-        folder.refused(1, &["render", slip, "-o", "q.png"], &[slip, &format!("did you mean {meant}?")]);
+        for output in [&["-o", "q.png"][..], &[]] {
+            folder.refused(1, &[&["render", slip], output].concat(), &[slip, &format!("did you mean {meant}?")]);
+        }
     }
     #[cfg(unix)]
     {

@@ -2,7 +2,8 @@
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -11,7 +12,7 @@ use serde_json::{Value, json};
 pub struct Browser {
     process: Child,
     to: ChildStdin,
-    from: BufReader<ChildStdout>,
+    from: Receiver<Vec<u8>>,
     number: u64,
     /// Events of all pages since the last look.
     events: Vec<Value>,
@@ -20,6 +21,8 @@ pub struct Browser {
 
 /// Longest wait for a condition in a page.
 const PATIENCE: Duration = Duration::from_secs(30);
+/// Longest wait for a message of Chromium, which may draw meanwhile.
+const SILENCE: Duration = Duration::from_secs(120);
 
 impl Browser {
     /// Starts Chromium with WebGL in software.
@@ -44,7 +47,16 @@ impl Browser {
         command.args(["--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage"]);
         command.arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");
         let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let (to, from) = (process.stdin.take().unwrap(), BufReader::new(process.stdout.take().unwrap()));
+        let (to, mut out) = (process.stdin.take().unwrap(), BufReader::new(process.stdout.take().unwrap()));
+        let (messages, from) = channel();
+        std::thread::spawn(move || {
+            let mut bytes = Vec::new();
+            while out.read_until(0, &mut bytes).is_ok_and(|length| length > 0) {
+                if messages.send(std::mem::take(&mut bytes)).is_err() {
+                    break;
+                }
+            }
+        });
         let mut browser = Self { process, to, from, number: 0, events: Vec::new(), _profile: profile };
         browser.send("Browser.getVersion", json!({}), None);
         browser
@@ -61,8 +73,8 @@ impl Browser {
         self.to.write_all(format!("{message}\0").as_bytes()).unwrap_or_else(|error| panic!("{missing}: {error}"));
         self.to.flush().unwrap();
         loop {
-            let mut bytes = Vec::new();
-            self.from.read_until(0, &mut bytes).unwrap();
+            let answered = self.from.recv_timeout(SILENCE);
+            let mut bytes = answered.unwrap_or_else(|error| panic!("{missing}, and {method} an answer: {error}"));
             assert_eq!(bytes.pop(), Some(0), "{missing}: it ended");
             let answer: Value = serde_json::from_slice(&bytes).unwrap();
             if answer["id"] != self.number {
