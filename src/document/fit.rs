@@ -329,14 +329,8 @@ impl Seen<'_> {
 }
 
 /// The camera of the directions and the projection of `camera` that fits the visible pixels of its own picture of a volume.
-/// `depth` is called with the index and the value of a voxel, and returns the
-/// optical depth per world unit. `outline` are points around most of these voxels.
-pub(super) fn framed(
-    camera: &Camera,
-    outline: &[DVec3],
-    seen: Seen<'_>,
-    depth: impl Fn(usize, f64) -> f64 + Sync,
-) -> Camera {
+/// `depth` is the optical depth per world unit by the value. `outline` are points around most of these voxels.
+pub(super) fn framed(camera: &Camera, outline: &[DVec3], seen: Seen<'_>, depth: impl Fn(f64) -> f64 + Sync) -> Camera {
     let volume = seen.volume;
     let mut found = fitted(camera, outline, outline, &volume.geometry);
     for _ in 0..PASSES {
@@ -365,13 +359,7 @@ struct Silhouette {
 impl Silhouette {
     /// The silhouette of a volume that `view` shows with `target` in the middle. `outline` are points around most of its
     /// visible voxels.
-    fn of(
-        view: &View,
-        target: DVec3,
-        of: Seen<'_>,
-        outline: &[DVec3],
-        depth: &(impl Fn(usize, f64) -> f64 + Sync),
-    ) -> Self {
+    fn of(view: &View, target: DVec3, of: Seen<'_>, outline: &[DVec3], depth: &(impl Fn(f64) -> f64 + Sync)) -> Self {
         /// Fraction of the outline within which its ends hardly lie.
         const INNER: f64 = 0.75;
         let reach = |side: fn(DVec3) -> f64| {
@@ -409,7 +397,7 @@ const FRAME: f64 = 1.25;
 
 impl Sums {
     /// Adds the voxels outside the `inner` part of the picture, a fraction of its half width and half height.
-    fn of(view: &View, target: DVec3, of: Seen<'_>, inner: DVec3, depth: &(impl Fn(usize, f64) -> f64 + Sync)) -> Self {
+    fn of(view: &View, target: DVec3, of: Seen<'_>, inner: DVec3, depth: &(impl Fn(f64) -> f64 + Sync)) -> Self {
         /// Most voxels that are added.
         const VOXELS: f64 = 2_097_152.0;
         /// Least and most pixels of a side.
@@ -471,7 +459,7 @@ impl Sums {
                 values(volume, first + range.start * stride[0], stride[0], range.len(), row);
                 for (x, &value) in range.zip(&*row) {
                     let index = first + x * stride[0];
-                    let (here, extent) = of.extent(index, value, |value| depth(index, value));
+                    let (here, extent) = of.extent(index, value, depth);
                     if here > 0.0 {
                         // A smaller or larger voxel.
                         let (size, place) = (2.0 * extent, start + axes[0] * within(0, x));
