@@ -2,7 +2,8 @@
 """Reading volumes with Relume beside the usual libraries of Python, as a Markdown table; memory while reading; a folder.
 
   benches/readers.py --relume target/release/relume > benches/results/readers.md
-  benches/readers.py --relume target/release/relume --memory          # the second table alone
+  benches/readers.py --relume target/release/relume --large           # uncompressed files of 201 MB alone
+  benches/readers.py --relume target/release/relume --memory          # memory alone
   benches/readers.py --relume target/release/relume --folder          # a folder of 2,000 slices alone
 
 Needs numpy, nibabel, SimpleITK, pydicom (with pylibjpeg, pylibjpeg-openjpeg, pylibjpeg-libjpeg, pyjpegls), tifffile,
@@ -10,6 +11,9 @@ imagecodecs, zarr and h5py. The volumes are made by these libraries: 256 x 256 x
 Each reading is a process of its own, in turn (A B A B ...); CPU ms (user and system) of all threads, of the fastest of five
 readings after one to warm up, and the median of the processes. The start of a process counts on neither side. Wall time is
 what both cores take together.
+
+The larger volumes have 512 x 512 x 384 voxels. Memory for up to 32 MB comes from blocks that the readings before have freed:
+Relume clears them, and NumPy does not. The memory of larger volumes is new for each reading, as that of the first one is.
 
 Memory is the peak resident set of `relume bench load`, which opens the volume, minus the voxels: the bar is 64 MB and one
 frame or chunk a thread. The program itself is in it. These volumes are larger, so that a copy would not go unnoticed.
@@ -172,17 +176,25 @@ def main():
     arguments.add_argument("--relume", required=True)
     arguments.add_argument("--build", default="release", help="profile of the build, for the head of the table")
     arguments.add_argument("--runs", type=int, default=3)
+    arguments.add_argument("--large", action="store_true", help="only larger volumes, uncompressed")
     arguments.add_argument("--memory", action="store_true", help="only memory while reading")
     arguments.add_argument("--folder", action="store_true", help="only a folder of 2,000 slices")
     given = arguments.parse_args()
     relume = os.path.abspath(given.relume)
-    everything = not (given.memory or given.folder)
+    everything = not (given.large or given.memory or given.folder)
     if everything:
         with tempfile.TemporaryDirectory() as folder:
-            table(make(folder, DIMS), relume, given)
-    if given.memory or everything:
+            table(make(folder, DIMS), DIMS, relume, given)
+            versions()
+    if given.large or given.memory or everything:
         with tempfile.TemporaryDirectory() as folder:
-            memory(make(folder, LARGE), relume)
+            made = make(folder, LARGE)
+            if not given.memory:
+                print()
+                plain = {"NIfTI", "NumPy", "TIFF, uncompressed", "Zarr 3, uncompressed", "DICOM, uncompressed"}
+                table([one for one in made if one[0] in plain], LARGE, relume, given)
+            if not given.large:
+                memory(made, relume)
     if given.folder or everything:
         with tempfile.TemporaryDirectory() as folder:
             of_folder(folder, relume, given.runs)
@@ -243,10 +255,9 @@ def first_news(command):
     return seen if seen is not None else float("nan")
 
 
-def table(made, relume, given):
-    import numpy
+def table(made, dims, relume, given):
     cpu = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), platform.machine())
-    print(f"{' x '.join(map(str, reversed(DIMS)))} voxels of 16 bits; {cpu}, {os.cpu_count()} cores; {given.build} build of Relume.")
+    print(f"{' x '.join(map(str, reversed(dims)))} voxels of 16 bits; {cpu}, {os.cpu_count()} cores; {given.build} build of Relume.")
     print("CPU ms of all threads, and wall ms in brackets; the ratios are to the fastest peer. Load of the machine at the beginning: "
           f"{os.getloadavg()[0]:.1f}.\n")
     print("| file | Relume | peers | CPU ratio | wall ratio |")
@@ -270,6 +281,10 @@ def table(made, relume, given):
         said += [f"{name}: {why}" for name, why in failed.items()]
         ratio = lambda own, key: f"{own / min(median(all, key) for all in good.values()):.2f}" if good else ""
         print(f"| {what} | {mine:.1f} ({wall:.1f}) | {', '.join(said)} | {ratio(mine, 'cpu_ms')} | {ratio(wall, 'wall_ms')} |", flush=True)
+
+
+def versions():
+    import numpy
     print(f"\nnumpy {numpy.__version__}, " + ", ".join(f"{name} {version(name)}" for name in ("nibabel", "SimpleITK", "pydicom", "tifffile", "zarr", "h5py")))
 
 

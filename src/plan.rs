@@ -1,6 +1,7 @@
 //! Plans: the features and sizes that a scene needs at its accuracy settings.
 
 mod explain;
+mod fitted;
 mod half;
 mod integration;
 mod needs;
@@ -10,6 +11,7 @@ mod warning;
 
 use std::sync::Arc;
 
+use fitted::{Coefficients, RECENT, Wanted};
 pub use integration::{Narrow, narrow, read_ahead};
 pub use needs::PlannedFilm;
 pub(crate) use needs::is_constant;
@@ -17,7 +19,7 @@ use needs::{exponents, longest_way, transmittance};
 pub use stale::Stale;
 pub use warning::PlanWarning;
 
-use crate::model::{self, ColourModel, ModelError, ModelKind};
+use crate::model::{ColourModel, ModelError, ModelKind, Order};
 use crate::progress::Progress;
 use crate::scene::{
     AccumulateAs, Accuracy, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup,
@@ -706,58 +708,39 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
     let Accuracy { model: kind, tolerance, dimension, accumulate, .. } = scene.accuracy;
     let narrower = narrower(&weights.plan);
     let mut warning = None;
-    let ingredients = || {
+    let model_with = |coefficients| {
         let mut ingredients = weights.ingredients(scene);
         for (name, light) in lights {
             if ingredients.lights.iter().all(|(_, known)| known != light) {
                 ingredients.lights.push((name.clone(), light.clone()));
             }
         }
-        ingredients
+        RECENT.fitted(Wanted { ingredients, kind, coefficients }, progress)
     };
     let model = match (accumulate, dimension) {
         (AccumulateAs::Weights, _) => None,
         (AccumulateAs::Auto, Some(dimension)) if exact && dimension > narrower => None,
         (AccumulateAs::Auto, None) if exact && narrower == 0 => None,
         (AccumulateAs::Auto, None) if exact => {
-            match model::fit_narrow(&ingredients(), kind, EXACTNESS * tolerance, narrower, progress) {
+            match model_with(Coefficients::AtMost(narrower, EXACTNESS * tolerance)) {
                 Err(stopped @ ModelError::Cancelled) => return Err(stopped.into()),
                 // Without a fit, weights remain; also if the spectra of a film between its fitted angles do not.
-                fitted => fitted
-                    .unwrap_or_default()
+                found => found
+                    .ok()
+                    .and_then(|found| found.model)
                     .filter(|model| weights.films(scene).iter().all(|film| film.error_in(model) <= tolerance)),
             }
         }
         (AccumulateAs::Auto | AccumulateAs::Spectral, Some(dimension)) => {
-            let ingredients = ingredients();
-            let unseen = model::unseen(&ingredients)?;
-            let checked = |dimension| -> Result<ColourModel, ModelError> {
-                let mut model = model::fit(&ingredients, kind, dimension, progress)?;
-                model.check_on(&unseen)?;
-                Ok(model)
-            };
-            let model = checked(dimension)?;
-            if dimension > 1 && !kind.is_rgb() {
-                warning = fewer_are_better(&model, &checked(dimension - 1)?);
-            }
-            Some(model)
+            let found = model_with(Coefficients::Stated(dimension))?;
+            warning = found.warning;
+            found.model
         }
-        (AccumulateAs::Auto | AccumulateAs::Spectral, None) => {
-            Some(model::fit_automatic(&ingredients(), kind, tolerance, progress)?)
-        }
+        (AccumulateAs::Auto | AccumulateAs::Spectral, None) => model_with(Coefficients::Keeping(tolerance))?.model,
     };
-    let mut chosen = model.map_or(weights, |model| planned(scene, Some(Arc::new(model))));
+    let mut chosen = model.map_or(weights, |model| planned(scene, Some(model)));
     chosen.warnings.extend(warning);
     Ok(chosen)
-}
-
-/// The warning that a model with one coefficient less is better; negligible errors do not count.
-fn fewer_are_better(model: &ColourModel, smaller: &ColourModel) -> Option<PlanWarning> {
-    let (stated, fewer) = (model.worst().max, smaller.worst().max);
-    (fewer < stated && stated >= 0.0005).then(|| PlanWarning::FewerAreBetter {
-        stated: (model.dimension(), stated),
-        fewer: (smaller.dimension(), fewer),
-    })
 }
 
 /// The largest number of coefficients in fewer vectors than the weights of `plan`.
@@ -881,7 +864,7 @@ fn no_segments(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static
     if plan.transmittance == Transmittance::Mixed {
         Some("the model peercy multiplies matrices")
     } else if plan.transmittance == Transmittance::Coloured
-        && model.is_some_and(|model| model.kind() == ModelKind::Sharpened(model::Order::Step))
+        && model.is_some_and(|model| model.kind() == ModelKind::Sharpened(Order::Step))
     {
         Some("the model projects the transmittance of each step")
     } else if plan.interpolation == Interpolation::Nearest {

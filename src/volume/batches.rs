@@ -13,8 +13,8 @@ use crate::progress::Progress;
 /// Bytes of voxels that are allocated before anything is decoded. Later, as many as have been decoded.
 const BATCH: usize = 32 << 20;
 
-/// Most divisions of the parts of a batch for each thread.
-const DIVISIONS: usize = 8;
+/// Most divisions of the parts of a batch for each thread: where parts take different times, and where they are copied.
+const DIVISIONS: [usize; 2] = [8, 2];
 
 /// A part: adjacent voxels that one thread decodes.
 pub(super) struct Part<'a, P> {
@@ -90,7 +90,8 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
             done.add(part.path, size_of_val(place))
         };
         // Every division has a scratch of its own, which may open a file.
-        let least = places.len() / (DIVISIONS * rayon::current_num_threads());
+        let divisions = DIVISIONS[usize::from(are_there)] * rayon::current_num_threads();
+        let least = places.len() / divisions;
         let places = places.into_par_iter().with_min_len(least.max(1));
         let results: Vec<Result<(), VolumeError>> = places.map_init(|| decode.scratch(), one).collect();
         results.into_iter().collect::<Result<(), _>>()?;
