@@ -46,6 +46,8 @@ impl Browser {
         command.args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe"]);
         command.args(["--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage"]);
         command.arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");
+        // Its temporary folders go with the profile.
+        command.env("TMPDIR", profile.path());
         let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let (to, mut out) = (process.stdin.take().unwrap(), BufReader::new(process.stdout.take().unwrap()));
         let (messages, from) = channel();
