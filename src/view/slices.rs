@@ -439,11 +439,11 @@ mod tests {
         let painted = Painted { overlay: None, labels: Some((&labels, 0, &colours)), ..painted };
         assert_eq!(painted.pixels(&plane, 0, [3, 1]), [[0, 0, 128], [128, 128, 128], [255, 255, 255]]);
         // The second slice of finer labels.
-        let finer = Geometry::unit("labels", [6, 1, 2]).unwrap();
+        let grid = Geometry::unit("labels", [6, 1, 2]).unwrap();
         let stored = vec![7, 7, 7, 7, 7, 7, 0, 0, 0, 7, 7, 0];
-        let volume = Arc::new(Volume::new("labels", Voxels::U8(stored), finer).unwrap());
-        let labels = Labels { volume, ..labels };
-        let painted = Painted { labels: Some((&labels, 1, &colours)), ..painted };
+        let volume = Arc::new(Volume::new("labels", Voxels::U8(stored), grid).unwrap());
+        let finer = Labels { volume, declared: labels.declared.clone() };
+        let painted = Painted { labels: Some((&finer, 1, &colours)), ..painted };
         assert_eq!(painted.pixels(&plane, 0, [3, 1]), [[0, 0, 0], [64, 64, 191], [255, 255, 255]]);
     }
 }
