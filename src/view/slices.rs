@@ -438,12 +438,12 @@ mod tests {
         let labels = Labels { volume: of, declared: vec![entry] };
         let painted = Painted { overlay: None, labels: Some((&labels, 0, &colours)), ..painted };
         assert_eq!(painted.pixels(&plane, 0, [3, 1]), [[0, 0, 128], [128, 128, 128], [255, 255, 255]]);
-        // The second slice of finer labels.
+        // The second slice of finer labels: half of blue over grey 128.
         let grid = Geometry::unit("labels", [6, 1, 2]).unwrap();
         let stored = vec![7, 7, 7, 7, 7, 7, 0, 0, 0, 7, 7, 0];
         let volume = Arc::new(Volume::new("labels", Voxels::U8(stored), grid).unwrap());
         let finer = Labels { volume, declared: labels.declared.clone() };
         let painted = Painted { labels: Some((&finer, 1, &colours)), ..painted };
-        assert_eq!(painted.pixels(&plane, 0, [3, 1]), [[0, 0, 0], [64, 64, 191], [255, 255, 255]]);
+        assert_eq!(painted.pixels(&plane, 0, [3, 1]), [[0, 0, 0], [64, 64, 192], [255, 255, 255]]);
     }
 }
