@@ -81,8 +81,9 @@ pub(crate) fn machine_rows(renderer: &Renderer, edge: usize) -> Result<Vec<Machi
     let mut rows = Vec::new();
     for machines in MACHINES {
         let (found, film) = measured(&on_device, machines)?;
+        let front = film.clone();
         let watch = Stopwatch::start();
-        let back = film.over(&film).ok_or("films of one shape composite")?;
+        let back = front.over(&film).ok_or("films of one shape composite")?;
         let over = watch.read().wall_ms / 1e3 / count(back.pixels());
         let pixel_bytes = 4.0 * count(film.accumulators.len() + film.transmittance.len()) / count(film.pixels());
 

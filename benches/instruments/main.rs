@@ -2,6 +2,8 @@
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "results and progress are for the terminal")]
 
 mod bricks;
+#[cfg(feature = "mpi")]
+mod composite;
 mod consistency;
 mod effects;
 mod goals;
@@ -35,7 +37,7 @@ use light_levels::light_level_rows;
 use machines::machine_rows;
 use model::{AutomaticSummary, LIGHT_GROUPS, ModelSetting, automatic_dimension, model_row, nodes_beside_rgb};
 use needs::{NeedRow, need_rows};
-use out_of_core::out_of_core;
+use out_of_core::{OutOfCore, out_of_core};
 use palette::palette_rows;
 use shadows::{ShadowRow, shadow_rows};
 
@@ -68,6 +70,12 @@ struct Args {
     /// Voxels along each axis of the phantom for `bricks` and `machines`.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u16).range(64..=2048))]
     edge: u16,
+    /// Size of the volume of `out-of-core` in MiB.
+    #[arg(long, value_name = "N", default_value_t = 6144, value_parser = clap::value_parser!(u16).range(768..=32768))]
+    mib: u16,
+    /// The program that `out-of-core` runs, such as a release build.
+    #[arg(long, value_name = "FILE", default_value = env!("CARGO_BIN_EXE_relume"))]
+    relume: std::path::PathBuf,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
@@ -94,17 +102,21 @@ enum Instrument {
     Shadows,
     /// Cost of coloured shadows, phase functions and thin films beside the march without them, in the frog of the peer scene.
     Effects,
-    /// Cost of a volume in bricks beside that of the whole volume. Fails above 1.25 times the march.
+    /// Cost of a volume in bricks beside that of the whole volume. Fails above 1.25 times the march, or above twice with
+    /// room for a quarter of them.
     Bricks,
     /// Error of shadows from coarse levels, as volumes in bricks have them, against those of the voxels.
     LightLevels,
     /// A simulated table of one picture composited by up to 1,024 machines: measured marches of blocks and rates of
     /// compositing, and a model of the network.
     Machines,
-    /// A generated volume of 6 GiB that is never held: made into bricks, once interrupted,
-    /// rendered with 768 MiB on the host and 512 MiB on the device, and compared with its formula. Takes its size twice on
-    /// the disk of the temporary folder. Fails if the picture is not that of the formula, or if the render takes more than
-    /// 1.25 times these memories beside what a small volume takes.
+    /// Time to composite 61 MB in each of 1, 2 and 4 processes, which it starts by mpirun. Fails above 0.1 s for four.
+    #[cfg(feature = "mpi")]
+    Composite,
+    /// A generated volume of --mib MiB that is never held: made into bricks, once interrupted, rendered with an eighth of it
+    /// on the host and at most 512 MiB on the device, and compared with its formula. Takes its size twice on the disk of the
+    /// temporary folder. Fails if the picture is not that of the formula, or if the render takes more than 1.25 times these
+    /// memories beside what a small volume takes.
     OutOfCore,
     /// Design of the palettes in data/palettes and of the figures: no device.
     Palette,
@@ -182,7 +194,13 @@ fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
             let rows = machine_rows(&renderer, args.edge.into())?;
             Ok(Report { text: machines::text(&rows), json: json!({ "machines": rows }) })
         }
-        Instrument::OutOfCore => beyond_memory(),
+        #[cfg(feature = "mpi")]
+        Instrument::Composite => {
+            let rows = composite::composite_rows()?;
+            let holds = rows.iter().all(composite::CompositeRow::holds);
+            Ok(Report { text: composite::text(&rows), json: json!({ "composite": rows, "holds": holds }) })
+        }
+        Instrument::OutOfCore => beyond_memory(args),
         Instrument::Goals => goals(args.scenes, &args.device),
         Instrument::Model => models(args.scenes.into()),
         Instrument::Palette => {
@@ -192,12 +210,11 @@ fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
     }
 }
 
-/// Renders 6 GiB of voxels out of core.
-fn beyond_memory() -> Result<Report, Box<dyn Error>> {
+/// Renders a volume out of core.
+fn beyond_memory(args: &Args) -> Result<Report, Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
-    let program = std::path::Path::new(env!("CARGO_BIN_EXE_relume"));
-    let memory = [768 << 20, 512 << 20];
-    let row = out_of_core(program, folder.path(), [2048, 2048, 1536], memory, Duration::from_secs(3))?;
+    let (dims, memory) = OutOfCore::sizes(args.mib);
+    let row = out_of_core(&args.relume, folder.path(), dims, memory, Duration::from_secs(1))?;
     let holds = row.is_true() && row.peak[1] - row.beside <= row.allowed();
     Ok(Report { text: out_of_core::text(&row), json: json!({ "out_of_core": row, "holds": holds }) })
 }

@@ -44,6 +44,10 @@ pub(crate) struct OutOfCore {
     pub(crate) beside: f64,
     /// Seconds to make the bricks and to render.
     pub(crate) seconds: [f64; 2],
+    /// Bytes of voxels that `relume bricks` takes a second of its CPU time.
+    pub(crate) bytes_a_second: f64,
+    /// Bricks with visible voxels.
+    pub(crate) visible: u64,
     /// Bricks that the device and the host loaded and loaded again.
     pub(crate) loaded: [u64; 4],
     /// Largest distance of a transmittance from those that the formula allows.
@@ -55,6 +59,13 @@ pub(crate) struct OutOfCore {
 }
 
 impl OutOfCore {
+    /// Volume of `mib` MiB, and the memory for it: an eighth on the host, and two thirds of that on the device, at most 512 MiB.
+    pub(crate) fn sizes(mib: u16) -> ([usize; 3], [u64; 2]) {
+        let side = if mib < 2048 { 1024 } else { 2048 };
+        let host = u64::from(mib) << 17;
+        ([side, side, (usize::from(mib) << 20) / (side * side)], [host, (host / 3 * 2).min(512 << 20)])
+    }
+
     /// Whether the picture is that of the formula.
     pub(crate) fn is_true(&self) -> bool {
         self.outside <= MARCH && self.range[0] < 0.5 && self.range[1] > 0.95
@@ -75,15 +86,17 @@ pub(crate) fn text(row: &OutOfCore) -> String {
     let [on_device, on_device_again, read, read_again] = row.loaded;
     format!(
         "{x}×{y}×{z} bytes, {:.0} MiB in bricks; memory {host:.0} MiB on the host, {device:.0} MiB on the device\n\
-         bricks: {:.1} s, at most {making:.0} MiB resident\n\
+         bricks: {:.1} s, {:.0} MB of voxels a second of CPU time, at most {making:.0} MiB resident\n\
          render: {:.1} s, at most {rendering:.0} MiB resident, {:.0} MiB of them with a small volume; allowed beside it {:.0}\n\
-         {on_device} bricks on the device, {on_device_again} again; {read} read from the file, {read_again} again\n\
+         {on_device} bricks on the device, {on_device_again} again, of {} visible ones; {read} read from the file, {read_again} again\n\
          transmittance {:.3} to {:.3}: off the formula by at most {:.5}, outside its bounds by {:.5}, allowed {MARCH}\n",
         mib(float(row.file_bytes)),
         row.seconds[0],
+        row.bytes_a_second / 1e6,
         row.seconds[1],
         mib(row.beside),
         mib(row.allowed()),
+        row.visible,
         row.range[0],
         row.range[1],
         row.largest,
@@ -283,6 +296,10 @@ pub(crate) fn out_of_core(
         peak: [peak(&made), peak(&rendered)],
         beside: peak(&beside),
         seconds: [making, rendering],
+        bytes_a_second: made["times"]["bricks"]["cpu_ms"]
+            .as_f64()
+            .map_or(f64::NAN, |ms| 1e3 * dims.iter().map(|&n| coordinate(n)).product::<f64>() / ms),
+        visible: counts("bricks", "visible")?,
         loaded: [
             counts("bricks", "loaded")?,
             counts("bricks", "again")?,

@@ -66,39 +66,56 @@ impl<R: Real> Film<R> {
     /// T₁·A₂`, `T = T₁·T₂` (Porter and Duff 1984), where `T` is a number, a number per component or a matrix. `None` if
     /// sizes, components or kinds of transmittance differ.
     #[must_use]
-    pub fn over(&self, back: &Self) -> Option<Self> {
+    pub fn over(mut self, back: &Self) -> Option<Self> {
         let shape = |film: &Self| (film.size, film.components, film.accumulators.len(), film.transmittance.len());
-        if shape(self) != shape(back) {
+        if shape(&self) != shape(back) {
             return None;
         }
-        let (pixels, components) = (self.pixels(), self.components);
-        let kinds = self.transmittance.len().checked_div(pixels).unwrap_or(0);
-        let mut film = self.clone();
-        for pixel in 0..pixels {
-            let front = |n: usize| self.transmittance[n * pixels + pixel];
-            // Row `c` of the front's transmittance times a vector that starts at `first` in `numbers`.
-            let through = |numbers: &[R], first: usize, stride: usize, c: usize, sum: R| -> R {
-                let at = |n: usize| numbers[(first + n * stride) * pixels + pixel];
-                match kinds {
-                    1 => front(0).mul_add(at(c), sum),
-                    _ if kinds == components => front(c).mul_add(at(c), sum),
-                    _ => (0..components).fold(sum, |sum, n| front(c * components + n).mul_add(at(n), sum)),
-                }
-            };
-            for position in 0..self.accumulators.len().checked_div(pixels * components).unwrap_or(0) {
-                for c in 0..components {
-                    let at = (position * components + c) * pixels + pixel;
-                    film.accumulators[at] =
-                        through(&back.accumulators, position * components, 1, c, self.accumulators[at]);
-                }
-            }
-            for n in 0..kinds {
-                let is_matrix = kinds > components.max(1);
-                let (c, column) = if is_matrix { (n / components, n % components) } else { (n, 0) };
-                let stride = if is_matrix { components } else { 1 };
-                film.transmittance[n * pixels + pixel] = through(&back.transmittance, column, stride, c, R::default());
+        let pixels = self.pixels();
+        if pixels == 0 {
+            return Some(self);
+        }
+        let (components, kinds) = (self.components.max(1), self.transmittance.len() / pixels);
+        if kinds > components {
+            return Some(self.over_by_matrices(back));
+        }
+        // Plane by plane, whose numbers lie side by side.
+        let fronts = self.accumulators.chunks_exact_mut(pixels).zip(back.accumulators.chunks_exact(pixels));
+        for (plane, (front, back)) in fronts.enumerate() {
+            let through = if kinds == 1 { 0 } else { plane % components };
+            let through = &self.transmittance[through * pixels..][..pixels];
+            for ((front, &back), &through) in front.iter_mut().zip(back).zip(through) {
+                *front = *front + through * back;
             }
         }
-        Some(film)
+        for (front, &back) in self.transmittance.iter_mut().zip(&back.transmittance) {
+            *front = *front * back;
+        }
+        Some(self)
+    }
+
+    /// [`Self::over`] for transmittances that are matrices.
+    fn over_by_matrices(&self, back: &Self) -> Self {
+        let (pixels, components) = (self.pixels(), self.components);
+        let mut film = self.clone();
+        for pixel in 0..pixels {
+            // Row `c` of the front's transmittance times a vector of `back` that starts at `first`.
+            let through = |numbers: &[R], first: usize, stride: usize, c: usize, sum: R| -> R {
+                (0..components).fold(sum, |sum, n| {
+                    let front = self.transmittance[(c * components + n) * pixels + pixel];
+                    front.mul_add(numbers[(first + n * stride) * pixels + pixel], sum)
+                })
+            };
+            for n in 0..self.accumulators.len() / pixels {
+                let (first, at) = (n - n % components, n * pixels + pixel);
+                film.accumulators[at] = through(&back.accumulators, first, 1, n % components, self.accumulators[at]);
+            }
+            for n in 0..components * components {
+                let [c, column] = [n / components, n % components];
+                film.transmittance[n * pixels + pixel] =
+                    through(&back.transmittance, column, components, c, R::default());
+            }
+        }
+        film
     }
 }

@@ -43,17 +43,35 @@ impl Film<f32> {
     /// The pixels of a rectangle, which must lie in the film.
     #[must_use]
     pub fn cut_out(&self, [low, high]: Rectangle) -> Self {
-        let [width, _] = self.size;
-        let cut = |numbers: &[f32]| -> Vec<f32> {
-            let planes = numbers.chunks_exact(self.pixels().max(1));
-            let lines = planes.flat_map(|plane| plane[low[1] * width..high[1] * width].chunks_exact(width.max(1)));
-            lines.flat_map(|line| &line[low[0]..high[0]]).copied().collect()
-        };
-        Self {
-            size: [high[0] - low[0], high[1] - low[1]],
+        let size = [high[0] - low[0], high[1] - low[1]];
+        let room = |numbers: &[f32]| Vec::with_capacity(numbers.len() / self.pixels().max(1) * size[0] * size[1]);
+        let mut film = Self {
+            size,
             components: self.components,
-            accumulators: cut(&self.accumulators),
-            transmittance: cut(&self.transmittance),
+            accumulators: room(&self.accumulators),
+            transmittance: room(&self.transmittance),
+        };
+        self.each_line(&self.accumulators, [low, high], |line| film.accumulators.extend_from_slice(line));
+        self.each_line(&self.transmittance, [low, high], |line| film.transmittance.extend_from_slice(line));
+        film
+    }
+
+    /// The numbers of the pixels of a rectangle, which must lie in the film, as bytes: those of [`Self::cut_out`].
+    pub(crate) fn bytes_of(&self, rectangle: Rectangle, bytes: &mut Vec<u8>) {
+        let [low, high] = rectangle;
+        let numbers = (self.accumulators.len() + self.transmittance.len()) / self.pixels().max(1);
+        bytes.reserve(4 * numbers * (high[0] - low[0]) * (high[1] - low[1]));
+        for numbers in [&self.accumulators, &self.transmittance] {
+            self.each_line(numbers, rectangle, |line| bytes.extend_from_slice(bytemuck::cast_slice(line)));
+        }
+    }
+
+    /// Calls `with` for each line of a rectangle of the planes of `numbers`.
+    fn each_line(&self, numbers: &[f32], [low, high]: Rectangle, mut with: impl FnMut(&[f32])) {
+        let width = self.size[0];
+        for plane in numbers.chunks_exact(self.pixels().max(1)) {
+            let lines = plane[low[1] * width..high[1] * width].chunks_exact(width.max(1));
+            lines.for_each(|line| with(&line[low[0]..high[0]]));
         }
     }
 

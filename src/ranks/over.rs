@@ -25,13 +25,57 @@ struct Announced {
     met: Rectangle,
 }
 
-/// The part of a node's film in the rows of this process, and where it begins there.
-struct Part {
+/// The part of a node's film in the rows of this process: the rectangle in which rays met something.
+struct Part<'a> {
     node: Node,
-    at: [usize; 2],
-    /// `None` if rays met nothing.
-    film: Option<Film<f32>>,
+    /// Of the film's pixels; `None` if rays met nothing in these rows.
+    met: Option<Rectangle>,
+    numbers: Numbers<'a>,
 }
+
+/// The numbers of a part.
+enum Numbers<'a> {
+    /// Those of a film of all pixels.
+    Whole(&'a Film<f32>),
+    /// Those of the rectangle, as they were sent.
+    Sent(&'a [u8]),
+}
+
+impl Part<'_> {
+    /// The film of all pixels of `rows`: as `empty` where nothing was met. `numbers` are those of a pixel.
+    fn in_rows(&self, rows: &Range<usize>, empty: &Film<f32>, numbers: [usize; 2]) -> Film<f32> {
+        let Some((met, part)) = self.met.and_then(|met| Some((met, in_rows(met, rows)?))) else { return empty.clone() };
+        let film = match self.numbers {
+            Numbers::Whole(film) => film.cut_out(part),
+            Numbers::Sent(bytes) => {
+                let size = [part[1][0] - part[0][0], part[1][1] - part[0][1]];
+                let (plane, line) = (4 * size[0] * (met[1][1] - met[0][1]), 4 * size[0]);
+                let lines = (part[0][1] - met[0][1]) * line..(part[1][1] - met[0][1]) * line;
+                let of_planes = |planes: Range<usize>| -> Vec<f32> {
+                    let mut taken = Vec::with_capacity((planes.end - planes.start) * size[0] * size[1]);
+                    for of_plane in bytes[planes.start * plane..planes.end * plane].chunks_exact(plane) {
+                        taken.extend(
+                            of_plane[lines.clone()].as_chunks().0.iter().map(|&bytes| f32::from_ne_bytes(bytes)),
+                        );
+                    }
+                    taken
+                };
+                let (accumulators, transmittance) =
+                    (of_planes(0..numbers[0]), of_planes(numbers[0]..numbers[0] + numbers[1]));
+                Film { size, components: empty.components, accumulators, transmittance }
+            }
+        };
+        if film.size == empty.size {
+            return film;
+        }
+        let mut whole = empty.clone();
+        whole.put([part[0][0], part[0][1] - rows.start], &film);
+        whole
+    }
+}
+
+/// Rows that composite at once: their films stay in the caches.
+const AT_ONCE: usize = 8;
 
 /// The part of a rectangle in `rows`; `None` if there is none.
 fn in_rows([low, high]: Rectangle, rows: &Range<usize>) -> Option<Rectangle> {
@@ -95,9 +139,7 @@ pub fn over<E>(
         for (node, film) in &mine {
             let met = all.iter().find(|it| it.node == *node).map_or([[0; 2]; 2], |it| it.met);
             if let Some(part) = in_rows(met, &rows) {
-                let part = film.cut_out(part);
-                message.extend_from_slice(bytemuck::cast_slice(&part.accumulators));
-                message.extend_from_slice(bytemuck::cast_slice(&part.transmittance));
+                film.bytes_of(part, &mut message);
             }
         }
         if !message.is_empty() {
@@ -114,40 +156,34 @@ pub fn over<E>(
     drop(outgoing);
 
     // The films of the nodes in these rows, which are dense again only while they composite.
-    let Some(empty) = shape.of_no_medium([shape.size[0], rows.len()]) else { return Ok(None) };
+    let Some(mut film) = shape.of_no_medium([shape.size[0], rows.len()]) else { return Ok(None) };
     let per_pixel = [&shape.accumulators, &shape.transmittance].map(|numbers| numbers.len() / shape.pixels().max(1));
-    let mut parts: Vec<Part> = Vec::new();
+    let mut parts: Vec<Part<'_>> = Vec::new();
     let mut left: Vec<&[u8]> = received.iter().map(|message| &**message).collect();
     for it in &all {
-        let part = in_rows(it.met, &rows).map(|part| {
-            let at = [part[0][0], part[0][1] - rows.start];
-            if let Some((_, film)) = mine.iter().find(|(node, _)| *node == it.node) {
-                return Some((at, film.cut_out(part)));
+        let met = in_rows(it.met, &rows);
+        let numbers = match (mine.iter().find(|(node, _)| *node == it.node), met) {
+            (Some((_, film)), _) => Numbers::Whole(film),
+            (None, None) => Numbers::Sent(&[]),
+            (None, Some([low, high])) => {
+                let Some(from) = senders.iter().position(|&rank| rank == it.rank) else { return Ok(None) };
+                let bytes = 4 * (per_pixel[0] + per_pixel[1]) * (high[0] - low[0]) * (high[1] - low[1]);
+                let Some((taken, rest)) = left[from].split_at_checked(bytes) else { return Ok(None) };
+                left[from] = rest;
+                Numbers::Sent(taken)
             }
-            let size = [part[1][0] - part[0][0], part[1][1] - part[0][1]];
-            let from = &mut left[senders.iter().position(|&rank| rank == it.rank)?];
-            let mut take = |numbers: usize| -> Option<Vec<f32>> {
-                let (taken, rest) = from.split_at_checked(4 * numbers * size[0] * size[1])?;
-                *from = rest;
-                Some(bytemuck::pod_collect_to_vec(taken))
-            };
-            let (accumulators, transmittance) = (take(per_pixel[0])?, take(per_pixel[1])?);
-            Some((at, Film { size, components: empty.components, accumulators, transmittance }))
-        });
-        match part {
-            Some(None) => return Ok(None),
-            Some(Some((at, film))) => parts.push(Part { node: it.node, at, film: Some(film) }),
-            None => parts.push(Part { node: it.node, at: [0; 2], film: None }),
-        }
+        };
+        parts.push(Part { node: it.node, met, numbers });
     }
-    let film = composited(top, low_first, &mut |node| {
-        Ok(parts.iter().find(|part| part.node == node).map(|part| {
-            let mut film = empty.clone();
-            if let Some(rectangle) = &part.film {
-                film.put(part.at, rectangle);
-            }
-            film
-        }))
-    })?;
-    Ok(film.map(|film| Share { rows, film, sent_bytes }))
+    for start in rows.clone().step_by(AT_ONCE) {
+        let some = start..(start + AT_ONCE).min(rows.end);
+        let Some(empty) = shape.of_no_medium([shape.size[0], some.len()]) else { return Ok(None) };
+        let composite = composited(top, low_first, &mut |node| {
+            let part = parts.iter().find(|part| part.node == node);
+            Ok(part.map(|part| part.in_rows(&some, &empty, per_pixel)))
+        })?;
+        let Some(composite) = composite else { return Ok(None) };
+        film.put([0, start - rows.start], &composite);
+    }
+    Ok(Some(Share { rows, film, sent_bytes }))
 }

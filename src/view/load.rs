@@ -158,10 +158,6 @@ impl Loaded {
         progress: &dyn Progress,
     ) -> Result<Self, LoadError> {
         let scene = file.scene.clone();
-        if scene.labels.is_some() {
-            // Slices and probe look labels up by voxels of the volume.
-            scene.volume.require_voxels("a label map in the window").map_err(RenderError::Volume)?;
-        }
         let planned = |scene: &Scene| plan(scene, progress).map_err(RenderError::from);
         let whole = if scene.volume.bricks.is_some() { None } else { Some(planned(&scene)?) };
         let (scene, planned, coarse) = match whole {

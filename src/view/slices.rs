@@ -237,8 +237,9 @@ pub struct Painted<'a> {
     pub window: [f64; 2],
     /// Materials over the values.
     pub overlay: Option<&'a Overlay>,
-    /// Labels over the values, in the colours of their materials: sRGB codes from 0 to 1.
-    pub labels: Option<(&'a Labels, &'a [[f64; 3]])>,
+    /// Labels over the values, and the index of the slice in their grid, which may be finer; in the colours of their
+    /// materials: sRGB codes from 0 to 1.
+    pub labels: Option<(&'a Labels, usize, &'a [[f64; 3]])>,
 }
 
 impl Painted<'_> {
@@ -246,31 +247,31 @@ impl Painted<'_> {
     /// pixel shows the nearest voxel; NaN is black.
     #[must_use]
     pub fn pixels(&self, plane: &Plane, at: usize, size: [usize; 2]) -> Vec<[u8; 3]> {
-        let (geometry, [width, height]) = (&self.volume.geometry, size);
-        let strides = [1, geometry.dims[0], geometry.dims[0] * geometry.dims[1]];
-        // Offsets of the voxels of each column and each row.
-        let offsets = |(axis, ascends): (usize, bool), pixels: usize| -> Vec<usize> {
-            let length = geometry.dims[axis];
-            let nearest = |pixel: usize| whole((count(pixel) + 0.5) / count(pixels) * count(length)).min(length - 1);
-            let along = |pixel| if ascends { nearest(pixel) } else { length - 1 - nearest(pixel) };
-            (0..pixels).map(|pixel| along(pixel) * strides[axis]).collect()
+        let places = |dims: [usize; 3], at: usize| -> Vec<usize> {
+            let strides = [1, dims[0], dims[0] * dims[1]];
+            // Offsets of the voxels of each column and each row.
+            let offsets = |(axis, ascends): (usize, bool), pixels: usize| -> Vec<usize> {
+                let length = dims[axis];
+                let nearest =
+                    |pixel: usize| whole((count(pixel) + 0.5) / count(pixels) * count(length)).min(length - 1);
+                let along = |pixel| if ascends { nearest(pixel) } else { length - 1 - nearest(pixel) };
+                (0..pixels).map(|pixel| along(pixel) * strides[axis]).collect()
+            };
+            let (columns, rows) = (offsets(plane.right, size[0]), offsets(plane.down, size[1]));
+            let first = at.min(dims[plane.normal] - 1) * strides[plane.normal];
+            rows.iter().flat_map(|row| columns.iter().map(move |column| first + row + column)).collect()
         };
-        let (columns, rows) = (offsets(plane.right, width), offsets(plane.down, height));
-        let first = at.min(geometry.dims[plane.normal] - 1) * strides[plane.normal];
-        let mut pixels = Vec::with_capacity(width * height);
+        let voxels = places(self.volume.geometry.dims, at);
+        let mut pixels = Vec::with_capacity(voxels.len());
         with_voxels!(&self.volume.voxels, stored => {
-            for row in rows {
-                for column in &columns {
-                    let value = stored.get(first + row + column).map_or(f64::NAN, |value| value.to_f64());
-                    pixels.push(self.colour(value.mul_add(self.volume.slope, self.volume.intercept)));
-                }
-            }
+            pixels.extend(voxels.into_iter().map(|voxel| {
+                let value = stored.get(voxel).map_or(f64::NAN, |value| value.to_f64());
+                self.colour(value.mul_add(self.volume.slope, self.volume.intercept))
+            }));
         });
-        if let Some((labels, colours)) = self.labels {
+        if let Some((labels, at, colours)) = self.labels {
             let colours = label_colours(labels, colours);
-            let (columns, rows) = (offsets(plane.right, width), offsets(plane.down, height));
-            let places = rows.iter().flat_map(|row| columns.iter().map(move |column| first + row + column));
-            for (pixel, voxel) in pixels.iter_mut().zip(places) {
+            for (pixel, voxel) in pixels.iter_mut().zip(places(labels.volume.geometry.dims, at)) {
                 let label = labels.volume.voxels.value(voxel).map_or(0, whole);
                 if let Some(Some([red, green, blue])) = colours.get(label) {
                     *pixel = over(pixel.map(|code| f64::from(code) / 255.0), [*red, *green, *blue, LABEL]);
@@ -435,7 +436,14 @@ mod tests {
         let of = Arc::new(Volume::new("labels", Voxels::U8(vec![7, 3, 0]), volume.geometry).unwrap());
         let entry = LabelEntry { label: 7, name: "seven".to_owned(), material: 1, opacity: 0.1, absorption: 0.0 };
         let labels = Labels { volume: of, declared: vec![entry] };
-        let painted = Painted { overlay: None, labels: Some((&labels, &colours)), ..painted };
+        let painted = Painted { overlay: None, labels: Some((&labels, 0, &colours)), ..painted };
         assert_eq!(painted.pixels(&plane, 0, [3, 1]), [[0, 0, 128], [128, 128, 128], [255, 255, 255]]);
+        // The second slice of finer labels: half of blue over grey 128.
+        let grid = Geometry::unit("labels", [6, 1, 2]).unwrap();
+        let stored = vec![7, 7, 7, 7, 7, 7, 0, 0, 0, 7, 7, 0];
+        let volume = Arc::new(Volume::new("labels", Voxels::U8(stored), grid).unwrap());
+        let finer = Labels { volume, declared: labels.declared.clone() };
+        let painted = Painted { labels: Some((&finer, 1, &colours)), ..painted };
+        assert_eq!(painted.pixels(&plane, 0, [3, 1]), [[0, 0, 0], [64, 64, 192], [255, 255, 255]]);
     }
 }

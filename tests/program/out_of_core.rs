@@ -21,7 +21,8 @@ fn a_volume_larger_than_its_memory_is_that_of_its_formula_and_takes_no_more() {
     assert!(row.is_true(), "{row:?}");
     let voxels = 150.0 * f64::from(1 << 20);
     assert!(row.peak[1] - row.beside <= row.allowed() && row.allowed() < voxels / 2.0, "{row:?}");
-    let [on_device, _, read, again] = row.loaded;
+    let [on_device, on_device_again, read, again] = row.loaded;
+    assert!(on_device_again == 0, "no brick is loaded twice: {row:?}");
     assert!(on_device > 0 && read > on_device, "bricks have neighbours: {row:?}");
     assert!(again > 0, "there is no room for all: {row:?}");
     // 8×8×10 bricks, and room for about 60 in memory and 27 on the device. Block by block each is read 7.0 times. The nearest ones

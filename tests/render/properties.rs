@@ -366,7 +366,7 @@ fn a_march_cut_anywhere_is_the_front_part_over_the_back_part() {
         }
     }
     let film = Film { size: [1, 1], components: 1, accumulators: vec![0.5_f64], transmittance: vec![0.5] };
-    assert_eq!(film.over(&Film { size: [2, 1], ..film.clone() }), None, "films of different sizes");
+    assert_eq!(film.clone().over(&Film { size: [2, 1], ..film }), None, "films of different sizes");
 }
 
 /// Numbers of both films differ by `limit` of the largest at most.

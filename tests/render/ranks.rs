@@ -120,7 +120,7 @@ fn rectangles_composite_to_the_film_of_the_tree_for_any_number_of_processes() {
 fn add(rank: usize, tile: &Range<usize>, before: Option<&Film<f32>>) -> Film<f32> {
     let cut = |film: &Film<f32>| film.cut_out([[0, tile.start], [WIDTH, tile.end]]);
     let own = cut(&leaf(rank, true));
-    before.map_or_else(|| own.clone(), |before| before.over(&own).unwrap())
+    before.map_or_else(|| own.clone(), |before| before.clone().over(&own).unwrap())
 }
 
 #[test]

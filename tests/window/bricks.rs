@@ -292,7 +292,7 @@ fn an_error_or_a_stop_of_bricks_concerns_only_the_scene_that_was_planned_and_kee
 }
 
 #[test]
-fn a_label_map_of_voxels_in_a_file_is_in_memory_and_the_window_refuses_it() {
+fn a_label_map_beside_voxels_in_a_file_is_in_memory_and_coarse_at_once_in_the_window() {
     with_renderer(|renderer| {
         let labels: Vec<u8> = (0..DIMS.iter().product()).map(|i: usize| if i % DIMS[0] < 70 { 7 } else { 0 }).collect();
         let sidecar = format!("dims = {DIMS:?}\ntype = \"uint8\"\n");
@@ -312,11 +312,23 @@ fn a_label_map_of_voxels_in_a_file_is_in_memory_and_the_window_refuses_it() {
             renderer.read(&film).unwrap()
         });
         assert!(stored == whole, "the film of voxels in memory, to the bit");
-        let source = Source::of(&folder.path("labelled.toml"));
-        let error = Loaded::open(renderer, source, HostMemory::InFile, &Quiet).unwrap_err();
-        let told = std::iter::successors(Some(&error as &dyn std::error::Error), |error| error.source());
-        let told: Vec<String> = told.map(ToString::to_string).collect();
-        assert!(told.join(": ").contains("a label map in the window"), "{told:?}");
+        let [(at_first, at_rest), (_, whole)] = [HostMemory::InFile, HostMemory::Whole].map(|memory| {
+            let (mut engine, state) = opened(renderer, &folder.path("labelled.toml"), memory);
+            engine.update(&state, SIZE);
+            until(&mut engine, |engine| engine.picture().is_some());
+            let level = engine.shown_level().map(|shown| shown.level);
+            assert_eq!(level, (memory == HostMemory::InFile).then_some(1));
+            let (scene, block) = engine.scene_at_hand();
+            until(&mut engine, Engine::is_finest);
+            assert_eq!(engine.shown_level(), None);
+            ((scene, block), film(&engine))
+        });
+        assert!(at_rest == whole, "the film at rest");
+        // The scene of the first picture and of the probe: blocks of 2×2×2 labels.
+        let (scene, block) = at_first;
+        let labels = scene.labels.unwrap();
+        assert_eq!((block, labels.volume.geometry.dims), (Some([2; 3]), [75, 50, 45]));
+        assert_eq!([34, 35].map(|x| labels.volume.voxels.value(x)), [Some(7.0), Some(0.0)]);
     });
 }
 

@@ -293,6 +293,11 @@ impl Rounds {
         }
         wanted.sort_by_key(|&brick| (self.ranks[brick], brick));
         self.lowest = wanted.first().map_or(i64::MIN, |&brick| self.ranks[brick]);
+        // Up to `beyond` there is room for all bricks, so that none is given up before all rays have left it, and none is loaded twice.
+        let left = self.visible.partition_point(|&brick| self.ranks[brick] < self.lowest);
+        if let Some(&beyond) = self.visible.get(left + pool.capacity()) {
+            wanted.retain(|&brick| self.ranks[brick] < self.ranks[beyond]);
+        }
         // Bricks of a file are read once a round if there is room for them. But a round is worth an upload, and an eighth of the pool, so
         // that the waiting rays are not read and written for each brick of large voxels.
         let fit = pool.packer.fitting(&wanted).max(pool.batch()).max(pool.capacity().div_ceil(8));

@@ -487,16 +487,16 @@ fn texture(
     }
     let codes = codes(colours);
     let overlay = key.materials.as_ref().map(|of| overlay(ui, scene, statistics, of));
-    // Of voxels that stay in a file, those of a coarse level.
+    // Of voxels that stay in a file, those of a coarse level; labels are in memory.
     let at_hand = scene.volume.at_hand();
-    let index = index / scene.volume.block_of(at_hand)[plane.normal];
+    let of_level = index / scene.volume.block_of(at_hand)[plane.normal];
     let painted = Painted {
         volume: at_hand,
         window,
         overlay: overlay.as_deref(),
-        labels: labels.map(|labels| (labels, codes.as_slice())),
+        labels: labels.map(|labels| (labels, index, codes.as_slice())),
     };
-    let pixels = painted.pixels(plane, index, size);
+    let pixels = painted.pixels(plane, of_level, size);
     let pixels = pixels.into_iter().map(|[red, green, blue]| Color32::from_rgb(red, green, blue)).collect();
     let picture = ColorImage::new(size, pixels);
     let texture = match known {
