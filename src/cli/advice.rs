@@ -5,6 +5,7 @@ use std::io;
 use std::path::Path;
 
 use relume::document::SceneError;
+use relume::internal::number::edit_distance;
 use relume::measure::{Goal, LadderError, MeasureError};
 use relume::model::{ModelError, ModelKind};
 use relume::output::OutputError;
@@ -83,6 +84,8 @@ fn flags(error: &(dyn Error + 'static)) -> Option<String> {
 /// Scenes and volumes of the folder of `path`, for the error that there is no such file.
 fn instead_of(path: &Path, error: &io::Error) -> Option<String> {
     const LISTED: usize = 5;
+    /// One letter more, less or other, or two swaps of neighbours.
+    const SLIP: usize = 2;
     if error.kind() != io::ErrorKind::NotFound {
         return None;
     }
@@ -101,7 +104,9 @@ fn instead_of(path: &Path, error: &io::Error) -> Option<String> {
     let mut names: Vec<String> = entries.flatten().map(|it| it.file_name().to_string_lossy().into_owned()).collect();
     names.sort();
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    if let Some(meant) = names.iter().find(|it| is_slip(it, &name)) {
+    let distance = |it: &String| edit_distance(&it.to_lowercase(), &name.to_lowercase());
+    let nearest = names.iter().map(|it| (distance(it), it)).min();
+    if let Some((_, meant)) = nearest.filter(|&(distance, _)| distance <= SLIP) {
         return Some(format!("; did you mean {}?", path.with_file_name(meant).display()));
     }
     names.retain(is_known);
@@ -109,19 +114,6 @@ fn instead_of(path: &Path, error: &io::Error) -> Option<String> {
     names.truncate(LISTED);
     let has = if names.is_empty() { "no scene and no volume".to_owned() } else { names.join(", ") };
     Some(format!("; {} has {has}{more}", folder.display()))
-}
-
-/// True for names that differ in case alone, by one letter, or by two neighbours that are swapped.
-fn is_slip(one: &str, other: &str) -> bool {
-    let [one, other] = [one, other].map(|name| name.to_lowercase().chars().collect::<Vec<_>>());
-    let first = one.iter().zip(&other).take_while(|(a, b)| a == b).count();
-    let (one, other) = (&one[first..], &other[first..]);
-    let last = one.iter().rev().zip(other.iter().rev()).take_while(|(a, b)| a == b).count();
-    match (&one[..one.len() - last], &other[..other.len() - last]) {
-        ([] | [_], [] | [_]) => true,
-        ([a, b], [c, d]) => a == d && b == c,
-        _ => false,
-    }
 }
 
 fn of_scene(error: &SceneError) -> Option<String> {

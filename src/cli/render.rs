@@ -137,6 +137,8 @@ impl Args {
 /// The first of `scan.png`, `scan-2.png`, `scan-3.png` … in the working directory that does not exist, for `scan.nrrd`.
 fn free_name(path: &Path) -> Option<PathBuf> {
     const MOST: usize = 10_000;
+    // `.` has no name of its own.
+    let path = &if path.file_name().is_some() { path.to_owned() } else { path.canonicalize().ok()? };
     let name = path.file_name()?.to_string_lossy().into_owned();
     // `scan.nii.gz` is called `scan`.
     let ending = volume::extensions().map(|it| format!(".{it}")).filter(|it| name.to_lowercase().ends_with(it));

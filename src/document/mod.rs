@@ -13,6 +13,7 @@ mod mixing;
 pub mod moves;
 mod otsu;
 pub mod session;
+mod silhouette;
 mod source;
 mod state;
 pub mod transfer_presets;

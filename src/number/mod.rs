@@ -1,9 +1,12 @@
-//! Counts as numbers and numbers as counts, where a plain cast is right; numbers and places in words, for messages.
+//! Counts as numbers and numbers as counts, where a plain cast is right; numbers, places and spellings in
+//! words, for messages.
 
 mod real;
+mod spelling;
 
 pub use real::Real;
 pub(crate) use real::{dot, power, unit};
+pub use spelling::edit_distance;
 
 /// A count of pixels, voxels, entries or samples; exact below 2⁵³.
 #[expect(clippy::cast_precision_loss, reason = "counts are far below 2⁵³")]

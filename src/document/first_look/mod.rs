@@ -16,8 +16,9 @@ pub use values::{Kind, Peak, Values};
 
 use self::groups::Groups;
 use self::sample::Thinned;
-use super::fit::{self, Depths, Seen};
+use super::fit;
 use super::moves::Side;
+use super::silhouette::{Depths, Seen};
 use super::transfer_presets::TransferPreset;
 use crate::number::{brief, count, nearest, rounded, whole};
 use crate::scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term};
@@ -635,7 +636,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         let depths = Depths::of(&terms(&shape, &opacities), geometry.spacing.min_element());
         let is_interpolated = !matches!(values.kind, Kind::Labels(_));
         let seen = Seen { volume: at_hand, crop, is_interpolated };
-        fit::framed(&camera, &outline, seen, |value| depths.at(value))
+        fit::framed(&camera, &outline, seen, &depths)
     };
     let crop = crop.map(|[low, high]| {
         let of_block = |axis: usize, at: usize, end: usize| (at * block[axis] + end).min(geometry.dims[axis] - 1);
@@ -887,8 +888,10 @@ fn text(
             "\n# The camera orbits the box `around`. `fill` is the part of the picture that the box spans, by the aspect ratio (width /\n# height); visible pixels then span 0.9.\n[camera]",
         );
         line(&format!("azimuth = {azimuth:?}\nelevation = {elevation:?}"));
-        let pairs: Vec<String> = fill.pairs().iter().map(|pair| format!("{pair:?}")).collect();
-        line(&format!("fill = [{}]", pairs.join(", ")));
+        match fill.pairs() {
+            [[_, fill]] => line(&format!("fill = {fill:?}")),
+            pairs => line(&format!("fill = {pairs:?}")),
+        }
         line(&format!("front = {:?}\nup = {:?}", front.to_array(), camera.up.to_array()));
         if let Some([low, high]) = around {
             line(&format!("around = [{:?}, {:?}]", low.to_array(), high.to_array()));
