@@ -270,8 +270,60 @@ pub(super) fn reach(view: &View, points: &[DVec3]) -> f64 {
 }
 
 #[cfg(test)]
+#[expect(clippy::expect_used, reason = "a failed step fails the test")]
 mod tests {
     use super::*;
+    use crate::scene::Term;
+    use crate::volume::Voxels;
+
+    fn volume(dims: [usize; 3], value: impl Fn(DVec3) -> f32) -> Volume {
+        let geometry = Geometry::new("test", dims, DVec3::ONE, DVec3::ZERO, glam::DMat3::IDENTITY);
+        let [nx, ny, _] = dims;
+        let place = |index: usize| DVec3::from_array([index % nx, index / nx % ny, index / (nx * ny)].map(count));
+        let voxels = Voxels::F32((0..dims.iter().product()).map(|index| value(place(index))).collect());
+        Volume::new("test", voxels, geometry.expect("a box is a grid")).expect("as many voxels as the grid has")
+    }
+
+    /// Frame of the camera that fits the values from 1 on, which has a field of view of 30°.
+    fn framed(volume: &Volume) -> View {
+        let front = DVec3::NEG_Y;
+        let aim = Aim::Orbit { azimuth: 0.0, elevation: 0.0, fill: Fill::of(1.0), front, around: None };
+        let camera = Camera { projection: Projection::Perspective { fov_degrees: 30.0 }, aim, up: DVec3::Z };
+        let depths = Depths::of(&[Term::interval(0, [1.0, 9.0], [0.0; 2], 0.5, 0.0)], 1.0);
+        let points = outline(volume, [2; 3], None, |_, value| value >= 1.0);
+        let seen = Seen { volume, crop: None, is_interpolated: true };
+        let found = super::framed(&camera, &points, seen, &depths);
+        found.view(&volume.geometry, 1.0).expect("it has a line of sight")
+    }
+
+    /// Of the fit, beside pixels of 0.005 of a half picture and the curvature of values between voxels.
+    const TOLERANCE: f64 = 0.01;
+
+    #[test]
+    fn a_ball_ends_where_its_interpolated_values_do() {
+        // Values fall by 1 in 3 voxels: the ball ends at the radius 10.3.
+        let radius = 10.3;
+        let middle = DVec3::splat(23.5);
+        let ball = volume([48; 3], |place| crate::number::rounded(1.0 + (radius - place.distance(middle)) / 3.0));
+        // The tangent from the eye to the ball reaches 0.9 of the way to the edge.
+        let tangent = 0.9 * 15_f64.to_radians().tan();
+        let distance = radius / tangent.atan().sin();
+        let found = framed(&ball).eye.distance(middle);
+        assert!((found / distance - 1.0).abs() <= TOLERANCE, "{found}, expected {distance}");
+    }
+
+    #[test]
+    fn a_vessel_that_a_thinned_volume_lacks_is_in_the_picture() {
+        let middle = DVec3::new(60.0, 60.0, 60.0);
+        let tip = 151.0;
+        let scan = volume([160, 120, 120], |place| {
+            let is_vessel = (place.y - 61.0).abs().max((place.z - 61.0).abs()) < 0.5 && (60.0..=tip).contains(&place.x);
+            if is_vessel || place.distance(middle) < 15.0 { 2.0 } else { 0.0 }
+        });
+        // Values of at least 1 reach half a voxel further.
+        let reach = reach(&framed(&scan), &[DVec3::new(tip + 0.5, 61.0, 61.0)]);
+        assert!((reach / 0.9 - 1.0).abs() <= TOLERANCE, "{reach}");
+    }
 
     #[test]
     fn a_fill_has_no_more_pairs_than_it_needs() {
