@@ -113,6 +113,7 @@ fn fewer_are_better(model: &ColourModel, smaller: &ColourModel) -> Option<PlanWa
 }
 
 #[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
     use crate::progress::Quiet;
