@@ -43,7 +43,7 @@ impl BrickRow {
         [self.bricks_ms / self.whole_ms, self.device_ms[2] / self.device_ms[0]]
     }
 
-    /// Whether both keep their limits.
+    /// True if both keep their limits.
     pub(crate) fn holds(&self) -> bool {
         self.ratios().iter().zip(LIMITS).all(|(&ratio, limit)| ratio <= limit)
     }

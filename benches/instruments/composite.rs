@@ -37,7 +37,7 @@ pub(crate) struct CompositeRow {
 }
 
 impl CompositeRow {
-    /// Whether four processes keep the limit.
+    /// True unless four processes miss the limit.
     pub(crate) fn holds(&self) -> bool {
         self.processes < 4 || self.seconds[0] <= LIMIT
     }

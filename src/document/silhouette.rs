@@ -140,7 +140,7 @@ impl Ends {
         if !is_thinned {
             return found;
         }
-        // What is thinner than a step.
+        // Vessels thinner than a step.
         let beyond = found.map_or(inner, |found| found.rectangle.map(|ends| ends.map(|end| FOUND * end)));
         picture.add([1; 3], beyond);
         picture.ends(inner, BAND)
@@ -273,7 +273,7 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// Whether each pixel may be visible: voxels near it add to a part of [`VISIBLE`].
+    /// Pixels that may be visible: voxels near them add to a part of [`VISIBLE`].
     fn candidates(&self) -> Vec<bool> {
         /// Part of [`VISIBLE`].
         const PART: f64 = 0.125;
@@ -488,7 +488,7 @@ fn values(volume: &Volume, first: usize, step: usize, number: usize, shown: [f64
     });
 }
 
-/// Whether the range of values of `stored`, by their `value`, meets `shown`.
+/// True if the range of values of `stored`, by their `value`, meets `shown`.
 fn may_show<T: Voxel>(stored: &[T], value: impl Fn(f64) -> f64, [low, high]: [f64; 2]) -> bool {
     let Some(&first) = stored.first() else { return false };
     let (mut least, mut most) = (first, first);

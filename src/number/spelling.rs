@@ -1,4 +1,4 @@
-//! How much the spellings of two names differ.
+//! Distance between the spellings of two names.
 
 /// Edit distance from `a` to `b`: 2 per inserted, deleted or replaced letter, 1 per swap of neighbours.
 #[must_use]
