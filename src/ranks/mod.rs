@@ -22,9 +22,16 @@ pub trait Ranks {
     /// Number of processes.
     fn count(&self) -> usize;
 
-    /// Sends each message to its rank, and returns one message from each rank of `from`, in their order. Returns when all
-    /// have arrived. Messages between two ranks keep their order.
-    fn exchange(&self, outgoing: &[(usize, &[u8])], from: &[usize]) -> Vec<Vec<u8>>;
+    /// Sends each message to its rank, and replaces `received` by one message from each rank of `from`, in their order, in the
+    /// memory of those before. Returns when all have arrived. Messages between two ranks keep their order.
+    fn exchange_into(&self, outgoing: &[(usize, &[u8])], from: &[usize], received: &mut Vec<Vec<u8>>);
+
+    /// As [`Self::exchange_into`]; returns the messages.
+    fn exchange(&self, outgoing: &[(usize, &[u8])], from: &[usize]) -> Vec<Vec<u8>> {
+        let mut received = Vec::new();
+        self.exchange_into(outgoing, from, &mut received);
+        received
+    }
 
     /// Ends all processes, this one with `code`.
     fn abort(&self, code: u8) -> !;
@@ -43,8 +50,8 @@ impl Ranks for Alone {
         1
     }
 
-    fn exchange(&self, _: &[(usize, &[u8])], _: &[usize]) -> Vec<Vec<u8>> {
-        Vec::new()
+    fn exchange_into(&self, _: &[(usize, &[u8])], _: &[usize], received: &mut Vec<Vec<u8>>) {
+        received.clear();
     }
 
     fn abort(&self, code: u8) -> ! {

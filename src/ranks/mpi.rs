@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use mpi::environment::Universe;
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::{Communicator, Destination, MatchedReceiveVec, Source};
+use mpi::traits::{Communicator, Destination, Equivalence, Source};
 
 use super::Ranks;
 
@@ -65,8 +65,9 @@ impl Ranks for Mpi {
         usize::try_from(self.world.size()).unwrap_or(1)
     }
 
-    fn exchange(&self, outgoing: &[(usize, &[u8])], from: &[usize]) -> Vec<Vec<u8>> {
-        let mut messages = vec![Vec::new(); from.len()];
+    fn exchange_into(&self, outgoing: &[(usize, &[u8])], from: &[usize], received: &mut Vec<Vec<u8>>) {
+        received.resize(from.len(), Vec::new());
+        let mut lengths = vec![0; from.len()];
         mpi::request::scope(|scope| {
             let mut sends: Vec<VecDeque<_>> = Vec::new();
             for &(rank, message) in outgoing {
@@ -89,12 +90,16 @@ impl Ranks for Mpi {
                 }
                 sends.retain(|pieces| !pieces.is_empty());
                 waiting.retain(|&at| {
-                    let Some(message) = self.process(from[at]).immediate_matched_probe() else { return true };
-                    let (piece, _) = message.matched_receive_vec::<u8>();
-                    let is_last = piece.len() < MOST_BYTES;
-                    messages[at].extend(piece);
+                    let Some((piece, status)) = self.process(from[at]).immediate_matched_probe() else { return true };
+                    let length = usize::try_from(status.count(u8::equivalent_datatype())).unwrap_or(0);
+                    let (message, before) = (&mut received[at], lengths[at]);
+                    lengths[at] += length;
+                    if message.len() < lengths[at] {
+                        message.resize(lengths[at], 0);
+                    }
+                    piece.matched_receive_into(&mut message[before..lengths[at]]);
                     is_moving = true;
-                    !is_last
+                    length == MOST_BYTES
                 });
                 if is_moving {
                     pause = Duration::from_micros(1);
@@ -104,7 +109,7 @@ impl Ranks for Mpi {
                 }
             }
         });
-        messages
+        received.iter_mut().zip(lengths).for_each(|(message, length)| message.truncate(length));
     }
 
     fn abort(&self, code: u8) -> ! {

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::{Ranks, all_gather, numbers, numbers_of, share_of};
 use crate::film::{Film, Rectangle, composited};
+use crate::memory::prefer_large_pages;
 use crate::scene::Node;
 
 /// Rows of the film that a process owns after [`over`], and what it sent for them.
@@ -25,11 +26,9 @@ struct Announced {
     met: Rectangle,
 }
 
-/// The part of a node's film in the rows of this process: the rectangle in which rays met something.
+/// The part of a node's film in some rows: a rectangle of the film.
 struct Part<'a> {
-    node: Node,
-    /// Of the film's pixels; `None` if rays met nothing in these rows.
-    met: Option<Rectangle>,
+    met: Rectangle,
     numbers: Numbers<'a>,
 }
 
@@ -42,40 +41,40 @@ enum Numbers<'a> {
 }
 
 impl Part<'_> {
-    /// The film of all pixels of `rows`: as `empty` where nothing was met. `numbers` are those of a pixel.
-    fn in_rows(&self, rows: &Range<usize>, empty: &Film<f32>, numbers: [usize; 2]) -> Film<f32> {
-        let Some((met, part)) = self.met.and_then(|met| Some((met, in_rows(met, rows)?))) else { return empty.clone() };
+    /// The film of all pixels of the rows from `first` on: as `empty` outside of the rectangle.
+    fn film(&self, first: usize, empty: &Film<f32>) -> Film<f32> {
+        let [low, high] = self.met;
         let film = match self.numbers {
-            Numbers::Whole(film) => film.cut_out(part),
+            Numbers::Whole(film) => film.cut_out(self.met),
             Numbers::Sent(bytes) => {
-                let size = [part[1][0] - part[0][0], part[1][1] - part[0][1]];
-                let (plane, line) = (4 * size[0] * (met[1][1] - met[0][1]), 4 * size[0]);
-                let lines = (part[0][1] - met[0][1]) * line..(part[1][1] - met[0][1]) * line;
-                let of_planes = |planes: Range<usize>| -> Vec<f32> {
-                    let mut taken = Vec::with_capacity((planes.end - planes.start) * size[0] * size[1]);
-                    for of_plane in bytes[planes.start * plane..planes.end * plane].chunks_exact(plane) {
-                        taken.extend(
-                            of_plane[lines.clone()].as_chunks().0.iter().map(|&bytes| f32::from_ne_bytes(bytes)),
-                        );
-                    }
-                    taken
-                };
-                let (accumulators, transmittance) =
-                    (of_planes(0..numbers[0]), of_planes(numbers[0]..numbers[0] + numbers[1]));
-                Film { size, components: empty.components, accumulators, transmittance }
+                let size = [high[0] - low[0], high[1] - low[1]];
+                let accumulators = empty.accumulators.len() / empty.pixels().max(1) * 4 * size[0] * size[1];
+                let (accumulators, transmittance) = bytes.split_at(accumulators.min(bytes.len()));
+                Film {
+                    size,
+                    components: empty.components,
+                    accumulators: numbers_of_bytes(accumulators),
+                    transmittance: numbers_of_bytes(transmittance),
+                }
             }
         };
         if film.size == empty.size {
             return film;
         }
         let mut whole = empty.clone();
-        whole.put([part[0][0], part[0][1] - rows.start], &film);
+        whole.put([low[0], low[1] - first], &film);
         whole
     }
 }
 
-/// Rows that composite at once: their films stay in the caches.
-const AT_ONCE: usize = 8;
+/// Numbers as [`Film::bytes_of`] has them.
+fn numbers_of_bytes(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks().0.iter().map(|&bytes| f32::from_ne_bytes(bytes)).collect()
+}
+
+/// Most bytes of a process's rows that are exchanged and composite at once, unless one row has more. Messages and films of these
+/// rows stay in the caches, and their memory serves for the next ones.
+const AT_ONCE: usize = 1 << 18;
 
 /// The part of a rectangle in `rows`; `None` if there is none.
 fn in_rows([low, high]: Rectangle, rows: &Range<usize>) -> Option<Rectangle> {
@@ -131,59 +130,64 @@ pub fn over<E>(
         }
     }
 
-    // Rectangles to their owners.
-    let mut outgoing: Vec<(usize, Vec<u8>)> = Vec::new();
-    for rank in (0..ranks.count()).filter(|&rank| rank != ranks.rank()) {
-        let rows = rows_of(rank);
-        let mut message = Vec::new();
-        for (node, film) in &mine {
-            let met = all.iter().find(|it| it.node == *node).map_or([[0; 2]; 2], |it| it.met);
-            if let Some(part) = in_rows(met, &rows) {
-                film.bytes_of(part, &mut message);
-            }
-        }
-        if !message.is_empty() {
-            outgoing.push((rank, message));
-        }
-    }
-    let rows = rows_of(ranks.rank());
-    let is_sender =
-        |rank: usize| rank != ranks.rank() && all.iter().any(|it| it.rank == rank && in_rows(it.met, &rows).is_some());
-    let senders: Vec<usize> = (0..ranks.count()).filter(|&rank| is_sender(rank)).collect();
-    let sent_bytes = outgoing.iter().map(|(_, message)| message.len()).sum();
-    let messages: Vec<(usize, &[u8])> = outgoing.iter().map(|(rank, message)| (*rank, &**message)).collect();
-    let received = ranks.exchange(&messages, &senders);
-    drop(outgoing);
-
-    // The films of the nodes in these rows, which are dense again only while they composite.
-    let Some(mut film) = shape.of_no_medium([shape.size[0], rows.len()]) else { return Ok(None) };
-    let per_pixel = [&shape.accumulators, &shape.transmittance].map(|numbers| numbers.len() / shape.pixels().max(1));
-    let mut parts: Vec<Part<'_>> = Vec::new();
-    let mut left: Vec<&[u8]> = received.iter().map(|message| &**message).collect();
-    for it in &all {
-        let met = in_rows(it.met, &rows);
-        let numbers = match (mine.iter().find(|(node, _)| *node == it.node), met) {
-            (Some((_, film)), _) => Numbers::Whole(film),
-            (None, None) => Numbers::Sent(&[]),
-            (None, Some([low, high])) => {
-                let Some(from) = senders.iter().position(|&rank| rank == it.rank) else { return Ok(None) };
-                let bytes = 4 * (per_pixel[0] + per_pixel[1]) * (high[0] - low[0]) * (high[1] - low[1]);
-                let Some((taken, rest)) = left[from].split_at_checked(bytes) else { return Ok(None) };
-                left[from] = rest;
-                Numbers::Sent(taken)
-            }
+    // Rectangles to their owners, and their composite, some rows of each process at a time.
+    let (width, rank) = (shape.size[0], ranks.rank());
+    let rows = rows_of(rank);
+    let Some(mut film) = shape.of_no_medium([width, rows.len()]) else { return Ok(None) };
+    prefer_large_pages(&mut film.accumulators);
+    let numbers = (shape.accumulators.len() + shape.transmittance.len()) / shape.pixels().max(1);
+    let step = (AT_ONCE / (4 * numbers * width).max(1)).max(1);
+    let (mut outgoing, mut received) = (vec![Vec::new(); ranks.count()], Vec::new());
+    let mut sent_bytes = 0;
+    for before in (0..height.div_ceil(ranks.count())).step_by(step) {
+        let some_of = |rank: usize| {
+            let rows = rows_of(rank);
+            (rows.start + before).min(rows.end)..(rows.start + before + step).min(rows.end)
         };
-        parts.push(Part { node: it.node, met, numbers });
-    }
-    for start in rows.clone().step_by(AT_ONCE) {
-        let some = start..(start + AT_ONCE).min(rows.end);
-        let Some(empty) = shape.of_no_medium([shape.size[0], some.len()]) else { return Ok(None) };
+        for (to, message) in outgoing.iter_mut().enumerate().filter(|&(to, _)| to != rank) {
+            message.clear();
+            for it in all.iter().filter(|it| it.rank == rank) {
+                let part = in_rows(it.met, &some_of(to));
+                let film = mine.iter().find(|(node, _)| *node == it.node);
+                if let Some((part, (_, film))) = part.zip(film) {
+                    film.bytes_of(part, message);
+                }
+            }
+        }
+        let messages: Vec<(usize, &[u8])> =
+            outgoing.iter().map(|message| &**message).enumerate().filter(|(_, message)| !message.is_empty()).collect();
+        sent_bytes += messages.iter().map(|(_, message)| message.len()).sum::<usize>();
+        let some = some_of(rank);
+        let sends =
+            |from: usize| from != rank && all.iter().any(|it| it.rank == from && in_rows(it.met, &some).is_some());
+        let senders: Vec<usize> = (0..ranks.count()).filter(|&from| sends(from)).collect();
+        ranks.exchange_into(&messages, &senders, &mut received);
+        // The part of each node in these rows.
+        let mut left: Vec<&[u8]> = received.iter().map(|message| &**message).collect();
+        let mut parts: Vec<(Node, Option<Part<'_>>)> = Vec::with_capacity(all.len());
+        for it in &all {
+            let part = match (in_rows(it.met, &some), mine.iter().find(|(node, _)| *node == it.node)) {
+                (None, _) => None,
+                (Some(met), Some((_, film))) => Some(Part { met, numbers: Numbers::Whole(film) }),
+                (Some(met), None) => {
+                    let [low, high] = met;
+                    let bytes = 4 * numbers * (high[0] - low[0]) * (high[1] - low[1]);
+                    let Some(from) = senders.iter().position(|&from| from == it.rank) else { return Ok(None) };
+                    let Some((taken, rest)) = left[from].split_at_checked(bytes) else { return Ok(None) };
+                    left[from] = rest;
+                    Some(Part { met, numbers: Numbers::Sent(taken) })
+                }
+            };
+            parts.push((it.node, part));
+        }
+        // They are dense only while they composite.
+        let Some(empty) = shape.of_no_medium([width, some.len()]) else { return Ok(None) };
         let composite = composited(top, low_first, &mut |node| {
-            let part = parts.iter().find(|part| part.node == node);
-            Ok(part.map(|part| part.in_rows(&some, &empty, per_pixel)))
+            let part = parts.iter().find(|(other, _)| *other == node);
+            Ok(part.map(|(_, part)| part.as_ref().map_or_else(|| empty.clone(), |part| part.film(some.start, &empty))))
         })?;
         let Some(composite) = composite else { return Ok(None) };
-        film.put([0, start - rows.start], &composite);
+        film.put([0, some.start - rows.start], &composite);
     }
     Ok(Some(Share { rows, film, sent_bytes }))
 }

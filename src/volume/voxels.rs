@@ -85,6 +85,7 @@ macro_rules! integer_voxel {
                 self.swap_bytes()
             }
 
+            #[inline]
             fn mean(values: impl Iterator<Item = Self> + Clone) -> Option<Self> {
                 let (mut sum, mut count) = (0_i128, 0_i128);
                 for value in values {

@@ -25,12 +25,12 @@ impl Ranks for Threads {
         self.to.len()
     }
 
-    fn exchange(&self, outgoing: &[(usize, &[u8])], from: &[usize]) -> Vec<Vec<u8>> {
+    fn exchange_into(&self, outgoing: &[(usize, &[u8])], from: &[usize], received: &mut Vec<Vec<u8>>) {
         for (rank, message) in outgoing {
             assert_ne!(*rank, self.rank, "a message to itself");
             self.to[*rank].send(message.to_vec()).unwrap();
         }
-        from.iter().map(|&rank| self.from[rank].lock().unwrap().recv().unwrap()).collect()
+        *received = from.iter().map(|&rank| self.from[rank].lock().unwrap().recv().unwrap()).collect();
     }
 
     fn abort(&self, code: u8) -> ! {
@@ -90,17 +90,27 @@ fn leaf(index: usize, coloured: bool) -> Film<f32> {
     }
 }
 
+/// `film` with each pixel `times` times along its row.
+fn widened(film: &Film<f32>, times: usize) -> Film<f32> {
+    let widened = |numbers: &[f32]| numbers.iter().flat_map(|&number| std::iter::repeat_n(number, times)).collect();
+    let size = [times * film.size[0], film.size[1]];
+    let (accumulators, transmittance) = (widened(&film.accumulators), widened(&film.transmittance));
+    Film { size, components: film.components, accumulators, transmittance }
+}
+
 #[test]
 fn rectangles_composite_to_the_film_of_the_tree_for_any_number_of_processes() {
     let low_first = [true, false, true, false, true, true, false];
-    for coloured in [false, true] {
+    // Processes exchange all rows of the narrow pictures at once, and each row of the wide one by itself.
+    for (coloured, times) in [(false, 1), (true, 1), (true, 600)] {
+        let leaf = |index: usize| widened(&leaf(index, coloured), times);
         let whole = composited::<Infallible>(Node::top(8), &low_first, &mut |node| {
-            Ok(node.sides().is_none().then(|| leaf(node.leaves[0] - 1, coloured)))
+            Ok(node.sides().is_none().then(|| leaf(node.leaves[0] - 1)))
         });
         let whole = whole.unwrap().unwrap();
         for count in [1, 2, 3, 4, 5, 8] {
             let shares = on_ranks(count, |ranks| {
-                over::<Infallible>(ranks, 8, &low_first, &mut |index| Ok(leaf(index, coloured))).unwrap().unwrap()
+                over::<Infallible>(ranks, 8, &low_first, &mut |index| Ok(leaf(index))).unwrap().unwrap()
             });
             let mut film = whole.map(|_| f32::NAN);
             for share in &shares {
@@ -110,7 +120,7 @@ fn rectangles_composite_to_the_film_of_the_tree_for_any_number_of_processes() {
             // The largest rectangle has 30 of 143 pixels; dense, every process would send all pixels but its own.
             let sent: usize = shares.iter().map(|share| share.sent_bytes).sum();
             let numbers = if coloured { 9 } else { 7 };
-            assert!(sent <= 8 * 30 * 4 * numbers, "{sent} bytes by {count} processes");
+            assert!(sent <= times * 8 * 30 * 4 * numbers, "{sent} bytes by {count} processes");
             assert_eq!(sent == 0, count == 1, "{sent} bytes by {count} processes");
         }
     }

@@ -120,6 +120,22 @@ pub(super) struct Round {
     pub(super) first_sample: u32,
 }
 
+/// Retains of the bricks that rays wait for, in the order of their ranks, those up to which a pool with room for `room` bricks has
+/// room for all `visible` ones. So none is given up before all rays have left it, and none is loaded twice.
+fn retain_within(wanted: &mut Vec<usize>, visible: &[usize], ranks: &[i64], room: usize) {
+    let Some(&lowest) = wanted.first() else { return };
+    let left = visible.partition_point(|&brick| ranks[brick] < ranks[lowest]);
+    if let Some(&beyond) = visible.get(left + room) {
+        wanted.retain(|&brick| ranks[brick] < ranks[beyond]);
+    }
+}
+
+/// A number that is higher for bricks that are given up earlier: first those that all rays have left, whose ranks are below
+/// `lowest`, then those that rays reach last.
+fn spare(rank: i64, lowest: i64) -> i64 {
+    if rank < lowest { i64::MAX - 1 } else { rank }
+}
+
 /// Bytes of `buffer`.
 fn length(buffer: &Buffer) -> usize {
     usize::try_from(buffer.bytes()).unwrap_or(usize::MAX)
@@ -224,8 +240,7 @@ impl Rounds {
         packed: impl Iterator<Item = Result<Packed, RenderError>>,
     ) -> Result<(), RenderError> {
         let (kept, ranks, lowest) = (&self.kept, &self.ranks, self.lowest);
-        // Bricks that all rays have left go first, then those that rays reach last.
-        let spare = |brick: usize| if ranks[brick] < lowest { i64::MAX - 1 } else { ranks[brick] };
+        let spare = |brick: usize| spare(ranks[brick], lowest);
         let loaded = pool.load(renderer, uploaded.filled(), held, packed, |brick| kept[brick], spare)?;
         self.counts.loaded += loaded.len();
         self.counts.again += loaded.iter().filter(|&&brick| held.is_known(brick)).count();
@@ -293,11 +308,7 @@ impl Rounds {
         }
         wanted.sort_by_key(|&brick| (self.ranks[brick], brick));
         self.lowest = wanted.first().map_or(i64::MIN, |&brick| self.ranks[brick]);
-        // Up to `beyond` there is room for all bricks, so that none is given up before all rays have left it, and none is loaded twice.
-        let left = self.visible.partition_point(|&brick| self.ranks[brick] < self.lowest);
-        if let Some(&beyond) = self.visible.get(left + pool.capacity()) {
-            wanted.retain(|&brick| self.ranks[brick] < self.ranks[beyond]);
-        }
+        retain_within(&mut wanted, &self.visible, &self.ranks, pool.capacity());
         // Bricks of a file are read once a round if there is room for them. But a round is worth an upload, and an eighth of the pool, so
         // that the waiting rays are not read and written for each brick of large voxels.
         let fit = pool.packer.fitting(&wanted).max(pool.batch()).max(pool.capacity().div_ceil(8));
@@ -322,5 +333,86 @@ impl Rounds {
     /// Whether there is room for all bricks at once.
     pub(super) fn is_single(&self) -> bool {
         self.visible.len() <= self.counts.held
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::scene::{Aim, Projection, Scene};
+    use crate::tables::BrickGrid;
+    use crate::volume::{Geometry, Volume, Voxels};
+    use glam::DVec3;
+
+    /// Along which parallel rays pass the bricks.
+    const ALONG: [f64; 3] = [0.8, 0.5, -0.33];
+
+    /// Parallel rays of a volume of a few voxels.
+    fn parallel() -> RayTable {
+        let geometry = Geometry::unit("test", [2; 3]).unwrap();
+        let mut scene = Scene::new("test", Arc::new(Volume::new("test", Voxels::U8(vec![0; 8]), geometry).unwrap()));
+        scene.camera.aim = Aim::LookAt { position: -DVec3::from_array(ALONG), target: DVec3::ZERO };
+        scene.camera.projection = Projection::Orthographic { height: Some(1.0) };
+        RayTable::new(&scene, &scene.camera.view(&geometry, 1.0).unwrap()).unwrap()
+    }
+
+    /// The bricks of `grid` that each of some rays [`ALONG`] passes, in their order.
+    fn passed(grid: &BrickGrid) -> Vec<Vec<usize>> {
+        let [width, height, _] = grid.counts;
+        let ends = grid.counts.map(count);
+        let starts = (0..3 * width * height).map(|i| [i % width, i / width % height, i / (width * height)]);
+        let steps = |start: [usize; 3]| {
+            // Three rays begin in each brick of the face that they come from, and in the faces beside it.
+            let offset = (count(start[2]) + 0.5) / 3.0;
+            let start = [count(start[0]) + offset - ends[0] / 2.0, count(start[1]) + offset - ends[1] / 2.0, ends[2]];
+            (0..400).map(move |step| [0, 1, 2].map(|axis| start[axis] + 0.1 * count(step) * ALONG[axis]))
+        };
+        let brick = |place: [f64; 3]| {
+            let is_inside = place.iter().zip(ends).all(|(&at, end)| (0.0..end).contains(&at));
+            let [x, y, z] = place.map(whole);
+            is_inside.then_some(x + width * (y + height * z))
+        };
+        let mut all: Vec<Vec<usize>> = starts.map(|start| steps(start).filter_map(brick).collect()).collect();
+        all.iter_mut().for_each(Vec::dedup);
+        all
+    }
+
+    #[test]
+    fn rounds_load_each_brick_once_for_a_ray_of_each_pixel() {
+        let grid = BrickGrid { counts: [12, 10, 9] };
+        let ranks = grid.ranks(&parallel());
+        let mut visible: Vec<usize> = (0..grid.bricks()).collect();
+        visible.sort_by_key(|&brick| ranks[brick]);
+        for room in [20, 60, 120] {
+            let mut rays: Vec<VecDeque<usize>> = passed(&grid).into_iter().map(VecDeque::from).collect();
+            let (mut held, mut loads) = (Vec::new(), vec![0; grid.bricks()]);
+            loop {
+                // Rays go on until a brick is missing.
+                for ray in &mut rays {
+                    while ray.front().is_some_and(|brick| held.contains(brick)) {
+                        ray.pop_front();
+                    }
+                }
+                let mut wanted: Vec<usize> = rays.iter().filter_map(|ray| ray.front().copied()).collect();
+                wanted.sort_by_key(|&brick| ranks[brick]);
+                wanted.dedup();
+                let Some(&lowest) = wanted.first() else { break };
+                retain_within(&mut wanted, &visible, &ranks, room);
+                wanted.truncate(room);
+                for &brick in &wanted {
+                    loads[brick] += 1;
+                    if held.len() == room {
+                        let others = held.iter().enumerate().filter(|(_, brick)| !wanted.contains(brick));
+                        let given_up = others.max_by_key(|(_, brick)| spare(ranks[**brick], ranks[lowest]));
+                        let slot = given_up.unwrap().0;
+                        held.swap_remove(slot);
+                    }
+                    held.push(brick);
+                }
+            }
+            let [most, all] = [*loads.iter().max().unwrap(), loads.iter().sum::<usize>()];
+            assert!(most == 1 && all > 4 * room, "room for {room} bricks: {all} loads, one brick {most} times");
+        }
     }
 }

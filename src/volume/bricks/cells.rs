@@ -1,6 +1,7 @@
-//! Ranges of the stored values of macrocells, gathered from rows of voxels.
+//! Ranges of the stored values of macrocells, gathered from boxes of voxels.
 
-use crate::parallel;
+use std::ops::Range;
+
 use crate::volume::{Voxel, VoxelType};
 
 /// Voxels along an edge of a macrocell.
@@ -10,8 +11,6 @@ pub const CELL: usize = 8;
 /// before the first that interpolation touches, and one behind the last.
 #[derive(Clone, Debug)]
 pub(super) struct CellRanges<T> {
-    /// Voxels along each axis.
-    grid: [usize; 3],
     /// Macrocells along each axis.
     dims: [usize; 3],
     /// Lowest and highest number; in the wrong order if all are NaN.
@@ -45,11 +44,11 @@ impl CellRanges<()> {
 }
 
 impl<T: Voxel> CellRanges<T> {
-    /// The macrocells of a grid of `grid` voxels, before any row.
+    /// The macrocells of a grid of `grid` voxels, before any voxel.
     pub(super) fn new(grid: [usize; 3]) -> Self {
         let dims = macrocells(grid);
         let all = dims.iter().product();
-        Self { grid, dims, ranges: vec![Self::nothing(); all], has_nan: vec![false; all] }
+        Self { dims, ranges: vec![Self::nothing(); all], has_nan: vec![false; all] }
     }
 
     /// The range of no number.
@@ -57,46 +56,16 @@ impl<T: Voxel> CellRanges<T> {
         [T::nearest(f64::INFINITY), T::nearest(f64::NEG_INFINITY)]
     }
 
-    /// Adds whole `rows` of voxels; the first is row `first`, counted through all slices.
-    pub(super) fn add(&mut self, first: usize, rows: &[T]) {
-        let [nx, ny, _] = self.grid;
-        self.add_runs(0, nx, rows, |row| [(first + row) % ny, (first + row) / ny]);
-    }
-
-    /// Adds the voxels of a box of `dims` from `first` on.
-    pub(super) fn add_box(&mut self, first: [usize; 3], dims: [usize; 3], voxels: &[T]) {
-        let [width, height, _] = dims;
-        self.add_runs(first[0], width, voxels, |row| [first[1] + row % height, first[2] + row / height]);
-    }
-
-    /// Adds runs of `length` voxels along x from `start` on; `place` is the y and z of one.
-    fn add_runs(&mut self, start: usize, length: usize, runs: &[T], place: impl Fn(usize) -> [usize; 2]) {
-        let [width, height, depth] = self.dims;
-        let end = start + length;
-        let first = *touching(start, width).start();
-        let last = *touching(end - 1, width).end();
-        let of_run = |run: usize| -> Vec<([T; 2], bool)> {
-            let run = &runs[run * length..(run + 1) * length];
-            let of_cell = |cell: usize| {
-                let from = (CELL * cell).saturating_sub(1).max(start);
-                let numbers = &run[from - start..(CELL * cell + CELL + 2).min(end) - start];
-                numbers.iter().fold((Self::nothing(), false), |(range, nan), &number| {
-                    if is_nan(number) { (range, true) } else { (joined(range, [number; 2]), nan) }
-                })
-            };
-            (first..=last).map(of_cell).collect()
-        };
-        let of_runs = parallel::map(runs.len() / length, &of_run);
-        for (run, of_run) in of_runs.iter().enumerate() {
-            let [y, z] = place(run);
-            for z in touching(z, depth) {
-                for y in touching(y, height) {
-                    let at = first + width * (y + height * z);
-                    for (cell, &(range, nan)) in (at..).zip(of_run) {
-                        self.ranges[cell] = joined(self.ranges[cell], range);
-                        self.has_nan[cell] |= nan;
-                    }
-                }
+    /// Joins the ranges of the voxels of a box to those of other boxes.
+    pub(super) fn join(&mut self, of_box: &BoxRanges<T>) {
+        let BoxRanges { cells: [xs, ys, zs], ranges, has_nan } = of_box;
+        let [width, height, _] = self.dims;
+        let rows = zs.clone().flat_map(|z| ys.clone().map(move |y| xs.start + width * (y + height * z)));
+        let of_rows = ranges.chunks_exact(xs.len()).zip(has_nan.chunks_exact(xs.len()));
+        for (at, (ranges, has_nan)) in rows.zip(of_rows) {
+            for ((cell, &range), &nan) in (at..).zip(ranges).zip(has_nan) {
+                self.ranges[cell] = [lower(self.ranges[cell][0], range[0]), higher(self.ranges[cell][1], range[1])];
+                self.has_nan[cell] |= nan;
             }
         }
     }
@@ -127,8 +96,80 @@ impl<T: Voxel> CellRanges<T> {
     }
 }
 
-fn joined<T: Voxel>([low, high]: [T; 2], [other_low, other_high]: [T; 2]) -> [T; 2] {
-    [if other_low < low { other_low } else { low }, if other_high > high { other_high } else { high }]
+/// The ranges of the macrocells that a box of voxels touches.
+#[derive(Clone, Debug)]
+pub(super) struct BoxRanges<T> {
+    /// The macrocells along each axis.
+    cells: [Range<usize>; 3],
+    /// As in [`CellRanges`].
+    ranges: Vec<[T; 2]>,
+    has_nan: Vec<bool>,
+}
+
+impl<T: Voxel> BoxRanges<T> {
+    /// Those of the `voxels` of the box of `dims` from `first` on, in a grid of `grid` voxels.
+    pub(super) fn of(grid: [usize; 3], first: [usize; 3], dims: [usize; 3], voxels: &[T]) -> Self {
+        let all = macrocells(grid);
+        let cells: [Range<usize>; 3] = std::array::from_fn(|axis| {
+            let last = first[axis] + dims[axis] - 1;
+            *touching(first[axis], all[axis]).start()..touching(last, all[axis]).end() + 1
+        });
+        // Voxels of the box that belong to each macrocell.
+        let parts = [0, 1, 2].map(|axis| -> Vec<Range<usize>> {
+            let end = first[axis] + dims[axis];
+            let of_cell = |cell: usize| {
+                let from = (CELL * cell).saturating_sub(1).max(first[axis]);
+                from - first[axis]..(CELL * cell + CELL + 2).min(end) - first[axis]
+            };
+            cells[axis].clone().map(of_cell).collect()
+        });
+        let [lowest, highest] = CellRanges::nothing();
+        let lows = joined(voxels, dims, &parts, lowest, lower);
+        let highs = joined(voxels, dims, &parts, highest, higher);
+        let has_nan = if T::nearest(0.0).to_whole().is_none() {
+            let is_nan: Vec<bool> = voxels.iter().map(|&number| is_nan(number)).collect();
+            joined(&is_nan, dims, &parts, false, |one, other| one | other)
+        } else {
+            vec![false; lows.len()]
+        };
+        Self { cells, ranges: lows.into_iter().zip(highs).map(Into::into).collect(), has_nan }
+    }
+}
+
+/// The `values` of a box of `dims`, joined within `parts` of each axis. Axis by axis: along y first, where neighbours in memory
+/// are joined to neighbours, and the least is left for x.
+fn joined<V: Copy>(
+    values: &[V],
+    [width, height, depth]: [usize; 3],
+    parts: &[Vec<Range<usize>>; 3],
+    nothing: V,
+    join: impl Fn(V, V) -> V + Copy,
+) -> Vec<V> {
+    let along = |values: &[V], stride: usize, n: usize, parts: &[Range<usize>]| {
+        let mut all = Vec::with_capacity(values.len() / n * parts.len());
+        for lines in values.chunks_exact(stride * n) {
+            for part in parts {
+                let at = all.len();
+                all.resize(at + stride, nothing);
+                for line in lines[part.start * stride..part.end * stride].chunks_exact(stride) {
+                    all[at..].iter_mut().zip(line).for_each(|(sum, &value)| *sum = join(*sum, value));
+                }
+            }
+        }
+        all
+    };
+    let [xs, ys, zs] = parts;
+    let values = along(values, width, height, ys);
+    let values = along(&values, width * ys.len(), depth, zs);
+    along(&values, 1, width, xs)
+}
+
+fn lower<T: Voxel>(one: T, other: T) -> T {
+    if other < one { other } else { one }
+}
+
+fn higher<T: Voxel>(one: T, other: T) -> T {
+    if other > one { other } else { one }
 }
 
 #[cfg(test)]
@@ -150,9 +191,7 @@ mod tests {
             }
         }
         let mut ranges = CellRanges::<f32>::new(grid);
-        let (one, other) = voxels.split_at(20 * 31);
-        ranges.add(0, one);
-        ranges.add(31, other);
+        ranges.join(&BoxRanges::of(grid, [0; 3], grid, &voxels));
         assert_eq!(ranges.dims, [3, 1, 2]);
         let bytes = ranges.to_bytes();
         assert_eq!(bytes.len(), CellRanges::bytes(ranges.dims, VoxelType::F32));
@@ -170,7 +209,7 @@ mod tests {
             (between([15, 7], [19, 16]), false),
         ];
         assert_eq!(found, expected);
-        // The same voxels as boxes.
+        // The same voxels in several boxes.
         let mut boxed = CellRanges::<f32>::new(grid);
         for (first, end) in
             [([0; 3], [7, 9, 17]), ([7, 0, 0], [16, 5, 17]), ([7, 5, 0], [16, 9, 17]), ([16, 0, 0], grid)]
@@ -180,7 +219,7 @@ mod tests {
             for row in (first[2]..end[2]).flat_map(|z| (first[1]..end[1]).map(move |y| y + 9 * z)) {
                 part.extend_from_slice(&voxels[20 * row + first[0]..20 * row + end[0]]);
             }
-            boxed.add_box(first, dims, &part);
+            boxed.join(&BoxRanges::of(grid, first, dims, &part));
         }
         assert!(boxed.to_bytes() == bytes);
     }

@@ -5,10 +5,10 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-use super::cells::{CellRanges, macrocells};
+use super::cells::{BoxRanges, CellRanges, macrocells};
 use super::format::{Entry, FIXED, Fixed, LevelMade, Origin, Text, digest};
 use super::grid::{BRICK, BrickGrid};
-use super::slab::{Halves, Rows, halved_dims};
+use super::slab::{Halves, Rows};
 use super::{BATCH, read_at, unpacked};
 use crate::progress::{Progress, Quiet};
 use crate::volume::data::{Data, Take, check_cancelled, report};
@@ -192,6 +192,8 @@ struct Packed<T> {
     extent: Extent,
     /// Number of voxels of each value, if these are few.
     occurrences: Option<Vec<(T, u64)>>,
+    /// Ranges of the macrocells that it touches.
+    cells: BoxRanges<T>,
     rounded: f64,
     /// Its voxels, halved along each axis, if there is a coarser level.
     halved: Vec<T>,
@@ -283,7 +285,6 @@ impl<'a, T: Voxel> Making<'a, T> {
         if rows.is_empty() {
             return Ok(());
         }
-        self.levels[0].cells.add(self.rows, rows);
         let [nx, ny, nz] = self.levels[0].grid.dims;
         for row in rows.chunks_exact(nx) {
             let (y, z) = (self.rows % ny, self.rows / ny);
@@ -301,7 +302,7 @@ impl<'a, T: Voxel> Making<'a, T> {
         let grid = self.levels[level].grid;
         let bricks: Vec<usize> = grid.of_slab(slab).collect();
         let labels = (level + 1 < self.levels.len()).then_some(self.labels);
-        let packed = |brick: usize, voxels: &[T]| pack(voxels, grid.dims_of(brick), labels);
+        let packed = |brick: usize, voxels: &[T]| pack(voxels, &grid, brick, labels);
         let mut first = 0;
         for batch in bricks.chunks(BATCH) {
             let batch_packed = if let Some(finer) = level.checked_sub(1) {
@@ -322,8 +323,8 @@ impl<'a, T: Voxel> Making<'a, T> {
                 }
                 parallel::map(batch.len(), &|part| packed(batch[part], parts[part]))
             };
-            for (&brick, packed) in batch.iter().zip(batch_packed) {
-                self.write(level, brick, packed)?;
+            for packed in batch_packed {
+                self.write(level, packed)?;
             }
         }
         if let Some(halves) = level.checked_sub(1).and_then(|finer| self.levels[finer].halves.as_mut()) {
@@ -332,8 +333,8 @@ impl<'a, T: Voxel> Making<'a, T> {
         if labels.is_some() && grid.ends_coarser(slab) { self.write_slab(level + 1, slab / 2) } else { Ok(()) }
     }
 
-    fn write(&mut self, level: usize, brick: usize, packed: Packed<T>) -> io::Result<()> {
-        let Packed { bytes, digest, extent, occurrences, rounded, halved } = packed;
+    fn write(&mut self, level: usize, packed: Packed<T>) -> io::Result<()> {
+        let Packed { bytes, digest, extent, occurrences, cells, rounded, halved } = packed;
         self.written.write_all(&bytes)?;
         let length = u32::try_from(bytes.len()).map_err(io::Error::other)?;
         let ends = if extent.finite > 0 { [extent.min, extent.max] } else { [f64::NAN; 2] };
@@ -344,13 +345,12 @@ impl<'a, T: Voxel> Making<'a, T> {
         for (value, number) in occurrences.into_iter().flatten() {
             of_level.counts[low_bits(value)] += number;
         }
+        of_level.cells.join(&cells);
         of_level.rounded = of_level.rounded.max(rounded);
-        if let Some(halves) = &mut of_level.halves {
-            halves.push(&halved)?;
-            let (first, dims) = (of_level.grid.span(brick)[0], of_level.grid.dims_of(brick));
-            self.levels[level + 1].cells.add_box(first.map(|at| at / 2), halved_dims(dims), &halved);
+        match &mut of_level.halves {
+            Some(halves) => halves.push(&halved),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     /// The levels and the bytes of their macrocells. Values of more than two bytes are read once more, since the bins of the
@@ -429,10 +429,11 @@ impl<T: Voxel> Level<T> {
     }
 }
 
-/// Packs the voxels of a brick of `dims`: LZ4, or as they are if that is not longer.
+/// Packs the voxels of a brick of `grid`: LZ4, or as they are if that is not longer.
 ///
 /// They are halved along each axis if there is a coarser level; then `labels` says whether they are labels.
-fn pack<T: Voxel>(voxels: &[T], dims: [usize; 3], labels: Option<bool>) -> Packed<T> {
+fn pack<T: Voxel>(voxels: &[T], grid: &BrickGrid, brick: usize, labels: Option<bool>) -> Packed<T> {
+    let (first, dims) = (grid.span(brick)[0], grid.dims_of(brick));
     let swapped: Vec<T> = if cfg!(target_endian = "big") {
         voxels.iter().map(|voxel| voxel.with_bytes_swapped()).collect()
     } else {
@@ -444,11 +445,16 @@ fn pack<T: Voxel>(voxels: &[T], dims: [usize; 3], labels: Option<bool>) -> Packe
         bytes = raw.to_vec();
     }
     let off = |voxel: &T| voxel.to_whole().map_or(0.0, |exact| rounding(exact, voxel.to_f64()));
+    let occurrences = occurrences(voxels);
     Packed {
         digest: digest(&bytes),
         bytes,
-        extent: Extent::of(voxels.iter().map(|&voxel| (voxel, 1))),
-        occurrences: occurrences(voxels),
+        extent: match &occurrences {
+            Some(values) => Extent::of(values.iter().copied()),
+            None => Extent::of(voxels.iter().map(|&voxel| (voxel, 1))),
+        },
+        occurrences,
+        cells: BoxRanges::of(grid.dims, first, dims, voxels),
         rounded: if size_of::<T>() == 8 { voxels.iter().map(off).fold(0.0, f64::max) } else { 0.0 },
         halved: labels.map_or_else(Vec::new, |labels| of_blocks(voxels, dims, [2; 3], labels, &Quiet)),
     }
