@@ -9,7 +9,7 @@ use serde::Serialize;
 use relume::document::{SceneOptions, load_peer};
 use relume::film::{Film, Rectangle};
 use relume::internal::number::count;
-use relume::internal::ranks::share_of;
+use relume::internal::ranks::{BYTES_AT_ONCE, share_of};
 use relume::measure::Stopwatch;
 use relume::progress::Quiet;
 use relume::render::{Renderer, SceneRenderer};
@@ -103,6 +103,9 @@ pub(crate) fn machine_rows(renderer: &Renderer, edge: usize) -> Result<Vec<Machi
         let sent = |it: &Rectangle| if machines == 1 { 0.0 } else { area(it) * pixel_bytes };
         let most = |number: &dyn Fn(&Rectangle) -> f64| found.iter().map(|(_, met)| number(met)).fold(0.0, f64::max);
         let (sent_bytes, messages) = (most(&sent), if machines == 1 { 0.0 } else { most(&receivers) });
+        // Of the rows of a machine, as many as have so many bytes are exchanged at once.
+        let rows_at_once = (count(BYTES_AT_ONCE) / (pixel_bytes * count(SIDE))).floor().max(1.0);
+        let exchanges = (count(SIDE.div_ceil(machines)) / rows_at_once).ceil();
         let network = NETWORKS.map(|(_, latency, bandwidth)| {
             if machines == 1 {
                 return 0.0;
@@ -112,7 +115,7 @@ pub(crate) fn machine_rows(renderer: &Renderer, edge: usize) -> Result<Vec<Machi
             let collected = PICTURE_BYTES * count(SIDE * SIDE) * others / count(machines);
             // Announced rectangles, in rounds that double what is known.
             let announced = count(machines).log2().ceil() * latency + 56.0 * others / bandwidth;
-            announced + messages * latency + sent_bytes / bandwidth + others * latency + collected / bandwidth
+            announced + exchanges * messages * latency + sent_bytes / bandwidth + others * latency + collected / bandwidth
         });
         // All nodes of the tree over the rows of a machine, as they are composited.
         let composite = over * count(machines - 1) * count(SIDE * SIDE) / count(machines);

@@ -11,7 +11,7 @@ use std::ops::Range;
 
 #[cfg(feature = "mpi")]
 pub use mpi::Mpi;
-pub use over::{Share, over};
+pub use over::{BYTES_AT_ONCE, Share, over};
 pub use relay::{Relay, tiles};
 
 /// The processes of a run, as one of them sees them.

@@ -74,7 +74,7 @@ fn numbers_of_bytes(bytes: &[u8]) -> Vec<f32> {
 
 /// Most bytes of a process's rows that are exchanged and composite at once, unless one row has more. Messages and films of these
 /// rows stay in the caches, and their memory serves for the next ones.
-const AT_ONCE: usize = 1 << 18;
+pub const BYTES_AT_ONCE: usize = 1 << 18;
 
 /// The part of a rectangle in `rows`; `None` if there is none.
 fn in_rows([low, high]: Rectangle, rows: &Range<usize>) -> Option<Rectangle> {
@@ -136,7 +136,7 @@ pub fn over<E>(
     let Some(mut film) = shape.of_no_medium([width, rows.len()]) else { return Ok(None) };
     prefer_large_pages(&mut film.accumulators);
     let numbers = (shape.accumulators.len() + shape.transmittance.len()) / shape.pixels().max(1);
-    let step = (AT_ONCE / (4 * numbers * width).max(1)).max(1);
+    let step = (BYTES_AT_ONCE / (4 * numbers * width).max(1)).max(1);
     let (mut outgoing, mut received) = (vec![Vec::new(); ranks.count()], Vec::new());
     let mut sent_bytes = 0;
     for before in (0..height.div_ceil(ranks.count())).step_by(step) {
