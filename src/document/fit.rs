@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::silhouette::{Depths, Ends, Seen};
+use super::silhouette::{Ends, Seen};
 use crate::number::{count, nearest, whole};
 use crate::scene::{Aim, Camera, Fill, Projection, Scene, View};
 use crate::volume::{Geometry, Volume, coarse_index};
@@ -233,12 +233,12 @@ fn fewest(pairs: &[[f64; 2]]) -> Option<Fill> {
 
 /// The camera of the directions and the projection of `camera` that fits the visible pixels of its own picture of a volume.
 /// `outline` are points around most of these voxels.
-pub(super) fn framed(camera: &Camera, outline: &[DVec3], seen: Seen<'_>, depths: &Depths) -> Camera {
-    let geometry = &seen.volume.geometry;
+pub(super) fn framed(camera: &Camera, outline: &[DVec3], seen: &Seen<'_>) -> Camera {
+    let geometry = seen.geometry();
     let mut found = fitted(camera, outline, outline, geometry);
     for _ in 0..PASSES {
         let Some(view) = found.view(geometry, 1.0) else { break };
-        let Some(ends) = Ends::of(&view, found.aim.target(geometry), seen, outline, depths) else { break };
+        let Some(ends) = Ends::of(&view, found.aim.target(geometry), seen, outline) else { break };
         found = fitted(camera, &ends.points, outline, geometry);
         if ends.is_whole {
             break;
@@ -272,6 +272,7 @@ pub(super) fn reach(view: &View, points: &[DVec3]) -> f64 {
 #[cfg(test)]
 #[expect(clippy::expect_used, reason = "a failed step fails the test")]
 mod tests {
+    use super::super::silhouette::Depths;
     use super::*;
     use crate::scene::Term;
     use crate::volume::Voxels;
@@ -291,8 +292,7 @@ mod tests {
         let camera = Camera { projection: Projection::Perspective { fov_degrees: 30.0 }, aim, up: DVec3::Z };
         let depths = Depths::of(&[Term::interval(0, [1.0, 9.0], [0.0; 2], 0.5, 0.0)], 1.0);
         let points = outline(volume, [2; 3], None, |_, value| value >= 1.0);
-        let seen = Seen { volume, crop: None, is_interpolated: true };
-        let found = super::framed(&camera, &points, seen, &depths);
+        let found = super::framed(&camera, &points, &Seen::new(volume, None, true, depths));
         found.view(&volume.geometry, 1.0).expect("it has a line of sight")
     }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::number::{count, unsigned, whole};
 use crate::scene::{Term, View};
-use crate::volume::{Volume, Voxel, with_voxels};
+use crate::volume::{CELL, Geometry, Volume, Voxel, cell_ranges, macrocells, with_voxels};
 
 /// Optical depth from which a pixel is visible: it is brighter than about 12 of 255 in a first look.
 const VISIBLE: f64 = 0.016;
@@ -17,6 +17,8 @@ pub(super) struct Depths {
     range: [f64; 2],
     per_value: f64,
     depths: Vec<f64>,
+    /// Number of entries before each one whose depth is above 0.
+    visible_before: Vec<usize>,
     /// The terms and their length of opacity, if the entries cannot show every bend.
     exact: Option<(Vec<Term>, f64)>,
 }
@@ -26,11 +28,15 @@ impl Depths {
     pub(super) fn of(terms: &[Term], opacity_length: f64) -> Self {
         /// Entries: enough for every bend of almost every transfer function, and at most.
         const ENTRIES: [f64; 2] = [2048.0, 65536.0];
+        /// Relative to all values.
+        const ROUNDING: f64 = 1e-12;
         let curves = || terms.iter().flat_map(|term| [&term.opacity, &term.absorption]);
         let mut bends: Vec<f64> = curves().flatten().map(|point| point.0).collect();
         bends.sort_unstable_by(f64::total_cmp);
         let (first, last) = bends.first().copied().zip(bends.last().copied()).unwrap_or_default();
-        let gaps = bends.windows(2).map(|pair| pair[1] - pair[0]).filter(|&gap| gap > 0.0);
+        // Bends of two terms at one place may differ by rounding.
+        let least = ROUNDING * (last - first);
+        let gaps = bends.windows(2).map(|pair| pair[1] - pair[0]).filter(|&gap| gap > least);
         let wanted = 2.0 * (last - first) / gaps.fold(f64::MAX, f64::min);
         let exact = (wanted > ENTRIES[1]).then(|| (terms.to_vec(), opacity_length));
         let entries = wanted.clamp(ENTRIES[0], ENTRIES[1]).ceil();
@@ -41,15 +47,32 @@ impl Depths {
         let mut depths = vec![beyond[0]];
         depths.par_extend((0..=whole(entries)).into_par_iter().map(|entry| depth(value(entry))));
         depths.push(beyond[1]);
+        let mut visible_before = vec![0];
+        for (entry, &depth) in depths.iter().enumerate() {
+            visible_before.push(visible_before[entry] + usize::from(depth > 0.0));
+        }
         let per_value = if last > first { entries / (last - first) } else { 0.0 };
-        Self { range: [first, last], per_value, depths, exact }
+        Self { range: [first, last], per_value, depths, visible_before, exact }
     }
 
-    /// Values beyond which nothing is visible.
-    fn range(&self) -> [f64; 2] {
-        let [before, after] = [self.depths[0], self.depths[self.depths.len() - 1]].map(|depth| depth > 0.0);
+    /// True unless the optical depth of all values between `low` and `high` is 0.
+    fn may_show(&self, [low, high]: [f64; 2]) -> bool {
+        // Interpolated values round: one entry more on each side.
+        let (first, last) = (self.entry(low).saturating_sub(1), (self.entry(high) + 1).min(self.depths.len() - 1));
+        self.exact.is_some() || self.visible_before[last + 1] > self.visible_before[first]
+    }
+
+    /// The entry of `value`, which is a number.
+    fn entry(&self, value: f64) -> usize {
         let [first, last] = self.range;
-        [if before { f64::NEG_INFINITY } else { first }, if after { f64::INFINITY } else { last }]
+        let beyond = self.depths.len() - 1;
+        if value < first {
+            0
+        } else if value > last {
+            beyond
+        } else {
+            whole((value - first) * self.per_value + 1.5).min(beyond - 1)
+        }
     }
 
     /// Optical depth at `value`; none where it is no number.
@@ -60,33 +83,79 @@ impl Depths {
         if let Some((terms, opacity_length)) = &self.exact {
             return terms.iter().map(|term| term.depth(value)).sum::<f64>() / opacity_length;
         }
-        let [first, last] = self.range;
-        let beyond = self.depths.len() - 1;
-        let entry = if value < first {
-            0
-        } else if value > last {
-            beyond
-        } else {
-            whole((value - first) * self.per_value + 1.5).min(beyond - 1)
-        };
-        self.depths[entry]
+        self.depths[self.entry(value)]
     }
 }
 
 /// The voxels that a camera fits.
-#[derive(Clone, Copy, Debug)]
 pub(super) struct Seen<'a> {
-    pub(super) volume: &'a Volume,
+    volume: &'a Volume,
     /// The first and the last of them along each axis, if not all are seen.
-    pub(super) crop: Option<[[usize; 3]; 2]>,
+    crop: Option<[[usize; 3]; 2]>,
     /// Values between them are interpolated.
-    pub(super) is_interpolated: bool,
+    is_interpolated: bool,
+    depths: Depths,
+    /// Whether each macrocell may be visible, x fastest.
+    cells: Vec<bool>,
+    /// Macrocells along each axis.
+    counts: [usize; 3],
 }
 
-impl Seen<'_> {
+impl<'a> Seen<'a> {
+    /// Those of `volume` with optical `depths`.
+    pub(super) fn new(
+        volume: &'a Volume,
+        crop: Option<[[usize; 3]; 2]>,
+        is_interpolated: bool,
+        depths: Depths,
+    ) -> Self {
+        let value = |stored: f64| stored * volume.slope + volume.intercept;
+        let may_show = |([low, high], _): ([f64; 2], bool)| {
+            let [one, other] = [low, high].map(value);
+            // Voxels that are no numbers show nothing.
+            low <= high && depths.may_show([one.min(other), one.max(other)])
+        };
+        let cells = cell_ranges(volume).into_iter().map(may_show).collect();
+        Self { volume, crop, is_interpolated, depths, cells, counts: macrocells(volume.geometry.dims) }
+    }
+
+    /// Grid of the volume.
+    pub(super) fn geometry(&self) -> &'a Geometry {
+        &self.volume.geometry
+    }
+
     /// Indices of the first and the last of them along each axis.
     fn corners(&self) -> [[usize; 3]; 2] {
         self.crop.unwrap_or([[0; 3], self.volume.geometry.dims.map(|side| side - 1)])
+    }
+
+    /// The macrocell of a voxel along each axis.
+    fn cell(&self, voxel: [usize; 3]) -> [usize; 3] {
+        std::array::from_fn(|axis| (voxel[axis] / CELL).min(self.counts[axis] - 1))
+    }
+
+    /// Whether the macrocell at `place` may be visible, and how many samples from there on, a `step` apart, lie in it; both in
+    /// voxels.
+    fn samples_in_cell(&self, place: DVec3, step: DVec3) -> (bool, usize) {
+        let last = self.volume.geometry.dims.map(|side| count(side - 1)).into();
+        let cell = self.cell(place.clamp(DVec3::ZERO, last).to_array().map(whole));
+        // Steps to the face at which the samples leave it; the outermost macrocells extend as far as the rays.
+        let steps = |axis: usize| {
+            let is_upward = step[axis] > 0.0;
+            let is_outermost = if is_upward { cell[axis] + 1 == self.counts[axis] } else { cell[axis] == 0 };
+            if step[axis] == 0.0 || is_outermost {
+                return f64::INFINITY;
+            }
+            (count(CELL * (cell[axis] + usize::from(is_upward))) - place[axis]) / step[axis]
+        };
+        let further = [0, 1, 2].map(steps).into_iter().fold(f64::INFINITY, f64::min);
+        (self.may_show(cell), whole(further).saturating_add(1))
+    }
+
+    /// True unless all voxels and all values between them in a macrocell are invisible.
+    fn may_show(&self, [x, y, z]: [usize; 3]) -> bool {
+        let [width, height, _] = self.counts;
+        self.cells[x + width * (y + height * z)]
     }
 }
 
@@ -106,7 +175,7 @@ pub(super) struct Ends {
 impl Ends {
     /// The ends of a volume that `view` shows with `target` in the middle; `None` if nothing is visible. `outline` are points
     /// around most of its visible voxels.
-    pub(super) fn of(view: &View, target: DVec3, seen: Seen<'_>, outline: &[DVec3], depths: &Depths) -> Option<Self> {
+    pub(super) fn of(view: &View, target: DVec3, seen: &Seen<'_>, outline: &[DVec3]) -> Option<Self> {
         /// Fraction of the outline within which its ends hardly lie.
         const INNER: f64 = 0.75;
         /// Fraction of the picture of a thinned volume within which all ends of the whole volume lie beyond.
@@ -127,7 +196,7 @@ impl Ends {
             INNER * outline.iter().map(of_point).fold(0.0, f64::max)
         };
         let mut inner = [reach(|seen| seen.x), reach(|seen| seen.y)].map(|reach| [-reach, reach]);
-        let picture = Picture::new(view, target, seen, depths, stride);
+        let picture = Picture::new(view, target, seen, stride);
         // Voxels in the middle of the picture cannot be its ends, unless the outline is far too large.
         picture.add(stride, inner);
         let is_thinned = stride != [1; 3];
@@ -155,8 +224,7 @@ const FRAME: f64 = 1.25;
 /// A square picture whose ends are searched.
 struct Picture<'a> {
     view: &'a View,
-    seen: Seen<'a>,
-    depths: &'a Depths,
+    seen: &'a Seen<'a>,
     /// Distance of the middle of the object.
     middle: f64,
     /// Pixels of a side.
@@ -168,7 +236,7 @@ struct Picture<'a> {
 
 impl<'a> Picture<'a> {
     /// An empty picture, whose pixels are about as large as steps of `stride` voxels.
-    fn new(view: &'a View, target: DVec3, seen: Seen<'a>, depths: &'a Depths, stride: [usize; 3]) -> Self {
+    fn new(view: &'a View, target: DVec3, seen: &'a Seen<'a>, stride: [usize; 3]) -> Self {
         /// Least and most pixels of a side.
         const SIDES: [f64; 2] = [256.0, 512.0];
         let step = seen.volume.geometry.spacing * DVec3::from_array(stride.map(count));
@@ -176,7 +244,7 @@ impl<'a> Picture<'a> {
         let pitch = step.element_product().cbrt() / (if view.parallel { 1.0 } else { middle } * view.half[1]);
         let side = whole((2.0 * FRAME / pitch).clamp(SIDES[0], SIDES[1]).ceil());
         let sums = (0..side * side).map(|_| AtomicU64::new(0)).collect();
-        Self { view, seen, depths, middle, side, sums }
+        Self { view, seen, middle, side, sums }
     }
 
     /// Pixels of half a width of the view.
@@ -202,9 +270,8 @@ impl<'a> Picture<'a> {
 
     /// Adds every n-th voxel, n by `stride`, that lies outside the `skipped` part of the picture.
     fn add(&self, stride: [usize; 3], skipped: Rectangle) {
-        /// Voxels whose range of values is examined first.
-        const PART: usize = 128;
-        let Self { view, seen: Seen { volume, .. }, depths, .. } = *self;
+        let Self { view, seen, .. } = *self;
+        let Seen { volume, depths, .. } = seen;
         let geometry = &volume.geometry;
         let [nx, ny, _] = geometry.dims;
         let [low, high] = self.seen.corners();
@@ -228,15 +295,24 @@ impl<'a> Picture<'a> {
                     let from = whole(from.max(0.0).ceil()).min(samples[0]);
                     [from, whole(to).saturating_add(1).clamp(from, samples[0])]
                 });
+            let voxel = |x: usize| std::array::from_fn(|axis| low[axis] + [x, y, z][axis] * stride[axis]);
             for range in [0..before, after..samples[0]] {
-                for part in range.clone().step_by(PART).map(|from| from..range.end.min(from + PART)) {
-                    values(volume, first + part.start * stride[0], stride[0], part.len(), depths.range(), row);
-                    for (x, &value) in part.zip(&*row) {
-                        let here = depths.at(value);
-                        if here > 0.0 {
-                            self.add_voxel(start + axes[0] * count(x), here * unit, footprint);
+                let mut from = range.start;
+                while from < range.end {
+                    let cell = seen.cell(voxel(from));
+                    // The first sample of the next macrocell.
+                    let next = ((cell[0] + 1) * CELL).saturating_sub(low[0]).div_ceil(stride[0]);
+                    let end = if cell[0] + 1 == seen.counts[0] { range.end } else { next.min(range.end) };
+                    if seen.may_show(cell) {
+                        values(volume, first + from * stride[0], stride[0], end - from, row);
+                        for (x, &value) in (from..end).zip(&*row) {
+                            let here = depths.at(value);
+                            if here > 0.0 {
+                                self.add_voxel(start + axes[0] * count(x), here * unit, footprint);
+                            }
                         }
                     }
+                    from = end;
                 }
             }
         };
@@ -415,14 +491,20 @@ impl<'a> Picture<'a> {
         let samples = whole(number(enter))..if leave > enter { whole(number(leave)) } else { 0 };
         let place = |sample: usize| start + count(sample) + 0.5;
         let limit = VISIBLE / step_length;
-        let (mut sum, is_interpolated) = (0.0, self.seen.is_interpolated);
+        let (mut sum, seen) = (0.0, self.seen);
         with_voxels!(&volume.voxels, stored => {
-            for sample in samples {
-                let stored = value_at(stored, geometry.dims, from + place(sample) * step, is_interpolated);
-                sum += self.depths.at(stored * volume.slope + volume.intercept);
-                if sum >= limit {
-                    return Some(place(sample) * by_step);
+            let mut sample = samples.start;
+            while sample < samples.end {
+                let (may_show, in_cell) = seen.samples_in_cell(from + place(sample) * step, step);
+                let end = sample.saturating_add(in_cell).min(samples.end);
+                for sample in if may_show { sample..end } else { end..end } {
+                    let stored = value_at(stored, geometry.dims, from + place(sample) * step, seen.is_interpolated);
+                    sum += seen.depths.at(stored * volume.slope + volume.intercept);
+                    if sum >= limit {
+                        return Some(place(sample) * by_step);
+                    }
                 }
+                sample = end;
             }
         });
         None
@@ -475,41 +557,76 @@ fn crossing(start: DVec3, axis: DVec3, inner: Rectangle, parallel: bool) -> Opti
     (from < to).then_some([from, to])
 }
 
-/// Puts `number` values of `volume` from the voxel at `first`, every n-th by `step`, into `row`; none if no neighbouring
-/// voxels have a value in `shown`.
-fn values(volume: &Volume, first: usize, step: usize, number: usize, shown: [f64; 2], row: &mut Vec<f64>) {
+/// Puts `number` values of `volume` from the voxel at `first`, every n-th by `step`, into `row`.
+fn values(volume: &Volume, first: usize, step: usize, number: usize, row: &mut Vec<f64>) {
     row.clear();
-    let value = |stored: f64| stored * volume.slope + volume.intercept;
     with_voxels!(&volume.voxels, stored => {
-        let from = stored.get(first..).unwrap_or_default();
-        if step > 1 || may_show(from.get(..number).unwrap_or_default(), value, shown) {
-            row.extend(from.iter().step_by(step).take(number).map(|&it| value(Voxel::to_f64(it))));
-        }
+        let stored = stored.get(first..).unwrap_or_default().iter().step_by(step).take(number);
+        row.extend(stored.map(|&it| Voxel::to_f64(it) * volume.slope + volume.intercept));
     });
 }
 
-/// True if the range of values of `stored`, by their `value`, meets `shown`.
-fn may_show<T: Voxel>(stored: &[T], value: impl Fn(f64) -> f64, [low, high]: [f64; 2]) -> bool {
-    let Some(&first) = stored.first() else { return false };
-    let (mut least, mut most) = (first, first);
-    for &it in stored {
-        least = if it < least { it } else { least };
-        most = if it > most { it } else { most };
-    }
-    let [one, other] = [least, most].map(|it| value(Voxel::to_f64(it)));
-    // Of no numbers, none is known to be outside.
-    !(one.max(other) < low || one.min(other) > high)
-}
-
 #[cfg(test)]
+#[expect(clippy::expect_used, reason = "a failed step fails the test")]
 mod tests {
     use super::*;
+    use crate::scene::{Aim, Camera, Fill, Projection};
+    use crate::volume::Voxels;
 
     #[test]
-    fn parts_of_rows_without_visible_values_are_passed_over() {
-        let value = |stored: f64| 10.0 - 2.0 * stored;
-        assert!(may_show(&[1_u8, 2, 3], value, [4.0, 5.0]) && may_show(&[9.0_f32, 0.0], value, [9.0, 11.0]));
-        assert!(!may_show(&[1_u8, 2, 3], value, [8.5, 9.0]) && !may_show(&[4_i16, 7], value, [3.0, f64::INFINITY]));
-        assert!(may_show(&[f32::NAN, 0.0], value, [20.0, 30.0]) && !may_show::<u8>(&[], value, [0.0, 9.0]));
+    fn bends_that_differ_by_rounding_are_one() {
+        let terms = [[50.0, 106.45], [111.55, 161.45]].map(|range| Term::interval(0, range, [5.1; 2], 0.5, 0.0));
+        let [end, start] = [terms[0].opacity[3].0, terms[1].opacity[0].0];
+        assert!(end < start && start - end < 1e-12, "{end}, {start}");
+        let depths = Depths::of(&terms, 1.0);
+        assert!(depths.exact.is_none());
+        for value in [44.0, 47.45, 50.0, 106.45, 110.0, 114.0, 161.0, 170.0] {
+            let expected: f64 = terms.iter().map(|term| term.depth(value)).sum();
+            // Values are rounded to entries: 0.03 on ramps of a depth of 0.7 over 5.1.
+            assert!((depths.at(value) - expected).abs() < 0.01, "{value}: {}, {expected}", depths.at(value));
+        }
+    }
+
+    #[test]
+    fn macrocells_that_are_passed_over_are_invisible() {
+        let dims = [45, 38, 51];
+        let middle = DVec3::new(20.0, 22.0, 24.0);
+        // A thin shell with specks around it, one of them beside a voxel that is no number.
+        let value = |index: usize| {
+            let [x, y, z] = [index % dims[0], index / dims[0] % dims[1], index / (dims[0] * dims[1])];
+            let radius = DVec3::from_array([x, y, z].map(count)).distance(middle);
+            match index {
+                70_001 => f32::NAN,
+                70_002 | 5_003 | 86_000 => 60.0,
+                _ => crate::number::rounded(100.0 - 20.0 * (radius - 11.0).abs()),
+            }
+        };
+        let geometry = Geometry::new("test", dims, DVec3::new(1.0, 0.8, 1.3), DVec3::ZERO, glam::DMat3::IDENTITY)
+            .expect("a box is a grid");
+        let voxels = Voxels::F32((0..dims.iter().product()).map(value).collect());
+        let volume = Volume::new("test", voxels, geometry).expect("as many voxels as the grid has");
+        let target = volume.geometry.world_from_index(middle);
+        for (projection, is_interpolated) in [
+            (Projection::Perspective { fov_degrees: 40.0 }, true),
+            (Projection::Orthographic { height: Some(70.0) }, true),
+            (Projection::Perspective { fov_degrees: 40.0 }, false),
+        ] {
+            let seen = || {
+                let depths = Depths::of(&[Term::interval(0, [50.0, 90.0], [5.0; 2], 0.01, 0.0)], 1.0);
+                Seen::new(&volume, None, is_interpolated, depths)
+            };
+            let skipping = seen();
+            let everywhere = Seen { cells: vec![true; skipping.cells.len()], ..seen() };
+            assert!(skipping.cells.contains(&false) && skipping.cells.contains(&true));
+            for (azimuth, elevation) in [(0.0, 0.0), (25.0, 40.0), (200.0, -70.0)] {
+                let aim = Aim::Orbit { azimuth, elevation, fill: Fill::of(1.2), front: DVec3::NEG_Y, around: None };
+                let view = Camera { projection, aim, up: DVec3::Z }.view(&volume.geometry, 1.0);
+                let view = view.expect("it has a line of sight");
+                let points = |seen: &Seen<'_>| Ends::of(&view, target, seen, &[]).map(|ends| ends.points);
+                let found = points(&skipping);
+                assert!(found.as_ref().is_some_and(|points| points.len() > 10), "{projection:?}, {azimuth}");
+                assert_eq!(found, points(&everywhere), "{projection:?}, {azimuth}");
+            }
+        }
     }
 }

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use super::{LabelMap, Storage};
 use crate::number::{count, rounded, whole};
 use crate::parallel;
-use crate::volume::{BrickCache, Volume, VolumeError, Voxel, macrocells, with_voxels};
+use crate::volume::{BrickCache, Volume, VolumeError, cell_ranges, macrocells};
 
 pub use crate::volume::CELL;
 
@@ -39,9 +39,8 @@ impl Cells {
     #[must_use]
     pub fn new(volume: &Volume, storage: &Storage, labels: Option<&LabelMap>) -> Self {
         let grid = volume.geometry.dims;
-        let dims = macrocells(grid);
-        let ranges = with_voxels!(&volume.voxels, stored => ranges(stored, grid, dims, storage));
-        Self { dims, ranges, labelled: labelled(grid, labels) }
+        let ranges = cell_ranges(volume).into_iter().map(|(ends, has_nan)| normalised(ends, has_nan, storage));
+        Self { dims: macrocells(grid), ranges: ranges.collect(), labelled: labelled(grid, labels) }
     }
 
     /// The macrocells of the volume in `cache`, as of its voxels: their ranges are in the file.
@@ -57,13 +56,7 @@ impl Cells {
     ) -> Result<Self, VolumeError> {
         let dims = macrocells(grid);
         let mut ranges = Vec::with_capacity(dims.iter().product());
-        cache.each_cell(|ends, has_nan| {
-            // Without a finite number all voxels are NaN, which `storage` normalises to 0.
-            let ends = if ends[0] > ends[1] { [0.0; 2] } else { ends.map(|end| storage.normalised(end)) };
-            let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
-            // NaN becomes the low end, since `storage` normalises it like the smallest value.
-            ranges.push([rounded(if has_nan { 0.0 } else { low }), rounded(high)]);
-        })?;
+        cache.each_cell(|ends, has_nan| ranges.push(normalised(ends, has_nan, storage)))?;
         Ok(Self { dims, ranges, labelled: labelled(grid, labels) })
     }
 
@@ -118,6 +111,15 @@ impl Occupancy {
     }
 }
 
+/// The range of stored numbers of a macrocell as normalised by `storage`.
+fn normalised(ends: [f64; 2], has_nan: bool, storage: &Storage) -> [f32; 2] {
+    // Without a finite number all voxels are NaN, which `storage` normalises to 0.
+    let ends = if ends[0] > ends[1] { [0.0; 2] } else { ends.map(|end| storage.normalised(end)) };
+    let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+    // NaN becomes the low end, since `storage` normalises it like the smallest value.
+    [rounded(if has_nan { 0.0 } else { low }), rounded(high)]
+}
+
 /// Whether each macrocell of a volume of `grid` voxels has one with a visible label; none of them without `labels`.
 fn labelled(grid: [usize; 3], labels: Option<&LabelMap>) -> Vec<bool> {
     let dims = macrocells(grid);
@@ -135,38 +137,4 @@ fn touched(cell: usize, dims: [usize; 3], grid: [usize; 3]) -> [RangeInclusive<u
         let first = index[axis] * CELL;
         first.saturating_sub(1)..=(first + CELL + 1).min(grid[axis] - 1)
     })
-}
-
-fn ranges<T: Voxel>(stored: &[T], grid: [usize; 3], dims: [usize; 3], storage: &Storage) -> Vec<[f32; 2]> {
-    let cell_rows: Vec<Vec<[f32; 2]>> = parallel::map(dims[1] * dims[2], &|row| {
-        // Reduce the voxel rows of a row of macrocells to one row of ranges first: each voxel is read once per row
-        // of macrocells.
-        let [_, ys, zs] = touched(row * dims[0], dims, grid);
-        let mut columns: Vec<Option<[T; 2]>> = vec![None; grid[0]];
-        for z in zs {
-            for y in ys.clone() {
-                let line = &stored[grid[0] * (y + grid[1] * z)..][..grid[0]];
-                for (column, &value) in columns.iter_mut().zip(line) {
-                    // Only NaN is not equal to itself. It becomes the low end, since `storage` normalises it like
-                    // the smallest value.
-                    *column = match *column {
-                        None => Some([value, value]),
-                        Some([low, high]) => Some([
-                            if value < low || value.partial_cmp(&value).is_none() { value } else { low },
-                            if value > high || high.partial_cmp(&high).is_none() { value } else { high },
-                        ]),
-                    };
-                }
-            }
-        }
-        (0..dims[0])
-            .map(|cell| {
-                let [xs, ..] = touched(cell, dims, grid);
-                let ends = columns[xs].iter().flatten().flatten().map(|value| storage.normalised(value.to_f64()));
-                let (low, high) = ends.fold((1.0_f64, 0.0_f64), |(low, high), end| (low.min(end), high.max(end)));
-                [rounded(low), rounded(high)]
-            })
-            .collect()
-    });
-    cell_rows.concat()
 }

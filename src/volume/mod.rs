@@ -50,7 +50,9 @@ mod vti;
 mod vtk;
 mod zarr;
 
-pub use bricks::{BRICK, BrickCache, BrickLevel, BricksMade, CELL, CacheCounts, MakeError, brick_levels, macrocells};
+pub use bricks::{
+    BRICK, BrickCache, BrickLevel, BricksMade, CELL, CacheCounts, MakeError, brick_levels, cell_ranges, macrocells,
+};
 pub use coarse::{Finest, coarse_index, index_of_coarse};
 pub use error::VolumeError;
 pub use geometry::Geometry;

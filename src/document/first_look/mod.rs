@@ -635,8 +635,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
     } else {
         let depths = Depths::of(&terms(&shape, &opacities), geometry.spacing.min_element());
         let is_interpolated = !matches!(values.kind, Kind::Labels(_));
-        let seen = Seen { volume: at_hand, crop, is_interpolated };
-        fit::framed(&camera, &outline, seen, &depths)
+        fit::framed(&camera, &outline, &Seen::new(at_hand, crop, is_interpolated, depths))
     };
     let crop = crop.map(|[low, high]| {
         let of_block = |axis: usize, at: usize, end: usize| (at * block[axis] + end).min(geometry.dims[axis] - 1);

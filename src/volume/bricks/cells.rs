@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use crate::volume::{Voxel, VoxelType};
+use crate::parallel;
+use crate::volume::{Volume, Voxel, VoxelType, with_voxels};
 
 /// Voxels along an edge of a macrocell.
 pub const CELL: usize = 8;
@@ -23,6 +24,18 @@ pub(super) struct CellRanges<T> {
 #[must_use]
 pub fn macrocells(grid: [usize; 3]) -> [usize; 3] {
     grid.map(|n| n.saturating_sub(1).div_ceil(CELL).max(1))
+}
+
+/// Lowest and highest stored number of each macrocell of a volume in memory, x fastest, and whether a number is NaN: of the
+/// voxels that interpolation in it can touch, and one more on each side. The numbers are in the wrong order if all are NaN.
+#[must_use]
+pub fn cell_ranges(volume: &Volume) -> Vec<([f64; 2], bool)> {
+    let grid = volume.geometry.dims;
+    with_voxels!(&volume.voxels, stored => {
+        let CellRanges { ranges, has_nan, .. } = CellRanges::of(grid, stored);
+        let range = |[low, high]: [_; 2]| [Voxel::to_f64(low), Voxel::to_f64(high)];
+        ranges.into_iter().map(range).zip(has_nan).collect()
+    })
 }
 
 /// Macrocells along an axis of `n` whose range includes voxel `at`.
@@ -49,6 +62,20 @@ impl<T: Voxel> CellRanges<T> {
         let dims = macrocells(grid);
         let all = dims.iter().product();
         Self { dims, ranges: vec![Self::nothing(); all], has_nan: vec![false; all] }
+    }
+
+    /// The macrocells of a grid of `grid` voxels.
+    fn of(grid: [usize; 3], voxels: &[T]) -> Self {
+        let mut ranges = Self::new(grid);
+        let slice = grid[0] * grid[1];
+        // A few slices have room in the caches of processors.
+        let slabs: Vec<&[T]> = voxels.chunks(CELL * slice).collect();
+        let of_slab = |slab: usize| {
+            let dims = [grid[0], grid[1], slabs[slab].len() / slice];
+            BoxRanges::of(grid, [0, 0, CELL * slab], dims, slabs[slab])
+        };
+        parallel::map(slabs.len(), &of_slab).iter().for_each(|slab| ranges.join(slab));
+        ranges
     }
 
     /// The range of no number.
@@ -222,5 +249,7 @@ mod tests {
             boxed.join(&BoxRanges::of(grid, first, dims, &part));
         }
         assert!(boxed.to_bytes() == bytes);
+        // And in slabs.
+        assert!(CellRanges::of(grid, &voxels).to_bytes() == bytes);
     }
 }
