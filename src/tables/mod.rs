@@ -13,6 +13,7 @@ mod shadows;
 mod storage;
 mod thin_film;
 mod transfer;
+mod whole;
 
 pub use boxes::read_for_box;
 pub use bricks::{BRICK, BrickGrid, apron, slot_edge};

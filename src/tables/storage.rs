@@ -5,6 +5,7 @@ use std::convert::Infallible;
 use std::ops::Range;
 
 use super::boxes::{read_for_box, texels_of_box};
+use super::whole::WholeCodes;
 use crate::number::rounded;
 use crate::number::{count, readable, whole};
 use crate::parallel;
@@ -68,6 +69,8 @@ pub struct Storage {
     gradient_scale: [f64; 3],
     /// Factor from the length of that direction to the gradient magnitude.
     magnitude_scale: f64,
+    /// Codes of the stored numbers, if all are whole.
+    whole: Option<WholeCodes>,
 }
 
 const UNORM16: f64 = 65535.0;
@@ -160,6 +163,7 @@ impl Storage {
             difference_codes: [0.0; 3],
             gradient_scale: [0.0; 3],
             magnitude_scale: 0.0,
+            whole: None,
         };
         if gradient {
             storage.scale_differences(volume, largest)?;
@@ -170,6 +174,9 @@ impl Storage {
             let [scale, _] = storage.normalised_from_texel();
             storage.magnitude_scale = scale * (domain[1] - domain[0]) / (2.0 * spacing.min_element());
         }
+        let codes = [codes, storage.difference_codes[0]];
+        let is_even = storage.difference_codes.iter().all(|it| it.to_bits() == codes[1].to_bits());
+        storage.whole = WholeCodes::of(&storage, voxel_type, [slope, intercept], codes).filter(|_| is_even);
         Ok(storage)
     }
 
@@ -299,25 +306,30 @@ impl Storage {
     fn row<T: Voxel>(&self, grid: &Grid<'_, T>, row: usize, xs: Range<usize>, out: &mut [u8]) {
         let size = self.format.bytes();
         let first = xs.start;
-        match self.format {
-            VolumeFormat::R16Unorm => {
+        match (self.format, self.whole) {
+            (VolumeFormat::R16Unorm, Some(whole)) => whole.values(&grid.line(row)[xs], out),
+            (VolumeFormat::Rgba16Snorm, Some(whole)) => {
+                let (lines, one_sided) = grid.lines(row);
+                whole.gradients(lines, one_sided, xs, out);
+            }
+            (VolumeFormat::R16Unorm, None) => {
                 for (out, value) in out.chunks_exact_mut(size).zip(&grid.line(row)[xs]) {
                     let code = unsigned_code(self.normalised(value.to_f64()) * self.codes);
                     out.copy_from_slice(&code.to_ne_bytes());
                 }
             }
-            VolumeFormat::R32Float => {
+            (VolumeFormat::R32Float, _) => {
                 for (out, value) in out.chunks_exact_mut(size).zip(&grid.line(row)[xs]) {
                     out.copy_from_slice(&rounded(self.normalised(value.to_f64())).to_ne_bytes());
                 }
             }
-            VolumeFormat::Rgba16Snorm => grid.differences(self, row, xs, |x, value, difference| {
+            (VolumeFormat::Rgba16Snorm, None) => grid.differences(self, row, xs, |x, value, difference| {
                 let code = |axis: usize| signed_code(difference[axis] * self.difference_codes[axis]);
                 let value = signed_code(value * self.codes - SNORM16);
                 let texel = [code(0), code(1), code(2), value];
                 out[(x - first) * size..(x - first + 1) * size].copy_from_slice(bytemuck::bytes_of(&texel));
             }),
-            VolumeFormat::Rgba32Float => grid.differences(self, row, xs, |x, value, difference| {
+            (VolumeFormat::Rgba32Float, _) => grid.differences(self, row, xs, |x, value, difference| {
                 let code = |axis: usize| rounded(difference[axis] * self.difference_codes[axis]);
                 let texel = [code(0), code(1), code(2), rounded(value)];
                 out[(x - first) * size..(x - first + 1) * size].copy_from_slice(bytemuck::bytes_of(&texel));
@@ -443,26 +455,31 @@ impl<T: Voxel> Grid<'_, T> {
         &self.stored[row * self.dims[0]..(row + 1) * self.dims[0]]
     }
 
+    /// Row `row`, and those before and behind it along y and along z, with whether their differences are one-sided.
+    fn lines(&self, row: usize) -> ([&[T]; 5], [bool; 2]) {
+        let [_, ny, nz] = self.dims;
+        let (y, z) = (row % ny, row / ny);
+        let ([y0, y1], [z0, z1]) = (neighbours(y, ny), neighbours(z, nz));
+        let line = |y: usize, z: usize| self.line(y + ny * z);
+        ([line(y, z), line(y0, z), line(y1, z), line(y, z0), line(y, z1)], [y1 - y0 == 1, z1 - z0 == 1])
+    }
+
     /// Calls `with` for `xs` with x, the normalised value and the central differences v(i+1) − v(i−1) of normalised values along
     /// each axis; they are one-sided and doubled at the faces, and 0 along an axis of one voxel.
     fn differences(&self, storage: &Storage, row: usize, xs: Range<usize>, mut with: impl FnMut(usize, f64, [f64; 3])) {
-        let [nx, ny, nz] = self.dims;
-        let (y, z) = (row % ny, row / ny);
-        let pair = |i: usize, n: usize| -> (usize, usize, f64) {
-            let (before, after) = (i.saturating_sub(1), (i + 1).min(n - 1));
-            (before, after, if after - before == 1 { 2.0 } else { 1.0 })
-        };
-        let (y0, y1, y_factor) = pair(y, ny);
-        let (z0, z1, z_factor) = pair(z, nz);
+        let nx = self.dims[0];
         let near = xs.start.saturating_sub(1)..(xs.end + 1).min(nx);
         let first = near.start;
-        let line = |y: usize, z: usize| -> Vec<f64> {
-            self.line(y + ny * z)[near.clone()].iter().map(|value| storage.normalised(value.to_f64())).collect()
+        let (lines, one_sided) = self.lines(row);
+        let normalised = |line: &[T]| -> Vec<f64> {
+            line[near.clone()].iter().map(|value| storage.normalised(value.to_f64())).collect()
         };
-        let here = line(y, z);
-        let (below, above, behind, before) = (line(y0, z), line(y1, z), line(y, z0), line(y, z1));
+        let factor = |one_sided: bool| if one_sided { 2.0 } else { 1.0 };
+        let [here, below, above, behind, before] = lines.map(normalised);
+        let [y_factor, z_factor] = one_sided.map(factor);
         for x in xs {
-            let (x0, x1, x_factor) = pair(x, nx);
+            let [x0, x1] = neighbours(x, nx);
+            let x_factor = factor(x1 - x0 == 1);
             let (x, x0, x1) = (x - first, x0 - first, x1 - first);
             let difference = [
                 (here[x1] - here[x0]) * x_factor,
@@ -472,6 +489,11 @@ impl<T: Voxel> Grid<'_, T> {
             with(x + first, here[x], difference);
         }
     }
+}
+
+/// Places of the neighbours of `i` among `n`: itself at the ends.
+pub(super) fn neighbours(i: usize, n: usize) -> [usize; 2] {
+    [i.saturating_sub(1), (i + 1).min(n - 1)]
 }
 
 /// Stored volume on the host, decoded as on the device; the reference renderer reads it.

@@ -5,9 +5,11 @@ use crate::support;
 use std::sync::Arc;
 
 use glam::DVec3;
-use relume::scene::{Gradients, Interpolation, Scene, VolumeAs};
-use relume::tables::VolumeFormat;
-use relume::volume::{Volume, Voxels};
+use relume::plan::plan;
+use relume::progress::Quiet;
+use relume::scene::{Gradients, Interpolation, Scene, Shading, VolumeAs};
+use relume::tables::{Storage, VolumeFormat};
+use relume::volume::{Geometry, Volume, Voxels};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
 use support::tolerance::DEVICE_MEAN;
@@ -49,6 +51,65 @@ fn gradients_of_samples_around_are_those_of_the_device_and_of_the_reference() {
                 // Differences of neighbours cancel and lose their common digits.
                 assert!(mean <= 100.0 * DEVICE_MEAN, "{name}, {interpolation:?}: {mean}");
             });
+        }
+    }
+}
+
+/// In 16 bits, a stored whole number has a whole number of codes, and so has a difference: of the number ahead less that behind,
+/// or twice that to the nearest one at a face.
+#[test]
+fn texels_of_whole_numbers_are_whole_numbers_of_codes() {
+    let mut scene = scenes::named("diffuse_one");
+    scene.accuracy.gradients = Gradients::Packed;
+    let dims: [usize; 3] = [9, 5, 4];
+    // Scattered numbers from 0 to 180.
+    let numbers: Vec<u8> = (0..180).map(|index| u8::try_from(index * 7919 % 181).unwrap()).collect();
+    let wide: Vec<u16> = numbers.iter().map(|&number| 30_000 + 80 * u16::from(number)).collect();
+    let signed: Vec<i16> = numbers.iter().map(|&number| 5 * i16::from(number) - 400).collect();
+    for voxels in [Voxels::U8(numbers), Voxels::U16(wide), Voxels::I16(signed)] {
+        let stored: Vec<f64> = (0..180).map(|index| voxels.value(index).unwrap()).collect();
+        let (least, most) = match voxels {
+            Voxels::U8(_) => (0.0, 255.0),
+            _ => (stored.iter().copied().fold(f64::MAX, f64::min), stored.iter().copied().fold(f64::MIN, f64::max)),
+        };
+        let mut volume = Volume::new("whole", voxels, Geometry::unit("whole", dims).unwrap()).unwrap();
+        for (slope, intercept) in [(1.0, 0.0), (-0.3, 1024.0), (1e-4, -1.0)] {
+            (volume.slope, volume.intercept) = (slope, intercept);
+            let lowest = if slope > 0.0 { least } else { most };
+            let per_number = |codes: f64| (codes / (most - least)).floor() * slope.signum();
+            let [of_value, of_value_alone, of_difference] = [65534.0, 65535.0, 32767.0 / 2.0].map(per_number);
+            let at = |place: [usize; 3]| stored[place[0] + dims[0] * (place[1] + dims[1] * place[2])];
+            let mut texels: [Vec<[f64; 4]>; 2] = [Vec::new(), Vec::new()];
+            for (index, &number) in stored.iter().enumerate() {
+                let place = [index % dims[0], index / dims[0] % dims[1], index / (dims[0] * dims[1])];
+                let difference = |axis: usize| {
+                    let (mut behind, mut ahead) = (place, place);
+                    behind[axis] = place[axis].saturating_sub(1);
+                    ahead[axis] = (place[axis] + 1).min(dims[axis] - 1);
+                    let factor = if ahead[axis] - behind[axis] == 1 { 2.0 } else { 1.0 };
+                    factor * of_difference * (at(ahead) - at(behind))
+                };
+                let [x, y, z] = [0, 1, 2].map(difference);
+                texels[0].push([x, y, z, of_value.mul_add(number - lowest, -32767.0)]);
+                texels[1].push([of_value_alone * (number - lowest), 0.0, 0.0, 0.0]);
+            }
+            for (shading, texels) in [Shading::Gradient, Shading::None].into_iter().zip(texels) {
+                scene.shading = shading;
+                let storage = Storage::new(&plan(&scene, &Quiet).unwrap().plan, &volume, &volume.statistics().unwrap());
+                let bytes = storage.slab(&volume, 0..dims[2]);
+                let found: Vec<[f64; 4]> = match storage.format {
+                    VolumeFormat::Rgba16Snorm => {
+                        let code = |bytes: &[u8]| f64::from(i16::from_ne_bytes(bytes.try_into().unwrap()));
+                        bytes.chunks(8).map(|texel| [0, 2, 4, 6].map(|at| code(&texel[at..at + 2]))).collect()
+                    }
+                    VolumeFormat::R16Unorm => {
+                        let code = |bytes: &[u8]| f64::from(u16::from_ne_bytes(bytes.try_into().unwrap()));
+                        bytes.chunks(2).map(|texel| [code(texel), 0.0, 0.0, 0.0]).collect()
+                    }
+                    other => panic!("whole numbers have 16 bits, not {other:?}"),
+                };
+                assert_eq!(found, texels, "{:?} · {slope} + {intercept}", volume.voxels.voxel_type());
+            }
         }
     }
 }
