@@ -115,7 +115,11 @@ pub(crate) fn machine_rows(renderer: &Renderer, edge: usize) -> Result<Vec<Machi
             let collected = PICTURE_BYTES * count(SIDE * SIDE) * others / count(machines);
             // Announced rectangles, in rounds that double what is known.
             let announced = count(machines).log2().ceil() * latency + 56.0 * others / bandwidth;
-            announced + exchanges * messages * latency + sent_bytes / bandwidth + others * latency + collected / bandwidth
+            announced
+                + exchanges * messages * latency
+                + sent_bytes / bandwidth
+                + others * latency
+                + collected / bandwidth
         });
         // All nodes of the tree over the rows of a machine, as they are composited.
         let composite = over * count(machines - 1) * count(SIDE * SIDE) / count(machines);

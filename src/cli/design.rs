@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use relume::document::design::BACKGROUND;
 use relume::document::{Source, session};
 use relume::measure::Stopwatch;
 use relume::output::page::escaped;
@@ -92,11 +93,41 @@ fn warn_of_old_lights(scene: &Path, text: &str, palette: &Palette) {
     let old: Vec<&str> = lights.keys().map(String::as_str).filter(|name| !named(name)).collect();
     if has_new && !old.is_empty() {
         tracing::warn!(
-            "{}: [palette.lights] does not have {}, which keep the spectra that they had; remove their tables of [lights] \
-             if the palette replaces them",
+            "{}: [palette.lights] does not have {}: what [lights] has and the palette does not keeps its spectrum; remove its table \
+             if the palette replaces it",
             scene.display(),
             old.join(", ")
         );
+    }
+}
+
+/// Warns of materials of the palette that nothing in the scene `table` shows: most likely they were renamed in the palette alone.
+fn warn_of_unshown(scene: &Path, table: &toml::Table, palette: &Palette) {
+    let mut shown = Vec::new();
+    for list in ["transfer", "labels"] {
+        names_of_materials(table.get(list), false, &mut shown);
+    }
+    let is_unshown = |name: &&str| *name != BACKGROUND && !shown.contains(name);
+    let unshown: Vec<&str> = palette.materials.iter().map(|row| row.name.as_str()).filter(is_unshown).collect();
+    if !shown.is_empty() && !unshown.is_empty() {
+        tracing::warn!(
+            "{}: no interval and no label has the material {}; a material that is renamed in [palette] has the new name in \
+             [transfer] or [labels] and in [materials] too",
+            scene.display(),
+            unshown.join(" or ")
+        );
+    }
+}
+
+/// Adds the names in the values of all keys `material` of a part of a scene; of the part itself if `is_material`.
+fn names_of_materials<'a>(part: Option<&'a toml::Value>, is_material: bool, found: &mut Vec<&'a str>) {
+    match part {
+        Some(toml::Value::String(name)) if is_material => found.push(name),
+        Some(toml::Value::Array(parts)) => parts.iter().for_each(|it| names_of_materials(Some(it), is_material, found)),
+        Some(toml::Value::Table(parts)) => {
+            parts.iter().for_each(|(key, it)| names_of_materials(Some(it), is_material || key == "material", found));
+        }
+        _ => {}
     }
 }
 
@@ -122,6 +153,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         return Err(CliError::Usage(format!(
             "--save-scene is for a scene with a [palette], and {palette} is a palette; use -o"
         )));
+    }
+    if let Some(table) = &scene {
+        warn_of_unshown(&args.palette, table, &palette);
     }
     let clock = Stopwatch::start();
     let solution = palette::solve(&palette, progress)?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use serde_json::{Map, json};
 
-use relume::document::{SceneFile, Source, State, is_other_text, session};
+use relume::document::{SceneFile, Source, State, is_no_scene, session};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::annotate::{Frame, Overlay};
 use relume::internal::memory;
@@ -286,8 +286,8 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     outputs.extend(args.accumulators.iter().chain(&args.spectral).chain(&args.save_scene));
     // A part of an animation may have no picture.
     if pictures.is_empty() && outputs.is_empty() {
-        // A volume would have had a default output: a missing file, and a text that is no scene, are told to be that.
-        if args.scene.scene.as_ref().is_some_and(|path| !path.exists() || is_other_text(path)) {
+        // A volume would have had a default output: a missing file, and one that is no scene, are told to be that.
+        if args.scene.scene.as_ref().is_some_and(|path| !path.exists() || is_no_scene(path)) {
             source.read(&Quiet)?;
         }
         return Err(CliError::Usage(

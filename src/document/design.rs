@@ -17,7 +17,7 @@ use crate::spectrum::colour::{Xyz, ciede2000, d65_white, display_code, lab_from_
 use crate::spectrum::{Light, Reflectance, Spectrum};
 
 /// Row name of the background.
-pub(super) const BACKGROUND: &str = "background";
+pub const BACKGROUND: &str = "background";
 
 /// A side of the palette's matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -33,7 +33,7 @@ pub use history::Document;
 pub use light_request::{LightRequest, requested};
 pub use mixing::{LightState, Mixing, Slider};
 pub use session::SessionError;
-pub use source::{OpenError, Question, Source, Unknown, is_other_text, is_sidecar};
+pub use source::{OpenError, Question, Source, Unknown, is_no_scene, is_sidecar};
 pub use state::{BRIGHTEST, Edit, STEPS, State, THINNEST, polygon, reset_nodes};
 
 use crate::scene::{Mix, Scene};

@@ -607,8 +607,12 @@ fn mix(light: &LightState, dial: &Dial, scene: &Scene, dark: &BTreeSet<String>) 
     table.insert("by", value(if light.mixing == Mixing::Dial { "dial" } else { "sliders" }));
     let under = dial.nodes.iter().find(|node| node.place == light.hand);
     table.insert("hand", under.map_or_else(|| value(point(light.hand)), |node| value(&node.light)));
-    let weights = of_lights().map(|(name, slider)| (name, Value::from(slider.weight)));
-    table.insert("weights", value(weights.collect::<InlineTable>()));
+    // Lights that are not listed have a weight of 1, so that they can be renamed and removed.
+    let moved = of_lights().filter(|(_, slider)| slider.weight.to_bits() != 1.0_f64.to_bits());
+    let weights: InlineTable = moved.map(|(name, slider)| (name, Value::from(slider.weight))).collect();
+    if !weights.is_empty() {
+        table.insert("weights", value(weights));
+    }
     table.insert("off", value(names(of_lights().filter(|(_, slider)| !slider.on).map(|(name, _)| name))));
     let lit = of_lights().filter(|(name, slider)| slider.on && dark.contains(*name)).map(|(name, _)| name);
     table.insert("on", value(names(lit)));

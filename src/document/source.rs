@@ -249,10 +249,10 @@ pub fn is_sidecar(path: &Path) -> bool {
 
 /// True for a text that is not TOML, by its name and its content.
 #[must_use]
-pub fn is_other_text(path: &Path) -> bool {
+pub fn is_no_scene(path: &Path) -> bool {
     let is_toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
     let text = input::read(path, LONGEST_TOML).ok().and_then(|bytes| String::from_utf8(bytes).ok());
-    !is_toml && text.is_some_and(|text| text.parse::<toml::Table>().is_err())
+    !is_toml && text.is_none_or(|text| text.parse::<toml::Table>().is_err())
 }
 
 /// Error for the file `path`, which is not readable as a scene. A file that is not text, too long for a scene, or a text
@@ -260,7 +260,7 @@ pub fn is_other_text(path: &Path) -> bool {
 fn no_scene(path: &Path, error: SceneError) -> OpenError {
     let is_all_of_it =
         matches!(error, SceneError::IsVolume { .. } | SceneError::TooLong { .. } | SceneError::NoText { .. });
-    if !(is_all_of_it || matches!(error, SceneError::Invalid { .. }) && is_other_text(path)) {
+    if !(is_all_of_it || matches!(error, SceneError::Invalid { .. }) && is_no_scene(path)) {
         return error.into();
     }
     match volume::open(path, &Selection::default(), &Quiet) {

@@ -203,7 +203,7 @@ fn an_edited_cell_of_a_solved_palette_is_not_ignored_in_silence() {
     assert_eq!(warning("a.toml").matches("palette.cells").count(), 0, "nothing was edited");
     let (before, after) = scene.split_once("day = \"#").unwrap();
     let edited = format!("{before}day = \"#3060ff{}", &after[6..]);
-    std::fs::write(folder.path("b.toml"), edited).unwrap();
+    std::fs::write(folder.path("b.toml"), &edited).unwrap();
     let warning = warning("b.toml");
     for word in ["palette.cells", "under day", "#3060ff", "relume design"] {
         assert!(warning.contains(word), "no {word} in {warning}");
@@ -249,7 +249,7 @@ fn a_light_that_is_renamed_in_the_palette_shines_from_where_the_others_do() {
     let (before, palette) = scene.split_at(scene.find("[palette").unwrap());
     let (palette, after) = palette.split_at(palette.find("[materials").unwrap_or(palette.len()));
     let edited = format!("{before}{}{after}", palette.replace(name.as_str(), "for_core"));
-    std::fs::write(folder.path("b.toml"), edited).unwrap();
+    std::fs::write(folder.path("b.toml"), &edited).unwrap();
     let outcome = folder.done(&["design", "b.toml", "--save-scene", "c.toml"]);
     assert!(outcome.err.contains(&format!("[palette.lights] does not have {name}")), "{}", outcome.err);
     let solved: toml::Table = std::fs::read_to_string(folder.path("c.toml")).unwrap().parse().unwrap();
@@ -258,6 +258,28 @@ fn a_light_that_is_renamed_in_the_palette_shines_from_where_the_others_do() {
     for key in ["kind", "direction", "position", "shadows"] {
         assert_eq!(core.get(key), day.get(key), "{key}");
     }
+    // Its old table may be removed, as the warning says: nothing else names the light.
+    let (kept, removed) = edited.split_at(edited.find(&format!("[lights.{name}]")).unwrap());
+    let behind = removed.match_indices("\n[").map(|(at, _)| &removed[at + 1..]);
+    let rest = behind.into_iter().find(|rest| !rest.starts_with(&format!("[lights.{name}."))).unwrap();
+    std::fs::write(folder.path("d.toml"), format!("{kept}{rest}")).unwrap();
+    let quiet = folder.done(&["design", "d.toml", "--save-scene", "e.toml"]).err;
+    assert!(!quiet.contains("[palette.lights]"), "{quiet}");
+    folder.done(&["render", "e.toml", "--light", "for_core", "--size", "8x8", "-o", "e.png"]);
+}
+
+#[test]
+fn a_material_that_is_renamed_in_the_palette_alone_is_told() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    folder.done(&["render", "ball.nrrd", "--size", "8x8", "-o", "a.png", "--save-scene", "a.toml"]);
+    let scene = std::fs::read_to_string(folder.path("a.toml")).unwrap();
+    let quiet = folder.done(&["design", "a.toml", "--save-scene", "b.toml"]).err;
+    assert!(!quiet.contains("no interval"), "{quiet}");
+    let (before, palette) = scene.split_at(scene.find("[palette").unwrap());
+    let (palette, after) = palette.split_at(palette.find("[materials").unwrap_or(palette.len()));
+    std::fs::write(folder.path("c.toml"), format!("{before}{}{after}", palette.replace("solid", "bone"))).unwrap();
+    let warned = folder.done(&["design", "c.toml", "--save-scene", "d.toml"]).err;
+    assert!(warned.contains("no interval and no label has the material bone; a material that is renamed"), "{warned}");
 }
 
 #[test]
@@ -291,6 +313,8 @@ fn a_picture_without_a_name_takes_the_volumes_and_keeps_what_is_there() {
     assert!(outcome.out.starts_with("wrote ball-2.png"), "{}", outcome.out);
     assert_eq!(std::fs::read(folder.path("ball.png")).unwrap(), b"mine");
     folder.refused(2, &["render", "scene.toml"], &["no output"]);
+    // A picture is told to be one, and not that it lacks an output.
+    folder.refused(1, &["render", "ball-2.png"], &["ball-2.png", "PNG picture"]);
 }
 
 #[test]
