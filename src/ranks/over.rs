@@ -5,7 +5,6 @@ use std::ops::Range;
 
 use super::{Ranks, all_gather, numbers, numbers_of, share_of};
 use crate::film::{Film, Rectangle, composited};
-use crate::memory::prefer_large_pages;
 use crate::scene::Node;
 
 /// Rows of the film that a process owns after [`over`], and what it sent for them.
@@ -134,7 +133,6 @@ pub fn over<E>(
     let (width, rank) = (shape.size[0], ranks.rank());
     let rows = rows_of(rank);
     let Some(mut film) = shape.of_no_medium([width, rows.len()]) else { return Ok(None) };
-    prefer_large_pages(&mut film.accumulators);
     let numbers = (shape.accumulators.len() + shape.transmittance.len()) / shape.pixels().max(1);
     let step = (BYTES_AT_ONCE / (4 * numbers * width).max(1)).max(1);
     let (mut outgoing, mut received) = (vec![Vec::new(); ranks.count()], Vec::new());
