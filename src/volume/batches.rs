@@ -1,4 +1,4 @@
-//! Parts of a volume decoded in parallel, each straight into its place.
+//! Parts of a volume decoded, each straight into its place; in parallel where that takes less time.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,8 +13,19 @@ use crate::progress::Progress;
 /// Bytes of voxels that are allocated before anything is decoded. Later, as many as have been decoded.
 const BATCH: usize = 32 << 20;
 
-/// Most divisions of the parts of a batch for each thread: where parts take different times, and where they are copied.
-const DIVISIONS: [usize; 2] = [8, 2];
+/// Most divisions of the parts of a batch for each thread: parts take different times.
+const DIVISIONS: usize = 8;
+
+/// How files keep voxels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kept {
+    /// Compressed.
+    Packed,
+    /// Uncompressed; the lengths of the files prove that they hold the voxels.
+    Plain,
+    /// As they are in memory, in one file.
+    AsTheyAre,
+}
 
 /// A part: adjacent voxels that one thread decodes.
 pub(super) struct Part<'a, P> {
@@ -42,16 +53,17 @@ pub(super) trait Decode<P>: Sync {
 
 /// Decodes `parts`, which have `all` voxels, one behind the other.
 ///
-/// Memory grows as parts are decoded, so that a header alone allocates little; if the voxels `are_there`, uncompressed,
-/// it is allocated at once. Of several errors, the first part's is returned.
+/// Memory grows as parts are decoded, so that a header alone allocates little; for uncompressed voxels it is allocated at
+/// once. Of several errors, the first part's is returned.
 pub(super) fn read<'a, P: Send, D: Decode<P>>(
     decode: &D,
     parts: impl Iterator<Item = Part<'a, P>>,
     all: usize,
-    are_there: bool,
+    kept: Kept,
     progress: &dyn Progress,
 ) -> Result<Vec<D::Voxel>, VolumeError> {
     let size = size_of::<D::Voxel>();
+    let are_there = kept != Kept::Packed;
     let done = Done { bytes: AtomicU64::new(0), all: count(all).saturating_mul(count(size)), progress };
     let mut voxels: Vec<D::Voxel> = Vec::new();
     let mut there = 0;
@@ -89,12 +101,17 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
             decode.decode(scratch, &part.part, place)?;
             done.add(part.path, size_of_val(place))
         };
-        // Every division has a scratch of its own, which may open a file.
-        let divisions = DIVISIONS[usize::from(are_there)] * rayon::current_num_threads();
-        let least = places.len() / divisions;
-        let places = places.into_par_iter().with_min_len(least.max(1));
-        let results: Vec<Result<(), VolumeError>> = places.map_init(|| decode.scratch(), one).collect();
-        results.into_iter().collect::<Result<(), _>>()?;
+        if kept == Kept::AsTheyAre {
+            // Several threads would share the bandwidth of the memory, and take more CPU time.
+            let mut scratch = decode.scratch();
+            places.into_iter().try_for_each(|place| one(&mut scratch, place))?;
+        } else {
+            // Every division has a scratch of its own, which may open a file.
+            let least = places.len() / (DIVISIONS * rayon::current_num_threads());
+            let places = places.into_par_iter().with_min_len(least.max(1));
+            let results: Vec<Result<(), VolumeError>> = places.map_init(|| decode.scratch(), one).collect();
+            results.into_iter().collect::<Result<(), _>>()?;
+        }
         there += more;
     }
     Ok(voxels)

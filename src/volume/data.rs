@@ -1,5 +1,6 @@
 //! Decoding of data files to voxels, slab by slab.
 
+use std::fmt;
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -46,14 +47,14 @@ pub(super) fn beside(header: &Path, name: &str) -> Result<PathBuf, VolumeError> 
 }
 
 /// Refuses axes with more numbers in total than can be addressed.
-pub(super) fn check_size(source: &str, axes: &[usize]) -> Result<(), VolumeError> {
+pub(super) fn check_size(source: impl fmt::Display, axes: &[usize]) -> Result<(), VolumeError> {
     // Eight bytes per number must be addressable, whatever the type.
     let bytes = axes.iter().try_fold(8_usize, |product, &n| product.checked_mul(n));
     if !axes.contains(&0) && bytes.is_some_and(|bytes| isize::try_from(bytes).is_ok()) {
         return Ok(());
     }
     let dims: Vec<String> = axes.iter().map(ToString::to_string).collect();
-    Err(VolumeError::Dims { source_name: source.to_owned(), dims: dims.join("×") })
+    Err(VolumeError::Dims { source_name: source.to_string(), dims: dims.join("×") })
 }
 
 /// Description of the stored voxels; the files are concatenated.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::batches::{self, Decode, Part};
+use super::batches::{self, Decode, Kept, Part};
 use super::data::Listing;
 use super::several::{Series, Several};
 use super::tiff::{self, Picture, Sample, Stack};
@@ -307,7 +307,7 @@ impl<'a> Slices<'a> {
         let voxels = self.picture.width * self.picture.height;
         let parts = self.paths.iter().map(|path| Part { part: path.as_path(), voxels, path });
         let pictures = Pictures::<T> { picture: self.picture, component, voxel: PhantomData };
-        batches::read(&pictures, parts, voxels * self.paths.len(), false, progress)
+        batches::read(&pictures, parts, voxels * self.paths.len(), Kept::Packed, progress)
     }
 }
 

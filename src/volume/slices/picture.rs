@@ -83,7 +83,7 @@ pub(super) fn picture(path: &Path) -> Result<Picture, VolumeError> {
     });
     let picture = read.map_err(|source| damaged(path, format, source))?;
     let Picture { width, height, samples, sample, .. } = picture;
-    crate::volume::data::check_size(&path.display().to_string(), &[width, height, samples])?;
+    crate::volume::data::check_size(path.display(), &[width, height, samples])?;
     let expected = count(width * height * samples * sample.voxel_type().bytes());
     let limit = format.packing();
     if expected > length.saturating_mul(limit) {

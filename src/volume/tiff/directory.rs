@@ -280,7 +280,7 @@ impl Tiff {
     }
 
     /// Counts values that are read one by one, because many pages may share them.
-    pub(super) fn spend(&mut self, entry: Entry, place: &str) -> Result<(), VolumeError> {
+    pub(super) fn spend(&mut self, entry: Entry, place: impl fmt::Display + Copy) -> Result<(), VolumeError> {
         self.values = self.values.saturating_add(self.inside(entry, place)?);
         // A page may have one array for two of its tags.
         if self.values <= self.length.saturating_mul(2) {
@@ -302,7 +302,12 @@ impl Tiff {
     }
 
     /// Value `index` of `entry` as a whole number; `None` past the end and for numbers of another type.
-    pub(super) fn whole(&mut self, entry: Entry, index: u64, place: &str) -> Result<Option<u64>, VolumeError> {
+    pub(super) fn whole(
+        &mut self,
+        entry: Entry,
+        index: u64,
+        place: impl fmt::Display,
+    ) -> Result<Option<u64>, VolumeError> {
         let Some(one) = entry.one(index) else { return Ok(None) };
         let size = self.inside(one, place)?;
         let mut bytes = [0; 8];

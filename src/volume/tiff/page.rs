@@ -264,9 +264,22 @@ pub(super) struct Reading<'a> {
     pub(super) directory: &'a Directory,
 }
 
+/// A tag of a page for messages: many pages have many tags, and nearly all are right.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    page: usize,
+    name: &'a str,
+}
+
+impl fmt::Display for Place<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "page {}, {}", self.page, self.name)
+    }
+}
+
 impl Reading<'_> {
-    fn place(&self, name: &str) -> String {
-        format!("page {}, {name}", self.directory.page)
+    fn place<'n>(&self, name: &'n str) -> Place<'n> {
+        Place { page: self.directory.page, name }
     }
 
     fn wrong(&self, name: &str, problem: String) -> VolumeError {
@@ -277,7 +290,7 @@ impl Reading<'_> {
     fn whole(&mut self, tag: u16, name: &str) -> Result<Option<u64>, VolumeError> {
         let Some(entry) = self.directory.find(tag) else { return Ok(None) };
         let place = self.place(name);
-        let value = self.tiff.whole(entry, 0, &place)?;
+        let value = self.tiff.whole(entry, 0, place)?;
         match value {
             Some(value) => Ok(Some(value)),
             None => Err(self.wrong(name, "the tag has no whole number".to_owned())),
@@ -327,10 +340,10 @@ impl Reading<'_> {
         let Some(entry) = self.directory.find(tag) else { return Ok(first) };
         let place = self.place(name);
         if entry.count.min(samples) > 1 {
-            self.tiff.spend(entry, &place)?;
+            self.tiff.spend(entry, place)?;
         }
         for index in 1..entry.count.min(samples) {
-            let other = self.tiff.whole(entry, index, &place)?;
+            let other = self.tiff.whole(entry, index, place)?;
             if other != Some(first) {
                 let other = other.unwrap_or(0);
                 return Err(self.wrong(
@@ -433,8 +446,8 @@ impl Reading<'_> {
             let rows = rows.ok_or_else(|| self.wrong("RowsPerStrip", "0 rows".to_owned()))?;
             [width, rows.min(height)]
         };
-        data::check_size(&self.tiff.path.display().to_string(), &[chunk[0], chunk[1], samples])?;
-        data::check_size(&self.tiff.path.display().to_string(), &[width, height, samples])?;
+        data::check_size(self.tiff.path.display(), &[chunk[0], chunk[1], samples])?;
+        data::check_size(self.tiff.path.display(), &[width, height, samples])?;
         Ok(Coding { picture, compression, predictor, is_planar, chunk, is_tiled })
     }
 
@@ -482,8 +495,8 @@ impl Reading<'_> {
         let (mut first, mut end) = (None, 0);
         for strip in 0..down {
             let wanted = count(coding.row_bytes() * coding.rows(strip));
-            let at = self.tiff.next_whole(0, offsets, count(strip), &place)?;
-            let stated = bytes.map(|bytes| self.tiff.next_whole(1, bytes, count(strip), &place)).transpose()?;
+            let at = self.tiff.next_whole(0, offsets, count(strip), place)?;
+            let stated = bytes.map(|bytes| self.tiff.next_whole(1, bytes, count(strip), place)).transpose()?;
             let follows = at.is_some_and(|at| first.is_none() || at == end);
             let (Some(at), true) = (at, follows && stated.is_none_or(|stated| stated == Some(wanted))) else {
                 return Ok((coding, chunks));

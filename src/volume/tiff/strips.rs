@@ -13,7 +13,7 @@ use weezl::BitOrder;
 use super::directory::{Entry, Tiff};
 use super::page::{Chunks, Coding, Compression, GROUP, Page, Predictor, Sample};
 use crate::progress::Progress;
-use crate::volume::batches::{self, Decode, Part};
+use crate::volume::batches::{self, Decode, Kept, Part};
 use crate::volume::data::SLAB_BYTES;
 use crate::volume::guard::guarded;
 use crate::volume::stream::{PackBits, count, read_fully};
@@ -119,8 +119,13 @@ impl Stack {
     fn read_by<D: Decode<Band>>(&self, decode: &D, progress: &dyn Progress) -> Result<Vec<D::Voxel>, VolumeError> {
         self.check_lengths()?;
         let all = self.pages.iter().map(|page| page.picture().width * page.picture().height).sum();
-        let is_plain = self.pages.iter().all(|page| page.coding.compression == Compression::None);
-        batches::read(decode, self.bands(), all, is_plain, progress)
+        let every = |is: fn(&Coding) -> bool| self.pages.iter().all(|page| is(&page.coding));
+        let kept = match self.paths.len() {
+            1 if every(Coding::is_as_it_is) => Kept::AsTheyAre,
+            _ if every(|coding| coding.compression == Compression::None) => Kept::Plain,
+            _ => Kept::Packed,
+        };
+        batches::read(decode, self.bands(), all, kept, progress)
     }
 }
 

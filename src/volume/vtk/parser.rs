@@ -108,7 +108,7 @@ impl<'a> Parser<'a> {
         for side in &mut dims {
             *side = self.number("DIMENSIONS needs three whole numbers")?;
         }
-        data::check_size(&self.path.display().to_string(), &dims)?;
+        data::check_size(self.path.display(), &dims)?;
         Ok(dims)
     }
 
