@@ -26,11 +26,7 @@ impl ColourModel {
             spectra: clouds().flat_map(|cloud| cloud.spectra.iter().cloned()).collect(),
             vectors: clouds().flat_map(|cloud| self.stored_vectors_of(cloud)).collect(),
         };
-        let errors = self.lights.par_iter().map(|(_, light, matrix)| self.unseen_error(light, &matrix.xyz));
-        let errors: Vec<Option<ErrorSummary>> = errors.collect();
-        for ((.., matrix), error) in self.lights.iter_mut().zip(errors) {
-            matrix.unseen = error;
-        }
+        self.measure_unseen(0, false);
         Ok(())
     }
 
@@ -42,16 +38,34 @@ impl ColourModel {
     ///
     /// [`ModelError::NotFinite`] when the light, or the cloud of stored parts, leads to numbers that are not finite.
     pub fn learn(&mut self, name: &str, light: &Light) -> Result<(), ModelError> {
-        if self.lights.iter().any(|(_, known, _)| known == light) {
-            return Ok(());
+        self.learn_all(&[(name, light)])
+    }
+
+    /// [`Self::learn`] for several lights, one after another.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::learn`]; the model then learns none of them.
+    pub fn learn_all(&mut self, lights: &[(&str, &Light)]) -> Result<(), ModelError> {
+        let planned = self.lights.len();
+        let mut new: Vec<(&str, &Light)> = Vec::new();
+        for &(name, light) in lights {
+            let mut known = self.lights.iter().map(|(_, known, _)| known).chain(new.iter().map(|&(_, known)| known));
+            if !known.any(|known| known == light) {
+                new.push((name, light));
+            }
         }
-        let mut matrix = self.fitted(light);
-        matrix.unseen = self.unseen_error(light, &matrix.xyz);
-        let worst = matrix.worst();
-        if !worst.max.is_finite() || !matrix.xyz.iter().flatten().all(|part| part.is_finite()) {
+        let fitted = new.par_iter().map(|&(name, light)| (name.to_owned(), light.clone(), self.fitted(light)));
+        let fitted: Vec<(String, Light, LightMatrix)> = fitted.collect();
+        self.lights.extend(fitted);
+        self.measure_unseen(planned, true);
+        let is_finite = |(.., matrix): &(String, Light, LightMatrix)| {
+            matrix.worst().max.is_finite() && matrix.xyz.iter().flatten().all(|part| part.is_finite())
+        };
+        if !self.lights[planned..].iter().all(is_finite) {
+            self.lights.truncate(planned);
             return Err(ModelError::NotFinite);
         }
-        self.lights.push((name.to_owned(), light.clone(), matrix));
         Ok(())
     }
 
@@ -70,11 +84,7 @@ impl ColourModel {
         for ((.., matrix), fitted) in model.lights.iter_mut().zip(fitted) {
             *matrix = fitted;
         }
-        let errors = model.lights.par_iter().map(|(_, light, matrix)| model.unseen_error(light, &matrix.xyz));
-        let errors: Vec<Option<ErrorSummary>> = errors.collect();
-        for ((.., matrix), error) in model.lights.iter_mut().zip(errors) {
-            matrix.unseen = error;
-        }
+        model.measure_unseen(0, false);
         if model.is_finite() { Ok(model) } else { Err(ModelError::NotFinite) }
     }
 
@@ -128,29 +138,51 @@ impl ColourModel {
         unseen.of(ways.into_iter().map(|(_, way)| way).collect())
     }
 
-    /// ΔE00 under `light` on the spectra not used in the fit, for the colour matrix `xyz`; `None` if there are no such
-    /// spectra.
+    /// Measures the errors of the lights from index `first` on, on the spectra not used in the fit, if there are any.
     ///
-    /// For lights from several positions, it includes sums of a spectrum under this light and another spectrum, as
-    /// bright or darker, under each other light of the model: the same error is more visible where the sum has less
-    /// colour than its parts.
-    fn unseen_error(&self, light: &Light, xyz: &[[f64; 3]]) -> Option<ErrorSummary> {
+    /// For lights from several positions, these include sums of a spectrum under a light and another spectrum, as
+    /// bright or darker, under each other light of the model (of those before it if `only_before`): the same error is
+    /// more visible where the sum has less colour than its parts.
+    fn measure_unseen(&mut self, first: usize, only_before: bool) {
         const SEED: u64 = 4;
         const PARTNERS: usize = 4;
         let Samples { spectra, vectors } = &self.unseen;
-        let target = Target::new(spectra, light, self.observer);
-        let mut errors = target.errors(vectors, xyz);
-        for (_, other, matrix) in self.lights.iter().filter(|(_, other, _)| self.mixed && other != light) {
-            let beside = Target::new(spectra, other, self.observer);
-            let mut random = Random::new(SEED);
-            for (index, vector) in (0..PARTNERS).flat_map(|_| vectors.iter().enumerate()) {
-                let (partner, share) = (random.index(spectra.len()), random.between_magnitudes(0.02, 1.0));
-                let sum =
-                    |one: [f64; 3], two: [f64; 3]| std::array::from_fn(|axis| share.mul_add(two[axis], one[axis]));
-                let made = sum(target::colour(xyz, vector), target::colour(&matrix.xyz, &vectors[partner]));
-                errors.push(target::difference(made, sum(target.xyz[index], beside.xyz[partner])));
-            }
+        if spectra.is_empty() {
+            self.lights[first..].iter_mut().for_each(|(.., matrix)| matrix.unseen = None);
+            return;
         }
-        (!spectra.is_empty()).then(|| ErrorSummary::of(&errors))
+        let mut random = Random::new(SEED);
+        let pairs = (0..PARTNERS).flat_map(|_| 0..vectors.len());
+        // The same for each pair of lights.
+        let pairs = pairs.map(|index| (index, random.index(spectra.len()), random.between_magnitudes(0.02, 1.0)));
+        let pairs: Vec<(usize, usize, f64)> = if self.mixed { pairs.collect() } else { Vec::new() };
+        // Exact and modelled colours of the lights that are needed.
+        let needed = &self.lights[if self.mixed { 0 } else { first }..];
+        let seen = needed.par_iter().map(|(_, light, matrix)| {
+            let made = vectors.iter().map(|vector| target::colour(&matrix.xyz, vector));
+            (Target::new(spectra, light, self.observer), made.collect())
+        });
+        let seen: Vec<(Target, Vec<[f64; 3]>)> = seen.collect();
+        let of_light = |index: usize| {
+            let (exact, made) = &seen[index];
+            let mut errors: Vec<f64> = made.iter().enumerate().map(|(one, &made)| exact.error(one, made)).collect();
+            let others = 0..if only_before { index } else { needed.len() };
+            for other in others.filter(|&other| self.mixed && needed[other].1 != needed[index].1) {
+                let (beside, made_beside) = &seen[other];
+                errors.extend(pairs.iter().map(|&(one, partner, share)| {
+                    let sum = |own: [f64; 3], other: [f64; 3]| {
+                        std::array::from_fn(|axis| share.mul_add(other[axis], own[axis]))
+                    };
+                    let made = sum(made[one], made_beside[partner]);
+                    target::difference(made, sum(exact.xyz[one], beside.xyz[partner]))
+                }));
+            }
+            ErrorSummary::of(&errors)
+        };
+        let measured = needed.len() - (self.lights.len() - first)..needed.len();
+        let errors: Vec<ErrorSummary> = measured.into_par_iter().map(of_light).collect();
+        for ((.., matrix), error) in self.lights[first..].iter_mut().zip(errors) {
+            matrix.unseen = Some(error);
+        }
     }
 }

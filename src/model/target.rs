@@ -23,7 +23,7 @@ impl ErrorSummary {
     /// Summary of `errors`; zeros if there are none. NaN counts as infinite.
     pub fn of(errors: &[f64]) -> Self {
         let mut sorted: Vec<f64> = errors.iter().map(|&e| if e.is_nan() { f64::INFINITY } else { e }).collect();
-        sorted.sort_by(f64::total_cmp);
+        sorted.sort_unstable_by(f64::total_cmp);
         let Some(&max) = sorted.last() else { return Self::default() };
         let rank = whole((0.95 * count(sorted.len())).ceil()).max(1);
         Self { mean: sorted.iter().sum::<f64>() / count(sorted.len()), p95: sorted[rank - 1], max }

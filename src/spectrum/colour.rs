@@ -4,7 +4,7 @@
 
 use std::sync::LazyLock;
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 
 pub use super::matching::OBSERVER;
 use super::{Light, Reflectance, Spectrum, standard};
@@ -113,10 +113,15 @@ pub fn ciede2000(one: Lab, two: Lab) -> f64 {
     let [l1, a1, b1] = one.0;
     let [l2, a2, b2] = two.0;
     let saturation = |c: f64| (c.powi(7) / (c.powi(7) + POW25_7)).sqrt();
-    let g = 0.5 * (1.0 - saturation(f64::midpoint(a1.hypot(b1), a2.hypot(b2))));
+    // Not hypot and rem_euclid, which took a fifth of the time: chromas far from 1 need no care.
+    let chroma = |a: f64, b: f64| DVec2::new(a, b).length();
+    let g = 0.5 * (1.0 - saturation(f64::midpoint(chroma(a1, b1), chroma(a2, b2))));
     let (a1, a2) = ((1.0 + g) * a1, (1.0 + g) * a2);
-    let (c1, c2) = (a1.hypot(b1), a2.hypot(b2));
-    let hue = |a: f64, b: f64| b.atan2(a).to_degrees().rem_euclid(360.0);
+    let (c1, c2) = (chroma(a1, b1), chroma(a2, b2));
+    let hue = |a: f64, b: f64| match b.atan2(a).to_degrees() {
+        below if below < 0.0 => below + 360.0,
+        above => above,
+    };
     let (h1, h2) = (hue(a1, b1), hue(a2, b2));
     let achromatic = c1 * c2 <= 0.0;
     let dh = match h2 - h1 {
@@ -136,8 +141,12 @@ pub fn ciede2000(one: Lab, two: Lab) -> f64 {
         sum if sum < 360.0 => f64::midpoint(sum, 360.0),
         sum => (sum - 360.0) / 2.0,
     };
-    let cos = |degrees: f64| degrees.to_radians().cos();
-    let t = 1.0 - 0.17 * cos(h - 30.0) + 0.24 * cos(2.0 * h) + 0.32 * cos(3.0 * h + 6.0) - 0.20 * cos(4.0 * h - 63.0);
+    // T = 1 − 0.17 cos(h − 30°) + 0.24 cos 2h + 0.32 cos(3h + 6°) − 0.20 cos(4h − 63°), by powers of e^(ih).
+    let once = DVec2::from_angle(h.to_radians());
+    let twice = once.rotate(once);
+    let along = |degrees: f64, power: DVec2| DVec2::from_angle(degrees.to_radians()).dot(power);
+    let t = 1.0 - 0.17 * along(30.0, once) + 0.24 * twice.x + 0.32 * along(-6.0, twice.rotate(once))
+        - 0.20 * along(63.0, twice.rotate(twice));
     let sl = 1.0 + 0.015 * (l - 50.0).powi(2) / (20.0 + (l - 50.0).powi(2)).sqrt();
     let sc = 1.0 + 0.045 * c;
     let sh = 1.0 + 0.015 * c * t;

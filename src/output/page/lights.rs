@@ -49,7 +49,8 @@ impl Lights {
                     let lights = stated.0.iter().map(|light| (light.name.as_str(), &light.spectrum));
                     let lights: Vec<(&str, &Light)> =
                         lights.chain(standards.iter().map(|(name, light)| (*name, light))).collect();
-                    let known = learnt(&model, &lights).map_err(unfit)?;
+                    let mut known = ColourModel::clone(&model);
+                    known.learn_all(&lights).map_err(unfit)?;
                     let seen = Observer::ALL.map(|observer| known.seen_by(observer).map_err(unfit));
                     seen.into_iter()
                         .map(|model| Ok(Components::Model(Arc::new(model?), transmittance)))
@@ -167,13 +168,4 @@ impl Lights {
         };
         (0..Observer::ALL.len()).flat_map(|seen| mixes.iter().map(move |mix| (seen, mix))).map(of).collect()
     }
-}
-
-/// `model`, fitted to `lights`.
-fn learnt(model: &ColourModel, lights: &[(&str, &Light)]) -> Result<ColourModel, ModelError> {
-    let mut known = model.clone();
-    for (name, light) in lights {
-        known.learn(name, light)?;
-    }
-    Ok(known)
 }
