@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use std::ops::Range;
 
 use super::boxes::{read_for_box, texels_of_box};
-use super::whole::WholeCodes;
+use super::whole::{WholeCodes, neighbours};
 use crate::number::rounded;
 use crate::number::{count, readable, whole};
 use crate::parallel;
@@ -174,9 +174,16 @@ impl Storage {
             let [scale, _] = storage.normalised_from_texel();
             storage.magnitude_scale = scale * (domain[1] - domain[0]) / (2.0 * spacing.min_element());
         }
+        let lowest = match format {
+            VolumeFormat::R16Unorm => Some(0),
+            VolumeFormat::Rgba16Snorm => Some(-i32::from(i16::MAX)),
+            VolumeFormat::R32Float | VolumeFormat::Rgba32Float => None,
+        };
         let codes = [codes, storage.difference_codes[0]];
         let is_even = storage.difference_codes.iter().all(|it| it.to_bits() == codes[1].to_bits());
-        storage.whole = WholeCodes::of(&storage, voxel_type, [slope, intercept], codes).filter(|_| is_even);
+        storage.whole = lowest
+            .filter(|_| is_even)
+            .and_then(|lowest| WholeCodes::of(voxel_type, [slope, intercept], domain, lowest, codes));
         Ok(storage)
     }
 
@@ -489,11 +496,6 @@ impl<T: Voxel> Grid<'_, T> {
             with(x + first, here[x], difference);
         }
     }
-}
-
-/// Places of the neighbours of `i` among `n`: itself at the ends.
-pub(super) fn neighbours(i: usize, n: usize) -> [usize; 2] {
-    [i.saturating_sub(1), (i + 1).min(n - 1)]
 }
 
 /// Stored volume on the host, decoded as on the device; the reference renderer reads it.

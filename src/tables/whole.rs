@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use super::storage::neighbours;
-use super::{Storage, VolumeFormat};
 use crate::number::nearest;
 use crate::volume::{Voxel, VoxelType};
 
@@ -20,12 +18,13 @@ pub(super) struct WholeCodes {
 }
 
 impl WholeCodes {
-    /// Those of `storage` for stored numbers of `voxel_type`, by `codes` per normalised unit of values and of differences; `None`
-    /// unless all are such multiples.
+    /// Those for stored numbers of `voxel_type` with values in `domain`: of the lowest, and per normalised unit of values and of
+    /// differences. `None` unless all are such multiples.
     pub(super) fn of(
-        storage: &Storage,
         voxel_type: VoxelType,
         [slope, intercept]: [f64; 2],
+        [low, high]: [f64; 2],
+        lowest_code: i32,
         codes: [f64; 2],
     ) -> Option<Self> {
         /// Error of a number that is whole.
@@ -35,10 +34,8 @@ impl WholeCodes {
         /// Errors of the type f64 that a normalised value has, relative to the largest number on the way, and largest code.
         const ERRORS: f64 = 8.0 * f64::EPSILON * 65536.0;
         let is_small = matches!(voxel_type, VoxelType::U8 | VoxelType::I8 | VoxelType::U16 | VoxelType::I16);
-        let has_codes = matches!(storage.format, VolumeFormat::R16Unorm | VolumeFormat::Rgba16Snorm);
-        let [low, high] = storage.domain;
         let largest = low.abs().max(high.abs()) + intercept.abs();
-        if !is_small || !has_codes || slope == 0.0 || largest * ERRORS > CERTAIN * (high - low) {
+        if !is_small || slope == 0.0 || largest * ERRORS > CERTAIN * (high - low) {
             return None;
         }
         let whole = |number: f64| {
@@ -46,7 +43,6 @@ impl WholeCodes {
             ((f64::from(whole) - number).abs() <= WHOLE).then_some(whole)
         };
         let per_unit = slope / (high - low);
-        let lowest_code = if storage.format == VolumeFormat::R16Unorm { 0 } else { -i32::from(i16::MAX) };
         let found = Self {
             lowest: whole((low - intercept) / slope)?,
             lowest_code,
@@ -111,6 +107,11 @@ impl WholeCodes {
             *out = texel([x[0], x[1], x[2]], 1, [y0, y1, z0, z1]);
         }
     }
+}
+
+/// Places of the neighbours of `i` among `n`: itself at the ends.
+pub(super) fn neighbours(i: usize, n: usize) -> [usize; 2] {
+    [i.saturating_sub(1), (i + 1).min(n - 1)]
 }
 
 /// A stored number, which is whole and has at most two bytes.
