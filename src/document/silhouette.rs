@@ -575,14 +575,15 @@ mod tests {
 
     #[test]
     fn bends_that_differ_by_rounding_are_one() {
-        let terms = [[50.0, 106.45], [111.55, 161.45]].map(|range| Term::interval(0, range, [5.1; 2], 0.5, 0.0));
-        let [end, start] = [terms[0].opacity[3].0, terms[1].opacity[0].0];
-        assert!(end < start && start - end < 1e-12, "{end}, {start}");
+        let terms = [[0.3, 0.7], [0.8, 1.2]].map(|range| Term::interval(0, range, [0.1; 2], 0.5, 0.0));
+        // The second layer begins to rise where the first begins to fall.
+        let apart = (terms[0].opacity[2].0 - terms[1].opacity[0].0).abs();
+        assert!(apart > 0.0 && apart < 1e-12, "{apart}");
         let depths = Depths::of(&terms, 1.0);
         assert!(depths.exact.is_none());
-        for value in [44.0, 47.45, 50.0, 106.45, 110.0, 114.0, 161.0, 170.0] {
+        for value in [0.1, 0.25, 0.3, 0.72, 0.75, 0.8, 1.25, 1.4] {
             let expected: f64 = terms.iter().map(|term| term.depth(value)).sum();
-            // Values are rounded to entries: 0.03 on ramps of a depth of 0.7 over 5.1.
+            // Values are rounded to entries: by 0.0003 on ramps with a depth of 0.7 over 0.1.
             assert!((depths.at(value) - expected).abs() < 0.01, "{value}: {}, {expected}", depths.at(value));
         }
     }
