@@ -232,7 +232,11 @@ impl Page<'_> {
     pub fn complaints(&mut self) -> Vec<String> {
         self.value("1");
         let is_bad = |event: &&Value| match event["method"].as_str().unwrap_or_default() {
-            "Runtime.consoleAPICalled" | "Runtime.exceptionThrown" | "Log.entryAdded" => true,
+            // A page reads a pixel to measure how long it draws; some drivers tell that it then waits, as it shall.
+            "Log.entryAdded" => {
+                !event["params"]["entry"]["text"].as_str().unwrap_or_default().contains("GPU stall due to ReadPixels")
+            }
+            "Runtime.consoleAPICalled" | "Runtime.exceptionThrown" => true,
             "Network.requestWillBeSent" => {
                 let url = event["params"]["request"]["url"].as_str().unwrap_or_default();
                 !url.starts_with("file:") && !url.starts_with("data:")
