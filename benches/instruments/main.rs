@@ -11,6 +11,7 @@ mod light_levels;
 mod machines;
 mod model;
 mod needs;
+mod nested;
 mod out_of_core;
 mod palette;
 mod shadows;
@@ -27,6 +28,7 @@ use relume::measure::NodesBesideRgb;
 use relume::model::{Amplification, ModelKind, Order};
 use relume::progress::{Progress, Quiet};
 use relume::render::Renderer;
+use relume::spectrum::standard;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use bricks::{BrickRow, brick_rows};
@@ -37,6 +39,7 @@ use light_levels::light_level_rows;
 use machines::machine_rows;
 use model::{AutomaticSummary, LIGHT_GROUPS, ModelSetting, automatic_dimension, model_row, nodes_beside_rgb};
 use needs::{NeedRow, need_rows};
+use nested::{NestedRow, nested_row};
 use out_of_core::{OutOfCore, out_of_core};
 use palette::palette_rows;
 use shadows::{ShadowRow, shadow_rows};
@@ -55,7 +58,7 @@ struct Args {
     /// The workload to measure.
     #[arg(value_enum, required = true)]
     instruments: Vec<Instrument>,
-    /// Number of scenes for `model` and `goals`.
+    /// Number of scenes for `model` and `goals`, and of palettes for `nested`.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
     scenes: u16,
     /// Number of runs of `palette`.
@@ -120,6 +123,9 @@ enum Instrument {
     OutOfCore,
     /// Design of the palettes in data/palettes and of the figures: no device.
     Palette,
+    /// Random palettes within nested bounds: how often wider bounds end worse. Fails if bounds that contain the default
+    /// ones, or a search from a known start, do. --scenes 400 takes half an hour on two cores. No device.
+    Nested,
 }
 
 /// Progress on standard error, one line a stage.
@@ -206,6 +212,16 @@ fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
         Instrument::Palette => {
             let rows = palette_rows(args.frames, &Quiet)?;
             Ok(Report { text: tables::palette::text(&rows), json: json!({ "palettes": rows }) })
+        }
+        Instrument::Nested => {
+            let light = |name: &str| Some(standard::light(name).ok()?.spectrum().clone());
+            let mut rows = Vec::new();
+            for seed in 0..u64::from(args.scenes) {
+                Stages.report("designing random palettes", seed, args.scenes.into());
+                rows.push(nested_row(seed, light, &Quiet)?);
+            }
+            let holds = rows.iter().all(NestedRow::holds);
+            Ok(Report { text: nested::text(&rows), json: json!({ "nested": rows, "holds": holds }) })
         }
     }
 }

@@ -24,6 +24,7 @@ Examples:
   relume design palette.toml -o solved.toml --report palette.html
   relume design palette.toml --compare-smoothness     what smoother spectra cost
   relume design palette.toml --smoothness smoother -o solved.toml
+  relume design wider.toml --start solved.toml        with wider bounds, not worse than before
   relume design edited.toml --save-scene solved.toml  a scene whose [palette.cells] were edited, with new spectra
 
 The keys of a palette file are in docs/PALETTE.md; a scene takes its spectra from one with [palette] use = \"FILE\".";
@@ -41,6 +42,10 @@ pub(crate) struct Args {
     /// Write the scene with the solved spectra in place of those that it has: for a scene with a [palette].
     #[arg(long, value_name = "FILE.toml")]
     save_scene: Option<PathBuf>,
+    /// Start the search from the spectra of this palette file too, such as -o writes: a result within the same or wider bounds
+    /// is not worse.
+    #[arg(long, value_name = "FILE")]
+    start: Option<PathBuf>,
     /// Draw a report: matrix of colours, spectra, and contrasts by colour vision (.html, .svg or .png; repeatable).
     #[arg(long, value_name = "FILE")]
     report: Vec<PathBuf>,
@@ -142,8 +147,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
     let stated = palette::load(&args.palette)?;
     let palette = args.smoothness.map_or_else(|| stated.clone(), |smoothness| stated.smoothed(smoothness));
+    let start = args.start.as_deref().map(palette::load).transpose()?;
     let outputs: Vec<&PathBuf> = args.output.iter().chain(&args.save_scene).chain(&args.report).collect();
-    let inputs: Vec<&Path> = palette.inputs.iter().chain([&args.palette]).map(PathBuf::as_path).collect();
+    let inputs = palette.inputs.iter().chain([&args.palette]).chain(&args.start).map(PathBuf::as_path);
+    let inputs: Vec<&Path> = inputs.collect();
     files::check_outputs(&outputs, &inputs)?;
     let scene_text = std::fs::read_to_string(&args.palette).unwrap_or_default();
     let scene: Option<toml::Table> =
@@ -158,7 +165,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         warn_of_unshown(&args.palette, table, &palette);
     }
     let clock = Stopwatch::start();
-    let solution = palette::solve(&palette, progress)?;
+    let solution = match &start {
+        Some(start) => palette::solve_from(&palette, start, progress)?,
+        None => palette::solve(&palette, progress)?,
+    };
     let times = clock.read();
     // Before any file is written, because it may be cancelled.
     let smoother = if args.compare_smoothness || !solution.edges().is_empty() {

@@ -27,11 +27,11 @@ pub(crate) use file::{Misplaced, PaletteFile};
 pub use file::{load, of_scene, parse};
 pub use smoother::{SmoothCost, Smoothing, smoother};
 pub use solution::{CellColour, Facts, Merge, Solution};
-pub use solve::solve;
+pub use solve::{solve, solve_from};
 
-use crate::number::readable;
+use crate::number::{count, readable};
 use crate::spectrum::colour::{Lab, LinearSrgb, Xyz, d65_white, decode_srgb, xyz_from_lab, xyz_from_linear_srgb};
-use crate::spectrum::{Kind, Spectrum};
+use crate::spectrum::{BANDS, Kind, Spectrum};
 
 /// Largest number of rows, and of columns, of a palette.
 pub const LARGEST: usize = 32;
@@ -92,6 +92,18 @@ impl Member {
             _ => "two numbers from -1000 to 1000 in ascending order",
         };
         Some(format!("{} to {}; they must be {allowed}", readable(low), readable(high)))
+    }
+
+    /// Whether a spectrum is within the bounds, as nearly as the solver meets them.
+    fn allows(&self, spectrum: &Spectrum, kind: Kind) -> bool {
+        const SLACK: f64 = 1e-6;
+        let unit = match kind {
+            Kind::Light => spectrum.sum() / count(BANDS),
+            _ => 1.0,
+        };
+        let [low, high] = self.bounds;
+        let slack = SLACK * (high - low);
+        spectrum.samples().iter().all(|sample| (low - slack..=high + slack).contains(&(sample / unit)))
     }
 
     /// Returns an error message if the smoothness is invalid.

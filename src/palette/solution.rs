@@ -144,6 +144,19 @@ impl Solution {
         self.cells.get(material * self.palette.lights.len() + light).filter(|_| light < self.palette.lights.len())
     }
 
+    /// The palette with all spectra given: a start of [`super::solve_from`].
+    #[must_use]
+    pub fn with_spectra(&self) -> Palette {
+        let mut palette = self.palette.clone();
+        for (member, found) in palette.materials.iter_mut().zip(&self.materials) {
+            member.spectrum = Some(found.spectrum().clone());
+        }
+        for (member, found) in palette.lights.iter_mut().zip(&self.lights) {
+            member.spectrum = Some(found.spectrum().clone());
+        }
+        palette
+    }
+
     /// Returns the largest ΔE00 between a cell and its target; 0 without targets.
     #[must_use]
     pub fn worst(&self) -> f64 {

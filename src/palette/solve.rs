@@ -43,9 +43,6 @@ const EXACT: f64 = 1e-3;
 const GOOD: f64 = 0.02;
 /// ΔE00 of the worst cell up to which the first starts suffice: a tenth of a just noticeable difference.
 const INVISIBLE: f64 = 0.1;
-/// Largest ΔE00 of the further starts, relative to that of the first starts, that counts as an improvement. Smaller gains
-/// would change solved palettes without a visible effect.
-const IMPROVED: f64 = 0.98;
 /// Share of the objective that its proven lower bound has when the first starts suffice: root mean squares within 10 %.
 const PROVEN: f64 = 0.81;
 /// Initial extrapolation of the lights beyond an alternation, relative to their change.
@@ -72,12 +69,32 @@ const SETBACKS: u64 = 8;
 /// with numbers out of range; [`PaletteError::Model`] if its colour model cannot be fitted;
 /// [`PaletteError::Cancelled`]. Unreachable targets are not an error: they are in [`Solution::conflicts`].
 pub fn solve(palette: &Palette, progress: &dyn Progress) -> Result<Solution, PaletteError> {
+    solve_with(palette, None, progress)
+}
+
+/// As [`solve`], with one more start: the spectra in `start` of rows and columns that `palette` leaves open, by their
+/// names. The solution is not worse than without it. If `start` has all open spectra and they are within the bounds, the
+/// solution is not worse than they are either. (Below ΔE00 0.001 no solution is better than another.)
+///
+/// # Errors
+///
+/// As [`solve`], and [`PaletteError::Unsolvable`] for a `start` without such a spectrum.
+pub fn solve_from(palette: &Palette, start: &Palette, progress: &dyn Progress) -> Result<Solution, PaletteError> {
+    solve_with(palette, Some(start), progress)
+}
+
+fn solve_with(palette: &Palette, start: Option<&Palette>, progress: &dyn Progress) -> Result<Solution, PaletteError> {
     palette.check()?;
     let order = ByName::new(palette);
     let sorted = order.sorted(palette);
     let model = sorted.model.as_ref().map(|term| fitted(&sorted, term, progress)).transpose()?;
     let search = Search::new(&sorted, model.as_ref(), progress);
-    let spectra = search.best()?.spectra;
+    let known = start.map(|start| search.known(start)).transpose()?;
+    let mut found = search.best()?;
+    if let Some(known) = known {
+        found = search.improved(found, known)?;
+    }
+    let spectra = found.spectra;
     let shown = search.shown(&spectra);
     let shown = |place: Place| {
         let place = order.place(place);
@@ -157,22 +174,19 @@ impl ByName {
     }
 }
 
-/// Returns the palette with narrower bounds of its open spectra, whose solution is a start for the palette: the default
-/// bounds if some exceed them, else the bounds of a broad light. `None` if all bounds are narrow already.
-fn narrower(palette: &Palette) -> Option<Palette> {
-    let within = |natural: [f64; 2], lamp: [f64; 2]| {
-        let mut narrower = palette.clone();
-        for (members, [least, most]) in [(&mut narrower.materials, natural), (&mut narrower.lights, lamp)] {
-            for member in members.iter_mut().filter(|member| member.spectrum.is_none()) {
-                let bounds = [member.bounds[0].max(least), member.bounds[1].min(most)];
-                if bounds[0] < bounds[1] {
-                    member.bounds = bounds;
-                }
+/// Returns the palette with the bounds of its open spectra within these bounds of reflectances and of lights; `None` if
+/// they are already.
+fn narrowed(palette: &Palette, reflectances: [f64; 2], lights: [f64; 2]) -> Option<Palette> {
+    let mut narrow = palette.clone();
+    for (members, [least, most]) in [(&mut narrow.materials, reflectances), (&mut narrow.lights, lights)] {
+        for member in members.iter_mut().filter(|member| member.spectrum.is_none()) {
+            let bounds = [member.bounds[0].max(least), member.bounds[1].min(most)];
+            if bounds[0] < bounds[1] {
+                member.bounds = bounds;
             }
         }
-        (narrower != *palette).then_some(narrower)
-    };
-    within(NATURAL, LAMP).or_else(|| within(NATURAL, BROAD))
+    }
+    (narrow != *palette).then_some(narrow)
 }
 
 /// Spectra with the errors of their colours.
@@ -183,6 +197,11 @@ struct Found {
     squares: f64,
     /// Largest ΔE00.
     worst: f64,
+}
+
+/// Returns the first of those with the smallest maximum ΔE00.
+fn least(found: impl IntoIterator<Item = Found>) -> Result<Found, PaletteError> {
+    found.into_iter().min_by(|one, two| one.worst.total_cmp(&two.worst)).ok_or(PaletteError::Cancelled)
 }
 
 /// State of one start.
@@ -213,6 +232,7 @@ struct Search<'a> {
 }
 
 /// Start of the search.
+#[derive(Clone)]
 enum Start {
     /// Spectra to alternate from.
     Rough(Spectra),
@@ -235,25 +255,80 @@ impl<'a> Search<'a> {
 
     /// Returns the spectra with the smallest maximum ΔE00 of all starts.
     fn best(&self) -> Result<Found, PaletteError> {
-        let first = self.searched(starts(self.palette).into_iter().map(Start::Rough).collect(), &FIRST)?;
+        let rough = |starts: Vec<Spectra>| starts.into_iter().map(Start::Rough);
+        let first = self.searched(rough(starts(self.palette)).collect(), &FIRST)?;
+        if first.worst <= EXACT {
+            return Ok(first);
+        }
+        let narrow = self.narrow(NATURAL, LAMP)?;
+        let relaxed = self.unproven(&first)?;
+        // The search within the default bounds has its own search of broad lights.
+        let broad = if relaxed.is_some() && narrow.is_none() { self.narrow(NATURAL, BROAD)? } else { None };
+        let mut found: Vec<Found> = [Some(first), narrow, broad].into_iter().flatten().collect();
+        if let Some(relaxed) = relaxed {
+            let further = rough(further_starts(self.palette, &relaxed.lights));
+            let further = further.chain(found.iter().cloned().map(Start::Solved)).collect();
+            found.push(self.searched(further, &FURTHER)?);
+        }
+        least(found)
+    }
+
+    /// Returns the best of `found`, of `known` and of a search from there.
+    fn improved(&self, found: Found, known: Start) -> Result<Found, PaletteError> {
+        if found.worst <= EXACT {
+            return Ok(found);
+        }
+        let searched = self.searched(vec![known.clone()], &FURTHER)?;
+        let known = match known {
+            Start::Solved(known) => Some(known),
+            Start::Rough(_) => None,
+        };
+        least([found, searched].into_iter().chain(known))
+    }
+
+    /// Returns the relaxation of a palette for which the `first` starts may not suffice.
+    fn unproven(&self, first: &Found) -> Result<Option<bound::Relaxation>, PaletteError> {
         // The relaxation knows no model, and with one every start is followed to its end.
         if first.worst <= INVISIBLE || self.lights.is_empty() || self.model.is_some() {
-            return Ok(first);
+            return Ok(None);
         }
         let relaxed = bound::relaxed(self.palette, &first.spectra, self.progress)?;
-        if relaxed.squares >= PROVEN * first.squares {
-            return Ok(first);
+        Ok((relaxed.squares < PROVEN * first.squares).then_some(relaxed))
+    }
+
+    /// Returns the spectra with the smallest maximum ΔE00 within these bounds of reflectances and of lights; `None` if
+    /// all bounds of the palette lie there.
+    fn narrow(&self, reflectances: [f64; 2], lights: [f64; 2]) -> Result<Option<Found>, PaletteError> {
+        let model = self.model.as_ref().map(|&(_, (model, _))| model);
+        let narrowed = narrowed(self.palette, reflectances, lights);
+        narrowed.map(|palette| Search::new(&palette, model, self.progress).best()).transpose()
+    }
+
+    /// Returns the start with the spectra of `start` that this palette leaves open. It is solved if it has them all and
+    /// they are within the bounds.
+    fn known(&self, start: &Palette) -> Result<Start, PaletteError> {
+        let mut spectra = starts(self.palette).swap_remove(0);
+        let (mut has_any, mut fits) = (false, true);
+        for side in [Side::Materials, Side::Lights] {
+            let own = match side {
+                Side::Materials => &mut spectra.materials,
+                Side::Lights => &mut spectra.lights,
+            };
+            let members = side.members(self.palette).iter().zip(own);
+            for (member, own) in members.filter(|(member, _)| member.spectrum.is_none()) {
+                let named = side.members(start).iter().find(|other| other.name == member.name);
+                let known = named.and_then(|other| other.spectrum.clone());
+                fits &= known.as_ref().is_some_and(|known| member.allows(known, side.kind()));
+                has_any |= known.is_some();
+                *own = known.unwrap_or_else(|| own.clone());
+            }
         }
-        let rough = further_starts(self.palette, &relaxed.lights);
-        let mut further: Vec<Start> = rough.into_iter().map(Start::Rough).collect();
-        further.push(Start::Solved(first.clone()));
-        let narrow =
-            narrower(self.palette).map(|narrower| Search::new(&narrower, None, self.progress).best()).transpose()?;
-        further.extend(narrow.clone().map(Start::Solved));
-        let found = self.searched(further, &FURTHER)?;
-        let further =
-            narrow.into_iter().fold(found, |best, narrow| if narrow.worst < best.worst { narrow } else { best });
-        Ok(if further.worst <= IMPROVED * first.worst { further } else { first })
+        if !has_any {
+            let message =
+                format!("{} has no spectrum that it leaves open; rows and columns need the same names", start.source);
+            return Err(PaletteError::Unsolvable { palette: self.palette.source.clone(), message });
+        }
+        Ok(if fits { Start::Solved(self.judged(spectra)) } else { Start::Rough(spectra) })
     }
 
     /// Returns the result with the smallest maximum ΔE00 of `starts`.
@@ -294,8 +369,7 @@ impl<'a> Search<'a> {
             runs.truncate(most);
         }
         self.progress.report(effort.stage, total, total);
-        let best = runs.into_iter().min_by(|one, two| one.best.worst.total_cmp(&two.best.worst));
-        best.map(|run| run.best).ok_or(PaletteError::Cancelled)
+        least(runs.into_iter().map(|run| run.best))
     }
 
     /// Runs up to `alternations` more alternations.
@@ -351,6 +425,11 @@ impl<'a> Search<'a> {
             let shown = self.shown(&spectra);
             spectra = solved(self.palette, Side::Lights, &self.lights, &spectra, shown.as_ref());
         }
+        self.judged(spectra)
+    }
+
+    /// Returns `spectra` with their errors.
+    fn judged(&self, spectra: Spectra) -> Found {
         let (squares, worst) = self.differences(&spectra, self.shown(&spectra).as_ref());
         Found { spectra, squares, worst }
     }

@@ -9,7 +9,7 @@ use super::program::{Program, Sum};
 use super::{Cell, Member, Palette, Place, Target};
 use crate::spectrum::colour::{OBSERVER, Xyz, xyz_of};
 use crate::spectrum::metric::difference_matrix;
-use crate::spectrum::{BANDS, Spectrum};
+use crate::spectrum::{BANDS, Kind, Spectrum};
 
 /// Side of a palette: rows or columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +23,13 @@ impl Side {
         match self {
             Self::Materials => &palette.materials,
             Self::Lights => &palette.lights,
+        }
+    }
+
+    pub(super) const fn kind(self) -> Kind {
+        match self {
+            Self::Materials => Kind::Reflectance,
+            Self::Lights => Kind::Light,
         }
     }
 
