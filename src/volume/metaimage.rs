@@ -152,7 +152,8 @@ impl<'a> Header<'a> {
             if text.trim().is_empty() {
                 continue;
             }
-            let (key, value) = text.split_once('=').ok_or_else(|| lines.wrong(&text, "key = value"))?;
+            let (key, value) =
+                text.split_once('=').ok_or_else(|| lines.wrong(&text, "key = value, a line of a MetaImage header"))?;
             let field = Field { line: lines.number, key: key.trim().to_owned(), value: value.trim().to_owned() };
             let last = field.key.eq_ignore_ascii_case(key::FILE[0]);
             let list = last && field.value.split_whitespace().next() == Some("LIST");

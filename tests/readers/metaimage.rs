@@ -193,6 +193,7 @@ fn slices_may_be_compressed_one_by_one() {
 #[test]
 fn lists_and_patterns_of_the_wrong_length_are_refused() {
     refused(&["ElementDataFile = LIST\na\n"], &[], &["1 files", "2", "line 4"]);
+    refused(&["a letter"], &[], &["\"a letter\" is not key = value, a line of a MetaImage header"]);
     refused(&["ElementDataFile = LIST 4\na\n"], &[], &["1 to 3 axes", "4"]);
     refused(&["ElementDataFile = a%d 1 5"], &[], &["5 slices", "2"]);
     refused(&["ElementDataFile = a%s"], &[], &["a%s", "%d"]);

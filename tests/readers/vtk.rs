@@ -224,6 +224,7 @@ fn files_that_contradict_themselves_are_refused_with_the_numbers() {
     refused(&ascii("NOVELTY 3\n"), &["NOVELTY"]);
     refused(&ascii("FIELD f 99999999\n"), &["99999999"]);
     refused(&ascii(&"x".repeat(70000)), &["65536"]);
+    refused(b"a letter\nto a friend\n", &["line 1", "\"a letter\" is not # vtk DataFile Version"]);
     for kind in ["UNSTRUCTURED_GRID", "POLYDATA", "STRUCTURED_GRID"] {
         let text = String::from_utf8(ascii("")).unwrap().replace("STRUCTURED_POINTS", kind);
         refused(text.as_bytes(), &["line 4", kind]);

@@ -113,7 +113,13 @@ impl<'a> Parser<'a> {
     }
 
     pub(super) fn parse(mut self) -> Result<Parsed<'a>, VolumeError> {
-        self.rest_of_line()?;
+        let first = self.rest_of_line()?.unwrap_or_default();
+        if !super::recognises(first.as_bytes()) {
+            let start: String = first.trim().chars().take(40).collect();
+            return Err(
+                self.wrong(format!("{start:?} is not # vtk DataFile Version, with which legacy VTK files begin"))
+            );
+        }
         let title = self.rest_of_line()?.unwrap_or_default();
         let format = self.word()?.unwrap_or_default().to_ascii_uppercase();
         self.is_binary = match format.as_str() {
