@@ -653,7 +653,7 @@ fn unusual_scenes_have_finite_models() {
     ];
     for (number, ingredients) in scenes.iter().enumerate() {
         for kind in ModelKind::ALL {
-            for dimension in if kind.is_rgb() { [3, 3] } else { [1, 16] } {
+            for &dimension in if kind.is_rgb() { &[3][..] } else { &[1, 16] } {
                 let model = fit(ingredients, kind, dimension, &Quiet);
                 let model = model.unwrap_or_else(|error| panic!("scene {number}, {kind}, k = {dimension}: {error}"));
                 assert_eq!(model.dimension(), dimension);
