@@ -106,14 +106,24 @@ fn warn_of_old_lights(scene: &Path, text: &str, palette: &Palette) {
     }
 }
 
-/// Warns of materials of the palette that nothing in the scene `table` shows: most likely they were renamed in the palette alone.
-fn warn_of_unshown(scene: &Path, table: &toml::Table, palette: &Palette) {
+/// Refuses materials of intervals and labels that neither the scene `table` nor its palette has, and warns of materials of the
+/// palette that nothing shows: most likely they were renamed in one place alone.
+fn check_materials(scene: &Path, table: &toml::Table, palette: &Palette) -> Result<(), CliError> {
     let mut shown = Vec::new();
     for list in ["transfer", "labels"] {
         names_of_materials(table.get(list), false, &mut shown);
     }
-    let is_unshown = |name: &&str| *name != BACKGROUND && !shown.contains(name);
-    let unshown: Vec<&str> = palette.materials.iter().map(|row| row.name.as_str()).filter(is_unshown).collect();
+    let rows = || palette.materials.iter().map(|row| row.name.as_str());
+    let own =
+        table.get("materials").and_then(toml::Value::as_table).into_iter().flatten().map(|(name, _)| name.as_str());
+    let all: Vec<&str> = own.chain(rows()).collect();
+    if let Some(missing) = shown.iter().find(|name| !all.contains(name)) {
+        let scene = scene.display();
+        return Err(CliError::Failed(format!(
+            "{scene}: an interval or a label has the material {missing}, which neither [palette.materials] nor [materials] has"
+        )));
+    }
+    let unshown: Vec<&str> = rows().filter(|name| *name != BACKGROUND && !shown.contains(name)).collect();
     if !shown.is_empty() && !unshown.is_empty() {
         tracing::warn!(
             "{}: no interval and no label has the material {}; a material that is renamed in [palette] has the new name in \
@@ -122,6 +132,7 @@ fn warn_of_unshown(scene: &Path, table: &toml::Table, palette: &Palette) {
             unshown.join(" or ")
         );
     }
+    Ok(())
 }
 
 /// Adds the names in the values of all keys `material` of a part of a scene; of the part itself if `is_material`.
@@ -162,7 +173,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         )));
     }
     if let Some(table) = &scene {
-        warn_of_unshown(&args.palette, table, &palette);
+        check_materials(&args.palette, table, &palette)?;
     }
     let clock = Stopwatch::start();
     let solution = match &start {

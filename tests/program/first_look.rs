@@ -269,7 +269,7 @@ fn a_light_that_is_renamed_in_the_palette_shines_from_where_the_others_do() {
 }
 
 #[test]
-fn a_material_that_is_renamed_in_the_palette_alone_is_told() {
+fn a_material_that_is_renamed_in_one_place_alone_is_told() {
     let folder = Folder::new().with("ball.nrrd", ball());
     folder.done(&["render", "ball.nrrd", "--size", "8x8", "-o", "a.png", "--save-scene", "a.toml"]);
     let scene = std::fs::read_to_string(folder.path("a.toml")).unwrap();
@@ -280,6 +280,12 @@ fn a_material_that_is_renamed_in_the_palette_alone_is_told() {
     std::fs::write(folder.path("c.toml"), format!("{before}{}{after}", palette.replace("solid", "bone"))).unwrap();
     let warned = folder.done(&["design", "c.toml", "--save-scene", "d.toml"]).err;
     assert!(warned.contains("no interval and no label has the material bone; a material that is renamed"), "{warned}");
+    std::fs::write(folder.path("e.toml"), format!("{}{palette}{after}", before.replace("\"solid\"", "\"bone\"")))
+        .unwrap();
+    let missing =
+        "e.toml: an interval or a label has the material bone, which neither [palette.materials] nor [materials] has";
+    folder.refused(1, &["design", "e.toml", "--save-scene", "f.toml"], &[missing]);
+    assert!(!folder.path("f.toml").exists());
 }
 
 #[test]
