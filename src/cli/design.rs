@@ -42,8 +42,8 @@ pub(crate) struct Args {
     /// Write the scene with the solved spectra in place of those that it has: for a scene with a [palette].
     #[arg(long, value_name = "FILE.toml")]
     save_scene: Option<PathBuf>,
-    /// Start the search from the spectra of this palette file too, such as -o writes: a result within the same or wider bounds
-    /// is not worse.
+    /// Start the search from the spectra of this palette file too, such as -o writes: a result within the same or wider bounds,
+    /// and not smoother, is not worse.
     #[arg(long, value_name = "FILE")]
     start: Option<PathBuf>,
     /// Draw a report: matrix of colours, spectra, and contrasts by colour vision (.html, .svg or .png; repeatable).
@@ -147,6 +147,25 @@ fn names_of_materials<'a>(part: Option<&'a toml::Value>, is_material: bool, foun
     }
 }
 
+/// Reads the palette `path`, from whose spectra the search for those of `palette` starts; warns if it lacks some.
+fn start(path: &Path, palette: &Palette) -> Result<Palette, CliError> {
+    let wanted = "--start takes a palette file with spectra of the same names, which relume design -o writes";
+    let path_shown = path.display();
+    if Source::of(path).bare_volume().is_some() {
+        return Err(CliError::Usage(format!("{path_shown} is a volume; {wanted}")));
+    }
+    let start = palette::load(path)?;
+    let missing = palette.without_start(&start);
+    let open = palette.materials.iter().chain(&palette.lights).filter(|member| member.spectrum.is_none()).count();
+    if missing.len() == open {
+        return Err(CliError::Usage(format!("{path_shown} has no spectrum for {}; {wanted}", missing.join(", "))));
+    }
+    if !missing.is_empty() {
+        tracing::warn!("--start {path_shown} has no spectrum for {}", missing.join(", "));
+    }
+    Ok(start)
+}
+
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let reports = args.report.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<Vec<_>, CliError>>()?;
     if Source::of(&args.palette).bare_volume().is_some() {
@@ -158,7 +177,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
     let stated = palette::load(&args.palette)?;
     let palette = args.smoothness.map_or_else(|| stated.clone(), |smoothness| stated.smoothed(smoothness));
-    let start = args.start.as_deref().map(palette::load).transpose()?;
+    let start = args.start.as_deref().map(|path| start(path, &palette)).transpose()?;
     let outputs: Vec<&PathBuf> = args.output.iter().chain(&args.save_scene).chain(&args.report).collect();
     let inputs = palette.inputs.iter().chain([&args.palette]).chain(&args.start).map(PathBuf::as_path);
     let inputs: Vec<&Path> = inputs.collect();

@@ -295,6 +295,7 @@ pub(crate) fn main() -> ExitCode {
                     | Command::Bricks(_)
                     | Command::Page(_)
                     | Command::Figures(_)
+                    | Command::Convert(_)
             );
             let printed = match (is_silent, cli.json) {
                 (true, _) => Ok(()),

@@ -294,6 +294,17 @@ impl Palette {
         }
     }
 
+    /// Names of the open rows and columns of which `start` has no spectrum.
+    #[must_use]
+    pub fn without_start(&self, start: &Self) -> Vec<&str> {
+        let sides = [(&self.materials, &start.materials), (&self.lights, &start.lights)];
+        let has = |others: &[Member], name: &str| others.iter().any(|it| it.name == name && it.spectrum.is_some());
+        let missing = sides.into_iter().flat_map(|(members, others)| {
+            members.iter().filter(|member| member.spectrum.is_none() && !has(others, &member.name))
+        });
+        missing.map(|member| member.name.as_str()).collect()
+    }
+
     fn cell(&self, place: Place) -> Option<&Cell> {
         self.cells.iter().find(|cell| Place::of(cell) == place)
     }

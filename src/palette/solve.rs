@@ -73,8 +73,8 @@ pub fn solve(palette: &Palette, progress: &dyn Progress) -> Result<Solution, Pal
 }
 
 /// As [`solve`], with one more start: the spectra in `start` of rows and columns that `palette` leaves open, by their
-/// names. The solution is not worse than without it. If `start` has all open spectra and they are within the bounds, the
-/// solution is not worse than they are either. (Below ΔE00 0.001 no solution is better than another.)
+/// names. The solution is not worse than without it. If `start` has all open spectra, within the bounds and with no less
+/// smoothness, the solution is not worse than they are either. (Below ΔE00 0.001 no solution is better than another.)
 ///
 /// # Errors
 ///
@@ -304,8 +304,8 @@ impl<'a> Search<'a> {
         narrowed.map(|palette| Search::new(&palette, model, self.progress).best()).transpose()
     }
 
-    /// Returns the start with the spectra of `start` that this palette leaves open. It is solved if it has them all and
-    /// they are within the bounds.
+    /// Returns the start with the spectra of `start` that this palette leaves open. It is solved if it has them all, within
+    /// the bounds and with no less smoothness.
     fn known(&self, start: &Palette) -> Result<Start, PaletteError> {
         let mut spectra = starts(self.palette).swap_remove(0);
         let (mut has_any, mut fits) = (false, true);
@@ -317,15 +317,19 @@ impl<'a> Search<'a> {
             let members = side.members(self.palette).iter().zip(own);
             for (member, own) in members.filter(|(member, _)| member.spectrum.is_none()) {
                 let named = side.members(start).iter().find(|other| other.name == member.name);
+                // A rougher spectrum may be nearer to the targets than this palette allows.
+                let is_as_smooth = named.is_some_and(|other| other.smoothness >= member.smoothness);
                 let known = named.and_then(|other| other.spectrum.clone());
-                fits &= known.as_ref().is_some_and(|known| member.allows(known, side.kind()));
+                fits &= is_as_smooth && known.as_ref().is_some_and(|known| member.allows(known, side.kind()));
                 has_any |= known.is_some();
                 *own = known.unwrap_or_else(|| own.clone());
             }
         }
         if !has_any {
-            let message =
-                format!("{} has no spectrum that it leaves open; rows and columns need the same names", start.source);
+            let open =
+                self.palette.materials.iter().chain(&self.palette.lights).filter(|member| member.spectrum.is_none());
+            let open: Vec<&str> = open.map(|member| member.name.as_str()).collect();
+            let message = format!("{} has no spectrum for {}, which are open here", start.source, open.join(", "));
             return Err(PaletteError::Unsolvable { palette: self.palette.source.clone(), message });
         }
         Ok(if fits { Start::Solved(self.judged(spectra)) } else { Start::Rough(spectra) })

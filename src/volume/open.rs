@@ -208,7 +208,7 @@ const FORMATS: [Format; 15] = [
         name: "raw with a sidecar",
         extensions: &["raw", "dat", "bin"],
         recognises: |_| false,
-        is_another: ALONE,
+        is_another: |path| Ok(raw::sidecar(path).is_none() && has_header(path)),
         further: NOTHING,
         read: raw::read_beside_sidecar,
         access: Access::Stream(raw::streamed_beside_sidecar),

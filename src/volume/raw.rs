@@ -151,17 +151,26 @@ pub(super) fn read_beside_sidecar(
     streamed_beside_sidecar(path, selection)?.read(&path.display().to_string(), selection, progress)
 }
 
+/// The sidecar beside the file of voxels `path`, if there is one.
+pub(super) fn sidecar(path: &Path) -> Option<PathBuf> {
+    sidecars(path).into_iter().find(|sidecar| sidecar.exists())
+}
+
+/// Places of the sidecar of the file of voxels `path`.
+fn sidecars(path: &Path) -> [PathBuf; 2] {
+    let mut appended = path.as_os_str().to_owned();
+    appended.push(".toml");
+    [PathBuf::from(appended), path.with_extension("toml")]
+}
+
 /// The volume of a file of headerless voxels, before these are read; as [`read_beside_sidecar`].
 pub(super) fn streamed_beside_sidecar(path: &Path, selection: &Selection) -> Result<Streamed, VolumeError> {
     let name = PathBuf::from(path.file_name().unwrap_or_default());
-    let mut appended = path.as_os_str().to_owned();
-    appended.push(".toml");
-    let sidecars = [PathBuf::from(appended), path.with_extension("toml")];
-    let Some(sidecar) = sidecars.iter().find(|sidecar| sidecar.exists()) else {
+    let Some(sidecar) = sidecar(path) else {
         // A missing file is reported before a missing sidecar.
         let file = stream::open(path)?;
         let bytes = file.metadata().map_err(|source| stream::failed(path, source))?.len();
-        let [sidecar, _] = sidecars;
+        let [sidecar, _] = sidecars(path);
         let by_name = RawLayout::guessed(&name.to_string_lossy(), bytes);
         // A cube may be a guess by the size alone.
         let is_named = by_name.as_ref().is_some_and(|RawLayout { dims: [x, y, z], .. }| x != y || y != z);
@@ -171,7 +180,7 @@ pub(super) fn streamed_beside_sidecar(path: &Path, selection: &Selection) -> Res
         }
         return Err(VolumeError::NoLayout { path: path.to_owned(), sidecar, bytes, guesses });
     };
-    let mut layout = RawLayout::from_sidecar(sidecar)?;
+    let mut layout = RawLayout::from_sidecar(&sidecar)?;
     if let Some(other) = layout.file.as_ref().filter(|&file| *file != name) {
         let problem = format!(
             "the sidecar describes {other}, not {name}; open the sidecar itself to read {other}",
@@ -181,7 +190,7 @@ pub(super) fn streamed_beside_sidecar(path: &Path, selection: &Selection) -> Res
         return Err(VolumeError::Layout { source_name: sidecar.display().to_string(), problem });
     }
     layout.file = Some(name);
-    streamed_by(sidecar, &layout, selection)
+    streamed_by(&sidecar, &layout, selection)
 }
 
 /// Bytes from the beginning of a file by which its dimensions are guessed.

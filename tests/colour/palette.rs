@@ -951,13 +951,29 @@ fn the_program_starts_from_a_solved_palette_too() {
         )
     };
     let folder = Folder::new().with("a.toml", smoke(4.0)).with("b.toml", smoke(5.0)).with("small.toml", SMALL);
+    let folder = folder.with("a.nrrd", "NRRD0001\ntype: uint8\ndimension: 3\nsizes: 1 1 1\nencoding: raw\n\n7");
     let worst = |command: &[&str]| folder.done(command).json()["worst"].as_f64().unwrap();
     let narrow = worst(&["design", "a.toml", "-o", "solved.toml", "--json"]);
     let wide = worst(&["design", "b.toml", "--start", "solved.toml", "--json"]);
     assert!(wide <= narrow, "{wide} after {narrow}");
-    folder.refused(1, &["design", "b.toml", "--start", "small.toml"], &["small.toml has no spectrum", "same names"]);
+    for unsolved in ["small.toml", "a.toml"] {
+        let why = format!("{unsolved} has no spectrum for smoke, lamp; --start takes a palette file with spectra");
+        folder.refused(2, &["design", "b.toml", "--start", unsolved], &[&why]);
+    }
+    folder.refused(2, &["design", "b.toml", "--start", "a.nrrd"], &["a.nrrd is a volume; --start takes a palette"]);
+    let solved = std::fs::read_to_string(folder.path("solved.toml")).unwrap();
+    std::fs::write(folder.path("part.toml"), solved.replace("lamp", "bulb")).unwrap();
+    let warned = folder.done(&["design", "b.toml", "--start", "part.toml"]).err;
+    assert!(warned.contains("--start part.toml has no spectrum for lamp"), "{warned}");
+    // Rough spectra are nearer to the targets than smooth ones may be.
+    let smooth = worst(&["design", "b.toml", "--smoothness", "smoothest", "--start", "solved.toml", "--json"]);
+    assert!(smooth > 1.05 * narrow, "{smooth} smoothly, {narrow} roughly");
     folder.refused(1, &["design", "b.toml", "--start", "c.toml"], &["cannot read the palette c.toml"]);
-    folder.refused(2, &["design", "b.toml", "--start", "a.toml", "-o", "a.toml"], &["a.toml is an input"]);
+    folder.refused(
+        2,
+        &["design", "b.toml", "--start", "solved.toml", "-o", "solved.toml"],
+        &["solved.toml is an input"],
+    );
 }
 
 #[test]

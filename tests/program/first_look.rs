@@ -40,6 +40,8 @@ fn quiet_commands_that_write_files_print_nothing() {
     let outcome = folder.done(&[&RENDER[..], &["-q", "--accumulators", "film.exr"]].concat());
     assert_eq!((&*outcome.out, &*outcome.err), ("", ""));
     assert_eq!(folder.done(&["relight", "film.exr", "-o", "q.png", "-q"]).out, "");
+    let folder = folder.with("ball.nrrd", ball());
+    assert_eq!(folder.done(&["convert", "ball.nrrd", "ball.mha", "-q"]).out, "");
     assert!(folder.done(&[&RENDER[..], &["-q", "--json"]].concat()).out.starts_with('{'), "JSON is asked for");
     assert!(folder.done(&["info", "scene.toml", "-q"]).out.contains("materials"), "a description is the result");
 }
@@ -1057,6 +1059,25 @@ fn windows_choose_what_is_seen() {
     // Radii of 6 and 16 voxels.
     assert!((2.3..3.0).contains(&(body / bone)), "{bone}, {body}");
     assert!(fat_of_bone < 0.1 && fat_of_body > 0.5, "{fat_of_bone}, {fat_of_body}");
+    // The same above 0, as unsigned numbers of scanners: water is 1024.
+    let offset = bytes[bytes.len() - 40 * 40 * 40..].iter().flat_map(|&it| (u16::from(it) * 100 + 24).to_le_bytes());
+    let header = "ObjectType = Image\nNDims = 3\nModality = MET_MOD_CT\nDimSize = 40 40 40\nElementType = MET_USHORT\n\
+                  ElementDataFile = LOCAL\n";
+    let folder = Folder::new().with("ct.mha", header.bytes().chain(offset).collect::<Vec<u8>>());
+    let said =
+        folder.done(&["render", "ct.mha", "--size", "8x8", "-o", "p.png", "--window", "400", "--level", "40"]).err;
+    let wanted = "transparent up to -160, most opaque from 240 (-1184 and -784 Hounsfield units; for a window in these, add 1024";
+    assert!(said.contains(wanted), "{said}");
+}
+
+#[test]
+fn a_single_slice_of_any_thickness_is_seen_face_on() {
+    let slice =
+        nrrd([20, 16, 1], "spacings: 1 1 4\n", |[x, y, _]| if (x - 10).abs() + (y - 8).abs() < 7 { 200 } else { 0 });
+    let folder = Folder::new().with("slice.nrrd", slice);
+    folder.done(&["render", "slice.nrrd", "--size", "40x40", "-o", "p.png"]);
+    let [width, height] = spans(&folder.path("p.png")).map(|[span, _]| span);
+    assert!(width > 0.8 && height > 0.6, "{width} wide, {height} high; its edge is a fifth as high as wide");
 }
 
 #[test]

@@ -224,6 +224,16 @@ fn more_bytes_than_needed_are_noted() {
 }
 
 #[test]
+fn a_file_called_raw_may_have_a_header() {
+    let text = b"NRRD0001\ntype: uint8\ndimension: 3\nsizes: 2 1 1\nencoding: raw\n\n78";
+    let folder = folder_with("a.raw", text);
+    let open = || volume::open(&folder.path().join("a.raw"), &Selection::default(), &Quiet).unwrap();
+    assert_eq!(open().geometry.dims, [2, 1, 1]);
+    std::fs::write(folder.path().join("a.toml"), "dims = [3, 1, 1]\ntype = 'uint8'").unwrap();
+    assert_eq!(open().geometry.dims, [3, 1, 1], "what the sidecar says");
+}
+
+#[test]
 fn unknown_and_missing_files_are_named() {
     let folder = folder_with("a.xyz", b"hello");
     let error = volume::open(&folder.path().join("a.xyz"), &Selection::default(), &Quiet).unwrap_err();

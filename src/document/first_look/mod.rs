@@ -443,12 +443,14 @@ fn ramp_thickness(thinned: &Thinned, [low, high]: [f64; 2], rise: Rise, axis: us
 /// Ratio of largest to smallest extent from which a volume is viewed as a sheet.
 const FLAT: f64 = 20.0;
 
-/// Side from which a sheet is viewed; slices along z appear as on a screen.
+/// Side from which a sheet is viewed, such as a single slice of any thickness; slices along z appear as on a screen.
 fn flat_side(geometry: &Geometry) -> Option<Side> {
     let extent = geometry.extent();
-    let thin = extent.min_position();
+    let slice = (0..3).find(|&axis| geometry.dims.iter().enumerate().all(|(other, &n)| (n == 1) == (other == axis)));
+    let thin = slice.unwrap_or_else(|| extent.min_position());
     let normal = geometry.direction.col(thin).abs().max_position();
-    (extent.max_element() >= FLAT * extent[thin]).then(|| [Side::Left, Side::Front, Side::Bottom][normal])
+    let is_flat = slice.is_some() || extent.max_element() >= FLAT * extent[thin];
+    is_flat.then(|| [Side::Left, Side::Front, Side::Bottom][normal])
 }
 
 /// Whether a CT is a head whose slices begin at the top: its body is cut off at the upper end of z and lies in air at
@@ -642,7 +644,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         let low = std::array::from_fn(|axis| of_block(axis, low[axis], 0));
         [low, std::array::from_fn(|axis| of_block(axis, high[axis], block[axis] - 1))]
     });
-    let alone = if crop.is_some() { "; only the largest connected part is shown" } else { "" };
+    let alone = if crop.is_some() { "; only the box of the largest connected part is shown" } else { "" };
     let guess = format!("{name} has no scene, so Relume made one: {guess}{alone}.");
     let groups = match (&values.kind, &shape) {
         (Kind::Labels(_), Shape::Layers(layers)) if layers.len() > 1 && wish.look.is_none() => {
@@ -687,9 +689,17 @@ fn shape(
         let range = window.unwrap_or([values.objects_from, high]);
         let layer = alone("grey", Colour::Code("#e8e8e8".to_owned()), range, 4.0);
         let [low, high] = range.map(brief);
+        let in_units = match &values.kind {
+            Kind::Ct { water } if *water != 0.0 && window.is_some() => {
+                let [low, high] = range.map(|value| brief(value - water));
+                let water = brief(*water);
+                format!(" ({low} and {high} Hounsfield units; for a window in these, add {water} to its level)")
+            }
+            _ => String::new(),
+        };
         return (
             Shape::Ramp { layer, rise: if window.is_some() { of_window } else { Rise::Even } },
-            format!("{kind}, shown in grey: transparent up to {low}, most opaque from {high}"),
+            format!("{kind}, shown in grey: transparent up to {low}, most opaque from {high}{in_units}"),
         );
     }
     if wish.look == Some(Look::Fluorescence) {
