@@ -648,7 +648,7 @@ fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option
         tracing::warn!("no material is visible; add an interval with an opacity above 0 to the transfer function");
     } else if occupied == Some(0) {
         tracing::warn!(
-            "nothing in {} is visible: the transfer function is 0 over all its values (`relume info` of the scene prints their range)",
+            "nothing in {} is visible: the transfer function or the window is 0 over all its values (`relume info` prints their range)",
             scene.volume.source
         );
     }

@@ -1,4 +1,4 @@
-//! Dimensions of headerless voxels, suggested by the likeness of neighbouring rows and slices.
+//! Dimensions of headerless voxels, suggested by the likeness of neighbours.
 
 use std::collections::BTreeMap;
 
@@ -54,13 +54,15 @@ pub(super) fn better(value: impl Fn(usize) -> f64, voxels: usize, stated: [usize
     (best != stated && least < CLEARLY * own).then_some(best)
 }
 
-/// Dimensions of `voxels` voxels with the smallest differences, the best first, and the ratios of these to the differences
-/// of voxels that are far apart; none for a constant. Only `known` voxels from the beginning have values.
+/// Dimensions of `voxels` voxels with the smallest differences between rows and between slices, the best first, and the
+/// ratios of these and of the differences within rows to those of voxels that are far apart; none for a constant. Only
+/// `known` voxels from the beginning have values. Halves of numbers, read as whole ones, differ much within rows.
 pub(super) fn guessed(value: impl Fn(usize) -> f64, known: usize, voxels: usize) -> Vec<([usize; 3], f64)> {
     let mut differences = Differences { value, voxels: known, known: BTreeMap::new() };
     let far = differences.at(known / 2 + 1).max(differences.at(known / 3 + 1));
+    let within = differences.at(1);
     let found = likeliest(&mut differences, voxels).into_iter().filter(|(_, least)| far > 0.0 && *least > 0.0);
-    found.map(|(dims, least)| (dims, least / far)).collect()
+    found.map(|(dims, least)| (dims, (least + within) / far)).collect()
 }
 
 /// At most [`GUESSES`] dimensions with the smallest differences, and these differences.

@@ -195,10 +195,10 @@ pub(super) fn streamed_beside_sidecar(path: &Path, selection: &Selection) -> Res
 
 /// Bytes from the beginning of a file by which its dimensions are guessed.
 const EXAMINED: u64 = 1 << 26;
-/// Neighbouring rows and slices of a guess differ less than this fraction of voxels that are far apart.
-const ALIKE: f64 = 0.5;
+/// Neighbours along the three axes of a guess differ together less than this fraction of voxels that are far apart.
+const ALIKE: f64 = 0.75;
 
-/// Guesses at the layout of the file `path` by the likeness of its neighbouring rows and slices, the best first.
+/// Guesses at the layout of the file `path` by the likeness of neighbours along its axes, the best first.
 fn guessed_by_content(path: &Path, bytes: u64) -> Vec<RawLayout> {
     let mut beginning = Vec::new();
     if stream::open(path).ok().and_then(|file| file.take(EXAMINED).read_to_end(&mut beginning).ok()).is_none() {
@@ -208,12 +208,22 @@ fn guessed_by_content(path: &Path, bytes: u64) -> Vec<RawLayout> {
     let big = |at: usize| Some(u16::from_be_bytes(*beginning.get(2 * at..)?.first_chunk()?));
     let float = |at: usize| Some(f32::from_le_bytes(*beginning.get(4 * at..)?.first_chunk()?));
     type Read<'a> = Box<dyn Fn(usize) -> f64 + 'a>;
-    let readings: [(VoxelType, ByteOrder, Read<'_>); 4] = [
+    let mut readings: Vec<(VoxelType, ByteOrder, Read<'_>)> = vec![
         (VoxelType::U8, ByteOrder::Little, Box::new(|at| beginning.get(at).map_or(f64::NAN, |&it| it.into()))),
         (VoxelType::U16, ByteOrder::Little, Box::new(|at| little(at).map_or(f64::NAN, f64::from))),
         (VoxelType::U16, ByteOrder::Big, Box::new(|at| big(at).map_or(f64::NAN, f64::from))),
         (VoxelType::F32, ByteOrder::Little, Box::new(|at| float(at).map_or(f64::NAN, f64::from))),
     ];
+    // Without a sign bit, signed numbers are the unsigned ones.
+    let has_sign = |byte: usize| beginning.chunks_exact(2).any(|pair| pair[byte] >= 0x80);
+    if has_sign(1) {
+        let value = |at| little(at).map_or(f64::NAN, |it| it.cast_signed().into());
+        readings.push((VoxelType::I16, ByteOrder::Little, Box::new(value)));
+    }
+    if has_sign(0) {
+        let value = |at| big(at).map_or(f64::NAN, |it| it.cast_signed().into());
+        readings.push((VoxelType::I16, ByteOrder::Big, Box::new(value)));
+    }
     let of_type = |(voxel_type, byte_order, value): (VoxelType, ByteOrder, Read<'_>)| {
         let voxels = usize::try_from(bytes).unwrap_or_default();
         let voxels = if voxels.is_multiple_of(voxel_type.bytes()) { voxels / voxel_type.bytes() } else { 0 };
@@ -240,6 +250,7 @@ fn streamed_by(path: &Path, layout: &RawLayout, selection: &Selection) -> Result
 }
 
 #[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
     use crate::volume::VoxelType;
@@ -265,6 +276,34 @@ mod tests {
         {
             assert_eq!(guessed(name, bytes), None, "{name} of {bytes} bytes");
         }
+    }
+
+    #[test]
+    fn the_content_tells_signed_numbers_and_single_bytes() {
+        let dims = [48, 40, 36];
+        // A ball with a coarse texture: 0 outside, up to 3000 inside.
+        let value = |at: usize| {
+            let [x, y, z] = [at % dims[0], at / dims[0] % dims[1], at / (dims[0] * dims[1])];
+            let off = [(x, 24), (y, 20), (z, 18)].map(|(at, middle)| at.abs_diff(middle).pow(2)).iter().sum::<usize>();
+            u16::try_from(if off < 200 { 10 * (200 - off) + 10 * (x * y * z % 97) } else { 0 }).unwrap()
+        };
+        let voxels: Vec<u16> = (0..dims.iter().product()).map(value).collect();
+        let folder = tempfile::tempdir().unwrap();
+        let guess = |bytes: Vec<u8>| {
+            let path = folder.path().join("v");
+            std::fs::write(&path, &bytes).unwrap();
+            let guesses = guessed_by_content(&path, bytes.len().try_into().unwrap());
+            guesses.first().map(|it| (it.dims, it.voxel_type, it.byte_order))
+        };
+        let signed = |it: &u16| i16::try_from(*it).unwrap() - 1024;
+        let little = voxels.iter().flat_map(|it| signed(it).to_le_bytes()).collect();
+        assert_eq!(guess(little), Some((dims, VoxelType::I16, ByteOrder::Little)));
+        let big = voxels.iter().flat_map(|it| signed(it).to_be_bytes()).collect();
+        assert_eq!(guess(big), Some((dims, VoxelType::I16, ByteOrder::Big)));
+        let unsigned = voxels.iter().flat_map(|it| it.to_le_bytes()).collect();
+        assert_eq!(guess(unsigned), Some((dims, VoxelType::U16, ByteOrder::Little)));
+        let bytes = voxels.iter().map(|it| u8::try_from(it / 12).unwrap()).collect();
+        assert_eq!(guess(bytes), Some((dims, VoxelType::U8, ByteOrder::Little)));
     }
 
     #[test]
