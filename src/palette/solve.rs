@@ -326,10 +326,8 @@ impl<'a> Search<'a> {
             }
         }
         if !has_any {
-            let open =
-                self.palette.materials.iter().chain(&self.palette.lights).filter(|member| member.spectrum.is_none());
-            let open: Vec<&str> = open.map(|member| member.name.as_str()).collect();
-            let message = format!("{} has no spectrum for {}, which are open here", start.source, open.join(", "));
+            let missing = self.palette.without_start(start).join(", ");
+            let message = format!("{} has no spectrum for {missing}, which are open here", start.source);
             return Err(PaletteError::Unsolvable { palette: self.palette.source.clone(), message });
         }
         Ok(if fits { Start::Solved(self.judged(spectra)) } else { Start::Rough(spectra) })
