@@ -296,7 +296,8 @@ pub(crate) fn main() -> ExitCode {
                     | Command::Page(_)
                     | Command::Figures(_)
                     | Command::Convert(_)
-            );
+            ) || matches!(cli.command, Command::Design(_))
+                && report.json["outputs"].as_array().is_some_and(|files| !files.is_empty());
             let printed = match (is_silent, cli.json) {
                 (true, _) => Ok(()),
                 (false, true) => terminal::conclude(&report.json_text()),

@@ -109,6 +109,37 @@ pub(crate) struct Args {
     /// made. An existing file with another content is kept with .bak after its name.
     #[arg(long, value_name = "FILE.toml")]
     save_scene: Option<PathBuf>,
+    /// Flags of `relight` for the dial, accepted here only to explain where they apply.
+    #[command(flatten)]
+    relit: Relit,
+}
+
+/// Ways of the hand of the dial, which need a film.
+#[derive(Debug, clap::Args)]
+struct Relit {
+    #[arg(long, hide = true, allow_hyphen_values = true)]
+    sweep: Option<String>,
+    #[arg(long = "loop", hide = true)]
+    closed: bool,
+    #[arg(long, hide = true, allow_hyphen_values = true)]
+    dial: Option<String>,
+}
+
+impl Relit {
+    fn check(&self) -> Result<(), CliError> {
+        let given = [
+            (self.sweep.is_some(), "--sweep", format!(" {}", self.sweep.as_deref().unwrap_or_default())),
+            (self.closed, "--loop", String::new()),
+            (self.dial.is_some(), "--dial", format!(" {}", self.dial.as_deref().unwrap_or_default())),
+        ];
+        match given.into_iter().find(|(is_given, ..)| *is_given) {
+            None => Ok(()),
+            Some((_, flag, value)) => Err(CliError::Usage(format!(
+                "{flag} is for `relume relight`, which renders nothing again: save the film here (--accumulators film.exr), then \
+                 `relume relight film.exr {flag}{value} -o FILE`"
+            ))),
+        }
+    }
 }
 
 impl Args {
@@ -268,6 +299,7 @@ impl Marched {
 
 pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Progress) -> Result<Report, CliError> {
     let is_first = processes.is_none_or(Processes::is_first);
+    args.relit.check()?;
     if processes.is_some() {
         args.check_shared()?;
     }
