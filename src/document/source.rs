@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::file::{parse_around, volume_alone};
-use super::first_look::{NoCt, first_look, labels_text};
+use super::first_look::{LookError, NoCt, first_look, labels_text};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded};
 use crate::input;
 use crate::progress::{Progress, Quiet};
@@ -217,7 +217,12 @@ impl Source {
         volume.prepare_coarse(progress)?;
         let statistics = volume.statistics()?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let look = first_look(&name, &volume, &statistics, options.wish)?;
+        let look =
+            first_look(&name, &mut volume, &statistics, options.wish, progress).map_err(|error| match error {
+                LookError::NoCt(error) => OpenError::from(error),
+                LookError::Volume(error) => error.into(),
+            })?;
+        let statistics = if look.is_alone { volume.statistics()? } else { statistics };
         volume.geometry = stored;
         let (mut text, mut guess) = (look.text, look.guess);
         if let Some(labels) = &options.labels {

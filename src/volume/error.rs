@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use super::{Asked, ByteOrder, RawLayout, Several};
+use crate::number::brief;
 
 /// Error in reading, making or processing a volume.
 #[derive(Debug, thiserror::Error)]
@@ -378,6 +379,20 @@ pub enum VolumeError {
         /// The feature that needs them.
         what: &'static str,
     },
+    /// No connected parts, because no voxel is above the value.
+    #[error(
+        "{source_name}: no voxel is above {}, so there is no connected part; the largest value is {}",
+        brief(*value),
+        brief(*most)
+    )]
+    NothingAbove {
+        /// The volume.
+        source_name: String,
+        /// Value above which voxels are connected.
+        value: f64,
+        /// Largest value.
+        most: f64,
+    },
     /// The voxels are not read slab by slab.
     #[error("{source_name}: no bricks can be made of this file slice by slice, because {reason}")]
     NotStreamed {
@@ -473,6 +488,7 @@ impl VolumeError {
             Self::Exceeds { .. } => "volume-exceeds-memory",
             Self::BrickMemory { .. } => "brick-memory-short",
             Self::InFile { .. } => "bricks-stay-in-file",
+            Self::NothingAbove { .. } => "volume-nothing-above",
             Self::NotStreamed { .. } => "bricks-impossible",
             Self::Bricks { .. } => "bricks-damaged",
             Self::NothingFinite { .. } => "volume-not-finite",

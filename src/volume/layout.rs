@@ -44,7 +44,7 @@ impl ByteOrder {
 /// ```
 ///
 /// These are the keys of a scene's `[volume]`. The other keys of `[volume]` do not apply: `labels` describe what a
-/// scene shows, `phantom` replaces a file, and headerless voxels have no named `array`.
+/// scene shows, as does `largest_part_above`, `phantom` replaces a file, and headerless voxels have no named `array`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawLayout {

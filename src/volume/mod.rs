@@ -6,6 +6,7 @@ mod batches;
 mod binary;
 mod bricks;
 mod coarse;
+mod connected;
 mod data;
 mod dicom;
 mod error;

@@ -43,6 +43,11 @@ fn quiet_commands_that_write_files_print_nothing() {
     let folder = folder.with("ball.nrrd", ball());
     assert_eq!(folder.done(&["convert", "ball.nrrd", "ball.mha", "-q"]).out, "");
     assert!(folder.done(&[&RENDER[..], &["-q", "--json"]].concat()).out.starts_with('{'), "JSON is asked for");
+    let palette = folder
+        .with("p.toml", "version = 1\n[lights.day]\nspectrum = \"D65\"\n[materials.a]\n[cells.a]\nday = \"#808080\"\n");
+    assert_eq!(palette.done(&["design", "p.toml", "-o", "q.toml", "-q"]).out, "");
+    let folder = palette;
+    assert!(folder.done(&["design", "p.toml", "-q"]).out.contains("solved in"), "the report is the result");
     assert!(folder.done(&["info", "scene.toml", "-q"]).out.contains("materials"), "a description is the result");
 }
 
@@ -130,6 +135,11 @@ fn ball() -> Vec<u8> {
 
 /// Fractions of width and height that pixels brighter than black span, and the middle of each.
 fn spans(path: &std::path::Path) -> [[f64; 2]; 2] {
+    spans_above(8, path)
+}
+
+/// As [`spans`], of pixels above a code.
+fn spans_above(black: u8, path: &std::path::Path) -> [[f64; 2]; 2] {
     let mut decoder =
         png::Decoder::new(std::io::BufReader::new(std::fs::File::open(path).unwrap())).read_info().unwrap();
     let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
@@ -138,7 +148,7 @@ fn spans(path: &std::path::Path) -> [[f64; 2]; 2] {
     let lit: Vec<usize> = pixels
         .chunks_exact(3)
         .enumerate()
-        .filter(|(_, it)| it.iter().any(|&code| code > 8))
+        .filter(|(_, it)| it.iter().any(|&code| code > black))
         .map(|(at, _)| at)
         .collect();
     let sides = [info.width, info.height].map(f64::from);
@@ -473,6 +483,48 @@ fn ct(more: &str) -> Vec<u8> {
         "ObjectType = Image\nNDims = 3\nDimSize = 24 24 24\nElementType = MET_SHORT\n{more}ElementDataFile = LOCAL\n"
     );
     header.into_bytes().into_iter().chain((0..24 * 24 * 24).flat_map(|index| stored(index).to_le_bytes())).collect()
+}
+
+#[test]
+fn what_a_body_lies_on_becomes_air_also_inside_its_box() {
+    // A rod beside a ball, within the box of the ball.
+    let scan = |has_rest: bool| {
+        let stored = |index: i32| {
+            let [x, y, z] = [index % 40, index / 40 % 40, index / 1600].map(|at| at - 20);
+            match x * x + y * y + z * z {
+                0..40 => 1200_i16,
+                40..150 => 20 + i16::try_from(index % 7).unwrap(),
+                150..196 => -250,
+                _ if has_rest && (-14..=-11).contains(&x) && (-14..=-11).contains(&y) && z.abs() < 15 => 300,
+                _ => -1000,
+            }
+        };
+        let header = "NRRD0004\ntype: int16\ndimension: 3\nsizes: 40 40 40\nencoding: raw\nendian: little\n\n";
+        header.bytes().chain((0..40 * 40 * 40).flat_map(|index| stored(index).to_le_bytes())).collect::<Vec<u8>>()
+    };
+    let folder = Folder::new().with("rest.nrrd", scan(true)).with("alone.nrrd", scan(false));
+    let render = |more: &[&str], picture: &str| {
+        let outcome = folder.done(&[&["render", "--size", "60x60", "-o", picture], more].concat());
+        (outcome.err, std::fs::read(folder.path(picture)).unwrap())
+    };
+    let (said, shown) = render(&["rest.nrrd", "--save-scene", "rest.toml"], "rest.png");
+    assert!(said.contains("; only the largest connected part is shown."), "{said}");
+    let text = std::fs::read_to_string(folder.path("rest.toml")).unwrap();
+    assert!(text.contains("\nlargest_part_above = -380.0\n") && !text.contains("[crop]"), "{text}");
+    assert!(render(&["rest.toml"], "saved.png").1 == shown, "the saved scene shows the same");
+    assert!(render(&["rest.toml", "--volume", "alone.nrrd"], "alone.png").1 == shown, "the rest is air");
+    std::fs::write(folder.path("whole.toml"), text.replace("largest_part_above", "# largest_part_above")).unwrap();
+    assert!(render(&["whole.toml"], "whole.png").1 != shown, "the rest would be visible");
+    let (said, _) = render(&["alone.nrrd"], "first.png");
+    assert!(!said.contains("connected"), "{said}");
+    for (value, words) in [
+        ("1200", &["no voxel is above 1200", "the largest value is 1200", "write a smaller value"][..]),
+        ("nan", &["volume.largest_part_above = NaN", "a finite number"]),
+        ("\"bone\"", &["largest_part_above"]),
+    ] {
+        let definition = format!("volume.largest_part_above={value}");
+        folder.refused(2, &["render", "whole.toml", "-o", "q.png", "-D", &definition], words);
+    }
 }
 
 #[test]
@@ -909,6 +961,11 @@ fn files_of_another_command_are_told_theirs() {
     for (file, words) in [("scene.toml", "relume render scene.toml"), ("ball.nrrd", "relume render ball.nrrd")] {
         folder.refused(1, &["relight", file, "-o", "q.png"], &[words, "--accumulators"]);
     }
+    for (flag, value) in [("--sweep", "key..fill"), ("--dial", "-0.5,0.2")] {
+        let way = format!("relume relight film.exr {flag} {value} -o FILE");
+        folder.refused(2, &[&RENDER[..], &[flag, value]].concat(), &[flag, "--accumulators film.exr", &way]);
+    }
+    folder.refused(2, &[&RENDER[..], &["--loop"]].concat(), &["relume relight film.exr --loop -o FILE"]);
     let neither =
         folder.refused(1, &["render", "notes", "-o", "q.png"], &["notes", "neither a volume nor a scene"]).err;
     assert!(neither.contains("NRRD") && neither.contains("--dims"), "what is read, and the way out: {neither}");
@@ -1068,6 +1125,27 @@ fn windows_choose_what_is_seen() {
         folder.done(&["render", "ct.mha", "--size", "8x8", "-o", "p.png", "--window", "400", "--level", "40"]).err;
     let wanted = "transparent up to -160, most opaque from 240 (-1184 and -784 Hounsfield units; for a window in these, add 1024";
     assert!(said.contains(wanted), "{said}");
+}
+
+#[test]
+fn a_soft_object_in_one_colour_fits_the_picture_by_what_is_visible_of_it() {
+    let soft = nrrd([40, 40, 40], "", |[x, y, z]| {
+        let far = f64::from((x - 20).pow(2) + (y - 20).pow(2) + (z - 20).pow(2));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 250")]
+        let value = (250.0 * (-far / 60.0).exp()).round() as u8;
+        value
+    });
+    let folder = Folder::new().with("soft.nrrd", soft);
+    for look in [
+        ["--window=250", "--level=125"],
+        ["--window=100", "--level=60"],
+        ["--look", "grey"],
+        ["--look", "fluorescence"],
+    ] {
+        folder.done(&[&["render", "soft.nrrd", "--size", "240x240", "-o", "p.png"][..], &look].concat());
+        let [[width, _], [height, _]] = spans_above(12, &folder.path("p.png"));
+        assert!((width.max(height) - 0.9).abs() < 0.018, "{look:?}: {width} wide, {height} high");
+    }
 }
 
 #[test]

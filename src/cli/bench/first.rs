@@ -63,12 +63,12 @@ pub(super) fn run(
             *clock = Stopwatch::start();
         };
         if time > 0 {
-            let volume = volume::open(path, selection, progress)?;
+            let mut volume = volume::open(path, selection, progress)?;
             ended(&mut clock);
             let statistics = volume.statistics()?;
             ended(&mut clock);
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            std::hint::black_box(scene_text(&name, &volume, &statistics, Wish::default()).ok());
+            std::hint::black_box(scene_text(&name, &mut volume, &statistics, Wish::default(), progress).ok());
             ended(&mut clock);
         }
         let (file, statistics) = source.read(progress)?;

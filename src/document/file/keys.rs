@@ -88,6 +88,7 @@ pub(super) struct VolumeFile {
     pub(super) labels: Option<PathBuf>,
     pub(super) phantom_labels: Option<At<bool>>,
     pub(super) downsample: Option<[NonZeroUsize; 3]>,
+    pub(super) largest_part_above: Option<At<f64>>,
     pub(super) dims: Option<[NonZeroUsize; 3]>,
     pub(super) spacing: Option<At<[f64; 3]>>,
     pub(super) unit: Option<At<String>>,

@@ -50,6 +50,15 @@ impl Text<'_> {
         if let Some(blocks) = file.blocks(options).filter(|_| !is_read) {
             volume = volume.downsample(blocks).map_err(fail)?;
         }
+        if let Some(above) = file.largest_part_above.as_ref().filter(|_| !is_read) {
+            let value = self.number("volume.largest_part_above", above, &FINITE)?;
+            volume.keep_largest_part_above(value, progress).map_err(|error| match error {
+                VolumeError::NothingAbove { .. } => {
+                    self.invalid(above, format!("volume.largest_part_above: {error}; write a smaller value"))
+                }
+                error => fail(error),
+            })?;
+        }
         volume.selection = Selection { asks: false, ..selection.or(&volume.selection) };
         let stored = volume.geometry;
         if let Some((lengths, unit)) = options.spacing.filter(|_| !is_read) {

@@ -1,7 +1,6 @@
 //! The first look at a volume without a scene: a scene made from its values.
 
 mod groups;
-mod part;
 mod sample;
 mod values;
 
@@ -21,14 +20,23 @@ use super::moves::Side;
 use super::silhouette::{Depths, Seen};
 use super::transfer_presets::TransferPreset;
 use crate::number::{brief, count, nearest, rounded, whole};
+use crate::progress::Progress;
 use crate::scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term};
-use crate::volume::{Geometry, LabelPreset, Presets, Statistics, Volume, Window};
+use crate::volume::{Geometry, LabelPreset, Presets, Statistics, Volume, VolumeError, Window};
 use crate::written::refused_name;
 
 /// Designed materials and lights of a first look.
 const DESIGN: &str = include_str!("../../../data/scenes/volume.toml");
 /// Opacity of labels of a label map, per voxel: a surface that shows what is in front of it.
 const LABEL_OPACITY: f64 = 0.5;
+/// Hounsfield units below water from which soft tissue begins, with the part of a voxel on its surface.
+const SOFT: f64 = 300.0;
+/// Hounsfield units below water from which a body may be connected with what it lies on, by cushions and clothes.
+const FAINT: f64 = 500.0;
+/// Fraction of the voxels of all parts of a CT above which parts beside the largest are left out.
+const WORTH: f64 = 0.002;
+/// Fraction of the largest part from which the others are no table: both feet, for instance.
+const SEVERAL: f64 = 0.25;
 /// Names of its materials, from the faintest to the most solid.
 const DESIGNED: [&str; 3] = ["faint", "middle", "solid"];
 
@@ -114,6 +122,8 @@ pub(super) struct FirstLook {
     pub(super) text: String,
     /// The guess, in a sentence.
     pub(super) guess: String,
+    /// Other parts than the body were removed from the volume.
+    pub(super) is_alone: bool,
 }
 
 /// A range of values that is shown as one material.
@@ -543,11 +553,19 @@ fn directions(volume: &Volume, values: &Values) -> Camera {
 
 /// Text of the scene that a first look at `volume`, whose file is called `name`, makes; it names no volume.
 ///
+/// Other parts than the body are removed from the volume, as the scene says.
+///
 /// # Errors
 ///
-/// [`NoCt`] for a look that is for CT alone.
-pub fn scene_text(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> Result<String, NoCt> {
-    first_look(name, volume, statistics, wish).map(|look| look.text)
+/// [`LookError`].
+pub fn scene_text(
+    name: &str,
+    volume: &mut Volume,
+    statistics: &Statistics,
+    wish: Wish,
+    progress: &dyn Progress,
+) -> Result<String, LookError> {
+    first_look(name, volume, statistics, wish, progress).map(|look| look.text)
 }
 
 /// Why a volume has no first look of a kind.
@@ -565,12 +583,30 @@ pub struct NoCt {
     range: [f64; 2],
 }
 
-/// The scene for `volume`, whose file is called `name`.
+/// Why a volume has no first look.
+#[derive(Debug, thiserror::Error)]
+pub enum LookError {
+    /// The look is for CT alone.
+    #[error(transparent)]
+    NoCt(#[from] NoCt),
+    /// Its parts were not found.
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
+}
+
+/// The scene for `volume`, whose file is called `name`. Other parts than the body are removed from the volume, as the scene
+/// says.
 ///
 /// # Errors
 ///
-/// [`NoCt`] for a look that is for CT alone.
-pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> Result<FirstLook, NoCt> {
+/// [`LookError`].
+pub(super) fn first_look(
+    name: &str,
+    volume: &mut Volume,
+    statistics: &Statistics,
+    wish: Wish,
+    progress: &dyn Progress,
+) -> Result<FirstLook, LookError> {
     // A comment ends with its line.
     let name = &name.replace(char::is_control, " ");
     // Of voxels that stay in a file, a coarse level is examined.
@@ -581,7 +617,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         && values.water(statistics).is_none()
     {
         let range = [values.least, values.most];
-        return Err(NoCt { look: look.name(), name: name.clone(), range });
+        return Err(NoCt { look: look.name(), name: name.clone(), range }.into());
     }
     let geometry = &volume.geometry;
     let camera = directions(volume, &values);
@@ -613,13 +649,27 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         }
     };
     let shows = |value: f32| ranges.iter().any(|&[low, high]| (low..=high).contains(&f64::from(value)));
-    let crop = match values.kind {
-        Kind::Ct { water } => {
-            let body: Vec<bool> = values.thinned.values.iter().map(|&value| f64::from(value) > water - 300.0).collect();
-            part::largest_part(&values.thinned, &body, at_hand.geometry.dims)
+    let (mut crop, mut part_above) = (None, None);
+    if let Kind::Ct { water } = values.kind {
+        // From the faintest visible value on, so that no surface of another part stays visible.
+        let visible = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);
+        let above = visible.clamp(water - FAINT, water - SOFT);
+        let parts = at_hand.parts_above(above, progress)?;
+        let [body, others] = parts.sizes.map(count);
+        if others > WORTH * (body + others) && others < SEVERAL * body {
+            if volume.bricks.is_none() {
+                volume.keep_largest(&parts);
+                part_above = Some(above);
+            } else {
+                // Voxels that stay in a file are not changed.
+                let [low, high] = parts.bounds();
+                let last = |axis: usize| at_hand.geometry.dims[axis] - 1;
+                let high = std::array::from_fn(|axis| (high[axis] + 1).min(last(axis)));
+                crop = Some([low.map(|at| at.saturating_sub(1)), high]);
+            }
         }
-        _ => None,
-    };
+    }
+    let (at_hand, geometry) = (volume.at_hand(), &volume.geometry);
     let outline = fit::outline(at_hand, values.thinned.stride, crop, |_, value| is_flat || shows(rounded(value)));
     // A body is known to be upright.
     let camera = if matches!(values.kind, Kind::Ct { .. }) { camera } else { raised(camera, &outline) };
@@ -635,7 +685,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
     let camera = if is_flat {
         fit::fitted(&camera, &outline, &outline, geometry)
     } else {
-        let depths = Depths::of(&terms(&shape, &opacities), geometry.spacing.min_element());
+        let depths = Depths::of(&terms(&shape, &opacities), geometry.spacing.min_element() / brightness(&shape));
         let is_interpolated = !matches!(values.kind, Kind::Labels(_));
         fit::framed(&camera, &outline, &Seen::new(at_hand, crop, is_interpolated, depths))
     };
@@ -644,7 +694,11 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         let low = std::array::from_fn(|axis| of_block(axis, low[axis], 0));
         [low, std::array::from_fn(|axis| of_block(axis, high[axis], block[axis] - 1))]
     });
-    let alone = if crop.is_some() { "; only the box of the largest connected part is shown" } else { "" };
+    let alone = match (crop, part_above) {
+        (Some(_), _) => "; only the box of the largest connected part is shown",
+        (_, Some(_)) => "; only the largest connected part is shown",
+        _ => "",
+    };
     let guess = format!("{name} has no scene, so Relume made one: {guess}{alone}.");
     let groups = match (&values.kind, &shape) {
         (Kind::Labels(_), Shape::Layers(layers)) if layers.len() > 1 && wish.look.is_none() => {
@@ -655,8 +709,8 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         }
         _ => None,
     };
-    let text = text(name, &guess, (&shape, groups.as_ref()), &opacities, &camera, crop, geometry);
-    Ok(FirstLook { text, guess })
+    let text = text(name, &guess, (&shape, groups.as_ref()), &opacities, &camera, (crop, part_above), geometry);
+    Ok(FirstLook { text, guess, is_alone: part_above.is_some() })
 }
 
 /// The layers, and the guess in words.
@@ -793,6 +847,18 @@ fn ramp(layer: &Layer, rise: Rise, opacities: &[f64]) -> Vec<(f64, f64)> {
     rise.points().into_iter().map(point).collect()
 }
 
+/// Brightness of the colours that the camera fits, in that of the outer layer of a tissue look: a pixel of a brighter material
+/// is visible from a smaller optical depth on.
+const fn brightness(shape: &Shape) -> f64 {
+    match shape {
+        Shape::Layers(_) => 1.0,
+        // The largest components of the linear colours are 0.75 and 0.33, and what shines is shaded by 1 in place of 0.45.
+        Shape::Ramp { rise: Rise::Shining, .. } => 0.75 / 0.33 / 0.45,
+        // 0.81 and 0.33 for grey, whose soft edges are darker: the gradients of windows of the tooth and of a soft ball.
+        Shape::Ramp { .. } => 1.85,
+    }
+}
+
 /// The terms of the transfer function of a scene; their materials are those of no scene.
 fn terms(shape: &Shape, opacities: &[f64]) -> Vec<Term> {
     match shape {
@@ -814,7 +880,7 @@ fn text(
     (shape, groups): (&Shape, Option<&Groups>),
     opacities: &[f64],
     camera: &Camera,
-    crop: Option<[[usize; 3]; 2]>,
+    (crop, part_above): (Option<[[usize; 3]; 2]>, Option<f64>),
     geometry: &Geometry,
 ) -> String {
     // A single slice has no gradient across it to shade.
@@ -826,6 +892,12 @@ fn text(
     let mut line = |words: &str| {
         let _ = writeln!(text, "{words}");
     };
+    if let Some(above) = part_above {
+        line(
+            "# Only the largest connected part of the voxels above this value is kept; others, such as a table, become air.",
+        );
+        line(&format!("largest_part_above = {above:?}"));
+    }
     line(
         "\n# Opacity is the fraction of light lost over the opacity length: one voxel. Ranges are values of the volume.",
     );

@@ -1,0 +1,367 @@
+//! The largest connected part of the voxels above a value.
+
+use std::path::Path;
+
+use super::data::check_cancelled;
+use super::{Volume, VolumeError, Voxel, with_voxels};
+use crate::parallel;
+use crate::progress::Progress;
+
+/// Slices between two reports of the progress.
+const SLICES: usize = 32;
+/// Voxels that are compared at once: mostly all of them are above the value, or none.
+const LANES: usize = 32;
+
+/// Neighbours in a row above the value: the first, and the first behind them.
+type Run = [usize; 2];
+
+/// The runs of a slice.
+struct Slice {
+    runs: Vec<Run>,
+    /// Number of the first run of each row, and of all runs.
+    rows: Vec<usize>,
+    /// Number of the first run among those of all slices.
+    first: usize,
+    /// The smallest and the largest finite stored number.
+    ends: [f64; 2],
+}
+
+impl Slice {
+    /// Number of the first run of a row among those of all slices, and its runs.
+    fn numbered(&self, y: usize) -> (usize, &[Run]) {
+        (self.first + self.rows[y], &self.runs[self.rows[y]..self.rows[y + 1]])
+    }
+
+    /// The runs of a row whose number `is_wanted`.
+    fn row(&self, y: usize, is_wanted: impl Fn(usize) -> bool) -> impl Iterator<Item = Run> {
+        let (first, runs) = self.numbered(y);
+        (first..).zip(runs).filter(move |&(number, _)| is_wanted(number)).map(|(_, run)| *run)
+    }
+}
+
+/// Runs that are connected; of these the first is their root.
+struct Joined(Vec<usize>);
+
+impl Joined {
+    fn root(&mut self, mut run: usize) -> usize {
+        while self.0[run] != run {
+            self.0[run] = self.0[self.0[run]];
+            run = self.0[run];
+        }
+        run
+    }
+
+    /// Joins the runs of neighbouring rows that share a face.
+    fn join(&mut self, (first, mut runs): (usize, &[Run]), (other_first, mut others): (usize, &[Run])) {
+        let ends = (first + runs.len(), other_first + others.len());
+        while let ([run, further @ ..], [other, others_further @ ..]) = (runs, others) {
+            if run[0] < other[1] && other[0] < run[1] {
+                let one = self.root(ends.0 - runs.len());
+                let two = self.root(ends.1 - others.len());
+                self.0[one.max(two)] = one.min(two);
+            }
+            if run[1] < other[1] {
+                runs = further;
+            } else {
+                others = others_further;
+            }
+        }
+    }
+}
+
+/// The connected parts of the voxels above a value.
+pub(crate) struct Parts {
+    slices: Vec<Slice>,
+    /// The part of each run.
+    roots: Vec<usize>,
+    /// Part of the most voxels.
+    largest: usize,
+    /// Stored number for the voxels of other parts.
+    lowest: f64,
+    /// Number of voxels in the largest part, and in the others.
+    pub(crate) sizes: [usize; 2],
+}
+
+impl Parts {
+    /// The first and the last voxel of the largest part along each axis.
+    pub(crate) fn bounds(&self) -> [[usize; 3]; 2] {
+        let [mut low, mut high] = [[usize::MAX; 3], [0; 3]];
+        for (z, slice) in self.slices.iter().enumerate() {
+            for y in 0..slice.rows.len() - 1 {
+                for [from, to] in slice.row(y, |run| self.roots[run] == self.largest) {
+                    for (axis, [first, last]) in [[from, to - 1], [y, y], [z, z]].into_iter().enumerate() {
+                        low[axis] = low[axis].min(first);
+                        high[axis] = high[axis].max(last);
+                    }
+                }
+            }
+        }
+        [low, high]
+    }
+}
+
+impl Volume {
+    /// Keeps the largest of the connected parts of the voxels above `value`. Those of the others get the smallest finite value
+    /// of the volume, or `value` if that is smaller. Voxels are connected by their faces; of parts of one size, the first in
+    /// memory stays. Returns the number of changed voxels.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::InFile`]; [`VolumeError::NothingAbove`] if no voxel is above `value`; [`VolumeError::Cancelled`].
+    pub fn keep_largest_part_above(&mut self, value: f64, progress: &dyn Progress) -> Result<usize, VolumeError> {
+        let parts = self.parts_above(value, progress)?;
+        self.keep_largest(&parts);
+        Ok(parts.sizes[1])
+    }
+
+    /// The connected parts of the voxels above `value`. Errors are those of [`Self::keep_largest_part_above`].
+    pub(crate) fn parts_above(&self, value: f64, progress: &dyn Progress) -> Result<Parts, VolumeError> {
+        self.require_voxels("finding the largest connected part")?;
+        let slices = self.runs_above(value, progress)?;
+        let mut joined = Joined((0..slices.last().map_or(0, |slice| slice.first + slice.runs.len())).collect());
+        for (z, slice) in slices.iter().enumerate() {
+            for y in 0..slice.rows.len() - 1 {
+                if y > 0 {
+                    joined.join(slice.numbered(y - 1), slice.numbered(y));
+                }
+                if z > 0 {
+                    joined.join(slices[z - 1].numbered(y), slice.numbered(y));
+                }
+            }
+        }
+        let roots: Vec<usize> = (0..joined.0.len()).map(|run| joined.root(run)).collect();
+        let mut sizes = vec![0; roots.len()];
+        for (&root, [from, to]) in roots.iter().zip(slices.iter().flat_map(|slice| &slice.runs)) {
+            sizes[root] += to - from;
+        }
+        let Some(largest) = (0..sizes.len()).rev().max_by_key(|&root| sizes[root]) else {
+            let most = self.statistics()?.max;
+            return Err(VolumeError::NothingAbove { source_name: self.source.clone(), value, most });
+        };
+        let limit = (value - self.intercept) / self.slope;
+        let lowest = if self.slope < 0.0 {
+            slices.iter().map(|slice| slice.ends[1]).fold(limit, f64::max)
+        } else {
+            slices.iter().map(|slice| slice.ends[0]).fold(limit, f64::min)
+        };
+        let sizes = [sizes[largest], sizes.iter().sum::<usize>() - sizes[largest]];
+        Ok(Parts { slices, roots, largest, lowest, sizes })
+    }
+
+    /// Gives the voxels of all `parts` of this volume but the largest the smallest value.
+    pub(crate) fn keep_largest(&mut self, parts: &Parts) {
+        let [nx, ny, _] = self.geometry.dims;
+        with_voxels!(&mut self.voxels, voxels => {
+            let lowest = Voxel::nearest(parts.lowest);
+            parallel::rows_mut(voxels, nx * ny, &|z, voxels| {
+                for (y, row) in voxels.chunks_mut(nx).enumerate() {
+                    for [from, to] in parts.slices[z].row(y, |run| parts.roots[run] != parts.largest) {
+                        row[from..to].fill(lowest);
+                    }
+                }
+            });
+        });
+    }
+
+    /// The runs of voxels above `value` in each slice.
+    fn runs_above(&self, value: f64, progress: &dyn Progress) -> Result<Vec<Slice>, VolumeError> {
+        let [nx, ny, nz] = self.geometry.dims;
+        let mut slices: Vec<Slice> = Vec::new();
+        for from in (0..nz).step_by(SLICES) {
+            progress.report("finding connected parts", from as u64, nz as u64);
+            check_cancelled(Path::new(&self.source), progress)?;
+            let of_slices = with_voxels!(&self.voxels, stored => {
+                let above = Above::of(value, self.slope, self.intercept);
+                let of_slice = |z: usize| above.slice(&stored[nx * ny * (from + z)..][..nx * ny], nx);
+                parallel::map(SLICES.min(nz - from), &of_slice)
+            });
+            for slice in of_slices {
+                let first = slices.last().map_or(0, |last| last.first + last.runs.len());
+                slices.push(Slice { first, ..slice });
+            }
+        }
+        Ok(slices)
+    }
+}
+
+/// The stored numbers of values above a limit.
+struct Above<T> {
+    /// The least and the greatest of them, if the limit is one of them.
+    ends: [T; 2],
+    limit: T,
+    is_limit: bool,
+}
+
+impl<T: Voxel> Above<T> {
+    fn of(value: f64, slope: f64, intercept: f64) -> Self {
+        let all = [f64::NEG_INFINITY, f64::INFINITY].map(T::nearest);
+        // Without a slope all values are the intercept.
+        let limit = match (slope == 0.0, intercept > value) {
+            (true, true) => all[0],
+            (true, false) => all[1],
+            _ => T::nearest((value - intercept) / slope),
+        };
+        let ends = if slope < 0.0 { [all[0], limit] } else { [limit, all[1]] };
+        Self { ends, limit, is_limit: limit.to_f64() * slope + intercept > value }
+    }
+
+    /// Without branches, so that vectors of voxels are compared.
+    fn has(&self, stored: T) -> bool {
+        (stored >= self.ends[0]) & (stored <= self.ends[1]) & (self.is_limit | (stored != self.limit))
+    }
+
+    /// The runs of a slice with rows of `width` voxels.
+    fn slice(&self, stored: &[T], width: usize) -> Slice {
+        let (mut runs, mut rows) = (Vec::new(), vec![0]);
+        for row in stored.chunks(width) {
+            self.append_runs(row, &mut runs);
+            rows.push(runs.len());
+        }
+        Slice { runs, rows, first: 0, ends: ends(stored).map(Voxel::to_f64) }
+    }
+
+    fn append_runs(&self, row: &[T], runs: &mut Vec<Run>) {
+        let mut start = None;
+        let mut append = |first: usize, voxels: &[T]| {
+            for (place, &voxel) in (first..).zip(voxels) {
+                match (start, self.has(voxel)) {
+                    (None, true) => start = Some(place),
+                    (Some(from), false) => {
+                        runs.push([from, place]);
+                        start = None;
+                    }
+                    _ => {}
+                }
+            }
+            start.is_some()
+        };
+        let (chunks, rest) = row.as_chunks::<LANES>();
+        let mut is_within = false;
+        for (chunk, voxels) in chunks.iter().enumerate() {
+            let above = usize::from(voxels.iter().map(|&voxel| u8::from(self.has(voxel))).sum::<u8>());
+            if above != if is_within { LANES } else { 0 } {
+                is_within = append(chunk * LANES, voxels);
+            }
+        }
+        append(row.len() - rest.len(), rest);
+        runs.extend(start.map(|from| [from, row.len()]));
+    }
+}
+
+/// The smallest and the largest finite number; the largest and the smallest of the type if there is none.
+fn ends<T: Voxel>(stored: &[T]) -> [T; 2] {
+    let is_finite = |it: T| it.to_f64().is_finite();
+    let [low, high] = [f64::INFINITY, f64::NEG_INFINITY].map(T::nearest);
+    [
+        stored.iter().fold(low, |low, &it| if it < low && is_finite(it) { it } else { low }),
+        stored.iter().fold(high, |high, &it| if it > high && is_finite(it) { it } else { high }),
+    ]
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::super::{Geometry, Voxels};
+    use super::*;
+    use crate::progress::Quiet;
+
+    fn volume(dims: [usize; 3], voxels: Voxels) -> Volume {
+        Volume::new("test", voxels, Geometry::unit("test", dims).unwrap()).unwrap()
+    }
+
+    /// Sizes of the parts above 0.5, and the part of each voxel, voxel by voxel.
+    fn flooded(dims: [usize; 3], is_above: &[bool]) -> (Vec<usize>, Vec<Option<usize>>) {
+        let [nx, ny, nz] = dims;
+        let (mut sizes, mut part) = (Vec::new(), vec![None; is_above.len()]);
+        for seed in 0..is_above.len() {
+            if !is_above[seed] || part[seed].is_some() {
+                continue;
+            }
+            let (mut open, number) = (vec![seed], sizes.len());
+            part[seed] = Some(number);
+            sizes.push(0);
+            while let Some(place) = open.pop() {
+                sizes[number] += 1;
+                let [x, y, z] = [place % nx, place / nx % ny, place / nx / ny];
+                let mut neighbours = Vec::new();
+                for (at, side, step) in [(x, nx, 1), (y, ny, nx), (z, nz, nx * ny)] {
+                    neighbours.extend((at > 0).then(|| place - step));
+                    neighbours.extend((at + 1 < side).then(|| place + step));
+                }
+                for next in neighbours {
+                    if is_above[next] && part[next].is_none() {
+                        part[next] = Some(number);
+                        open.push(next);
+                    }
+                }
+            }
+        }
+        (sizes, part)
+    }
+
+    #[test]
+    fn the_largest_part_stays_as_a_flood_from_voxel_to_voxel_finds_it() {
+        let mut seed = 7_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            seed >> 33
+        };
+        for (dims, dense) in [([70, 9, 8], 2), ([33, 1, 40], 4), ([1, 17, 5], 4), ([64, 6, 3], 7), ([5, 4, 1], 3)] {
+            for slope in [1.0, -0.5] {
+                let voxels: usize = dims.iter().product();
+                let stored: Vec<i16> = (0..voxels).map(|_| if random() % 8 < dense { 3 } else { -2 } * 10).collect();
+                let mut kept = Volume { slope, intercept: 4.0, ..volume(dims, Voxels::I16(stored.clone())) };
+                let value = |&it: &i16| slope * f64::from(it) + 4.0;
+                let is_above: Vec<bool> = stored.iter().map(|it| value(it) > 1.0).collect();
+                let (sizes, part) = flooded(dims, &is_above);
+                let most = *sizes.iter().max().unwrap();
+                let largest = sizes.iter().position(|&size| size == most);
+                let lowest = *stored.iter().min_by(|one, two| value(one).total_cmp(&value(two))).unwrap();
+                let expected: Vec<i16> = stored
+                    .iter()
+                    .zip(&part)
+                    .map(|(&it, part)| if part.is_none() || *part == largest { it } else { lowest })
+                    .collect();
+                let places = (0..voxels).filter(|&place| part[place].is_some() && part[place] == largest);
+                let at: Vec<[usize; 3]> =
+                    places.map(|at| [at % dims[0], at / dims[0] % dims[1], at / dims[0] / dims[1]]).collect();
+                let end = |axis: usize| at.iter().map(move |at| at[axis]);
+                let box_of_it =
+                    [[0, 1, 2].map(|axis| end(axis).min().unwrap()), [0, 1, 2].map(|axis| end(axis).max().unwrap())];
+                assert_eq!(kept.parts_above(1.0, &Quiet).unwrap().bounds(), box_of_it);
+                let others = kept.keep_largest_part_above(1.0, &Quiet).unwrap();
+                assert_eq!(kept.voxels, Voxels::I16(expected), "{dims:?}, {dense} of 8, slope {slope}");
+                assert_eq!(others, sizes.iter().sum::<usize>() - most);
+                assert_eq!(kept.keep_largest_part_above(1.0, &Quiet).unwrap(), 0, "nothing is left to remove");
+            }
+        }
+    }
+
+    #[test]
+    fn of_equal_parts_the_first_stays_and_nan_is_no_part() {
+        let nan = f32::NAN;
+        let mut kept = volume([7, 1, 1], Voxels::F32(vec![3.0, nan, 2.0, 5.0, nan, 4.0, 6.0]));
+        assert_eq!(kept.keep_largest_part_above(1.0, &Quiet).unwrap(), 3);
+        // No value is as low as the limit, which stands for it.
+        let expected = Voxels::F32(vec![1.0, nan, 2.0, 5.0, nan, 1.0, 1.0]);
+        assert_eq!(kept.voxels.bytes(), expected.bytes());
+    }
+
+    #[test]
+    fn a_value_that_no_voxel_exceeds_is_refused_with_the_largest() {
+        let voxels = (0..24).map(|it| u16::try_from(it).unwrap()).collect();
+        let mut whole = volume([2, 3, 4], Voxels::U16(voxels));
+        let message = whole.keep_largest_part_above(23.0, &Quiet).unwrap_err().to_string();
+        assert!(message.contains("no voxel is above 23") && message.contains("largest value is 23"), "{message}");
+        assert_eq!(whole.keep_largest_part_above(22.0, &Quiet).unwrap(), 0);
+        assert!(whole.keep_largest_part_above(1e6, &Quiet).is_err(), "beyond the numbers of the type");
+        assert_eq!(whole.keep_largest_part_above(-1e6, &Quiet).unwrap(), 0, "all voxels");
+        for (slope, lowest) in [(2.0, 0.0), (-2.0, -46.0)] {
+            whole.slope = slope;
+            assert_eq!(whole.keep_largest_part_above(lowest - 1.0, &Quiet).unwrap(), 0, "all voxels, slope {slope}");
+        }
+        whole.slope = 0.0;
+        assert!(whole.keep_largest_part_above(0.0, &Quiet).is_err(), "all voxels have the value 0");
+        assert_eq!(whole.keep_largest_part_above(-1.0, &Quiet).unwrap(), 0);
+    }
+}
