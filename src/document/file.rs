@@ -147,17 +147,20 @@ pub(super) fn parse_around(
 }
 
 /// Reads the volume of `options`, which stands for a scene of this `name`, as its definitions change it. Also returns its
-/// grid before these changes.
+/// grid before these changes, and whether they choose its connected part.
 pub(super) fn volume_alone(
     name: &str,
     options: &SceneOptions,
     progress: &dyn Progress,
-) -> Result<(Volume, Geometry), SceneError> {
+) -> Result<((Volume, Geometry), bool), SceneError> {
     let of_volume = |definition: &&Definition| {
         definition.text.split(['.', '=']).next().is_some_and(|table| table.trim() == "volume")
     };
     let definitions: Vec<Definition> = options.definitions.iter().filter(of_volume).cloned().collect();
-    let read = |text: &Text<'_>, file: Root| text.volume(&file.volume, Path::new(""), options, progress);
+    let read = |text: &Text<'_>, file: Root| {
+        let read = text.volume(&file.volume, Path::new(""), options, progress)?;
+        Ok((read, file.volume.largest_part_above.is_some()))
+    };
     with_definitions(None, (name, "version = 1\n"), &definitions, read)
 }
 

@@ -213,14 +213,16 @@ impl Source {
             SceneError::Volume { source, .. } => source.into(),
             error => OpenError::from(error),
         };
-        let (mut volume, stored) = volume_alone(&whole_name, &options, progress).map_err(of_volume)?;
+        let ((mut volume, stored), has_parts) = volume_alone(&whole_name, &options, progress).map_err(of_volume)?;
         volume.prepare_coarse(progress)?;
         let statistics = volume.statistics()?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let look =
-            first_look(&name, &mut volume, &statistics, options.wish, progress).map_err(|error| match error {
-                LookError::NoCt(error) => OpenError::from(error),
-                LookError::Volume(error) => error.into(),
+            first_look(&name, &mut volume, &statistics, (options.wish, has_parts), progress).map_err(|error| {
+                match error {
+                    LookError::NoCt(error) => OpenError::from(error),
+                    LookError::Volume(error) => error.into(),
+                }
             })?;
         let statistics = if look.is_alone { volume.statistics()? } else { statistics };
         volume.geometry = stored;

@@ -114,7 +114,7 @@ impl Checked {
         let asked = asked.map_or_else(String::new, |asked| format!("asked {asked}, "));
         let pixels = self.pixels;
         format!(
-            "{asked}measured ΔE00 {:.2} (95th percentile of {pixels} random pixels; maximum {:.2})",
+            "{asked}measured ΔE00 {:.2} in the finished picture (95th percentile of {pixels} other random pixels; maximum {:.2})",
             error.p95, error.max
         )
     }

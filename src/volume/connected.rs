@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::data::check_cancelled;
 use super::{Volume, VolumeError, Voxel, with_voxels};
+use crate::number::unsigned;
 use crate::parallel;
 use crate::progress::Progress;
 
@@ -13,7 +14,7 @@ const SLICES: usize = 32;
 const LANES: usize = 32;
 
 /// Neighbours in a row above the value: the first, and the first behind them.
-type Run = [usize; 2];
+type Run = [u32; 2];
 
 /// The runs of a slice.
 struct Slice {
@@ -32,10 +33,11 @@ impl Slice {
         (self.first + self.rows[y], &self.runs[self.rows[y]..self.rows[y + 1]])
     }
 
-    /// The runs of a row whose number `is_wanted`.
-    fn row(&self, y: usize, is_wanted: impl Fn(usize) -> bool) -> impl Iterator<Item = Run> {
+    /// The runs of a row whose number `is_wanted`: the first voxel of each, and the first behind them.
+    fn row(&self, y: usize, is_wanted: impl Fn(usize) -> bool) -> impl DoubleEndedIterator<Item = [usize; 2]> {
         let (first, runs) = self.numbered(y);
-        (first..).zip(runs).filter(move |&(number, _)| is_wanted(number)).map(|(_, run)| *run)
+        let wanted = runs.iter().enumerate().filter(move |&(number, _)| is_wanted(first + number));
+        wanted.map(|(_, run)| run.map(|end| end as usize))
     }
 }
 
@@ -72,13 +74,13 @@ impl Joined {
 /// The connected parts of the voxels above a value.
 pub(crate) struct Parts {
     slices: Vec<Slice>,
-    /// The part of each run.
+    /// The part of each run; those inside the largest part belong to it.
     roots: Vec<usize>,
     /// Part of the most voxels.
     largest: usize,
     /// Stored number for the voxels of other parts.
     lowest: f64,
-    /// Number of voxels in the largest part, and in the others.
+    /// Number of voxels in the largest part with what is inside, and in the others.
     pub(crate) sizes: [usize; 2],
 }
 
@@ -98,12 +100,52 @@ impl Parts {
         }
         [low, high]
     }
+
+    /// Number of voxels of other parts outside a box.
+    pub(crate) fn outside(&self, [low, high]: [[usize; 3]; 2]) -> usize {
+        let mut outside = 0;
+        for (z, slice) in self.slices.iter().enumerate() {
+            for y in 0..slice.rows.len() - 1 {
+                let is_beside = (low[1]..=high[1]).contains(&y) && (low[2]..=high[2]).contains(&z);
+                for [from, to] in slice.row(y, |run| self.roots[run] != self.largest) {
+                    let within = if is_beside { to.min(high[0] + 1).saturating_sub(from.max(low[0])) } else { 0 };
+                    outside += to - from - within;
+                }
+            }
+        }
+        outside
+    }
+}
+
+/// Gives to `largest` the runs of parts of which more than half of the voxels lie between voxels of the largest one in their rows:
+/// they are inside it.
+fn take_in(slices: &[Slice], roots: &mut [usize], largest: usize, sizes: &[usize]) {
+    let mut inside = vec![0; sizes.len()];
+    for slice in slices {
+        for y in 0..slice.rows.len() - 1 {
+            let mut body = slice.row(y, |run| roots[run] == largest);
+            let (Some([first, _]), Some([_, last])) = (body.next(), body.next_back()) else { continue };
+            let (number, runs) = slice.numbered(y);
+            for (run, &[from, to]) in (number..).zip(runs) {
+                let [from, to] = [from, to].map(|end| end as usize);
+                if roots[run] != largest && first < from && to < last {
+                    inside[roots[run]] += to - from;
+                }
+            }
+        }
+    }
+    for root in roots {
+        if 2 * inside[*root] > sizes[*root] {
+            *root = largest;
+        }
+    }
 }
 
 impl Volume {
-    /// Keeps the largest of the connected parts of the voxels above `value`. Those of the others get the smallest finite value
-    /// of the volume, or `value` if that is smaller. Voxels are connected by their faces; of parts of one size, the first in
-    /// memory stays. Returns the number of changed voxels.
+    /// Keeps the largest of the connected parts of the voxels above `value`, and parts inside it: those of which more than half
+    /// of the voxels have voxels of the largest one on both sides along x, such as a nodule in a lung. The voxels of all others
+    /// get the smallest finite value of the volume, or `value` if that is smaller. Voxels are connected by their faces; of parts
+    /// of one size, the first in memory is the largest. Returns the number of changed voxels.
     ///
     /// # Errors
     ///
@@ -116,10 +158,11 @@ impl Volume {
 
     /// The connected parts of the voxels above `value`. Errors are those of [`Self::keep_largest_part_above`].
     pub(crate) fn parts_above(&self, value: f64, progress: &dyn Progress) -> Result<Parts, VolumeError> {
-        self.require_voxels("finding the largest connected part")?;
+        self.require_voxels("volume.largest_part_above")?;
         let slices = self.runs_above(value, progress)?;
         let mut joined = Joined((0..slices.last().map_or(0, |slice| slice.first + slice.runs.len())).collect());
         for (z, slice) in slices.iter().enumerate() {
+            check_cancelled(Path::new(&self.source), progress)?;
             for y in 0..slice.rows.len() - 1 {
                 if y > 0 {
                     joined.join(slice.numbered(y - 1), slice.numbered(y));
@@ -129,23 +172,29 @@ impl Volume {
                 }
             }
         }
-        let roots: Vec<usize> = (0..joined.0.len()).map(|run| joined.root(run)).collect();
+        let mut roots = joined.0;
         let mut sizes = vec![0; roots.len()];
-        for (&root, [from, to]) in roots.iter().zip(slices.iter().flat_map(|slice| &slice.runs)) {
-            sizes[root] += to - from;
+        for (run, [from, to]) in slices.iter().flat_map(|slice| &slice.runs).enumerate() {
+            // An earlier run leads to the root already.
+            roots[run] = roots[roots[run]];
+            sizes[roots[run]] += (to - from) as usize;
         }
         let Some(largest) = (0..sizes.len()).rev().max_by_key(|&root| sizes[root]) else {
             let most = self.statistics()?.max;
             return Err(VolumeError::NothingAbove { source_name: self.source.clone(), value, most });
         };
-        let limit = (value - self.intercept) / self.slope;
+        let all = sizes.iter().sum::<usize>();
+        take_in(&slices, &mut roots, largest, &sizes);
+        let kept = slices.iter().flat_map(|slice| &slice.runs).zip(&roots).filter(|(_, root)| **root == largest);
+        let kept = kept.map(|([from, to], _)| (to - from) as usize).sum();
+        // Without a slope, all values are equal.
+        let limit = if self.slope == 0.0 { f64::INFINITY } else { (value - self.intercept) / self.slope };
         let lowest = if self.slope < 0.0 {
             slices.iter().map(|slice| slice.ends[1]).fold(limit, f64::max)
         } else {
             slices.iter().map(|slice| slice.ends[0]).fold(limit, f64::min)
         };
-        let sizes = [sizes[largest], sizes.iter().sum::<usize>() - sizes[largest]];
-        Ok(Parts { slices, roots, largest, lowest, sizes })
+        Ok(Parts { slices, roots, largest, lowest, sizes: [kept, all - kept] })
     }
 
     /// Gives the voxels of all `parts` of this volume but the largest the smallest value.
@@ -207,7 +256,8 @@ impl<T: Voxel> Above<T> {
 
     /// Without branches, so that vectors of voxels are compared.
     fn has(&self, stored: T) -> bool {
-        (stored >= self.ends[0]) & (stored <= self.ends[1]) & (self.is_limit | (stored != self.limit))
+        let is_within = (stored >= self.ends[0]) & (stored <= self.ends[1]) & stored.to_f64().is_finite();
+        is_within & (self.is_limit | (stored != self.limit))
     }
 
     /// The runs of a slice with rows of `width` voxels.
@@ -217,6 +267,7 @@ impl<T: Voxel> Above<T> {
             self.append_runs(row, &mut runs);
             rows.push(runs.len());
         }
+        runs.shrink_to_fit();
         Slice { runs, rows, first: 0, ends: ends(stored).map(Voxel::to_f64) }
     }
 
@@ -227,7 +278,7 @@ impl<T: Voxel> Above<T> {
                 match (start, self.has(voxel)) {
                     (None, true) => start = Some(place),
                     (Some(from), false) => {
-                        runs.push([from, place]);
+                        runs.push([from, place].map(unsigned));
                         start = None;
                     }
                     _ => {}
@@ -244,7 +295,7 @@ impl<T: Voxel> Above<T> {
             }
         }
         append(row.len() - rest.len(), rest);
-        runs.extend(start.map(|from| [from, row.len()]));
+        runs.extend(start.map(|from| [from, row.len()].map(unsigned)));
     }
 }
 
@@ -306,32 +357,60 @@ mod tests {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             seed >> 33
         };
+        let mut cases: Vec<([usize; 3], Vec<bool>)> = Vec::new();
         for (dims, dense) in [([70, 9, 8], 2), ([33, 1, 40], 4), ([1, 17, 5], 4), ([64, 6, 3], 7), ([5, 4, 1], 3)] {
+            cases.push((dims, (0..dims.iter().product()).map(|_| random() % 8 < dense).collect()));
+        }
+        // Runs that begin and end where groups of 32 voxels do, and beside.
+        let ends = [0, 1, 31, 32, 33, 63, 64, 96, 127, 128, 199, 200];
+        let dims = [200, 24, 2];
+        let row = |row: usize, x: usize| {
+            let [from, to] = [ends[row % 12], ends[(row % 12 + 1 + row / 12).min(11)]];
+            (from..to).contains(&x) || (row.is_multiple_of(5) && x > 190)
+        };
+        cases.push((dims, (0..dims.iter().product()).map(|at| row(at / 200, at % 200)).collect()));
+        for (dims, is_above) in cases {
             for slope in [1.0, -0.5] {
                 let voxels: usize = dims.iter().product();
-                let stored: Vec<i16> = (0..voxels).map(|_| if random() % 8 < dense { 3 } else { -2 } * 10).collect();
+                let [above, below] = if slope > 0.0 { [30, -20] } else { [-20, 30] };
+                let stored: Vec<i16> = is_above.iter().map(|&it| if it { above } else { below }).collect();
                 let mut kept = Volume { slope, intercept: 4.0, ..volume(dims, Voxels::I16(stored.clone())) };
-                let value = |&it: &i16| slope * f64::from(it) + 4.0;
-                let is_above: Vec<bool> = stored.iter().map(|it| value(it) > 1.0).collect();
                 let (sizes, part) = flooded(dims, &is_above);
                 let most = *sizes.iter().max().unwrap();
                 let largest = sizes.iter().position(|&size| size == most);
-                let lowest = *stored.iter().min_by(|one, two| value(one).total_cmp(&value(two))).unwrap();
-                let expected: Vec<i16> = stored
-                    .iter()
-                    .zip(&part)
-                    .map(|(&it, part)| if part.is_none() || *part == largest { it } else { lowest })
-                    .collect();
-                let places = (0..voxels).filter(|&place| part[place].is_some() && part[place] == largest);
+                let is_inside = |number: Option<usize>| {
+                    let between = |&place: &usize| {
+                        let row = place / dims[0] * dims[0];
+                        let body = |mut places: std::ops::Range<usize>| {
+                            places.any(|at| part[at].is_some() && part[at] == largest)
+                        };
+                        body(row..place) && body(place..row + dims[0])
+                    };
+                    let of_it = (0..voxels).filter(|&place| part[place] == number);
+                    2 * of_it.filter(between).count() > sizes[number.unwrap()]
+                };
+                let stays: Vec<bool> =
+                    (0..sizes.len()).map(|number| Some(number) == largest || is_inside(Some(number))).collect();
+                let is_kept = |place: usize| part[place].is_none_or(|number| stays[number]);
+                let expected: Vec<i16> =
+                    (0..voxels).map(|place| if is_kept(place) { stored[place] } else { below }).collect();
+                let places = (0..voxels).filter(|&place| part[place].is_some() && is_kept(place));
                 let at: Vec<[usize; 3]> =
                     places.map(|at| [at % dims[0], at / dims[0] % dims[1], at / dims[0] / dims[1]]).collect();
                 let end = |axis: usize| at.iter().map(move |at| at[axis]);
-                let box_of_it =
-                    [[0, 1, 2].map(|axis| end(axis).min().unwrap()), [0, 1, 2].map(|axis| end(axis).max().unwrap())];
-                assert_eq!(kept.parts_above(1.0, &Quiet).unwrap().bounds(), box_of_it);
-                let others = kept.keep_largest_part_above(1.0, &Quiet).unwrap();
-                assert_eq!(kept.voxels, Voxels::I16(expected), "{dims:?}, {dense} of 8, slope {slope}");
-                assert_eq!(others, sizes.iter().sum::<usize>() - most);
+                let low = [0, 1, 2].map(|axis| end(axis).min().unwrap());
+                let high = [0, 1, 2].map(|axis| end(axis).max().unwrap());
+                let parts = kept.parts_above(1.0, &Quiet).unwrap();
+                assert_eq!(parts.bounds(), [low, high], "{dims:?}");
+                let others = sizes.iter().sum::<usize>() - at.len();
+                assert_eq!(parts.sizes, [at.len(), others]);
+                let is_outside = |place: &usize| {
+                    let at = [place % dims[0], place / dims[0] % dims[1], place / dims[0] / dims[1]];
+                    !is_kept(*place) && (0..3).any(|axis| at[axis] < low[axis] || at[axis] > high[axis])
+                };
+                assert_eq!(parts.outside([low, high]), (0..voxels).filter(is_outside).count());
+                assert_eq!(kept.keep_largest_part_above(1.0, &Quiet).unwrap(), others);
+                assert_eq!(kept.voxels, Voxels::I16(expected), "{dims:?}, slope {slope}");
                 assert_eq!(kept.keep_largest_part_above(1.0, &Quiet).unwrap(), 0, "nothing is left to remove");
             }
         }
@@ -339,11 +418,11 @@ mod tests {
 
     #[test]
     fn of_equal_parts_the_first_stays_and_nan_is_no_part() {
-        let nan = f32::NAN;
-        let mut kept = volume([7, 1, 1], Voxels::F32(vec![3.0, nan, 2.0, 5.0, nan, 4.0, 6.0]));
+        let (nan, infinite) = (f32::NAN, f32::INFINITY);
+        let mut kept = volume([7, 1, 1], Voxels::F32(vec![3.0, nan, 2.0, 5.0, infinite, 4.0, 6.0]));
         assert_eq!(kept.keep_largest_part_above(1.0, &Quiet).unwrap(), 3);
         // No value is as low as the limit, which stands for it.
-        let expected = Voxels::F32(vec![1.0, nan, 2.0, 5.0, nan, 1.0, 1.0]);
+        let expected = Voxels::F32(vec![1.0, nan, 2.0, 5.0, infinite, 1.0, 1.0]);
         assert_eq!(kept.voxels.bytes(), expected.bytes());
     }
 

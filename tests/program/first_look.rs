@@ -495,7 +495,9 @@ fn what_a_body_lies_on_becomes_air_also_inside_its_box() {
                 0..40 => 1200_i16,
                 40..150 => 20 + i16::try_from(index % 7).unwrap(),
                 150..196 => -250,
-                _ if has_rest && (-14..=-11).contains(&x) && (-14..=-11).contains(&y) && z.abs() < 15 => 300,
+                _ if has_rest && (-15..=-13).contains(&x) && (-15..=-13).contains(&y) && z.abs() < 15 => 300,
+                // The surface shares its voxels with air.
+                _ if has_rest && (-16..=-12).contains(&x) && (-16..=-12).contains(&y) && z.abs() < 16 => -390,
                 _ => -1000,
             }
         };
@@ -510,13 +512,21 @@ fn what_a_body_lies_on_becomes_air_also_inside_its_box() {
     let (said, shown) = render(&["rest.nrrd", "--save-scene", "rest.toml"], "rest.png");
     assert!(said.contains("; only the largest connected part is shown."), "{said}");
     let text = std::fs::read_to_string(folder.path("rest.toml")).unwrap();
-    assert!(text.contains("\nlargest_part_above = -380.0\n") && !text.contains("[crop]"), "{text}");
+    assert!(text.contains("\nlargest_part_above = -410.0\n") && !text.contains("[crop]"), "{text}");
     assert!(render(&["rest.toml"], "saved.png").1 == shown, "the saved scene shows the same");
     assert!(render(&["rest.toml", "--volume", "alone.nrrd"], "alone.png").1 == shown, "the rest is air");
     std::fs::write(folder.path("whole.toml"), text.replace("largest_part_above", "# largest_part_above")).unwrap();
     assert!(render(&["whole.toml"], "whole.png").1 != shown, "the rest would be visible");
     let (said, _) = render(&["alone.nrrd"], "first.png");
     assert!(!said.contains("connected"), "{said}");
+    // A definition decides, and the saved scene has it.
+    for value in ["-2000", "200"] {
+        let definition = format!("volume.largest_part_above={value}");
+        let (said, shown) = render(&["rest.nrrd", "-D", &definition, "--save-scene", "own.toml"], "own.png");
+        assert!(!said.contains("connected"), "{said}");
+        assert!(render(&["own.toml"], "again.png").1 == shown, "{value}");
+        std::fs::remove_file(folder.path("own.toml")).unwrap();
+    }
     for (value, words) in [
         ("1200", &["no voxel is above 1200", "the largest value is 1200", "write a smaller value"][..]),
         ("nan", &["volume.largest_part_above = NaN", "a finite number"]),
@@ -524,6 +534,27 @@ fn what_a_body_lies_on_becomes_air_also_inside_its_box() {
     ] {
         let definition = format!("volume.largest_part_above={value}");
         folder.refused(2, &["render", "whole.toml", "-o", "q.png", "-D", &definition], words);
+    }
+}
+
+#[test]
+fn both_feet_are_shown_and_a_ct_without_tissue_opens() {
+    let stored = |of: &dyn Fn([i32; 3]) -> i16| -> Vec<u8> {
+        let header = "ObjectType = Image\nNDims = 3\nModality = MET_MOD_CT\nDimSize = 40 40 40\nElementType = MET_SHORT\n\
+                      ElementDataFile = LOCAL\n";
+        let voxel = |index: i32| of([index % 40, index / 40 % 40, index / 1600].map(|at| at - 20)).to_le_bytes();
+        header.bytes().chain((0..40 * 40 * 40).flat_map(voxel)).collect()
+    };
+    let ball = |x: i32, [at, y, z]: [i32; 3], inside: [i16; 2]| match (at - x).pow(2) + y * y + z * z {
+        0..20 => inside[0],
+        20..64 => inside[1],
+        _ => -1000,
+    };
+    let feet = |at: [i32; 3]| ball(-10, at, [900, 40]).max(ball(10, at, [900, 50]));
+    let folder = Folder::new().with("feet.mha", stored(&feet)).with("air.mha", stored(&|at| ball(0, at, [-600, -700])));
+    for name in ["feet.mha", "air.mha"] {
+        let said = folder.done(&["render", name, "--size", "40x40", "-o", "p.png"]).err;
+        assert!(said.contains("a CT in Hounsfield units") && !said.contains("connected"), "{said}");
     }
 }
 

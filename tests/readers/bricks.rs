@@ -221,7 +221,7 @@ fn voxels_without_a_value_make_no_bricks_and_nothing_needs_voxels_that_stay_in_t
     made.bricks("v.bricks", u64::MAX, &Quiet).unwrap();
     let mut in_file = open(&made.path("v.bricks"), HostMemory::InFile).unwrap();
     let message = in_file.keep_largest_part_above(0.0, &Quiet).unwrap_err().to_string();
-    assert!(message.contains("the largest connected part needs all of them in memory"), "{message}");
+    assert!(message.contains("volume.largest_part_above needs all of them in memory"), "{message}");
     let message = in_file.downsample([2; 3]).unwrap_err().to_string();
     assert!(message.contains("averaging blocks needs all of them in memory"), "{message}");
     let nothing = f32::NAN.to_le_bytes().repeat(DIMS.iter().product());

@@ -565,7 +565,7 @@ pub fn scene_text(
     wish: Wish,
     progress: &dyn Progress,
 ) -> Result<String, LookError> {
-    first_look(name, volume, statistics, wish, progress).map(|look| look.text)
+    first_look(name, volume, statistics, (wish, false), progress).map(|look| look.text)
 }
 
 /// Why a volume has no first look of a kind.
@@ -583,8 +583,64 @@ pub struct NoCt {
     range: [f64; 2],
 }
 
+/// How a body is shown without what it lies on.
+#[derive(Clone, Copy)]
+enum Alone {
+    /// The largest connected part of the voxels above this value.
+    Above(f64),
+    /// The first and the last voxel along each axis of the box of that part.
+    Box([[usize; 3]; 2]),
+}
+
+impl Alone {
+    /// The same with another box.
+    fn of(self, of_box: impl Fn([[usize; 3]; 2]) -> [[usize; 3]; 2]) -> Self {
+        match self {
+            Self::Box(corners) => Self::Box(of_box(corners)),
+            above => above,
+        }
+    }
+}
+
+/// Removes what a body in a CT lies on from the volume, or finds the box of the body in voxels that stay in a file; `None` if
+/// there is nothing beside the body.
+fn alone(
+    volume: &mut Volume,
+    water: f64,
+    shape: &Shape,
+    progress: &dyn Progress,
+) -> Result<Option<Alone>, VolumeError> {
+    let visible = match shape {
+        Shape::Layers(layers) => layers.iter().map(|layer| layer.range[0] - layer.ramp).fold(f64::INFINITY, f64::min),
+        Shape::Ramp { layer, .. } => layer.range[0],
+    };
+    // From the faintest visible value on, so that no surface of another part stays visible.
+    let above = visible.clamp(water - FAINT, water - SOFT);
+    let at_hand = volume.at_hand();
+    let parts = match at_hand.parts_above(above, progress) {
+        // A file may state CT for values without any tissue.
+        Err(VolumeError::NothingAbove { .. }) => return Ok(None),
+        parts => parts?,
+    };
+    let [body, others] = parts.sizes.map(count);
+    let is_worth = |others: f64| others > WORTH * (body + others) && others < SEVERAL * body;
+    if volume.bricks.is_none() {
+        if !is_worth(others) {
+            return Ok(None);
+        }
+        volume.keep_largest(&parts);
+        return Ok(Some(Alone::Above(above)));
+    }
+    let bounds = parts.bounds();
+    let [low, high] = bounds;
+    let high = std::array::from_fn(|axis| (high[axis] + 1).min(at_hand.geometry.dims[axis] - 1));
+    let corners = [low.map(|at| at.saturating_sub(1)), high];
+    Ok(is_worth(count(parts.outside(bounds))).then_some(Alone::Box(corners)))
+}
+
 /// Why a volume has no first look.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LookError {
     /// The look is for CT alone.
     #[error(transparent)]
@@ -595,7 +651,7 @@ pub enum LookError {
 }
 
 /// The scene for `volume`, whose file is called `name`. Other parts than the body are removed from the volume, as the scene
-/// says.
+/// says, unless a definition `has_parts` chosen already.
 ///
 /// # Errors
 ///
@@ -604,7 +660,7 @@ pub(super) fn first_look(
     name: &str,
     volume: &mut Volume,
     statistics: &Statistics,
-    wish: Wish,
+    (wish, has_parts): (Wish, bool),
     progress: &dyn Progress,
 ) -> Result<FirstLook, LookError> {
     // A comment ends with its line.
@@ -649,26 +705,14 @@ pub(super) fn first_look(
         }
     };
     let shows = |value: f32| ranges.iter().any(|&[low, high]| (low..=high).contains(&f64::from(value)));
-    let (mut crop, mut part_above) = (None, None);
-    if let Kind::Ct { water } = values.kind {
-        // From the faintest visible value on, so that no surface of another part stays visible.
-        let visible = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);
-        let above = visible.clamp(water - FAINT, water - SOFT);
-        let parts = at_hand.parts_above(above, progress)?;
-        let [body, others] = parts.sizes.map(count);
-        if others > WORTH * (body + others) && others < SEVERAL * body {
-            if volume.bricks.is_none() {
-                volume.keep_largest(&parts);
-                part_above = Some(above);
-            } else {
-                // Voxels that stay in a file are not changed.
-                let [low, high] = parts.bounds();
-                let last = |axis: usize| at_hand.geometry.dims[axis] - 1;
-                let high = std::array::from_fn(|axis| (high[axis] + 1).min(last(axis)));
-                crop = Some([low.map(|at| at.saturating_sub(1)), high]);
-            }
-        }
-    }
+    let alone = match values.kind {
+        Kind::Ct { water } if !has_parts => alone(volume, water, &shape, progress)?,
+        _ => None,
+    };
+    let crop = match alone {
+        Some(Alone::Box(crop)) => Some(crop),
+        _ => None,
+    };
     let (at_hand, geometry) = (volume.at_hand(), &volume.geometry);
     let outline = fit::outline(at_hand, values.thinned.stride, crop, |_, value| is_flat || shows(rounded(value)));
     // A body is known to be upright.
@@ -689,17 +733,18 @@ pub(super) fn first_look(
         let is_interpolated = !matches!(values.kind, Kind::Labels(_));
         fit::framed(&camera, &outline, &Seen::new(at_hand, crop, is_interpolated, depths))
     };
-    let crop = crop.map(|[low, high]| {
+    let of_all = |[low, high]: [[usize; 3]; 2]| {
         let of_block = |axis: usize, at: usize, end: usize| (at * block[axis] + end).min(geometry.dims[axis] - 1);
         let low = std::array::from_fn(|axis| of_block(axis, low[axis], 0));
         [low, std::array::from_fn(|axis| of_block(axis, high[axis], block[axis] - 1))]
-    });
-    let alone = match (crop, part_above) {
-        (Some(_), _) => "; only the box of the largest connected part is shown",
-        (_, Some(_)) => "; only the largest connected part is shown",
-        _ => "",
     };
-    let guess = format!("{name} has no scene, so Relume made one: {guess}{alone}.");
+    let is_alone = matches!(alone, Some(Alone::Above(_)));
+    let left_out = match alone {
+        Some(Alone::Box(_)) => "; only the box of the largest connected part is shown",
+        Some(Alone::Above(_)) => "; only the largest connected part is shown",
+        None => "",
+    };
+    let guess = format!("{name} has no scene, so Relume made one: {guess}{left_out}.");
     let groups = match (&values.kind, &shape) {
         (Kind::Labels(_), Shape::Layers(layers)) if layers.len() > 1 && wish.look.is_none() => {
             let names: Vec<String> = layers.iter().map(|layer| layer.name.clone()).collect();
@@ -709,8 +754,9 @@ pub(super) fn first_look(
         }
         _ => None,
     };
-    let text = text(name, &guess, (&shape, groups.as_ref()), &opacities, &camera, (crop, part_above), geometry);
-    Ok(FirstLook { text, guess, is_alone: part_above.is_some() })
+    let text =
+        text(name, &guess, (&shape, groups.as_ref()), &opacities, &camera, alone.map(|it| it.of(of_all)), geometry);
+    Ok(FirstLook { text, guess, is_alone })
 }
 
 /// The layers, and the guess in words.
@@ -880,7 +926,7 @@ fn text(
     (shape, groups): (&Shape, Option<&Groups>),
     opacities: &[f64],
     camera: &Camera,
-    (crop, part_above): (Option<[[usize; 3]; 2]>, Option<f64>),
+    alone: Option<Alone>,
     geometry: &Geometry,
 ) -> String {
     // A single slice has no gradient across it to shade.
@@ -892,7 +938,7 @@ fn text(
     let mut line = |words: &str| {
         let _ = writeln!(text, "{words}");
     };
-    if let Some(above) = part_above {
+    if let Some(Alone::Above(above)) = alone {
         line(
             "# Only the largest connected part of the voxels above this value is kept; others, such as a table, become air.",
         );
@@ -978,7 +1024,7 @@ fn text(
             line(&format!("around = [{:?}, {:?}]", low.to_array(), high.to_array()));
         }
     }
-    if let Some([low, high]) = crop {
+    if let Some(Alone::Box([low, high])) = alone {
         line("\n# The box of the largest connected part. Parts outside it, such as a table, are cropped.\n[crop]");
         line(&format!("min = {:?}\nmax = {:?}", low.map(count), high.map(count)));
     }
