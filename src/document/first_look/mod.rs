@@ -610,12 +610,14 @@ fn alone(
     shape: &Shape,
     progress: &dyn Progress,
 ) -> Result<Option<Alone>, VolumeError> {
-    let visible = match shape {
-        Shape::Layers(layers) => layers.iter().map(|layer| layer.range[0] - layer.ramp).fold(f64::INFINITY, f64::min),
+    // From half of the opacity of the faintest layer on, so that of the surfaces of other parts less than that stays.
+    let faintest = match shape {
+        Shape::Layers(layers) => {
+            layers.iter().map(|layer| layer.range[0] - layer.ramp / 2.0).fold(f64::INFINITY, f64::min)
+        }
         Shape::Ramp { layer, .. } => layer.range[0],
     };
-    // From the faintest visible value on, so that no surface of another part stays visible.
-    let above = visible.clamp(water - FAINT, water - SOFT);
+    let above = faintest.clamp(water - FAINT, water - SOFT);
     let at_hand = volume.at_hand();
     let parts = match at_hand.parts_above(above, progress) {
         // A file may state CT for values without any tissue.
