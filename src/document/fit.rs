@@ -1,10 +1,11 @@
 //! Cameras that show the visible voxels as large as fits.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::silhouette::{Ends, Seen};
+use super::silhouette::{Ends, Seen, values};
 use crate::number::{count, nearest, whole};
+use crate::parallel;
 use crate::scene::{Aim, Camera, Fill, Projection, Scene, View};
 use crate::volume::{Geometry, Volume, coarse_index};
 
@@ -23,8 +24,8 @@ const STEEP: f64 = 0.3;
 /// Most rows of voxels that are searched for visible ones.
 const ROWS: usize = 1 << 16;
 
-/// World points around the first and the last visible voxel of every n-th row, n by `stride`: their hull is that of all
-/// visible voxels, up to n − 1 voxels. A single visible voxel in a row is a speck. `shows` is called with the index and the
+/// World points around the first and the last visible voxel of every n-th row, n by `stride`, as far as these are corners of the
+/// hull of their slice: the hull of all is that of all visible voxels, up to n − 1 voxels. A single visible voxel in a row is a speck. `shows` is called with the index and the
 /// value of a voxel.
 pub(super) fn outline(
     volume: &Volume,
@@ -37,28 +38,46 @@ pub(super) fn outline(
     let lines = |axis: usize| (low[axis]..=high[axis]).step_by(stride[axis]);
     let rows: Vec<[usize; 2]> = lines(2).flat_map(|z| lines(1).map(move |y| [y, z])).collect();
     let least = if nx < 8 { 1 } else { 2 };
-    let ends = |&[y, z]: &[usize; 2]| {
-        let first = nx * (y + ny * z);
-        let seen = |x: usize| {
-            let value = volume.voxels.value(first + x);
-            value.is_some_and(|it| shows(first + x, it.mul_add(volume.slope, volume.intercept)))
-        };
-        let is_body = |x: &usize| (*x..x + least).all(|x| x <= high[0] && seen(x));
-        let left = (low[0]..=high[0]).find(is_body)?;
-        let is_end = |x: &usize| (x + 1 - least..=*x).all(|x| x >= low[0] && seen(x));
-        let right = (left + least - 1..=high[0]).rev().find(is_end)?;
-        Some([(left, y, z), (right, y, z)])
+    let ends = |row: &mut Vec<f64>, &[y, z]: &[usize; 2]| {
+        let first = low[0] + nx * (y + ny * z);
+        values(volume, first, 1, high[0] + 1 - low[0], row);
+        let seen = |x: usize| shows(first + x, row[x]);
+        let body = |x: usize| (x..x + least).all(seen);
+        let bodies = 0..(row.len() + 1).saturating_sub(least);
+        let (left, right) = (bodies.clone().find(|&x| body(x))?, bodies.rev().find(|&x| body(x))? + least - 1);
+        Some([(low[0] + left, y, z), (low[0] + right, y, z)])
     };
-    let found: Vec<[(usize, usize, usize); 2]> = rows.par_iter().filter_map(ends).collect();
-    let corners = |(x, y, z): (usize, usize, usize)| {
-        let index = DVec3::new(count(x), count(y), count(z));
-        [[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]].map(|[y, z]| index + DVec3::new(0.0, y, z))
+    let ends = rows.par_iter().map_init(Vec::new, ends);
+    let found: Vec<[(usize, usize, usize); 2]> = ends.flatten().collect();
+    let of_slice = |rows: &[[(usize, usize, usize); 2]]| {
+        let corners = [(0, -1.0), (1, 1.0)].map(|(end, outward)| {
+            let corner = |row: &[(usize, usize, usize); 2]| {
+                let (x, y, _) = row[end];
+                [-0.5, 0.5].map(|half| DVec2::new(count(x) + outward / 2.0, count(y) + half))
+            };
+            outermost(rows.iter().flat_map(corner), outward)
+        });
+        let z = rows.first().map_or(0.0, |row| count(row[0].2));
+        corners.concat().into_iter().flat_map(move |corner| [-0.5, 0.5].map(|half| corner.extend(z + half)))
     };
-    let around = |[left, right]: [(usize, usize, usize); 2]| {
-        let left = corners(left).map(|index| index - DVec3::X / 2.0);
-        left.into_iter().chain(corners(right).map(|index| index + DVec3::X / 2.0))
-    };
-    found.into_iter().flat_map(around).map(|index| volume.geometry.world_from_index(index)).collect()
+    let slices = found.chunk_by(|one, other| one[0].2 == other[0].2);
+    slices.flat_map(of_slice).map(|index| volume.geometry.world_from_index(index)).collect()
+}
+
+/// Those of `points`, which ascend along y, that are corners of their convex hull towards `outward` along x: all others lie
+/// between them, and can be no ends of a picture.
+fn outermost(points: impl Iterator<Item = DVec2>, outward: f64) -> Vec<DVec2> {
+    // Monotone chain (Andrew 1979).
+    let mut corners: Vec<DVec2> = Vec::new();
+    for point in points {
+        while let [.., before, last] = corners[..]
+            && outward * (point - before).perp_dot(last - before) >= 0.0
+        {
+            corners.pop();
+        }
+        corners.push(point);
+    }
+    corners
 }
 
 /// World points whose hull is that of the voxels of `scene` that its crop box, transfer function and labels show.
@@ -161,11 +180,11 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], solid: &[DVec3], geometr
                 let depth = (distance + near * from_centre.dot(forward)).max(1e-3 * distance);
                 [(from_centre.dot(side) / depth, depth); 2]
             };
-            // Equal places are told apart by their depths, so that the order of the threads does not matter.
+            // Equal places are told apart by their depths.
             let outer = |[low, high]: [(f64, f64); 2], [left, right]: [(f64, f64); 2]| {
                 [if left < low { left } else { low }, if right > high { right } else { high }]
             };
-            points.par_iter().map(end).reduce(|| [(f64::INFINITY, 1.0), (f64::NEG_INFINITY, 1.0)], outer)
+            points.iter().map(end).fold([(f64::INFINITY, 1.0), (f64::NEG_INFINITY, 1.0)], outer)
         })
     };
     // The step away after which the larger of width and height spans what it shall, if its nearer end decides.
@@ -184,7 +203,7 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], solid: &[DVec3], geometr
             let across = (from_centre.dot(right).abs() / aspect).max(from_centre.dot(up).abs());
             across / (size * fraction) - near * from_centre.dot(forward)
         };
-        points.par_iter().map(needs).reduce(|| 0.0, f64::max)
+        points.iter().map(needs).fold(0.0, f64::max)
     };
     // Steps along the upright axis keep it in the middle of the points when the camera turns about it.
     let upright = camera.up.normalize_or_zero();
@@ -197,7 +216,8 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], solid: &[DVec3], geometr
         let step = found.map(|[low, high]| (low.0 + high.0) / (low.1.recip() + high.1.recip()));
         centre += step[0] * right + step[1] * lift;
     }
-    let fill = ASPECTS.map(|aspect| {
+    let fill = parallel::map(ASPECTS.len(), &|aspect| {
+        let aspect = ASPECTS[aspect];
         let mut there = enough(centre, aspect, FILL);
         for _ in 0..ROUNDS {
             there += away(ends(centre, there), aspect);
@@ -298,6 +318,30 @@ mod tests {
 
     /// Of the fit, beside pixels of 0.005 of a half picture and the curvature of values between voxels.
     const TOLERANCE: f64 = 0.01;
+
+    #[test]
+    fn an_outline_reaches_as_far_as_all_visible_voxels_with_few_points() {
+        let dims = [40, 31, 9];
+        // Rows of two voxels and more.
+        let ends = |y: usize, z: usize| [(7 * y + 11 * z) % 19, 21 + (5 * y + 3 * z) % 18];
+        let is_visible = |[x, y, z]: [usize; 3]| (y + z) % 4 > 0 && (ends(y, z)[0]..=ends(y, z)[1]).contains(&x);
+        let scan = volume(dims, |place| f32::from(u8::from(is_visible(place.to_array().map(whole)))));
+        let outline = outline(&scan, [1; 3], None, |_, value| value > 0.5);
+        let mut corners = Vec::new();
+        for index in 0..scan.geometry.voxels() {
+            let at = [index % dims[0], index / dims[0] % dims[1], index / (dims[0] * dims[1])];
+            let corner = |corner: usize| [0, 1, 2].map(|axis| count(at[axis]) + [-0.5, 0.5][corner >> axis & 1]);
+            corners.extend(if is_visible(at) { 0..8 } else { 0..0 }.map(|it| DVec3::from_array(corner(it))));
+        }
+        assert!(20 * outline.len() < corners.len(), "{} of {} corners", outline.len(), corners.len());
+        for turn in 0..500 {
+            let (about, height) = (0.377 * f64::from(turn), f64::from(turn % 21) / 10.0 - 1.0);
+            let direction = DVec3::new(about.cos(), about.sin(), height);
+            let reach = |points: &[DVec3]| points.iter().map(|it| it.dot(direction)).fold(f64::MIN, f64::max);
+            let [found, expected] = [&outline, &corners].map(|points| reach(points));
+            assert!((found - expected).abs() < 1e-9, "{direction}: {found}, expected {expected}");
+        }
+    }
 
     #[test]
     fn a_ball_ends_where_its_interpolated_values_do() {

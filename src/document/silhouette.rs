@@ -152,6 +152,13 @@ impl<'a> Seen<'a> {
         (self.may_show(cell), whole(further).saturating_add(1))
     }
 
+    /// Whether each macrocell along x may be visible, of those in which the row of voxels at these places along y and z lies.
+    fn row(&self, [y, z]: [usize; 2]) -> &[bool] {
+        let [width, height, _] = self.counts;
+        let [_, y, z] = self.cell([0, y, z]);
+        &self.cells[width * (y + height * z)..][..width]
+    }
+
     /// True unless all voxels and all values between them in a macrocell are invisible.
     fn may_show(&self, [x, y, z]: [usize; 3]) -> bool {
         let [width, height, _] = self.counts;
@@ -284,6 +291,9 @@ impl<'a> Picture<'a> {
         let area = view.half[0] * view.half[1] / self.pixels().powi(2);
         let unit = UNITS * geometry.spacing.element_product() * stride.map(count).iter().product::<f64>() / area;
         let samples: [usize; 3] = std::array::from_fn(|axis| lines[axis].div_ceil(stride[axis]));
+        // The first sample of each macrocell along x, and the end.
+        let start = |cell: usize| (cell * CELL).saturating_sub(low[0]).div_ceil(stride[0]).min(samples[0]);
+        let starts: Vec<usize> = (0..seen.counts[0]).map(start).chain([samples[0]]).collect();
         let of_row = |[y, z]: [usize; 2], row: &mut Vec<f64>| {
             let first = low[0] + nx * (low[1] + y * stride[1] + ny * (low[2] + z * stride[2]));
             let start = origin + axes[1] * count(y) + axes[2] * count(z);
@@ -295,24 +305,24 @@ impl<'a> Picture<'a> {
                     let from = whole(from.max(0.0).ceil()).min(samples[0]);
                     [from, whole(to).saturating_add(1).clamp(from, samples[0])]
                 });
-            let voxel = |x: usize| std::array::from_fn(|axis| low[axis] + [x, y, z][axis] * stride[axis]);
-            for range in [0..before, after..samples[0]] {
-                let mut from = range.start;
-                while from < range.end {
-                    let cell = seen.cell(voxel(from));
-                    // The first sample of the next macrocell.
-                    let next = ((cell[0] + 1) * CELL).saturating_sub(low[0]).div_ceil(stride[0]);
-                    let end = if cell[0] + 1 == seen.counts[0] { range.end } else { next.min(range.end) };
-                    if seen.may_show(cell) {
-                        values(volume, first + from * stride[0], stride[0], end - from, row);
-                        for (x, &value) in (from..end).zip(&*row) {
-                            let here = depths.at(value);
-                            if here > 0.0 {
-                                self.add_voxel(start + axes[0] * count(x), here * unit, footprint);
-                            }
+            let may_show = seen.row([low[1] + y * stride[1], low[2] + z * stride[2]]);
+            for range in [0..before, after..samples[0]].into_iter().filter(|range| !range.is_empty()) {
+                let mut cell = starts.partition_point(|&it| it <= range.start) - 1;
+                let last = starts.partition_point(|&it| it < range.end);
+                // Neighbours of which all may be visible, or none.
+                for cells in may_show[cell..last].chunk_by(PartialEq::eq) {
+                    let (from, end) = (starts[cell].max(range.start), starts[cell + cells.len()].min(range.end));
+                    cell += cells.len();
+                    if !cells[0] {
+                        continue;
+                    }
+                    values(volume, first + from * stride[0], stride[0], end - from, row);
+                    for (x, &value) in (from..end).zip(&*row) {
+                        let here = depths.at(value);
+                        if here > 0.0 {
+                            self.add_voxel(start + axes[0] * count(x), here * unit, footprint);
                         }
                     }
-                    from = end;
                 }
             }
         };
@@ -558,7 +568,7 @@ fn crossing(start: DVec3, axis: DVec3, inner: Rectangle, parallel: bool) -> Opti
 }
 
 /// Puts `number` values of `volume` from the voxel at `first`, every n-th by `step`, into `row`.
-fn values(volume: &Volume, first: usize, step: usize, number: usize, row: &mut Vec<f64>) {
+pub(super) fn values(volume: &Volume, first: usize, step: usize, number: usize, row: &mut Vec<f64>) {
     row.clear();
     with_voxels!(&volume.voxels, stored => {
         let stored = stored.get(first..).unwrap_or_default().iter().step_by(step).take(number);

@@ -254,49 +254,55 @@ impl<T: Voxel> Above<T> {
         Self { ends, limit, is_limit: limit.to_f64() * slope + intercept > value }
     }
 
-    /// Without branches, so that vectors of voxels are compared.
-    fn has(&self, stored: T) -> bool {
-        let is_within = (stored >= self.ends[0]) & (stored <= self.ends[1]) & stored.to_f64().is_finite();
-        is_within & (self.is_limit | (stored != self.limit))
-    }
-
     /// The runs of a slice with rows of `width` voxels.
     fn slice(&self, stored: &[T], width: usize) -> Slice {
-        let (mut runs, mut rows) = (Vec::new(), vec![0]);
-        for row in stored.chunks(width) {
-            self.append_runs(row, &mut runs);
-            rows.push(runs.len());
-        }
-        runs.shrink_to_fit();
+        let Self { ends: [low, high], limit, is_limit } = *self;
+        // Without branches, and without the choice in them, so that vectors of voxels are compared.
+        let is_within = |it: T| (it >= low) & (it <= high) & it.to_f64().is_finite();
+        let (runs, rows) = if is_limit {
+            runs_of_rows(stored, width, is_within)
+        } else {
+            runs_of_rows(stored, width, |it| is_within(it) & (it != limit))
+        };
         Slice { runs, rows, first: 0, ends: ends(stored).map(Voxel::to_f64) }
     }
+}
 
-    fn append_runs(&self, row: &[T], runs: &mut Vec<Run>) {
-        let mut start = None;
-        let mut append = |first: usize, voxels: &[T]| {
-            for (place, &voxel) in (first..).zip(voxels) {
-                match (start, self.has(voxel)) {
-                    (None, true) => start = Some(place),
-                    (Some(from), false) => {
-                        runs.push([from, place].map(unsigned));
-                        start = None;
-                    }
-                    _ => {}
+/// The runs of voxels that `has`, in rows of `width`, and the number of the first run of each row and of all runs.
+fn runs_of_rows<T: Voxel>(stored: &[T], width: usize, has: impl Fn(T) -> bool) -> (Vec<Run>, Vec<usize>) {
+    let (mut runs, mut rows) = (Vec::new(), vec![0]);
+    for row in stored.chunks(width) {
+        append_runs(row, &has, &mut runs);
+        rows.push(runs.len());
+    }
+    runs.shrink_to_fit();
+    (runs, rows)
+}
+
+fn append_runs<T: Voxel>(row: &[T], has: impl Fn(T) -> bool, runs: &mut Vec<Run>) {
+    let mut start = None;
+    let mut append = |first: usize, voxels: &[T]| {
+        for (place, &voxel) in (first..).zip(voxels) {
+            match (start, has(voxel)) {
+                (None, true) => start = Some(place),
+                (Some(from), false) => {
+                    runs.push([from, place].map(unsigned));
+                    start = None;
                 }
-            }
-            start.is_some()
-        };
-        let (chunks, rest) = row.as_chunks::<LANES>();
-        let mut is_within = false;
-        for (chunk, voxels) in chunks.iter().enumerate() {
-            let above = usize::from(voxels.iter().map(|&voxel| u8::from(self.has(voxel))).sum::<u8>());
-            if above != if is_within { LANES } else { 0 } {
-                is_within = append(chunk * LANES, voxels);
+                _ => {}
             }
         }
-        append(row.len() - rest.len(), rest);
-        runs.extend(start.map(|from| [from, row.len()].map(unsigned)));
+        start.is_some()
+    };
+    let (chunks, rest) = row.as_chunks::<LANES>();
+    let mut is_within = false;
+    for (chunk, voxels) in chunks.iter().enumerate() {
+        if voxels.iter().fold(false, |any, &voxel| any | (has(voxel) != is_within)) {
+            is_within = append(chunk * LANES, voxels);
+        }
     }
+    append(row.len() - rest.len(), rest);
+    runs.extend(start.map(|from| [from, row.len()].map(unsigned)));
 }
 
 /// The smallest and the largest finite number; the largest and the smallest of the type if there is none.

@@ -401,10 +401,8 @@ fn for_columns(thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
             let mut position = [0; 3];
             (position[one], position[other]) = (first, second);
             column.clear();
-            for along in 0..thinned.dims[axis] {
-                position[axis] = along;
-                column.push(thinned.values[thinned.at(position)]);
-            }
+            let from = &thinned.values[thinned.at(position)..];
+            column.extend(from.iter().step_by(thinned.steps()[axis]).take(thinned.dims[axis]));
             visit(&column);
         }
     }

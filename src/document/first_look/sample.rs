@@ -59,7 +59,7 @@ impl Thinned {
     }
 
     /// Steps in [`Self::values`] along each axis.
-    fn steps(&self) -> [usize; 3] {
+    pub(super) fn steps(&self) -> [usize; 3] {
         [1, self.dims[0], self.dims[0] * self.dims[1]]
     }
 
