@@ -25,8 +25,8 @@ const STEEP: f64 = 0.3;
 const ROWS: usize = 1 << 16;
 
 /// World points around the first and the last visible voxel of every n-th row, n by `stride`, as far as these are corners of the
-/// hull of their slice: the hull of all is that of all visible voxels, up to n − 1 voxels. A single visible voxel in a row is a speck. `shows` is called with the index and the
-/// value of a voxel.
+/// hull of their slice: the hull of all is that of all visible voxels, up to n − 1 voxels. A single visible voxel in a row is a
+/// speck. `shows` is called with the index and the value of a voxel.
 pub(super) fn outline(
     volume: &Volume,
     stride: [usize; 3],

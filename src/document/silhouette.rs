@@ -292,8 +292,8 @@ impl<'a> Picture<'a> {
         let unit = UNITS * geometry.spacing.element_product() * stride.map(count).iter().product::<f64>() / area;
         let samples: [usize; 3] = std::array::from_fn(|axis| lines[axis].div_ceil(stride[axis]));
         // The first sample of each macrocell along x, and the end.
-        let start = |cell: usize| (cell * CELL).saturating_sub(low[0]).div_ceil(stride[0]).min(samples[0]);
-        let starts: Vec<usize> = (0..seen.counts[0]).map(start).chain([samples[0]]).collect();
+        let sample_of = |cell: usize| (cell * CELL).saturating_sub(low[0]).div_ceil(stride[0]).min(samples[0]);
+        let starts: Vec<usize> = (0..seen.counts[0]).map(sample_of).chain([samples[0]]).collect();
         let of_row = |[y, z]: [usize; 2], row: &mut Vec<f64>| {
             let first = low[0] + nx * (low[1] + y * stride[1] + ny * (low[2] + z * stride[2]));
             let start = origin + axes[1] * count(y) + axes[2] * count(z);
