@@ -158,8 +158,14 @@ fn slots_within(most: u64, limit: [u64; 3]) -> [u64; 3] {
     best
 }
 
+/// Whether the device allocates as many bytes at once as it needs for a texture of `extent`. Those of its texels may be fewer.
+pub(super) fn is_one_allocation(device: &Device, format: Format, extent: [u32; 3]) -> bool {
+    Image3d::allocated_bytes(device, format, extent).is_ok_and(|bytes| bytes <= device.limits().max_allocation_bytes)
+}
+
 impl PoolSize {
-    /// The pool for `grid` within `budget` bytes on a device with textures of at most `limit` texels along each axis.
+    /// The pool for `grid` in textures of `format` within `budget` bytes, on a device with textures of at most `limit` texels along
+    /// each axis.
     ///
     /// # Errors
     ///
@@ -168,25 +174,32 @@ impl PoolSize {
         device: &Device,
         grid: BrickGrid,
         apron: u32,
-        voxel_bytes: u64,
+        (format, voxel_bytes): (Format, u64),
         budget: u64,
         limit: [u32; 3],
     ) -> Result<Self, RenderError> {
         let edge = u64::from(slot_edge(apron));
         let slot_bytes = edge.pow(3) * voxel_bytes;
-        let most = (budget / slot_bytes).min(grid.bricks() as u64);
         let along = limit.map(|limit| (u64::from(limit) / edge).min(MOST_SLOTS));
-        let slots = slots_within(most, along);
-        if slots.contains(&0) {
-            return Err(RenderError::Slot {
-                needed_kb: slot_bytes.div_ceil(1000),
-                edge: slot_edge(apron),
-                device: device.info().name.clone(),
-                budget_kb: budget / 1000,
-                limit,
-            });
+        let mut most = (budget / slot_bytes).min(grid.bricks() as u64);
+        loop {
+            let slots = slots_within(most, along);
+            if slots.contains(&0) {
+                return Err(RenderError::Slot {
+                    needed_kb: slot_bytes.div_ceil(1000),
+                    edge: slot_edge(apron),
+                    device: device.info().name.clone(),
+                    budget_kb: budget / 1000,
+                    limit,
+                });
+            }
+            let size = Self { apron, slots: slots.map(|slots| u32::try_from(slots).unwrap_or(u32::MAX)) };
+            if is_one_allocation(device, format, size.extent()) {
+                return Ok(size);
+            }
+            // The device adds some bytes to those of the texels.
+            most -= most.div_ceil(16);
         }
-        Ok(Self { apron, slots: slots.map(|slots| u32::try_from(slots).unwrap_or(u32::MAX)) })
     }
 
     /// Texels of the pool along each axis.

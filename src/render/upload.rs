@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex};
 use glam::DVec3;
 
 use super::level::finest_level;
-use super::pool::{Filled, Pool, PoolSize, Residence, voxel_bytes};
+use super::pool::{Filled, Pool, PoolSize, Residence, is_one_allocation, voxel_bytes};
 use super::{RenderError, Renderer};
-use crate::number::count;
+use crate::number::{count, unsigned};
 use crate::plan::{Planned, ScenePlan};
 use crate::progress::Progress;
 use crate::scene::{Interpolation, Scene};
@@ -183,7 +183,7 @@ impl Renderer {
                 return Err(RenderError::Cancelled);
             }
             let (grid, apron) = (BrickGrid::new(cells.dims), apron(scene, &planned.plan));
-            let pool_of = |budget: u64| PoolSize::new(&self.device, grid, apron, voxel_bytes, budget, limit);
+            let pool_of = |budget: u64| PoolSize::new(&self.device, grid, apron, (format, voxel_bytes), budget, limit);
             // Before a level is made.
             pool_of(self.pool_budget(0))?;
             let is_dimmed = planned.plan.reads_light_grid();
@@ -232,13 +232,14 @@ impl Renderer {
         Ok(LightLevel { uploaded, block, scale: DVec3::from_array(scale) })
     }
 
-    /// Whether a texture of `dims` voxels, with labels `voxel_bytes` bytes each, takes at most `budget` bytes, and no axis exceeds
-    /// the device's textures of `format`.
+    /// Whether a texture of `dims` voxels, with labels `voxel_bytes` bytes each, takes at most `budget` bytes, and neither an axis nor
+    /// its memory exceeds the device's textures of `format`.
     fn has_room(&self, dims: [usize; 3], format: Format, voxel_bytes: u64, budget: u64) -> bool {
         let voxels = dims.iter().fold(1_u64, |product, &n| product.saturating_mul(n as u64));
         let limit = self.largest_texture(format);
         dims.iter().zip(limit).all(|(&n, limit)| n as u64 <= u64::from(limit))
             && voxels.saturating_mul(voxel_bytes) <= budget
+            && is_one_allocation(&self.device, format, dims.map(unsigned))
     }
 
     /// Whether the device holds the volume of `scene`, whose values have `statistics`, whole, as `planned` stores it.
@@ -261,10 +262,10 @@ impl Renderer {
         if self.holds_whole(scene, planned, statistics) {
             return Ok(());
         }
-        let (format, voxel_bytes) = stored_as(scene, planned, statistics);
+        let stored = stored_as(scene, planned, statistics);
         let grid = BrickGrid::new(macrocells(scene.volume.geometry.dims));
-        let (apron, limit) = (apron(scene, &planned.plan), self.largest_texture(format));
-        PoolSize::new(&self.device, grid, apron, voxel_bytes, self.pool_budget(0), limit).map(drop)
+        let (apron, limit) = (apron(scene, &planned.plan), self.largest_texture(stored.0));
+        PoolSize::new(&self.device, grid, apron, stored, self.pool_budget(0), limit).map(drop)
     }
 
     /// Whether there is room for a coarse level of `dims` voxels beside the bricks of its volume, however it is stored.

@@ -54,6 +54,16 @@ impl Image3d {
         Self::of(device, name, format, extent, SAMPLED_USAGE, SAMPLED_LAYOUT)
     }
 
+    /// Bytes that [`Self::new`] allocates for such an image: those of its texels, and those that the device adds between them.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`], but for [`VulkanError::TooLarge`] over the allocation limit and [`VulkanError::OutOfMemory`].
+    pub fn allocated_bytes(device: &Device, format: Format, extent: [u32; 3]) -> Result<u64, VulkanError> {
+        Self::check(device, "image", format, extent)?;
+        Ok(unbound(device, "image", format, vk::ImageType::TYPE_3D, extent, 1, SAMPLED_USAGE)?.1.size)
+    }
+
     /// [`Self::new`] for an image that shaders write, too. Its content is undefined until written.
     ///
     /// # Errors
@@ -74,6 +84,13 @@ impl Image3d {
         usage: vk::ImageUsageFlags,
         layout: vk::ImageLayout,
     ) -> Result<Self, VulkanError> {
+        Self::check(device, name, format, extent)?;
+        let kind = (vk::ImageType::TYPE_3D, vk::ImageViewType::TYPE_3D);
+        Inner::new(device, name, format, kind, extent, 1, usage, layout).map(|inner| Self(Arc::new(inner)))
+    }
+
+    /// Refuses a format or an extent that the device has no 3D images of.
+    fn check(device: &Device, name: &str, format: Format, extent: [u32; 3]) -> Result<(), VulkanError> {
         let limits = device.limits();
         if !limits.sampled(format) {
             return Err(VulkanError::NoFormat { object: name.to_owned(), format, purpose: "a texture" });
@@ -84,8 +101,7 @@ impl Image3d {
         {
             check_limit(name, quantity, asked.into(), limit.into())?;
         }
-        let kind = (vk::ImageType::TYPE_3D, vk::ImageViewType::TYPE_3D);
-        Inner::new(device, name, format, kind, extent, 1, usage, layout).map(|inner| Self(Arc::new(inner)))
+        Ok(())
     }
 
     /// Layout between recorded commands.
@@ -203,6 +219,46 @@ impl StorageImage {
     }
 }
 
+/// An image that no memory is bound to, and the memory that it needs. Its extent is within the device's limits.
+fn unbound(
+    device: &Device,
+    name: &str,
+    format: Format,
+    kind: vk::ImageType,
+    [width, height, depth]: [u32; 3],
+    layers: u32,
+    usage: vk::ImageUsageFlags,
+) -> Result<(Owned<vk::Image>, vk::MemoryRequirements), VulkanError> {
+    if [width, height, depth, layers].contains(&0) {
+        let mistake = format!("{width}×{height}×{depth} texels in {layers} layers: each must be at least 1");
+        return Err(VulkanError::misuse(name, mistake));
+    }
+    let texels = u64::from(width) * u64::from(height) * u64::from(depth);
+    let bytes = texels.saturating_mul(u64::from(layers) * u64::from(format.texel_bytes()));
+    check_limit(name, "its size in bytes", bytes, device.limits().max_allocation_bytes)?;
+
+    let raw = device.raw();
+    let info = vk::ImageCreateInfo::default()
+        .flags(format.flags())
+        .image_type(kind)
+        .format(format.raw())
+        .extent(vk::Extent3D { width, height, depth })
+        .mip_levels(1)
+        .array_layers(layers)
+        .samples(vk::SampleCountFlags::TYPE_1)
+        .tiling(vk::ImageTiling::OPTIMAL)
+        .usage(usage)
+        .sharing_mode(vk::SharingMode::EXCLUSIVE)
+        .initial_layout(vk::ImageLayout::UNDEFINED);
+    // SAFETY: the extent and the layer count are non-zero and within the device's limits for this format, kind and usage.
+    let made = unsafe { raw.functions.create_image(&info, None) };
+    let handle = Owned::new(raw, name, "vkCreateImage", made, ash::Device::destroy_image)?;
+    // SAFETY: the image was just created on this device.
+    let mut requirements = unsafe { raw.functions.get_image_memory_requirements(handle.raw()) };
+    requirements.size = device.simulated().padded(requirements.size);
+    Ok((handle, requirements))
+}
+
 impl Inner {
     #[expect(clippy::too_many_arguments, reason = "the two kinds of image differ in all of them")]
     fn new(
@@ -216,34 +272,8 @@ impl Inner {
         layout: vk::ImageLayout,
     ) -> Result<Self, VulkanError> {
         let (image_kind, view_kind) = kind;
-        let [width, height, depth] = extent;
-        if extent.contains(&0) || layers == 0 {
-            let mistake = format!("{width}×{height}×{depth} texels in {layers} layers: each must be at least 1");
-            return Err(VulkanError::misuse(name, mistake));
-        }
-        let texels = u64::from(width) * u64::from(height) * u64::from(depth);
-        let bytes = texels.saturating_mul(u64::from(layers) * u64::from(format.texel_bytes()));
-        check_limit(name, "its size in bytes", bytes, device.limits().max_allocation_bytes)?;
-
         let raw = device.raw();
-        let info = vk::ImageCreateInfo::default()
-            .flags(format.flags())
-            .image_type(image_kind)
-            .format(format.raw())
-            .extent(vk::Extent3D { width, height, depth })
-            .mip_levels(1)
-            .array_layers(layers)
-            .samples(vk::SampleCountFlags::TYPE_1)
-            .tiling(vk::ImageTiling::OPTIMAL)
-            .usage(usage)
-            .sharing_mode(vk::SharingMode::EXCLUSIVE)
-            .initial_layout(vk::ImageLayout::UNDEFINED);
-        // SAFETY: the extent and the layer count are non-zero and within the device's limits for this format, kind and
-        // usage.
-        let made = unsafe { raw.functions.create_image(&info, None) };
-        let handle = Owned::new(raw, name, "vkCreateImage", made, ash::Device::destroy_image)?;
-        // SAFETY: the image was just created on this device.
-        let requirements = unsafe { raw.functions.get_image_memory_requirements(handle.raw()) };
+        let (handle, requirements) = unbound(device, name, format, image_kind, extent, layers, usage)?;
         let memory = Memory::new(device, name, requirements, MemoryLocation::GpuOnly, false)?;
         let (block, offset) = memory.place();
         // SAFETY: the memory was allocated for this image's requirements and is bound to no other object. By the field

@@ -1,16 +1,17 @@
-//! Simulated device failures, for tests on a healthy device.
+//! Simulated devices: those that fail and those that need more memory, for tests on a healthy one.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Environment variable that requests a failure. `device-lost=N` fails every submission from the Nth on;
-/// `out-of-memory=N` fails every allocation from the Nth on. N counts from 1.
+/// Environment variable that requests one of these. `device-lost=N` fails every submission from the Nth on; `out-of-memory=N`
+/// fails every allocation from the Nth on; N counts from 1. With `image-padding=N`, images take N per cent more memory.
 const VARIABLE: &str = "RELUME_SIMULATE";
 
-/// Failures that the environment requests; none by default.
+/// What the environment requests; nothing by default.
 #[derive(Debug)]
 pub(crate) struct Simulated {
     lost: Countdown,
     full: Countdown,
+    image_padding: u64,
 }
 
 /// Number of operations left before the failure.
@@ -24,11 +25,13 @@ impl Simulated {
     }
 
     fn new(text: &str) -> Self {
-        let after = |name: &str| {
+        let stated = |name: &str| {
             let (_, number) = text.split_once('=').filter(|(key, _)| *key == name)?;
-            Some(AtomicU64::new(number.parse::<u64>().ok()?.saturating_sub(1)))
+            number.parse::<u64>().ok()
         };
-        Self { lost: Countdown(after("device-lost")), full: Countdown(after("out-of-memory")) }
+        let after = |name: &str| Countdown(stated(name).map(|number| AtomicU64::new(number.saturating_sub(1))));
+        let image_padding = stated("image-padding").unwrap_or(0);
+        Self { lost: after("device-lost"), full: after("out-of-memory"), image_padding }
     }
 
     /// Whether the next submission loses the device.
@@ -39,6 +42,11 @@ impl Simulated {
     /// Whether the next allocation fails.
     pub(super) fn has_no_memory(&self) -> bool {
         self.full.is_over()
+    }
+
+    /// Bytes of an image whose texels take `bytes`.
+    pub(super) fn padded(&self, bytes: u64) -> u64 {
+        bytes.saturating_add(bytes.saturating_mul(self.image_padding) / 100)
     }
 }
 
@@ -62,5 +70,6 @@ mod tests {
             assert!(!Simulated::new(nothing).loses_device(), "{nothing:?}");
         }
         assert!(Simulated::new("out-of-memory=1").has_no_memory(), "from the first object on");
+        assert_eq!([third.padded(1000), Simulated::new("image-padding=7").padded(1000)], [1000, 1070]);
     }
 }

@@ -513,6 +513,27 @@ fn a_volume_over_the_devices_memory_is_marched_in_bricks() {
 }
 
 #[test]
+fn a_texture_that_takes_more_memory_than_its_texels_is_marched_in_fewer_bricks() {
+    let device = Device::open(&DeviceChoice::Auto, Validation::Off).unwrap();
+    let values: Vec<u8> =
+        (0..128_u8).flat_map(|z| (0..128 * 128_u16).map(move |i| z + (i % 128).to_le_bytes()[0])).collect();
+    let folder = Folder::new().with("cube.raw", values);
+    let arguments = ["--volume", "cube.raw", "--dims", "128x128x128", "--type", "uint8", "--json"];
+    let exact = ["-D", "accuracy.interpolation=exact_linear"];
+    let arguments = render(&[&arguments[..], &exact].concat());
+    assert!(folder.done(&arguments).json()["march"]["bricks"].is_null(), "its texels fit");
+    let whole = std::fs::read(folder.path("p.png")).unwrap();
+    // A volume of value and gradient, 8 bytes per voxel, is half as large again as the device allocates at once.
+    let percent = device.limits().max_allocation_bytes / (128_u64.pow(3) * 8) * 150;
+    let mut command = folder.command(&arguments);
+    let outcome = Outcome::of(command.env("RELUME_SIMULATE", format!("image-padding={percent}")));
+    assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+    let bricks = outcome.json()["march"]["bricks"].clone();
+    assert!(bricks["held"].as_u64() < bricks["visible"].as_u64(), "{bricks}");
+    assert!(std::fs::read(folder.path("p.png")).unwrap() == whole, "the picture is the same");
+}
+
+#[test]
 fn without_a_vulkan_device_the_way_to_get_one_is_said() {
     let folder = Folder::new();
     for arguments in [render(&[]), vec!["info"], vec!["bench", "--frames", "1"]] {

@@ -12,6 +12,7 @@ use super::dispatching::TableMemory;
 use super::source::{Fill, Texel, light_grid_source, light_order_source, sky_source};
 use crate::number::{count, rounded, unsigned, whole};
 use crate::plan::{Planned, ScenePlan};
+use crate::render::pool::is_one_allocation;
 use crate::render::{RenderError, Renderer, Source, Uploaded};
 use crate::scene::{Interpolation, Lookup, Scene};
 use crate::tables::{
@@ -216,6 +217,7 @@ impl Renderer {
             count(width * height * depth * texels) * f64::from(format.texel_bytes()) <= room
                 && reach.map_or(0.0, of_sky) <= most_columns
                 && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)
+                && is_one_allocation(&self.device, format, sides.map(unsigned))
         };
         // A scene that was built in code may have any number.
         let of_level = uploaded.light_block().map_or(0.0, |block| block.into_iter().map(count).fold(0.0, f64::max));
