@@ -88,7 +88,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             }
         }
         if (DISPLAY) {
-            textureStore(display, pixel, 0, vec4f(encode(colour), 1.0));
+            // Rounded here: devices may convert to a code that is off by 0.6, and some do.
+            textureStore(display, pixel, 0, vec4f(round(255.0 * encode(colour)) * (1.0 / 255.0), 1.0));
         } else {
             textureStore(linear, pixel, 0, vec4f(colour, 1.0 - total));
         }

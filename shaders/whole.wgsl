@@ -17,6 +17,9 @@ fn fetch(place: vec3f) -> vec4f {
         texel = linear_between(fma(place, volume_dims(), vec3f(-0.5)));
     } else if (CUBIC) {
         texel = cubic_between(fma(place, volume_dims(), vec3f(-0.5)));
+    } else if (NEAREST) {
+        // A sampler may round the place to eight bits of a voxel first.
+        texel = texel_at(floor(place * volume_dims()));
     } else {
         texel = textureSampleLevel(volume, volume_sampler, place, 0.0);
     }

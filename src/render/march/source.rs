@@ -96,14 +96,13 @@ pub(in crate::render) fn common(plan: &ScenePlan) -> Constants {
 }
 
 /// Adds the constants of `bricks.wgsl` and `rounds.wgsl`.
-fn bricked(constants: Constants, plan: &ScenePlan, residence: Residence) -> Constants {
+fn bricked(constants: Constants, residence: Residence) -> Constants {
     let Residence::Bricked { apron } = residence else { return constants };
     constants
         .u32("BRICK", BRICK)
         .u32("BRICK_CELLS", BRICK / unsigned(CELL))
         .u32("APRON", apron)
         .u32("SLOT_EDGE", slot_edge(apron))
-        .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
 }
 
 /// Adds the constants of `thin_film.wgsl`. Constants are in a module even where nothing reads them.
@@ -132,7 +131,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
     };
-    filmed(bricked(common(plan), plan, residence), plan)
+    filmed(bricked(common(plan), residence), plan)
         .bool("BLOCK", block)
         .u32("LANES", unsigned(plan.lanes().max(1)))
         .u32("COMPONENTS", unsigned(dimension))
@@ -199,6 +198,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .u32("WHITE_PART", unsigned(specular.map_or(0, |_| materials % LANE)))
         .bool("LABELS", plan.labels)
         .bool("SMOOTH_LABELS", plan.smooth_labels)
+        .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
         .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
@@ -256,6 +256,7 @@ pub(super) fn light_grid_source(
         .u32("GRADIENT_PIECES", unsigned(plan.gradient_opacity.saturating_sub(1)))
         .bool("LABELS", plan.labels)
         .bool("SMOOTH_LABELS", plan.smooth_labels)
+        .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
         .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
