@@ -341,6 +341,9 @@ fn quarter_places() -> Vec<[f32; 3]> {
 /// three roundings each, on differences up to twice the largest value: (1 + 3·3·2)·2⁻²⁴ = 1.1e-6.
 const FETCH: f64 = 19.0 / 16_777_216.0;
 
+/// The same of a filter in hardware: a quarter of the smallest step of 16 bits and a sign. An NVIDIA H200 is off by an eighth.
+const HARDWARE_FETCH: f64 = 0.25 / 32767.0;
+
 /// Uploads random texels of `format`, and compares samples with their decoded values.
 fn check_linear_fetch(format: Format, channels: usize, encode: impl Fn(u32) -> (Vec<u8>, f64)) {
     with_device(|device| {
@@ -356,12 +359,13 @@ fn check_linear_fetch(format: Format, channels: usize, encode: impl Fn(u32) -> (
         let places = quarter_places();
         let answers = sample(device, &image, Filter::Linear, &places);
         let largest = encoded.iter().map(|(_, value)| value.abs()).fold(0.0, f64::max);
+        let fetch = if device.info().kind == DeviceKind::Software { FETCH } else { HARDWARE_FETCH };
         for (place, answer) in places.iter().zip(&answers) {
             for channel in 0..channels {
                 let value = |[x, y, z]: [usize; 3]| encoded[((z * height + y) * width + x) * channels + channel].1;
                 let expected = trilinear(value, *place);
                 let error = (f64::from(answer[channel]) - expected).abs();
-                assert!(error <= FETCH * largest, "{format:?} at {place:?}: {} is not {expected}", answer[channel]);
+                assert!(error <= fetch * largest, "{format:?} at {place:?}: {} is not {expected}", answer[channel]);
             }
         }
     });
@@ -699,7 +703,8 @@ fn buffers_over_the_limits_are_refused() {
 /// Creates unused images until the device runs out of memory, and returns the error.
 fn fill(device: &Device) -> VulkanError {
     let limits = device.limits();
-    let slices = u32::try_from(limits.max_allocation_bytes / (1024 * 1024 * 4)).unwrap_or(u32::MAX);
+    // Half of it: devices add bytes to those of the texels.
+    let slices = u32::try_from(limits.max_allocation_bytes / 2 / (1024 * 1024 * 4)).unwrap_or(u32::MAX);
     let extent = [1024, 1024, slices.min(limits.max_extent_3d(Format::R32Float)[2])];
     let mut held = Vec::new();
     loop {

@@ -201,7 +201,7 @@ fn a_march_that_goes_on_from_block_to_block_is_one_march_to_the_bit() {
         for (name, mut scene, size) in cases().into_iter().chain([headlight]) {
             scene.accuracy.termination = 0.02;
             let whole = Rungs::new(scene, size);
-            let (film, group) = (whole.gpu(renderer), renderer.group_rows());
+            let (film, group) = (whole.filtered(renderer), renderer.group_rows());
             for leaves in if name == "samples" { vec![1, 2, 3, 5, 8] } else { vec![3, 4] } {
                 let relayed = relayed(&whole, renderer, leaves, if leaves == 3 { size[1] } else { group });
                 assert!(relayed == film, "{name} in {leaves} blocks: {}", difference(&relayed, &film));

@@ -1199,7 +1199,7 @@ fn a_light_whose_shadow_is_switched_leaves_the_depths_of_the_others() {
             let film = first.with_scene(scene, planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
             (renderer.light_fills() - before, numbers(&renderer.read(&film).unwrap()))
         };
-        let fresh = |directions: &[f64]| numbers(&Rungs::new(lit_from(directions), SIZE).gpu(renderer));
+        let fresh = |directions: &[f64]| numbers(&Rungs::new(lit_from(directions), SIZE).filtered(renderer));
         for (directions, count, what) in [
             (&[0.1, 0.3, 0.5][..], 3, "three lights"),
             (&[0.1, 0.5], 0, "without the second"),
@@ -1245,7 +1245,7 @@ fn a_coarse_picture_leaves_the_fill_of_the_fine_light_grid_as_it_is() {
         let (rest, film) = finish(renderer.begin_march(SIZE, slow.speed()).unwrap());
         assert_eq!(slow.light_fills(), 4, "the fine grid goes on");
         assert!(begun > 2 && rest > 2, "{begun} and {rest} steps");
-        let whole = Rungs::new(occluded("none"), SIZE).gpu(&slow);
+        let whole = Rungs::new(occluded("none"), SIZE).filtered(&slow);
         assert!(numbers(&slow.read(&film).unwrap()) == numbers(&whole));
         // A complete one serves a coarse picture.
         let coarse = renderer.begin_coarse_march(SIZE, slow.speed()).unwrap();
@@ -1270,7 +1270,7 @@ fn a_march_that_is_dropped_leaves_its_part_of_the_light_grid_to_the_next() {
         assert!((3..200).contains(&steps), "{steps} steps fill the grid");
         assert_eq!(slow.light_fills(), 2);
         let film = renderer.march(SIZE, &Quiet).unwrap();
-        let whole = Rungs::new(occluded("none"), SIZE).gpu(&slow);
+        let whole = Rungs::new(occluded("none"), SIZE).filtered(&slow);
         assert!(numbers(&slow.read(&film).unwrap()) == numbers(&whole));
     });
 }

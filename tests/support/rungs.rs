@@ -10,8 +10,9 @@ use relume::plan::Planned;
 use relume::progress::Quiet;
 use relume::reference::{self, Samples};
 use relume::render::{DeviceFilm, Renderer};
-use relume::scene::{Mix, Scene};
+use relume::scene::{Interpolation, Mix, Scene};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
+use relume::vulkan::DeviceKind;
 
 use super::device::open;
 
@@ -73,7 +74,25 @@ impl Rungs {
         renderer.read(&self.gpu_accumulators(renderer)).unwrap()
     }
 
+    /// The film of the device, which interpolates in f32 like the reference: software devices filter so, and others, whose filter
+    /// has eight bits, are asked for exact interpolation. The ladder judges their filter by [`Self::filtered_accumulators`].
     pub fn gpu_accumulators(&self, renderer: &Renderer) -> DeviceFilm {
+        let mut rungs = self.clone();
+        if renderer.device().info().kind != DeviceKind::Software
+            && self.planned.plan.interpolation == Interpolation::Linear
+        {
+            rungs.scene.accuracy.interpolation = Interpolation::ExactLinear;
+            rungs.planned.plan.interpolation = Interpolation::ExactLinear;
+        }
+        rungs.filtered_accumulators(renderer)
+    }
+
+    pub fn filtered(&self, renderer: &Renderer) -> Film<f32> {
+        renderer.read(&self.filtered_accumulators(renderer)).unwrap()
+    }
+
+    /// The film of the device as the scene says, for comparisons of the device with itself too.
+    pub fn filtered_accumulators(&self, renderer: &Renderer) -> DeviceFilm {
         self.0.render(renderer, &Quiet).unwrap()
     }
 
