@@ -55,8 +55,9 @@ struct Shared {
 }
 
 impl Device {
-    /// Opens the device that `choice` selects. For tests, the environment variable `RELUME_SIMULATE` requests failures:
-    /// `device-lost=N` or `out-of-memory=N` makes the Nth submission or allocation fail.
+    /// Opens the device that `choice` selects. For tests, the environment variable `RELUME_SIMULATE` changes it: `device-lost=N`
+    /// or `out-of-memory=N` makes the Nth submission or allocation fail, and with `image-padding=N` images take N per cent more
+    /// memory.
     ///
     /// # Errors
     ///

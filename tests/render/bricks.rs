@@ -80,14 +80,14 @@ fn memory_of(rungs: &Rungs, slots: u64) -> u64 {
 /// The film of `rungs` in a pool of `slots` slots, and its bricks.
 fn in_bricks(rungs: &Rungs, renderer: &Renderer, slots: u64) -> (Film<f32>, BrickCounts) {
     let renderer = renderer.clone().always_in_bricks().with_memory(memory_of(rungs, slots));
-    let film = rungs.gpu_accumulators(&renderer);
+    let film = rungs.filtered_accumulators(&renderer);
     let counts = film.bricks.unwrap();
     assert!(counts.held as u64 <= slots, "{counts:?} in {slots}");
     (renderer.read(&film).unwrap(), counts)
 }
 
 fn assert_same(name: &str, rungs: &Rungs, renderer: &Renderer, pools: &[u64]) -> Vec<BrickCounts> {
-    let film = rungs.gpu_accumulators(renderer);
+    let film = rungs.filtered_accumulators(renderer);
     assert!(film.bricks.is_none(), "{name}: it fits");
     let whole = bits(&renderer.read(&film).unwrap());
     let counted = pools.iter().map(|&slots| {
@@ -253,7 +253,7 @@ fn an_axis_longer_than_the_textures_of_the_device_is_rendered() {
         let rungs = Rungs::new(scene, SIZE);
         let whole = bits(&rungs.gpu(renderer));
         let limited = renderer.clone().with_longest_axis(140);
-        let film = rungs.gpu_accumulators(&limited);
+        let film = rungs.filtered_accumulators(&limited);
         assert!(bits(&limited.read(&film).unwrap()) == whole, "{:?}", film.bricks);
         let counts = film.bricks.unwrap();
         assert!(counts.held == 8 && counts.visible == 32 && counts.again == 0, "{counts:?}");
@@ -279,7 +279,7 @@ fn twenty_thousand_slices_are_rendered_on_a_device_with_two_thousand_texels_an_a
         let rungs = Rungs::new(scene, SIZE);
         let [one, other] = [(2048, 60_000_000), (1000, 30_000_000)].map(|(longest, memory)| {
             let limited = renderer.clone().with_longest_axis(longest).with_memory(memory);
-            let film = rungs.gpu_accumulators(&limited);
+            let film = rungs.filtered_accumulators(&limited);
             let counts = film.bricks.unwrap();
             assert!(counts.visible == 313 && counts.again == 0, "{counts:?}");
             assert!(counts.held >= usize::try_from(memory).unwrap() / 700_000, "{counts:?}");
@@ -342,12 +342,12 @@ fn shadows_from_means_of_a_ramp_are_those_of_the_ramp() {
             let mut scene = ramp(&light);
             scene.shadows.reach = reach;
             let rungs = Rungs::new(scene.clone(), SIZE);
-            let film = rungs.gpu_accumulators(renderer);
+            let film = rungs.filtered_accumulators(renderer);
             assert!(film.light_block.is_none() && film.light_spacing == Some(2.0), "{light}: it fits");
             let whole = renderer.read(&film).unwrap();
             // Room for one brick of two, and for both.
             let [one, both] = [700_000, 2_000_000].map(|memory| {
-                let film = rungs.gpu_accumulators(&bricks.clone().with_memory(memory));
+                let film = rungs.filtered_accumulators(&bricks.clone().with_memory(memory));
                 assert_eq!((film.light_block, film.light_spacing), (Some([2; 3]), Some(2.0)), "{light}");
                 (film.bricks.unwrap(), renderer.read(&film).unwrap())
             });
