@@ -77,14 +77,14 @@ impl Rungs {
     /// The film of the device, which interpolates in f32 like the reference: software devices filter so, and others, whose filter
     /// has eight bits, are asked for exact interpolation. The ladder judges their filter by [`Self::filtered_accumulators`].
     pub fn gpu_accumulators(&self, renderer: &Renderer) -> DeviceFilm {
-        let mut rungs = self.clone();
-        if renderer.device().info().kind != DeviceKind::Software
-            && self.planned.plan.interpolation == Interpolation::Linear
-        {
-            rungs.scene.accuracy.interpolation = Interpolation::ExactLinear;
-            rungs.planned.plan.interpolation = Interpolation::ExactLinear;
+        let is_software = renderer.device().info().kind == DeviceKind::Software;
+        if is_software || self.planned.plan.interpolation != Interpolation::Linear {
+            return self.filtered_accumulators(renderer);
         }
-        rungs.filtered_accumulators(renderer)
+        let mut exact = self.clone();
+        exact.scene.accuracy.interpolation = Interpolation::ExactLinear;
+        exact.planned.plan.interpolation = Interpolation::ExactLinear;
+        exact.filtered_accumulators(renderer)
     }
 
     pub fn filtered(&self, renderer: &Renderer) -> Film<f32> {
