@@ -20,6 +20,10 @@ const LONGEST_BAR: f64 = 0.25;
 const LEGEND: f64 = 0.7;
 /// Longest name in the legend, in letters.
 const LONGEST_NAME: usize = 28;
+/// Mean width of a letter of a name, as a fraction of the size of letters.
+const LETTER_WIDTH: f64 = 0.6;
+/// Smallest width of a picture whose legend has curves of spectra, in sizes of letters.
+const WITH_CURVES: f64 = 24.0;
 
 /// A line of a legend.
 #[derive(Clone, Debug, PartialEq)]
@@ -138,13 +142,25 @@ impl Overlay<'_> {
                 write!(out, "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{line}\"/>").ok();
             }
         }
+        let has_curves = width >= WITH_CURVES * letter;
+        // Names begin behind the swatches and the curves.
+        let indent = if has_curves { 5.0 } else { 2.5 } * letter;
+        let longest =
+            self.materials.iter().chain(&self.lights).map(|entry| shortened(&entry.name).chars().count()).max();
+        let end = (LETTER_WIDTH * letter).mul_add(count(longest.unwrap_or(0)), indent);
+        // Below the letters in the middle of the upper edge, if names extend as far.
+        if frame.edges.is_some() && end > width / 2.0 - 1.5 * letter {
+            top += 1.5 * letter;
+        }
         // The legend ends above the scale bar.
-        self.legend(&mut out, top, letter, (LEGEND * height).min(height - top - 5.0 * letter));
+        let room = (LEGEND * height).min(height - top - 5.0 * letter);
+        self.legend(&mut out, [top, indent], letter, room, has_curves);
         out + "</svg>"
     }
 
-    /// Appends the legend: visible materials with reflectances, and lights with spectra, in at most `room` pixels.
-    fn legend(&self, out: &mut String, top: f64, letter: f64, room: f64) {
+    /// Appends the legend from `top` on: visible materials with reflectances, and lights with spectra, in at most `room` pixels.
+    /// Names begin at `indent`.
+    fn legend(&self, out: &mut String, [top, indent]: [f64; 2], letter: f64, room: f64, has_curves: bool) {
         let line = 1.5 * letter;
         let rows: Vec<Option<&Entry>> =
             self.materials.iter().map(Some).chain([None]).chain(self.lights.iter().map(Some)).collect();
@@ -165,16 +181,15 @@ impl Overlay<'_> {
                 0.06 * letter
             )
             .ok();
-            let curve = curve(spectrum, [1.5_f64.mul_add(letter, x), half.mul_add(0.3, y)], [3.0 * letter, letter]);
-            write!(out, "<polyline points=\"{curve}\" fill=\"none\" stroke-width=\"{}\"/>", 0.3 * letter).ok();
-            write!(
-                out,
-                "<polyline points=\"{curve}\" fill=\"none\" stroke=\"{ink}\" stroke-width=\"{}\"/>",
-                0.1 * letter
-            )
-            .ok();
-            write!(out, "<text x=\"{}\" y=\"{y}\">{}</text>", 5.0_f64.mul_add(letter, x), escaped(&shortened(name)))
-                .ok();
+            if has_curves {
+                let corner = [1.5_f64.mul_add(letter, x), half.mul_add(0.3, y)];
+                let curve = curve(spectrum, corner, [3.0 * letter, letter]);
+                for (stroke, line) in [(String::new(), 0.3), (format!(" stroke=\"{ink}\""), 0.1)] {
+                    let line = line * letter;
+                    write!(out, "<polyline points=\"{curve}\" fill=\"none\"{stroke} stroke-width=\"{line}\"/>").ok();
+                }
+            }
+            write!(out, "<text x=\"{indent}\" y=\"{y}\">{}</text>", escaped(&shortened(name))).ok();
         }
         if rows.len() > most {
             let y = count(most).mul_add(line, top);
@@ -202,4 +217,48 @@ fn shortened(name: &str) -> String {
         return name.to_owned();
     }
     name.chars().take(LONGEST_NAME - 1).chain(['…']).collect()
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::super::PixelLength;
+    use super::*;
+
+    #[test]
+    fn letters_at_the_edges_stand_beside_the_names_of_the_legend() {
+        let entry = |name: &str| Entry {
+            name: name.to_owned(),
+            colour: LinearSrgb([1.0; 3]),
+            spectrum: Spectrum::constant(0.5),
+        };
+        for name in ["flesh", "vessel with contrast", "a name of twenty-eight letters"] {
+            let overlay =
+                Overlay { materials: vec![entry(name)], lights: vec![entry("day")], title: None, bright: false };
+            for side in [160, 200, 400, 1200] {
+                let [left, right, top, bottom] = ["R", "L", "S", "I"].map(str::to_owned);
+                let edges = Some(Edges { left, right, top, bottom });
+                let frame = Frame { edges, pixel: Some(PixelLength { units: 1.0, exact: true }), unit: None };
+                let svg = overlay.svg(&frame, [side; 2]);
+                let number = |element: &str, key: &str| -> f64 {
+                    element.split(&format!(" {key}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+                };
+                let text = |wanted: &str| {
+                    let found = svg.split("<text").find(|it| it.contains(&format!(">{wanted}<"))).unwrap();
+                    [number(found, "x"), number(found, "y")]
+                };
+                let letter = number(&svg, "font-size");
+                let ([x, y], [middle, top]) = (text(&shortened(name)), text("S"));
+                let end = (0.6 * letter).mul_add(count(shortened(name).chars().count()), x);
+                assert!(
+                    end < middle - letter || y - top > 1.2 * letter,
+                    "{name}, {side}: {end} at {y}, S at {middle}, {top}"
+                );
+                let has_curve = svg.contains("<polyline");
+                assert_eq!(has_curve, side >= 400, "curves in {side} pixels");
+                // The swatch, and the curve behind it.
+                assert!(x >= if has_curve { 5.0 } else { 2.5 } * letter, "{side}");
+            }
+        }
+    }
 }
