@@ -177,6 +177,14 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
     let stated = palette::load(&args.palette)?;
     let palette = args.smoothness.map_or_else(|| stated.clone(), |smoothness| stated.smoothed(smoothness));
+    let untargeted = palette.without_target();
+    if !untargeted.is_empty() {
+        tracing::warn!(
+            "{}: no cell has a target for {}, so any spectrum will do",
+            args.palette.display(),
+            untargeted.join(", ")
+        );
+    }
     let start = args.start.as_deref().map(|path| start(path, &palette)).transpose()?;
     let outputs: Vec<&PathBuf> = args.output.iter().chain(&args.save_scene).chain(&args.report).collect();
     let inputs = palette.inputs.iter().chain([&args.palette]).chain(&args.start).map(PathBuf::as_path);

@@ -426,9 +426,10 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         spent.join(", ")
     };
     if args.dress.annotate && scene.volume.unit.is_none() {
+        let [x, y, z] = scene.volume.geometry.spacing.to_array().map(brief);
         tracing::warn!(
-            "the scale bar has no unit, because the file states none; state it with --spacing, such as --spacing 1x1x1mm, or \
-             with unit = \"mm\" in the sidecar or in [volume] of the scene"
+            "the scale bar has no unit, because the file states none; state it with --spacing, such as --spacing {x}x{y}x{z}mm, \
+             or with unit = \"mm\" in the sidecar or in [volume] of the scene"
         );
     }
     let overlay = args.dress.annotate.then(|| Overlay {

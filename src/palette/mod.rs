@@ -294,6 +294,17 @@ impl Palette {
         }
     }
 
+    /// Names of the open rows and columns that no cell concerns.
+    #[must_use]
+    pub fn without_target(&self) -> Vec<&str> {
+        let places: Vec<Place> = self.cells.iter().flat_map(Place::both).collect();
+        let rows = self.materials.iter().enumerate().map(|(row, it)| (it, places.iter().any(|it| it.material == row)));
+        let columns =
+            self.lights.iter().enumerate().map(|(column, it)| (it, places.iter().any(|it| it.light == column)));
+        let free = rows.chain(columns).filter(|(member, has_target)| member.spectrum.is_none() && !has_target);
+        free.map(|(member, _)| member.name.as_str()).collect()
+    }
+
     /// Names of the open rows and columns of which `start` has no spectrum.
     #[must_use]
     pub fn without_start(&self, start: &Self) -> Vec<&str> {
