@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::number::{count, unsigned, whole};
 use crate::scene::{Term, View};
-use crate::volume::{CELL, Geometry, Volume, Voxel, cell_ranges, macrocells, with_voxels};
+use crate::volume::{CELL, Geometry, Volume, Voxel, cell_maxima, macrocells, with_voxels};
 
 /// Optical depth from which a pixel is visible: it is brighter than about 12 of 255 in a first look.
 const VISIBLE: f64 = 0.016;
@@ -17,8 +17,8 @@ pub(super) struct Depths {
     range: [f64; 2],
     per_value: f64,
     depths: Vec<f64>,
-    /// Number of entries before each one whose depth is above 0.
-    visible_before: Vec<usize>,
+    /// The first entry whose depth is above 0.
+    first_visible: usize,
     /// The terms and their length of opacity, if the entries cannot show every bend.
     exact: Option<(Vec<Term>, f64)>,
 }
@@ -47,19 +47,15 @@ impl Depths {
         let mut depths = vec![beyond[0]];
         depths.par_extend((0..=whole(entries)).into_par_iter().map(|entry| depth(value(entry))));
         depths.push(beyond[1]);
-        let mut visible_before = vec![0];
-        for (entry, &depth) in depths.iter().enumerate() {
-            visible_before.push(visible_before[entry] + usize::from(depth > 0.0));
-        }
+        let first_visible = depths.iter().position(|&depth| depth > 0.0).unwrap_or(depths.len());
         let per_value = if last > first { entries / (last - first) } else { 0.0 };
-        Self { range: [first, last], per_value, depths, visible_before, exact }
+        Self { range: [first, last], per_value, depths, first_visible, exact }
     }
 
-    /// True unless the optical depth of all values between `low` and `high` is 0.
-    fn may_show(&self, [low, high]: [f64; 2]) -> bool {
-        // Interpolated values round: one entry more on each side.
-        let (first, last) = (self.entry(low).saturating_sub(1), (self.entry(high) + 1).min(self.depths.len() - 1));
-        self.exact.is_some() || self.visible_before[last + 1] > self.visible_before[first]
+    /// True unless the optical depth of all values up to `largest` is 0.
+    fn may_show(&self, largest: f64) -> bool {
+        // Interpolated values round: one entry more.
+        self.exact.is_some() || self.entry(largest) + 1 >= self.first_visible
     }
 
     /// The entry of `value`, which is a number.
@@ -95,7 +91,7 @@ pub(super) struct Seen<'a> {
     /// Values between them are interpolated.
     is_interpolated: bool,
     depths: Depths,
-    /// Whether each macrocell may be visible, x fastest.
+    /// Whether each macrocell may be visible, x fastest: whether its largest value is, or a smaller one.
     cells: Vec<bool>,
     /// Macrocells along each axis.
     counts: [usize; 3],
@@ -109,13 +105,8 @@ impl<'a> Seen<'a> {
         is_interpolated: bool,
         depths: Depths,
     ) -> Self {
-        let value = |stored: f64| stored * volume.slope + volume.intercept;
-        let may_show = |([low, high], _): ([f64; 2], bool)| {
-            let [one, other] = [low, high].map(value);
-            // Voxels that are no numbers show nothing.
-            low <= high && depths.may_show([one.min(other), one.max(other)])
-        };
-        let cells = cell_ranges(volume).into_iter().map(may_show).collect();
+        // What a camera is fitted to is brighter than its surroundings: the smallest values tell little more.
+        let cells = cell_maxima(volume).into_iter().map(|largest| depths.may_show(largest)).collect();
         Self { volume, crop, is_interpolated, depths, cells, counts: macrocells(volume.geometry.dims) }
     }
 

@@ -1,5 +1,6 @@
 //! The largest connected part of the voxels above a value.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::data::check_cancelled;
@@ -23,8 +24,8 @@ struct Slice {
     rows: Vec<usize>,
     /// Number of the first run among those of all slices.
     first: usize,
-    /// The smallest and the largest finite stored number.
-    ends: [f64; 2],
+    /// The finite stored number of the smallest value.
+    lowest: f64,
 }
 
 impl Slice {
@@ -71,6 +72,15 @@ impl Joined {
     }
 }
 
+/// The place of a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PartBox {
+    /// Number of its voxels.
+    pub(crate) voxels: usize,
+    /// The first and the last of them along each axis.
+    pub(crate) bounds: [[usize; 3]; 2],
+}
+
 /// The connected parts of the voxels above a value.
 pub(crate) struct Parts {
     slices: Vec<Slice>,
@@ -87,10 +97,27 @@ pub(crate) struct Parts {
 impl Parts {
     /// The first and the last voxel of the largest part along each axis.
     pub(crate) fn bounds(&self) -> [[usize; 3]; 2] {
-        let [mut low, mut high] = [[usize::MAX; 3], [0; 3]];
+        self.boxes().remove(&self.largest).map_or_else(Default::default, |part| part.bounds)
+    }
+
+    /// The boxes of the parts beside the largest one, in the order of their first voxels.
+    pub(crate) fn others(&self) -> Vec<PartBox> {
+        let mut boxes = self.boxes();
+        boxes.remove(&self.largest);
+        boxes.into_values().collect()
+    }
+
+    /// The box of each part by its number.
+    fn boxes(&self) -> BTreeMap<usize, PartBox> {
+        let mut boxes = BTreeMap::new();
         for (z, slice) in self.slices.iter().enumerate() {
             for y in 0..slice.rows.len() - 1 {
-                for [from, to] in slice.row(y, |run| self.roots[run] == self.largest) {
+                let (number, runs) = slice.numbered(y);
+                for (run, ends) in (number..).zip(runs) {
+                    let [from, to] = ends.map(|end| end as usize);
+                    let nothing = PartBox { voxels: 0, bounds: [[usize::MAX; 3], [0; 3]] };
+                    let PartBox { voxels, bounds: [low, high] } = boxes.entry(self.roots[run]).or_insert(nothing);
+                    *voxels += to - from;
                     for (axis, [first, last]) in [[from, to - 1], [y, y], [z, z]].into_iter().enumerate() {
                         low[axis] = low[axis].min(first);
                         high[axis] = high[axis].max(last);
@@ -98,7 +125,7 @@ impl Parts {
                 }
             }
         }
-        [low, high]
+        boxes
     }
 
     /// Number of voxels of other parts outside a box.
@@ -189,11 +216,8 @@ impl Volume {
         let kept = kept.map(|([from, to], _)| (to - from) as usize).sum();
         // Without a slope, all values are equal.
         let limit = if self.slope == 0.0 { f64::INFINITY } else { (value - self.intercept) / self.slope };
-        let lowest = if self.slope < 0.0 {
-            slices.iter().map(|slice| slice.ends[1]).fold(limit, f64::max)
-        } else {
-            slices.iter().map(|slice| slice.ends[0]).fold(limit, f64::min)
-        };
+        let smaller = if self.slope < 0.0 { f64::max } else { f64::min };
+        let lowest = slices.iter().map(|slice| slice.lowest).fold(limit, smaller);
         Ok(Parts { slices, roots, largest, lowest, sizes: [kept, all - kept] })
     }
 
@@ -239,6 +263,8 @@ struct Above<T> {
     ends: [T; 2],
     limit: T,
     is_limit: bool,
+    /// Larger numbers are smaller values.
+    is_falling: bool,
 }
 
 impl<T: Voxel> Above<T> {
@@ -251,12 +277,12 @@ impl<T: Voxel> Above<T> {
             _ => T::nearest((value - intercept) / slope),
         };
         let ends = if slope < 0.0 { [all[0], limit] } else { [limit, all[1]] };
-        Self { ends, limit, is_limit: limit.to_f64() * slope + intercept > value }
+        Self { ends, limit, is_limit: limit.to_f64() * slope + intercept > value, is_falling: slope < 0.0 }
     }
 
     /// The runs of a slice with rows of `width` voxels.
     fn slice(&self, stored: &[T], width: usize) -> Slice {
-        let Self { ends: [low, high], limit, is_limit } = *self;
+        let Self { ends: [low, high], limit, is_limit, is_falling } = *self;
         // Without branches, and without the choice in them, so that vectors of voxels are compared.
         let is_within = |it: T| (it >= low) & (it <= high) & it.to_f64().is_finite();
         let (runs, rows) = if is_limit {
@@ -264,7 +290,12 @@ impl<T: Voxel> Above<T> {
         } else {
             runs_of_rows(stored, width, |it| is_within(it) & (it != limit))
         };
-        Slice { runs, rows, first: 0, ends: ends(stored).map(Voxel::to_f64) }
+        let lowest = if is_falling {
+            least(stored, f64::NEG_INFINITY, |one, other| one > other)
+        } else {
+            least(stored, f64::INFINITY, |one, other| one < other)
+        };
+        Slice { runs, rows, first: 0, lowest }
     }
 }
 
@@ -305,14 +336,10 @@ fn append_runs<T: Voxel>(row: &[T], has: impl Fn(T) -> bool, runs: &mut Vec<Run>
     runs.extend(start.map(|from| [from, row.len()].map(unsigned)));
 }
 
-/// The smallest and the largest finite number; the largest and the smallest of the type if there is none.
-fn ends<T: Voxel>(stored: &[T]) -> [T; 2] {
-    let is_finite = |it: T| it.to_f64().is_finite();
-    let [low, high] = [f64::INFINITY, f64::NEG_INFINITY].map(T::nearest);
-    [
-        stored.iter().fold(low, |low, &it| if it < low && is_finite(it) { it } else { low }),
-        stored.iter().fold(high, |high, &it| if it > high && is_finite(it) { it } else { high }),
-    ]
+/// The finite number that `is_less` than all others; that of the type nearest to `nothing` if there is none.
+fn least<T: Voxel>(stored: &[T], nothing: f64, is_less: impl Fn(T, T) -> bool) -> f64 {
+    let smaller = |least: T, &it: &T| if is_less(it, least) && it.to_f64().is_finite() { it } else { least };
+    stored.iter().fold(T::nearest(nothing), smaller).to_f64()
 }
 
 #[cfg(test)]
@@ -409,6 +436,19 @@ mod tests {
                 let parts = kept.parts_above(1.0, &Quiet).unwrap();
                 assert_eq!(parts.bounds(), [low, high], "{dims:?}");
                 let others = sizes.iter().sum::<usize>() - at.len();
+                let nothing = PartBox { voxels: 0, bounds: [[usize::MAX; 3], [0; 3]] };
+                let mut boxes = vec![nothing; sizes.len()];
+                for (place, number) in part.iter().enumerate().filter_map(|(place, part)| Some((place, (*part)?))) {
+                    let at = [place % dims[0], place / dims[0] % dims[1], place / dims[0] / dims[1]];
+                    let PartBox { voxels, bounds: [low, high] } = &mut boxes[number];
+                    *voxels += 1;
+                    for axis in 0..3 {
+                        (low[axis], high[axis]) = (low[axis].min(at[axis]), high[axis].max(at[axis]));
+                    }
+                }
+                let boxes: Vec<PartBox> =
+                    boxes.into_iter().zip(&stays).filter(|(_, stays)| !**stays).map(|(found, _)| found).collect();
+                assert_eq!(parts.others(), boxes, "{dims:?}");
                 assert_eq!(parts.sizes, [at.len(), others]);
                 let is_outside = |place: &usize| {
                     let at = [place % dims[0], place / dims[0] % dims[1], place / dims[0] / dims[1]];

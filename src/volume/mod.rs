@@ -52,7 +52,8 @@ mod vtk;
 mod zarr;
 
 pub use bricks::{
-    BRICK, BrickCache, BrickLevel, BricksMade, CELL, CacheCounts, MakeError, brick_levels, cell_ranges, macrocells,
+    BRICK, BrickCache, BrickLevel, BricksMade, CELL, CacheCounts, MakeError, brick_levels, cell_maxima, cell_ranges,
+    macrocells,
 };
 pub use coarse::{Finest, coarse_index, index_of_coarse};
 pub use error::VolumeError;

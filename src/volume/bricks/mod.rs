@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use rayon::prelude::*;
 
-pub use cells::{CELL, cell_ranges, macrocells};
+pub use cells::{CELL, cell_maxima, cell_ranges, macrocells};
 pub use grid::BRICK;
 pub use make::{BricksMade, MakeError};
 pub(super) use make::{Input, make};
