@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use relume::document::first_look::Values;
+use relume::document::first_look::{Values, guess};
 use relume::document::{SceneFile, Wish, is_sidecar};
 use relume::internal::number::{brief, readable};
 use relume::model::ColourModel;
@@ -301,6 +301,10 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     for sentence in known.iter().flat_map(Values::sentences) {
         line("suggested", &sentence);
     }
+    let guess = known.as_ref().map(|known| guess(volume, known, &statistics));
+    if let Some(guess) = &guess {
+        line("first look", guess);
+    }
     for Window { name, low, high } in &volume.presets.windows {
         line("window", &format!("{} to {}: {name}", brief(*low), brief(*high)));
     }
@@ -350,6 +354,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             "kind": known.as_ref().map(|known| known.kind.name()),
             "peaks": known.as_ref().map(|known| &known.peaks),
             "named": known.as_ref().map(Values::named),
+            "first_look": guess,
             "voxels": sampled,
             "not_a_number": statistics.not_a_number,
             "infinite": statistics.infinite,

@@ -217,7 +217,7 @@ fn an_edited_cell_of_a_solved_palette_is_not_ignored_in_silence() {
     let edited = format!("{before}day = \"#3060ff{}", &after[6..]);
     std::fs::write(folder.path("b.toml"), &edited).unwrap();
     let warning = warning("b.toml");
-    for word in ["palette.cells", "under day", "#3060ff", "relume design"] {
+    for word in ["palette.cells", "under day", "#3060ff", "changed since", "relume design"] {
         assert!(warning.contains(word), "no {word} in {warning}");
     }
     let designed = folder.done(&["design", "b.toml"]).err;
@@ -535,6 +535,57 @@ fn what_a_body_lies_on_becomes_air_also_inside_its_box() {
         let definition = format!("volume.largest_part_above={value}");
         folder.refused(2, &["render", "whole.toml", "-o", "q.png", "-D", &definition], words);
     }
+}
+
+#[test]
+fn the_table_of_a_patient_becomes_air_in_values_without_a_unit_too() {
+    // A body from end to end of the stack, in front of a plate (y to the back), with a bone as far from the middle.
+    let scan = |space: &str, at: i32| {
+        let header = format!("space: {space}\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n");
+        nrrd([40, 48, 32], &header, move |[x, y, z]| match ((x - 20).pow(2) + (y - 20).pow(2), y - at) {
+            (0..20, _) => 220,
+            (20..160, _) => 110 + u8::try_from((x + 2 * y + 3 * z).rem_euclid(60)).unwrap(),
+            (_, 0..2) if (6..34).contains(&x) => 190,
+            _ => 0,
+        })
+    };
+    let patient = "left-posterior-superior";
+    let folder = Folder::new()
+        .with("patient.nrrd", scan(patient, 40))
+        .with("prone.nrrd", scan(patient, 3))
+        // Not a patient, and nothing that lies in front or behind.
+        .with("part.nrrd", scan("3D-right-handed", 40))
+        .with("alone.nrrd", scan(patient, 60));
+    for (name, is_removed) in [("patient", true), ("prone", true), ("part", false), ("alone", false)] {
+        let [volume, scene] = ["nrrd", "toml"].map(|ending| format!("{name}.{ending}"));
+        let said = folder.done(&["render", &volume, "--size", "60x60", "-o", "p.png", "--save-scene", &scene]).err;
+        assert_eq!(said.contains("; only the largest connected part is shown."), is_removed, "{name}: {said}");
+        let text = std::fs::read_to_string(folder.path(&scene)).unwrap();
+        assert_eq!(text.contains("\nlargest_part_above = "), is_removed, "{name}: {text}");
+    }
+}
+
+#[test]
+fn info_says_what_the_first_look_shows() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    let said = folder.done(&["render", "ball.nrrd", "--size", "8x8", "-o", "p.png"]).err;
+    let info = folder.done(&["info", "ball.nrrd"]).out;
+    let line = info.lines().find_map(|line| line.strip_prefix("  first look ")).unwrap_or_else(|| panic!("{info}"));
+    assert!(line.contains("shown as ") && said.contains(&format!("Relume made one: {line}.")), "{line}, {said}");
+    assert_eq!(folder.done(&["info", "ball.nrrd", "--json"]).json()["first_look"], line);
+}
+
+#[test]
+fn a_row_without_targets_is_told() {
+    let palette = |cells: &str| {
+        format!("version = 1\n[lights.day]\nspectrum = \"D65\"\n[materials.bone]\n[materials.flesh]\n{cells}")
+    };
+    let folder = Folder::new()
+        .with("all.toml", palette("[cells]\nbone = { day = \"black\" }\nflesh = { day = \"as bone\" }\n"))
+        .with("some.toml", palette("[cells]\nbone = { day = \"black\" }\n"));
+    assert_eq!(folder.done(&["design", "all.toml"]).err, "");
+    let said = folder.done(&["design", "some.toml"]).err;
+    assert!(said.contains("no cell has a target for flesh"), "{said}");
 }
 
 #[test]
@@ -1071,6 +1122,9 @@ fn the_unit_of_a_sidecar_is_that_of_the_scale_bar() {
     let warned = folder.done(&picture).err;
     assert!(warned.contains("the scale bar has no unit") && warned.contains("--spacing 1x1x1mm"), "{warned}");
     let plain = std::fs::read(folder.path("p.png")).unwrap();
+    let folder = folder.with("body.raw.toml", sidecar("spacing = [0.5, 0.5, 1.25]\n"));
+    let warned = folder.done(&picture).err;
+    assert!(warned.contains("such as --spacing 0.5x0.5x1.25mm"), "the spacing of the file: {warned}");
     let folder = folder.with("body.raw.toml", sidecar("unit = \"um\"\n"));
     assert!(!folder.done(&picture).err.contains("the scale bar has no unit"), "the unit is known");
     assert_ne!(std::fs::read(folder.path("p.png")).unwrap(), plain, "the unit stands at the bar");

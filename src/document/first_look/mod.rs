@@ -1,5 +1,6 @@
 //! The first look at a volume without a scene: a scene made from its values.
 
+mod alone;
 mod groups;
 mod sample;
 mod values;
@@ -13,6 +14,7 @@ use toml_edit::{DocumentMut, Item, TableLike};
 use values::MOST_LABELS;
 pub use values::{Kind, Peak, Values};
 
+use self::alone::{Alone, alone};
 use self::groups::Groups;
 use self::sample::Thinned;
 use super::fit;
@@ -29,14 +31,6 @@ use crate::written::refused_name;
 const DESIGN: &str = include_str!("../../../data/scenes/volume.toml");
 /// Opacity of labels of a label map, per voxel: a surface that shows what is in front of it.
 const LABEL_OPACITY: f64 = 0.5;
-/// Hounsfield units below water from which soft tissue begins, with the part of a voxel on its surface.
-const SOFT: f64 = 300.0;
-/// Hounsfield units below water from which a body may be connected with what it lies on, by cushions and clothes.
-const FAINT: f64 = 500.0;
-/// Fraction of the voxels of all parts of a CT above which parts beside the largest are left out.
-const WORTH: f64 = 0.002;
-/// Fraction of the largest part from which the others are no table: both feet, for instance.
-const SEVERAL: f64 = 0.25;
 /// Names of its materials, from the faintest to the most solid.
 const DESIGNED: [&str; 3] = ["faint", "middle", "solid"];
 
@@ -195,6 +189,18 @@ enum Shape {
         layer: Layer,
         rise: Rise,
     },
+}
+
+impl Shape {
+    /// The value where the faintest layer has half of its opacity.
+    fn faintest(&self) -> f64 {
+        match self {
+            Self::Layers(layers) => {
+                layers.iter().map(|layer| layer.range[0] - layer.ramp / 2.0).fold(f64::INFINITY, f64::min)
+            }
+            Self::Ramp { layer, .. } => layer.range[0],
+        }
+    }
 }
 
 /// Colours of labels that can be told apart (after Kelly 1965), in an order in which neighbours differ most.
@@ -581,63 +587,6 @@ pub struct NoCt {
     range: [f64; 2],
 }
 
-/// How a body is shown without what it lies on.
-#[derive(Clone, Copy)]
-enum Alone {
-    /// The largest connected part of the voxels above this value.
-    Above(f64),
-    /// The first and the last voxel along each axis of the box of that part.
-    Box([[usize; 3]; 2]),
-}
-
-impl Alone {
-    /// The same with another box.
-    fn of(self, of_box: impl Fn([[usize; 3]; 2]) -> [[usize; 3]; 2]) -> Self {
-        match self {
-            Self::Box(corners) => Self::Box(of_box(corners)),
-            above => above,
-        }
-    }
-}
-
-/// Removes what a body in a CT lies on from the volume, or finds the box of the body in voxels that stay in a file; `None` if
-/// there is nothing beside the body.
-fn alone(
-    volume: &mut Volume,
-    water: f64,
-    shape: &Shape,
-    progress: &dyn Progress,
-) -> Result<Option<Alone>, VolumeError> {
-    // From half of the opacity of the faintest layer on, so that of the surfaces of other parts less than that stays.
-    let faintest = match shape {
-        Shape::Layers(layers) => {
-            layers.iter().map(|layer| layer.range[0] - layer.ramp / 2.0).fold(f64::INFINITY, f64::min)
-        }
-        Shape::Ramp { layer, .. } => layer.range[0],
-    };
-    let above = faintest.clamp(water - FAINT, water - SOFT);
-    let at_hand = volume.at_hand();
-    let parts = match at_hand.parts_above(above, progress) {
-        // A file may state CT for values without any tissue.
-        Err(VolumeError::NothingAbove { .. }) => return Ok(None),
-        parts => parts?,
-    };
-    let [body, others] = parts.sizes.map(count);
-    let is_worth = |others: f64| others > WORTH * (body + others) && others < SEVERAL * body;
-    if volume.bricks.is_none() {
-        if !is_worth(others) {
-            return Ok(None);
-        }
-        volume.keep_largest(&parts);
-        return Ok(Some(Alone::Above(above)));
-    }
-    let bounds = parts.bounds();
-    let [low, high] = bounds;
-    let high = std::array::from_fn(|axis| (high[axis] + 1).min(at_hand.geometry.dims[axis] - 1));
-    let corners = [low.map(|at| at.saturating_sub(1)), high];
-    Ok(is_worth(count(parts.outside(bounds))).then_some(Alone::Box(corners)))
-}
-
 /// Why a volume has no first look.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -676,21 +625,10 @@ pub(super) fn first_look(
         return Err(NoCt { look: look.name(), name: name.clone(), range }.into());
     }
     let geometry = &volume.geometry;
-    let camera = directions(volume, &values);
-    let forward = camera.view(geometry, 1.0).map_or(DVec3::Y, |view| view.forward);
-    let axis = (geometry.direction.transpose() * forward).abs().max_position();
     let is_flat = flat_side(geometry).is_some();
-    let wish = match wish {
-        // A single slice is an image.
-        Wish { look: None, window: None } if is_flat => {
-            let [low, high] = [values.percentile(0.01), values.percentile(0.999)];
-            let low = low - 0.1 * (high - low);
-            Wish { look: None, window: Some([high - low, f64::midpoint(low, high)]) }
-        }
-        wish => wish,
-    };
-    let (shape, guess) =
-        shape(&values, (&volume.presets, statistics), wish, axis, if is_flat { Rise::Even } else { Rise::Steep });
+    let camera = directions(volume, &values);
+    let axis = axis_of_sight(geometry, &camera);
+    let (shape, guess) = seen(volume, (&values, statistics), wish, axis);
     let stride = count(values.thinned.stride[axis] * block[axis]);
     let scale = stride * geometry.spacing[axis] / geometry.spacing.min_element();
     let thickness = |layers: &[Layer]| -> Vec<f64> {
@@ -705,10 +643,7 @@ pub(super) fn first_look(
         }
     };
     let shows = |value: f32| ranges.iter().any(|&[low, high]| (low..=high).contains(&f64::from(value)));
-    let alone = match values.kind {
-        Kind::Ct { water } if !has_parts => alone(volume, water, &shape, progress)?,
-        _ => None,
-    };
+    let alone = if has_parts { None } else { alone(volume, &values, shape.faintest(), progress)? };
     let crop = match alone {
         Some(Alone::Box(crop)) => Some(crop),
         _ => None,
@@ -757,6 +692,35 @@ pub(super) fn first_look(
     let text =
         text(name, &guess, (&shape, groups.as_ref()), &opacities, &camera, alone.map(|it| it.of(of_all)), geometry);
     Ok(FirstLook { text, guess, is_alone })
+}
+
+/// What a first look shows of `volume`, which has these values, in words.
+#[must_use]
+pub fn guess(volume: &Volume, values: &Values, statistics: &Statistics) -> String {
+    let axis = axis_of_sight(&volume.geometry, &directions(volume, values));
+    seen(volume, (values, statistics), Wish::default(), axis).1
+}
+
+/// Axis of the grid nearest to the line of sight of a camera.
+fn axis_of_sight(geometry: &Geometry, camera: &Camera) -> usize {
+    let forward = camera.view(geometry, 1.0).map_or(DVec3::Y, |view| view.forward);
+    (geometry.direction.transpose() * forward).abs().max_position()
+}
+
+/// The layers of `volume` along `axis`, and the guess in words.
+fn seen(volume: &Volume, (values, statistics): (&Values, &Statistics), wish: Wish, axis: usize) -> (Shape, String) {
+    let is_flat = flat_side(&volume.geometry).is_some();
+    let wish = match wish {
+        // A single slice is an image.
+        Wish { look: None, window: None } if is_flat => {
+            let [low, high] = [values.percentile(0.01), values.percentile(0.999)];
+            let low = low - 0.1 * (high - low);
+            Wish { look: None, window: Some([high - low, f64::midpoint(low, high)]) }
+        }
+        wish => wish,
+    };
+    let of_window = if is_flat { Rise::Even } else { Rise::Steep };
+    shape(values, (&volume.presets, statistics), wish, axis, of_window)
 }
 
 /// The layers, and the guess in words.

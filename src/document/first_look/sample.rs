@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::number::{count, rounded, unsigned, whole};
 use crate::parallel;
-use crate::volume::{Volume, with_voxels};
+use crate::volume::{Geometry, Volume, VolumeError, Voxels, with_voxels};
 
 /// Most voxels of a thinned copy.
 const MOST: usize = 1_200_000;
@@ -43,6 +43,12 @@ impl Thinned {
             });
         });
         Self { dims, stride, values }
+    }
+
+    /// The copy as a volume.
+    pub(super) fn to_volume(&self) -> Result<Volume, VolumeError> {
+        let source = "the thinned copy";
+        Volume::new(source, Voxels::F32(self.values.clone()), Geometry::unit(source, self.dims)?)
     }
 
     /// Place of voxel `[x, y, z]` in [`Self::values`].
