@@ -3,11 +3,11 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::silhouette::{Ends, Seen, values};
+use super::silhouette::{Ends, Seen};
 use crate::number::{count, nearest, whole};
 use crate::parallel;
 use crate::scene::{Aim, Camera, Fill, Projection, Scene, View};
-use crate::volume::{Geometry, Volume, coarse_index};
+use crate::volume::{Geometry, Volume, Voxel, coarse_index, with_voxels};
 
 /// Fraction of the picture that its visible pixels span in their larger direction.
 pub(super) const FILL: f64 = 0.9;
@@ -38,17 +38,18 @@ pub(super) fn outline(
     let lines = |axis: usize| (low[axis]..=high[axis]).step_by(stride[axis]);
     let rows: Vec<[usize; 2]> = lines(2).flat_map(|z| lines(1).map(move |y| [y, z])).collect();
     let least = if nx < 8 { 1 } else { 2 };
-    let ends = |row: &mut Vec<f64>, &[y, z]: &[usize; 2]| {
-        let first = low[0] + nx * (y + ny * z);
-        values(volume, first, 1, high[0] + 1 - low[0], row);
-        let seen = |x: usize| shows(first + x, row[x]);
-        let body = |x: usize| (x..x + least).all(seen);
-        let bodies = 0..(row.len() + 1).saturating_sub(least);
-        let (left, right) = (bodies.clone().find(|&x| body(x))?, bodies.rev().find(|&x| body(x))? + least - 1);
-        Some([(low[0] + left, y, z), (low[0] + right, y, z)])
-    };
-    let ends = rows.par_iter().map_init(Vec::new, ends);
-    let found: Vec<[(usize, usize, usize); 2]> = ends.flatten().collect();
+    let bodies = low[0]..(high[0] + 2).saturating_sub(least);
+    let found: Vec<[(usize, usize, usize); 2]> = with_voxels!(&volume.voxels, stored => {
+        let ends = |&[y, z]: &[usize; 2]| {
+            let first = nx * (y + ny * z);
+            let row = stored.get(first..first + nx)?;
+            let seen = |x: usize| shows(first + x, Voxel::to_f64(row[x]) * volume.slope + volume.intercept);
+            let body = |x: &usize| (*x..x + least).all(seen);
+            let (left, right) = (bodies.clone().find(body)?, bodies.clone().rev().find(body)? + least - 1);
+            Some([(left, y, z), (right, y, z)])
+        };
+        rows.par_iter().filter_map(ends).collect()
+    });
     let of_slice = |rows: &[[(usize, usize, usize); 2]]| {
         let corners = [(0, -1.0), (1, 1.0)].map(|(end, outward)| {
             let corner = |row: &[(usize, usize, usize); 2]| {

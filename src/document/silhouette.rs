@@ -286,6 +286,10 @@ impl<'a> Picture<'a> {
         let sample_of = |cell: usize| (cell * CELL).saturating_sub(low[0]).div_ceil(stride[0]).min(samples[0]);
         let starts: Vec<usize> = (0..seen.counts[0]).map(sample_of).chain([samples[0]]).collect();
         let of_row = |[y, z]: [usize; 2], row: &mut Vec<f64>| {
+            let may_show = seen.row([low[1] + y * stride[1], low[2] + z * stride[2]]);
+            if !may_show.contains(&true) {
+                return;
+            }
             let first = low[0] + nx * (low[1] + y * stride[1] + ny * (low[2] + z * stride[2]));
             let start = origin + axes[1] * count(y) + axes[2] * count(z);
             let [before, after] =
@@ -296,7 +300,6 @@ impl<'a> Picture<'a> {
                     let from = whole(from.max(0.0).ceil()).min(samples[0]);
                     [from, whole(to).saturating_add(1).clamp(from, samples[0])]
                 });
-            let may_show = seen.row([low[1] + y * stride[1], low[2] + z * stride[2]]);
             for range in [0..before, after..samples[0]].into_iter().filter(|range| !range.is_empty()) {
                 let mut cell = starts.partition_point(|&it| it <= range.start) - 1;
                 let last = starts.partition_point(|&it| it < range.end);
@@ -559,7 +562,7 @@ fn crossing(start: DVec3, axis: DVec3, inner: Rectangle, parallel: bool) -> Opti
 }
 
 /// Puts `number` values of `volume` from the voxel at `first`, every n-th by `step`, into `row`.
-pub(super) fn values(volume: &Volume, first: usize, step: usize, number: usize, row: &mut Vec<f64>) {
+fn values(volume: &Volume, first: usize, step: usize, number: usize, row: &mut Vec<f64>) {
     row.clear();
     with_voxels!(&volume.voxels, stored => {
         let stored = stored.get(first..).unwrap_or_default().iter().step_by(step).take(number);

@@ -259,9 +259,8 @@ impl Volume {
 
 /// The stored numbers of values above a limit.
 struct Above<T> {
-    /// The least and the greatest of them, if the limit is one of them.
-    ends: [T; 2],
     limit: T,
+    /// The limit is one of them.
     is_limit: bool,
     /// Larger numbers are smaller values.
     is_falling: bool,
@@ -276,19 +275,19 @@ impl<T: Voxel> Above<T> {
             (true, false) => all[1],
             _ => T::nearest((value - intercept) / slope),
         };
-        let ends = if slope < 0.0 { [all[0], limit] } else { [limit, all[1]] };
-        Self { ends, limit, is_limit: limit.to_f64() * slope + intercept > value, is_falling: slope < 0.0 }
+        Self { limit, is_limit: limit.to_f64() * slope + intercept > value, is_falling: slope < 0.0 }
     }
 
     /// The runs of a slice with rows of `width` voxels.
     fn slice(&self, stored: &[T], width: usize) -> Slice {
-        let Self { ends: [low, high], limit, is_limit, is_falling } = *self;
+        let Self { limit, is_limit, is_falling } = *self;
         // Without branches, and without the choice in them, so that vectors of voxels are compared.
-        let is_within = |it: T| (it >= low) & (it <= high) & it.to_f64().is_finite();
-        let (runs, rows) = if is_limit {
-            runs_of_rows(stored, width, is_within)
-        } else {
-            runs_of_rows(stored, width, |it| is_within(it) & (it != limit))
+        let is_finite = |it: T| it.to_f64().is_finite();
+        let (runs, rows) = match (is_falling, is_limit) {
+            (false, true) => runs_of_rows(stored, width, |it| (it >= limit) & is_finite(it)),
+            (false, false) => runs_of_rows(stored, width, |it| (it > limit) & is_finite(it)),
+            (true, true) => runs_of_rows(stored, width, |it| (it <= limit) & is_finite(it)),
+            (true, false) => runs_of_rows(stored, width, |it| (it < limit) & is_finite(it)),
         };
         let lowest = if is_falling {
             least(stored, f64::NEG_INFINITY, |one, other| one > other)

@@ -22,6 +22,7 @@ use super::moves::Side;
 use super::silhouette::{Depths, Seen};
 use super::transfer_presets::TransferPreset;
 use crate::number::{brief, count, nearest, rounded, whole};
+use crate::parallel;
 use crate::progress::Progress;
 use crate::scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term};
 use crate::volume::{Geometry, LabelPreset, Presets, Statistics, Volume, VolumeError, Window};
@@ -400,30 +401,47 @@ fn outermost(thinned: &Thinned, background: f64, axis: usize) -> Option<f64> {
 
 /// Calls `visit` with the values of each column of voxels along `axis`.
 fn for_columns(thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
+    (0..layers_of_columns(thinned, axis)).for_each(|layer| for_columns_of(layer, thinned, axis, &mut visit));
+}
+
+/// Number of layers of columns along `axis`.
+fn layers_of_columns(thinned: &Thinned, axis: usize) -> usize {
+    thinned.dims[[2, 2, 1][axis]]
+}
+
+/// The same as [`for_columns`] in one layer of columns.
+fn for_columns_of(layer: usize, thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
     let [one, other] = [[1, 2], [0, 2], [0, 1]][axis];
     let mut column = Vec::new();
-    for second in 0..thinned.dims[other] {
-        for first in 0..thinned.dims[one] {
-            let mut position = [0; 3];
-            (position[one], position[other]) = (first, second);
-            column.clear();
-            let from = &thinned.values[thinned.at(position)..];
-            column.extend(from.iter().step_by(thinned.steps()[axis]).take(thinned.dims[axis]));
-            visit(&column);
-        }
+    for first in 0..thinned.dims[one] {
+        let mut position = [0; 3];
+        (position[one], position[other]) = (first, layer);
+        column.clear();
+        let from = &thinned.values[thinned.at(position)..];
+        column.extend(from.iter().step_by(thinned.steps()[axis]).take(thinned.dims[axis]));
+        visit(&column);
     }
 }
 
 /// Voxels of each layer that a ray along `axis` meets, averaged over the rays that meet it.
 fn thicknesses(thinned: &Thinned, layers: &[Layer], axis: usize) -> Vec<f64> {
-    let mut found = vec![(0_usize, 0_usize); layers.len()];
-    for_columns(thinned, axis, |column| {
-        for (layer, (voxels, columns)) in layers.iter().zip(&mut found) {
-            let [low, high] = layer.range;
-            let here = column.iter().filter(|&&value| (low..=high).contains(&f64::from(value))).count();
-            *voxels += here;
-            *columns += usize::from(here > 0);
-        }
+    let nothing = || vec![(0_usize, 0_usize); layers.len()];
+    let of_columns = |at: usize| {
+        let mut found = nothing();
+        for_columns_of(at, thinned, axis, |column| {
+            for (layer, (voxels, columns)) in layers.iter().zip(&mut found) {
+                let [low, high] = layer.range;
+                let here = column.iter().filter(|&&value| (low..=high).contains(&f64::from(value))).count();
+                *voxels += here;
+                *columns += usize::from(here > 0);
+            }
+        });
+        found
+    };
+    let parts = parallel::map(layers_of_columns(thinned, axis), &of_columns);
+    let found = parts.into_iter().fold(nothing(), |mut sums, part| {
+        sums.iter_mut().zip(part).for_each(|(sum, it)| *sum = (sum.0 + it.0, sum.1 + it.1));
+        sums
     });
     found.into_iter().map(|(voxels, columns)| count(voxels) / count(columns.max(1))).collect()
 }
