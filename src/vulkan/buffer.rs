@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use ash::vk;
-use gpu_allocator::MemoryLocation;
+use gpu_allocator::{MemoryLocation, vulkan::AllocationScheme};
 
 use super::{Device, VulkanError, error::check_limit, handle::Owned, lock, memory::Memory};
 
@@ -93,7 +93,8 @@ impl Buffer {
         let handle = Owned::new(raw, name, "vkCreateBuffer", made, ash::Device::destroy_buffer)?;
         // SAFETY: the buffer was just created on this device.
         let requirements = unsafe { raw.functions.get_buffer_memory_requirements(handle.raw()) };
-        let memory = Memory::new(device, name, requirements, location, true)?;
+        let memory =
+            Memory::new(device, name, requirements, location, AllocationScheme::DedicatedBuffer(handle.raw()))?;
         let (block, offset) = memory.place();
         // SAFETY: the memory was allocated for this buffer's requirements and is bound to no other object. By the field
         // order of `Inner` it outlives the buffer.

@@ -25,9 +25,9 @@ use super::{
     simulate::Simulated,
 };
 
-/// Bytes of a memory block in device memory. Larger objects have blocks of their own, which are allocated and freed with them. The
-/// images of a film are smaller, and so a march gets the memory of the march before: a GPU took 1 to 2 ms to allocate a film of 41 MB,
-/// and 0.3 to march it. Software devices get pages from the system on the first write, and clearing them takes up to a fifth of
+/// Bytes of a memory block in device memory. Larger objects have blocks of their own, which are allocated and freed with them, and of
+/// several blocks those that are empty are freed. The images of most films have room beside the volume, and so a march gets the memory
+/// of the march before: a GPU took 1 to 2 ms to allocate a film of 41 MB, and 0.3 to march it. Software devices get pages from the system on the first write, and clearing them takes up to a fifth of
 /// a march.
 const DEVICE_BLOCK: u64 = 256 << 20;
 /// Bytes of a memory block in the host memory of a GPU.

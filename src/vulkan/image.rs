@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ash::vk;
-use gpu_allocator::MemoryLocation;
+use gpu_allocator::{MemoryLocation, vulkan::AllocationScheme};
 
 use super::{
     Device, Format, VulkanError,
@@ -274,7 +274,13 @@ impl Inner {
         let (image_kind, view_kind) = kind;
         let raw = device.raw();
         let (handle, requirements) = unbound(device, name, format, image_kind, extent, layers, usage)?;
-        let memory = Memory::new(device, name, requirements, MemoryLocation::GpuOnly, false)?;
+        let memory = Memory::new(
+            device,
+            name,
+            requirements,
+            MemoryLocation::GpuOnly,
+            AllocationScheme::DedicatedImage(handle.raw()),
+        )?;
         let (block, offset) = memory.place();
         // SAFETY: the memory was allocated for this image's requirements and is bound to no other object. By the field
         // order of `Inner` it outlives the image.

@@ -16,27 +16,28 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Allocates memory for the object `name`. `linear` is true for buffers and false for images.
+    /// Allocates memory for the object `name`: in a block, or where the device has no memory for another block, `alone`, which
+    /// names the buffer or image.
     pub(super) fn new(
         device: &Device,
         name: &str,
         requirements: vk::MemoryRequirements,
         location: MemoryLocation,
-        linear: bool,
+        alone: AllocationScheme,
     ) -> Result<Self, VulkanError> {
         let bytes = requirements.size;
         check_limit(name, "its memory in bytes", bytes, device.limits().max_allocation_bytes)?;
-        let wanted = AllocationCreateDesc {
-            name,
-            requirements,
-            location,
-            linear,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-        };
-        let allocated = if device.simulated().has_no_memory() {
-            Err(AllocationError::OutOfMemory)
-        } else {
+        let linear = matches!(alone, AllocationScheme::DedicatedBuffer(_));
+        let allocate = |allocation_scheme| {
+            if device.simulated().has_no_memory() {
+                return Err(AllocationError::OutOfMemory);
+            }
+            let wanted = AllocationCreateDesc { name, requirements, location, linear, allocation_scheme };
             lock(device.allocator()).allocate(&wanted)
+        };
+        let allocated = match allocate(AllocationScheme::GpuAllocatorManaged) {
+            Err(AllocationError::OutOfMemory) => allocate(alone),
+            allocated => allocated,
         };
         let allocation = allocated.map_err(|source| match source {
             AllocationError::OutOfMemory => VulkanError::OutOfMemory {
