@@ -144,7 +144,7 @@ impl Overlay<'_> {
         }
         let has_curves = width >= WITH_CURVES * letter;
         // Names begin behind the swatches and the curves.
-        let indent = if has_curves { 5.0 } else { 2.5 } * letter;
+        let indent = if has_curves { 6.0 } else { 2.5 } * letter;
         let longest =
             self.materials.iter().chain(&self.lights).map(|entry| shortened(&entry.name).chars().count()).max();
         let end = (LETTER_WIDTH * letter).mul_add(count(longest.unwrap_or(0)), indent);
@@ -256,8 +256,10 @@ mod tests {
                 );
                 let has_curve = svg.contains("<polyline");
                 assert_eq!(has_curve, side >= 400, "curves in {side} pixels");
-                // The swatch, and the curve behind it.
-                assert!(x >= if has_curve { 5.0 } else { 2.5 } * letter, "{side}");
+                let curves = svg.split("<polyline points=\"").skip(1).map(|it| it.split('"').next().unwrap());
+                let ends = curves.flat_map(|points| points.split(' ').map(|it| it.split(',').next().unwrap()));
+                let end = ends.map(|x| x.parse().unwrap()).fold(2.0 * letter, f64::max);
+                assert!(x > end, "{side}: a name at {x}, a swatch or a curve up to {end}");
             }
         }
     }
