@@ -4,13 +4,14 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use glam::DVec3;
 use serde_json::{Map, json};
 
 use relume::document::{SceneFile, Source, State, is_no_scene, session};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::annotate::{Frame, Overlay};
 use relume::internal::memory;
-use relume::internal::number::{brief, readable};
+use relume::internal::number::{brief, count, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::output::{FilmFile, Picture, PictureKind, write_atomically, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
@@ -426,10 +427,16 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         spent.join(", ")
     };
     if args.dress.annotate && scene.volume.unit.is_none() {
-        let [x, y, z] = scene.volume.geometry.spacing.to_array().map(brief);
+        // Of the file: --spacing is that of voxels before they are averaged.
+        let averaged = DVec3::from_array(args.scene.downsample.unwrap_or([1; 3]).map(count));
+        let [x, y, z] = (scene.volume.geometry.spacing / averaged).to_array().map(brief);
+        let by_flag = match source.bare_volume() {
+            Some(_) => format!("with --spacing, such as --spacing {x}x{y}x{z}mm, or "),
+            None => String::new(),
+        };
         tracing::warn!(
-            "the scale bar has no unit, because the file states none; state it with --spacing, such as --spacing {x}x{y}x{z}mm, \
-             or with unit = \"mm\" in the sidecar or in [volume] of the scene"
+            "the scale bar has no unit, because the file states none; state it {by_flag}with unit = \"mm\" in the sidecar or in \
+             [volume] of the scene"
         );
     }
     let overlay = args.dress.annotate.then(|| Overlay {

@@ -85,7 +85,7 @@ pub fn look(scene: &Scene, palette: &Palette, row: usize, column: usize) -> Look
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
     "[palette.cells]: {material} under {light} is to be {wanted}, but the spectra in the scene show {shown} (ΔE00 {difference:.0}), \
-     changed since, or designed for another palette"
+     since the cell or the spectra were changed, or designed for another palette"
 )]
 pub struct Unlike {
     /// Name of the material.

@@ -37,7 +37,7 @@ pub(super) fn outline(
     let [low, high] = crop.unwrap_or([[0; 3], [nx - 1, ny - 1, nz - 1]]);
     let lines = |axis: usize| (low[axis]..=high[axis]).step_by(stride[axis]);
     let rows: Vec<[usize; 2]> = lines(2).flat_map(|z| lines(1).map(move |y| [y, z])).collect();
-    let least = if nx < 8 { 1 } else { 2 };
+    let least = if high[0] - low[0] < 7 { 1 } else { 2 };
     let bodies = low[0]..(high[0] + 2).saturating_sub(least);
     let found: Vec<[(usize, usize, usize); 2]> = with_voxels!(&volume.voxels, stored => {
         let ends = |&[y, z]: &[usize; 2]| {

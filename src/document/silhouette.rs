@@ -17,7 +17,7 @@ pub(super) struct Depths {
     range: [f64; 2],
     per_value: f64,
     depths: Vec<f64>,
-    /// The first entry whose depth is above 0.
+    /// The first entry whose depth is above 0, if there is one.
     first_visible: usize,
     /// The terms and their length of opacity, if the entries cannot show every bend.
     exact: Option<(Vec<Term>, f64)>,
@@ -47,7 +47,7 @@ impl Depths {
         let mut depths = vec![beyond[0]];
         depths.par_extend((0..=whole(entries)).into_par_iter().map(|entry| depth(value(entry))));
         depths.push(beyond[1]);
-        let first_visible = depths.iter().position(|&depth| depth > 0.0).unwrap_or(depths.len());
+        let first_visible = depths.iter().position(|&depth| depth > 0.0).unwrap_or(usize::MAX);
         let per_value = if last > first { entries / (last - first) } else { 0.0 };
         Self { range: [first, last], per_value, depths, first_visible, exact }
     }
@@ -105,7 +105,7 @@ impl<'a> Seen<'a> {
         is_interpolated: bool,
         depths: Depths,
     ) -> Self {
-        // What a camera is fitted to is brighter than its surroundings: the smallest values tell little more.
+        // Objects are brighter than their surroundings: the smallest values would tell little more.
         let cells = cell_maxima(volume).into_iter().map(|largest| depths.may_show(largest)).collect();
         Self { volume, crop, is_interpolated, depths, cells, counts: macrocells(volume.geometry.dims) }
     }

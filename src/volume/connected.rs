@@ -97,25 +97,18 @@ pub(crate) struct Parts {
 impl Parts {
     /// The first and the last voxel of the largest part along each axis.
     pub(crate) fn bounds(&self) -> [[usize; 3]; 2] {
-        self.boxes().remove(&self.largest).map_or_else(Default::default, |part| part.bounds)
+        self.boxes().0.bounds
     }
 
-    /// The boxes of the parts beside the largest one, in the order of their first voxels.
-    pub(crate) fn others(&self) -> Vec<PartBox> {
-        let mut boxes = self.boxes();
-        boxes.remove(&self.largest);
-        boxes.into_values().collect()
-    }
-
-    /// The box of each part by its number.
-    fn boxes(&self) -> BTreeMap<usize, PartBox> {
-        let mut boxes = BTreeMap::new();
+    /// The box of the largest part, and those of the others in the order of their first voxels.
+    pub(crate) fn boxes(&self) -> (PartBox, Vec<PartBox>) {
+        let nothing = PartBox { voxels: 0, bounds: [[usize::MAX; 3], [0; 3]] };
+        let mut boxes = BTreeMap::from([(self.largest, nothing)]);
         for (z, slice) in self.slices.iter().enumerate() {
             for y in 0..slice.rows.len() - 1 {
                 let (number, runs) = slice.numbered(y);
                 for (run, ends) in (number..).zip(runs) {
                     let [from, to] = ends.map(|end| end as usize);
-                    let nothing = PartBox { voxels: 0, bounds: [[usize::MAX; 3], [0; 3]] };
                     let PartBox { voxels, bounds: [low, high] } = boxes.entry(self.roots[run]).or_insert(nothing);
                     *voxels += to - from;
                     for (axis, [first, last]) in [[from, to - 1], [y, y], [z, z]].into_iter().enumerate() {
@@ -125,7 +118,8 @@ impl Parts {
                 }
             }
         }
-        boxes
+        let largest = boxes.remove(&self.largest).unwrap_or(nothing);
+        (largest, boxes.into_values().collect())
     }
 
     /// Number of voxels of other parts outside a box.
@@ -447,7 +441,7 @@ mod tests {
                 }
                 let boxes: Vec<PartBox> =
                     boxes.into_iter().zip(&stays).filter(|(_, stays)| !**stays).map(|(found, _)| found).collect();
-                assert_eq!(parts.others(), boxes, "{dims:?}");
+                assert_eq!(parts.boxes().1, boxes, "{dims:?}");
                 assert_eq!(parts.sizes, [at.len(), others]);
                 let is_outside = |place: &usize| {
                     let at = [place % dims[0], place / dims[0] % dims[1], place / dims[0] / dims[1]];

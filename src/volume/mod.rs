@@ -56,6 +56,7 @@ pub use bricks::{
     macrocells,
 };
 pub use coarse::{Finest, coarse_index, index_of_coarse};
+pub(crate) use connected::PartBox;
 pub use error::VolumeError;
 pub use geometry::Geometry;
 pub use open::{extensions, make_bricks, open, open_by, open_raw, packed_blocks};

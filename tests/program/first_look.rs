@@ -217,7 +217,9 @@ fn an_edited_cell_of_a_solved_palette_is_not_ignored_in_silence() {
     let edited = format!("{before}day = \"#3060ff{}", &after[6..]);
     std::fs::write(folder.path("b.toml"), &edited).unwrap();
     let warning = warning("b.toml");
-    for word in ["palette.cells", "under day", "#3060ff", "changed since", "relume design"] {
+    for word in
+        ["palette.cells", "under day", "#3060ff", "were changed, or designed for another palette", "relume design"]
+    {
         assert!(warning.contains(word), "no {word} in {warning}");
     }
     let designed = folder.done(&["design", "b.toml"]).err;
@@ -552,11 +554,11 @@ fn the_table_of_a_patient_becomes_air_in_values_without_a_unit_too() {
     let patient = "left-posterior-superior";
     let folder = Folder::new()
         .with("patient.nrrd", scan(patient, 40))
-        .with("prone.nrrd", scan(patient, 3))
-        // Not a patient, and nothing that lies in front or behind.
+        // A plate in front of the body; no patient; and no plate.
+        .with("front.nrrd", scan(patient, 3))
         .with("part.nrrd", scan("3D-right-handed", 40))
         .with("alone.nrrd", scan(patient, 60));
-    for (name, is_removed) in [("patient", true), ("prone", true), ("part", false), ("alone", false)] {
+    for (name, is_removed) in [("patient", true), ("front", false), ("part", false), ("alone", false)] {
         let [volume, scene] = ["nrrd", "toml"].map(|ending| format!("{name}.{ending}"));
         let said = folder.done(&["render", &volume, "--size", "60x60", "-o", "p.png", "--save-scene", &scene]).err;
         assert_eq!(said.contains("; only the largest connected part is shown."), is_removed, "{name}: {said}");
@@ -1125,6 +1127,8 @@ fn the_unit_of_a_sidecar_is_that_of_the_scale_bar() {
     let folder = folder.with("body.raw.toml", sidecar("spacing = [0.5, 0.5, 1.25]\n"));
     let warned = folder.done(&picture).err;
     assert!(warned.contains("such as --spacing 0.5x0.5x1.25mm"), "the spacing of the file: {warned}");
+    let warned = folder.done(&[&picture[..], &["--downsample", "2x2x1"]].concat()).err;
+    assert!(warned.contains("such as --spacing 0.5x0.5x1.25mm"), "that of averaged voxels: {warned}");
     let folder = folder.with("body.raw.toml", sidecar("unit = \"um\"\n"));
     assert!(!folder.done(&picture).err.contains("the scale bar has no unit"), "the unit is known");
     assert_ne!(std::fs::read(folder.path("p.png")).unwrap(), plain, "the unit stands at the bar");

@@ -1,11 +1,9 @@
-//! Patients without what they lie on.
-
-use glam::DMat3;
+//! Removes tables and head rests from first looks.
 
 use super::values::{Kind, Values};
 use crate::number::count;
 use crate::progress::Progress;
-use crate::volume::{Modality, Volume, VolumeError};
+use crate::volume::{Modality, PartBox, Volume, VolumeError};
 
 /// Hounsfield units below water from which soft tissue begins, with the part of a voxel on its surface.
 const SOFT: f64 = 300.0;
@@ -16,7 +14,7 @@ const WORTH: f64 = 0.002;
 /// Fraction of the largest part from which the others are no table: both feet, for instance.
 const SEVERAL: f64 = 0.25;
 
-/// How a body is shown without what it lies on.
+/// How a first look leaves a table out.
 #[derive(Clone, Copy)]
 pub(super) enum Alone {
     /// The largest connected part of the voxels above this value.
@@ -35,21 +33,21 @@ impl Alone {
     }
 }
 
-/// Removes what a body lies on from the volume, or finds the box of the body in voxels that stay in a file; `None` if there is
-/// nothing beside the body. The faintest layer has half of its opacity at the value `faintest`.
+/// Removes all parts but the largest from the volume, or finds the box of the largest in voxels that stay in a file; `None` if it
+/// removes nothing. The lowest layer is half as opaque as further up at the value `lowest`.
 pub(super) fn alone(
     volume: &mut Volume,
     values: &Values,
-    faintest: f64,
+    lowest: f64,
     progress: &dyn Progress,
 ) -> Result<Option<Alone>, VolumeError> {
-    // Of the surfaces of other parts, less than half of the opacity of the faintest layer stays.
+    // Of the surfaces of other parts, less than half of the opacity of the lowest layer stays.
     let above = match values.kind {
-        Kind::Ct { water } => faintest.clamp(water - FAINT, water - SOFT),
-        Kind::Other(None | Some(Modality::Ct)) if volume.anatomical => faintest.min(values.surface_from),
+        Kind::Ct { water } => lowest.clamp(water - FAINT, water - SOFT),
+        Kind::Other(None | Some(Modality::Ct)) if volume.anatomical => lowest.min(values.surface_from),
         _ => return Ok(None),
     };
-    if !matches!(values.kind, Kind::Ct { .. }) && !has_table(volume.geometry.direction, values, above, progress)? {
+    if !matches!(values.kind, Kind::Ct { .. }) && !has_table(volume, values, above, progress)? {
         return Ok(None);
     }
     let at_hand = volume.at_hand();
@@ -74,22 +72,30 @@ pub(super) fn alone(
     Ok(is_worth(count(parts.outside(bounds))).then_some(Alone::Box(corners)))
 }
 
-/// Whether parts of the voxels above a value lie in front of the patient or behind, from the first slice to the last: without a
-/// known unit, only the place of a table tells it from vessels or organs.
-fn has_table(direction: DMat3, values: &Values, above: f64, progress: &dyn Progress) -> Result<bool, VolumeError> {
-    let thinned = values.thinned.to_volume()?;
+/// Whether there is a table among the parts of the voxels above a value: parts behind the patient, from the first slice to the
+/// last, that are at least a third as wide together. Without a known unit, only its place tells a table from organs and vessels.
+fn has_table(volume: &Volume, values: &Values, above: f64, progress: &dyn Progress) -> Result<bool, VolumeError> {
+    /// Fewest slices of the thinned copy.
+    const SLICES: usize = 8;
+    const WIDTH: f64 = 1.0 / 3.0;
+    let thinned = values.thinned.to_volume(&volume.source)?;
     let parts = match thinned.parts_above(above, progress) {
         Err(VolumeError::NothingAbove { .. }) => return Ok(false),
         parts => parts?,
     };
-    let [to_back, to_head] = [1, 2].map(|axis| direction.row(axis).abs().max_position());
-    let [first, last] = parts.bounds();
-    let is_table = |[low, high]: [[usize; 3]; 2]| {
-        (high[to_back] < first[to_back] || low[to_back] > last[to_back])
-            && low[to_head] == 0
-            && high[to_head] + 1 == thinned.geometry.dims[to_head]
+    let direction = volume.geometry.direction;
+    let [across, to_back, to_head] = [0, 1, 2].map(|axis| direction.row(axis).abs().max_position());
+    let slices = thinned.geometry.dims[to_head];
+    let (PartBox { bounds: [first, last], .. }, others) = parts.boxes();
+    let is_table = |PartBox { bounds: [low, high], .. }: &PartBox| {
+        let is_behind =
+            if direction.col(to_back).y > 0.0 { low[to_back] > last[to_back] } else { high[to_back] < first[to_back] };
+        is_behind && low[to_head] == 0 && high[to_head] + 1 == slices
     };
-    let others = parts.others();
-    let of_tables: usize = others.iter().filter(|part| is_table(part.bounds)).map(|part| part.voxels).sum();
-    Ok(count(of_tables) > WORTH * parts.sizes.map(count).iter().sum::<f64>())
+    let tables: Vec<PartBox> = others.into_iter().filter(is_table).collect();
+    let ends = |end: usize| tables.iter().map(move |part| part.bounds[end][across]);
+    let (Some(left), Some(right)) = (ends(0).min(), ends(1).max()) else { return Ok(false) };
+    let voxels: usize = tables.iter().map(|part| part.voxels).sum();
+    let is_wide = count(right - left) > WIDTH * count(last[across] - first[across]);
+    Ok(slices >= SLICES && is_wide && count(voxels) > WORTH * parts.sizes.map(count).iter().sum::<f64>())
 }

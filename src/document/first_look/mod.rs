@@ -193,8 +193,8 @@ enum Shape {
 }
 
 impl Shape {
-    /// The value where the faintest layer has half of its opacity.
-    fn faintest(&self) -> f64 {
+    /// The value from which the lowest layer has half of its opacity, or from which a ramp begins.
+    fn lowest(&self) -> f64 {
         match self {
             Self::Layers(layers) => {
                 layers.iter().map(|layer| layer.range[0] - layer.ramp / 2.0).fold(f64::INFINITY, f64::min)
@@ -399,23 +399,26 @@ fn outermost(thinned: &Thinned, background: f64, axis: usize) -> Option<f64> {
     met.into_iter().find(|&(_, times)| count(times) > 2.0 / 3.0 * count(rays)).map(|(label, _)| label.into())
 }
 
+/// The two other axes beside each axis.
+const ACROSS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
+
 /// Calls `visit` with the values of each column of voxels along `axis`.
 fn for_columns(thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
-    (0..layers_of_columns(thinned, axis)).for_each(|layer| for_columns_of(layer, thinned, axis, &mut visit));
+    (0..planes(thinned, axis)).for_each(|plane| for_columns_of(plane, thinned, axis, &mut visit));
 }
 
-/// Number of layers of columns along `axis`.
-fn layers_of_columns(thinned: &Thinned, axis: usize) -> usize {
-    thinned.dims[[2, 2, 1][axis]]
+/// Number of planes along `axis`.
+fn planes(thinned: &Thinned, axis: usize) -> usize {
+    thinned.dims[ACROSS[axis][1]]
 }
 
-/// The same as [`for_columns`] in one layer of columns.
-fn for_columns_of(layer: usize, thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
-    let [one, other] = [[1, 2], [0, 2], [0, 1]][axis];
+/// The same as [`for_columns`] in one of the [`planes`].
+fn for_columns_of(plane: usize, thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
+    let [one, other] = ACROSS[axis];
     let mut column = Vec::new();
     for first in 0..thinned.dims[one] {
         let mut position = [0; 3];
-        (position[one], position[other]) = (first, layer);
+        (position[one], position[other]) = (first, plane);
         column.clear();
         let from = &thinned.values[thinned.at(position)..];
         column.extend(from.iter().step_by(thinned.steps()[axis]).take(thinned.dims[axis]));
@@ -426,9 +429,9 @@ fn for_columns_of(layer: usize, thinned: &Thinned, axis: usize, mut visit: impl 
 /// Voxels of each layer that a ray along `axis` meets, averaged over the rays that meet it.
 fn thicknesses(thinned: &Thinned, layers: &[Layer], axis: usize) -> Vec<f64> {
     let nothing = || vec![(0_usize, 0_usize); layers.len()];
-    let of_columns = |at: usize| {
+    let of_plane = |plane: usize| {
         let mut found = nothing();
-        for_columns_of(at, thinned, axis, |column| {
+        for_columns_of(plane, thinned, axis, |column| {
             for (layer, (voxels, columns)) in layers.iter().zip(&mut found) {
                 let [low, high] = layer.range;
                 let here = column.iter().filter(|&&value| (low..=high).contains(&f64::from(value))).count();
@@ -438,7 +441,7 @@ fn thicknesses(thinned: &Thinned, layers: &[Layer], axis: usize) -> Vec<f64> {
         });
         found
     };
-    let parts = parallel::map(layers_of_columns(thinned, axis), &of_columns);
+    let parts = parallel::map(planes(thinned, axis), &of_plane);
     let found = parts.into_iter().fold(nothing(), |mut sums, part| {
         sums.iter_mut().zip(part).for_each(|(sum, it)| *sum = (sum.0 + it.0, sum.1 + it.1));
         sums
@@ -646,7 +649,7 @@ pub(super) fn first_look(
     let is_flat = flat_side(geometry).is_some();
     let camera = directions(volume, &values);
     let axis = axis_of_sight(geometry, &camera);
-    let (shape, guess) = seen(volume, (&values, statistics), wish, axis);
+    let (shape, guess) = shape_of(volume, (&values, statistics), wish, axis);
     let stride = count(values.thinned.stride[axis] * block[axis]);
     let scale = stride * geometry.spacing[axis] / geometry.spacing.min_element();
     let thickness = |layers: &[Layer]| -> Vec<f64> {
@@ -661,7 +664,7 @@ pub(super) fn first_look(
         }
     };
     let shows = |value: f32| ranges.iter().any(|&[low, high]| (low..=high).contains(&f64::from(value)));
-    let alone = if has_parts { None } else { alone(volume, &values, shape.faintest(), progress)? };
+    let alone = if has_parts { None } else { alone(volume, &values, shape.lowest(), progress)? };
     let crop = match alone {
         Some(Alone::Box(crop)) => Some(crop),
         _ => None,
@@ -712,11 +715,12 @@ pub(super) fn first_look(
     Ok(FirstLook { text, guess, is_alone })
 }
 
-/// What a first look shows of `volume`, which has these values, in words.
+/// What a first look shows of `volume`, which has these values, in words; but for a table that is left out, which only a search of
+/// all voxels finds.
 #[must_use]
 pub fn guess(volume: &Volume, values: &Values, statistics: &Statistics) -> String {
     let axis = axis_of_sight(&volume.geometry, &directions(volume, values));
-    seen(volume, (values, statistics), Wish::default(), axis).1
+    shape_of(volume, (values, statistics), Wish::default(), axis).1
 }
 
 /// Axis of the grid nearest to the line of sight of a camera.
@@ -725,11 +729,10 @@ fn axis_of_sight(geometry: &Geometry, camera: &Camera) -> usize {
     (geometry.direction.transpose() * forward).abs().max_position()
 }
 
-/// The layers of `volume` along `axis`, and the guess in words.
-fn seen(volume: &Volume, (values, statistics): (&Values, &Statistics), wish: Wish, axis: usize) -> (Shape, String) {
+/// The layers of `volume` along `axis`, and the guess in words. A single slice is an image.
+fn shape_of(volume: &Volume, (values, statistics): (&Values, &Statistics), wish: Wish, axis: usize) -> (Shape, String) {
     let is_flat = flat_side(&volume.geometry).is_some();
     let wish = match wish {
-        // A single slice is an image.
         Wish { look: None, window: None } if is_flat => {
             let [low, high] = [values.percentile(0.01), values.percentile(0.999)];
             let low = low - 0.1 * (high - low);

@@ -45,9 +45,8 @@ impl Thinned {
         Self { dims, stride, values }
     }
 
-    /// The copy as a volume.
-    pub(super) fn to_volume(&self) -> Result<Volume, VolumeError> {
-        let source = "the thinned copy";
+    /// The copy as a volume of this name.
+    pub(super) fn to_volume(&self, source: &str) -> Result<Volume, VolumeError> {
         Volume::new(source, Voxels::F32(self.values.clone()), Geometry::unit(source, self.dims)?)
     }
 

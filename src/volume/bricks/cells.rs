@@ -39,11 +39,12 @@ pub fn cell_ranges(volume: &Volume) -> Vec<([f64; 2], bool)> {
 }
 
 /// Largest value of each macrocell of a volume in memory, x fastest, of the voxels of [`cell_ranges`]: in half of its time. It is
-/// minus infinity if all are NaN.
+/// minus infinity if all are NaN, unless the slope is 0.
 #[must_use]
 pub fn cell_maxima(volume: &Volume) -> Vec<f64> {
     let (grid, slope) = (volume.geometry.dims, volume.slope);
-    let value = |stored: f64| stored * slope + volume.intercept;
+    // Without a slope, infinite numbers are the intercept too.
+    let value = |stored: f64| if slope == 0.0 { volume.intercept } else { stored * slope + volume.intercept };
     with_voxels!(&volume.voxels, stored => {
         let [lowest, highest] = CellRanges::nothing();
         let largest = if slope < 0.0 { of_grid(grid, stored, lowest, lower) } else { of_grid(grid, stored, highest, higher) };
