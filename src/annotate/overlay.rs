@@ -83,7 +83,7 @@ impl Overlay<'_> {
     /// The overlay, without a title, of a picture of `scene` by `planned` under `mix`.
     #[must_use]
     pub fn of_scene(scene: &Scene, planned: &Planned, mix: &Mix) -> Self {
-        let materials = Entry::of_materials(scene, &planned.materials, mix);
+        let materials = by_name(Entry::of_materials(scene, &planned.materials, mix));
         Self { materials, lights: Entry::of_lights(mix, &scene.display), title: None, bright: false }
     }
 
@@ -98,7 +98,7 @@ impl Overlay<'_> {
             colour,
             spectrum: spectrum.clone(),
         };
-        let materials = surfaces.iter().zip(colours).map(entry).collect();
+        let materials = by_name(surfaces.iter().zip(colours).map(entry).collect());
         Self { materials, lights: Entry::of_lights(mix, display), title: None, bright: false }
     }
 
@@ -162,13 +162,17 @@ impl Overlay<'_> {
     /// Names begin at `indent`.
     fn legend(&self, out: &mut String, [top, indent]: [f64; 2], letter: f64, room: f64, has_curves: bool) {
         let line = 1.5 * letter;
-        let rows: Vec<Option<&Entry>> =
-            self.materials.iter().map(Some).chain([None]).chain(self.lights.iter().map(Some)).collect();
         let most = crate::number::whole(room / line).max(1);
-        for (index, row) in rows.iter().take(most).enumerate() {
+        for (index, row) in self.rows(most).into_iter().enumerate() {
             let (x, y) = (letter, count(index).mul_add(line, top));
-            // A gap parts materials and lights.
-            let Some(Entry { name, colour, spectrum }) = row else { continue };
+            let Entry { name, colour, spectrum } = match row {
+                Row::Gap => continue,
+                Row::More(left) => {
+                    write!(out, "<text x=\"{x}\" y=\"{y}\">and {left} more</text>").ok();
+                    continue;
+                }
+                Row::Entry(entry) => entry,
+            };
             let half = letter / 2.0;
             let ink = if self.bright { "#111111" } else { "#ffffff" };
             write!(
@@ -191,11 +195,38 @@ impl Overlay<'_> {
             }
             write!(out, "<text x=\"{indent}\" y=\"{y}\">{}</text>", escaped(&shortened(name))).ok();
         }
-        if rows.len() > most {
-            let y = count(most).mul_add(line, top);
-            write!(out, "<text x=\"{letter}\" y=\"{y}\">and {} more</text>", rows.len() - most).ok();
-        }
     }
+
+    /// The lines of the legend, `most` of them or three: materials, a gap, lights. Lights have half of the lines at most.
+    fn rows(&self, most: usize) -> Vec<Row<'_>> {
+        fn listed(entries: &[Entry], room: usize) -> Vec<Row<'_>> {
+            let shown = if entries.len() <= room { entries.len() } else { room.saturating_sub(1) };
+            let left = entries.len() - shown;
+            entries.iter().take(shown).map(Row::Entry).chain((left > 0).then_some(Row::More(left))).collect()
+        }
+        let lights = listed(&self.lights, most / 2);
+        let materials = listed(&self.materials, most.saturating_sub(lights.len() + 1));
+        materials.into_iter().chain([Row::Gap]).chain(lights).collect()
+    }
+}
+
+/// Entries in the order of their names; numbers at their ends count as numbers: `label_2` before `label_10`.
+fn by_name(mut entries: Vec<Entry>) -> Vec<Entry> {
+    let parts = |entry: &Entry| {
+        let text = entry.name.trim_end_matches(|letter: char| letter.is_ascii_digit());
+        (text.to_owned(), entry.name[text.len()..].parse().unwrap_or(0_u64))
+    };
+    entries.sort_by_cached_key(parts);
+    entries
+}
+
+/// A line of the legend.
+enum Row<'a> {
+    Entry(&'a Entry),
+    /// An empty line.
+    Gap,
+    /// So many entries have no line.
+    More(usize),
 }
 
 /// Points of the curve of `spectrum` in a box with this bottom left corner and size, for SVG.
@@ -224,6 +255,39 @@ fn shortened(name: &str) -> String {
 mod tests {
     use super::super::PixelLength;
     use super::*;
+
+    #[test]
+    fn a_legend_without_room_for_all_says_how_many_it_leaves_out_and_keeps_the_lights() {
+        let entries = |count: usize, name: &str| -> Vec<Entry> {
+            let entry = |index| Entry {
+                name: format!("{name}_{index}"),
+                colour: LinearSrgb([1.0; 3]),
+                spectrum: Spectrum::constant(0.5),
+            };
+            (0..count).map(entry).collect()
+        };
+        let overlay =
+            Overlay { materials: entries(19, "label"), lights: entries(1, "day"), title: None, bright: false };
+        let names = |most| -> Vec<String> {
+            let name = |row| match row {
+                Row::Entry(entry) => entry.name.clone(),
+                Row::Gap => String::new(),
+                Row::More(left) => format!("and {left} more"),
+            };
+            overlay.rows(most).into_iter().map(name).collect()
+        };
+        let all = names(21);
+        assert_eq!((all.len(), &*all[18], &*all[19], &*all[20]), (21, "label_18", "", "day_0"));
+        let some = names(16);
+        assert_eq!(
+            (some.len(), &*some[12], &*some[13], &*some[14], &*some[15]),
+            (16, "label_12", "and 6 more", "", "day_0")
+        );
+        assert_eq!(names(1), ["and 19 more", "", "and 1 more"]);
+        let reversed = entries(11, "label").into_iter().rev().chain(entries(2, "bone")).collect();
+        let sorted: Vec<String> = by_name(reversed).into_iter().map(|entry| entry.name).collect();
+        assert_eq!((&*sorted[1], &*sorted[4], &*sorted[12]), ("bone_1", "label_2", "label_10"));
+    }
 
     #[test]
     fn letters_at_the_edges_stand_beside_the_names_of_the_legend() {
