@@ -204,10 +204,13 @@ impl Shape {
     }
 }
 
-/// Colours of labels that can be told apart (after Kelly 1965), in an order in which neighbours differ most.
-const LABEL_COLOURS: [&str; 16] = [
+/// Colours of labels that can be told apart: 16 after Kelly (1965), in an order in which neighbours differ most, and 16
+/// that are farthest from all before them. Any two differ by ΔE00 11 or more.
+const LABEL_COLOURS: [&str; 32] = [
     "#e2d8bc", "#c03a2b", "#2f6fb7", "#e0a030", "#3f9b4f", "#8e5ba6", "#3fb8b0", "#e07ba0", "#a8c83c", "#8a5a34",
-    "#6f86d6", "#f2c58a", "#5f7f5a", "#b0508a", "#9fd0e8", "#7a7a7a",
+    "#6f86d6", "#f2c58a", "#5f7f5a", "#b0508a", "#9fd0e8", "#7a7a7a", "#e3d4f2", "#1f4c4c", "#f2886a", "#5b3d4c",
+    "#88f2b6", "#4c4c1f", "#88791f", "#3d3d88", "#c598f2", "#3d8898", "#98a798", "#b6a7a7", "#986a6a", "#981f3d",
+    "#1fa7f2", "#a7886a",
 ];
 
 /// Layers of a CT for water at `water`.
@@ -1091,5 +1094,26 @@ fn remove(document: &mut DocumentMut, path: &[&str], key: &str) {
     }
     if let Some(table) = table {
         table.remove(key);
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::LABEL_COLOURS;
+    use crate::spectrum::colour::{LinearSrgb, ciede2000, d65_white, decode_srgb, lab_from_xyz, xyz_from_linear_srgb};
+
+    #[test]
+    fn colours_of_labels_can_be_told_apart() {
+        let lab = |code: &str| {
+            let part = |at: usize| u8::from_str_radix(&code[at..at + 2], 16).unwrap();
+            let linear = [1, 3, 5].map(|at| decode_srgb(f64::from(part(at)) / 255.0));
+            lab_from_xyz(xyz_from_linear_srgb(LinearSrgb(linear)), d65_white())
+        };
+        for (index, one) in LABEL_COLOURS.iter().enumerate() {
+            for other in &LABEL_COLOURS[..index] {
+                assert!(ciede2000(lab(one), lab(other)) >= 11.0, "{one} and {other}");
+            }
+        }
     }
 }
