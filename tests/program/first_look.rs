@@ -1217,6 +1217,23 @@ fn windows_choose_what_is_seen() {
 }
 
 #[test]
+fn a_window_without_transparent_values_and_labels_taken_as_values_are_told() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    let said = |file: &str, wish: &[&str]| {
+        folder.done(&[&["render", file, "--size", "8x8", "-o", "p.png"][..], wish].concat()).err
+    };
+    let words = "no value is transparent, because they begin at 0";
+    let wide = said("ball.nrrd", &["--window", "400", "--level", "40"]);
+    assert!(wide.contains(words), "{wide}");
+    let fitting = said("ball.nrrd", &["--window", "100", "--level", "150"]);
+    assert!(fitting.contains("transparent up to 100") && !fitting.contains(words), "{fitting}");
+    let halves = |[x, _, _]: [i32; 3]| if x < 8 { 0 } else { 3 };
+    let folder = Folder::new().with("halves.nrrd", nrrd([16, 16, 16], "", halves));
+    let said = folder.done(&["render", "halves.nrrd", "--size", "8x8", "-o", "p.png", "--look", "bone"]).err;
+    assert!(said.contains("a segmentation with 1 label as if it were measured, shown as bone"), "{said}");
+}
+
+#[test]
 fn a_soft_object_in_one_colour_fits_the_picture_by_what_is_visible_of_it() {
     let soft = nrrd([40, 40, 40], "", |[x, y, z]| {
         let far = f64::from((x - 20).pow(2) + (y - 20).pow(2) + (z - 20).pow(2));

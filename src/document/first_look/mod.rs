@@ -772,6 +772,13 @@ fn shape(
         Kind::Other(Some(modality)) => format!("{}, whose values have no known unit", modality.name()),
         Kind::Other(None) => "values without a known unit".to_owned(),
     };
+    // The numbers of labels are names.
+    let kind = match &values.kind {
+        Kind::Labels(labels) if !wish.is_none() => {
+            kind + if labels.len() == 1 { " as if it were measured" } else { " as if they were measured" }
+        }
+        _ => kind,
+    };
     let window = wish.window.map(|[width, centre]| [centre - width / 2.0, centre + width / 2.0]);
     if window.is_some() || wish.look == Some(Look::Grey) {
         let range = window.unwrap_or([values.objects_from, high]);
@@ -782,6 +789,10 @@ fn shape(
                 let [low, high] = range.map(|value| brief(value - water));
                 let water = brief(*water);
                 format!(" ({low} and {high} Hounsfield units; for a window in these, add {water} to its level)")
+            }
+            // A window of the user, and not that of a flat image.
+            _ if of_window == Rise::Steep && window.is_some_and(|[low, _]| low <= values.least) => {
+                format!("; no value is transparent, because they begin at {}", brief_of(values.least))
             }
             _ => String::new(),
         };
