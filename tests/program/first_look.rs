@@ -430,6 +430,19 @@ fn a_ct_is_recognised_by_its_values_and_info_names_them() {
 }
 
 #[test]
+fn no_two_of_twenty_labels_have_one_colour() {
+    let value = |[x, y, z]: [i32; 3]| if (2..14).contains(&y) && (2..14).contains(&z) { x / 3 } else { 0 };
+    let value = |at: [i32; 3]| u8::try_from(value(at)).unwrap();
+    let folder = Folder::new().with("tissues.nrrd", nrrd([63, 16, 16], "", value));
+    folder.done(&["render", "tissues.nrrd", "--size", "8x8", "-o", "p.png", "--save-scene", "s.toml"]);
+    let text = std::fs::read_to_string(folder.path("s.toml")).unwrap();
+    let codes: Vec<&str> =
+        text.lines().filter_map(|line| line.strip_suffix(" in daylight")?.split(" # ").nth(1)).collect();
+    let different: std::collections::BTreeSet<&str> = codes.iter().copied().collect();
+    assert_eq!((codes.len(), different.len()), (20, 20), "{codes:?}");
+}
+
+#[test]
 fn labels_have_colours_that_can_be_told_apart() {
     let value = |[x, y, z]: [i32; 3]| {
         if (4..28).contains(&y) && (4..28).contains(&z) { [0, 1, 5, 9][usize::try_from(x).unwrap() / 8] } else { 0 }
