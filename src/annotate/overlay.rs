@@ -37,7 +37,7 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Those of the materials of these `indices` under `mix`.
+    /// Those of the materials of these `indices` under `mix`, in the order of their names.
     #[must_use]
     pub fn of_materials(scene: &Scene, indices: &[usize], mix: &Mix) -> Vec<Self> {
         let colours = material_colours(scene, mix);
@@ -45,7 +45,7 @@ impl Entry {
             let (material, &colour) = (scene.materials.get(index)?, colours.get(index)?);
             Some(Self { name: material.name.clone(), colour, spectrum: material.reflectance.spectrum().clone() })
         };
-        indices.iter().filter_map(entry).collect()
+        by_name(indices.iter().filter_map(entry).collect())
     }
 
     /// Those of the lights of `mix` that are on, in colours of equal brightness.
@@ -83,7 +83,7 @@ impl Overlay<'_> {
     /// The overlay, without a title, of a picture of `scene` by `planned` under `mix`.
     #[must_use]
     pub fn of_scene(scene: &Scene, planned: &Planned, mix: &Mix) -> Self {
-        let materials = by_name(Entry::of_materials(scene, &planned.materials, mix));
+        let materials = Entry::of_materials(scene, &planned.materials, mix);
         Self { materials, lights: Entry::of_lights(mix, &scene.display), title: None, bright: false }
     }
 

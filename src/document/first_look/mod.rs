@@ -139,7 +139,7 @@ impl Layer {
     fn code(&self, index: usize) -> &str {
         match &self.colour {
             Colour::Code(code) => code,
-            Colour::Designed(_) => LABEL_COLOURS[index % LABEL_COLOURS.len()],
+            Colour::Designed(_) => label_colour(index),
         }
     }
 }
@@ -212,6 +212,11 @@ const LABEL_COLOURS: [&str; 32] = [
     "#88f2b6", "#4c4c1f", "#88791f", "#3d3d88", "#c598f2", "#3d8898", "#98a798", "#b6a7a7", "#986a6a", "#981f3d",
     "#1fa7f2", "#a7886a",
 ];
+
+/// Colour of the label of this `index`; they repeat after [`LABEL_COLOURS`].
+const fn label_colour(index: usize) -> &'static str {
+    LABEL_COLOURS[index % LABEL_COLOURS.len()]
+}
 
 /// Layers of a CT for water at `water`.
 fn ct_layers(look: Look, water: f64, most: f64) -> Vec<Layer> {
@@ -368,9 +373,7 @@ fn label_layers(values: &Values, labels: &[f64], presets: &[LabelPreset], axis: 
     let layer = |(index, &label): (usize, &f64)| Layer {
         name: name(label).unwrap_or_else(|| format!("label_{}", brief(label))),
         colour: Colour::Code(
-            stated(label)
-                .and_then(|preset| preset.colour)
-                .map_or_else(|| LABEL_COLOURS[index % LABEL_COLOURS.len()].to_owned(), code),
+            stated(label).and_then(|preset| preset.colour).map_or_else(|| label_colour(index).to_owned(), code),
         ),
         range: [label - 0.5, label + 0.5],
         ramp: 0.0,
@@ -1055,9 +1058,7 @@ pub(super) fn labels_text(labels: &Volume, scene: &str) -> Option<String> {
         let is_taken = scene.contains(&format!("[materials.{}]", toml_edit::Key::new(&name).display_repr()))
             || labels.presets.labels.iter().any(|other| other.name == name && other.value != i64::from(value));
         let name = if is_taken { format!("{name} ({value})") } else { name };
-        let colour = preset
-            .and_then(|preset| preset.colour)
-            .map_or_else(|| LABEL_COLOURS[index % LABEL_COLOURS.len()].to_owned(), code);
+        let colour = preset.and_then(|preset| preset.colour).map_or_else(|| label_colour(index).to_owned(), code);
         let key = toml_edit::Key::new(&name);
         let (key, quoted) = (key.display_repr().into_owned(), toml_edit::value(&name).to_string());
         let _ = write!(
