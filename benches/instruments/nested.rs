@@ -17,7 +17,7 @@ const EXACT: f64 = 1e-3;
 /// Largest relative difference by rounding.
 const ROUNDING: f64 = 1e-6;
 /// A tenth of a just noticeable difference.
-const INVISIBLE: f64 = 0.1;
+pub(crate) const INVISIBLE: f64 = 0.1;
 /// Given lights.
 const LIGHTS: [&str; 5] = ["D65", "A", "D50", "E", "FL2"];
 
@@ -89,21 +89,13 @@ fn nested(random: &mut Random, lower: [f64; 2], upper: [f64; 2]) -> [[f64; 2]; L
     std::array::from_fn(|level| [low[level], high[level]])
 }
 
-/// Designs the random palette of `seed` within its nested bounds.
-///
-/// # Errors
-///
-/// [`PaletteError::Cancelled`].
-pub(crate) fn nested_row(
-    seed: u64,
-    light: impl Fn(&str) -> Option<Spectrum>,
-    progress: &dyn Progress,
-) -> Result<NestedRow, PaletteError> {
+/// The random palette of `seed` within nested bounds.
+pub(crate) fn within_nested(seed: u64, light: impl Fn(&str) -> Option<Spectrum>) -> [Palette; LEVELS] {
     let palette = random_palette(seed, light);
     let mut random = Random::new(!seed);
     // A third of the palettes has lights with peaks alone, as most palettes of people.
     let is_natural = seed.is_multiple_of(3);
-    let mut levels = vec![palette.clone(); LEVELS];
+    let mut levels: [Palette; LEVELS] = std::array::from_fn(|_| palette.clone());
     for row in 0..palette.materials.len() {
         let bounds = nested(&mut random, [-1.0, 0.1], [0.4, 2.0]);
         for (level, bounds) in levels.iter_mut().zip(bounds) {
@@ -116,6 +108,21 @@ pub(crate) fn nested_row(
             level.lights[column].bounds = [if is_natural { 0.0 } else { low }, high.exp()];
         }
     }
+    levels
+}
+
+/// Designs the random palette of `seed` within its nested bounds.
+///
+/// # Errors
+///
+/// [`PaletteError::Cancelled`].
+pub(crate) fn nested_row(
+    seed: u64,
+    light: impl Fn(&str) -> Option<Spectrum>,
+    progress: &dyn Progress,
+) -> Result<NestedRow, PaletteError> {
+    let palette = random_palette(seed, &light);
+    let levels = within_nested(seed, &light);
     let mut row = NestedRow { seed, worst: [0.0; LEVELS], started: [0.0; LEVELS], default: [0.0; 2] };
     let mut before: Option<Palette> = None;
     for (level, palette) in levels.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::solution::difference;
@@ -10,8 +10,10 @@ use super::start::{further_starts, starts};
 use super::step::{Shown, Side, Spectra, form, groups, of_unit_luminance, solved};
 use super::{Cell, LAMP, Member, ModelTerm, NATURAL, Palette, PaletteError, Place, Solution, Target, bound};
 use crate::model::{self, ColourModel, Ingredients, ModelKind, Reconstruction};
+use crate::number::count;
 use crate::progress::Progress;
 use crate::spectrum::colour::Xyz;
+use crate::spectrum::metric::difference_matrix;
 use crate::spectrum::{Kind, Light, Spectrum, standard};
 
 /// How far a set of starts is followed.
@@ -55,6 +57,14 @@ const BROAD: [f64; 2] = [0.0, 3.0];
 const SHORTENED: f64 = 0.25;
 /// Largest number of alternations of a start without improvement.
 const SETBACKS: u64 = 8;
+/// ΔE00 of the worst cell beyond which the largest ΔE00 is minimised, in place of the squares.
+const FAR: f64 = 10.0;
+/// Alternations of each start in a round that minimises the largest ΔE00, and the number of starts that continue after it.
+const EVENING: &[(u64, usize)] = &[(6, 3), (54, 1)];
+/// Smallest relative gain in them, and the number of alternations without it after which a start ends.
+const EVEN_ENOUGH: (f64, u64) = (1e-4, 8);
+/// Smallest weight of a cell in them, relative to the mean.
+const LEAST_WEIGHT: f64 = 1e-6;
 
 /// Finds the open spectra of a palette, and reports the differences from the target colours.
 ///
@@ -199,6 +209,13 @@ struct Found {
     worst: f64,
 }
 
+impl Found {
+    /// No result yet, from these spectra.
+    fn nothing(spectra: Spectra) -> Self {
+        Self { spectra, squares: f64::INFINITY, worst: f64::INFINITY }
+    }
+}
+
 /// Returns the first of those with the smallest maximum ΔE00.
 fn least(found: impl IntoIterator<Item = Found>) -> Result<Found, PaletteError> {
     found.into_iter().min_by(|one, two| one.worst.total_cmp(&two.worst)).ok_or(PaletteError::Cancelled)
@@ -217,6 +234,17 @@ struct Run {
     /// Number of alternations without improvement and without extrapolation.
     setbacks: u64,
     ended: bool,
+}
+
+/// State of one start while its largest ΔE00 is minimised.
+struct Evened {
+    best: Found,
+    /// Input of the next alternation.
+    spectra: Spectra,
+    /// Weights of the squares of each cell.
+    weights: Vec<f64>,
+    /// Number of the last alternations without a gain.
+    idle: u64,
 }
 
 /// Data shared by all starts.
@@ -255,8 +283,9 @@ impl<'a> Search<'a> {
 
     /// Returns the spectra with the smallest maximum ΔE00 of all starts.
     fn best(&self) -> Result<Found, PaletteError> {
-        let rough = |starts: Vec<Spectra>| starts.into_iter().map(Start::Rough);
-        let first = self.searched(rough(starts(self.palette)).collect(), &FIRST)?;
+        let rough = |starts: &[Spectra]| starts.iter().cloned().map(Start::Rough).collect::<Vec<_>>();
+        let mut starts = starts(self.palette);
+        let first = self.searched(rough(&starts), &FIRST)?;
         if first.worst <= EXACT {
             return Ok(first);
         }
@@ -266,11 +295,88 @@ impl<'a> Search<'a> {
         let broad = if relaxed.is_some() && narrow.is_none() { self.narrow(NATURAL, BROAD)? } else { None };
         let mut found: Vec<Found> = [Some(first), narrow, broad].into_iter().flatten().collect();
         if let Some(relaxed) = relaxed {
-            let further = rough(further_starts(self.palette, &relaxed.lights));
-            let further = further.chain(found.iter().cloned().map(Start::Solved)).collect();
-            found.push(self.searched(further, &FURTHER)?);
+            let further = further_starts(self.palette, &relaxed.lights);
+            let solved = found.iter().cloned().map(Start::Solved);
+            found.push(self.searched(rough(&further).into_iter().chain(solved).collect(), &FURTHER)?);
+            starts.extend(further);
         }
-        least(found)
+        self.evened(found, starts)
+    }
+
+    /// Returns the one of `found` with the smallest maximum ΔE00. If all are far from their targets, first minimises their
+    /// maximum ΔE00, and that from `starts`, until it is no longer far.
+    ///
+    /// The weights of the cells follow their errors (Lawson 1961), and the metrics follow the colours. Under given lights
+    /// alone, the squares have one minimum, which is proven. The metrics know no model.
+    fn evened(&self, found: Vec<Found>, starts: Vec<Spectra>) -> Result<Found, PaletteError> {
+        let is_near = found.iter().any(|found| found.worst <= FAR);
+        if is_near || self.lights.is_empty() || self.model.is_some() {
+            return least(found);
+        }
+        let weights = vec![1.0; self.palette.cells.len()];
+        let run = |best: Found| Evened { spectra: best.spectra.clone(), best, weights: weights.clone(), idle: 0 };
+        let from = found.into_iter().chain(starts.into_iter().map(Found::nothing));
+        let mut runs: Vec<Evened> = from.map(run).collect();
+        self.done.store(0, Ordering::Relaxed);
+        let mut going = runs.len();
+        let mut total = 0;
+        for &(alternations, most) in EVENING {
+            total += alternations * u64::try_from(going).unwrap_or(1);
+            going = going.min(most);
+        }
+        for &(alternations, most) in EVENING {
+            let going = runs.into_par_iter().map(|run| self.advanced_evenly(run, alternations, total));
+            runs = going.collect::<Result<_, _>>()?;
+            runs.sort_by(|one, two| one.best.worst.total_cmp(&two.best.worst));
+            runs.truncate(most);
+        }
+        least(runs.into_iter().map(|run| run.best))
+    }
+
+    /// Runs up to `alternations` more alternations of a start.
+    fn advanced_evenly(&self, mut run: Evened, alternations: u64, total: u64) -> Result<Evened, PaletteError> {
+        for _ in 0..alternations {
+            if self.progress.cancelled() {
+                return Err(PaletteError::Cancelled);
+            }
+            let (least_gain, most_idle) = EVEN_ENOUGH;
+            if run.best.worst <= FAR || run.idle >= most_idle {
+                break;
+            }
+            self.weigh(&mut run.weights, &run.spectra);
+            let found = self.alternated(&run.spectra, &|spectra| self.even_forms(spectra, &run.weights));
+            let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+            self.progress.report("designing spectra that miss their targets by far", done, total);
+            run.spectra = found.spectra.clone();
+            run.idle = if found.worst < (1.0 - least_gain) * run.best.worst { 0 } else { run.idle + 1 };
+            if found.worst < run.best.worst {
+                run.best = found;
+            }
+        }
+        Ok(run)
+    }
+
+    /// Multiplies the weight of each cell with an open spectrum by the square root of its error.
+    fn weigh(&self, weights: &mut [f64], spectra: &Spectra) {
+        for (cell, weight) in self.palette.cells.iter().zip(weights.iter_mut()) {
+            *weight *= if self.is_open(cell) { error(cell, spectra).0.sqrt() } else { 0.0 };
+        }
+        let mean = weights.iter().sum::<f64>() / count(weights.len());
+        for weight in weights {
+            *weight = f64::max(*weight / mean, LEAST_WEIGHT);
+        }
+    }
+
+    /// Metrics of the cells at their colours: the squares are those of ΔE00, times the weights.
+    fn even_forms(&self, spectra: &Spectra, weights: &[f64]) -> Vec<DMat3> {
+        let form = |(cell, weight): (&Cell, &f64)| {
+            let (error, [seen, wanted]) = error(cell, spectra);
+            let form = difference_matrix(Xyz(((seen + wanted) / 2.0).to_array()));
+            let measured = (form * (seen - wanted)).length();
+            let scale = if measured > 0.0 { error / measured } else { cell.weight };
+            form * (scale * weight.sqrt())
+        };
+        self.palette.cells.iter().zip(weights).map(form).collect()
     }
 
     /// Returns the best of `found`, of `known` and of a search from there.
@@ -339,10 +445,7 @@ impl<'a> Search<'a> {
         self.done.store(0, Ordering::Relaxed);
         let run = |(index, start)| {
             let (next, best) = match start {
-                Start::Rough(spectra) => {
-                    let best = Found { spectra: spectra.clone(), squares: f64::INFINITY, worst: f64::INFINITY };
-                    (spectra, best)
-                }
+                Start::Rough(spectra) => (spectra.clone(), Found::nothing(spectra)),
                 Start::Solved(found) => (found.spectra.clone(), found),
             };
             Run { index, before: best.spectra.clone(), best, next, stride: 0.0, setbacks: 0, ended: false }
@@ -383,7 +486,7 @@ impl<'a> Search<'a> {
             if run.ended || self.settled.load(Ordering::Relaxed) < run.index {
                 break;
             }
-            let found = self.alternated(&run.next);
+            let found = self.alternated(&run.next, &|spectra| self.forms(spectra));
             self.progress.report(effort.stage, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
             // Without open lights nothing alternates: the reflectances only settle.
             let settles = self.lights.is_empty();
@@ -416,16 +519,20 @@ impl<'a> Search<'a> {
         Ok(run)
     }
 
-    /// Solves the reflectances for the lights of `from`, then the lights for those reflectances.
-    fn alternated(&self, from: &Spectra) -> Found {
+    /// Metrics of the cells at their targets.
+    fn forms(&self, spectra: &Spectra) -> Vec<DMat3> {
+        self.palette.cells.iter().map(|cell| form(cell, |place| spectra.xyz(place))).collect()
+    }
+
+    /// Solves the reflectances for the lights of `from`, then the lights for those reflectances. Before each step, `forms`
+    /// gives the metrics of the cells.
+    fn alternated(&self, from: &Spectra, forms: &dyn Fn(&Spectra) -> Vec<DMat3>) -> Found {
         let mut spectra = from.clone();
-        if !self.materials.is_empty() {
-            let shown = self.shown(&spectra);
-            spectra = solved(self.palette, Side::Materials, &self.materials, &spectra, shown.as_ref());
-        }
-        if !self.lights.is_empty() {
-            let shown = self.shown(&spectra);
-            spectra = solved(self.palette, Side::Lights, &self.lights, &spectra, shown.as_ref());
+        for (side, groups) in [(Side::Materials, &self.materials), (Side::Lights, &self.lights)] {
+            if !groups.is_empty() {
+                let shown = self.shown(&spectra);
+                spectra = solved(self.palette, side, groups, &spectra, &forms(&spectra), shown.as_ref());
+            }
         }
         self.judged(spectra)
     }
@@ -449,16 +556,20 @@ impl<'a> Search<'a> {
         beyond
     }
 
+    /// Whether a spectrum of the cell is open.
+    fn is_open(&self, cell: &Cell) -> bool {
+        Place::both(cell).any(|place| {
+            self.palette.materials[place.material].spectrum.is_none()
+                || self.palette.lights[place.light].spectrum.is_none()
+        })
+    }
+
     /// Returns the objective, and the largest weighted ΔE00, over the cells with an open spectrum. Other cells are fixed:
     /// a target missed there must not hide the others.
     fn differences(&self, spectra: &Spectra, shown: Option<&Shown>) -> (f64, f64) {
         let colour = |place: Place| Xyz(spectra.xyz(place).to_array());
         let (mut squares, mut worst) = (0.0, 0.0);
-        let is_open = |place: Place| {
-            self.palette.materials[place.material].spectrum.is_none()
-                || self.palette.lights[place.light].spectrum.is_none()
-        };
-        for cell in self.palette.cells.iter().filter(|cell| Place::both(cell).any(is_open)) {
+        for cell in self.palette.cells.iter().filter(|cell| self.is_open(cell)) {
             let place = Place::of(cell);
             let seen = colour(place);
             let form = form(cell, |place| spectra.xyz(place));
@@ -492,6 +603,13 @@ impl<'a> Search<'a> {
             weight: term.weight,
         })
     }
+}
+
+/// Weighted ΔE00 of a cell, its colour and the wanted one.
+fn error(cell: &Cell, spectra: &Spectra) -> (f64, [DVec3; 2]) {
+    let seen = spectra.xyz(Place::of(cell));
+    let wanted = cell.wanted(|place| Xyz(spectra.xyz(place).to_array()));
+    (cell.weight * difference(Xyz(seen.to_array()), wanted), [seen, wanted.0.into()])
 }
 
 /// Fits the palette's colour model of nodes to the `ColorChecker` and the given spectra.

@@ -188,16 +188,18 @@ impl Shown {
     }
 }
 
-/// Solves the open spectra of one side for the fixed spectra of the other side.
+/// Solves the open spectra of one side for the fixed spectra of the other side. Differences of each cell are measured by its
+/// matrix in `forms`.
 pub(super) fn solved(
     palette: &Palette,
     side: Side,
     groups: &[Vec<usize>],
     spectra: &Spectra,
+    forms: &[DMat3],
     shown: Option<&Shown>,
 ) -> Spectra {
     let answers: Vec<Vec<(usize, Spectrum)>> =
-        groups.par_iter().map(|group| solved_group(palette, side, group, spectra, shown)).collect();
+        groups.par_iter().map(|group| solved_group(palette, side, group, spectra, forms, shown)).collect();
     let mut solved = spectra.clone();
     for (member, spectrum) in answers.into_iter().flatten() {
         match side {
@@ -213,6 +215,7 @@ fn solved_group(
     side: Side,
     group: &[usize],
     spectra: &Spectra,
+    forms: &[DMat3],
     shown: Option<&Shown>,
 ) -> Vec<(usize, Spectrum)> {
     let members = side.members(palette);
@@ -237,9 +240,9 @@ fn solved_group(
             Seen::through(first, &spectra.materials[place.material].scaled(1.0 / equal_energy()))
         }
     };
-    for cell in palette.cells.iter().filter(|cell| Place::both(cell).any(|place| first(place).is_some())) {
+    let cells = palette.cells.iter().zip(forms);
+    for (cell, &form) in cells.filter(|(cell, _)| Place::both(cell).any(|place| first(place).is_some())) {
         let place = Place::of(cell);
-        let form = form(cell, |place| spectra.xyz(place));
         let wanted = match cell.target {
             Target::Like { material, light } => seen(Place { material, light }),
             target => Seen::Fixed(target.xyz().map_or(DVec3::ZERO, |xyz| xyz.0.into())),
