@@ -55,7 +55,7 @@ impl NestedRow {
 }
 
 /// A palette of one to three materials and two or three lights, some of them given, with random targets.
-fn random_palette(seed: u64, light: impl Fn(&str) -> Option<Spectrum>) -> Palette {
+pub(crate) fn random_palette(seed: u64, light: impl Fn(&str) -> Option<Spectrum>) -> Palette {
     let mut random = Random::new(seed);
     let member = |name: String, bounds| Member { name, spectrum: None, bounds, smoothness: SMOOTHNESS };
     let (rows, columns) = (1 + random.index(3), 2 + random.index(2));
@@ -89,9 +89,8 @@ fn nested(random: &mut Random, lower: [f64; 2], upper: [f64; 2]) -> [[f64; 2]; L
     std::array::from_fn(|level| [low[level], high[level]])
 }
 
-/// The random palette of `seed` within nested bounds.
-pub(crate) fn within_nested(seed: u64, light: impl Fn(&str) -> Option<Spectrum>) -> [Palette; LEVELS] {
-    let palette = random_palette(seed, light);
+/// A palette within nested bounds of this `seed`.
+pub(crate) fn nested_levels(palette: &Palette, seed: u64) -> [Palette; LEVELS] {
     let mut random = Random::new(!seed);
     // A third of the palettes has lights with peaks alone, as most palettes of people.
     let is_natural = seed.is_multiple_of(3);
@@ -121,8 +120,8 @@ pub(crate) fn nested_row(
     light: impl Fn(&str) -> Option<Spectrum>,
     progress: &dyn Progress,
 ) -> Result<NestedRow, PaletteError> {
-    let palette = random_palette(seed, &light);
-    let levels = within_nested(seed, &light);
+    let palette = random_palette(seed, light);
+    let levels = nested_levels(&palette, seed);
     let mut row = NestedRow { seed, worst: [0.0; LEVELS], started: [0.0; LEVELS], default: [0.0; 2] };
     let mut before: Option<Palette> = None;
     for (level, palette) in levels.iter().enumerate() {

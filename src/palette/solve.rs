@@ -2,12 +2,12 @@
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::solution::difference;
 use super::start::{further_starts, starts};
-use super::step::{Shown, Side, Spectra, form, groups, of_unit_luminance, solved};
+use super::step::{Metric, Shown, Side, Spectra, connected, form, groups, of_unit_luminance, solved};
 use super::{Cell, LAMP, Member, ModelTerm, NATURAL, Palette, PaletteError, Place, Solution, Target, bound};
 use crate::model::{self, ColourModel, Ingredients, ModelKind, Reconstruction};
 use crate::number::count;
@@ -57,14 +57,22 @@ const BROAD: [f64; 2] = [0.0, 3.0];
 const SHORTENED: f64 = 0.25;
 /// Largest number of alternations of a start without improvement.
 const SETBACKS: u64 = 8;
-/// ΔE00 of the worst cell beyond which the largest ΔE00 is minimised, in place of the squares.
+/// Progress stage of the search that minimises the largest ΔE00.
+const MINIMAX_STAGE: &str = "reducing the largest colour difference";
+/// Weighted ΔE00 of the worst cell beyond which the largest ΔE00 is minimised, in place of the squares.
 const FAR: f64 = 10.0;
-/// Alternations of each start in a round that minimises the largest ΔE00, and the number of starts that continue after it.
-const EVENING: &[(u64, usize)] = &[(6, 3), (54, 1)];
-/// Smallest relative gain in them, and the number of alternations without it after which a start ends.
-const EVEN_ENOUGH: (f64, u64) = (1e-4, 8);
+/// Alternations of each start that minimise the largest ΔE00: in a first round, and in a second one of the best starts.
+const MINIMAX_ALTERNATIONS: [u64; 2] = [6, 54];
+/// Number of starts that continue after the first.
+const MINIMAX_KEPT: usize = 3;
+/// Smallest relative gain of the largest ΔE00 that counts.
+const MINIMAX_GAIN: f64 = 1e-4;
+/// Number of alternations without such a gain after which a start ends.
+const MINIMAX_IDLE: u64 = 8;
 /// Smallest weight of a cell in them, relative to the mean.
 const LEAST_WEIGHT: f64 = 1e-6;
+/// Step of a numerical slope of ΔE00, in XYZ.
+const STEP: f64 = 1e-5;
 
 /// Finds the open spectra of a palette, and reports the differences from the target colours.
 ///
@@ -237,12 +245,15 @@ struct Run {
 }
 
 /// State of one start while its largest ΔE00 is minimised.
-struct Evened {
+#[derive(Clone)]
+struct MinimaxRun {
     best: Found,
     /// Input of the next alternation.
     spectra: Spectra,
-    /// Weights of the squares of each cell.
-    weights: Vec<f64>,
+    /// Weights of the squares of cells far from their targets, and of the cells coupled with them.
+    weights: Vec<Option<f64>>,
+    /// Whether the metrics have the slopes of ΔE00. Either may end nearer to the targets.
+    has_slopes: bool,
     /// Number of the last alternations without a gain.
     idle: u64,
 }
@@ -300,83 +311,148 @@ impl<'a> Search<'a> {
             found.push(self.searched(rough(&further).into_iter().chain(solved).collect(), &FURTHER)?);
             starts.extend(further);
         }
-        self.evened(found, starts)
+        self.minimax(found, starts)
     }
 
     /// Returns the one of `found` with the smallest maximum ΔE00. If all are far from their targets, first minimises their
     /// maximum ΔE00, and that from `starts`, until it is no longer far.
     ///
-    /// The weights of the cells follow their errors (Lawson 1961), and the metrics follow the colours. Under given lights
-    /// alone, the squares have one minimum, which is proven. The metrics know no model.
-    fn evened(&self, found: Vec<Found>, starts: Vec<Spectra>) -> Result<Found, PaletteError> {
-        let is_near = found.iter().any(|found| found.worst <= FAR);
-        if is_near || self.lights.is_empty() || self.model.is_some() {
-            return least(found);
+    /// The weights of the cells follow their errors (Lawson 1961). Under given lights alone the result stays that of least
+    /// squares, of which reports state a bound.
+    fn minimax(&self, found: Vec<Found>, starts: Vec<Spectra>) -> Result<Found, PaletteError> {
+        let best = least(found.iter().cloned())?;
+        if best.worst <= FAR || self.lights.is_empty() || self.model.is_some() {
+            return Ok(best);
         }
-        let weights = vec![1.0; self.palette.cells.len()];
-        let run = |best: Found| Evened { spectra: best.spectra.clone(), best, weights: weights.clone(), idle: 0 };
-        let from = found.into_iter().chain(starts.into_iter().map(Found::nothing));
-        let mut runs: Vec<Evened> = from.map(run).collect();
+        let far = self.far_parts(&best.spectra);
+        let mut weights = vec![None; self.palette.cells.len()];
+        for &cell in far.iter().flatten() {
+            weights[cell] = Some(1.0);
+        }
+        // Elsewhere the spectra found stay.
+        let start = |from: Spectra| {
+            let mut start = best.spectra.clone();
+            for place in far.iter().flatten().flat_map(|&cell| Place::both(&self.palette.cells[cell])) {
+                start.materials[place.material] = from.materials[place.material].clone();
+                start.lights[place.light] = from.lights[place.light].clone();
+            }
+            Found::nothing(start)
+        };
+        let run = |best: Found| MinimaxRun {
+            spectra: best.spectra.clone(),
+            best,
+            weights: weights.clone(),
+            has_slopes: false,
+            idle: 0,
+        };
+        let runs: Vec<MinimaxRun> = found.into_iter().chain(starts.into_iter().map(start)).map(run).collect();
+        let [first, second] = MINIMAX_ALTERNATIONS;
+        let starts = |runs: usize| u64::try_from(runs).unwrap_or(1);
+        let total = first * starts(runs.len()) + second * starts(2 * runs.len().min(MINIMAX_KEPT));
         self.done.store(0, Ordering::Relaxed);
-        let mut going = runs.len();
-        let mut total = 0;
-        for &(alternations, most) in EVENING {
-            total += alternations * u64::try_from(going).unwrap_or(1);
-            going = going.min(most);
-        }
-        for &(alternations, most) in EVENING {
-            let going = runs.into_par_iter().map(|run| self.advanced_evenly(run, alternations, total));
-            runs = going.collect::<Result<_, _>>()?;
-            runs.sort_by(|one, two| one.best.worst.total_cmp(&two.best.worst));
-            runs.truncate(most);
-        }
+        let mut runs = self.minimax_round(runs, &far, first, total)?;
+        runs.sort_by(|one, two| one.best.worst.total_cmp(&two.best.worst));
+        runs.truncate(MINIMAX_KEPT);
+        let both = |run: MinimaxRun| [false, true].map(|has_slopes| MinimaxRun { has_slopes, idle: 0, ..run.clone() });
+        let runs = self.minimax_round(runs.into_iter().flat_map(both).collect(), &far, second, total)?;
+        self.progress.report(MINIMAX_STAGE, total, total);
         least(runs.into_iter().map(|run| run.best))
     }
 
-    /// Runs up to `alternations` more alternations of a start.
-    fn advanced_evenly(&self, mut run: Evened, alternations: u64, total: u64) -> Result<Evened, PaletteError> {
-        for _ in 0..alternations {
-            if self.progress.cancelled() {
-                return Err(PaletteError::Cancelled);
+    /// Runs up to `alternations` more alternations of each start.
+    fn minimax_round(
+        &self,
+        runs: Vec<MinimaxRun>,
+        far: &[Vec<usize>],
+        alternations: u64,
+        total: u64,
+    ) -> Result<Vec<MinimaxRun>, PaletteError> {
+        let advanced = |mut run: MinimaxRun| {
+            for _ in 0..alternations {
+                if self.progress.cancelled() {
+                    return Err(PaletteError::Cancelled);
+                }
+                if run.best.worst <= FAR || run.idle >= MINIMAX_IDLE {
+                    break;
+                }
+                self.reduce_largest(&mut run, far);
+                self.progress.report(MINIMAX_STAGE, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
             }
-            let (least_gain, most_idle) = EVEN_ENOUGH;
-            if run.best.worst <= FAR || run.idle >= most_idle {
-                break;
-            }
-            self.weigh(&mut run.weights, &run.spectra);
-            let found = self.alternated(&run.spectra, &|spectra| self.even_forms(spectra, &run.weights));
-            let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-            self.progress.report("designing spectra that miss their targets by far", done, total);
-            run.spectra = found.spectra.clone();
-            run.idle = if found.worst < (1.0 - least_gain) * run.best.worst { 0 } else { run.idle + 1 };
-            if found.worst < run.best.worst {
-                run.best = found;
-            }
-        }
-        Ok(run)
+            Ok(run)
+        };
+        runs.into_par_iter().map(advanced).collect()
     }
 
-    /// Multiplies the weight of each cell with an open spectrum by the square root of its error.
-    fn weigh(&self, weights: &mut [f64], spectra: &Spectra) {
-        for (cell, weight) in self.palette.cells.iter().zip(weights.iter_mut()) {
-            *weight *= if self.is_open(cell) { error(cell, spectra).0.sqrt() } else { 0.0 };
+    /// Indices of the cells of each part of the palette that has open lights and a cell far from its target. Open spectra
+    /// couple the cells of a part.
+    fn far_parts(&self, spectra: &Spectra) -> Vec<Vec<usize>> {
+        let rows = self.palette.materials.len();
+        let is_open = |members: &[Member], index: usize| members[index].spectrum.is_none();
+        let open = |cell: &Cell| -> Vec<usize> {
+            let of_place = |place: Place| {
+                let row = is_open(&self.palette.materials, place.material).then_some(place.material);
+                [row, is_open(&self.palette.lights, place.light).then_some(rows + place.light)]
+            };
+            Place::both(cell).flat_map(of_place).flatten().collect()
+        };
+        let parts = connected(rows + self.palette.lights.len(), self.palette.cells.iter().map(open)).into_iter();
+        let with_lights = parts
+            .filter(|part| part.iter().any(|&member| member >= rows && is_open(&self.palette.lights, member - rows)));
+        let of_cells = with_lights.map(|part| {
+            let cells = self.palette.cells.iter().enumerate();
+            cells
+                .filter(|(_, cell)| open(cell).iter().any(|member| part.contains(member)))
+                .map(|(cell, _)| cell)
+                .collect()
+        });
+        let is_far = |part: &Vec<usize>| part.iter().any(|&cell| error(&self.palette.cells[cell], spectra).0 > FAR);
+        of_cells.filter(is_far).collect()
+    }
+
+    /// Multiplies the weight of each cell of the `far` parts by the square root of its error, then runs one more alternation.
+    fn reduce_largest(&self, run: &mut MinimaxRun, far: &[Vec<usize>]) {
+        for part in far {
+            let next = |&cell: &usize| {
+                run.weights[cell].unwrap_or(1.0) * error(&self.palette.cells[cell], &run.spectra).0.sqrt()
+            };
+            let next: Vec<f64> = part.iter().map(next).collect();
+            let mean = next.iter().sum::<f64>() / count(part.len());
+            for (&cell, next) in part.iter().zip(next) {
+                run.weights[cell] = Some(f64::max(next / mean, LEAST_WEIGHT));
+            }
         }
-        let mean = weights.iter().sum::<f64>() / count(weights.len());
-        for weight in weights {
-            *weight = f64::max(*weight / mean, LEAST_WEIGHT);
+        let found = self.alternated(&run.spectra, &|spectra| self.minimax_metrics(spectra, run));
+        run.spectra = found.spectra.clone();
+        if found.worst < (1.0 - MINIMAX_GAIN) * run.best.worst {
+            (run.best, run.idle) = (found, 0);
+        } else {
+            run.idle += 1;
         }
     }
 
-    /// Metrics of the cells at their colours: the squares are those of ΔE00, times the weights.
-    fn even_forms(&self, spectra: &Spectra, weights: &[f64]) -> Vec<DMat3> {
-        let form = |(cell, weight): (&Cell, &f64)| {
+    /// Metrics of the cells: for those with weights, the square is that of ΔE00 at `spectra`, and so is its slope if the run
+    /// `has_slopes`.
+    fn minimax_metrics(&self, spectra: &Spectra, run: &MinimaxRun) -> Vec<Metric> {
+        let metric = |cell: &Cell, weight: f64| {
             let (error, [seen, wanted]) = error(cell, spectra);
             let form = difference_matrix(Xyz(((seen + wanted) / 2.0).to_array()));
             let measured = (form * (seen - wanted)).length();
-            let scale = if measured > 0.0 { error / measured } else { cell.weight };
-            form * (scale * weight.sqrt())
+            let form = form * if measured > 0.0 { error / measured } else { cell.weight };
+            let offset = if run.has_slopes {
+                let slope = DVec3::from_array([DVec3::X, DVec3::Y, DVec3::Z].map(|axis| {
+                    let at = |step: f64| difference(Xyz((seen + step * axis).to_array()), Xyz(wanted.to_array()));
+                    cell.weight * (at(STEP) - at(-STEP)) / (2.0 * STEP)
+                }));
+                error * (form.transpose().inverse() * slope) - form * (seen - wanted)
+            } else {
+                DVec3::ZERO
+            };
+            // Where the observer is almost blind, the matrix has no inverse.
+            let offset = if offset.is_finite() { offset.clamp_length_max(error) } else { DVec3::ZERO };
+            Metric { form: form * weight.sqrt(), offset: offset * weight.sqrt() }
         };
-        self.palette.cells.iter().zip(weights).map(form).collect()
+        let cells = self.palette.cells.iter().zip(&run.weights).zip(self.metrics(spectra));
+        cells.map(|((cell, weight), plain)| weight.map_or(plain, |weight| metric(cell, weight))).collect()
     }
 
     /// Returns the best of `found`, of `known` and of a search from there.
@@ -389,7 +465,7 @@ impl<'a> Search<'a> {
             Start::Solved(known) => Some(known),
             Start::Rough(_) => None,
         };
-        least([found, searched].into_iter().chain(known))
+        self.minimax([found, searched].into_iter().chain(known).collect(), Vec::new())
     }
 
     /// Returns the relaxation of a palette for which the `first` starts may not suffice.
@@ -486,7 +562,7 @@ impl<'a> Search<'a> {
             if run.ended || self.settled.load(Ordering::Relaxed) < run.index {
                 break;
             }
-            let found = self.alternated(&run.next, &|spectra| self.forms(spectra));
+            let found = self.alternated(&run.next, &|spectra| self.metrics(spectra));
             self.progress.report(effort.stage, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
             // Without open lights nothing alternates: the reflectances only settle.
             let settles = self.lights.is_empty();
@@ -520,18 +596,19 @@ impl<'a> Search<'a> {
     }
 
     /// Metrics of the cells at their targets.
-    fn forms(&self, spectra: &Spectra) -> Vec<DMat3> {
-        self.palette.cells.iter().map(|cell| form(cell, |place| spectra.xyz(place))).collect()
+    fn metrics(&self, spectra: &Spectra) -> Vec<Metric> {
+        let form = |cell: &Cell| form(cell, |place| spectra.xyz(place));
+        self.palette.cells.iter().map(|cell| Metric { form: form(cell), offset: DVec3::ZERO }).collect()
     }
 
-    /// Solves the reflectances for the lights of `from`, then the lights for those reflectances. Before each step, `forms`
-    /// gives the metrics of the cells.
-    fn alternated(&self, from: &Spectra, forms: &dyn Fn(&Spectra) -> Vec<DMat3>) -> Found {
+    /// Solves the reflectances for the lights of `from`, then the lights for those reflectances, each with the `metrics` of
+    /// the cells at the spectra so far.
+    fn alternated(&self, from: &Spectra, metrics: &dyn Fn(&Spectra) -> Vec<Metric>) -> Found {
         let mut spectra = from.clone();
         for (side, groups) in [(Side::Materials, &self.materials), (Side::Lights, &self.lights)] {
             if !groups.is_empty() {
                 let shown = self.shown(&spectra);
-                spectra = solved(self.palette, side, groups, &spectra, &forms(&spectra), shown.as_ref());
+                spectra = solved(self.palette, side, groups, &spectra, &metrics(&spectra), shown.as_ref());
             }
         }
         self.judged(spectra)

@@ -75,14 +75,26 @@ impl Seen {
     }
 }
 
+/// How the difference of two colours is measured: by the length of `form` times it, plus `offset`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Metric {
+    pub(super) form: DMat3,
+    pub(super) offset: DVec3,
+}
+
 /// Adds the difference of two colours, measured by `form`, to the objective.
 pub(super) fn alike(program: &mut Program, form: DMat3, one: &Seen, two: &Seen) {
+    alike_with(program, Metric { form, offset: DVec3::ZERO }, one, two);
+}
+
+/// Adds the difference of two colours, measured by a metric, to the objective.
+pub(super) fn alike_with(program: &mut Program, Metric { form, offset }: Metric, one: &Seen, two: &Seen) {
     if matches!((one, two), (Seen::Fixed(_), Seen::Fixed(_))) {
         return;
     }
     for axis in 0..3 {
         let pull = form.row(axis);
-        let mut value = 0.0;
+        let mut value = -offset[axis];
         let mut factors: BTreeMap<usize, f64> = BTreeMap::new();
         for (seen, sign) in [(one, 1.0), (two, -1.0)] {
             match seen {
@@ -189,17 +201,17 @@ impl Shown {
 }
 
 /// Solves the open spectra of one side for the fixed spectra of the other side. Differences of each cell are measured by its
-/// matrix in `forms`.
+/// metric in `metrics`.
 pub(super) fn solved(
     palette: &Palette,
     side: Side,
     groups: &[Vec<usize>],
     spectra: &Spectra,
-    forms: &[DMat3],
+    metrics: &[Metric],
     shown: Option<&Shown>,
 ) -> Spectra {
     let answers: Vec<Vec<(usize, Spectrum)>> =
-        groups.par_iter().map(|group| solved_group(palette, side, group, spectra, forms, shown)).collect();
+        groups.par_iter().map(|group| solved_group(palette, side, group, spectra, metrics, shown)).collect();
     let mut solved = spectra.clone();
     for (member, spectrum) in answers.into_iter().flatten() {
         match side {
@@ -215,7 +227,7 @@ fn solved_group(
     side: Side,
     group: &[usize],
     spectra: &Spectra,
-    forms: &[DMat3],
+    metrics: &[Metric],
     shown: Option<&Shown>,
 ) -> Vec<(usize, Spectrum)> {
     let members = side.members(palette);
@@ -240,20 +252,20 @@ fn solved_group(
             Seen::through(first, &spectra.materials[place.material].scaled(1.0 / equal_energy()))
         }
     };
-    let cells = palette.cells.iter().zip(forms);
-    for (cell, &form) in cells.filter(|(cell, _)| Place::both(cell).any(|place| first(place).is_some())) {
+    let cells = palette.cells.iter().zip(metrics);
+    for (cell, &metric) in cells.filter(|(cell, _)| Place::both(cell).any(|place| first(place).is_some())) {
         let place = Place::of(cell);
         let wanted = match cell.target {
             Target::Like { material, light } => seen(Place { material, light }),
             target => Seen::Fixed(target.xyz().map_or(DVec3::ZERO, |xyz| xyz.0.into())),
         };
-        alike(&mut program, form, &seen(place), &wanted);
+        alike_with(&mut program, metric, &seen(place), &wanted);
         if let (Some(shown), Some(first)) = (shown, first(place)) {
             let model = match side {
                 Side::Materials => Seen::Linear { first, xyz: Box::new(shown.xyz[place.light].clone()) },
                 Side::Lights => Seen::through(first, &shown.rebuilt[place.material].scaled(1.0 / equal_energy())),
             };
-            alike(&mut program, form * shown.weight, &model, &seen(place));
+            alike(&mut program, metric.form * shown.weight, &model, &seen(place));
         }
     }
     let Some(answer) = program.solve() else { return Vec::new() };

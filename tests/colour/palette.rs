@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::DVec3;
 use instrument::hard_palettes;
-use nested::{INVISIBLE, nested_row, within_nested};
+use nested::{INVISIBLE, nested_levels, nested_row, random_palette};
 use relume::document;
 use relume::document::SceneFile;
 use relume::document::SceneOptions;
@@ -310,11 +310,12 @@ fn neither_wider_bounds_than_the_defaults_nor_a_known_start_are_ever_worse() {
 }
 
 /// Targets out of reach, for which the least squares within wider bounds may have a larger maximum: without the search that
-/// minimises the maximum, the wider end worse by 24, 0.15, 0.44 and 35.
+/// minimises the maximum, the wider end worse by 24, 0.15, 0.44 and 35; seed 28 does by 0.5 with one metric alone.
 #[test]
-fn wider_bounds_of_all_spectra_are_never_visibly_worse() {
-    for (seed, narrow, wide) in [(29, 0, 1), (84, 0, 3), (89, 1, 2), (67, 0, 2)] {
-        let levels = within_nested(seed, |name| Some(standard::light(name).ok()?.spectrum().clone()));
+fn wider_bounds_are_not_visibly_worse_where_least_squares_made_them_so() {
+    for (seed, narrow, wide) in [(28, 1, 2), (29, 0, 1), (84, 0, 3), (89, 1, 2), (67, 0, 2)] {
+        let palette = random_palette(seed, |name| Some(standard::light(name).ok()?.spectrum().clone()));
+        let levels = nested_levels(&palette, seed);
         let [narrow, wide] = [narrow, wide].map(|level: usize| solved(&levels[level]).worst());
         assert!(
             narrow > 10.0 && wide <= narrow + INVISIBLE,
