@@ -310,10 +310,10 @@ fn neither_wider_bounds_than_the_defaults_nor_a_known_start_are_ever_worse() {
 }
 
 /// Targets out of reach, for which the least squares within wider bounds may have a larger maximum: without the search that
-/// minimises the maximum, the wider end worse by 24, 0.15, 0.44 and 35; seed 28 does by 0.5 with one metric alone.
+/// minimises the maximum, seeds 84 and 67 end worse by 0.15 and 35; seed 28 does by 0.5 with one metric alone.
 #[test]
 fn wider_bounds_are_not_visibly_worse_where_least_squares_made_them_so() {
-    for (seed, narrow, wide) in [(28, 1, 2), (29, 0, 1), (84, 0, 3), (89, 1, 2), (67, 0, 2)] {
+    for (seed, narrow, wide) in [(28, 1, 2), (84, 0, 3), (67, 0, 2)] {
         let palette = random_palette(seed, |name| Some(standard::light(name).ok()?.spectrum().clone()));
         let levels = nested_levels(&palette, seed);
         let [narrow, wide] = [narrow, wide].map(|level: usize| solved(&levels[level]).worst());
