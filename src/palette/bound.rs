@@ -150,7 +150,7 @@ fn parts(palette: &Palette) -> Vec<Vec<Cell>> {
     parts
 }
 
-fn is_open(members: &[Member], index: usize) -> bool {
+pub(super) fn is_open(members: &[Member], index: usize) -> bool {
     members.get(index).is_some_and(|member| member.spectrum.is_none())
 }
 

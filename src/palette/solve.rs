@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::bound::is_open;
 use super::solution::difference;
 use super::start::{further_starts, starts};
 use super::step::{Metric, Shown, Side, Spectra, connected, form, groups, of_unit_luminance, solved};
@@ -321,10 +322,10 @@ impl<'a> Search<'a> {
     /// squares, of which reports state a bound.
     fn minimax(&self, found: Vec<Found>, starts: Vec<Spectra>) -> Result<Found, PaletteError> {
         let best = least(found.iter().cloned())?;
-        if best.worst <= FAR || self.lights.is_empty() || self.model.is_some() {
+        let far = self.far_parts(&best.spectra);
+        if best.worst <= FAR || far.is_empty() || self.model.is_some() {
             return Ok(best);
         }
-        let far = self.far_parts(&best.spectra);
         let mut weights = vec![None; self.palette.cells.len()];
         for &cell in far.iter().flatten() {
             weights[cell] = Some(1.0);
@@ -347,8 +348,8 @@ impl<'a> Search<'a> {
         };
         let runs: Vec<MinimaxRun> = found.into_iter().chain(starts.into_iter().map(start)).map(run).collect();
         let [first, second] = MINIMAX_ALTERNATIONS;
-        let starts = |runs: usize| u64::try_from(runs).unwrap_or(1);
-        let total = first * starts(runs.len()) + second * starts(2 * runs.len().min(MINIMAX_KEPT));
+        let number = |runs: usize| u64::try_from(runs).unwrap_or(1);
+        let total = first * number(runs.len()) + second * number(2 * runs.len().min(MINIMAX_KEPT));
         self.done.store(0, Ordering::Relaxed);
         let mut runs = self.minimax_round(runs, &far, first, total)?;
         runs.sort_by(|one, two| one.best.worst.total_cmp(&two.best.worst));
@@ -387,7 +388,6 @@ impl<'a> Search<'a> {
     /// couple the cells of a part.
     fn far_parts(&self, spectra: &Spectra) -> Vec<Vec<usize>> {
         let rows = self.palette.materials.len();
-        let is_open = |members: &[Member], index: usize| members[index].spectrum.is_none();
         let open = |cell: &Cell| -> Vec<usize> {
             let of_place = |place: Place| {
                 let row = is_open(&self.palette.materials, place.material).then_some(place.material);
@@ -433,7 +433,7 @@ impl<'a> Search<'a> {
     /// Metrics of the cells: for those with weights, the square is that of ΔE00 at `spectra`, and so is its slope if the run
     /// `has_slopes`.
     fn minimax_metrics(&self, spectra: &Spectra, run: &MinimaxRun) -> Vec<Metric> {
-        let metric = |cell: &Cell, weight: f64| {
+        let at_colours = |cell: &Cell, weight: f64| {
             let (error, [seen, wanted]) = error(cell, spectra);
             let form = difference_matrix(Xyz(((seen + wanted) / 2.0).to_array()));
             let measured = (form * (seen - wanted)).length();
@@ -451,8 +451,10 @@ impl<'a> Search<'a> {
             let offset = if offset.is_finite() { offset.clamp_length_max(error) } else { DVec3::ZERO };
             Metric { form: form * weight.sqrt(), offset: offset * weight.sqrt() }
         };
-        let cells = self.palette.cells.iter().zip(&run.weights).zip(self.metrics(spectra));
-        cells.map(|((cell, weight), plain)| weight.map_or(plain, |weight| metric(cell, weight))).collect()
+        let cells = self.palette.cells.iter().zip(&run.weights);
+        cells
+            .map(|(cell, weight)| weight.map_or_else(|| metric(cell, spectra), |weight| at_colours(cell, weight)))
+            .collect()
     }
 
     /// Returns the best of `found`, of `known` and of a search from there.
@@ -597,8 +599,7 @@ impl<'a> Search<'a> {
 
     /// Metrics of the cells at their targets.
     fn metrics(&self, spectra: &Spectra) -> Vec<Metric> {
-        let form = |cell: &Cell| form(cell, |place| spectra.xyz(place));
-        self.palette.cells.iter().map(|cell| Metric { form: form(cell), offset: DVec3::ZERO }).collect()
+        self.palette.cells.iter().map(|cell| metric(cell, spectra)).collect()
     }
 
     /// Solves the reflectances for the lights of `from`, then the lights for those reflectances, each with the `metrics` of
@@ -633,20 +634,15 @@ impl<'a> Search<'a> {
         beyond
     }
 
-    /// Whether a spectrum of the cell is open.
-    fn is_open(&self, cell: &Cell) -> bool {
-        Place::both(cell).any(|place| {
-            self.palette.materials[place.material].spectrum.is_none()
-                || self.palette.lights[place.light].spectrum.is_none()
-        })
-    }
-
     /// Returns the objective, and the largest weighted ΔE00, over the cells with an open spectrum. Other cells are fixed:
     /// a target missed there must not hide the others.
     fn differences(&self, spectra: &Spectra, shown: Option<&Shown>) -> (f64, f64) {
         let colour = |place: Place| Xyz(spectra.xyz(place).to_array());
         let (mut squares, mut worst) = (0.0, 0.0);
-        for cell in self.palette.cells.iter().filter(|cell| self.is_open(cell)) {
+        let is_open = |place: Place| {
+            is_open(&self.palette.materials, place.material) || is_open(&self.palette.lights, place.light)
+        };
+        for cell in self.palette.cells.iter().filter(|cell| Place::both(cell).any(is_open)) {
             let place = Place::of(cell);
             let seen = colour(place);
             let form = form(cell, |place| spectra.xyz(place));
@@ -680,6 +676,11 @@ impl<'a> Search<'a> {
             weight: term.weight,
         })
     }
+}
+
+/// Metric of a cell at its target.
+fn metric(cell: &Cell, spectra: &Spectra) -> Metric {
+    Metric { form: form(cell, |place| spectra.xyz(place)), offset: DVec3::ZERO }
 }
 
 /// Weighted ΔE00 of a cell, its colour and the wanted one.
