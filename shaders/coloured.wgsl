@@ -62,7 +62,13 @@ fn thin(step: Step, factor: f32) -> Step {
 fn attenuate(transmittance: Transmittance, opacity: Transmittance) -> Transmittance {
     var left: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        left[lane] = fma(-transmittance[lane], opacity[lane], transmittance[lane]);
+        if (COMPENSATED) {
+            let term = fma(-transmittance[lane], opacity[lane], -lost_transmittance[lane]);
+            left[lane] = rounded(transmittance[lane] + term);
+            lost_transmittance[lane] = (left[lane] - transmittance[lane]) - term;
+        } else {
+            left[lane] = fma(-transmittance[lane], opacity[lane], transmittance[lane]);
+        }
     }
     return left;
 }
@@ -80,16 +86,16 @@ fn brightest(transmittance: Transmittance) -> f32 {
     return max(max(most.x, most.y), max(most.z, most.w));
 }
 
-fn load_transmittance(pixel: vec2u) -> Transmittance {
+fn load_transmittance_from(pixel: vec2u, layer: u32) -> Transmittance {
     var transmittance: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        transmittance[lane] = textureLoad(transmittances, pixel, lane);
+        transmittance[lane] = textureLoad(transmittances, pixel, layer + lane);
     }
     return transmittance;
 }
 
-fn store_transmittance(pixel: vec2u, transmittance: Transmittance) {
+fn store_transmittance_to(pixel: vec2u, layer: u32, transmittance: Transmittance) {
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        textureStore(transmittances, pixel, lane, transmittance[lane]);
+        textureStore(transmittances, pixel, layer + lane, transmittance[lane]);
     }
 }

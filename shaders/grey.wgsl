@@ -38,6 +38,12 @@ fn thin(step: Step, factor: f32) -> Step {
 
 // Transmittance after a step, rounded once: `T *= 1 − α` drifts over a large number of equal steps.
 fn attenuate(transmittance: Transmittance, opacity: Transmittance) -> Transmittance {
+    if (COMPENSATED) {
+        let term = fma(-transmittance, opacity, -lost_transmittance);
+        let total = rounded(vec4f(transmittance + term)).x;
+        lost_transmittance = (total - transmittance) - term;
+        return total;
+    }
     return fma(-transmittance, opacity, transmittance);
 }
 
@@ -50,10 +56,10 @@ fn brightest(transmittance: Transmittance) -> f32 {
     return transmittance;
 }
 
-fn load_transmittance(pixel: vec2u) -> Transmittance {
-    return textureLoad(transmittances, pixel, 0).x;
+fn load_transmittance_from(pixel: vec2u, layer: u32) -> Transmittance {
+    return textureLoad(transmittances, pixel, layer).x;
 }
 
-fn store_transmittance(pixel: vec2u, transmittance: Transmittance) {
-    textureStore(transmittances, pixel, 0, vec4f(transmittance));
+fn store_transmittance_to(pixel: vec2u, layer: u32, transmittance: Transmittance) {
+    textureStore(transmittances, pixel, layer, vec4f(transmittance));
 }

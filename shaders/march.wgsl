@@ -118,6 +118,16 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
     return source;
 }
 
+// What rounding took from the sums and the transmittance so far, if the plan compensates for it.
+var<private> lost_sums: array<vec4f, LAYERS>;
+var<private> lost_transmittance: Transmittance;
+
+// `sum` as it is rounded: without this, compilers may cancel a sum against its parts.
+fn rounded(sum: vec4f) -> vec4f {
+    // Fewer samples than 2²⁴, so nothing changes.
+    return bitcast<vec4f>(bitcast<vec4u>(sum) ^ vec4u(march.samples >> 24u));
+}
+
 // Adds one premultiplied sample front to back, `A += T·s`.
 fn composite(
     sums: ptr<function, array<vec4f, LAYERS>>,
@@ -126,8 +136,31 @@ fn composite(
     transmittance: Transmittance,
 ) {
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        (*sums)[first + lane] = received(transmittance, lane, source, (*sums)[first + lane]);
+        let sum = (*sums)[first + lane];
+        if (COMPENSATED) {
+            let term = received(transmittance, lane, source, -lost_sums[first + lane]);
+            let total = rounded(sum + term);
+            lost_sums[first + lane] = (total - sum) - term;
+            (*sums)[first + lane] = total;
+        } else {
+            (*sums)[first + lane] = received(transmittance, lane, source, sum);
+        }
     }
+}
+
+// Loads what rounding took from the samples before this slice.
+fn load_lost(pixel: vec2u) {
+    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+        lost_sums[layer] = textureLoad(accumulators, pixel, LAYERS + layer);
+    }
+    lost_transmittance = load_transmittance_from(pixel, TRANSMITTANCE_LANES);
+}
+
+fn store_lost(pixel: vec2u) {
+    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+        textureStore(accumulators, pixel, LAYERS + layer, lost_sums[layer]);
+    }
+    store_transmittance_to(pixel, TRANSMITTANCE_LANES, lost_transmittance);
 }
 
 // Loads the sums of a block's rays.

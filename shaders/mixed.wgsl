@@ -44,12 +44,20 @@ fn plus_share(sum: Transmittance, share: f32, opacity: Transmittance) -> Transmi
     return blend;
 }
 
-// Plans refuse a factor on a matrix, so this is never called.
+// Multiplies the extinction and the scattering of a part of a step by its length `factor`: the power of a matrix is no
+// short formula. Plans refuse factors by the gradient magnitude.
 fn thin(step: Step, factor: f32) -> Step {
-    return step;
+    var thinner = step;
+    for (var n = 0u; n < TRANSMITTANCE_NUMBERS; n += 1u) {
+        thinner.opacity[n] *= factor;
+    }
+    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+        thinner.source[lane] *= factor;
+    }
+    return thinner;
 }
 
-// Transmittance after a step, T − T·A. Twin of `reference::march::attenuate_matrix`.
+// Transmittance after a step, T − T·A, not compensated. Twin of `reference::march::attenuate_matrix`.
 fn attenuate(transmittance: Transmittance, opacity: Transmittance) -> Transmittance {
     var left = transmittance;
     for (var row = 0u; row < TRANSMITTANCE_NUMBERS; row += COMPONENTS) {
@@ -85,20 +93,20 @@ fn brightest(transmittance: Transmittance) -> f32 {
     return most;
 }
 
-fn load_transmittance(pixel: vec2u) -> Transmittance {
+fn load_transmittance_from(pixel: vec2u, layer: u32) -> Transmittance {
     var transmittance: Transmittance;
     for (var n = 0u; n < TRANSMITTANCE_NUMBERS; n += 1u) {
-        transmittance[n] = textureLoad(transmittances, pixel, n / 4u)[n % 4u];
+        transmittance[n] = textureLoad(transmittances, pixel, layer + n / 4u)[n % 4u];
     }
     return transmittance;
 }
 
-fn store_transmittance(pixel: vec2u, transmittance: Transmittance) {
+fn store_transmittance_to(pixel: vec2u, layer: u32, transmittance: Transmittance) {
     for (var lane = 0u; lane < TRANSMITTANCE_LANES; lane += 1u) {
         var texel: vec4f;
         for (var part = 0u; part < min(4u, TRANSMITTANCE_NUMBERS - 4u * lane); part += 1u) {
             texel[part] = transmittance[4u * lane + part];
         }
-        textureStore(transmittances, pixel, lane, texel);
+        textureStore(transmittances, pixel, layer + lane, texel);
     }
 }

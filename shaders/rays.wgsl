@@ -79,8 +79,10 @@ struct Ray {
     base: vec3f,
     direction: vec3f,
     start: f32,
-    // Steps from `start` to the first sample.
-    offset: f32,
+    // Number of the first step, from `start`.
+    first: f32,
+    // Where the ray enters and leaves the crop box, in steps from the beginning of the first step.
+    inside: vec2f,
     samples: u32,
     view: vec3f,
 }
@@ -116,10 +118,6 @@ fn clip(eye: f32, base: vec3f, direction: vec3f, low: vec3f, high: vec3f) -> vec
     return vec2f(max(max(eye, x.x), max(y.x, z.x)), min(min(x.y, y.y), z.y));
 }
 
-fn first_behind(s: f32, start: f32) -> f32 {
-    return max(ceil((s - start) / march.step_length - 0.5), 0.0);
-}
-
 fn ray_through(pixel: vec2u) -> Ray {
     let u = (f32(pixel.x) + band.across) * march.pixel_width - 1.0;
     let v = 1.0 - (f32(pixel.y) + band.down) * march.pixel_height;
@@ -128,30 +126,51 @@ fn ray_through(pixel: vec2u) -> Ray {
     let length = sqrt(fma(v * v, march.spread_v, fma(u * u, march.spread_u, 1.0)));
     let direction = slant / length;
 
-    // Samples are numbered from the volume's box; the crop box selects some of them. Rays start at the eye.
+    // Steps are numbered from the volume's box; the crop box selects some of them, and parts of the first and the last.
+    // Rays start at the eye.
     let eye = -(march.eye_distance * length);
     let start = clip(eye, base, direction, march.low, march.high).x;
     let shown = clip(eye, base, direction, march.crop_low, march.crop_high);
-    let first = first_behind(shown.x, start);
-    let steps = max(first_behind(shown.y, start) - first, 0.0);
-    let samples = select(0u, min(u32(steps), march.samples), shown.y > shown.x);
-    if (BLOCK) {
-        // Samples keep their numbers. A ray in the face between two blocks belongs to the upper one.
-        let within = abs(direction) < vec3f(1e-30) & base == block.high & block.open != vec3u();
-        let leave = first_behind(clip(-FAR, base, direction, block.low, block.high).y, start) - first;
-        let end = u32(clamp(leave, 0.0, f32(samples)));
-        return Ray(base, direction, start, first + 0.5, select(end, 0u, any(within)), -(direction * march.local_scale));
-    }
-    return Ray(base, direction, start, first + 0.5, samples, -(direction * march.local_scale));
+    let steps = max((shown - start) / march.step_length, vec2f());
+    let first = floor(steps.x);
+    let inside = steps - first;
+    let samples = select(0u, min(u32(ceil(inside.y)), march.samples), shown.y > shown.x);
+    return Ray(base, direction, start, first, inside, samples, -(direction * march.local_scale));
 }
 
-// Number of the first sample of `ray` in the block.
-fn first_in_block(ray: Ray) -> u32 {
-    let enter = clip(-FAR, ray.base, ray.direction, block.low, block.high).x;
-    return u32(clamp(first_behind(enter, ray.start) - (ray.offset - 0.5), 0.0, f32(march.samples)));
+// Where the part of step `n` inside the crop box begins and ends, in steps from the beginning of that step.
+fn part_of(ray: Ray, n: u32) -> vec2f {
+    return vec2f(max(ray.inside.x - f32(n), 0.0), min(ray.inside.y - f32(n), 1.0));
 }
 
-fn place_of(ray: Ray, n: u32) -> vec3f {
-    let s = fma(f32(n) + ray.offset, march.step_length, ray.start);
+// Place `within` steps behind the beginning of step `n`.
+fn place_within(ray: Ray, n: u32, within: f32) -> vec3f {
+    let s = fma(f32(n) + within + ray.first, march.step_length, ray.start);
     return fma(vec3f(s), ray.direction, ray.base);
+}
+
+// Place of sample `n`: the middle of its step, or of the part of the step inside the crop box.
+fn place_of(ray: Ray, n: u32) -> vec3f {
+    let part = part_of(ray, n);
+    return place_within(ray, n, (part.x + part.y) * 0.5);
+}
+
+// Number of the first sample at or behind `s`.
+fn first_behind(ray: Ray, s: f32) -> u32 {
+    let steps = (s - ray.start) / march.step_length - ray.first;
+    let last = ray.samples - 1u;
+    let of_first = part_of(ray, 0u);
+    let of_last = part_of(ray, last);
+    var n = u32(clamp(ceil(steps - 0.5), 1.0, f32(max(last, 1u))));
+    n = select(n, ray.samples, steps > f32(last) + (of_last.x + of_last.y) * 0.5);
+    return select(n, 0u, steps <= (of_first.x + of_first.y) * 0.5);
+}
+
+// The samples of `ray` in the block: from the first to before the second number. They keep their numbers.
+fn within_block(ray: Ray) -> vec2u {
+    // A ray in the face between two blocks belongs to the upper one.
+    let in_face = abs(ray.direction) < vec3f(1e-30) & ray.base == block.high & block.open != vec3u();
+    let met = clip(-FAR, ray.base, ray.direction, block.low, block.high);
+    let all = vec2u(first_behind(ray, met.x), first_behind(ray, met.y));
+    return select(all, vec2u(), any(in_face) || ray.samples == 0u);
 }

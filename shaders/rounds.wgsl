@@ -44,22 +44,31 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (BLOCK) {
         // Written before the march: nothing yet, or the film of the blocks in front.
         load_sums(pixel, &sums);
-        transmittance = load_transmittance(pixel);
+        transmittance = load_transmittance_from(pixel, 0u);
     } else {
         if (first > 0u) {
             for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
                 sums[layer] = textureLoad(accumulators, pixel, layer);
             }
-            transmittance = load_transmittance(pixel);
+            transmittance = load_transmittance_from(pixel, 0u);
         }
     }
-    let end = min(ray.samples, band.end_sample);
+    if (COMPENSATED) {
+        if (first > 0u) {
+            load_lost(pixel);
+        }
+    }
+    var own = vec2u(0u, ray.samples);
+    if (BLOCK) {
+        own = within_block(ray);
+    }
+    let end = min(own.y, band.end_sample);
     let samples_per_cell = 1.0 / (max(abs(ray.direction * march.cell_scale), vec3f(1e-30)) * march.step_length);
     let forward = select(vec3f(), vec3f(1.0), ray.direction > vec3f());
     let last_cell = vec3f(march.cells) - 1.0;
     var n = first;
     if (BLOCK) {
-        n = select(max(n, first_in_block(ray)), end, brightest(transmittance) < march.termination);
+        n = select(max(n, own.x), end, brightest(transmittance) < march.termination);
     }
     var dark = false;
     var missing = FINISHED;
@@ -100,10 +109,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
         textureStore(accumulators, pixel, layer, sums[layer]);
     }
-    store_transmittance(pixel, transmittance);
+    store_transmittance_to(pixel, 0u, transmittance);
+    if (COMPENSATED) {
+        store_lost(pixel);
+    }
     // Samples skipped beyond the slice are empty, and the next slice skips them again.
     let next = min(n, end);
-    next_samples[at] = select(next, FINISHED, dark || next >= ray.samples);
+    next_samples[at] = select(next, FINISHED, dark || next >= own.y);
     if (missing != FINISHED) {
         atomicMin(&wanted[0], pixel.y);
         atomicMax(&wanted[1], pixel.y);

@@ -87,15 +87,17 @@ fn sample(place: vec3f, key: Key) -> Step {
     return step;
 }
 
-// Adds the contribution of the sample at `place`; returns the transmittance after it.
+// Adds the contribution of sample `n`, at `place`; returns the transmittance after it.
 fn add_sample(
     ray: Ray,
+    n: u32,
     place: vec3f,
     key: Key,
     transmittance: Transmittance,
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) -> Transmittance {
-    let step = sample(place, key);
+    let part = part_of(ray, n);
+    let step = thin(sample(place, key), part.y - part.x);
     if (SHADOWS) {
         add_shadowed(ray, place, step, transmittance, sums);
     } else {
@@ -130,13 +132,13 @@ fn march_run(
                 if (found) { break; }
             }
             if (!found) { break; }
-            transmittance = add_sample(ray, place_of(ray, n - 1u), key, transmittance, sums);
+            transmittance = add_sample(ray, n - 1u, place_of(ray, n - 1u), key, transmittance, sums);
             if (brightest(transmittance) < march.termination) { break; }
         }
     } else {
         for (var n = first; n < end; n += 1u) {
             let place = place_of(ray, n);
-            transmittance = add_sample(ray, place, key_at(place), transmittance, sums);
+            transmittance = add_sample(ray, n, place, key_at(place), transmittance, sums);
             if (brightest(transmittance) < march.termination) { break; }
         }
     }

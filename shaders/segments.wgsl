@@ -59,9 +59,10 @@ fn lost(depth: vec4f) -> vec4f {
     return fma(-scale, f * series, 1.0 - scale);
 }
 
-fn place_at(ray: Ray, steps: f32) -> vec3f {
-    let s = fma(steps + (ray.offset - 0.5), march.step_length, ray.start);
-    return fma(vec3f(s), ray.direction, ray.base);
+// Place at a fraction of the part of segment `n` inside the crop box.
+fn place_at(ray: Ray, n: u32, fraction: f32) -> vec3f {
+    let part = part_of(ray, n);
+    return place_within(ray, n, fma(part.y - part.x, fraction, part.x));
 }
 
 fn label_of(place: vec3f) -> u32 {
@@ -150,12 +151,11 @@ fn across(density: Density, length: f32) -> Step {
     return step;
 }
 
-// Number of parts of the segment from `a` to `b`, which starts `start` steps along the ray: 1 to MOST_PARTS, not
-// necessarily whole.
-fn parts_between(ray: Ray, start: f32, a: End, b: End, turn: vec3f, density: Density) -> f32 {
+// Number of parts of segment `n`, from `a` to `b`: 1 to MOST_PARTS, not necessarily whole.
+fn parts_between(ray: Ray, n: u32, a: End, b: End, turn: vec3f, density: Density) -> f32 {
     var variation = density.variation;
     if (LABELS) {
-        if (a.label != b.label || label_of(place_at(ray, start + 0.5)) != a.label || is_mixed(a.label)) {
+        if (a.label != b.label || label_of(place_at(ray, n, 0.5)) != a.label || is_mixed(a.label)) {
             variation = 1.0;
         } else if (a.label > 0u) {
             variation = 0.0;
@@ -186,8 +186,8 @@ fn march_run(
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) -> Transmittance {
     var transmittance = before;
-    var a = end_at(place_at(ray, f32(first)));
-    var gradient = gradient_at(a, place_at(ray, f32(first)));
+    var a = end_at(place_at(ray, first, 0.0));
+    var gradient = gradient_at(a, place_at(ray, first, 0.0));
     var integrals = integrals_at(a.coordinate);
     var n = first;
     // Parts of segment n, or 0 before they are known; the next part, and where it begins.
@@ -204,22 +204,22 @@ fn march_run(
             loop {
                 if (n >= end) { break; }
                 reach = select(min(part / parts, 1.0), 1.0, parts == 0.0);
-                b = end_at(place_at(ray, f32(n) + reach));
+                b = end_at(place_at(ray, n, reach));
                 if (parts > 0.0 || is_active_between(a, b)) { break; }
                 a = b;
                 skipped = true;
                 n += 1u;
             }
             if (skipped) {
-                gradient = gradient_at(a, place_at(ray, f32(n)));
+                gradient = gradient_at(a, place_at(ray, n, 0.0));
                 integrals = integrals_at(a.coordinate);
             }
         } else {
             reach = select(min(part / parts, 1.0), 1.0, parts == 0.0);
-            b = end_at(place_at(ray, f32(n) + reach));
+            b = end_at(place_at(ray, n, reach));
         }
         if (n >= end) { break; }
-        let next = place_at(ray, f32(n) + reach);
+        let next = place_at(ray, n, reach);
         let next_gradient = gradient_at(b, next);
         let next_integrals = integrals_at(b.coordinate);
         var density = mean_between(integrals, next_integrals, b.coordinate - a.coordinate);
@@ -230,7 +230,7 @@ fn march_run(
             }
             density.depth = scaled_depth(density.depth, factor);
         }
-        let middle = place_at(ray, f32(n) + (done + reach) * 0.5);
+        let middle = place_at(ray, n, (done + reach) * 0.5);
         if (SMOOTH_LABELS) {
             let blend = shared_by_labels(middle, label_of(middle), Step(density.source, density.depth, vec3f()));
             density.source = blend.source;
@@ -244,10 +244,11 @@ fn march_run(
                 density.depth = opacity_of_label(label);
             }
         }
-        var length = reach - done;
+        let inside = part_of(ray, n);
+        var length = (reach - done) * (inside.y - inside.x);
         var wanted = 0.0;
         if (parts == 0.0) {
-            wanted = parts_between(ray, f32(n), a, b, unit(next_gradient) - unit(gradient), density);
+            wanted = parts_between(ray, n, a, b, unit(next_gradient) - unit(gradient), density);
             length = select(length, 0.0, wanted > 1.0);
         }
         var step = across(density, length);

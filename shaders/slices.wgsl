@@ -25,20 +25,28 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (BLOCK) {
         // Written before the march: nothing yet, or the film of the blocks in front.
         load_sums(pixel, &sums);
-        transmittance = load_transmittance(pixel);
+        transmittance = load_transmittance_from(pixel, 0u);
     } else {
         if (band.first_sample > 0u) {
             for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
                 sums[layer] = textureLoad(accumulators, pixel, layer);
             }
-            transmittance = load_transmittance(pixel);
+            transmittance = load_transmittance_from(pixel, 0u);
         }
     }
-    let end = select(min(ray.samples, band.end_sample), 0u, brightest(transmittance) < march.termination);
+    if (COMPENSATED) {
+        if (band.first_sample > 0u) {
+            load_lost(pixel);
+        }
+    }
+    var end = min(ray.samples, band.end_sample);
     var n = band.first_sample;
     if (BLOCK) {
-        n = max(n, first_in_block(ray));
+        let own = within_block(ray);
+        n = max(n, own.x);
+        end = min(end, own.y);
     }
+    end = select(end, 0u, brightest(transmittance) < march.termination);
     if (SKIPPING) {
         // Samples per macrocell along each axis.
         let samples_per_cell = 1.0 / (max(abs(ray.direction * march.cell_scale), vec3f(1e-30)) * march.step_length);
@@ -68,5 +76,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
         textureStore(accumulators, pixel, layer, sums[layer]);
     }
-    store_transmittance(pixel, transmittance);
+    store_transmittance_to(pixel, 0u, transmittance);
+    if (COMPENSATED) {
+        store_lost(pixel);
+    }
 }

@@ -79,9 +79,15 @@ pub struct ScenePlan {
     pub skipping: bool,
     /// Rays of a pixel, whose mean its accumulators are.
     pub rays: usize,
+    /// Whether sums keep what rounding takes from them, because a ray may have more than [`MOST_PLAIN_STEPS`].
+    pub compensated: bool,
     /// Storage of finished accumulators.
     pub storage: StoreAs,
 }
+
+/// Largest number of steps of a ray whose sums in f32 are plain. Rounding may take up to 2⁻²⁶ of a sum in each step, always
+/// with the same sign where steps are equal (docs/theory/numerics.md): 2·10⁻⁵ after 1340 steps.
+pub const MOST_PLAIN_STEPS: f64 = 1340.0;
 
 /// Integration along a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
@@ -497,6 +503,8 @@ impl ScenePlan {
     pub fn marched_bytes(&self) -> u64 {
         let finished = if self.storage == StoreAs::Single { 0 } else { self.pixel_bytes() };
         let marched = self.bytes_as(StoreAs::Single);
+        // A mean has the layers of its ray.
+        let marched = marched * if self.compensated { 2 } else { 1 };
         marched + if self.rays > 1 { marched } else { 0 } + finished
     }
 
@@ -842,6 +850,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         gradients: Gradients::Packed,
         skipping: scene.accuracy.skipping,
         rays: scene.accuracy.rays,
+        compensated: scene.most_steps() > MOST_PLAIN_STEPS,
         storage: scene.accuracy.storage,
     };
     if plan.gradient() {

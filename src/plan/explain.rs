@@ -315,6 +315,9 @@ impl Planned {
             "Rays from the eye sample the volume in steps of {} (its own unit of length), {termination}; empty regions are {skipping}.",
             brief(scene.accuracy.step_length)
         ));
+        if plan.compensated {
+            sentences.push("A ray may have so many steps that their sums keep what rounding takes from them.".to_owned());
+        }
         if plan.rays > 1 {
             sentences.push(format!(
                 "A pixel is the mean of {} rays, which takes that many marches and relights as exactly as one ray.",

@@ -115,6 +115,7 @@ impl Stale {
             gradients: _,
             skipping,
             rays,
+            compensated,
             storage,
         } = *plan;
         let later = &after.plan;
@@ -136,8 +137,8 @@ impl Stale {
         if tables || *materials != after.materials || positions.len() != after.positions.len() {
             return Self::Tables;
         }
-        let march =
-            (background, skipping, rays, storage) != (later.background, later.skipping, later.rays, later.storage);
+        let march = (background, skipping, rays, compensated, storage)
+            != (later.background, later.skipping, later.rays, later.compensated, later.storage);
         if march { Self::Accumulators } else { Self::Nothing }
     }
 }

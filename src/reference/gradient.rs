@@ -23,7 +23,7 @@ pub(super) fn gradient_factor<R: Real>(table: &GradientTable, gradient: [R; 3]) 
 
 /// Multiplies extinction and scattering of a step, given by its source and opacity, by `factor`: each opacity becomes
 /// α·[`thinning`], and the source of its component is scaled alike. `thinning(α, factor)` is called only for factors
-/// below 1.
+/// below 1. A matrix, whose power is no short formula, is multiplied by `factor` itself.
 pub(super) fn thin<R: Real>(
     [source, opacity]: [&mut [R]; 2],
     plan: &ScenePlan,
@@ -33,10 +33,14 @@ pub(super) fn thin<R: Real>(
     if factor >= R::from_f64(1.0) {
         return;
     }
+    if plan.transmittance == Transmittance::Mixed {
+        source.iter_mut().chain(opacity).for_each(|number| *number = *number * factor);
+        return;
+    }
     let ratios: Vec<R> = opacity.iter().map(|&opacity| thinning(opacity, factor)).collect();
     let lanes = match plan.transmittance {
         Transmittance::Grey => 1,
-        Transmittance::Coloured | Transmittance::Mixed => plan.transmittance_lanes() * LANE,
+        _ => plan.transmittance_lanes() * LANE,
     };
     for (i, number) in source.iter_mut().enumerate() {
         // Numbers of a lane beyond the components are 0.

@@ -1,7 +1,10 @@
 //! Front-to-back march along rays. Twin of `shaders/march.wgsl`, with the runs of `samples.wgsl` and `segments.wgsl`.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
+use super::gradient::thin;
 use super::phase::{Phase, add_even, add_scattered};
 use super::shadows::Reaching;
 use super::thin_film::ThinFilm;
@@ -22,12 +25,28 @@ struct Ray<R> {
     direction: [R; 3],
     /// Where the ray enters the volume, in units of length from `base`.
     start: R,
-    /// Steps from `start` to the first sample.
-    offset: R,
+    /// Number of the first step, from `start`.
+    first: R,
+    /// Where the ray enters and leaves the crop box, in steps from the beginning of the first step.
+    inside: [R; 2],
     /// Number of samples.
     samples: usize,
     /// Direction to the eye in the volume's axes.
     view: [R; 3],
+}
+
+impl<R: Real> Ray<R> {
+    /// Where the part of step `n` inside the crop box begins and ends, in steps from the beginning of that step.
+    fn part(&self, n: usize) -> [R; 2] {
+        let (n, one) = (R::from_f64(count(n)), R::from_f64(1.0));
+        [(self.inside[0] - n).max(R::default()), (self.inside[1] - n).min(one)]
+    }
+
+    /// Place `within` steps behind the beginning of step `n`, in texture coordinates.
+    fn place(&self, n: usize, within: R, step_length: R) -> [R; 3] {
+        let s = (R::from_f64(count(n)) + within + self.first).mul_add(step_length, self.start);
+        std::array::from_fn(|axis| s.mul_add(self.direction[axis], self.base[axis]))
+    }
 }
 
 /// A sample along a ray.
@@ -37,7 +56,7 @@ pub struct RaySample<'a, R> {
     pub index: usize,
     /// Position in texture coordinates.
     pub place: [R; 3],
-    /// Length in steps: 1 for a point sample, at most 1 for a part of a segment.
+    /// Length in steps: 1, less for a step that is cut by the crop box and for a part of a segment.
     pub length: R,
     /// Transmittance from the sample to the eye.
     pub transmittance: &'a [R],
@@ -110,7 +129,6 @@ impl<'a, R: Real> Frame<'a, R> {
         let rays = &self.rays;
         let from = |vector: DVec3| vector.to_array().map(R::from_f64);
         let one = R::from_f64(1.0);
-        let half = R::from_f64(0.5);
         let across =
             |i: usize, place: f64, n: usize| (R::from_f64(count(i)) + R::from_f64(place)) * R::from_f64(2.0 / count(n));
         let u = across(x, place[0], self.size[0]) - one;
@@ -124,7 +142,8 @@ impl<'a, R: Real> Frame<'a, R> {
         let length = (v * v).mul_add(spread_v, (u * u).mul_add(spread_u, one)).sqrt();
         let direction = slant.map(|component| component / length);
 
-        // Samples are numbered from the volume's box; the crop box selects some of them. Rays start at the eye.
+        // Steps are numbered from the volume's box; the crop box selects some of them, and parts of the first and the last.
+        // Rays start at the eye.
         let eye = -(R::from_f64(rays.eye_distance) * length);
         let clip = |low: [R; 3], high: [R; 3]| {
             (0..3).fold([eye, R::from_f64(FAR)], |[near, far], axis| {
@@ -134,24 +153,52 @@ impl<'a, R: Real> Frame<'a, R> {
         };
         let [start, _] = clip(from(rays.low), from(rays.high));
         let [near, far] = clip(from(rays.crop_low), from(rays.crop_high));
-        let first_behind = |s: R| ((s - start) / self.step_length - half).ceil().max(R::default());
-        let (mut first, mut end) = (first_behind(near), first_behind(far));
-        let mut is_met = far > near;
-        if let Some(block) = &rays.block {
-            let [enter, leave] = clip(from(block.low), from(block.high));
-            first = first.max(first_behind(enter));
-            end = first_behind(leave).min(end);
-            // A ray in the face between two blocks belongs to the upper one.
-            is_met &= !(0..3).any(|axis| {
-                block.open[axis]
-                    && direction[axis].abs() < R::from_f64(1e-30)
-                    && base[axis] == R::from_f64(block.high[axis])
-            });
-        }
-        let samples = if is_met { (end - first).max(R::default()).index().min(rays.samples as usize) } else { 0 };
+        let zero = R::default();
+        let steps = |s: R| ((s - start) / self.step_length).max(zero);
+        let first = steps(near).floor();
+        let inside = [steps(near) - first, steps(far) - first];
+        let samples = if far > near { inside[1].ceil().index().min(rays.samples as usize) } else { 0 };
         let local_scale = from(rays.local_scale);
         let view = std::array::from_fn(|axis| -(direction[axis] * local_scale[axis]));
-        Ray { base, direction, start, offset: first + half, samples, view }
+        Ray { base, direction, start, first, inside, samples, view }
+    }
+
+    /// Steps of `ray` whose samples lie in the marched block.
+    fn within_block(&self, ray: &Ray<R>) -> Range<usize> {
+        let all = 0..ray.samples;
+        let Some(block) = &self.rays.block else { return all };
+        let from = |vector: DVec3| vector.to_array().map(R::from_f64);
+        let far = R::from_f64(FAR);
+        let [low, high] = [from(block.low), from(block.high)];
+        let [enter, leave] = (0..3).fold([-far, far], |[near, far], axis| {
+            let [enter, leave] = between(ray.base[axis], ray.direction[axis], low[axis], high[axis]);
+            [near.max(enter), far.min(leave)]
+        });
+        // A ray in the face between two blocks belongs to the upper one.
+        let in_face = (0..3).any(|axis| {
+            block.open[axis] && ray.direction[axis].abs() < R::from_f64(1e-30) && ray.base[axis] == high[axis]
+        });
+        if in_face || ray.samples == 0 {
+            return 0..0;
+        }
+        // The first sample at or behind `s`: a cut step has its sample in the middle of its part.
+        let half = R::from_f64(0.5);
+        let last = ray.samples - 1;
+        let middle = |n: usize| {
+            let [from, to] = ray.part(n);
+            R::from_f64(count(n)) + (from + to) * half
+        };
+        let first_behind = |s: R| {
+            let steps = (s - ray.start) / self.step_length - ray.first;
+            if steps <= middle(0) {
+                0
+            } else if steps > middle(last) {
+                ray.samples
+            } else {
+                (steps - half).ceil().index().clamp(1, last.max(1))
+            }
+        };
+        first_behind(enter)..first_behind(leave)
     }
 
     /// Marches `ray`: adds the light of its steps to `sums`, position by position, and returns the transmittance. Calls
@@ -170,11 +217,16 @@ impl<'a, R: Real> Frame<'a, R> {
         let mut transmittance = self.all_light();
         let (mut step, mut reached) = (Step::default(), Reached::default());
         let mut source = vec![R::default(); self.planned.plan.components()];
-        for n in 0..ray.samples {
-            let s = (R::from_f64(count(n)) + ray.offset).mul_add(self.step_length, ray.start);
-            let place = std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]));
+        let mut lost = self.lost(sums.len(), transmittance.len());
+        for n in self.within_block(ray) {
+            let [from, to] = ray.part(n);
+            let place = ray.place(n, (from + to) * R::from_f64(0.5), self.step_length);
             samples.sample(place, &mut step);
-            if !seen(&RaySample { index: n, place, length: R::from_f64(1.0), transmittance: &transmittance }) {
+            let length = to - from;
+            thin([&mut step.source, &mut step.opacity], &self.planned.plan, length, |opacity, factor| {
+                samples.thinning(opacity, factor)
+            });
+            if !seen(&RaySample { index: n, place, length, transmittance: &transmittance }) {
                 break;
             }
             if step.does_nothing() {
@@ -186,6 +238,8 @@ impl<'a, R: Real> Frame<'a, R> {
                 self.shade(position, ray, place, &step, &reached, &mut source);
                 if mixed {
                     composite_matrix(sums, &source, &transmittance);
+                } else if let Some(lost) = &mut lost {
+                    composite_compensated(sums, lost.of_position(position, source.len()), &source, &transmittance);
                 } else {
                     composite(sums, &source, &transmittance);
                 }
@@ -193,9 +247,7 @@ impl<'a, R: Real> Frame<'a, R> {
             if mixed {
                 transmittance = attenuate_matrix(&transmittance, &step.opacity, source.len());
             } else {
-                for (left, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
-                    *left = attenuate(*left, opacity);
-                }
+                attenuate_all(&mut transmittance, &step.opacity, lost.as_mut());
             }
             if transmittance.iter().all(|&left| left.abs() < self.termination) {
                 break;
@@ -214,47 +266,54 @@ impl<'a, R: Real> Frame<'a, R> {
         mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
     ) -> Vec<R> {
         let (zero, one, half) = (R::default(), R::from_f64(1.0), R::from_f64(0.5));
-        let place = |steps: R| -> [R; 3] {
-            let s = (steps + (ray.offset - half)).mul_add(self.step_length, ray.start);
-            std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]))
-        };
         let mut transmittance = self.all_light();
         let (mut density, mut step, mut reached) = (Step::default(), Step::default(), Reached::default());
         let mut source = vec![zero; self.planned.plan.components()];
-        if ray.samples == 0 {
+        let mut lost = self.lost(sums.len(), transmittance.len());
+        let steps = self.within_block(ray);
+        if steps.is_empty() {
             return transmittance;
         }
-        let mut before = samples.end(place(zero));
-        for n in 0..ray.samples {
-            let first = R::from_f64(count(n));
-            let after = samples.end(place(first + one));
-            let varied = samples.mean([&before, &after], place(first + half), &mut density);
+        // Place at a fraction of the part of step `n` inside the crop box.
+        let place = |n: usize, fraction: R| {
+            let [from, to] = ray.part(n);
+            ray.place(n, (to - from).mul_add(fraction, from), self.step_length)
+        };
+        let mut before = samples.end(place(steps.start, zero));
+        for n in steps {
+            let [from, to] = ray.part(n);
+            let inside = to - from;
+            let after = samples.end(place(n, one));
+            let varied = samples.mean([&before, &after], place(n, half), &mut density);
             let parts = self.parts([&before, &after], varied, &density);
             let (mut from, mut done) = (before, zero);
             for part in 1..=parts.ceil().index() {
                 let number = R::from_f64(count(part));
                 let (end, to) = if number < parts {
                     let end = number / parts;
-                    (end, samples.end(place(first + end)))
+                    (end, samples.end(place(n, end)))
                 } else {
                     (one, after)
                 };
-                let middle = place(first + (done + end) * half);
+                let middle = place(n, (done + end) * half);
+                let length = (end - done) * inside;
                 samples.mean([&from, &to], middle, &mut density);
-                across(&density, end - done, self.planned.plan.lanes() * LANE, &mut step);
+                across(&density, length, self.planned.plan.lanes() * LANE, &mut step);
                 step.normal = unit(std::array::from_fn(|axis| (from.gradient[axis] + to.gradient[axis]) * half));
-                if !seen(&RaySample { index: n, place: middle, length: end - done, transmittance: &transmittance }) {
+                if !seen(&RaySample { index: n, place: middle, length, transmittance: &transmittance }) {
                     return transmittance;
                 }
                 let sky = self.sky_light(middle, samples);
                 for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
                     self.light(position, middle, samples, (&transmittance, &step, sky), &mut reached);
                     self.shade(position, ray, middle, &step, &reached, &mut source);
-                    composite(sums, &source, &transmittance);
+                    if let Some(lost) = &mut lost {
+                        composite_compensated(sums, lost.of_position(position, source.len()), &source, &transmittance);
+                    } else {
+                        composite(sums, &source, &transmittance);
+                    }
                 }
-                for (left, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
-                    *left = attenuate(*left, opacity);
-                }
+                attenuate_all(&mut transmittance, &step.opacity, lost.as_mut());
                 if transmittance.iter().all(|&left| left.abs() < self.termination) {
                     return transmittance;
                 }
@@ -277,6 +336,13 @@ impl<'a, R: Real> Frame<'a, R> {
         }
         let one = R::from_f64(1.0);
         (variation.min(one) / self.variation).sqrt().max(one).min(R::from_f64(MOST_PARTS.into()))
+    }
+
+    /// What rounding took so far from this many sums and numbers of the transmittance: nothing. `None` if the plan does not
+    /// compensate.
+    fn lost(&self, sums: usize, transmittance: usize) -> Option<Lost<R>> {
+        let nothing = |numbers: usize| vec![R::default(); numbers];
+        self.planned.plan.compensated.then(|| Lost { sums: nothing(sums), transmittance: nothing(transmittance) })
     }
 
     /// Initial transmittance: 1 per number, or the identity matrix.
@@ -657,6 +723,48 @@ pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[
     let lefts = transmittance.iter().cycle();
     for ((sum, &part), left) in accumulator.iter_mut().zip(source).zip(lefts) {
         *sum = left.mul_add(part, *sum);
+    }
+}
+
+/// What rounding took from the sums and the transmittance of a ray so far (Kahan 1965).
+#[derive(Debug)]
+struct Lost<R> {
+    sums: Vec<R>,
+    transmittance: Vec<R>,
+}
+
+impl<R> Lost<R> {
+    /// Of the sums of this position, which has `components`.
+    fn of_position(&mut self, position: usize, components: usize) -> &mut [R] {
+        &mut self.sums[position * components..(position + 1) * components]
+    }
+}
+
+/// `sum + term` as rounded; sets `lost` to what the sum has too much.
+fn compensated<R: Real>(sum: R, term: R, lost: &mut R) -> R {
+    let total = sum + term;
+    *lost = (total - sum) - term;
+    total
+}
+
+/// [`composite`], with what rounding has `lost`.
+fn composite_compensated<R: Real>(accumulator: &mut [R], lost: &mut [R], source: &[R], transmittance: &[R]) {
+    let lefts = transmittance.iter().cycle();
+    for (((sum, lost), &part), left) in accumulator.iter_mut().zip(lost).zip(source).zip(lefts) {
+        *sum = compensated(*sum, left.mul_add(part, -*lost), lost);
+    }
+}
+
+/// [`attenuate`] for every number, with what rounding has `lost`.
+fn attenuate_all<R: Real>(transmittance: &mut [R], opacity: &[R], lost: Option<&mut Lost<R>>) {
+    let numbers = transmittance.iter_mut().zip(opacity);
+    match lost {
+        None => numbers.for_each(|(left, &opacity)| *left = attenuate(*left, opacity)),
+        Some(lost) => {
+            for ((left, &opacity), lost) in numbers.zip(&mut lost.transmittance) {
+                *left = compensated(*left, (-*left).mul_add(opacity, -*lost), lost);
+            }
+        }
     }
 }
 

@@ -163,6 +163,11 @@ pub trait Samples<R: Real>: Sync {
     /// sum over its numbers of the differences between the mean and both ends; 1 where a label begins or ends.
     fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R;
 
+    /// α'/α of a part of a step, `length` steps long: α' = 1 − (1 − α)^length.
+    fn thinning(&self, opacity: R, length: R) -> R {
+        thinning(opacity, length)
+    }
+
     /// Optical depth per unit of length (the smallest spacing) at `place`, for shadows: `number` 0 is that of all that is grey,
     /// the others are those of the plan's coloured absorbers.
     fn extinction(&self, place: [R; 3], number: usize) -> R;
@@ -296,6 +301,10 @@ impl<'a> Exact<'a> {
 }
 
 impl Samples<f64> for Exact<'_> {
+    fn thinning(&self, opacity: f64, length: f64) -> f64 {
+        exact_thinning(opacity, length)
+    }
+
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         let shares = self.shares(place);
         if shares.has_own() {

@@ -9,6 +9,8 @@ mod transfer;
 
 use std::sync::Arc;
 
+use glam::DVec3;
+
 pub use blocks::{Block, Blocks, MOST_BLOCKS, Node, low_leaves};
 pub use camera::{Aim, Camera, Fill, Projection, View};
 pub(crate) use camera::{centre, unit};
@@ -48,7 +50,7 @@ pub struct Scene {
     /// Camera.
     pub camera: Camera,
     /// Crop box: opposite corners in voxel indices; `None` is the whole volume.
-    pub crop: Option<[glam::DVec3; 2]>,
+    pub crop: Option<[DVec3; 2]>,
     /// The block to march, if only one: a part of the picture. Gradients and shadows are those of the whole volume.
     pub block: Option<Block>,
     /// Accuracy settings.
@@ -60,6 +62,28 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Step length of a march: that of [`Accuracy`], but no longer than any ray in the volume. The opacity of a longer step
+    /// would tell nothing of the part inside.
+    #[must_use]
+    pub fn step_length(&self) -> f64 {
+        let geometry = &self.volume.geometry;
+        let longest = (geometry.spacing * DVec3::from_array(geometry.dims.map(crate::number::count))).length();
+        self.accuracy.step_length.min(longest)
+    }
+
+    /// Number of steps, the cut ones included, of the longest ray in the volume.
+    #[must_use]
+    pub fn most_steps(&self) -> f64 {
+        self.steps_across(self.volume.whole_box())
+    }
+
+    /// Number of steps, the cut ones included, along the diagonal between two corners in voxel indices.
+    pub(crate) fn steps_across(&self, [first, last]: [DVec3; 2]) -> f64 {
+        // An axis with a single voxel is one voxel thick.
+        let thickness = DVec3::select(self.volume.thin_axes().into(), DVec3::ONE, last - first);
+        ((thickness * self.volume.geometry.spacing).length() / self.step_length()).ceil() + 1.0
+    }
+
     /// A scene of `volume` without materials and lights. The step and the opacity length are the smallest spacing; all
     /// other settings are those of a scene file that states none.
     #[must_use]

@@ -11,9 +11,9 @@ use crate::volume::{Geometry, Volume};
 ///
 /// With u and v a place in a pixel, the centre if it has one ray, from −1 to 1 (right and up), the ray through it is
 /// `base + u·base_u + v·base_v + s·(direction + u·direction_u + v·direction_v)/√(1 + u²·spread_u + v²·spread_v)`,
-/// with s in units of the smallest spacing, so that volumes of every size stay within the range of f32. Samples lie at
-/// s₀ + (n + ½)Δs; the ray enters the volume at s₀, or starts there if the eye is inside. The crop box selects some of
-/// these samples and moves none, so films of adjacent crop boxes composite to the film of their union.
+/// with s in units of the smallest spacing, so that volumes of every size stay within the range of f32. Steps begin at
+/// s₀ + nΔs; the ray enters the volume at s₀, or starts there if the eye is inside. The crop box selects some of these
+/// steps, and parts of the first and the last; a sample lies in the middle of its step, or of the part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayTable {
     /// `base` of the ray formula: a point in or near the volume.
@@ -52,7 +52,7 @@ pub struct RayTable {
     pub local_scale: DVec3,
     /// Step length Δs in units of length.
     pub step_length: f64,
-    /// Number of samples in the crop box on the longest ray.
+    /// Largest number of steps of a ray in the crop box, those of which it has a part included.
     pub samples: u32,
 }
 
@@ -170,14 +170,10 @@ impl RayTable {
         if scene.block.is_some() && block.is_none() {
             return None;
         }
-        let most_samples = |low: DVec3, high: DVec3| {
-            let longest = ((high - low) * dims * geometry.spacing).length();
-            (longest / scene.accuracy.step_length).ceil() + 1.0
-        };
-        if most_samples(low, high) > MOST_SAMPLES {
+        if scene.most_steps() > MOST_SAMPLES {
             return None;
         }
-        let samples = most_samples(crop_low, crop_high);
+        let samples = scene.steps_across(scene.crop.unwrap_or_else(|| scene.volume.whole_box()));
         let unit = unit_length(geometry);
         let cell = count(CELL);
         Some(Self {
@@ -198,7 +194,7 @@ impl RayTable {
             cell_scale: dims / cell,
             cell_offset: DVec3::splat(-0.5 / cell),
             local_scale: geometry.spacing / unit * dims,
-            step_length: scene.accuracy.step_length / unit,
+            step_length: scene.step_length() / unit,
             samples: unsigned(whole(samples)),
         })
     }

@@ -255,7 +255,7 @@ impl<'a> Steps<'a> {
     /// optical depth per step length, at most [`LARGEST_DEPTH`]. Of a deeper medium, both are reduced by the same factor.
     fn density_of(&self, medium: &Medium) -> Step {
         let scene = self.scene;
-        let steps = scene.accuracy.step_length / scene.transfer.opacity_length;
+        let steps = scene.step_length() / scene.transfer.opacity_length;
         let depths = self.depths(medium, self.occluding(medium), steps);
         let gain = |component: usize| {
             let depth = depths[component.min(depths.len() - 1)];
@@ -276,7 +276,7 @@ impl<'a> Steps<'a> {
     /// Returns the effect of a step in `medium`.
     fn of_medium(&self, medium: &Medium) -> Step {
         let scene = self.scene;
-        let steps = scene.accuracy.step_length / scene.transfer.opacity_length;
+        let steps = scene.step_length() / scene.transfer.opacity_length;
         let scattering = self.occluding(medium);
         if let Some(matrices) = &self.matrices {
             return self.mixed(matrices, medium, scattering, steps);

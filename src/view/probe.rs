@@ -509,7 +509,7 @@ impl<'a> Profile<'a> {
             }
         };
         let factor = if entry.is_some() { 1.0 } else { factor };
-        let lengths = factor * length * scene.accuracy.step_length / scene.transfer.opacity_length;
+        let lengths = factor * length * scene.step_length() / scene.transfer.opacity_length;
         let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
         let grey: f64 = occluding.map(|(_, depth)| depth * lengths).sum();
         let [scattering, absorption] = [medium.scattering, medium.absorption]
@@ -533,7 +533,7 @@ impl<'a> Profile<'a> {
         for (seen, depth) in self.seen.iter_mut().zip(&scattering) {
             *seen += gain * depth;
         }
-        let at = scene.accuracy.step_length * (self.travelled + length / 2.0);
+        let at = scene.step_length() * (self.travelled + length / 2.0);
         self.travelled += length;
         if self.samples.is_multiple_of(self.per_stretch) {
             if self.stretches.len() == STRETCHES {

@@ -274,10 +274,9 @@ fn slab_straight_on(step: f64, opacity: f64) -> Rungs {
     Rungs::new(scenes::slab_straight_on(step, opacity, ""), [8, 8])
 }
 
-/// Closed form of a slab 24 units thick: transmittance of N equal steps, and the weight of the material.
-fn closed_form(step: f64, opacity: f64) -> (f64, f64) {
-    let steps = (24.0 / step - 0.5).ceil();
-    let depth = -(-opacity).ln_1p() * step * steps;
+/// Closed form of a slab 24 units thick: transmittance, and the weight of the material.
+fn closed_form(opacity: f64) -> (f64, f64) {
+    let depth = -(-opacity).ln_1p() * 24.0;
     ((-depth).exp(), -(-depth).exp_m1())
 }
 
@@ -285,7 +284,7 @@ fn closed_form(step: f64, opacity: f64) -> (f64, f64) {
 fn a_slab_is_its_closed_form_on_every_rung() {
     for (step, opacity) in [(0.7, 0.05), (0.7, 0.4), (1.0, 1e-6), (0.013, 0.05)] {
         let rungs = slab_straight_on(step, opacity);
-        let (left, weight) = closed_form(step, opacity);
+        let (left, weight) = closed_form(opacity);
         let near = |what: &str, found: f64, expected: f64, limit: f64| {
             let error = (found - expected).abs() / expected;
             assert!(
@@ -573,10 +572,8 @@ fn check_ramp(what: &str, rungs: &Rungs, accumulators: &[f64], transmittances: &
     with_renderer(|renderer| check("device", &rungs.gpu(renderer).map(f64::from), 2.0 * rounded));
 }
 
-/// Length of the samples in a [`ramp`].
-fn ramp_length() -> f64 {
-    (24.0_f64 / 0.7 - 0.5).ceil() * 0.7
-}
+/// Length of the rays in a [`ramp`].
+const RAMP_LENGTH: f64 = 24.0;
 
 const DAY: &str = "[lights.day]\nspectrum = \"D65\"\nkind = \"ambient\"\n";
 
@@ -584,14 +581,14 @@ const DAY: &str = "[lights.day]\nspectrum = \"D65\"\nkind = \"ambient\"\n";
 fn a_ramp_is_thinned_by_its_gradient_as_in_its_closed_form_on_every_rung() {
     // A gradient of 500 lies in the middle of 300 and 700: a factor of 0.5.
     let scattering = -(-0.2_f64).ln_1p();
-    let left = (-0.5 * scattering * ramp_length()).exp();
+    let left = (-0.5 * scattering * RAMP_LENGTH).exp();
     for gradients in [Gradients::Packed, Gradients::Central] {
         let mut rungs = ramp("", DAY, "").scene.clone();
         rungs.accuracy.gradients = gradients;
         check_ramp("grey", &Rungs::new(rungs, [8, 8]), &[1.0 - left], &[left]);
     }
     // An X-ray material adds σ·f per unit length and takes nothing.
-    check_ramp("X-ray", &ramp("xray = true", DAY, ""), &[0.5 * scattering * ramp_length()], &[1.0]);
+    check_ramp("X-ray", &ramp("xray = true", DAY, ""), &[0.5 * scattering * RAMP_LENGTH], &[1.0]);
 
     let absorption = "absorption = { gaussian = [{ centre = 560, sigma = 50, height = 1.0 }], base = 0.05 }";
     let rungs = ramp(absorption, &["absorption = 0.3\n", DAY].concat(), "");
@@ -600,7 +597,7 @@ fn a_ramp_is_thinned_by_its_gradient_as_in_its_closed_form_on_every_rung() {
     let reflected = model.coefficients(material.reflectance.spectrum());
     let absorbed = model.absorption_coefficients(material.absorption.as_ref().unwrap().spectrum());
     let extinctions = absorbed.iter().map(|part| scattering + 0.3 * part);
-    let left: Vec<f64> = extinctions.clone().map(|extinction| (-0.5 * extinction * ramp_length()).exp()).collect();
+    let left: Vec<f64> = extinctions.clone().map(|extinction| (-0.5 * extinction * RAMP_LENGTH).exp()).collect();
     let weights = extinctions.zip(&reflected).zip(&left);
     let weights: Vec<f64> =
         weights.map(|((extinction, part), left)| part * scattering / extinction * (1.0 - left)).collect();
@@ -615,7 +612,7 @@ fn one_sided_lighting_leaves_the_back_of_a_ramp_in_its_ambient_light() {
     };
     let lights = [light("back", 0.6), light("front", -0.6)].concat();
     let material = "ambient = 0.2\ndiffuse = 0.5\nspecular = 0.25\nexponent = 3";
-    let weight = 1.0 - (0.5 * (-0.2_f64).ln_1p() * ramp_length()).exp();
+    let weight = 1.0 - (0.5 * (-0.2_f64).ln_1p() * RAMP_LENGTH).exp();
     let left = 1.0 - weight;
     // The eye is at -z: the half-vector of (-0.6, 0, -0.8) and (0, 0, -1), and its part along -x.
     let shine = 0.25 * (0.6 / (0.36_f64 + 1.8 * 1.8).sqrt()).powi(3);
@@ -693,7 +690,7 @@ fn a_three_point_light_shades_a_ramp_by_its_three_directions() {
         }
         [0.2 + 0.5 * facing, 0.25 * shine]
     };
-    let weight = 1.0 - (0.5 * (-0.2_f64).ln_1p() * ramp_length()).exp();
+    let weight = 1.0 - (0.5 * (-0.2_f64).ln_1p() * RAMP_LENGTH).exp();
     let expected = |shade: [f64; 2]| shade.map(|part| weight * part);
     check_ramp("three-point", &two_sided, &expected(shade(&f64::abs)), &[1.0 - weight]);
     let one_sided = ramp(material, light, "lighting = \"one_sided\"");

@@ -36,6 +36,7 @@ fn least() -> ScenePlan {
         gradients: Gradients::Packed,
         skipping: true,
         rays: 1,
+        compensated: false,
         storage: StoreAs::Single,
     }
 }
@@ -353,6 +354,7 @@ fn the_least_plan_and_the_fullest_show_the_same() {
         gradients: Gradients::Packed,
         skipping: false,
         rays: 1,
+        compensated: false,
         storage: StoreAs::Single,
     };
     assert_eq!(fullest.planned.plan, expected);

@@ -172,8 +172,8 @@ pub fn of(text: &str, volume: Volume) -> Scene {
     Scene { volume: Arc::new(volume), ..parsed(&text) }
 }
 
-/// Slab with one value, 24 units thick, seen along its normal by parallel rays: `N = ⌈L/Δs − ½⌉` equal steps with
-/// `α = 1 − (1 − o)^Δs`. `material` adds properties to its orange material.
+/// Slab with one value, 24 units thick, seen along its normal by parallel rays: equal steps with
+/// `α = 1 − (1 − o)^Δs`, of which a part of the last is inside. `material` adds properties to its orange material.
 pub fn slab_straight_on(step: f64, opacity: f64, material: &str) -> Scene {
     let text = format!(
         r#"

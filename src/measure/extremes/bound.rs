@@ -62,13 +62,13 @@ impl Bound {
         }
     }
 
-    /// Bound of a march of a large number of equal steps through an optical `depth` that absorbs or hides most light.
-    pub(super) fn deep_steps(samples: f64, depth: f64) -> Self {
+    /// Bound of a march of any number of equal steps through an optical `depth`, whose sums are compensated.
+    pub(super) fn compensated(depth: f64) -> Self {
         Self {
-            name: "deep equal steps",
-            why: "as for equal steps; below T = n/depth roundings, a step adds less than half the last bit of the sum and is \
-                  lost or rounded up, which is at most this amount of light in total",
-            roundings: samples.sqrt() + samples / depth,
+            name: "compensated steps",
+            why: "compensated sums have two roundings, however many terms (Kahan 1965); sixteen of a term as for a march, and of \
+                  the transmittance one by the depth, since each opacity is rounded",
+            roundings: 18.0 + depth,
             besides: 0.0,
         }
     }

@@ -166,7 +166,7 @@ fn in_all_bands(slab: &Slab, scene: &Scene) -> DVec3 {
     let seen = std::array::from_fn(|band| {
         let absorbed = shape.map_or(0.0, |shape| shape.spectrum().samples()[band]);
         let extinction = scattering + depth * absorbed;
-        let sent = -scattering / extinction * (-extinction * slab.sampled()).exp_m1();
+        let sent = -scattering / extinction * (-extinction * slab.length()).exp_m1();
         light.samples()[band] * material.samples()[band] * sent
     });
     DVec3::from_array(xyz_of(&Spectrum::from_samples(seen)).0)

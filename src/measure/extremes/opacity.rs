@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use super::bound::{OPACITY, TERMINATION_DELTA_E};
 use super::left::{delta_e, worst};
-use super::slab::{GREEN, Picture, Slab};
+use super::slab::{GREEN, Picture, Slab, straight_on};
 use super::{Bound, Extreme, ExtremeError, Group};
-use crate::scene::{Projection, Scene};
+use crate::scene::Scene;
 use crate::spectrum::{Reflectance, Spectrum};
 
 pub(super) fn extremes() -> Vec<Extreme> {
@@ -31,6 +31,11 @@ pub(super) fn extremes() -> Vec<Extreme> {
         }
     }
     all.extend([1e-8, 1e-6, 1e-4, 0.01, 0.5, 0.99, 1.0 - 1e-6, 1.0 - 1e-8].map(one_sample));
+    all.push(homogeneous(
+        "opacity 1e-10 per length of 1e-9".to_owned(),
+        few,
+        Slab { opacity: 1e-10, opacity_length: 1e-9, ..Slab::default() },
+    ));
     all.push(thin_air());
     all.push(white_behind_black());
     all
@@ -73,11 +78,11 @@ fn one_sample(opacity: f64) -> Extreme {
     )
 }
 
-/// Enlarges a scene's voxels; the camera still looks at the middle.
+/// Enlarges a scene's voxels; the camera still looks at the middle, from outside.
 fn set_spacing(scene: &mut Scene, spacing: f64) {
     let mut volume = (*scene.volume).clone();
     volume.geometry.spacing = DVec3::splat(spacing);
-    scene.camera.projection = Projection::Orthographic { height: Some(0.1 * spacing) };
+    scene.camera = straight_on(&volume.geometry);
     scene.volume = std::sync::Arc::new(volume);
 }
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::left::{Left, worst};
+use super::left::worst;
 use super::slab::{Picture, Slab};
 use super::{Bound, Extreme, ExtremeError, Group};
 use crate::number::count;
@@ -28,6 +28,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
     .collect();
     let middle = DVec3::splat(16.0);
     let oblique = DVec3::new(0.3, 0.2, 1.0);
+    all.push(far_away());
     all.extend([
         camera("on a face", DVec3::new(16.0, 16.0, 0.0), DVec3::Z, 60.0),
         camera("on a face, looking away", DVec3::new(16.0, 16.0, 0.0), DVec3::NEG_Z, 60.0),
@@ -57,21 +58,28 @@ fn ray(name: &str, through: DVec3, direction: DVec3, length: f64) -> Extreme {
     };
     let bound = if length > 0.0 { Bound::march(length.ceil()) } else { Bound::EXACT };
     Extreme::shown(Group::Rays, format!("a ray {name}"), bound, scene, move |lefts| {
-        worst(lefts.iter().map(|left| error_after(&slab, left, 0, length)))
+        worst(lefts.iter().map(|left| slab.error_at(left, 0, length)))
     })
 }
 
-/// Error of pixel `i` against the closed form of a ray of `length`. Where `length` is within a thousandth of a step of
-/// a whole number of steps and a half, rounding decides about the last sample, and either number of samples is
-/// accepted.
-fn error_after(slab: &Slab, left: &Left<'_>, i: usize, length: f64) -> f64 {
-    let steps = length / slab.step - 0.5;
-    let of = |samples: f64| slab.error_at(left, i, samples.max(0.0) * slab.step);
-    let error = of(steps.ceil());
-    if (steps - steps.round()).abs() > 1e-3 || error.is_nan() {
-        return error;
-    }
-    error.min(of(steps.round())).min(of(steps.round() + 1.0))
+/// Parallel rays from a camera 1e9 units away, obliquely through the volume.
+fn far_away() -> Extreme {
+    const SIDE: f64 = 32.0;
+    let slab = Slab { dims: [33, 33, 33], opacity: 0.02, step: 0.37, ..Slab::default() };
+    let asked = slab.clone();
+    let (middle, direction) = (DVec3::splat(16.0), DVec3::new(0.3, 0.2, 1.0).normalize());
+    let scene = move || -> Result<Vec<Picture>, ExtremeError> {
+        let mut scene = asked.scene()?;
+        let aim = Aim::LookAt { position: middle - 1e9 * direction, target: middle };
+        scene.camera = Camera { projection: Projection::Orthographic { height: Some(0.1) }, aim, up: DVec3::Y };
+        Ok(vec![Picture::of(scene)])
+    };
+    let bound = Bound::march(100.0).and(1e-6, "march from afar", "the eye, 1e9 away, is a multiple of 2⁻²³ in f64");
+    let name = "parallel rays from a camera 1e9 away";
+    Extreme::shown(Group::Rays, name, bound, scene, move |lefts| {
+        let length = within(middle - 1e3 * direction, direction, SIDE);
+        worst(lefts.iter().map(|left| slab.error_at(left, 0, length)))
+    })
 }
 
 /// A camera at `eye` in or before a cube of 32, with a field of view of `fov_degrees` along `forward`. The length of
@@ -82,7 +90,8 @@ fn camera(name: &str, eye: DVec3, forward: DVec3, fov_degrees: f64) -> Extreme {
     let asked = slab.clone();
     let scene = move || -> Result<Vec<Picture>, ExtremeError> {
         let mut scene = asked.scene()?;
-        let aim = Aim::LookAt { position: eye, target: eye + forward };
+        // A near target would round the direction of a distant eye.
+        let aim = Aim::LookAt { position: eye, target: eye + 1e6 * forward };
         scene.camera = Camera { projection: Projection::Perspective { fov_degrees }, aim, up: DVec3::Y };
         Ok(vec![Picture { size: SIZE, ..Picture::of(scene) }])
     };
@@ -96,11 +105,15 @@ fn camera(name: &str, eye: DVec3, forward: DVec3, fov_degrees: f64) -> Extreme {
         let v = 1.0 - 2.0 * (count(i / SIZE[0]) + 0.5) / height;
         (forward + half.tan() * (u * width / height * right + v * up)).normalize()
     };
-    let bound = Bound::march(150.0);
+    let distant = if eye.length() > 1e3 { 1e-14 * eye.length() } else { 0.0 };
+    let bound = match Bound::march(150.0) {
+        bound if distant > 0.0 => bound.and(distant, "march from afar", "the place of the eye is rounded"),
+        bound => bound,
+    };
     Extreme::shown(Group::Rays, format!("a camera {name}"), bound, scene, move |lefts| {
         worst(lefts.iter().flat_map(|left| {
             let slab = &slab;
-            (0..SIZE[0] * SIZE[1]).map(move |i| error_after(slab, left, i, within(eye, direction(i), 32.0)))
+            (0..SIZE[0] * SIZE[1]).map(move |i| slab.error_at(left, i, within(eye, direction(i), 32.0)))
         }))
     })
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::bound::ROUNDING_UNIT;
 use super::left::worst;
 use super::slab::{Picture, Slab, straight_on};
 use super::{Bound, Extreme, ExtremeError, Group};
@@ -13,7 +14,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
     let mut all: Vec<Extreme> = [1e-40, 1e-6, 1e6, 1e35].map(spacing).into();
     all.push(flat_voxels());
     all.extend([[1, 1], [16384, 1], [1, 16384]].map(picture));
-    all.extend([("one voxel", 1.0), ("a quarter of a voxel", 0.25)].map(|(name, width)| crop(name, width)));
+    all.extend([("one voxel", 1.0), ("a quarter of a voxel", 0.25), ("a hundredth of a voxel", 0.01)].map(|(name, width)| crop(name, width)));
     all
 }
 
@@ -72,26 +73,27 @@ fn picture(size: [usize; 2]) -> Extreme {
     Extreme::shown(Group::Sizes, name, Bound::march(8.0), scene, move |lefts| {
         worst(lefts.iter().flat_map(|left| {
             let slab = &slab;
-            (0..size[0] * size[1]).map(move |i| slab.error_at(left, i, slab.sampled()))
+            (0..size[0] * size[1]).map(move |i| slab.error_at(left, i, slab.length()))
         }))
     })
 }
 
-/// A cube of `width` about the middle of a volume as crop box. Along the rays its faces lie between samples: a sample on
-/// a face is inside or outside as the numbers round.
+/// A cube of `width` as crop box, whose faces cut steps.
 fn crop(name: &str, width: f64) -> Extreme {
     let slab = Slab { dims: [9, 9, 9], opacity: 0.3, step: 0.25, ..Slab::default() };
     let asked = slab.clone();
     let scene = move || -> Result<Vec<Picture>, ExtremeError> {
         let mut scene = asked.scene()?;
         let half = DVec3::splat(0.5 * width);
-        let steps = (half.z / asked.step).floor() * asked.step;
-        let middle = DVec3::new(4.0, 4.0, 4.0 - steps + half.z);
+        let middle = DVec3::new(4.0, 4.0, 3.21);
         scene.crop = Some([middle - half, middle + half]);
         scene.camera.projection = Projection::Orthographic { height: Some(0.5 * width) };
         Ok(vec![Picture::of(scene)])
     };
-    Extreme::shown(Group::Sizes, format!("a crop of {name}"), Bound::march(4.0), scene, move |lefts| {
+    // Of 20 units from the eye, the places of both faces along a ray are rounded, and of 9 voxels in the volume.
+    let faces = 2.0 * (20.0 + 9.0) * ROUNDING_UNIT / width;
+    let bound = Bound::march(width / 0.25 + 2.0).and(faces, "march in a crop box", "the places of its faces are rounded");
+    Extreme::shown(Group::Sizes, format!("a crop of {name}"), bound, scene, move |lefts| {
         worst(lefts.iter().map(|left| slab.error_at(left, 0, width)))
     })
 }

@@ -46,8 +46,9 @@ const VALUE: u16 = 150;
 #[derive(Clone, Debug)]
 pub(super) struct Slab {
     pub(super) dims: [usize; 3],
-    /// Per unit length.
+    /// Per [`Self::opacity_length`].
     pub(super) opacity: f64,
+    pub(super) opacity_length: f64,
     /// Additional absorption: the spectrum in scene-file syntax, and its depth per unit length.
     pub(super) absorption: Option<(&'static str, f64)>,
     pub(super) step: f64,
@@ -65,6 +66,7 @@ impl Default for Slab {
         Self {
             dims: [5, 5, 9],
             opacity: 0.1,
+            opacity_length: 1.0,
             absorption: None,
             step: 1.0,
             reflectance: "\"orange\"",
@@ -84,18 +86,13 @@ impl Slab {
         if along == 1 { 1.0 } else { count(along - 1) }
     }
 
-    /// Length that the samples cover: a step counts whole if its middle is inside.
-    pub(super) fn sampled(&self) -> f64 {
-        (self.length() / self.step - 0.5).ceil().max(0.0) * self.step
-    }
-
     /// Number of samples of a ray.
     pub(super) fn samples(&self) -> f64 {
-        (self.sampled() / self.step).round()
+        (self.length() / self.step).ceil()
     }
 
     pub(super) fn scene(&self) -> Result<Scene, ExtremeError> {
-        let Self { opacity, step, reflectance, accuracy, .. } = self;
+        let Self { opacity, opacity_length, step, reflectance, accuracy, .. } = self;
         let (shape, depth) =
             self.absorption.map_or((String::new(), 0.0), |(shape, depth)| (format!("absorption = {shape}"), depth));
         let lights: String =
@@ -107,7 +104,7 @@ impl Slab {
             reflectance = {reflectance}
             {shape}
             [transfer]
-            opacity_length = 1
+            opacity_length = {opacity_length}
             [[transfer.intervals]]
             material = "only"
             range = [100, 200]
@@ -131,7 +128,7 @@ impl Slab {
     pub(super) fn closed_form(&self, left: &Left<'_>, length: f64) -> [Vec<f64>; 2] {
         let Some(material) = left.rungs.scene.materials.first() else { return [Vec::new(), vec![1.0]] };
         let planned = left.planned();
-        let scattering = -(-self.opacity).ln_1p();
+        let scattering = -(-self.opacity).ln_1p() / self.opacity_length;
         let (reflectance, shape) = (material.reflectance.spectrum(), material.absorption.as_ref());
         let (reflected, absorbed) = match &planned.model {
             None => (vec![1.0; planned.plan.components()], vec![1.0]),
@@ -160,10 +157,10 @@ impl Slab {
     /// has an absolute error where a step's opacity exceeds 0.5, because rounding α changes 1 − α by more; otherwise
     /// its error is relative to the value, or to √[`f32::MIN_POSITIVE`] if that is larger.
     pub(super) fn error(&self, left: &Left<'_>) -> f64 {
-        self.error_at(left, 0, self.sampled())
+        self.error_at(left, 0, self.length())
     }
 
-    /// Returns the same error for pixel `i`, whose samples cover `length`.
+    /// Returns the same error for pixel `i`, whose ray has this `length` in the volume.
     pub(super) fn error_at(&self, left: &Left<'_>, i: usize, length: f64) -> f64 {
         let [weights, transmittance] = self.closed_form(left, length);
         let plan = &left.planned().plan;
@@ -181,7 +178,7 @@ impl Slab {
 
     /// Returns the error of pixel 0 in linear sRGB against the closed form relit in f64, relative to Σ|terms|.
     pub(super) fn picture_error(&self, left: &Left<'_>) -> f64 {
-        let [weights, transmittance] = self.closed_form(left, self.sampled());
+        let [weights, transmittance] = self.closed_form(left, self.length());
         let numbers =
             weights.iter().zip(&left.matrices.colours).chain(transmittance.iter().zip(&left.matrices.background));
         let (mut expected, mut size) = (DVec3::ZERO, DVec3::ZERO);

@@ -131,7 +131,7 @@ fn occupancy_of(scene: &Scene, uploaded: &Uploaded, values: &Values) -> Occupanc
         Values::Steps(table) => uploaded.cells.occupancy(&table.active_entries()),
         Values::Segments(table) => {
             let occupancy = uploaded.cells.occupancy(&table.active_entries());
-            let half = scene.accuracy.step_length / 2.0 / scene.volume.geometry.spacing.min_element();
+            let half = scene.step_length() / 2.0 / scene.volume.geometry.spacing.min_element();
             // The range of a macrocell includes one voxel more on each side, of which the cubic filter reads one.
             let spare = if scene.accuracy.interpolation == Interpolation::Cubic { 0.0 } else { 1.0 };
             let reach = whole(((half - spare).max(0.0) / count(CELL)).ceil());
@@ -271,9 +271,13 @@ impl Renderer {
         };
         let sampler = Sampler::new(device, "volume", filter)?;
         let [vectors, format] = formats(plan, StoreAs::Single);
-        let accumulators = StorageImage::new(device, "accumulators", vectors, extent, unsigned(plan.layers().max(1)))?;
-        let transmittance =
-            StorageImage::new(device, "transmittance", format, extent, unsigned(plan.transmittance_lanes().max(1)))?;
+        let image = |name, format, layers: usize| {
+            // Behind the film lie the layers of what rounding took from it.
+            let layers = layers.max(1) * if plan.compensated { 2 } else { 1 };
+            StorageImage::new(device, name, format, extent, unsigned(layers))
+        };
+        let accumulators = image("accumulators", vectors, plan.layers())?;
+        let transmittance = image("transmittance", format, plan.transmittance_lanes())?;
 
         if rays.block.is_some() {
             self.fill_with_light([&accumulators, &transmittance], plan)?;

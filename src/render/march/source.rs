@@ -133,6 +133,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
     };
     filmed(bricked(common(plan), residence), plan)
         .bool("BLOCK", block)
+        .bool("COMPENSATED", plan.compensated)
         .u32("LANES", unsigned(plan.lanes().max(1)))
         .u32("COMPONENTS", unsigned(dimension))
         .u32("TABLE_LANES", table_lanes)
@@ -338,6 +339,7 @@ mod tests {
             gradients: Gradients::Packed,
             skipping: true,
             rays: 1,
+            compensated: false,
             storage: StoreAs::Single,
         }
     }
