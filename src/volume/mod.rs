@@ -49,6 +49,7 @@ mod voxel_type;
 mod voxels;
 mod vti;
 mod vtk;
+mod windows;
 mod zarr;
 
 pub use bricks::{

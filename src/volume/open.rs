@@ -241,7 +241,8 @@ pub fn extensions() -> impl Iterator<Item = &'static str> {
 /// `selection` does not choose one, [`VolumeError::NoSuch`] if the chosen volume does not exist,
 /// [`VolumeError::Cancelled`] if `progress` requests it, and the error of the reader for a defective file.
 pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
-    let volume = read(path, selection, progress)?;
+    let mut volume = read(path, selection, progress)?;
+    volume.leave_out_windows();
     // The voxels have already taken their part of the available memory.
     if let HostMemory::Bounded { bytes: Some(_) } = selection.memory {
         let bytes = count(volume.voxels.len()).saturating_mul(count(volume.voxels.voxel_type().bytes()));

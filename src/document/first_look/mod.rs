@@ -831,7 +831,8 @@ fn shape(
         );
     }
     // A window of the file says more than the histogram.
-    let stated = presets.windows.iter().find(|window| window.low < values.most).filter(|_| wish.look.is_none());
+    let is_within = |window: &&Window| window.low < values.most && window.high > values.least;
+    let stated = presets.windows.iter().find(is_within).filter(|_| wish.look.is_none());
     let layers = match (&values.kind, wish.look) {
         (Kind::Labels(labels), None) => label_layers(values, labels, &presets.labels, axis),
         (_, Some(Look::Preset(preset))) => preset_layers(preset, statistics, values.water(statistics)),
