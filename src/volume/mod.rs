@@ -20,6 +20,7 @@ mod hint;
 mod layout;
 mod lengths;
 mod metaimage;
+mod mgh;
 mod modality;
 mod mrc;
 mod neighbours;
@@ -49,7 +50,6 @@ mod voxel_type;
 mod voxels;
 mod vti;
 mod vtk;
-mod windows;
 mod zarr;
 
 pub use bricks::{

@@ -351,14 +351,14 @@ impl<'a> Header<'a> {
         Ok(axes)
     }
 
-    /// Whether each axis is no axis of space, because its spacing, or else its end, is NaN and that of an axis behind it is a
-    /// number. An axis behind all numbers may be one whose spacing is unknown.
+    /// Whether each of more than three axes is no axis of space, because its spacing, or else its end, is NaN and that of an axis
+    /// behind it is a number. An axis behind all numbers, and one of three, may be one whose spacing is unknown.
     fn no_space(&self, count: usize) -> Result<Vec<bool>, VolumeError> {
         let fields = [&key::SPACINGS, &key::MINS, &key::MAXS];
         let stated = fields.into_iter().find(|names| self.fields.find(*names).is_some());
         let numbers = stated.map_or_else(|| Ok(Vec::new()), |names| self.numbers(names, count))?;
         let last = numbers.iter().rposition(Option::is_some).unwrap_or(0);
-        Ok((0..count).map(|axis| axis < last && numbers.get(axis).is_some_and(Option::is_none)).collect())
+        Ok((0..count).map(|axis| count > 3 && axis < last && numbers.get(axis).is_some_and(Option::is_none)).collect())
     }
 
     /// The unit of the world, and the factors of the spacings and ends of the spatial axes to it. Units of the world's axes are

@@ -25,6 +25,9 @@ pub(super) struct Placed {
     pub(super) axes: Option<Vec<Option<Axis>>>,
     /// Steps along x, y and z, as vectors of the world; `None` where none is stated.
     steps: [Option<DVec3>; 3],
+    /// Length of steps that are not stated, and whether each axis runs backwards then.
+    otherwise: f64,
+    backwards: [bool; 3],
     /// Position of voxel (0, 0, 0).
     origin: DVec3,
     pub(super) unit: Option<Unit>,
@@ -47,6 +50,8 @@ impl Default for Placed {
         Self {
             axes: None,
             steps: [None; 3],
+            otherwise: 1.0,
+            backwards: [false; 3],
             origin: DVec3::ZERO,
             unit: None,
             is_anatomical: false,
@@ -63,14 +68,16 @@ impl Default for Placed {
 impl Placed {
     /// The grid of an array with these axes.
     pub(super) fn geometry(&self, source: &str, arranged: &Arranged) -> Result<Geometry, VolumeError> {
-        let unit = [DVec3::X, DVec3::Y, DVec3::Z];
-        let [x, y, z] = [0, 1, 2].map(|axis| self.steps[axis].unwrap_or(unit[axis]));
+        let otherwise = |axis: usize| {
+            [DVec3::X, DVec3::Y, DVec3::Z][axis] * if self.backwards[axis] { -self.otherwise } else { self.otherwise }
+        };
+        let [x, y, z] = [0, 1, 2].map(|axis| self.steps[axis].unwrap_or_else(|| otherwise(axis)));
         Lattice { dims: arranged.dims(), origin: self.origin, steps: DMat3::from_cols(x, y, z) }.geometry(source)
     }
 
     /// The sentence about axes without a step, or with steps of another unit, if there are any.
     pub(super) fn assumed(&self) -> Option<String> {
-        let unknown = assumed_spacing("the file", self.steps.map(|step| step.is_none()), [1.0; 3]);
+        let unknown = assumed_spacing("the file", self.steps.map(|step| step.is_none()), [self.otherwise; 3]);
         let sentences: Vec<String> = self.drawn.iter().cloned().chain(unknown).collect();
         (!sentences.is_empty()).then(|| sentences.join("; "))
     }
@@ -159,10 +166,11 @@ fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
         let Some(coordinates) = coordinates.get(at).copied().flatten() else { continue };
         let name =
             if is_emd { last_of(&coordinates.name) } else { array.dimensions.get(at).map_or("", String::as_str) };
-        match line(file, coordinates, array.shape[at]) {
-            Some(line) => lines[place] = Some(line),
-            None => placed.notes.push(format!("the coordinates {} are not even, and are not used", printable(name))),
+        let found = line(file, coordinates, array.shape[at], place == 2);
+        if found.as_ref().is_none_or(|line| !line.is_even) {
+            placed.notes.push(format!("the coordinates {} are not even, and are not used", printable(name)));
         }
+        lines[place] = found;
     }
     placed.draw(&lines);
     placed
@@ -171,13 +179,17 @@ fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
 impl Placed {
     /// Takes steps and origin of the coordinates along x, y and z. Axes whose units have nothing in common with those of x or y,
     /// such as metres beside degrees, get the steps of x, so that all of the volume is seen.
-    fn draw(&mut self, lines: &[Option<Line>; 3]) {
+    fn draw(&mut self, all: &[Option<Line>; 3]) {
+        self.backwards = all
+            .each_ref()
+            .map(|line| line.as_ref().is_some_and(|line| (line.step < 0.0) != (line.is_downward && line.is_vertical)));
+        let lines = all.each_ref().map(|line| line.as_ref().filter(|line| line.is_even));
         let unit = lines.iter().flatten().find_map(|line| line.unit).map(|(unit, _)| unit);
         // Degrees beside metres have no common unit.
         self.unit = unit.filter(|_| lines.iter().flatten().all(|line| line.unit.is_some()));
-        let first = lines.iter().flatten().next();
+        let first = lines.iter().flatten().next().copied();
         let differs = |line: &Line| first.is_some_and(|first| line.is_apart_from(first));
-        let drawn: Vec<usize> = (0..3).filter(|&axis| lines[axis].as_ref().is_some_and(differs)).collect();
+        let drawn: Vec<usize> = (0..3).filter(|&axis| lines[axis].is_some_and(differs)).collect();
         if unit.is_some() && self.unit.is_none() && drawn.is_empty() {
             self.notes.push("not all coordinates are lengths; the spacing has their numbers, and no unit".to_owned());
         }
@@ -185,15 +197,16 @@ impl Placed {
             (Some(stated), Some(unit)) => converted(length, stated, unit),
             _ => length,
         };
+        self.otherwise = first.map_or(1.0, |first| own(first.step, first).abs());
         for (axis, line) in lines.iter().enumerate() {
-            let Some(line) = line else { continue };
+            let Some(line) = *line else { continue };
             let (mut step, mut start) = (own(line.step, line), own(line.first, line));
             if let (true, Some(first)) = (drawn.contains(&axis), first) {
                 let scale = first.step.abs() / line.step.abs();
                 (step, start) = (line.step * scale, line.first * scale);
             }
             // Below is below, whatever is counted.
-            if axis == 2 && line.is_downward {
+            if line.is_vertical && line.is_downward {
                 (step, start) = (-step, -start);
             }
             self.steps[axis] = Some([DVec3::X, DVec3::Y, DVec3::Z][axis] * step);
@@ -201,7 +214,7 @@ impl Placed {
         }
         if !drawn.is_empty() {
             let along = |axis: usize| {
-                let line = lines[axis].as_ref();
+                let line = lines[axis];
                 let words = line.map_or("", |line| line.words.as_str());
                 let step = line.map_or(1.0, |line| line.step.abs());
                 let words = if words.is_empty() { "no unit".to_owned() } else { printable(words) };
@@ -244,12 +257,14 @@ fn of_netcdf<'a>(array: &Array, all: &'a [Array]) -> Vec<Option<&'a Array>> {
     array.dimensions.iter().enumerate().map(one).collect()
 }
 
-/// The coordinates of the axes of an array of an EMD file, `dim1` and so on beside it; `None` for other arrays.
+/// The coordinates of the axes of an array of an EMD file, `dim1` and so on beside it, slowest first; `None` for other arrays.
 fn emd<'a>(file: &File, array: &Array, all: &'a [Array]) -> Option<Vec<Option<&'a Array>>> {
     let (group, _) = array.name.rsplit_once('/')?;
     let is_emd = !array.attributes.has("DIMENSION_LIST") && file.group(group).has("emd_group_type");
+    // The first axis is dim1, or dim0 since version 1.
+    let first = usize::from(!all.iter().any(|it| it.name == format!("{group}/dim0")));
     let one = |at: usize| {
-        let name = format!("{group}/dim{}", at + 1);
+        let name = format!("{group}/dim{}", at + first);
         // Of even steps, some writers store the first two.
         let fits = |it: &&Array| it.name == name && (it.shape == [array.shape[at]] || it.shape == [2]);
         all.iter().find(fits).filter(|found| found.shape[0] > 1)
@@ -269,10 +284,14 @@ fn axis_tags(array: &Array) -> Option<Vec<String>> {
     tags.get("axes")?.as_array()?.iter().map(key).collect()
 }
 
-/// Even coordinates.
+/// Coordinates along an axis.
 struct Line {
     first: f64,
+    /// The step, or the mean of uneven ones.
     step: f64,
+    is_even: bool,
+    /// Whether it is the axis z.
+    is_vertical: bool,
     unit: Option<(Unit, f64)>,
     /// Name of the unit in the file.
     words: String,
@@ -333,9 +352,9 @@ fn is_pressure(words: &str) -> bool {
     )
 }
 
-/// The coordinates of `length` entries in an array of one axis, which may have the first two of them; `None` if they are not
-/// even.
-fn line(file: &File, array: &Array, length: usize) -> Option<Line> {
+/// The coordinates of `length` entries in an array of one axis, which may have the first two of them; `None` if they are no
+/// coordinates. `is_vertical` says that the axis is z.
+fn line(file: &File, array: &Array, length: usize, is_vertical: bool) -> Option<Line> {
     let stored = array.shape[0];
     // Halves and enumerations come as bits.
     if stored > LONGEST || array.kind != Kind::Number || stored < length.min(2) {
@@ -368,7 +387,8 @@ fn line(file: &File, array: &Array, length: usize) -> Option<Line> {
         _ => is_pressure(&words.to_ascii_lowercase()),
     };
     let unit = unit(&words);
-    (is_even && step != 0.0 && step.is_finite()).then_some(Line { first, step, unit, words, is_downward })
+    let line = Line { first, step, is_even, is_vertical, unit, words, is_downward };
+    (step != 0.0 && step.is_finite()).then_some(line)
 }
 
 /// The placing of an image of MINC-2; `None` for other arrays.

@@ -338,9 +338,10 @@ impl Reading<'_> {
             let rows = DMat3::from_cols_array_2d(&[x, y, z].map(|[a, b, c, _]| [a, b, c]));
             (rows.transpose(), DVec3::new(x[3], y[3], z[3]))
         };
-        let is_flat = header.sform_code > 0 && spans_nothing(with_normal(by_rows().0, dims, 1.0));
+        let (rows, first) = by_rows();
+        let is_flat = header.sform_code > 0 && first.is_finite() && spans_nothing(with_normal(rows, dims, 1.0));
         if is_flat {
-            let lengths = [0, 1, 2].map(|axis| number::brief(by_rows().0.col(axis).length()));
+            let lengths = [0, 1, 2].map(|axis| number::brief(rows.col(axis).length()));
             let instead = if header.qform_code > 0 { "the qform" } else { "the spacings of pixdim" };
             notes.push(format!(
                 "{source}: the axes of the sform (code {}) span no volume: they are {} long and lie in a plane or a line, or \
