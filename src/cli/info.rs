@@ -31,7 +31,7 @@ Examples:
   relume info scans                             the series of a folder of DICOM files
   relume info scene.toml                        the contents of a scene, and the cost of a picture";
 
-const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.dcm, .mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .h5, .nc, .tif, .vti, .vtk, .raw, \
+const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.dcm, .mhd, .mha, .nrrd, .nhdr, .nii, .mgz, .mrc, .npy, .h5, .nc, .tif, .vti, .vtk, .raw, \
                          a folder of DICOM files or of slices, a Zarr store). \
                         Without one, the Vulkan devices";
 
@@ -337,7 +337,9 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             "type": volume.voxels.type_name(),
             "spacing": geometry.spacing.to_array(),
             "origin": geometry.origin.to_array(),
-            // Row by row, as ITK prints it: column i is axis i.
+            // Unit vectors of the axes x, y and z, in order, as in the key `direction` of a scene.
+            "axes": direction.to_cols_array_2d(),
+            // Row by row: column i is axis i. Former form of `axes`, for one release.
             "direction": direction.transpose().to_cols_array(),
             "anatomical": volume.anatomical,
             "unit": volume.unit.map(|unit| unit.to_string()),

@@ -20,6 +20,7 @@ mod hint;
 mod layout;
 mod lengths;
 mod metaimage;
+mod mgh;
 mod modality;
 mod mrc;
 mod neighbours;

@@ -123,6 +123,8 @@ fn info_of_a_volume_has_the_promised_keys() {
     // MetaImage lists the axes one after the other; ITK prints them as columns.
     let turned = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     assert_eq!(json["direction"], serde_json::json!(turned));
+    // The axis vectors in order, as in a scene's `direction`.
+    assert_eq!(json["axes"], serde_json::json!([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]));
     let bins: Vec<u64> = serde_json::from_value(json["histogram"].clone()).unwrap();
     assert_eq!((bins.len(), bins.iter().sum::<u64>(), bins[0], bins[63]), (64, 16, 1, 1));
 

@@ -21,7 +21,7 @@ use super::fit;
 use super::moves::Side;
 use super::silhouette::{Depths, Seen};
 use super::transfer_presets::TransferPreset;
-use crate::number::{brief, count, nearest, rounded, whole};
+use crate::number::{brief, count, nearest, whole};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term};
@@ -389,8 +389,8 @@ fn label_layers(values: &Values, labels: &[f64], presets: &[LabelPreset], axis: 
 
 /// The label that more than two thirds of the rays along `axis` meet first and leave last, if there is one.
 fn outermost(thinned: &Thinned, background: f64, axis: usize) -> Option<f64> {
-    let is_object = |value: f32| f64::from(value) > background;
-    let mut met: Vec<(f32, usize)> = Vec::new();
+    let is_object = |value: f64| value > background;
+    let mut met: Vec<(f64, usize)> = Vec::new();
     let mut rays = 0;
     for_columns(thinned, axis, |column| {
         let mut objects = column.iter().copied().filter(|&value| is_object(value));
@@ -402,14 +402,14 @@ fn outermost(thinned: &Thinned, background: f64, axis: usize) -> Option<f64> {
             }
         }
     });
-    met.into_iter().find(|&(_, times)| count(times) > 2.0 / 3.0 * count(rays)).map(|(label, _)| label.into())
+    met.into_iter().find(|&(_, times)| count(times) > 2.0 / 3.0 * count(rays)).map(|(label, _)| label)
 }
 
 /// The two other axes beside each axis.
 const ACROSS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
 
 /// Calls `visit` with the values of each column of voxels along `axis`.
-fn for_columns(thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
+fn for_columns(thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f64])) {
     (0..planes(thinned, axis)).for_each(|plane| for_columns_of(plane, thinned, axis, &mut visit));
 }
 
@@ -419,7 +419,7 @@ fn planes(thinned: &Thinned, axis: usize) -> usize {
 }
 
 /// The same as [`for_columns`] in one of the [`planes`].
-fn for_columns_of(plane: usize, thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
+fn for_columns_of(plane: usize, thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f64])) {
     let [one, other] = ACROSS[axis];
     let mut column = Vec::new();
     for first in 0..thinned.dims[one] {
@@ -440,7 +440,7 @@ fn thicknesses(thinned: &Thinned, layers: &[Layer], axis: usize) -> Vec<f64> {
         for_columns_of(plane, thinned, axis, |column| {
             for (layer, (voxels, columns)) in layers.iter().zip(&mut found) {
                 let [low, high] = layer.range;
-                let here = column.iter().filter(|&&value| (low..=high).contains(&f64::from(value))).count();
+                let here = column.iter().filter(|&&value| (low..=high).contains(&value)).count();
                 *voxels += here;
                 *columns += usize::from(here > 0);
             }
@@ -473,9 +473,9 @@ fn ramp_thickness(thinned: &Thinned, [low, high]: [f64; 2], rise: Rise, axis: us
     };
     let (mut sum, mut columns) = (0.0, 0);
     for_columns(thinned, axis, |column| {
-        if column.iter().any(|&value| f64::from(value) >= middle) {
+        if column.iter().any(|&value| value >= middle) {
             columns += 1;
-            sum += column.iter().map(|&value| weight(value.into())).sum::<f64>();
+            sum += column.iter().map(|&value| weight(value)).sum::<f64>();
         }
     });
     sum / count(columns.max(1))
@@ -511,7 +511,7 @@ fn is_upside_down(volume: &Volume, values: &Values) -> bool {
     let slice = |z: usize| thinned.values.get(z * nx * ny..(z + 1) * nx * ny).unwrap_or_default();
     let ends = if vertical < 0.0 { [nz - 1, 0] } else { [0, nz - 1] };
     let [low, high] = ends.map(|z| {
-        let body = slice(z).iter().filter(|&&value| f64::from(value) > water - 100.0).count();
+        let body = slice(z).iter().filter(|&&value| value > water - 100.0).count();
         count(body) / count(nx * ny)
     });
     let [enclosed_low, enclosed_high] = ends.map(|z| enclosed(slice(z), nx, water));
@@ -519,9 +519,9 @@ fn is_upside_down(volume: &Volume, values: &Values) -> bool {
 }
 
 /// Fraction of the soft tissue of a slice of a CT with bone on all four sides, in its row and in its column.
-fn enclosed(slice: &[f32], width: usize, water: f64) -> f64 {
+fn enclosed(slice: &[f64], width: usize, water: f64) -> f64 {
     let height = slice.len() / width.max(1);
-    let is_bone = |value: f32| f64::from(value) > water + 250.0;
+    let is_bone = |value: f64| value > water + 250.0;
     // First and last bone of each row and of each column.
     let (mut rows, mut columns) = (vec![[usize::MAX, 0]; height], vec![[usize::MAX, 0]; width]);
     for (place, _) in slice.iter().enumerate().filter(|&(_, &value)| is_bone(value)) {
@@ -530,7 +530,7 @@ fn enclosed(slice: &[f32], width: usize, water: f64) -> f64 {
         columns[x] = [columns[x][0].min(y), columns[x][1].max(y)];
     }
     let (mut soft, mut inside) = (0, 0);
-    for (place, _) in slice.iter().enumerate().filter(|&(_, &it)| f64::from(it) > water - 100.0 && !is_bone(it)) {
+    for (place, _) in slice.iter().enumerate().filter(|&(_, &it)| it > water - 100.0 && !is_bone(it)) {
         let (x, y) = (place % width, place / width);
         let is_within = |[first, last]: [usize; 2], at: usize| first < at && at < last;
         soft += 1;
@@ -669,14 +669,14 @@ pub(super) fn first_look(
             vec![[(1.0 - from) * low + from * high, f64::MAX]]
         }
     };
-    let shows = |value: f32| ranges.iter().any(|&[low, high]| (low..=high).contains(&f64::from(value)));
+    let shows = |value: f64| ranges.iter().any(|&[low, high]| (low..=high).contains(&value));
     let alone = if has_parts { None } else { alone(volume, &values, shape.lowest(), progress)? };
     let crop = match alone {
         Some(Alone::Box(crop)) => Some(crop),
         _ => None,
     };
     let (at_hand, geometry) = (volume.at_hand(), &volume.geometry);
-    let outline = fit::outline(at_hand, values.thinned.stride, crop, |_, value| is_flat || shows(rounded(value)));
+    let outline = fit::outline(at_hand, values.thinned.stride, crop, |_, value| is_flat || shows(value));
     // A body is known to be upright.
     let camera = if matches!(values.kind, Kind::Ct { .. }) { camera } else { raised(camera, &outline) };
     let opacities: Vec<f64> = match &shape {
@@ -813,8 +813,17 @@ fn shape(
             format!("{kind}, shown as a green X-ray material, brighter from {low} to {high}"),
         );
     }
+    // Programs that know no window write the range of a byte.
+    let unused = |stated: Option<&Window>| match (stated, presets.windows.first()) {
+        (None, Some(Window { low, high, .. })) => format!(
+            "; the window of the file, {} to {}, is not used, because the values lie beside it",
+            brief(*low),
+            brief(*high)
+        ),
+        _ => String::new(),
+    };
     if let (Kind::Other(_), None, Some(colour)) = (&values.kind, wish.look, presets.colour) {
-        let stated = presets.windows.iter().find(|window| window.low < values.most);
+        let stated = presets.windows.iter().find(|window| values.are_in(window));
         // Windows of channels often begin at 0, in front of the noise of the surroundings.
         let from = values.objects_from;
         let range = stated.map_or([from, high], |window| {
@@ -826,12 +835,13 @@ fn shape(
         return (
             Shape::Ramp { layer, rise: Rise::Even },
             format!(
-                "{kind}, shown in the colour of the channel, {code}: transparent up to {low}, most opaque from {high}"
+                "{kind}, shown in the colour of the channel, {code}: transparent up to {low}, most opaque from {high}{}",
+                unused(stated)
             ),
         );
     }
     // A window of the file says more than the histogram.
-    let stated = presets.windows.iter().find(|window| window.low < values.most).filter(|_| wish.look.is_none());
+    let stated = presets.windows.iter().find(|window| values.are_in(window)).filter(|_| wish.look.is_none());
     let layers = match (&values.kind, wish.look) {
         (Kind::Labels(labels), None) => label_layers(values, labels, &presets.labels, axis),
         (_, Some(Look::Preset(preset))) => preset_layers(preset, statistics, values.water(statistics)),
@@ -859,7 +869,9 @@ fn shape(
         .collect();
     let more =
         if layers.len() > shown.len() { format!(" and {} more", layers.len() - shown.len()) } else { String::new() };
-    let guess = format!("{kind}, shown as {}{more}", shown.join(", "));
+    let has_windows = matches!((&values.kind, wish.look), (Kind::Other(_), None));
+    let unused = if has_windows { unused(stated) } else { String::new() };
+    let guess = format!("{kind}, shown as {}{more}{unused}", shown.join(", "));
     (Shape::Layers(layers), guess)
 }
 
