@@ -4,7 +4,7 @@ use hayro_jpeg2000::{DecodeSettings, DecoderContext, Image as Jpeg2000};
 use jpeg_decoder::{CodingProcess, ColorTransform, Decoder, PixelFormat};
 use jpegls::CodecError;
 
-use super::image::Layout;
+use super::frame::Layout;
 use super::syntax::{Coding, MOST_BYTES};
 use crate::volume::guard::guarded;
 use crate::volume::stream::{PackBits, count};
@@ -52,12 +52,28 @@ pub(super) fn decode(coding: Coding, bytes: &[u8], layout: &Layout) -> Result<Nu
     if count(bytes.len()).saturating_mul(limit) < wanted {
         return Err(Failure::Incredible(limit));
     }
+    if let Some(found) = kind_of(bytes).filter(|&found| found != coding) {
+        let (found, stated) = (found.name(), coding.name());
+        return Err(Failure::Unknown(format!("{found}, but the stated transfer syntax is one of {stated}")));
+    }
     match coding {
         Coding::Rle => rle(bytes, layout).map_err(Failure::from),
         Coding::Jpeg => decoded(|| jpeg(bytes, layout)),
         Coding::JpegLs => decoded(|| jpeg_ls(bytes, layout)),
         Coding::Jpeg2000 => decoded(|| Ok(jpeg_2000(bytes, layout)?)),
         Coding::Plain | Coding::Deflated | Coding::Foreign(_) => Err("the frame is not compressed".to_owned().into()),
+    }
+}
+
+/// The coding of a codestream, by its first marks; `None` for RLE, which has none, and for others.
+fn kind_of(bytes: &[u8]) -> Option<Coding> {
+    match bytes {
+        [0xff, 0x4f, 0xff, 0x51, ..] | [0, 0, 0, 0x0c, b'j', b'P', b' ', b' ', ..] => Some(Coding::Jpeg2000),
+        [0xff, 0xd8, 0xff, ..] => match FrameHeader::of(bytes)?.marker {
+            0xf7 => Some(Coding::JpegLs),
+            _ => Some(Coding::Jpeg),
+        },
+        _ => None,
     }
 }
 

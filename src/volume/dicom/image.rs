@@ -8,6 +8,7 @@ use dicom_encoding::text::{SpecificCharacterSet, TextCodec as _};
 use glam::DVec3;
 
 use super::dataset::{self, DataSet, Item, Pixels, named};
+use super::frame::{Frame, Layout};
 use super::keys::{self, Mark};
 use super::mosaic::{self, Sheet};
 use super::syntax::{Coding, MOST_BYTES, Syntax};
@@ -17,65 +18,6 @@ use crate::volume::{VolumeError, VoxelType, Window};
 
 /// Largest number of frames of a file.
 const MOST_FRAMES: f64 = 1e6;
-
-/// Layout of the stored numbers of a frame.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Layout {
-    pub(super) rows: usize,
-    pub(super) columns: usize,
-    /// Numbers per pixel.
-    pub(super) samples: usize,
-    /// Whether the samples lie in planes, and not side by side.
-    pub(super) is_planar: bool,
-    pub(super) photometric: String,
-    /// Bits between neighbouring numbers, used bits of each, and the highest used bit.
-    pub(super) allocated: u32,
-    pub(super) stored: u32,
-    pub(super) high: u32,
-    pub(super) is_signed: bool,
-    pub(super) voxel_type: VoxelType,
-}
-
-impl Layout {
-    /// Pixels of a frame.
-    pub(super) fn pixels(&self) -> usize {
-        self.rows * self.columns
-    }
-
-    /// Bits of a frame.
-    pub(super) fn bits(&self) -> u64 {
-        count(self.pixels()).saturating_mul(count(self.samples)).saturating_mul(self.allocated.into())
-    }
-
-    /// Bytes of a frame of whole bytes.
-    pub(super) fn bytes(&self) -> u64 {
-        self.bits().div_ceil(8)
-    }
-}
-
-/// Place and scaling of a frame.
-#[derive(Clone, Debug)]
-pub(super) struct Frame {
-    /// World position of the centre of the first pixel, in mm.
-    pub(super) position: Option<DVec3>,
-    /// Directions of growing column and row index.
-    pub(super) orientation: Option<[DVec3; 2]>,
-    /// Whether these are those of the patient.
-    pub(super) is_anatomical: bool,
-    /// Distances between rows and between columns, in mm.
-    pub(super) spacing: Option<[f64; 2]>,
-    pub(super) thickness: Option<f64>,
-    /// SpacingBetweenSlices.
-    pub(super) between: Option<f64>,
-    pub(super) slope: f64,
-    pub(super) intercept: f64,
-    /// Attributes of this frame alone that may tell it apart.
-    pub(super) marks: Vec<Mark>,
-    /// Stack of the frame, if the file has several.
-    pub(super) stack: String,
-    /// Segment of a frame of a segmentation.
-    pub(super) segment: Option<usize>,
-}
 
 /// One file.
 #[derive(Debug)]
@@ -365,6 +307,14 @@ impl Reading<'_> {
                 }
                 Ok(())
             }
+            (Coding::Plain, None) if syntax.uid != uids::ENCAPSULATED_UNCOMPRESSED_EXPLICIT_VR_LITTLE_ENDIAN => {
+                let stated = match &*syntax.uid {
+                    "" => "the file states no transfer syntax".to_owned(),
+                    uid => format!("the stated transfer syntax, {uid}, has no compression"),
+                };
+                let problem = format!("{stated}, but the pixels are in fragments, as compressed ones are");
+                Err(self.wrong(tags::TRANSFER_SYNTAX_UID, problem))
+            }
             (coding, None) => {
                 if let Some(limit) = coding.packing(layout.allocated) {
                     let (one, compressed) = (layout.bytes(), length.saturating_sub(pixels.at));
@@ -495,7 +445,9 @@ impl Reading<'_> {
         let is_used = self.own_scaling(of_frame) == [None; 2] && self.mapping(of_frame).is_some();
         let is_equal = mappings.len() == 1 && first.scaling == Some([frame.slope, frame.intercept]);
         let named: Vec<String> = mappings.iter().map(|mapping| mapping.words.clone()).collect();
-        if is_used {
+        if is_used && first.scaling == Some([1.0, 0.0]) {
+            // The stored numbers are the values.
+        } else if is_used {
             remarks.push(format!("the values are those of RealWorldValueMappingSequence: {}", named.join("; ")));
         } else if !is_equal {
             remarks.push(format!(
@@ -565,9 +517,9 @@ impl Reading<'_> {
         let (place, turn) = (tags::IMAGE_POSITION_PATIENT, tags::IMAGE_ORIENTATION_PATIENT);
         let mut position = finite(tags::PLANE_POSITION_SEQUENCE, place, 3)?;
         let mut orientation = finite(tags::PLANE_ORIENTATION_SEQUENCE, turn, 6)?;
-        if position.is_none() && orientation.is_none() {
-            (position, orientation) = (of_detector(place, 3)?, of_detector(turn, 6)?);
-        }
+        // Those of nuclear medicine.
+        position = if position.is_none() { of_detector(place, 3)? } else { position };
+        orientation = if orientation.is_none() { of_detector(turn, 6)? } else { orientation };
         let is_anatomical = position.is_some() && orientation.is_some();
         if position.is_none() && orientation.is_none() {
             // Those in an ultrasound volume.

@@ -37,7 +37,7 @@ const HEART: &[Tag] = &[tags::CARDIAC_SYNCHRONIZATION_SEQUENCE];
 const TIMING: &[Tag] = &[tags::MR_TIMING_AND_RELATED_PARAMETERS_SEQUENCE];
 
 /// All attributes; an earlier one names the volumes where several tell them apart.
-pub(super) const KEYS: [Key; 28] = [
+pub(super) const KEYS: [Key; 34] = [
     number(
         "temporal position",
         &[(CONTENT, tags::TEMPORAL_POSITION_INDEX), (CONTENT, tags::TEMPORAL_POSITION_IDENTIFIER)],
@@ -75,6 +75,12 @@ pub(super) const KEYS: [Key; 28] = [
     text("kernel", &[(&[], tags::CONVOLUTION_KERNEL)]),
     text("sequence name", &[(&[], tags::SEQUENCE_NAME)]),
     text("series description", &[(&[], tags::SERIES_DESCRIPTION)]),
+    text("image comments", &[(&[], tags::IMAGE_COMMENTS)]),
+    text("receive coil", &[(&[], tags::RECEIVE_COIL_NAME)]),
+    text("corrections", &[(&[], tags::CORRECTED_IMAGE)]),
+    text("unit", &[(&[], tags::UNITS)]),
+    text("kind of values", &[(&[], tags::RESCALE_TYPE)]),
+    number("slice thickness", &[(&[tags::PIXEL_MEASURES_SEQUENCE], tags::SLICE_THICKNESS)]),
     clock(
         "acquisition time",
         &[

@@ -5,6 +5,7 @@
 
 mod codec;
 mod dataset;
+mod frame;
 mod image;
 mod keys;
 mod mosaic;

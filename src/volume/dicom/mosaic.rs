@@ -6,7 +6,7 @@ use dicom_dictionary_std::tags;
 use glam::DVec3;
 
 use super::dataset::{CSA_IMAGE, Item, MOSAIC_IMAGES, named};
-use super::image::{Frame, Layout};
+use super::frame::{Frame, Layout};
 use crate::number::{count, whole};
 use crate::volume::VolumeError;
 

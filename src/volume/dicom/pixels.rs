@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use super::codec::{self, Failure, Numbers};
 use super::dataset::{self, Range};
-use super::image::{Image, Layout, Lut};
+use super::frame::Layout;
+use super::image::{Image, Lut};
 use super::syntax::Coding;
 use crate::number::whole;
 use crate::progress::Progress;
@@ -406,7 +407,7 @@ impl Pixels<'_> {
             .map_err(|failure| match failure {
                 Failure::Damaged(problem) => at_frame(format!("damaged {encoding} data: {problem}")),
                 Failure::Unknown(kind) => at_frame(format!(
-                    "the pixels are {kind}; convert the file to explicit little endian, as with gdcmconv --raw or dcmdjpeg"
+                    "the pixels are {kind}; convert the file to explicit little endian, as with gdcmconv or dcmdjpeg"
                 )),
                 Failure::Incredible(limit) => VolumeError::Incredible {
                     path: image.path.clone(),

@@ -7,7 +7,8 @@ use std::path::Path;
 use dicom_dictionary_std::tags;
 use glam::{DMat3, DVec3};
 
-use super::image::{Frame, Image};
+use super::frame::Frame;
+use super::image::Image;
 use super::pixels::Slice;
 use super::steps::{self, Steps};
 use crate::number;
