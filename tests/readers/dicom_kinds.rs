@@ -171,10 +171,17 @@ fn the_order_of_instances_is_the_last_resort_and_noted() {
         folder(&lost, &Selection::default()),
         &["6 slices at 3 positions", "instance number", "is at the position"],
     );
-    // One slice too few, of volumes that differ.
-    let mut few = volumes_of(2, |slice, volume| slice.text(0x0018_0081, "DS", ["5", "9"][usize::from(volume)]));
+    // Volumes of different extents are a choice of series.
+    let by_echo = |slice: Elements, volume: u16| slice.text(0x0018_0081, "DS", ["5", "9"][usize::from(volume)]);
+    let mut few = volumes_of(2, by_echo);
     few.truncate(5);
-    refused(folder(&few, &Selection::default()), &["5 slices at 3 positions", "what differs is echo time (5, 9)"]);
+    let listed = "2 series: 5.1 «made» MR (echo time 5) 4×3×3, 5.2 «made» MR (echo time 9) 4×3×2";
+    refused(folder(&few, &Selection::default()), &[listed]);
+    let second = folder(&few, &Selection { series: Some("5.2".to_owned()), ..Selection::default() }).unwrap();
+    assert_eq!(stored(&second), counted(&[100, 112]));
+    // Nothing makes whole volumes of them.
+    few.extend([few[1].clone(), few[2].clone()]);
+    refused(folder(&few, &Selection::default()), &["7 slices at 3 positions", "what differs is echo time (5, 9)"]);
 }
 
 /// An enhanced file of these frames, of 12 pixels each, numbered in the order of the file.
@@ -194,14 +201,14 @@ fn frames_of_an_enhanced_file_are_told_apart_by_their_groups() {
     let cases: [(&str, Groups, &str); 5] = [
         (
             "echo time",
-            Box::new(|v| {
+            Box::new(move |v| {
                 place(0.0).items(0x0018_9114, one(empty().with(0x0018_9082, "FD", Value::Double(vec![[1.5, 8.25][v]]))))
             }),
             "1.5, 8.25",
         ),
         (
             "complex component",
-            Box::new(|v| {
+            Box::new(move |v| {
                 let component = ["REAL", "IMAGINARY"][v];
                 place(0.0).items(0x0018_9226, one(empty().text(0x0008_9208, "CS", component)))
             }),
@@ -209,7 +216,7 @@ fn frames_of_an_enhanced_file_are_told_apart_by_their_groups() {
         ),
         (
             "image type",
-            Box::new(|v| {
+            Box::new(move |v| {
                 let kind = ["DERIVED\\PRIMARY\\DIXON\\FAT", "DERIVED\\PRIMARY\\DIXON\\WATER"][v];
                 place(0.0).items(0x0018_9226, one(empty().text(0x0008_9007, "CS", kind)))
             }),
@@ -217,8 +224,8 @@ fn frames_of_an_enhanced_file_are_told_apart_by_their_groups() {
         ),
         (
             // A dimension that the file defines itself.
-            "GatingDelayTime",
-            Box::new(|v| {
+            "InversionTimes",
+            Box::new(move |v| {
                 let index = Value::Long(vec![1, u32::try_from(v).unwrap() + 1]);
                 place(0.0).items(0x0020_9111, one(empty().with(0x0020_9157, "UL", index)))
             }),
@@ -233,7 +240,7 @@ fn frames_of_an_enhanced_file_are_told_apart_by_their_groups() {
         };
         let pointer = |tag: u32| empty().with(0x0020_9165, "AT", Value::Short(words(tag).to_vec()));
         let elements =
-            enhanced((0..6).map(frame).collect()).items(0x0020_9222, vec![pointer(0x0020_9056), pointer(0x0018_9453)]);
+            enhanced((0..6).map(frame).collect()).items(0x0020_9222, vec![pointer(0x0020_9056), pointer(0x0018_9079)]);
         let bytes = file(&elements, EXPLICIT);
         refused(opened(&bytes), &["2 time steps; choose a time step from 0 to 1", &format!("({axis} {values})")]);
         for (index, firsts) in [(0, [0, 24, 48]), (1, [12, 36, 60])] {

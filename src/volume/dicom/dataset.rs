@@ -66,8 +66,8 @@ const WANTED: &[(Tag, VR)] = &[
     (tags::SPACING_BETWEEN_SLICES, VR::DS),
     (tags::TRIGGER_TIME, VR::DS),
     (tags::IMAGER_PIXEL_SPACING, VR::DS),
-    (tags::RECEIVE_COIL_NAME, VR::SH),
     (tags::CONVOLUTION_KERNEL, VR::SH),
+    (tags::RECEIVE_COIL_NAME, VR::SH),
     (tags::FLIP_ANGLE, VR::DS),
     (tags::NOMINAL_SCANNED_PIXEL_SPACING, VR::DS),
     (tags::PATIENT_POSITION, VR::CS),
@@ -188,14 +188,13 @@ fn is_pixels(tag: Tag) -> bool {
 /// Names an element for messages: its keyword and its tag.
 pub(super) fn named(tag: Tag) -> String {
     let Tag(group, element) = tag;
-    format!("{} ({group:04X},{element:04X})", keyword(tag))
+    format!("{} ({group:04X},{element:04X})", keyword(tag).unwrap_or("element"))
 }
 
-/// The keyword of an element.
-pub(super) fn keyword(tag: Tag) -> String {
+/// The keyword of an element of the standard.
+pub(super) fn keyword(tag: Tag) -> Option<&'static str> {
     use dicom_core::dictionary::{DataDictionary as _, DataDictionaryEntry as _};
-    let entry = dicom_dictionary_std::StandardDataDictionary.by_tag(tag);
-    entry.map_or("element", |entry| entry.alias()).to_owned()
+    dicom_dictionary_std::StandardDataDictionary.by_tag(tag).map(|entry| entry.alias())
 }
 
 /// A value of a wanted element.

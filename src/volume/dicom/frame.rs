@@ -53,7 +53,7 @@ pub(super) struct Frame {
     /// Distances between rows and between columns, in mm.
     pub(super) spacing: Option<[f64; 2]>,
     pub(super) thickness: Option<f64>,
-    /// SpacingBetweenSlices.
+    /// `SpacingBetweenSlices`.
     pub(super) between: Option<f64>,
     pub(super) slope: f64,
     pub(super) intercept: f64,

@@ -45,7 +45,7 @@ pub(super) struct Image {
     /// Attributes of all frames that may tell the image apart, and names of the dimensions of the file.
     pub(super) marks: Vec<Mark>,
     pub(super) dimensions: Vec<String>,
-    /// InstanceNumber.
+    /// `InstanceNumber`.
     pub(super) instance_number: Option<f64>,
     /// The whole image, if the frames are parts of a mosaic.
     pub(super) sheet: Option<Sheet>,
@@ -128,7 +128,8 @@ impl Image {
         let padding = padding.map(|both| both.map(|stated| signed(stated, &layout)));
         let mut marks = reading.shared.map(keys::of_groups).unwrap_or_default();
         marks.extend(keys::of_file(&root));
-        let keyword = |item: &Item| item.number(tags::DIMENSION_INDEX_POINTER).and_then(tag_of).map(dataset::keyword);
+        let keyword =
+            |item: &Item| item.number(tags::DIMENSION_INDEX_POINTER).and_then(tag_of).and_then(dataset::keyword);
         Ok(Some(Self {
             path: path.to_owned(),
             syntax,
@@ -152,7 +153,7 @@ impl Image {
                 .items(tags::DIMENSION_INDEX_SEQUENCE)
                 .iter()
                 .take(keys::MOST_DIMENSIONS)
-                .map(|item| keyword(item).unwrap_or_default())
+                .map(|item| keyword(item).unwrap_or_default().to_owned())
                 .collect(),
             instance_number: root.number(tags::INSTANCE_NUMBER).filter(|number| number.is_finite()),
             sheet,
@@ -457,7 +458,7 @@ impl Reading<'_> {
         }
     }
 
-    /// The first numbers of a spacing that takes the place of PixelSpacing, and its element.
+    /// The first numbers of a spacing that takes the place of `PixelSpacing`, and its element.
     fn stand_in(&self) -> Option<([f64; 2], Tag)> {
         [tags::IMAGER_PIXEL_SPACING, tags::NOMINAL_SCANNED_PIXEL_SPACING].into_iter().find_map(|tag| {
             match *self.root.numbers(tag) {
@@ -469,7 +470,7 @@ impl Reading<'_> {
         })
     }
 
-    /// Whether a frame states PixelSpacing.
+    /// Whether a frame states `PixelSpacing`.
     fn has_spacing(&self, own: Option<&Item>) -> bool {
         !self.numbers(own, tags::PIXEL_MEASURES_SEQUENCE, tags::PIXEL_SPACING).is_empty()
     }
@@ -481,7 +482,7 @@ impl Reading<'_> {
         found.unwrap_or_else(|| self.root.numbers(tag))
     }
 
-    /// RescaleSlope and RescaleIntercept, as far as they are stated.
+    /// `RescaleSlope` and `RescaleIntercept`, as far as they are stated.
     fn own_scaling(&self, own: Option<&Item>) -> [Option<f64>; 2] {
         [tags::RESCALE_SLOPE, tags::RESCALE_INTERCEPT].map(|tag| {
             let numbers = self.numbers(own, tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, tag);

@@ -213,7 +213,7 @@ impl Kind {
     }
 }
 
-/// Seconds of a time (HHMMSS.F, or the old HH:MM:SS.F) or of a date with a time (YYYYMMDDHHMMSS.F&ZZXX), from some beginning; a
+/// Seconds of a time (`HHMMSS.F`, or the old `HH:MM:SS.F`) or of a date with a time (`YYYYMMDDHHMMSS.F&ZZXX`), from some beginning; a
 /// month counts as 31 days, which keeps their order.
 fn seconds(text: &str) -> Option<f64> {
     let text = text.trim().replace(':', "");

@@ -88,21 +88,23 @@ pub(super) fn grouped(images: &[Image], source: &Path) -> Result<Vec<Series>, Vo
             }
         }
     }
-    let number = |group: &Vec<Slice>| images[group[0].image].number.parse().unwrap_or(f64::INFINITY);
+    let mut groups: Vec<(String, Vec<Slice>)> = groups.into_iter().flat_map(|slices| parted(images, slices)).collect();
+    let number = |group: &[Slice]| images[group[0].image].number.parse().unwrap_or(f64::INFINITY);
     // The sort is stable: groups of one number stay in the order of their files.
-    groups.sort_by(|one, other| {
-        let series = |group: &Vec<Slice>| images[group[0].image].series.clone();
+    groups.sort_by(|(_, one), (_, other)| {
+        let series = |group: &[Slice]| images[group[0].image].series.clone();
         number(one).total_cmp(&number(other)).then_with(|| series(one).cmp(&series(other)))
     });
-    let keys: Vec<String> = groups.iter().map(|group| images[group[0].image].number.clone()).collect();
+    let keys: Vec<String> = groups.iter().map(|(_, group)| images[group[0].image].number.clone()).collect();
     let mut all = Vec::new();
-    for (index, slices) in groups.into_iter().enumerate() {
+    for (index, (part, slices)) in groups.into_iter().enumerate() {
         let image = &images[slices[0].image];
         let mates = keys.iter().filter(|key| **key == keys[index]).count();
         let place = keys[..index].iter().filter(|key| **key == keys[index]).count() + 1;
         let number = if keys[index].is_empty() { "0" } else { &keys[index] };
         let key = if mates > 1 { format!("{number}.{place}") } else { number.to_owned() };
         let named = if image.description.is_empty() { String::new() } else { format!("«{}» ", image.description) };
+        let part = if part.is_empty() { String::new() } else { format!(" ({part})") };
         let depth = if image.segmentation.is_empty() { places(images, &slices) } else { positions(images, &slices) };
         let times = if image.has_times() {
             image.count
@@ -113,13 +115,37 @@ pub(super) fn grouped(images: &[Image], source: &Path) -> Result<Vec<Series>, Vo
         };
         let entry = Entry {
             key,
-            description: format!("{named}{}", image.modality).trim().to_owned(),
+            description: format!("{named}{}{part}", image.modality).trim().to_owned(),
             dims: [image.layout.columns, image.layout.rows, depth],
             times,
         };
         all.push(Series { entry, identifier: image.series.clone(), slices });
     }
     Ok(all)
+}
+
+/// The volumes of a group whose positions have unequally many slices, if an attribute tells them apart; otherwise the group, without
+/// a name.
+fn parted(images: &[Image], slices: Vec<Slice>) -> Vec<(String, Vec<Slice>)> {
+    let image = &images[slices[0].image];
+    if slices.len() > 1
+        && image.segmentation.is_empty()
+        && !image.has_times()
+        && let Some((ordered, _)) = ordered(images, &slices)
+    {
+        let cells = cells(&clusters(&ordered, tolerance(images, &slices)));
+        if cells.iter().any(|cell| cell.len() != cells[0].len())
+            && let Some(parts) = steps::parts(images, &cells)
+        {
+            return parts;
+        }
+    }
+    vec![(String::new(), slices)]
+}
+
+/// The slices at each position.
+fn cells(clusters: &[&[(f64, Slice)]]) -> Vec<Vec<Slice>> {
+    clusters.iter().map(|cluster| cluster.iter().map(|&(_, slice)| slice).collect()).collect()
 }
 
 /// Number of different positions, if they are equally frequent; otherwise the number of slices.
@@ -310,8 +336,7 @@ fn unevenness(images: &[Image], slices: &[Slice], steps: &[f64], median: f64) ->
 fn timed(images: &[Image], clusters: &[&[(f64, Slice)]], source: &Path) -> Result<Steps, VolumeError> {
     let depth = clusters.len();
     let all: usize = clusters.iter().map(|cluster| cluster.len()).sum();
-    let cells: Vec<Vec<Slice>> =
-        clusters.iter().map(|cluster| cluster.iter().map(|&(_, slice)| slice).collect()).collect();
+    let cells = cells(clusters);
     if all == depth {
         return Ok(Steps { times: vec![cells.into_iter().flatten().collect()], ..Steps::default() });
     }

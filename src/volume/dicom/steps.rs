@@ -258,6 +258,45 @@ fn volumes(cells: &Cells, ids: &Ids, wanted: usize) -> Vec<Vec<Slice>> {
     (0..wanted).map(of).collect()
 }
 
+/// Largest number of volumes of different extents in one series.
+const MOST_PARTS: usize = 64;
+
+/// Volumes in which positions have equally many slices, of slices of which `cells` has unequally many at the positions: by the first
+/// attribute that makes such, each with its name and value. `None` if there is none.
+pub(super) fn parts(images: &[Image], cells: &Cells) -> Option<Vec<(String, Vec<Slice>)>> {
+    let image = &images[cells.first()?.first()?.image];
+    (0..COUNT).filter(|&key| !keys::is_clock(key)).find_map(|key| {
+        let mut names: Vec<String> = Vec::new();
+        let mut parts: Vec<Vec<Vec<Slice>>> = Vec::new();
+        for cell in cells {
+            let mut of_cell: Vec<Vec<Slice>> = vec![Vec::new(); parts.len()];
+            for &slice in cell {
+                let name = mark(images, slice, key).map_or("none", |mark| mark.name.as_str());
+                let index = names.iter().position(|known| known == name).unwrap_or_else(|| {
+                    names.push(name.to_owned());
+                    parts.push(Vec::new());
+                    of_cell.push(Vec::new());
+                    names.len() - 1
+                });
+                of_cell[index].push(slice);
+            }
+            if names.len() > MOST_PARTS {
+                return None;
+            }
+            parts
+                .iter_mut()
+                .zip(of_cell)
+                .for_each(|(part, slices)| part.extend((!slices.is_empty()).then_some(slices)));
+        }
+        let is_whole = |part: &Vec<Vec<Slice>>| part.iter().all(|cell| cell.len() == part[0].len());
+        if names.len() < 2 || !parts.iter().all(is_whole) {
+            return None;
+        }
+        let names = distinct_parts(names).into_iter().map(|name| format!("{} {name}", name_of(image, key)));
+        Some(names.zip(parts.into_iter().map(|part| part.concat())).collect())
+    })
+}
+
 /// The attributes of which the slices at one position have different values, with these values.
 pub(super) fn differences(images: &[Image], cells: &Cells) -> Vec<String> {
     const MOST: usize = 4;
