@@ -136,7 +136,7 @@ impl Args {
 fn choosing(there: &Several) -> &'static str {
     match there {
         Several::Components { .. } => "it with --component N",
-        Several::Times(_) => "it with --time N",
+        Several::Times(_) | Several::Steps { .. } => "it with --time N",
         Several::Series(_) => "it with --series N",
         Several::Levels(_) => "it with --pyramid-level N",
         _ => "it with --array NAME",
@@ -156,6 +156,11 @@ fn of_several(source: &str, there: &Several) -> Report {
         }
         Several::Times(count) => {
             (vec![format!("{:<10} 0 to {}", "times", count.saturating_sub(1))], json!({"times": count}))
+        }
+        Several::Steps { axis, values } => {
+            let line = |(index, value): (usize, &String)| format!("{:<10} {index} {axis} {value}", "time");
+            let lines = values.iter().enumerate().map(line).collect();
+            (lines, json!({"times": values.len(), "time_axis": axis, "time_values": values}))
         }
         Several::Arrays(names) => {
             (names.iter().map(|name| format!("{:<10} {name}", "array")).collect::<Vec<_>>(), json!({"arrays": names}))

@@ -87,7 +87,7 @@ impl Preview {
 fn choose_first(selection: &mut Selection, there: &Several) {
     match there {
         Several::Components { .. } => selection.component = Some(0),
-        Several::Times(_) => selection.time = Some(0),
+        Several::Times(_) | Several::Steps { .. } => selection.time = Some(0),
         Several::Arrays(names) => selection.array = names.first().cloned(),
         Several::Series(all) => selection.series = all.first().map(|series| series.key.clone()),
         Several::Levels(_) => selection.level = Some(0),

@@ -43,7 +43,7 @@ impl Several {
             Some(index) if index < count => Ok(index),
             Some(index) => {
                 let asked = match self {
-                    Self::Times(_) => Asked::Time(index),
+                    Self::Times(_) | Self::Steps { .. } => Asked::Time(index),
                     Self::Components { .. } | Self::Arrays(_) => Asked::Component(index),
                     Self::Series(_) => Asked::Series(index.to_string()),
                     Self::Levels(_) => Asked::Level(index),
@@ -139,6 +139,14 @@ impl Selection {
     /// Returns the time step to read of `count` in the file `source`.
     pub(super) fn time(&self, source: &str, count: usize) -> Result<usize, VolumeError> {
         Several::Times(count).number(source, self.time)
+    }
+
+    /// Returns the time step to read of `count` in `source`, which differ in `axis`, and have these `values` of it.
+    pub(super) fn step(&self, source: &str, count: usize, axis: &str, values: &[String]) -> Result<usize, VolumeError> {
+        if count < 2 || values.len() != count {
+            return self.time(source, count);
+        }
+        Several::Steps { axis: axis.to_owned(), values: values.to_vec() }.number(source, self.time)
     }
 
     /// Returns the index of the array to read among `names` in the file `source`.

@@ -5,6 +5,7 @@ mod arrays;
 mod bricks;
 mod convert;
 mod dicom;
+mod dicom_kinds;
 mod foreign;
 mod levels;
 mod metaimage;
