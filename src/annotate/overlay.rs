@@ -6,7 +6,7 @@ use super::{Edges, Frame, ScaleBar, colours, material_colours};
 use crate::film::display_from_xyz;
 use crate::number::count;
 use crate::plan::Planned;
-use crate::scene::{Display, Mix, MixLight, Scene};
+use crate::scene::{Display, LabelEntry, Mix, MixLight, Scene};
 use crate::spectrum::Spectrum;
 use crate::spectrum::colour::{LinearSrgb, display_code, xyz_of};
 use crate::written::escaped;
@@ -48,6 +48,23 @@ impl Entry {
         by_name(indices.iter().filter_map(entry).collect())
     }
 
+    /// Those of the visible labels of `scene` by their own names, and of the materials of these `indices` that it shows otherwise,
+    /// under `mix`.
+    #[must_use]
+    pub fn of_labels_and_materials(scene: &Scene, indices: &[usize], mix: &Mix) -> Vec<Self> {
+        let Some(labels) = &scene.labels else { return Self::of_materials(scene, indices, mix) };
+        let others: Vec<usize> = indices.iter().copied().filter(|&index| scene.shows_values_as(index)).collect();
+        let colours = material_colours(scene, mix);
+        let visible = labels.declared.iter().filter(|entry| entry.opacity > 0.0 || entry.absorption > 0.0);
+        let entry = |label: &LabelEntry| {
+            let (material, &colour) = (scene.materials.get(label.material)?, colours.get(label.material)?);
+            Some(Self { name: label.name.clone(), colour, spectrum: material.reflectance.spectrum().clone() })
+        };
+        let mut all: Vec<Self> = visible.filter_map(entry).collect();
+        all.extend(Self::of_materials(scene, &others, mix));
+        by_name(all)
+    }
+
     /// Those of the lights of `mix` that are on, in colours of equal brightness.
     #[must_use]
     pub fn of_lights(mix: &Mix, display: &Display) -> Vec<Self> {
@@ -83,7 +100,7 @@ impl Overlay<'_> {
     /// The overlay, without a title, of a picture of `scene` by `planned` under `mix`.
     #[must_use]
     pub fn of_scene(scene: &Scene, planned: &Planned, mix: &Mix) -> Self {
-        let materials = Entry::of_materials(scene, &planned.materials, mix);
+        let materials = Entry::of_labels_and_materials(scene, &planned.materials, mix);
         Self { materials, lights: Entry::of_lights(mix, &scene.display), title: None, bright: false }
     }
 
