@@ -130,6 +130,14 @@ impl Geometry {
         self.direction.abs_diff_eq(other.direction, 1e-3) && corners(self).into_iter().zip(corners(other)).all(is_near)
     }
 
+    /// The grid of `dims` voxels that fills the box of `other`.
+    #[must_use]
+    pub(crate) fn filling(dims: [usize; 3], other: &Self) -> Self {
+        let spacing = other.extent() / DVec3::from_array(dims.map(count));
+        let corner = other.world_from_index(DVec3::splat(-0.5));
+        Self { dims, spacing, origin: corner + other.direction * (spacing / 2.0), direction: other.direction }
+    }
+
     /// Size along each axis in world units, `spacing · dims`.
     #[must_use]
     pub fn extent(&self) -> DVec3 {

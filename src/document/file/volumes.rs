@@ -165,11 +165,13 @@ impl Text<'_> {
             && volume.assumed_spacing.is_none()
             && labels.geometry.dims != whole.dims
             && labels.geometry.fills_box_of(&whole);
-        if !labels.geometry.lies_on(&whole)
-            && (both_placed || same_box)
-            && let Some(laid) = labels.labels_resampled_to(&whole).map_err(fail)?
-        {
-            labels = laid;
+        if !labels.geometry.lies_on(&whole) && (both_placed || same_box) {
+            if !both_placed {
+                labels.geometry = Geometry::filling(labels.geometry.dims, &whole);
+            }
+            if let Some(laid) = labels.labels_resampled_to(&whole).map_err(fail)? {
+                labels = laid;
+            }
         }
         if blocks != [1; 3] {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
