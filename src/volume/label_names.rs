@@ -1,6 +1,7 @@
 //! Tables of names and colours of labels: those of ITK-SNAP, 3D Slicer and FreeSurfer, and CSV.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::path::Path;
 
 use super::{LabelPreset, MOST_LABELS, Volume, VolumeError, is_background};
@@ -29,13 +30,19 @@ pub fn is_built_in(path: &Path) -> bool {
 ///
 /// # Errors
 ///
-/// [`VolumeError::Open`], [`VolumeError::Header`] with the line.
+/// [`VolumeError::Open`]; [`VolumeError::Layout`] without such a table; [`VolumeError::Header`] with the line.
 pub fn label_names(path: &Path) -> Result<Vec<LabelPreset>, VolumeError> {
     let built_in = BUILT_IN_NAMES.iter().zip(TABLES).find(|(name, _)| Path::new(name) == path);
     if let Some((_, text)) = built_in {
         return parse(path, text);
     }
-    let bytes = input::read(path, LONGEST).map_err(|source| VolumeError::Open { path: path.to_owned(), source })?;
+    let bytes = input::read(path, LONGEST).map_err(|source| match source.kind() {
+        io::ErrorKind::NotFound => VolumeError::Layout {
+            source_name: path.display().to_string(),
+            problem: format!("there is no such table of label names; {} are built in", BUILT_IN_NAMES.join(" and ")),
+        },
+        _ => VolumeError::Open { path: path.to_owned(), source },
+    })?;
     parse(path, &decoded(&bytes))
 }
 

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::support;
 
 use relume::document::first_look::{Kind, Values};
-use relume::document::{SceneFile, SceneOptions, Source};
+use relume::document::session;
+use relume::document::{Document, Edit, SceneFile, SceneOptions, Source};
 use relume::internal::annotate::Entry;
 use relume::progress::Quiet;
 use relume::scene::{LabelEntry, Mix};
@@ -141,6 +142,16 @@ fn thousands_of_labels_share_colours_and_keep_the_plan_small() {
     let options = SceneOptions { labels: Some(folder.path("cells.nrrd")), ..SceneOptions::default() };
     let over = looked_at(folder.path("scan.nrrd"), options);
     assert_eq!(ids(&over), ids(&file));
+    // A label that the window changes gets an entry of its own, and no other changes its colour.
+    let mut document = Document::new(file.clone());
+    document.edit(&Edit::Label(70, 3, 0.25));
+    let path = folder.path("session.toml");
+    let source = Source::of(&folder.path("cells.nrrd"));
+    session::save(&path, &source, document.opened(), document.state()).unwrap();
+    let again = looked_at(path, SceneOptions::default());
+    let changed: Vec<usize> = (0..4032).filter(|&index| declared(&again)[index] != declared(&file)[index]).collect();
+    let entry = &declared(&again)[70];
+    assert_eq!((changed, entry.material, entry.opacity), (vec![70], 3, 0.25));
 }
 
 #[test]
@@ -286,6 +297,18 @@ fn labels_on_another_anatomical_grid_are_resampled_with_a_note() {
     let found = map(&over("plain.nrrd", "half.nrrd").unwrap());
     let line: Vec<i64> = (0..24).map(|x| found.label(x).unwrap()).collect();
     assert_eq!(line.iter().filter(|&&label| label == 40).count(), 6, "{line:?}");
+}
+
+#[test]
+fn blocks_of_labels_have_a_label_and_no_mean() {
+    const DIMS: [usize; 3] = [28, 24, 20];
+    let id = |place: [usize; 3]| block(place, DIMS, 4).map_or(0.0, |number| [3.0, 90.0, 7.0][number % 3]);
+    // Blocks of three voxels lie across the labels.
+    let folder = Folder::new().with("map.nrrd", nrrd("int16", DIMS, "", id));
+    let file = looked_at(folder.path("map.nrrd"), SceneOptions { downsample: Some([3; 3]), ..SceneOptions::default() });
+    let counts = file.scene.volume.label_counts(9).unwrap();
+    assert_eq!(counts.keys().copied().collect::<Vec<_>>(), [0, 3, 7, 90]);
+    assert!(file.scene.volume.notes.iter().any(|note| note.contains("most frequent")), "{:?}", file.scene.volume.notes);
 }
 
 #[test]

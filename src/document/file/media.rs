@@ -325,9 +325,12 @@ impl Declared {
         map.require_voxels("a label map")?;
         // The background and the labels.
         let counts = map.label_counts(MOST_LABELS + 1).map_err(|problem| map.no_labels(problem))?;
-        let left = counts.keys().filter(|&&label| !is_background(label, &counts) && !self.entries.contains_key(&label));
-        let left: Vec<i64> = left.copied().collect();
-        for (&label, &(material, [opacity, absorption])) in left.iter().zip(others.iter().cycle()) {
+        let labels: Vec<i64> = counts.keys().copied().filter(|&label| !is_background(label, &counts)).collect();
+        // Labels with an entry count, so that those behind them keep their materials.
+        for (label, &(material, [opacity, absorption])) in labels.into_iter().zip(others.iter().cycle()) {
+            if self.entries.contains_key(&label) {
+                continue;
+            }
             let preset = map.presets.labels.iter().find(|preset| preset.value == label);
             let name = preset.map(|preset| preset.name.clone()).filter(|name| !name.is_empty());
             let name = name.unwrap_or_else(|| format!("label_{label}"));

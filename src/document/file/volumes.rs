@@ -1,6 +1,7 @@
 //! Reads the volume, the labels and the crop box of a scene file.
 
 use super::*;
+use crate::document::first_look::{Kind, Values};
 
 impl Text<'_> {
     pub(super) fn crop(&self, crop: &At<CropFile>, volume: &Volume) -> Result<[DVec3; 2], SceneError> {
@@ -48,7 +49,14 @@ impl Text<'_> {
             (None, None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
         };
         if let Some(blocks) = file.blocks(options).filter(|_| !is_read) {
-            volume = volume.downsample(blocks).map_err(fail)?;
+            let is_bare = file.file.is_none() && file.phantom.is_none();
+            let are_labels = file.are_labels || is_bare && is_segmentation(&volume);
+            if are_labels && !volume.has_labels {
+                volume.notes.push(format!("{}: blocks of labels keep their most frequent label", volume.source));
+                volume = volume.downsample_labels(blocks).map_err(fail)?;
+            } else {
+                volume = volume.downsample(blocks).map_err(fail)?;
+            }
         }
         if let Some(above) = file.largest_part_above.as_ref().filter(|_| !is_read) {
             let value = self.number("volume.largest_part_above", above, &FINITE)?;
@@ -194,6 +202,12 @@ impl Text<'_> {
         let declared = declared.of_map(&labels).map_err(fail)?;
         Ok((volume, Some(Labels { volume: Arc::new(labels), declared })))
     }
+}
+
+/// Whether the values of a volume without a scene are labels, which have no mean.
+fn is_segmentation(volume: &Volume) -> bool {
+    let values = volume.statistics().ok().map(|statistics| Values::of(volume, &statistics));
+    volume.bricks.is_none() && values.is_some_and(|values| matches!(values.kind, Kind::Labels(_)))
 }
 
 /// Values that shading can tell apart in place of the `declared` labels of a volume: their ranks, if 16 bits do not hold them.
