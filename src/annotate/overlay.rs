@@ -22,6 +22,11 @@ const LEGEND: f64 = 0.7;
 const LONGEST_NAME: usize = 28;
 /// Mean width of a letter of a name, as a fraction of the size of letters.
 const LETTER_WIDTH: f64 = 0.6;
+/// Distance of the lines of the legend, and width of the edges of letters, in sizes of letters.
+const LINE: f64 = 1.5;
+const EDGE: f64 = 0.18;
+/// Size of the letters of a legend without room for all lines, as a fraction of the usual one.
+const SMALL: f64 = 0.6;
 /// Largest fraction of the width that the columns of a legend take together.
 const COLUMNS: f64 = 0.6;
 /// Smallest width of a picture whose legend has curves of spectra, in sizes of letters.
@@ -131,7 +136,7 @@ impl Overlay<'_> {
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
              font-family=\"sans-serif\" font-size=\"{letter}\" fill=\"{ink}\" stroke=\"{edge}\" \
              stroke-width=\"{}\" stroke-linejoin=\"round\" paint-order=\"stroke\">",
-            0.18 * letter
+            EDGE * letter
         );
         let mut text = |x: f64, y: f64, anchor: &str, more: &str, text: &str| {
             // Writing to a string cannot fail.
@@ -161,25 +166,29 @@ impl Overlay<'_> {
                 write!(out, "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{line}\"/>").ok();
             }
         }
-        let has_curves = width >= WITH_CURVES * letter;
+        // The legend ends above the scale bar.
+        let bar = 5.0 * letter;
+        let room_from = |top: f64| (LEGEND * height).min(height - top - bar);
+        let lines = crate::number::whole(room_from(top) / (LINE * letter)).max(1);
+        // A long legend has small letters, no curves, and columns.
+        let is_long = self.materials.len() + self.lights.len() + 1 > lines;
+        let letter = if is_long { (SMALL * letter).max(SMALLEST) } else { letter };
+        let has_curves = !is_long && width >= WITH_CURVES * letter;
         // Names begin behind the swatches and the curves.
         let indent = if has_curves { 6.0 } else { 2.5 } * letter;
         let longest =
             self.materials.iter().chain(&self.lights).map(|entry| shortened(&entry.name).chars().count()).max();
         let end = (LETTER_WIDTH * letter).mul_add(count(longest.unwrap_or(0)), indent);
-        // The legend ends above the scale bar.
-        let room_from = |top: f64| (LEGEND * height).min(height - top - 5.0 * letter);
         let column = end + letter;
-        let lines = crate::number::whole(room_from(top) / (1.5 * letter)).max(1);
-        let is_long = self.materials.len() + self.lights.len() + 1 > lines;
         let columns = if is_long { crate::number::whole(COLUMNS * width / column).max(1) } else { 1 };
         // Below the letters in the middle of the upper edge, if names extend as far.
         if frame.edges.is_some() && column.mul_add(count(columns - 1), end) > width / 2.0 - 1.5 * letter {
             top += 1.5 * letter;
         }
-        let room = room_from(top);
-        self.legend(&mut out, [top, indent], [letter, room, column], columns, has_curves);
-        out + "</svg>"
+        // Writing to a string cannot fail.
+        write!(out, "<g font-size=\"{letter}\" stroke-width=\"{}\">", EDGE * letter).ok();
+        self.legend(&mut out, [top, indent], [letter, room_from(top), column], columns, has_curves);
+        out + "</g></svg>"
     }
 
     /// Appends the legend from `top` on: visible materials with reflectances, and lights with spectra, in at most `room` pixels.
@@ -192,7 +201,7 @@ impl Overlay<'_> {
         columns: usize,
         has_curves: bool,
     ) {
-        let line = 1.5 * letter;
+        let line = LINE * letter;
         let most = crate::number::whole(room / line).max(1);
         for ([column, index], row) in self.rows(most, columns) {
             let left = count(column) * width;

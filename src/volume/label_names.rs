@@ -50,13 +50,13 @@ pub fn label_names(path: &Path) -> Result<Vec<LabelPreset>, VolumeError> {
 fn decoded(bytes: &[u8]) -> String {
     let text = std::str::from_utf8(bytes);
     let text = text.map_or_else(|_| bytes.iter().copied().map(char::from).collect(), str::to_owned);
-    text.trim_start_matches('\u{feff}').to_owned()
+    text
 }
 
 /// The labels of a table.
 fn parse(path: &Path, text: &str) -> Result<Vec<LabelPreset>, VolumeError> {
     let refuse = |line: usize, problem: String| VolumeError::Header { path: path.to_owned(), line, problem };
-    let lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
+    let lines = text.trim_start_matches('\u{feff}').lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
     let lines: Vec<(usize, &str)> = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).collect();
     let Some(&(_, first)) = lines.first() else {
         return Err(refuse(1, "the table of label names has no line with a label".to_owned()));
