@@ -49,8 +49,7 @@ pub fn label_names(path: &Path) -> Result<Vec<LabelPreset>, VolumeError> {
 /// A text in UTF-8, or else in Latin-1.
 fn decoded(bytes: &[u8]) -> String {
     let text = std::str::from_utf8(bytes);
-    let text = text.map_or_else(|_| bytes.iter().copied().map(char::from).collect(), str::to_owned);
-    text
+    text.map_or_else(|_| bytes.iter().copied().map(char::from).collect(), str::to_owned)
 }
 
 /// The labels of a table.
@@ -337,8 +336,31 @@ mod tests {
             assert_eq!(found.name, name);
             assert!(found.colour.is_some(), "{name}");
         }
+        // Hemispheres and white matter repeat names and colours, the latter as complement in wmparc.
+        let tail = |name: &str| name.splitn(3, ['-', '_']).nth(2).unwrap_or_default().to_owned();
+        let pairs = (1000..=1035).flat_map(|at| [(at, at + 1000, false), (at, at + 2000, true), (at, at + 3000, true)]);
+        let others = (11_101..=11_175).flat_map(|at| [1000, 2000, 3000].map(|more| (at, at + more, false)));
+        for (one, other, is_complement) in pairs.chain(others) {
+            let (one, other) = (of(&brain, one), of(&brain, other));
+            let expected = one.colour.unwrap().map(|part| if is_complement { 1.0 - part } else { part });
+            let difference = expected.iter().zip(other.colour.unwrap()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(difference < 1e-9 && tail(&one.name) == tail(&other.name), "{} {}", one.name, other.name);
+        }
+        // One changed digit or letter changes the sum.
+        let code = |part: f64| i64::try_from(crate::number::whole((255.0 * part).round())).unwrap();
+        let letters = |name: &str| name.bytes().map(i64::from).sum::<i64>();
+        let sum: i64 = brain
+            .iter()
+            .map(|it| {
+                let [red, green, blue] = it.colour.unwrap().map(code);
+                it.value * (red + 2 * green + 3 * blue + 5 * letters(&it.name))
+            })
+            .sum();
+        assert_eq!((brain.len(), sum), (507, 52838797956));
         let body = names("totalsegmentator");
         assert_eq!((body.len(), body[0].value, body[116].value), (117, 1, 117));
+        let weighted = |name: &str| name.bytes().zip(1..).map(|(letter, at)| at * i64::from(letter)).sum::<i64>();
+        assert_eq!(body.iter().map(|it| it.value * weighted(&it.name)).sum::<i64>(), 74480055);
         for (value, name) in
             [(5, "liver"), (25, "sacrum"), (43, "vertebrae_T1"), (52, "aorta"), (91, "skull"), (115, "rib_right_12")]
         {

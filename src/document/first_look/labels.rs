@@ -123,10 +123,8 @@ pub(super) fn entries_text(labels: &[Named], opacities: &[f64]) -> String {
             others = Some(opacity);
             continue;
         }
-        let material = match is_glass && !are_own && !(keeps && label.is_stated) {
-            true => format!("{IN_TURN} 1"),
-            false => material(label, are_own),
-        };
+        let material =
+            if are_own || keeps && label.is_stated { material(label, are_own) } else { format!("{IN_TURN} 1") };
         let (name, material) = (quoted(&label.name), quoted(&material));
         let _ = writeln!(text, "[labels.{}]\nname = {name}\nmaterial = {material}\nopacity = {opacity:?}", label.label);
     }
