@@ -51,6 +51,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
             let all = [
                 "--labels",
+                "--label-names",
                 "--downsample",
                 "--component",
                 "--time",
@@ -66,7 +67,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             of_devices()
         }
         (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
-            let flags = ["-D", "--labels", "--downsample", "--dims", "--spacing", "--voxel"];
+            let flags = ["-D", "--labels", "--label-names", "--downsample", "--dims", "--spacing", "--voxel"];
             let why = format!("{} is a film file; the flag is for scenes and volumes", path.display());
             args.refuse(&flags, &why)?;
             args.refuse_accuracy(&why)?;
@@ -88,10 +89,13 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                 }
                 opened => args.scene.raw.spaced(opened?)?,
             };
-            let volume = match args.scene.downsample {
+            let mut volume = match args.scene.downsample {
                 Some(blocks) => volume.downsample(blocks)?,
                 None => volume,
             };
+            if let Some(names) = &args.scene.label_names {
+                volume.name_labels(names)?;
+            }
             of_volume(&volume, &args.voxel)
         }
         (None, Some(_)) => of_volume(&args.scene.load(progress)?.scene.volume, &args.voxel),
@@ -119,6 +123,7 @@ impl Args {
         let others = [
             ("-D", !self.scene.define.is_empty()),
             ("--labels", self.scene.labels.is_some()),
+            ("--label-names", self.scene.label_names.is_some()),
             ("--downsample", self.scene.downsample.is_some()),
             ("--dims", self.scene.raw.layout().is_some()),
             ("--spacing", self.scene.raw.spacing().is_some()),
@@ -452,8 +457,12 @@ fn of_scene(
         line("voxel", &voxel.text());
     }
     if let Some(labels) = &scene.labels {
-        let declared: Vec<String> =
-            labels.declared.iter().map(|entry| format!("{} {}", entry.label, entry.name)).collect();
+        const LISTED: usize = 200;
+        let mut declared: Vec<String> =
+            labels.declared.iter().take(LISTED).map(|entry| format!("{} {}", entry.label, entry.name)).collect();
+        if let more @ 1.. = labels.declared.len().saturating_sub(LISTED) {
+            declared.push(format!("and {more} more"));
+        }
         line("labels", &format!("{}: {}", labels.volume.source, declared.join(", ")));
     }
     let materials: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();

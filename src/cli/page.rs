@@ -90,7 +90,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let film =
         args.scene.scene.as_deref().filter(|path| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("exr")));
     let lights = args.lights.files();
-    let given = [&args.scene.scene, &args.scene.volume, &args.scene.labels].into_iter().flatten();
+    let given =
+        [&args.scene.scene, &args.scene.volume, &args.scene.labels, &args.scene.label_names].into_iter().flatten();
     let inputs: Vec<&Path> = given.chain(&lights).map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
     let Films { header, views, columns, mut times } = match film {

@@ -327,7 +327,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             "no output: add -o FILE.png or -o FILE.exr, --accumulators FILE.exr or --spectral FILE.exr".into(),
         ));
     }
-    let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels];
+    let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels, &args.scene.label_names];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     if is_first {
         files::check_outputs(&outputs, &inputs)?;
@@ -666,7 +666,7 @@ fn warn_of_storage(storage: &Storage, whole: bool) {
 fn warn_of_undeclared(labels: Option<&LabelMap>) {
     if let Some(labels) = labels.filter(|labels| !labels.undeclared.is_empty()) {
         const LISTED: usize = 8;
-        let one = |(label, count): (&u32, &u64)| match count {
+        let one = |(label, count): (&i64, &u64)| match count {
             1 => format!("{label} (1 voxel)"),
             _ => format!("{label} ({count} voxels)"),
         };

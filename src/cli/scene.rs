@@ -28,6 +28,10 @@ pub(crate) struct SceneArgs {
     /// the labels.
     #[arg(long, value_name = "FILE")]
     pub(crate) labels: Option<PathBuf>,
+    /// Names and colours of labels: a table of ITK-SNAP (.txt, .label), 3D Slicer (.ctbl) or FreeSurfer, a CSV, or freesurfer or
+    /// totalsegmentator for their own numbering.
+    #[arg(long, value_name = "FILE|NAME")]
+    pub(crate) label_names: Option<PathBuf>,
     /// Average blocks of A×B×C voxels after loading, for less memory and time but less detail.
     #[arg(long, value_name = "AxBxC", value_parser = three)]
     pub(crate) downsample: Option<[usize; 3]>,
@@ -229,6 +233,7 @@ impl SceneArgs {
             raw: self.raw.layout(),
             selection: self.selection.selection(),
             labels: self.labels.clone(),
+            label_names: self.label_names.clone(),
             spacing: self.raw.spacing(),
             downsample: self.downsample,
             definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),
@@ -242,6 +247,7 @@ impl SceneArgs {
         let flags = [
             ("--volume", self.volume.is_some()),
             ("--labels", self.labels.is_some()),
+            ("--label-names", self.label_names.is_some()),
             ("--downsample", self.downsample.is_some()),
             ("--define", !self.define.is_empty()),
             ("--component", selection.component.is_some()),

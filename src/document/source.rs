@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::file::{parse_around, volume_alone};
-use super::first_look::{LookError, NoCt, first_look, labels_text};
+use super::first_look::{LookError, NoCt, Shown, first_look, labels_text};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded};
 use crate::input;
 use crate::progress::{Progress, Quiet};
@@ -206,7 +206,7 @@ impl Source {
 
     /// The scene of the volume `path`, made from its values.
     fn first_look(&self, path: &Path, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
-        let options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
+        let mut options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
         let whole_name = path.display().to_string();
         let of_volume = |error| match error {
             // The file is the volume itself, so the error needs no scene.
@@ -215,6 +215,11 @@ impl Source {
         };
         let ((mut volume, stored), has_parts) = volume_alone(&whole_name, &options, progress).map_err(of_volume)?;
         volume.prepare_coarse(progress)?;
+        let notes = volume.notes.len();
+        if let (Some(names), None) = (&options.label_names, &options.labels) {
+            volume.name_labels(names)?;
+        }
+        let of_names = volume.notes.split_off(notes);
         let statistics = volume.statistics()?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let look =
@@ -225,20 +230,38 @@ impl Source {
                 }
             })?;
         let statistics = if look.is_alone { volume.statistics()? } else { statistics };
+        // A label map is named again, with the notes.
+        if let Some(names) = options.label_names.take_if(|_| options.labels.is_none() && look.labels != Shown::AsMap) {
+            volume.notes.extend(of_names);
+            if look.labels == Shown::Not {
+                volume.notes.truncate(notes);
+                volume.notes.push(format!(
+                    "{whole_name}: the values are not shown as labels, so the names in {} are not used",
+                    names.display()
+                ));
+            }
+        }
         volume.geometry = stored;
         let (mut text, mut guess) = (look.text, look.guess);
-        if let Some(labels) = &options.labels {
-            // A label map that cannot be read is an error of the scene.
-            let labels = volume::open(labels, &Selection::default(), progress).ok();
-            let declared = labels.and_then(|labels| labels_text(&labels, &text));
+        // A label map that cannot be read is an error of the scene.
+        if let Some(mut labels) =
+            options.labels.as_ref().and_then(|labels| volume::open(labels, &Selection::default(), progress).ok())
+        {
+            if let Some(names) = &options.label_names {
+                labels.name_labels(names)?;
+            }
+            let declared = labels_text(&labels, &text)?;
             guess.push_str(match &declared {
                 Some(_) => " Voxels with a label are shown as materials of their own, and all others by their values.",
-                None => " The labels are not used: the label map has no label, or too many to be told apart.",
+                None => " The labels are not used: the label map has no label.",
             });
             text.push_str(&declared.unwrap_or_default());
         }
         let read = parse_around(Some(volume), &whole_name, &text, Path::new(""), &options, progress);
         let file = read.map_err(of_volume)?;
+        // Labels may be values by their ranks.
+        let own = file.scene.labels.is_some() && options.labels.is_none();
+        let statistics = if own { file.scene.volume.statistics()? } else { statistics };
         Ok((SceneFile { guess: Some(guess), ..file }, statistics))
     }
 }

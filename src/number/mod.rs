@@ -36,6 +36,24 @@ pub(crate) fn nearest(number: f64) -> i32 {
     number.round() as i32
 }
 
+/// The whole number of a float that is one, and of which all digits are known.
+#[must_use]
+pub(crate) fn nearest_label(number: f64) -> Option<i64> {
+    let size = number.abs();
+    if number.is_nan() || size.fract() > 0.0 || size > 9_007_199_254_740_992.0 {
+        return None;
+    }
+    let size = i64::try_from(whole(size)).ok()?;
+    Some(if number < 0.0 { -size } else { size })
+}
+
+/// A whole number as a float; exact below 2⁵³.
+#[expect(clippy::cast_precision_loss, reason = "more digits are names, not sizes")]
+#[must_use]
+pub(crate) fn from_label(label: i64) -> f64 {
+    label as f64
+}
+
 /// A count as a shader has it; one that does not fit is the largest, which every limit refuses.
 #[must_use]
 pub(crate) fn unsigned(n: usize) -> u32 {

@@ -17,6 +17,8 @@ mod geometry;
 mod guard;
 mod hdf5;
 mod hint;
+mod label_names;
+mod labels;
 mod layout;
 mod lengths;
 mod metaimage;
@@ -64,6 +66,8 @@ pub use open::{extensions, make_bricks, open, open_by, open_raw, packed_blocks};
 pub(crate) use open::{has_header, is_volume, refusal};
 pub use phantom::Phantom;
 
+pub use label_names::{BUILT_IN_NAMES, is_built_in, label_names};
+pub use labels::{LabelCounts, MOST_LABELS, NoLabels, is_background};
 pub use layout::{ByteOrder, RawLayout};
 pub use modality::Modality;
 pub use presets::{LabelPreset, Presets, Window};

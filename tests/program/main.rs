@@ -13,6 +13,7 @@ mod examples;
 mod failures;
 mod figures;
 mod first_look;
+mod label_maps;
 mod level;
 mod measure;
 mod model_files;

@@ -2,36 +2,39 @@
 
 mod alone;
 mod groups;
+mod labels;
+mod regions;
 mod sample;
 mod values;
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use glam::DVec3;
 use toml_edit::{DocumentMut, Item, TableLike};
 
-use values::MOST_LABELS;
+use values::are_intervals;
 pub use values::{Kind, Peak, Values};
+
+pub(super) use self::labels::labels_text;
 
 use self::alone::{Alone, alone};
 use self::groups::Groups;
+use self::labels::{LABEL_OPACITY, Named, OUTER_DEPTH, label_colour, quoted};
 use self::sample::Thinned;
 use super::fit;
 use super::moves::Side;
 use super::silhouette::{Depths, Seen};
 use super::transfer_presets::TransferPreset;
-use crate::number::{brief, count, nearest, whole};
+use crate::number::{brief, count, from_label, nearest_label, whole};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term};
-use crate::volume::{Geometry, LabelPreset, Presets, Statistics, Volume, VolumeError, Window};
+use crate::volume::{Geometry, Presets, Statistics, Volume, VolumeError, Window};
 use crate::written::refused_name;
 
 /// Designed materials and lights of a first look.
 const DESIGN: &str = include_str!("../../../data/scenes/volume.toml");
-/// Opacity of labels of a label map, per voxel: a surface that shows what is in front of it.
-const LABEL_OPACITY: f64 = 0.5;
 /// Names of its materials, from the faintest to the most solid.
 const DESIGNED: [&str; 3] = ["faint", "middle", "solid"];
 
@@ -119,6 +122,19 @@ pub(super) struct FirstLook {
     pub(super) guess: String,
     /// Other parts than the body were removed from the volume.
     pub(super) is_alone: bool,
+    /// How it shows labels.
+    pub(super) labels: Shown,
+}
+
+/// How a first look shows the labels of a volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shown {
+    /// The values are no labels, or taken as values.
+    Not,
+    /// By intervals of the transfer function.
+    AsIntervals,
+    /// By a label map.
+    AsMap,
 }
 
 /// A range of values that is shown as one material.
@@ -185,6 +201,13 @@ impl Rise {
 /// How values become opacity.
 enum Shape {
     Layers(Vec<Layer>),
+    /// Labels of a label map, whose voxels have values from `from` on.
+    Labels {
+        labels: Vec<Named>,
+        /// The label that is like glass.
+        outer: Option<usize>,
+        from: f64,
+    },
     /// One material whose opacity rises over `range`.
     Ramp {
         layer: Layer,
@@ -200,22 +223,9 @@ impl Shape {
                 layers.iter().map(|layer| layer.range[0] - layer.ramp / 2.0).fold(f64::INFINITY, f64::min)
             }
             Self::Ramp { layer, .. } => layer.range[0],
+            Self::Labels { from, .. } => *from,
         }
     }
-}
-
-/// Colours of labels that can be told apart: 16 after Kelly (1965), in an order in which neighbours differ most, and 16
-/// that are farthest from all before them. Any two differ by ΔE00 11 or more.
-const LABEL_COLOURS: [&str; 32] = [
-    "#e2d8bc", "#c03a2b", "#2f6fb7", "#e0a030", "#3f9b4f", "#8e5ba6", "#3fb8b0", "#e07ba0", "#a8c83c", "#8a5a34",
-    "#6f86d6", "#f2c58a", "#5f7f5a", "#b0508a", "#9fd0e8", "#7a7a7a", "#e3d4f2", "#1f4c4c", "#f2886a", "#5b3d4c",
-    "#88f2b6", "#4c4c1f", "#88791f", "#3d3d88", "#c598f2", "#3d8898", "#98a798", "#b6a7a7", "#986a6a", "#981f3d",
-    "#1fa7f2", "#a7886a",
-];
-
-/// Colour of the label of this `index`; they repeat after [`LABEL_COLOURS`].
-const fn label_colour(index: usize) -> &'static str {
-    LABEL_COLOURS[index % LABEL_COLOURS.len()]
 }
 
 /// Layers of a CT for water at `water`.
@@ -359,50 +369,34 @@ fn code([red, green, blue]: [f64; 3]) -> String {
 }
 
 /// Layers of a segmentation; a label that hides most of the others is like glass.
-fn label_layers(values: &Values, labels: &[f64], presets: &[LabelPreset], axis: usize) -> Vec<Layer> {
-    let outer = outermost(&values.thinned, values.least, axis);
-    let stated = |label: f64| presets.iter().find(|preset| brief(label) == preset.value.to_string());
-    // A name of a file may have any character but those that end a line.
-    let clean = |name: &str| name.chars().filter(|it| !it.is_control()).collect::<String>().trim().to_owned();
-    let name = |label: f64| -> Option<String> {
-        let name = clean(&stated(label)?.name);
-        let is_alone = presets.iter().filter(|preset| clean(&preset.name) == name).count() == 1;
-        // Labels without a name are called so.
-        Some(name).filter(|name| !name.is_empty() && is_alone && !name.starts_with("label_"))
+fn label_layers(labels: Vec<Named>, outer: Option<usize>) -> Vec<Layer> {
+    let layer = |(index, Named { label, name, code, .. }): (usize, Named)| {
+        let value = from_label(label);
+        Layer {
+            name,
+            colour: Colour::Code(code),
+            range: [value - 0.5, value + 0.5],
+            ramp: 0.0,
+            depth: Depth::Ray(if outer == Some(index) { OUTER_DEPTH } else { 12.0 }),
+            what: String::new(),
+        }
     };
-    let layer = |(index, &label): (usize, &f64)| Layer {
-        name: name(label).unwrap_or_else(|| format!("label_{}", brief(label))),
-        colour: Colour::Code(
-            stated(label).and_then(|preset| preset.colour).map_or_else(|| label_colour(index).to_owned(), code),
-        ),
-        range: [label - 0.5, label + 0.5],
-        ramp: 0.0,
-        depth: Depth::Ray(if labels.len() > 1 && outer.is_some_and(|outer| (outer - label).abs() < 0.5) {
-            0.6
-        } else {
-            12.0
-        }),
-        what: String::new(),
-    };
-    labels.iter().enumerate().map(layer).collect()
+    labels.into_iter().enumerate().map(layer).collect()
 }
 
 /// The label that more than two thirds of the rays along `axis` meet first and leave last, if there is one.
-fn outermost(thinned: &Thinned, background: f64, axis: usize) -> Option<f64> {
-    let is_object = |value: f64| value > background;
-    let mut met: Vec<(f64, usize)> = Vec::new();
+fn outermost(thinned: &Thinned, from: f64, axis: usize) -> Option<f64> {
+    let is_object = |value: f64| value >= from;
+    let mut met: BTreeMap<i64, usize> = BTreeMap::new();
     let mut rays = 0;
     for_columns(thinned, axis, |column| {
         let mut objects = column.iter().copied().filter(|&value| is_object(value));
         if let Some(first) = objects.next() {
             rays += 1;
-            match met.iter_mut().find(|(label, _)| (label - first).abs() < 0.5) {
-                Some((_, times)) => *times += 1,
-                None => met.push((first, 1)),
-            }
+            *met.entry(nearest_label(first.round()).unwrap_or_default()).or_insert(0) += 1;
         }
     });
-    met.into_iter().find(|&(_, times)| count(times) > 2.0 / 3.0 * count(rays)).map(|(label, _)| label)
+    met.into_iter().find(|&(_, times)| count(times) > 2.0 / 3.0 * count(rays)).map(|(label, _)| from_label(label))
 }
 
 /// The two other axes beside each axis.
@@ -664,6 +658,7 @@ pub(super) fn first_look(
     let ranges: Vec<[f64; 2]> = match &shape {
         Shape::Layers(layers) => layers.iter().map(|it| [it.range[0] - it.ramp / 2.0, it.range[1]]).collect(),
         // The beginning of a ramp is hardly visible.
+        Shape::Labels { from, .. } => vec![[*from, f64::MAX]],
         Shape::Ramp { layer: Layer { range: [low, high], .. }, rise } => {
             let from = if *rise == Rise::Steep { 0.5 } else { 0.3 };
             vec![[(1.0 - from) * low + from * high, f64::MAX]]
@@ -683,6 +678,15 @@ pub(super) fn first_look(
         Shape::Layers(layers) => {
             layers.iter().zip(thickness(layers)).map(|(layer, thickness)| opacity(layer.depth, thickness)).collect()
         }
+        Shape::Labels { labels, outer, .. } => {
+            let glass = outer.and_then(|outer| {
+                let mut layers = label_layers(labels.get(outer..=outer)?.to_vec(), Some(0));
+                let thickness = thickness(&layers).pop()?;
+                Some((outer, opacity(layers.pop()?.depth, thickness)))
+            });
+            let own = |index: usize| glass.filter(|&(outer, _)| outer == index).map_or(LABEL_OPACITY, |(_, own)| own);
+            (0..labels.len()).map(own).collect()
+        }
         Shape::Ramp { layer, rise } => {
             let voxels = ramp_thickness(&values.thinned, layer.range, *rise, axis);
             vec![opacity(layer.depth, (scale * voxels).max(1.0))]
@@ -691,7 +695,8 @@ pub(super) fn first_look(
     let camera = if is_flat {
         fit::fitted(&camera, &outline, &outline, geometry)
     } else {
-        let depths = Depths::of(&terms(&shape, &opacities), geometry.spacing.min_element() / brightness(&shape));
+        let depths =
+            Depths::of(&terms(&shape, &opacities, values.most), geometry.spacing.min_element() / brightness(&shape));
         let is_interpolated = !matches!(values.kind, Kind::Labels(_));
         fit::framed(&camera, &outline, &Seen::new(at_hand, crop, is_interpolated, depths))
     };
@@ -714,11 +719,26 @@ pub(super) fn first_look(
             let outer = layers.iter().position(|layer| matches!(layer.depth, Depth::Ray(depth) if depth < 1.0));
             Some(groups::of_labels(&names, &sizes, outer))
         }
+        (_, Shape::Labels { labels, outer, .. }) if labels.len() > 1 && labels::have_own_materials(labels) => {
+            let names: Vec<String> = labels.iter().map(|label| label.name.clone()).collect();
+            let all: u64 = values.label_counts.values().sum();
+            let size = |label: &Named| {
+                let voxels = values.label_counts.get(&label.label).copied().unwrap_or(0);
+                count(usize::try_from(voxels).unwrap_or(usize::MAX)) / count(usize::try_from(all).unwrap_or(usize::MAX))
+            };
+            let sizes: Vec<f64> = labels.iter().map(size).collect();
+            Some(groups::of_labels(&names, &sizes, *outer))
+        }
         _ => None,
     };
     let text =
         text(name, &guess, (&shape, groups.as_ref()), &opacities, &camera, alone.map(|it| it.of(of_all)), geometry);
-    Ok(FirstLook { text, guess, is_alone })
+    let labels = match (&shape, &values.kind) {
+        (Shape::Labels { .. }, _) => Shown::AsMap,
+        (Shape::Layers(_), Kind::Labels(_)) if wish.look.is_none() => Shown::AsIntervals,
+        _ => Shown::Not,
+    };
+    Ok(FirstLook { text, guess, is_alone, labels })
 }
 
 /// What a first look shows of `volume`, which has these values, in words; but for a table that is left out, which only a search of
@@ -842,8 +862,21 @@ fn shape(
     }
     // A window of the file says more than the histogram.
     let stated = presets.windows.iter().find(|window| values.are_in(window)).filter(|_| wish.look.is_none());
+    if let (Kind::Labels(ids), None) = (&values.kind, wish.look)
+        && !are_intervals(ids)
+    {
+        let (labels, outer, from) = of_labels(values, ids, presets, axis);
+        let shown: Vec<&str> = labels.iter().take(4).map(|label| label.name.as_str()).collect();
+        let more = labels.len() - shown.len();
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let guess = format!("{kind}: {}{more}", shown.join(", "));
+        return (Shape::Labels { labels, outer, from }, guess);
+    }
     let layers = match (&values.kind, wish.look) {
-        (Kind::Labels(labels), None) => label_layers(values, labels, &presets.labels, axis),
+        (Kind::Labels(ids), None) => {
+            let (labels, outer, _) = of_labels(values, ids, presets, axis);
+            label_layers(labels, outer)
+        }
         (_, Some(Look::Preset(preset))) => preset_layers(preset, statistics, values.water(statistics)),
         (Kind::Ct { water }, look) => {
             let mut found = ct_layers(look.unwrap_or(Look::Tissue), *water, values.most);
@@ -875,14 +908,20 @@ fn shape(
     (Shape::Layers(layers), guess)
 }
 
+/// Names and colours of these labels, the one that is like glass, and a value between the background and them.
+fn of_labels(values: &Values, ids: &[i64], presets: &Presets, axis: usize) -> (Vec<Named>, Option<usize>, f64) {
+    let labels = labels::named(ids, &presets.labels);
+    let first = ids.first().copied().unwrap_or_default();
+    let before = values.label_counts.range(..first).next_back().map_or(first - 1, |(&label, _)| label);
+    let from = f64::midpoint(from_label(before), from_label(first));
+    let outer = outermost(&values.thinned, from, axis).filter(|_| ids.len() > 1);
+    let outer = outer.and_then(|outer| ids.iter().position(|&label| (from_label(label) - outer).abs() < 0.5));
+    (labels, outer, from)
+}
+
 /// A number to four digits.
 fn brief_of(number: f64) -> String {
     brief(format!("{number:.3e}").parse().unwrap_or(number))
-}
-
-/// A name as a string of TOML.
-fn quoted(name: &str) -> String {
-    toml_edit::value(name).to_string().trim().to_owned()
 }
 
 /// Opacity of an opacity length of a layer that is this many of them thick.
@@ -911,7 +950,7 @@ fn ramp(layer: &Layer, rise: Rise, opacities: &[f64]) -> Vec<(f64, f64)> {
 /// is visible from a smaller optical depth on.
 const fn brightness(shape: &Shape) -> f64 {
     match shape {
-        Shape::Layers(_) => 1.0,
+        Shape::Layers(_) | Shape::Labels { .. } => 1.0,
         // The largest components of the linear colours are 0.75 and 0.33, and what shines is shaded by 1 in place of 0.45.
         Shape::Ramp { rise: Rise::Shining, .. } => 0.75 / 0.33 / 0.45,
         // 0.81 and 0.33 for grey, whose soft edges are darker: the gradients of windows of the tooth and of a soft ball.
@@ -920,8 +959,9 @@ const fn brightness(shape: &Shape) -> f64 {
 }
 
 /// The terms of the transfer function of a scene; their materials are those of no scene.
-fn terms(shape: &Shape, opacities: &[f64]) -> Vec<Term> {
+fn terms(shape: &Shape, opacities: &[f64], most: f64) -> Vec<Term> {
     match shape {
+        Shape::Labels { from, .. } => vec![Term::interval(0, [*from, most], [0.0; 2], LABEL_OPACITY, 0.0)],
         Shape::Layers(layers) => layers
             .iter()
             .zip(opacities)
@@ -958,6 +998,9 @@ fn text(
         );
         line(&format!("largest_part_above = {above:?}"));
     }
+    if matches!(shape, Shape::Labels { .. }) {
+        line("# The voxels are labels; [labels] states how each is shown.\nare_labels = true");
+    }
     line(
         "\n# Opacity is the fraction of light lost over the opacity length: one voxel. Ranges are values of the volume.",
     );
@@ -978,6 +1021,7 @@ fn text(
             }
             line("]");
         }
+        Shape::Labels { .. } => {}
         Shape::Ramp { layer, rise } => {
             let [low, _] = layer.range;
             line(match rise {
@@ -996,9 +1040,21 @@ fn text(
     let layers = match shape {
         Shape::Layers(layers) => layers.clone(),
         Shape::Ramp { layer, .. } => vec![layer.clone()],
+        Shape::Labels { .. } => Vec::new(),
     };
     let shines = matches!(shape, Shape::Ramp { rise: Rise::Shining, .. });
-    if layers.iter().all(|layer| matches!(layer.colour, Colour::Designed(_))) {
+    if let Shape::Labels { labels, .. } = shape {
+        if let Some(groups) = groups {
+            let labels: Vec<(String, String)> =
+                labels.iter().map(|label| (label.name.clone(), label.code.clone())).collect();
+            line(&groups::text(&labels, groups));
+        } else {
+            line(&labels::materials_text(labels));
+            line("\n[lights.day]\nspectrum = \"D65\"\nkind = \"three_point\"");
+        }
+        line("");
+        line(labels::entries_text(labels, opacities).trim_end());
+    } else if layers.iter().all(|layer| matches!(layer.colour, Colour::Designed(_))) {
         line(
             "\n# In daylight all materials are visible; each of the other lights shows one material and leaves the others black.",
         );
@@ -1049,40 +1105,6 @@ fn text(
     text
 }
 
-/// Materials and declarations of the labels of a label map, to be appended to the text of a `scene`: names and colours of its
-/// file, or else numbers. `None` if it has no label, or more than are told apart.
-pub(super) fn labels_text(labels: &Volume, scene: &str) -> Option<String> {
-    let mut values = BTreeSet::new();
-    for index in 0..labels.voxels.len() {
-        let value = labels.voxels.value(index)?;
-        values.insert(nearest(value));
-        if values.len() > MOST_LABELS + 1 {
-            return None;
-        }
-    }
-    values.remove(&0);
-    let mut text = String::from("\n# Labels of the label map; their voxels do not follow the transfer function.\n");
-    for (index, &value) in values.iter().enumerate() {
-        let preset = labels.presets.labels.iter().find(|preset| preset.value == i64::from(value));
-        let name: String =
-            preset.map_or_else(String::new, |it| it.name.chars().filter(|it| !it.is_control()).collect());
-        let name = if name.is_empty() { format!("label_{value}") } else { name };
-        let is_taken = scene.contains(&format!("[materials.{}]", toml_edit::Key::new(&name).display_repr()))
-            || labels.presets.labels.iter().any(|other| other.name == name && other.value != i64::from(value));
-        let name = if is_taken { format!("{name} ({value})") } else { name };
-        let colour = preset.and_then(|preset| preset.colour).map_or_else(|| label_colour(index).to_owned(), code);
-        let key = toml_edit::Key::new(&name);
-        let (key, quoted) = (key.display_repr().into_owned(), toml_edit::value(&name).to_string());
-        let _ = write!(
-            text,
-            "[materials.{key}]\nreflectance = {{ srgb = \"{colour}\" }}\n[labels.{value}]\nname = {q}\nmaterial = \
-             {q}\nopacity = {LABEL_OPACITY:?}\n",
-            q = quoted.trim()
-        );
-    }
-    (!values.is_empty()).then_some(text)
-}
-
 /// The designed materials and lights of `layers`.
 fn designed(layers: &[Layer]) -> String {
     let used = |role: usize| layers.iter().find(|layer| matches!(layer.colour, Colour::Designed(it) if it == role));
@@ -1118,26 +1140,5 @@ fn remove(document: &mut DocumentMut, path: &[&str], key: &str) {
     }
     if let Some(table) = table {
         table.remove(key);
-    }
-}
-
-#[cfg(test)]
-#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-mod tests {
-    use super::LABEL_COLOURS;
-    use crate::spectrum::colour::{LinearSrgb, ciede2000, d65_white, decode_srgb, lab_from_xyz, xyz_from_linear_srgb};
-
-    #[test]
-    fn colours_of_labels_can_be_told_apart() {
-        let lab = |code: &str| {
-            let part = |at: usize| u8::from_str_radix(&code[at..at + 2], 16).unwrap();
-            let linear = [1, 3, 5].map(|at| decode_srgb(f64::from(part(at)) / 255.0));
-            lab_from_xyz(xyz_from_linear_srgb(LinearSrgb(linear)), d65_white())
-        };
-        for (index, one) in LABEL_COLOURS.iter().enumerate() {
-            for other in &LABEL_COLOURS[..index] {
-                assert!(ciede2000(lab(one), lab(other)) >= 11.0, "{one} and {other}");
-            }
-        }
     }
 }

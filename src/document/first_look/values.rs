@@ -5,16 +5,19 @@ use serde::Serialize;
 
 use super::super::otsu::otsu;
 use super::super::transfer_presets::hounsfield;
+use super::regions;
 use super::sample::Thinned;
 use crate::number::{brief, count, whole};
-use crate::volume::{Modality, Statistics, Unit, Volume, VoxelType, Window};
+use crate::volume::{LabelCounts, MOST_LABELS, Modality, Statistics, Unit, Volume, Window, is_background};
 
 /// Bins of the histogram between the 0.05th and the 99.95th percentile.
 const BINS: usize = 256;
 /// Values that are sorted for percentiles.
 const SORTED: usize = 400_000;
-/// Most labels of a volume that is taken for a segmentation.
-pub(super) const MOST_LABELS: usize = 48;
+/// Most labels that are shown as intervals of the transfer function; a volume with more values needs more evidence, too.
+pub(super) const FEW_LABELS: usize = 48;
+/// Largest label that an interval of the transfer function can tell from its neighbours.
+const LARGEST_INTERVAL: i64 = 65_535;
 
 /// Kind of data, as far as the values tell.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +28,7 @@ pub enum Kind {
         water: f64,
     },
     /// A segmentation with these labels, without the background.
-    Labels(Vec<f64>),
+    Labels(Vec<i64>),
     /// Anything else, of the modality that the file states.
     Other(Option<Modality>),
 }
@@ -90,6 +93,8 @@ pub struct Values {
     pub(super) thinned: Thinned,
     pub(super) least: f64,
     pub(super) most: f64,
+    /// Numbers of voxels of the labels of a segmentation, with the background.
+    pub(super) label_counts: LabelCounts,
 }
 
 impl Values {
@@ -101,9 +106,10 @@ impl Values {
             thinned.values.iter().copied().step_by((thinned.values.len() / SORTED).max(1)).collect();
         sorted.par_sort_unstable_by(f64::total_cmp);
         let (least, most) = (statistics.min, statistics.max);
-        let kind = kind(volume, &thinned, &sorted, statistics);
+        let (kind, label_counts) = kind(volume, &thinned, &sorted, statistics);
         let peaks = Vec::new();
-        let mut values = Self { kind, peaks, objects_from: least, surface_from: least, sorted, thinned, least, most };
+        let mut values =
+            Self { kind, peaks, objects_from: least, surface_from: least, sorted, thinned, least, most, label_counts };
         let histogram = Histogram::of(&values);
         values.peaks = histogram.peaks();
         [values.surface_from, values.objects_from] = values.boundaries(&histogram);
@@ -162,8 +168,10 @@ impl Values {
                 std::iter::once(unit).chain(named).collect()
             }
             Kind::Labels(labels) => {
-                let listed: Vec<String> = labels.iter().map(|&label| brief(label)).collect();
-                vec![format!("a segmentation with the labels {}", listed.join(", "))]
+                let listed: Vec<String> = labels.iter().take(FEW_LABELS).map(i64::to_string).collect();
+                let more = labels.len() - listed.len();
+                let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                vec![format!("a segmentation with the labels {}{more}", listed.join(", "))]
             }
             Kind::Other(_) => {
                 let digits = |value: f64| brief(format!("{value:.3e}").parse().unwrap_or(value));
@@ -321,35 +329,71 @@ impl Histogram {
     }
 }
 
-fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f64], statistics: &Statistics) -> Kind {
+fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f64], statistics: &Statistics) -> (Kind, LabelCounts) {
     // Maps of microscopes may have the values of a CT, but not its unit.
     let is_small = matches!(volume.unit, Some(Unit::Micrometre | Unit::Nanometre | Unit::Angstrom));
     let modality = volume.modality();
     let may_be_ct = !volume.has_labels && !is_small && modality.is_none_or(|it| it == Modality::Ct);
-    if let Some(water) = water(sorted, statistics, modality.is_some()).filter(|_| may_be_ct) {
-        return Kind::Ct { water };
-    }
-    let are_whole = !matches!(volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
-    // A channel of a microscope has no labels, however few its values are.
-    let labels = if volume.presets.colour.is_some() { None } else { labels(thinned, sorted, volume.has_labels) };
-    match labels.filter(|_| are_whole) {
-        Some(labels) => Kind::Labels(labels),
-        None => Kind::Other(modality),
+    let water = water(sorted, statistics, modality.is_some()).filter(|_| may_be_ct);
+    // Labels from 1000 on may have the distances of air, water and bone, but no number below 0 other than -1.
+    let is_offset = water.is_some_and(|water| water > 0.0) && modality.is_none();
+    let labels = if water.is_some() && !is_offset { None } else { labels(volume, thinned, sorted, statistics) };
+    match (labels, water) {
+        (Some((labels, counts)), _) => (Kind::Labels(labels), counts),
+        (None, Some(water)) => (Kind::Ct { water }, LabelCounts::new()),
+        (None, None) => (Kind::Other(modality), LabelCounts::new()),
     }
 }
 
-/// Values of a segmentation: few, and constant over neighbourhoods unless the file says that they are labels.
-fn labels(thinned: &Thinned, sorted: &[f64], are_stated: bool) -> Option<Vec<f64>> {
+/// Labels of a segmentation, without the background, and their numbers of voxels.
+fn labels(
+    volume: &Volume,
+    thinned: &Thinned,
+    sorted: &[f64],
+    statistics: &Statistics,
+) -> Option<(Vec<i64>, LabelCounts)> {
+    // A channel of a microscope has no labels, however few its values are.
+    let is_whole = [statistics.min, statistics.max].iter().all(|end| end.fract() == 0.0);
+    if volume.presets.colour.is_some() || !is_whole || sorted.iter().any(|value| value.fract() != 0.0) {
+        return None;
+    }
+    let is_few = is_few_labels(thinned, sorted, volume.has_labels);
+    let may_be_many = volume.bricks.is_none() && (volume.has_labels || volume.modality().is_none());
+    if !is_few && !may_be_many {
+        return None;
+    }
+    if !is_few && !volume.has_labels && !regions::may_be_labels(volume) {
+        return None;
+    }
+    // A label may have fewer voxels than the copy tells, and floats may have others than whole numbers.
+    let counts = volume.label_counts(MOST_LABELS + 1).ok()?;
+    if !is_few && !volume.has_labels && !regions::are_labels(volume, &counts) {
+        return None;
+    }
+    let lowest = counts.keys().next().copied()?;
+    let is_object = |label: i64| label != lowest && (lowest >= 0 || !is_background(label, &counts));
+    let found: Vec<i64> = counts.keys().copied().filter(|&label| is_object(label)).collect();
+    (!found.is_empty()).then_some((found, counts))
+}
+
+/// Whether these labels are shown as intervals of values. The others are shown by a label map.
+pub(super) fn are_intervals(labels: &[i64]) -> bool {
+    labels.len() <= FEW_LABELS && labels.iter().all(|label| (-LARGEST_INTERVAL..=LARGEST_INTERVAL).contains(label))
+}
+
+/// Whether the values are those of a segmentation with few labels: few, and constant over neighbourhoods unless the file says that they
+/// are labels.
+fn is_few_labels(thinned: &Thinned, sorted: &[f64], are_stated: bool) -> bool {
     let mut distinct: Vec<f64> = Vec::new();
     for &value in sorted {
         if distinct.last().is_none_or(|&last| last < value) {
             distinct.push(value);
-            if distinct.len() > MOST_LABELS {
-                return None;
+            if distinct.len() > FEW_LABELS {
+                return false;
             }
         }
     }
-    let background = distinct.first().copied()?;
+    let Some(background) = distinct.first().copied() else { return false };
     // Between surfaces all neighbours of a voxel of a segmentation are alike, and neighbours of other values differ by
     // any number; values of a scan differ by small ones.
     let step = (thinned.values.len() / 50_000).max(1);
@@ -367,11 +411,8 @@ fn labels(thinned: &Thinned, sorted: &[f64], are_stated: bool) -> Option<Vec<f64
             alike += usize::from(2 * other <= all);
         }
     }
-    let found: Vec<f64> = distinct.iter().skip(1).copied().collect();
     let is_constant = objects > 0 && count(alike) >= 0.6 * count(objects);
-    // The thinned copy is rounded to 32 bits, and names of materials have seven digits.
-    let are_labels = found.iter().all(|label| label.fract() == 0.0 && label.abs() < 1e7);
-    ((is_constant || are_stated) && are_labels && !found.is_empty()).then_some(found)
+    (is_constant || are_stated) && distinct.len() > 1
 }
 
 /// Value of water if the values are those of a CT: air lies 1000 below, and most other voxels near water, unless the file

@@ -390,7 +390,7 @@ struct Key {
     window: [f64; 2],
     /// Transfer function and colours of the materials, where they are shown.
     materials: Option<(Transfer, Vec<Color32>)>,
-    label_materials: Vec<(u32, usize)>,
+    label_materials: Vec<(i64, usize)>,
     label_colours: Vec<Color32>,
 }
 

@@ -635,7 +635,9 @@ fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Actio
     let Some(labels) = state.scene.labels.as_ref().filter(|labels| !labels.declared.is_empty()) else { return };
     let title = RichText::new("Labels").strong();
     ui.label(title).on_hover_text("Voxels with a label use its material and opacity, regardless of their value.");
-    for (index, entry) in labels.declared.iter().enumerate() {
+    /// Rows that can be found again, and drawn in every frame.
+    const ROWS: usize = 400;
+    for (index, entry) in labels.declared.iter().enumerate().take(ROWS) {
         let shown = |ui: &mut Ui| {
             let material = state.scene.materials.get(entry.material);
             swatch(ui, colours.get(entry.material).copied().unwrap_or(Color32::GRAY), material);
@@ -654,5 +656,8 @@ fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Actio
             dragged.changed().then_some(Action::Edit(Edit::Label(index, entry.material, opacity)))
         };
         sides(ui, asked, shown, hidden);
+    }
+    if let more @ 1.. = labels.declared.len().saturating_sub(ROWS) {
+        ui.label(RichText::new(format!("and {more} more labels, which the scene file can change")).small().weak());
     }
 }
