@@ -6,7 +6,9 @@ use serde::Serialize;
 
 use relume::document::{SceneError, SceneOptions, parse};
 use relume::measure::candidates::{DIMENSIONS, SCALES, setting, voxels};
-use relume::measure::{Bench, Choice, Goal, Knob, MeasureError, Pixels, Setting, Value, Wanted, choose, summary};
+use relume::measure::{
+    Bench, Choice, Goal, Knob, Limit, MeasureError, Pixels, Setting, Value, Wanted, choose, summary,
+};
 use relume::model::ErrorSummary;
 use relume::model::random::Random;
 use relume::progress::{Progress, Quiet};
@@ -157,7 +159,7 @@ pub(crate) fn goal_row(
     let dimension = number(&chosen, Knob::K);
     let mut bench = Bench::new(renderer, scene, &mix, SIZE, (PIXELS, SEED), progress)?;
     // Leaves room for settings with shorter steps.
-    bench.truth_for(0.5 * chosen.applied(scene).accuracy.step_length, progress)?;
+    bench.truth_for(0.5 * chosen.applied(scene).accuracy.step_length, Limit::NONE, progress)?;
 
     let mut p95_of = |setting: &Setting| -> Result<f64, MeasureError> {
         let ready = bench.ready(setting, progress)?;

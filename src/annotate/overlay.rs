@@ -67,7 +67,7 @@ impl Entry {
 }
 
 /// Content of an overlay.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Overlay<'a> {
     /// Visible materials.
     pub materials: Vec<Entry>,

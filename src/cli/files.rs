@@ -13,6 +13,7 @@ use serde_json::Value;
 use relume::document::{Dial, DialNode, DialPreset};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::annotate::{Edges, Frame, Overlay, PixelLength};
+use relume::internal::memory;
 use relume::internal::number::count;
 use relume::output::film::Frame as FileFrame;
 use relume::output::film::{
@@ -48,38 +49,147 @@ pub(crate) fn picture_kind(path: &Path) -> Result<PictureKind, CliError> {
     PictureKind::of(path).map_err(|error| CliError::Usage(error.to_string()))
 }
 
-/// Background and annotations of a picture.
+/// Form, background and annotations of PNG files.
 #[derive(Debug, Args)]
 pub(crate) struct DressArgs {
+    /// Bits per channel of a PNG. [default: 8]
+    #[arg(long, value_enum)]
+    bits: Option<Bits>,
     /// Put a colour behind the picture, or two with a gradient from top to bottom, or leave the background transparent (alpha
     /// in PNG; EXR files always keep opacity).
     /// No light changes this colour. The lights do change `background` of a scene, which is a surface.
     #[arg(long, value_name = "transparent|#RRGGBB[..#RRGGBB]", value_parser = backdrop)]
     pub(crate) background: Option<Backdrop>,
-    /// Draw a scale bar, orientation letters (for anatomical volumes) and a legend of materials and lights into PNG files.
-    #[arg(long)]
-    pub(crate) annotate: bool,
-    /// Title of an annotated picture.
-    #[arg(long, value_name = "TEXT", requires = "annotate")]
-    pub(crate) title: Option<String>,
+    #[command(flatten)]
+    pub(crate) annotate: AnnotateArgs,
 }
 
-impl DressArgs {
+/// Annotations of a picture.
+#[derive(Debug, Args)]
+pub(crate) struct AnnotateArgs {
+    /// Draw annotations into PNG files: all, or those of a list such as scale,legend. scale is a scale bar, letters are those of
+    /// the orientation (for anatomical volumes), legend lists materials and lights, and title is that of --title.
+    #[arg(long = "annotate", value_name = "LIST", num_args = 0..=1, require_equals = true, default_missing_value = "all")]
+    #[arg(value_parser = annotations)]
+    annotate: Option<Annotations>,
+    /// Title of an annotated picture.
+    #[arg(long, value_name = "TEXT", requires = "annotate")]
+    title: Option<String>,
+}
+
+/// The annotations that `--annotate` lists.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Annotations {
+    scale: bool,
+    letters: bool,
+    legend: bool,
+    title: bool,
+    /// All of them, without a list: a title as well if there is one.
+    all: bool,
+}
+
+/// Names of annotations on the command line.
+pub(crate) const ANNOTATIONS: [&str; 4] = ["scale", "letters", "legend", "title"];
+
+/// Parses a list of annotations, or `all`.
+fn annotations(text: &str) -> Result<Annotations, String> {
+    let all = text == "all";
+    let listed: Vec<&str> = if all { ANNOTATIONS.to_vec() } else { text.split(',').map(str::trim).collect() };
+    match listed.iter().find(|name| !ANNOTATIONS.contains(*name)) {
+        Some(name) => Err(format!("there is no annotation {name:?}; there are {}", ANNOTATIONS.join(", "))),
+        None => {
+            let [scale, letters, legend, title] = ANNOTATIONS.map(|name| listed.contains(&name));
+            Ok(Annotations { scale, letters, legend, title, all })
+        }
+    }
+}
+
+impl AnnotateArgs {
+    /// Whether there are annotations.
+    pub(crate) fn is_given(&self) -> bool {
+        self.annotate.is_some()
+    }
+
+    /// Whether there is a scale bar.
+    pub(crate) fn has_scale(&self) -> bool {
+        self.annotate.is_some_and(|chosen| chosen.scale)
+    }
+
+    /// Refuses a title that is not listed, and a listed one that is not given.
+    pub(crate) fn check(&self) -> Result<(), CliError> {
+        match (self.annotate, &self.title) {
+            (Some(Annotations { title: false, .. }), Some(title)) => {
+                Err(CliError::Usage(format!("--title {title:?} has no effect: --annotate does not list title")))
+            }
+            (Some(Annotations { title: true, all: false, .. }), None) => {
+                Err(CliError::Usage("--annotate lists title; add --title TEXT".to_owned()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What the chosen annotations show of `whole`, over a `bright` background or a dark one.
+    pub(crate) fn overlay<'a>(&'a self, bright: bool, whole: impl FnOnce() -> Overlay<'a>) -> Option<Overlay<'a>> {
+        let chosen = self.annotate?;
+        let whole = if chosen.legend { whole() } else { Overlay::default() };
+        Some(Overlay { title: self.title.as_deref(), bright, ..whole })
+    }
+
+    /// What the chosen annotations show of `frame`.
+    pub(crate) fn frame(&self, frame: Frame) -> Frame {
+        let chosen = self.annotate;
+        Frame {
+            pixel: frame.pixel.filter(|_| chosen.is_some_and(|it| it.scale)),
+            unit: frame.unit,
+            edges: frame.edges.filter(|_| chosen.is_some_and(|it| it.letters)),
+        }
+    }
+
     /// Says which annotations a film has no information for.
     pub(crate) fn warn(&self, saved: &Saved) {
-        if !self.annotate {
-            return;
-        }
-        if saved.frame.is_none() {
+        let Some(Annotations { scale, letters, legend, .. }) = self.annotate else { return };
+        if saved.frame.is_none() && (scale || letters) {
             tracing::warn!(
                 "the film does not state the scale of its picture, so there are no scale bar and no letters; films of this \
                  version of `relume render` state it"
             );
         }
-        if saved.materials.is_empty() {
+        if saved.materials.is_empty() && legend {
             tracing::warn!("the film stores a colour model and no materials, so the legend lists lights alone");
         }
     }
+}
+
+impl DressArgs {
+    /// Bits per channel of PNG files.
+    pub(crate) fn bits(&self) -> Bits {
+        self.bits.unwrap_or(Bits::Eight)
+    }
+
+    /// Refuses flags for PNG files if none of `pictures` is one.
+    pub(crate) fn check(&self, pictures: &[PathBuf]) -> Result<(), CliError> {
+        let flags = [
+            ("--bits", self.bits.is_some()),
+            ("--background", self.background.is_some()),
+            ("--annotate", self.annotate.is_given()),
+        ];
+        match flags.into_iter().find(|(_, given)| *given).filter(|_| !pictures.iter().any(|path| is_shown(path))) {
+            Some((flag, _)) => Err(CliError::Usage(format!(
+                "{flag} has no effect: it is for PNG files, and none is written; add -o FILE.png"
+            ))),
+            None => self.annotate.check(),
+        }
+    }
+
+    /// The overlay of the chosen annotations of `whole`, if any are chosen.
+    pub(crate) fn overlay<'a>(&'a self, whole: impl FnOnce() -> Overlay<'a>) -> Option<Overlay<'a>> {
+        self.annotate.overlay(self.background.is_some_and(Backdrop::is_bright), whole)
+    }
+}
+
+/// Whether `path` is a PNG of one picture or of an animation, which show pictures as a screen does.
+pub(crate) fn is_shown(path: &Path) -> bool {
+    path.extension().is_some_and(|it| it.eq_ignore_ascii_case("png") || it.eq_ignore_ascii_case("apng"))
 }
 
 /// The background of a picture.
@@ -163,6 +273,17 @@ pub(crate) fn dressed(
         tracing::warn!("this system has no fonts, so the annotations have no text; install fonts-dejavu-core");
     }
     Ok(Some(rgba))
+}
+
+/// Refuses a picture of `size`, of so many bytes a pixel, that exceeds the free memory.
+pub(crate) fn check_memory([width, height]: [usize; 2], pixel_bytes: usize) -> Result<(), CliError> {
+    let bytes = width.saturating_mul(height).saturating_mul(pixel_bytes);
+    match memory::available_bytes() {
+        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
+            "a picture of {width}×{height} pixels needs {bytes} bytes of memory, and {available} are free; use a smaller --size"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Writes `picture` to `path`; PNG files treat opacity by `alpha`.

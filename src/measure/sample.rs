@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::clock::Limit;
 use super::difference::Difference;
 use super::ladder::{Ladder, LadderError};
 use crate::model::random::Random;
@@ -11,6 +12,9 @@ use crate::scene::{Mix, Scene};
 
 /// Pixels examined in each round of drawing.
 const ROUND: usize = 4096;
+
+/// Random pixels in which errors are measured at least: the bound of the p95 of 256 is about the fourth largest error.
+pub(super) const LEAST_PIXELS: usize = 256;
 
 /// A random sample of the visible pixels.
 pub(super) struct Drawn<'a> {
@@ -65,9 +69,7 @@ pub(super) fn p95_of_all(errors: &[f64], all: usize) -> f64 {
     sorted.get(rank - 1).copied().unwrap_or_default()
 }
 
-/// Measures the error of a finished picture, to check a `--max-error`. `rgba` is linear RGBA of `size` under `mix`.
-/// The truth has steps of an eighth of those of `scene`. Compares 4096 random visible pixels, or all if there are
-/// fewer. Returns `None` if no pixel shows the volume.
+/// [`check_within`] without a limit.
 ///
 /// # Errors
 ///
@@ -79,11 +81,30 @@ pub fn check(
     rgba: &[f32],
     progress: &dyn Progress,
 ) -> Result<Option<Checked>, LadderError> {
+    check_within(scene, mix, size, rgba, Limit::NONE, progress)
+}
+
+/// Measures the error of a finished picture, to check a `--max-error`. `rgba` is linear RGBA of `size` under `mix`.
+/// The truth has steps of an eighth of those of `scene`. Compares 4096 random visible pixels, or all if there are
+/// fewer, or 256 and as many more as `limit` gives time for. Returns `None` if no pixel shows the volume.
+///
+/// # Errors
+///
+/// [`LadderError`].
+pub fn check_within(
+    scene: &Scene,
+    mix: &Mix,
+    size: [usize; 2],
+    rgba: &[f32],
+    limit: Limit,
+    progress: &dyn Progress,
+) -> Result<Option<Checked>, LadderError> {
     const PIXELS: usize = 4096;
     /// Differs from the seed of a choice, so that other pixels are drawn.
     const SEED: u64 = 77;
-    let Drawn { ladder, .. } = drawn(scene, mix, size, PIXELS, SEED, progress)?;
-    let truth = ladder.truth_in(&ladder.pixels, progress)?;
+    let Drawn { mut ladder, .. } = drawn(scene, mix, size, PIXELS, SEED, progress)?;
+    let truth = ladder.truth_within(&ladder.pixels, (limit, LEAST_PIXELS), progress)?;
+    ladder.pixels.truncate(truth.len());
     let shown: Vec<DVec3> = ladder
         .pixels
         .iter()

@@ -26,6 +26,7 @@ mod neighbours;
 mod nifti;
 mod nrrd;
 mod numpy;
+mod offered;
 mod open;
 mod pattern;
 pub mod phantom;
@@ -65,6 +66,7 @@ pub use phantom::Phantom;
 
 pub use layout::{ByteOrder, RawLayout};
 pub use modality::Modality;
+pub use offered::Offered;
 pub use presets::{LabelPreset, Presets, Window};
 pub use preview::Preview;
 pub use select::{HostMemory, Part, Selection};

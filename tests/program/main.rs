@@ -13,6 +13,7 @@ mod examples;
 mod failures;
 mod figures;
 mod first_look;
+mod flags;
 mod level;
 mod measure;
 mod model_files;
@@ -23,6 +24,7 @@ mod output;
 mod page;
 mod parts;
 mod session;
+mod slice;
 #[path = "../support/mod.rs"]
 mod support;
 mod tutorials;
