@@ -157,7 +157,7 @@ pub(crate) fn goal_row(
     };
     let samples = |setting: &Setting| setting.scale().powi(2) / number(setting, Knob::Step).unwrap_or(1.0);
     let dimension = number(&chosen, Knob::K);
-    let mut bench = Bench::new(renderer, scene, &mix, SIZE, (PIXELS, SEED), progress)?;
+    let mut bench = Bench::new(renderer, scene, &mix, SIZE, (PIXELS, SEED, Limit::NONE), progress)?;
     // Leaves room for settings with shorter steps.
     bench.truth_for(0.5 * chosen.applied(scene).accuracy.step_length, Limit::NONE, progress)?;
 

@@ -12,19 +12,17 @@ use serde_json::Value;
 
 use relume::document::{Dial, DialNode, DialPreset};
 use relume::film::{Components, Film, RelightMatrices};
-use relume::internal::annotate::{Edges, Frame, Overlay, PixelLength};
+use relume::internal::annotate::{Frame, Overlay};
 use relume::internal::memory;
 use relume::internal::number::count;
-use relume::output::film::Frame as FileFrame;
 use relume::output::film::{
-    Component, Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
+    Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
 };
 use relume::output::{Alpha, Depth, FilmFile, Picture, PictureKind, check_writable, draw_over, write_exr, write_png};
 use relume::scene::{Display, Mix};
 use relume::spectrum::colour::decode_srgb;
 use relume::spectrum::{BANDS, Reflectance, Spectrum};
 use relume::tables::Reflected;
-use relume::volume::Unit;
 
 use super::CliError;
 use super::model::reconstruction_json;
@@ -301,15 +299,6 @@ pub(crate) fn rgba(pixels: impl Iterator<Item = (DVec3, f64)>) -> Vec<f32> {
     pixels.flat_map(|(c, opacity)| [c.x as f32, c.y as f32, c.z as f32, opacity as f32]).collect()
 }
 
-/// The frame of a film file.
-fn frame_of_file(frame: FileFrame) -> Frame {
-    Frame {
-        pixel: frame.pixel.map(|units| PixelLength { units, exact: frame.parallel }),
-        unit: frame.unit.as_deref().and_then(Unit::named),
-        edges: frame.edges.map(|[left, right, top, bottom]| Edges { left, right, top, bottom }),
-    }
-}
-
 /// A film file, ready to be relit.
 pub(crate) struct Saved {
     pub(crate) components: Components,
@@ -371,11 +360,6 @@ pub(crate) fn digest_of(path: &Path) -> Result<u64, CliError> {
     }
 }
 
-/// Whether a reflectance is that of the perfect reflector.
-fn is_white(spectrum: &[f64; BANDS]) -> bool {
-    Spectrum::from_samples(*spectrum) == Spectrum::constant(1.0)
-}
-
 /// Says that the `film` at `path` lacks blocks of the volume.
 pub(crate) fn warn_of_part(path: &Path, film: &FilmFile) {
     if let Some(part) = &film.part {
@@ -407,16 +391,7 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
         FileComponents::Surfaces(_) => f64::INFINITY,
         FileComponents::Model(Stored { tolerance, .. }) => *tolerance,
     };
-    let materials = match &file.components {
-        FileComponents::Surfaces(surfaces) => {
-            // White for highlights follows the materials.
-            let is_highlight = |it: &&Component| it.name.starts_with("white") && is_white(&it.spectrum);
-            let materials = surfaces.len() - usize::from(surfaces.last().is_some_and(|it| is_highlight(&it)));
-            surfaces.iter().take(materials).map(|it| (it.name.clone(), Spectrum::from_samples(it.spectrum))).collect()
-        }
-        FileComponents::Model(_) => Vec::new(),
-    };
-    let frame = file.frame.take().map(frame_of_file);
+    let (materials, frame) = (file.materials(), file.scale());
     Ok(Saved {
         frame,
         materials,

@@ -74,7 +74,7 @@ impl std::fmt::Debug for Bench<'_> {
 
 impl<'a> Bench<'a> {
     /// Creates a bench for pictures of `size`. Errors are measured in at most `most` visible pixels, drawn at random
-    /// with `seed`.
+    /// with `seed`; in fewer if `limit` is over before so many are found.
     ///
     /// # Errors
     ///
@@ -84,10 +84,10 @@ impl<'a> Bench<'a> {
         scene: &'a Scene,
         mix: &Mix,
         size: [usize; 2],
-        (most, seed): (usize, u64),
+        (most, seed, limit): (usize, u64, Limit),
         progress: &dyn Progress,
     ) -> Result<Self, MeasureError> {
-        let Drawn { ladder, showing } = drawn(scene, mix, size, most, seed, progress)?;
+        let Drawn { ladder, showing } = drawn(scene, mix, size, most, (seed, limit), progress)?;
         if ladder.pixels.is_empty() {
             return Err(MeasureError::Nothing { sampled: size[0] * size[1], source_name: scene.name.clone() });
         }

@@ -333,7 +333,12 @@ impl<'a> Curve<'a> {
     fn bench(&mut self) -> Result<&mut Bench<'a>, MeasureError> {
         let bench = match self.bench.take() {
             Some(bench) => bench,
-            None => Bench::new(self.renderer, self.scene, self.mix, self.size, (PIXELS, SEED), self.progress)?,
+            None => {
+                // A fifth of the least time, as no frame has been timed.
+                let limit = Limit(self.patience.map_or(f64::INFINITY, |it| 0.2 * it.least_ms));
+                let drawn = (PIXELS, SEED, limit);
+                Bench::new(self.renderer, self.scene, self.mix, self.size, drawn, self.progress)?
+            }
         };
         Ok(self.bench.insert(bench))
     }

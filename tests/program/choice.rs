@@ -10,7 +10,10 @@ use std::time::Duration;
 
 use goals::{GoalCost, GoalRow, GoalScene, GoalSummary, goal_row};
 use relume::internal::view::effort;
-use relume::measure::{Choice, Goal, Knob, Pixels, Preset, Setting, Value, Wanted, check, choose};
+use relume::measure::{
+    Choice, Goal, Knob, Limit, Patience, Pixels, Preset, Setting, Value, Wanted, check, check_within, choose,
+    choose_within,
+};
 use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::render::Renderer;
@@ -81,6 +84,28 @@ fn what_was_measured_once_is_not_measured_again() {
         let closer = choose(Goal::MaxError(1.0));
         assert!(step(&closer) <= step(&first), "{} for less error than {}", closer.setting, first.setting);
     });
+}
+
+#[test]
+fn a_search_and_a_check_without_time_find_less_and_say_so() {
+    let scene = scene(0);
+    let mix = Mix::of_scene(&scene);
+    with_renderer(|renderer| {
+        let choose = |frames, least_ms| {
+            let goal = (wanted(Goal::MaxError(5.0)), Patience { frames, least_ms });
+            choose_within(renderer, &scene, &mix, goal, None, &Quiet).unwrap()
+        };
+        let (hasty, patient) = (choose(0.0, 0.0), choose(1e9, 1e12));
+        assert!(hasty.point.at_most <= 5.0, "{}", hasty.why);
+        assert!(hasty.why.contains("did not try") && !hasty.untried.is_empty(), "{}", hasty.why);
+        assert!(patient.untried.is_empty() && hasty.tried.len() < patient.tried.len(), "{} {}", hasty.why, patient.why);
+    });
+    let black = vec![0.0; 4 * SIZE[0] * SIZE[1]];
+    let all = check(&scene, &mix, SIZE, &black, &Quiet).unwrap().unwrap();
+    let some = check_within(&scene, &mix, SIZE, &black, Limit(0.0), &Quiet).unwrap().unwrap();
+    assert!((256..all.pixels).contains(&some.pixels), "{} of {}", some.pixels, all.pixels);
+    let [one, other] = [some, all].map(|checked| checked.difference.delta_e.p95);
+    assert!((one / other - 1.0).abs() < 0.2, "{one} {other}");
 }
 
 #[test]

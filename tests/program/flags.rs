@@ -225,11 +225,12 @@ const COMPETING: &[(&[&str], &str)] = &[
 /// Flags in the help of a command.
 fn flags_of(folder: &Folder, command: &str) -> BTreeSet<String> {
     let help = folder.done(&[command, "--help"]).out;
-    let flags = help.lines().filter_map(|line| {
+    // Descriptions, which may mention flags, are indented further.
+    let lines = help.lines().filter(|line| line.len() - line.trim_start().len() < 8);
+    let flags = lines.filter_map(|line| {
         let line = line.trim_start();
-        let long = line
-            .strip_prefix("--")
-            .or_else(|| line.split_once(", --").filter(|(short, _)| short.len() == 2)?.1.into())?;
+        let behind_short = || line.split_once(", --").filter(|(short, _)| short.len() == 2).map(|(_, long)| long);
+        let long = line.strip_prefix("--").or_else(behind_short)?;
         let name: String = long.chars().take_while(|letter| letter.is_ascii_lowercase() || *letter == '-').collect();
         Some(format!("--{name}"))
     });
