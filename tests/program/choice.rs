@@ -314,6 +314,8 @@ fn render_says_what_it_chose_and_what_came_of_it() {
     };
     let first = run(&["--max-error", "4", "--json"]);
     assert_eq!(first.code, Some(0), "{}", first.err);
+    let begun = first.err.lines().next().unwrap_or_default();
+    assert!(begun.starts_with("note: measuring settings to find the fastest setting within ΔE00 4"), "{}", first.err);
     let json = first.json();
     let choice = &json["choice"];
     assert_eq!((choice["from_cache"].as_bool(), choice["asked_error"].as_f64()), (Some(false), Some(4.0)));

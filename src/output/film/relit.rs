@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Components, FilmFile, Light, Stored};
+use super::{Component, Components, FilmFile, Light, Stored};
 use crate::annotate::{self, Edges, PixelLength};
 use crate::film;
 use crate::output::OutputError;
