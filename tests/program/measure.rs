@@ -705,8 +705,8 @@ fn a_row_whose_integration_is_not_that_of_the_scene_says_so() {
     let grid = Geometry::unit("ramp", [17; 3]).unwrap();
     scene.volume = Arc::new(Volume::new("ramp", Voxels::U8(values), grid).unwrap());
     scene.accuracy.integration = Integration::Auto;
-    // 30 wide: more than the values change in a step of one voxel, and less than in one of four.
-    scene.transfer.terms = vec![Term::interval(0, [80.0, 100.0], [5.0; 2], 0.3, 0.0)];
+    // 9 wide: more than the values change in a step of one voxel on average over the axes, and less than in one of four.
+    scene.transfer.terms = vec![Term::interval(0, [95.0, 100.0], [2.0; 2], 0.3, 0.0)];
     let taken = |row: &Measured| (row.integration, row.other_integration);
     measured(&scene, &["step=1,4"], |_, rows| {
         let found: Vec<_> = rows[1..].iter().map(taken).collect();
