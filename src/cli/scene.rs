@@ -325,6 +325,12 @@ impl SceneArgs {
     /// Refuses definitions of keys that a flag or the volume of `source` overrides.
     fn check_definitions(&self, source: &Source) -> Result<(), CliError> {
         let keys: Vec<&str> = self.define.define.iter().map(|text| text.split('=').next().unwrap_or(text)).collect();
+        for (at, key) in keys.iter().enumerate() {
+            if let Some(later) = keys[at + 1..].iter().rposition(|other| other.trim() == key.trim()) {
+                let all = &self.define.define;
+                tracing::warn!("-D {} has no effect: -D {} follows", all[at], all[at + 1 + later]);
+            }
+        }
         let by_volume = self.volume.is_some() || source.bare_volume().is_some();
         let whose = "the volume in place of that of the scene";
         let by_flags = OVERRIDDEN.iter().filter(|(flag, _)| self.is_given(flag));
