@@ -7,7 +7,7 @@ use serde::Serialize;
 use relume::document::{SceneError, SceneOptions, parse};
 use relume::measure::candidates::{DIMENSIONS, SCALES, setting, voxels};
 use relume::measure::{
-    Bench, Choice, Goal, Knob, Limit, MeasureError, Pixels, Setting, Value, Wanted, choose, summary,
+    Bench, Choice, Goal, Knob, Limit, MeasureError, Patience, Pixels, Setting, Value, Wanted, choose_within, summary,
 };
 use relume::model::ErrorSummary;
 use relume::model::random::Random;
@@ -147,10 +147,11 @@ pub(crate) fn goal_row(
     let GoalScene { scene, asked } = of;
     let mix = Mix::of_scene(scene);
     let wanted = Wanted { size: SIZE, goal: Goal::MaxError(*asked), pixels: Pixels::Fewer };
-    let Choice { setting: chosen, .. } = match choose(renderer, scene, &mix, wanted, None, progress) {
-        Err(MeasureError::Nothing { .. } | MeasureError::None { .. }) => return Ok(None),
-        choice => choice?,
-    };
+    let Choice { setting: chosen, .. } =
+        match choose_within(renderer, scene, &mix, (wanted, Patience::ENDLESS), None, progress) {
+            Err(MeasureError::Nothing { .. } | MeasureError::None { .. }) => return Ok(None),
+            choice => choice?,
+        };
     let number = |setting: &Setting, knob| match setting.get(knob) {
         Some(Value::Number(number)) => Some(number),
         _ => None,

@@ -67,6 +67,11 @@ pub struct Patience {
     pub least_ms: f64,
 }
 
+impl Patience {
+    /// No limit.
+    pub const ENDLESS: Self = Self { frames: f64::INFINITY, least_ms: f64::INFINITY };
+}
+
 impl Default for Patience {
     /// 20 frames: with the picture and its check, the run takes 30.
     fn default() -> Self {

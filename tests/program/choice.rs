@@ -11,7 +11,7 @@ use std::time::Duration;
 use goals::{GoalCost, GoalRow, GoalScene, GoalSummary, goal_row};
 use relume::internal::view::effort;
 use relume::measure::{
-    Choice, Goal, Knob, Limit, Patience, Pixels, Preset, Setting, Value, Wanted, check, check_within, choose,
+    Choice, Goal, Knob, Limit, MeasureError, Patience, Pixels, Preset, Setting, Value, Wanted, check, check_within,
     choose_within,
 };
 use relume::plan::plan;
@@ -30,6 +30,18 @@ const SIZE: [usize; 2] = [64, 56];
 /// Request for any setting that meets `goal` for a test picture.
 fn wanted(goal: Goal) -> Wanted {
     Wanted { size: SIZE, goal, pixels: Pixels::Fewer }
+}
+
+/// A search without a limit of time, which other programs cannot cut short.
+fn choose(
+    renderer: &Renderer,
+    scene: &Scene,
+    mix: &Mix,
+    wanted: Wanted,
+    cache: Option<&Path>,
+    progress: &Quiet,
+) -> Result<Choice, MeasureError> {
+    choose_within(renderer, scene, mix, (wanted, Patience::ENDLESS), cache, progress)
 }
 
 fn scene(seed: u64) -> Scene {
@@ -91,11 +103,11 @@ fn a_search_and_a_check_without_time_find_less_and_say_so() {
     let scene = scene(0);
     let mix = Mix::of_scene(&scene);
     with_renderer(|renderer| {
-        let choose = |frames, least_ms| {
+        let within = |frames, least_ms| {
             let goal = (wanted(Goal::MaxError(5.0)), Patience { frames, least_ms });
             choose_within(renderer, &scene, &mix, goal, None, &Quiet).unwrap()
         };
-        let (hasty, patient) = (choose(0.0, 0.0), choose(1e9, 1e12));
+        let (hasty, patient) = (within(0.0, 0.0), within(1e9, 1e12));
         assert!(hasty.point.at_most <= 5.0, "{}", hasty.why);
         assert!(hasty.why.contains("did not try") && !hasty.untried.is_empty(), "{}", hasty.why);
         assert!(patient.untried.is_empty() && hasty.tried.len() < patient.tried.len(), "{} {}", hasty.why, patient.why);
