@@ -226,7 +226,8 @@ const COMPETING: &[(&[&str], &str)] = &[
 fn flags_of(folder: &Folder, command: &str) -> BTreeSet<String> {
     let help = folder.done(&[command, "--help"]).out;
     // Descriptions, which may mention flags, are indented further.
-    let lines = help.lines().filter(|line| line.len() - line.trim_start().len() < 8);
+    let lines =
+        help.lines().take_while(|line| *line != "Examples:").filter(|line| line.len() - line.trim_start().len() < 8);
     let flags = lines.filter_map(|line| {
         let line = line.trim_start();
         let behind_short = || line.split_once(", --").filter(|(short, _)| short.len() == 2).map(|(_, long)| long);

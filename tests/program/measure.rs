@@ -168,7 +168,7 @@ fn eight_nodes_are_at_least_twenty_times_closer_than_any_rgb() {
     let options = SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() };
     for mut scene in [parsed(GLASS), load_embedded(&options, &Quiet).unwrap().scene] {
         // The division of segments depends on the numbers of a pixel (docs/theory/segments.md), which is no error of a model.
-        scene.accuracy.integration = relume::scene::Integration::Samples;
+        scene.accuracy.integration = Integration::Samples;
         measured(&scene, &[models], |_, rows| {
             let found = NodesBesideRgb::of(rows).unwrap();
             assert_eq!(found.of.len(), 3, "{found:?}");
@@ -705,8 +705,8 @@ fn a_row_whose_integration_is_not_that_of_the_scene_says_so() {
     let grid = Geometry::unit("ramp", [17; 3]).unwrap();
     scene.volume = Arc::new(Volume::new("ramp", Voxels::U8(values), grid).unwrap());
     scene.accuracy.integration = Integration::Auto;
-    // 9 wide: more than the values change in a step of one voxel on average over the axes, and less than in one of four.
-    scene.transfer.terms = vec![Term::interval(0, [95.0, 100.0], [2.0; 2], 0.3, 0.0)];
+    // 16 wide: more than the values change in a step of one voxel on average over the axes, and less than in one of four.
+    scene.transfer.terms = vec![Term::interval(0, [90.0, 102.0], [2.0; 2], 0.3, 0.0)];
     let taken = |row: &Measured| (row.integration, row.other_integration);
     measured(&scene, &["step=1,4"], |_, rows| {
         let found: Vec<_> = rows[1..].iter().map(taken).collect();

@@ -151,7 +151,7 @@ fn info_of_several_lists_all_choices_at_once() {
         let volume = &json["volumes"][index];
         assert_eq!(
             (&volume["spacing"][2], &volume["dims"], &volume["type"]),
-            (&json!(spacing), &json!([4, 3, 2]), &json!("int16"))
+            (&json!(spacing), &json!([4, 3, 2]), &json!("uint16"))
         );
         assert!(listed.contains(&format!("× {spacing} mm")), "{listed}");
     }
