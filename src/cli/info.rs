@@ -268,8 +268,7 @@ fn of_several(
             match offered(selection) {
                 Ok(one) => {
                     let further: Vec<String> = one.choices.iter().map(|there| format!(", {there}")).collect();
-                    // The dims of a series are in its line.
-                    line.push_str(&format!(": {}{}", one.grid, further.concat()));
+                    line.push_str(&format!("\n  {:<10} {}{}", "", one.grid, further.concat()));
                     let key = json!({"array": selection.array, "series": selection.series});
                     let mut described = one.json;
                     merge(&mut described, &key);
@@ -282,7 +281,7 @@ fn of_several(
                         }
                     }
                 }
-                Err(error) => line.push_str(&format!(": cannot be read: {}", sentence(&error))),
+                Err(error) => line.push_str(&format!("\n  {:<10} cannot be read: {}", "", sentence(&error))),
             }
         }
         json["volumes"] = json!(volumes);
