@@ -91,7 +91,7 @@ impl Entry {
 }
 
 /// Content of an overlay.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Overlay<'a> {
     /// Visible materials.
     pub materials: Vec<Entry>,
@@ -133,7 +133,7 @@ impl Overlay<'_> {
         let letter = (width.min(height) * LETTER).max(SMALLEST);
         let [ink, edge] = if self.bright { ["#111111", "#ffffff"] } else { ["#ffffff", "#000000"] };
         let mut out = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
              font-family=\"sans-serif\" font-size=\"{letter}\" fill=\"{ink}\" stroke=\"{edge}\" \
              stroke-width=\"{}\" stroke-linejoin=\"round\" paint-order=\"stroke\">",
             EDGE * letter

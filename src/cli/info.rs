@@ -16,9 +16,12 @@ use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
 use relume::tables::{LightGrid, Storage};
-use relume::volume::{self, HostMemory, LabelPreset, Selection, Series, Several, Volume, VolumeError, Window};
+use relume::volume::{
+    self, HostMemory, LabelPreset, Offered, RawLayout, Selection, Series, Several, Volume, VolumeError, Window,
+};
 use relume::vulkan::{DeviceInfo, devices};
 
+use super::advice::sentence;
 use super::model::{Learnt, warn_of_plan};
 use super::scene::{SceneArgs, voxel};
 use super::{CliError, Report};
@@ -59,6 +62,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                 "--series",
                 "--pyramid-level",
                 "--axes",
+                "--resample",
                 "--dims",
                 "--spacing",
                 "--voxel",
@@ -69,11 +73,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
             let flags = ["-D", "--labels", "--label-names", "--downsample", "--dims", "--spacing", "--voxel"];
             let why = format!("{} is a film file; the flag is for scenes and volumes", path.display());
-            args.refuse(&flags, &why)?;
+            args.refuse(&[&flags[..], &args.scene.selection.choices().map(|(flag, _)| flag)].concat(), &why)?;
             args.refuse_accuracy(&why)?;
             Ok(of_accumulators(path, &FilmFile::read(path)?))
         }
-        (Some(path), None) if !is_scene(path) => {
+        (Some(path), None) | (None, Some(path)) if args.scene.scene.is_none() || !is_scene(path) => {
             let why = format!("{} is a volume; the flag is for scenes", path.display());
             args.refuse(&["-D", "--labels"], &why)?;
             args.refuse_accuracy(&why)?;
@@ -83,9 +87,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let opened = volume::open_by(path, args.scene.raw.layout().as_ref(), &selection, progress);
             let volume = match opened {
                 Err(VolumeError::Choose { source_name, there }) => {
-                    let why = format!("it needs one volume; choose {}", choosing(&there));
-                    args.refuse(&["--voxel", "--downsample"], &why)?;
-                    return Ok(of_several(&source_name, &there));
+                    let why = format!("it needs one volume; choose it with {}", choosing(&there));
+                    args.refuse(&["--voxel", "--downsample", "--spacing"], &why)?;
+                    let (layout, several) = (args.scene.raw.layout(), (&*source_name, &there));
+                    return Ok(of_several(path, layout.as_ref(), &selection, several, progress));
                 }
                 opened => args.scene.raw.spaced(opened?)?,
             };
@@ -98,7 +103,6 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             }
             of_volume(&volume, &args.voxel)
         }
-        (None, Some(_)) => of_volume(&args.scene.load(progress)?.scene.volume, &args.voxel),
         _ => {
             let memory = HostMemory::Bounded { bytes: None };
             let (file, _) = args.scene.load_as(Wish::default(), memory, progress)?;
@@ -140,23 +144,70 @@ impl Args {
 /// The flag that chooses one of several volumes.
 fn choosing(there: &Several) -> &'static str {
     match there {
-        Several::Components { .. } => "it with --component N",
-        Several::Times(_) | Several::Steps { .. } => "it with --time N",
-        Several::Series(_) => "it with --series N",
-        Several::Levels(_) => "it with --pyramid-level N",
-        _ => "it with --array NAME",
+        Several::Components { .. } => "--component N",
+        Several::Times(_) | Several::Steps { .. } => "--time N",
+        Several::Series(_) => "--series N",
+        Several::Levels(_) => "--pyramid-level N",
+        _ => "--array NAME",
     }
 }
 
-/// The volumes of a file or folder that holds several.
-fn of_several(source: &str, there: &Several) -> Report {
-    let (lines, json) = match there {
-        Several::Series(all) => return of_series(source, all),
+/// How to choose: every flag with its range.
+fn how_to_choose(choices: &[Several]) -> String {
+    let each = |there: &Several| format!("{} with {}", there.range(), choosing(there));
+    choices.iter().map(each).collect::<Vec<_>>().join(", and ")
+}
+
+/// Most series or arrays that are opened for a listing; others are named alone.
+const MOST_OPENED: usize = 16;
+/// Most components that are listed one by one.
+const MOST_LISTED: usize = 32;
+
+/// One of the volumes of a file or folder: its grid and type, and the choices that it leaves open.
+struct OfOne {
+    /// `4 × 3 × 2 of int16, spacing 1 × 1 × 2 mm`
+    grid: String,
+    choices: Vec<Several>,
+    json: Value,
+}
+
+impl OfOne {
+    fn new(offered: Offered) -> Self {
+        let volume = &offered.first;
+        let spacing = volume.geometry.spacing.to_array();
+        let unit = volume.unit.map_or_else(String::new, |unit| format!(" {unit}"));
+        let (dims, kind) = (offered.dims(), volume.voxels.type_name());
+        let grid = format!("{} of {kind}, spacing {}{unit}", by(&dims), by(&spacing.map(brief)));
+        let times = offered.choices.iter().find_map(|there| match there {
+            Several::Times(count) => Some(*count),
+            _ => None,
+        });
+        let json = json!({
+            "dims": dims,
+            "type": kind,
+            "spacing": spacing,
+            "unit": volume.unit.map(|unit| unit.to_string()),
+            "components": volume.components,
+            "component_names": volume.component_names,
+            "times": times,
+            "has_labels": volume.has_labels,
+        });
+        Self { grid, choices: offered.choices, json }
+    }
+}
+
+/// The lines of the alternatives of `there`, and their part of the JSON.
+fn alternatives(there: &Several) -> (Vec<String>, Value) {
+    match there {
         Several::Components { count, names, .. } => {
             let name = |index: usize| {
                 names.get(index).filter(|name| !name.is_empty()).map_or_else(String::new, |name| format!(" {name}"))
             };
-            let lines = (0..*count).map(|index| format!("{:<10} {index}{}", "component", name(index))).collect();
+            let listed = |index: usize| format!("{:<10} {index}{}", "component", name(index));
+            let lines = match (0..*count).any(|index| !name(index).is_empty()) || *count <= MOST_LISTED {
+                true => (0..*count).map(listed).collect(),
+                false => vec![format!("{:<10} 0 to {}", "components", count.saturating_sub(1))],
+            };
             (lines, json!({"components": count, "component_names": names}))
         }
         Several::Times(count) => {
@@ -168,33 +219,119 @@ fn of_several(source: &str, there: &Several) -> Report {
             (lines, json!({"times": values.len(), "time_axis": axis, "time_values": values}))
         }
         Several::Arrays(names) => {
-            (names.iter().map(|name| format!("{:<10} {name}", "array")).collect::<Vec<_>>(), json!({"arrays": names}))
+            (names.iter().map(|name| format!("{:<10} {name}", "array")).collect(), json!({"arrays": names}))
+        }
+        Several::Series(all) => {
+            let of = |Series { key, description, dims, times }: &Series| json!({"series": key, "description": description, "dims": dims, "times": times});
+            let lines = all.iter().map(|series| format!("{:<10} {series}", "series")).collect();
+            (lines, json!({"series": all.iter().map(of).collect::<Vec<_>>()}))
         }
         Several::Levels(all) => {
             let lines = all.iter().enumerate().map(|(level, dims)| format!("{:<10} {level} {}", "level", by(dims)));
             (lines.collect(), json!({"levels": all}))
         }
         other => (vec![other.to_string()], json!({})),
+    }
+}
+
+/// Describes the file or folder at `path`, which holds several volumes: `there`, and what each leaves open.
+fn of_several(
+    path: &Path,
+    layout: Option<&RawLayout>,
+    selection: &Selection,
+    (source, there): (&str, &Several),
+    progress: &dyn Progress,
+) -> Report {
+    let offered = |selection: &Selection| Offered::open(path, layout, selection, progress).map(OfOne::new);
+    let (mut lines, mut json) = alternatives(there);
+    let mut choices = vec![there.clone()];
+    let each: Vec<Selection> = match there {
+        Several::Arrays(names) => {
+            names.iter().map(|name| Selection { array: Some(name.clone()), ..selection.clone() }).collect()
+        }
+        Several::Series(all) => {
+            all.iter().map(|one| Selection { series: Some(one.key.clone()), ..selection.clone() }).collect()
+        }
+        _ => Vec::new(),
     };
-    let mut text = format!("{source}: {there}\n");
+    if each.is_empty() {
+        match offered(selection) {
+            Ok(one) => {
+                let mut all = vec![format!("{:<10} {}", "voxels", one.grid)];
+                choices.clone_from(&one.choices);
+                for there in &choices {
+                    let (more, part) = alternatives(there);
+                    all.extend(more);
+                    merge(&mut json, &part);
+                }
+                merge(&mut json, &one.json);
+                lines = all;
+            }
+            Err(error) => tracing::warn!("the first of them cannot be read: {}", sentence(&error)),
+        }
+    } else {
+        let mut volumes = Vec::new();
+        for (selection, line) in each.iter().zip(&mut lines).take(MOST_OPENED) {
+            if progress.cancelled() {
+                break;
+            }
+            match offered(selection) {
+                Ok(one) => {
+                    let further: Vec<String> = one.choices.iter().map(|there| format!(", {there}")).collect();
+                    line.push_str(&format!("\n  {:<10} {}{}", "", one.grid, further.concat()));
+                    let key = json!({"array": selection.array, "series": selection.series});
+                    let mut described = one.json;
+                    merge(&mut described, &key);
+                    volumes.push(described);
+                    for there in one.choices {
+                        let is_known =
+                            |known: &Several| std::mem::discriminant(known) == std::mem::discriminant(&there);
+                        if !choices.iter().any(is_known) {
+                            choices.push(there);
+                        }
+                    }
+                }
+                Err(error) => line.push_str(&format!("\n  {:<10} cannot be read: {}", "", sentence(&error))),
+            }
+        }
+        json["volumes"] = json!(volumes);
+    }
+    let heads: Vec<String> =
+        choices.iter().take(1 + usize::from(each.is_empty()) * choices.len()).map(Several::to_string).collect();
+    let head = if matches!(there, Several::Series(_) | Several::Arrays(_)) {
+        String::new()
+    } else {
+        format!(": {}", heads.join("; "))
+    };
+    let mut text = format!("{source}{head}\n");
     for line in lines {
         let _ = writeln!(text, "  {line}");
     }
-    let _ = writeln!(text, "  {:<10} choose {}", "", choosing(there));
-    let mut json = json;
+    // The ranges of later choices may differ between series or arrays, so flags alone are told.
+    let how = match each.is_empty() {
+        true => how_to_choose(&choices),
+        false => format!(
+            "{} with {}{}",
+            there.range(),
+            choosing(there),
+            choices.iter().skip(1).map(|there| format!(", and further with {}", choosing(there))).collect::<String>()
+        ),
+    };
+    let _ = writeln!(text, "  {:<10} choose {how}", "");
+    json["choose"] = json!(choices.iter().map(choosing).collect::<Vec<_>>());
     json["source"] = json!(source);
     Report { text, json }
 }
 
-/// The series of a folder or file.
-fn of_series(source: &str, all: &[Series]) -> Report {
-    let mut text = format!("{source}\n");
-    for series in all {
-        let _ = writeln!(text, "  {:<10} {series}", "series");
+/// Adds the entries of `part` that `json` lacks.
+fn merge(json: &mut Value, part: &Value) {
+    if let (Some(all), Value::Object(part)) = (json.as_object_mut(), part) {
+        for (key, value) in part {
+            if !value.is_null() && all.get(key).is_none_or(Value::is_null) {
+                all.insert(key.clone(), value.clone());
+            }
+        }
     }
-    let _ = writeln!(text, "  {:<10} --series N reads one of them", "");
-    let of = |Series { key, description, dims, times }: &Series| json!({"series": key, "description": description, "dims": dims, "times": times});
-    Report { text, json: json!({"source": source, "series": all.iter().map(of).collect::<Vec<_>>()}) }
 }
 
 /// Whether a file describes a scene: TOML does, unless it describes voxels.

@@ -7,6 +7,7 @@ use serde_json::json;
 use relume::document::SceneFile;
 use relume::document::moves::{Move, moved, turntable};
 use relume::film::Film;
+use relume::internal::annotate::pixel_length;
 use relume::internal::memory;
 use relume::internal::number::{count, whole};
 use relume::measure::{Stopwatch, Timing, peak_mb};
@@ -200,6 +201,11 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
     let dial = file.light.dial_of_film(&file.dial);
     let mut header = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, empty)?;
+    if let (Some(frame), [camera, _, ..]) = (&mut header.frame, &cameras[..]) {
+        // Cameras of a turntable are equally far, and the letters turn.
+        let pixel = pixel_length(camera, &scene.volume.geometry, size.map(count));
+        (frame.pixel, frame.edges) = (pixel.map(|it| it.units), None);
+    }
     light(args, &mut header)?;
     Ok(Films { header, views, columns, times })
 }

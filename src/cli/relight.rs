@@ -14,7 +14,7 @@ use relume::spectrum::observer::Observer;
 
 use super::accuracy::tolerance;
 use super::dial::DialArgs;
-use super::files::{self, Backdrop, Bits, DressArgs};
+use super::files::{self, DressArgs};
 use super::frames::{AnimationArgs, Form, Frame, Frames, digest};
 use super::scene::LightArgs;
 use super::{CliError, Report, model};
@@ -58,9 +58,6 @@ pub(crate) struct Args {
     exposure: Option<f64>,
     #[command(flatten)]
     dress: DressArgs,
-    /// Bits per channel of a PNG.
-    #[arg(long, value_enum, default_value = "8")]
-    bits: Bits,
 }
 
 /// Parses a factor on the linear picture.
@@ -110,6 +107,7 @@ impl Planned {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     args.planned.check()?;
+    args.dress.check(&args.output)?;
     let pictures = Frames::new(&args.output, args.dial.pictures(), &args.animation)?;
     let outputs = pictures.files();
     let lights = args.lights.files();
@@ -123,8 +121,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         saved.display.observer = observer;
     }
     saved.display.exposure = args.exposure.unwrap_or(saved.display.exposure);
-    let frame = saved.frame.clone().unwrap_or_default();
-    args.dress.warn(&saved);
+    let frame = args.dress.annotate.frame(saved.frame.clone().unwrap_or_default());
+    args.dress.annotate.warn(&saved);
     let given = match args.lights.lights[..] {
         [] => saved.shown.clone(),
         _ => args.lights.mix(saved.mix.clone(), &saved.positions)?,
@@ -157,17 +155,15 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut relit = clock.read();
     let whole = Stopwatch::start();
     let mut relighting = Timing::default();
-    let form = Form { size: saved.accumulation.size, bits: args.bits, backdrop: args.dress.background };
+    let form = Form { size: saved.accumulation.size, bits: args.dress.bits(), backdrop: args.dress.background };
     let inputs_of = |frame: usize| digest(film, &format!("{:?} {:?} {:?}", mixes[frame], saved.display, args.dress));
     let made = pictures.write(form, ("relighting", progress), inputs_of, |index| {
         let clock = Stopwatch::start();
         let linear = saved.relight(&mixes[index]);
         relighting += clock.read();
-        let overlay = args.dress.annotate.then(|| Overlay {
-            title: args.dress.title.as_deref(),
-            bright: args.dress.background.is_some_and(Backdrop::is_bright),
-            ..Overlay::of_surfaces(&saved.materials, saved.positions.len(), &mixes[index], &saved.display)
-        });
+        let overlay = args
+            .dress
+            .overlay(|| Overlay::of_surfaces(&saved.materials, saved.positions.len(), &mixes[index], &saved.display));
         let overlay = overlay.as_ref().map(|overlay| (overlay, &frame));
         let shown = files::dressed(&linear, form.size, form.backdrop, overlay)?;
         Ok(Frame { linear, shown })

@@ -10,7 +10,6 @@ use serde_json::{Map, json};
 use relume::document::{SceneFile, Source, State, is_no_scene, session};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::annotate::{Frame, Overlay};
-use relume::internal::memory;
 use relume::internal::number::{brief, count, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::output::{FilmFile, Picture, PictureKind, write_atomically, write_ready_png};
@@ -24,7 +23,7 @@ use relume::tables::{LabelMap, Storage};
 use relume::volume::{self, CacheCounts, HostMemory, Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
-use super::files::{self, Backdrop, Bits, DressArgs, picture_kind};
+use super::files::{self, Bits, DressArgs, picture_kind};
 use super::frames::{AnimationArgs, Frames, digest};
 use super::goal::GoalArgs;
 use super::level::{self, Taken};
@@ -69,9 +68,6 @@ pub(crate) struct Args {
     /// Width and height of the picture in pixels.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
-    /// Bits per channel of a PNG.
-    #[arg(long, value_enum, default_value = "8")]
-    bits: Bits,
     #[command(flatten)]
     dress: DressArgs,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
@@ -147,6 +143,21 @@ impl Args {
     /// The processes of this run, if they share the picture.
     pub(crate) fn processes(&self) -> Result<Option<Processes>, CliError> {
         Processes::start(self.mpi, self.block.is_some() || self.animation.is_part())
+    }
+
+    /// Refuses flags that have no effect beside the others; `is_lit` if a picture or spectra are written.
+    fn check_used(&self, is_lit: bool) -> Result<(), CliError> {
+        let unused = |what: &str| Err(CliError::Usage(what.to_owned()));
+        if self.goal.goal().is_some() && self.scene.accuracy.given().contains(&"--k") {
+            return unused("--k has no effect: a search for settings chooses k; state --k, or a goal");
+        }
+        if self.replan && self.lights.lights.is_empty() && !self.reference {
+            return unused("--replan has no effect: it is for the lights of --light, and none is given");
+        }
+        if !is_lit && !self.lights.lights.is_empty() && self.accumulators.is_none() {
+            return unused("--light has no effect: no picture is written; add -o FILE.png");
+        }
+        Ok(())
     }
 
     /// Refuses what several processes do not share.
@@ -304,7 +315,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     if processes.is_some() {
         args.check_shared()?;
     }
-    let source = args.scene.source(args.look.wish());
+    let source = args.scene.source(args.look.wish())?;
     let is_writing = !args.output.is_empty() || args.accumulators.is_some() || args.spectral.is_some();
     let default = source.bare_volume().filter(|_| !is_writing && args.save_scene.is_none()).and_then(free_name);
     let pictures: Vec<PathBuf> = args.output.iter().cloned().chain(default).collect();
@@ -327,6 +338,8 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             "no output: add -o FILE.png or -o FILE.exr, --accumulators FILE.exr or --spectral FILE.exr".into(),
         ));
     }
+    args.dress.check(&pictures)?;
+    args.check_used(!pictures.is_empty() || args.spectral.is_some())?;
     let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels, &args.scene.label_names];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     if is_first {
@@ -339,6 +352,9 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         )));
     }
 
+    if args.reference && args.accumulators.is_none() && args.scene.accuracy.tolerance().is_some() {
+        tracing::warn!("--tolerance has no effect: --reference computes all wavelengths, without a colour model");
+    }
     let clock = Stopwatch::start();
     let memory = HostMemory::Bounded { bytes: args.memory };
     let (file, statistics) = args.scene.load_as(args.look.wish(), memory, progress)?;
@@ -397,6 +413,12 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let learnt = learn(&scene, &mut planned, &mix)?;
         (planned, learnt)
     };
+    if planned.model.is_none() && !args.lights.lights.is_empty() && pictures.is_empty() && args.spectral.is_none() {
+        tracing::warn!(
+            "--light has no effect on the film: it stores material weights, which are exact under every light; give it to \
+             `relume relight`, or add -o FILE.png"
+        );
+    }
     let scene = Scene { block: args.block, ..scene };
     if let Some(Block { index, count }) = args.block {
         check_blocks(&format!("--block {}/{count}", index + 1), count, false, &scene, &planned)?;
@@ -406,7 +428,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let is_relay = processes.sharing() == Sharing::Relay;
         check_blocks("several processes", processes.blocks(&scene), is_relay, &scene, &planned)?;
     }
-    let frame = Frame::of(&scene.camera, &scene.volume, args.size);
+    let frame = args.dress.annotate.frame(Frame::of(&scene.camera, &scene.volume, args.size));
     let film_file = |film: Film<f32>| {
         let dial = file.light.dial_of_film(&file.dial);
         FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, film)
@@ -426,7 +448,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
         spent.join(", ")
     };
-    if args.dress.annotate && scene.volume.unit.is_none() {
+    if args.dress.annotate.has_scale() && scene.volume.unit.is_none() {
         // Of the file: --spacing is that of voxels before they are averaged.
         let averaged = DVec3::from_array(args.scene.downsample.unwrap_or([1; 3]).map(count));
         let [x, y, z] = (scene.volume.geometry.spacing / averaged).to_array().map(brief);
@@ -439,25 +461,14 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
              [volume] of the scene"
         );
     }
-    let overlay = args.dress.annotate.then(|| Overlay {
-        title: args.dress.title.as_deref(),
-        bright: args.dress.background.is_some_and(Backdrop::is_bright),
-        ..Overlay::of_scene(&scene, &planned, &mix)
-    });
+    let overlay = args.dress.overlay(|| Overlay::of_scene(&scene, &planned, &mix));
     if args.turntable.is_some() {
         let ready = ready_device(&scene, &planned, &statistics, (args, args.size), progress)?;
         let mut times = vec![("load", loaded)];
         times.extend(ready.times);
-        let inputs = digest(scene.digest(), &format!("{mix:?} {:?} {}", args.dress.title, args.replan));
-        let look = turntable::Look {
-            mix: &mix,
-            size: args.size,
-            bits: args.bits,
-            backdrop: args.dress.background,
-            overlay,
-            cameras: &cameras,
-            inputs,
-        };
+        let inputs = digest(scene.digest(), &format!("{mix:?} {}", args.replan));
+        let look =
+            turntable::Look { mix: &mix, size: args.size, dress: &args.dress, overlay, cameras: &cameras, inputs };
         let mut on_device = ready.on_device;
         let written = turntable::write(&mut on_device, &look, &frames, progress)?;
         let read = scene.volume.bricks.as_ref().map(|cache| cache.counts());
@@ -481,8 +492,8 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     }
 
     let kinds: Vec<PictureKind> = pictures.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
-    let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none();
-    let encoded = encoded && args.dress.background.is_none() && !args.dress.annotate;
+    let encoded = args.dress.bits() == Bits::Eight && !args.reference && enlargement.is_none();
+    let encoded = encoded && args.dress.background.is_none() && !args.dress.annotate.is_given();
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
     let wanted = Wanted {
         linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
@@ -519,7 +530,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             }
             (_, Some(linear)) => {
                 let shown = shown.as_ref().filter(|_| kind != PictureKind::Exr).unwrap_or(linear);
-                files::write_linear(path, &Picture::new(args.size[0], args.size[1], shown)?, args.bits, alpha)?;
+                files::write_linear(path, &Picture::new(args.size[0], args.size[1], shown)?, args.dress.bits(), alpha)?;
             }
             _ => {}
         }
@@ -635,14 +646,7 @@ fn check_memory(args: &Args) -> Result<(), CliError> {
         (true, None) => 72,
         (false, _) => 16,
     };
-    let [width, height] = args.size;
-    let bytes = width.saturating_mul(height).saturating_mul(pixel_bytes);
-    match memory::available_bytes() {
-        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
-            "a picture of {width}×{height} pixels needs {bytes} bytes of memory, and {available} are free; use a smaller --size"
-        ))),
-        _ => Ok(()),
-    }
+    files::check_memory(args.size, pixel_bytes)
 }
 
 /// Warns of precision lost by the storage of the volume.

@@ -112,7 +112,7 @@ impl SelectionArgs {
     }
 
     /// Flags that choose a part of a file, and whether each is given.
-    pub(crate) fn choices(&self) -> [(&'static str, bool); 6] {
+    pub(crate) fn choices(&self) -> [(&'static str, bool); 7] {
         [
             ("--component", self.component.is_some()),
             ("--time", self.time.is_some()),
@@ -120,6 +120,7 @@ impl SelectionArgs {
             ("--series", self.series.is_some()),
             ("--pyramid-level", self.pyramid_level.is_some()),
             ("--axes", self.axes.is_some()),
+            ("--resample", self.resample),
         ]
     }
 }
@@ -202,12 +203,13 @@ impl LookArgs {
     }
 }
 
-/// Parses the width of a window of values.
+/// Parses the number of a component.
 fn component_number(text: &str) -> Result<usize, String> {
     text.parse().map_err(|_| "write the number of a component, from 0 on; relume info FILE lists them".to_owned())
 }
 
-fn width(text: &str) -> Result<f64, String> {
+/// Parses the width of a window of values.
+pub(crate) fn width(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number.is_finite());
     number.ok_or_else(|| "write a width above 0, such as 400".to_owned())
 }
@@ -225,6 +227,45 @@ pub(crate) struct LightArgs {
     pub(crate) lights: Vec<LightRequest>,
 }
 
+/// Keys of a scene that a volume of the command line takes the place of.
+const OF_SCENES_VOLUME: [&str; 16] = [
+    "volume.file",
+    "volume.phantom",
+    "volume.phantom_labels",
+    "volume.labels",
+    "volume.type",
+    "volume.dims",
+    "volume.slices",
+    "volume.byte_order",
+    "volume.header_bytes",
+    "volume.component",
+    "volume.time",
+    "volume.array",
+    "volume.series",
+    "volume.level",
+    "volume.axes",
+    "volume.resample",
+];
+
+/// Keys of a scene that a flag overrides.
+const OVERRIDDEN: [(&str, &[&str]); 15] = [
+    ("--labels", &["volume.labels", "volume.phantom_labels"]),
+    ("--downsample", &["volume.downsample"]),
+    ("--spacing", &["volume.spacing"]),
+    ("--component", &["volume.component"]),
+    ("--time", &["volume.time"]),
+    ("--array", &["volume.array"]),
+    ("--series", &["volume.series"]),
+    ("--pyramid-level", &["volume.level"]),
+    ("--axes", &["volume.axes"]),
+    ("--resample", &["volume.resample"]),
+    ("--dims", &["volume.type", "volume.dims", "volume.byte_order", "volume.header_bytes"]),
+    ("--tolerance", &["accuracy.tolerance", "accuracy.k"]),
+    ("--k", &["accuracy.k"]),
+    ("--model", &["accuracy.model"]),
+    ("--accumulate", &["accuracy.accumulate"]),
+];
+
 impl SceneArgs {
     /// Changes of the scene.
     pub(crate) fn options(&self) -> SceneOptions {
@@ -241,26 +282,23 @@ impl SceneArgs {
         }
     }
 
-    /// A flag that changes the scene or its volume, if one is given; `--tolerance` is not counted.
-    pub(crate) fn given(&self) -> Option<&'static str> {
-        let selection = &self.selection;
-        let flags = [
+    /// Flags that change the scene or its volume, and whether each is given.
+    fn flags(&self) -> Vec<(&'static str, bool)> {
+        let others = [
             ("--volume", self.volume.is_some()),
             ("--labels", self.labels.is_some()),
             ("--label-names", self.label_names.is_some()),
             ("--downsample", self.downsample.is_some()),
             ("--define", !self.define.is_empty()),
-            ("--component", selection.component.is_some()),
-            ("--time", selection.time.is_some()),
-            ("--array", selection.array.is_some()),
-            ("--series", selection.series.is_some()),
-            ("--pyramid-level", selection.pyramid_level.is_some()),
-            ("--axes", selection.axes.is_some()),
-            ("--resample", selection.resample),
             ("--dims", self.raw.dims.is_some()),
             ("--spacing", self.raw.spacing.is_some()),
         ];
-        let given = flags.into_iter().filter(|(_, given)| *given).map(|(flag, _)| flag);
+        others.into_iter().chain(self.selection.choices()).collect()
+    }
+
+    /// A flag that changes the scene or its volume, if one is given; `--tolerance` is not counted.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let given = self.flags().into_iter().filter(|(_, given)| *given).map(|(flag, _)| flag);
         let of_colour = self.accuracy.given().into_iter().filter(|flag| *flag != "--tolerance");
         given.chain(of_colour).next()
     }
@@ -271,25 +309,66 @@ impl SceneArgs {
 
     /// The scene file or volume that the arguments name. A volume without a scene file is opened as a volume without a
     /// scene.
-    pub(crate) fn source(&self, wish: Wish) -> Source {
-        Source { path: self.scene.clone(), options: SceneOptions { wish, ..self.options() } }.or_its_volume()
+    ///
+    /// # Errors
+    ///
+    /// [`CliError::Usage`] for a second volume, and for definitions that a flag or the volume overrides.
+    pub(crate) fn source(&self, wish: Wish) -> Result<Source, CliError> {
+        let source = Source { path: self.scene.clone(), options: SceneOptions { wish, ..self.options() } };
+        if let (Some(one), Some(other)) = (source.bare_volume(), &self.volume) {
+            return Err(CliError::Usage(format!(
+                "{} is a volume, and --volume {} is a second one: a picture shows one volume; name one of the two, or a scene \
+                 in place of the first",
+                one.display(),
+                other.display()
+            )));
+        }
+        let source = source.or_its_volume();
+        self.check_definitions(&source)?;
+        Ok(source)
     }
 
-    /// Reads the scene, or makes one for a volume, whose voxels are kept in `memory`; also returns the statistics of the
-    /// volume.
+    /// Refuses definitions of keys that a flag or the volume of `source` overrides.
+    fn check_definitions(&self, source: &Source) -> Result<(), CliError> {
+        let keys: Vec<&str> = self.define.define.iter().map(|text| text.split('=').next().unwrap_or(text)).collect();
+        for (at, key) in keys.iter().enumerate() {
+            if let Some(later) = keys[at + 1..].iter().rposition(|other| other.trim() == key.trim()) {
+                let all = &self.define.define;
+                tracing::warn!("-D {} has no effect: -D {} follows", all[at], all[at + 1 + later]);
+            }
+        }
+        let by_volume = self.volume.is_some() || source.bare_volume().is_some();
+        let whose = "the volume in place of that of the scene";
+        let by_flags = OVERRIDDEN.iter().filter(|(flag, _)| self.is_given(flag));
+        let by_flags = by_flags.flat_map(|(flag, keys)| keys.iter().map(move |key| (*flag, *key)));
+        let overriding = OF_SCENES_VOLUME.iter().filter(|_| by_volume).map(|key| (whose, *key)).chain(by_flags);
+        for (by, key) in overriding {
+            if let Some(at) = keys.iter().position(|given| given.trim() == key) {
+                return Err(CliError::Usage(format!(
+                    "-D {} has no effect beside {by}; {}",
+                    self.define.define[at],
+                    if by == whose { "use the flag for it, such as --component" } else { "omit one of the two" }
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a flag of the volume or of the colour accuracy is given.
+    fn is_given(&self, flag: &str) -> bool {
+        let of_accuracy = self.accuracy.given().into_iter().map(|flag| (flag, true));
+        self.flags().into_iter().chain(of_accuracy).any(|(name, given)| given && name == flag)
+    }
+
+    /// Reads the scene, or makes one for a volume, whose voxels are kept in `memory`, and says how it was made; also returns the
+    /// statistics of the volume.
     pub(crate) fn load_as(
         &self,
         wish: Wish,
         memory: HostMemory,
         progress: &dyn Progress,
     ) -> Result<(SceneFile, Statistics), CliError> {
-        let mut source = self.source(wish);
-        source.options.selection.memory = memory;
-        if !wish.is_none() && source.bare_volume().is_none() {
-            let message = "--look, --window and --level are for a volume without a scene; a scene states its own look";
-            return Err(CliError::Usage(message.to_owned()));
-        }
-        let (file, statistics) = source.read(progress)?;
+        let (file, statistics) = self.read(wish, memory, progress)?;
         if let Some(guess) = &file.guess {
             tracing::info!("{guess}");
             tracing::info!(
@@ -297,6 +376,23 @@ impl SceneArgs {
                  --window and --level, or edit the scene that --save-scene FILE writes."
             );
         }
+        Ok((file, statistics))
+    }
+
+    /// [`Self::load_as`] without a word about a scene that is made for a volume.
+    pub(crate) fn read(
+        &self,
+        wish: Wish,
+        memory: HostMemory,
+        progress: &dyn Progress,
+    ) -> Result<(SceneFile, Statistics), CliError> {
+        let mut source = self.source(wish)?;
+        source.options.selection.memory = memory;
+        if !wish.is_none() && source.bare_volume().is_none() {
+            let message = "--look, --window and --level are for a volume without a scene; a scene states its own look";
+            return Err(CliError::Usage(message.to_owned()));
+        }
+        let (file, statistics) = source.read(progress)?;
         let scene = &file.scene;
         let labels = scene.labels.iter().flat_map(|labels| &labels.volume.notes);
         for note in scene.volume.notes.iter().chain(labels) {

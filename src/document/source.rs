@@ -182,7 +182,7 @@ impl Source {
         // A layout describes a volume, unless the file is a scene.
         let is_toml = |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
         let is_laid_out = |path: &Path| {
-            if is_toml(path) { is_sidecar(path) } else { self.options.raw.is_some() }
+            if is_toml(path) { is_sidecar(path) } else { self.options.raw.is_some() && self.options.volume.is_none() }
         };
         self.path.as_deref().filter(|path| is_volume(path, &[]) || is_laid_out(path) || has_header(path))
     }

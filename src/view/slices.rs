@@ -6,8 +6,10 @@ use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
 use crate::annotate::Edges;
+use crate::document::transfer_presets::ct_windows;
 use crate::number::{count, whole};
 use crate::scene::{LabelEntry, Labels, Scene};
+use crate::spectrum::colour::{LinearSrgb, encode_srgb};
 use crate::volume::{Geometry, Statistics, Volume, Voxel, Window, with_voxels};
 
 /// Entries of the table of an overlay, for voxels that are not small whole numbers.
@@ -155,6 +157,22 @@ impl Plane {
         }
         index
     }
+}
+
+/// Windows that the file of the volume asks for, or else those of a CT.
+#[must_use]
+pub fn windows(volume: &Volume, statistics: &Statistics) -> Vec<Window> {
+    match &volume.presets.windows[..] {
+        [] => ct_windows(statistics),
+        stated => stated.to_vec(),
+    }
+}
+
+/// Codes of colours from 0 to 1, to 8 bits as a display shows them.
+#[must_use]
+pub fn codes(colours: &[LinearSrgb]) -> Vec<[f64; 3]> {
+    let code = |part: f64| (255.0 * encode_srgb(part.clamp(0.0, 1.0))).round() / 255.0;
+    colours.iter().map(|colour| colour.0.map(code)).collect()
 }
 
 /// Values shown black and white before a choice: the first of `windows`, otherwise the values without half a percent of

@@ -112,6 +112,17 @@ impl Selection {
         }
     }
 
+    /// Chooses the first alternative of `there`.
+    pub(super) fn choose_first(&mut self, there: &Several) {
+        match there {
+            Several::Components { .. } => self.component = Some(0),
+            Several::Times(_) | Several::Steps { .. } => self.time = Some(0),
+            Several::Arrays(names) => self.array = names.first().cloned(),
+            Several::Series(all) => self.series = all.first().map(|series| series.key.clone()),
+            Several::Levels(_) => self.level = Some(0),
+        }
+    }
+
     /// Returns the slices to read of `depth`: all, the middle one, or those that are chosen.
     pub(super) fn slices(&self, depth: usize) -> Range<usize> {
         match self.slices {

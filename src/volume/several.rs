@@ -103,7 +103,8 @@ impl Several {
     }
 
     /// The alternatives, for messages.
-    pub(super) fn range(&self) -> String {
+    #[must_use]
+    pub fn range(&self) -> String {
         let last = self.count().saturating_sub(1);
         match self {
             Self::Components { .. } => format!("a component from 0 to {last}"),

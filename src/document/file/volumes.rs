@@ -44,6 +44,13 @@ impl Text<'_> {
                 let kind: Phantom =
                     phantom.get_ref().parse().map_err(|error| self.invalid(phantom, format!("{error}")))?;
                 selection.only(phantom.get_ref()).map_err(fail)?;
+                if options.raw.is_some() {
+                    let message = format!(
+                        "the layout of headerless voxels is for a file, and the volume of this scene is the phantom {:?}",
+                        phantom.get_ref()
+                    );
+                    return Err(self.invalid(phantom, message));
+                }
                 Volume::phantom(kind, file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
             }
             (None, None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),

@@ -8,7 +8,6 @@ use glam::DVec3;
 
 use super::Shown;
 use super::spectrum::{narrow, points_of_curve};
-use super::transfer::mix_of_swatches;
 use crate::annotate::{Edges, Entry, PixelLength, ScaleBar, in_unit, pixel_length};
 use crate::document::Document;
 use crate::number::{count, whole};
@@ -138,7 +137,7 @@ fn legend(ui: &Ui, document: &Document, at: Pos2, painter: &Painter) {
     let scene = &state.scene;
     let visible: Vec<usize> =
         (0..scene.materials.len()).filter(|&index| scene.shows(index) || scene.absorbs(index)).collect();
-    let mut materials = Entry::of_labels_and_materials(scene, &visible, &mix_of_swatches(state));
+    let mut materials = Entry::of_labels_and_materials(scene, &visible, &state.mix_of_swatches());
     let lights = Entry::of_lights(&state.mix(), &scene.display);
     if materials.is_empty() && lights.is_empty() {
         return;

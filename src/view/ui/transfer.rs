@@ -16,7 +16,7 @@ use crate::document::{Document, Edit, State};
 use crate::number::{brief, count, whole};
 use crate::plan::Stale;
 use crate::plan::is_constant;
-use crate::scene::{GRADIENT_POINTS, Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term};
+use crate::scene::{GRADIENT_POINTS, Interval, Material, OPAQUE_DEPTH, Scene, Term};
 use crate::spectrum::colour::display_code;
 use crate::view::action::Action;
 use crate::volume::{Statistics, Window};
@@ -254,13 +254,8 @@ fn middle(statistics: &Statistics) -> Interval {
 
 /// Colours of the scene's materials under the current light, lit from all its positions.
 pub(super) fn colours(state: &State) -> Vec<Color32> {
-    let colours = material_colours(&state.scene, &mix_of_swatches(state)).into_iter();
+    let colours = material_colours(&state.scene, &state.mix_of_swatches()).into_iter();
     colours.map(|colour| Color32::from_hex(&display_code(colour)).unwrap_or(Color32::GRAY)).collect()
-}
-
-/// The light of swatches: the current one, or in the dark that of the scene, because black swatches tell nothing.
-pub(super) fn mix_of_swatches(state: &State) -> Mix {
-    if state.is_lit() { state.mix() } else { Mix::of_scene(&state.scene) }
 }
 
 /// Mapping between values and opacities, and screen coordinates.

@@ -172,6 +172,7 @@ impl Reading<'_> {
         let time = selection.time(&source_name, times)?;
         let pick = |axis: usize, index| Pick { stride: all[..axis].iter().product(), length: all[axis], index };
         let slices = selection.slices(nz);
+        let part = selection.part(nz, 1).filter(|_| selection.middle);
         let mut picks =
             vec![pick(0, component % interleaved.max(1)), pick(4, time), pick(5, component / interleaved.max(1))];
         picks.extend(selection.middle.then(|| pick(3, slices.start)));
@@ -196,6 +197,7 @@ impl Reading<'_> {
             (volume.files, volume.metadata, volume.components) = (files, metadata, components);
             (volume.slope, volume.intercept) = (slope, intercept);
             (volume.anatomical, volume.unit) = (is_anatomical, Some(Unit::Millimetre));
+            volume.part = part;
             volume.presets.windows.extend(window);
             notes.append(&mut volume.notes);
             volume.notes = notes;
