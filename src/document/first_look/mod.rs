@@ -21,7 +21,7 @@ use super::fit;
 use super::moves::Side;
 use super::silhouette::{Depths, Seen};
 use super::transfer_presets::TransferPreset;
-use crate::number::{brief, count, nearest, rounded, whole};
+use crate::number::{brief, brief_in, count, in_range, nearest, whole};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term};
@@ -108,6 +108,15 @@ impl Wish {
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
+}
+
+/// What a first look is at.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Shown {
+    /// Parts of the volume are chosen already.
+    pub(super) has_parts: bool,
+    /// The values are the largest ones of several times.
+    pub(super) is_of_times: bool,
 }
 
 /// A first look.
@@ -389,8 +398,8 @@ fn label_layers(values: &Values, labels: &[f64], presets: &[LabelPreset], axis: 
 
 /// The label that more than two thirds of the rays along `axis` meet first and leave last, if there is one.
 fn outermost(thinned: &Thinned, background: f64, axis: usize) -> Option<f64> {
-    let is_object = |value: f32| f64::from(value) > background;
-    let mut met: Vec<(f32, usize)> = Vec::new();
+    let is_object = |value: f64| value > background;
+    let mut met: Vec<(f64, usize)> = Vec::new();
     let mut rays = 0;
     for_columns(thinned, axis, |column| {
         let mut objects = column.iter().copied().filter(|&value| is_object(value));
@@ -402,14 +411,14 @@ fn outermost(thinned: &Thinned, background: f64, axis: usize) -> Option<f64> {
             }
         }
     });
-    met.into_iter().find(|&(_, times)| count(times) > 2.0 / 3.0 * count(rays)).map(|(label, _)| label.into())
+    met.into_iter().find(|&(_, times)| count(times) > 2.0 / 3.0 * count(rays)).map(|(label, _)| label)
 }
 
 /// The two other axes beside each axis.
 const ACROSS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
 
 /// Calls `visit` with the values of each column of voxels along `axis`.
-fn for_columns(thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
+fn for_columns(thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f64])) {
     (0..planes(thinned, axis)).for_each(|plane| for_columns_of(plane, thinned, axis, &mut visit));
 }
 
@@ -419,7 +428,7 @@ fn planes(thinned: &Thinned, axis: usize) -> usize {
 }
 
 /// The same as [`for_columns`] in one of the [`planes`].
-fn for_columns_of(plane: usize, thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
+fn for_columns_of(plane: usize, thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f64])) {
     let [one, other] = ACROSS[axis];
     let mut column = Vec::new();
     for first in 0..thinned.dims[one] {
@@ -440,7 +449,7 @@ fn thicknesses(thinned: &Thinned, layers: &[Layer], axis: usize) -> Vec<f64> {
         for_columns_of(plane, thinned, axis, |column| {
             for (layer, (voxels, columns)) in layers.iter().zip(&mut found) {
                 let [low, high] = layer.range;
-                let here = column.iter().filter(|&&value| (low..=high).contains(&f64::from(value))).count();
+                let here = column.iter().filter(|&value| (low..=high).contains(value)).count();
                 *voxels += here;
                 *columns += usize::from(here > 0);
             }
@@ -473,9 +482,9 @@ fn ramp_thickness(thinned: &Thinned, [low, high]: [f64; 2], rise: Rise, axis: us
     };
     let (mut sum, mut columns) = (0.0, 0);
     for_columns(thinned, axis, |column| {
-        if column.iter().any(|&value| f64::from(value) >= middle) {
+        if column.iter().any(|&value| value >= middle) {
             columns += 1;
-            sum += column.iter().map(|&value| weight(value.into())).sum::<f64>();
+            sum += column.iter().map(|&value| weight(value)).sum::<f64>();
         }
     });
     sum / count(columns.max(1))
@@ -484,13 +493,28 @@ fn ramp_thickness(thinned: &Thinned, [low, high]: [f64; 2], rise: Rise, axis: us
 /// Ratio of largest to smallest extent from which a volume is viewed as a sheet.
 const FLAT: f64 = 20.0;
 
-/// Side from which a sheet is viewed, such as a single slice of any thickness; slices along z appear as on a screen.
+/// Ratio of length to width and to depth from which a volume is viewed from its end: from the side it would be thinner than
+/// some pixels, as a stack of slices is whose distance is stated too large.
+const LONG: f64 = 64.0;
+
+/// The axis along which a volume is so long that it is viewed from its end, if there is one.
+fn long_axis(geometry: &Geometry) -> Option<usize> {
+    let extent = geometry.extent();
+    let long = extent.max_position();
+    // A line of single voxels has no picture from its end.
+    let is_thin = |axis: usize| geometry.dims[axis] > 1 && extent[long] >= LONG * extent[axis];
+    (0..3).all(|axis| axis == long || is_thin(axis)).then_some(long)
+}
+
+/// Side from which a sheet is viewed, such as a single slice of any thickness, or the end of a needle; slices along z appear
+/// as on a screen.
 fn flat_side(geometry: &Geometry) -> Option<Side> {
     let extent = geometry.extent();
     let slice = (0..3).find(|&axis| geometry.dims.iter().enumerate().all(|(other, &n)| (n == 1) == (other == axis)));
-    let thin = slice.unwrap_or_else(|| extent.min_position());
+    let needle = long_axis(geometry).filter(|_| slice.is_none());
+    let thin = slice.or(needle).unwrap_or_else(|| extent.min_position());
     let normal = geometry.direction.col(thin).abs().max_position();
-    let is_flat = slice.is_some() || extent.max_element() >= FLAT * extent[thin];
+    let is_flat = slice.is_some() || needle.is_some() || extent.max_element() >= FLAT * extent[thin];
     is_flat.then(|| [Side::Left, Side::Front, Side::Bottom][normal])
 }
 
@@ -511,7 +535,7 @@ fn is_upside_down(volume: &Volume, values: &Values) -> bool {
     let slice = |z: usize| thinned.values.get(z * nx * ny..(z + 1) * nx * ny).unwrap_or_default();
     let ends = if vertical < 0.0 { [nz - 1, 0] } else { [0, nz - 1] };
     let [low, high] = ends.map(|z| {
-        let body = slice(z).iter().filter(|&&value| f64::from(value) > water - 100.0).count();
+        let body = slice(z).iter().filter(|&&value| value > water - 100.0).count();
         count(body) / count(nx * ny)
     });
     let [enclosed_low, enclosed_high] = ends.map(|z| enclosed(slice(z), nx, water));
@@ -519,9 +543,9 @@ fn is_upside_down(volume: &Volume, values: &Values) -> bool {
 }
 
 /// Fraction of the soft tissue of a slice of a CT with bone on all four sides, in its row and in its column.
-fn enclosed(slice: &[f32], width: usize, water: f64) -> f64 {
+fn enclosed(slice: &[f64], width: usize, water: f64) -> f64 {
     let height = slice.len() / width.max(1);
-    let is_bone = |value: f32| f64::from(value) > water + 250.0;
+    let is_bone = |value: f64| value > water + 250.0;
     // First and last bone of each row and of each column.
     let (mut rows, mut columns) = (vec![[usize::MAX, 0]; height], vec![[usize::MAX, 0]; width]);
     for (place, _) in slice.iter().enumerate().filter(|&(_, &value)| is_bone(value)) {
@@ -530,7 +554,7 @@ fn enclosed(slice: &[f32], width: usize, water: f64) -> f64 {
         columns[x] = [columns[x][0].min(y), columns[x][1].max(y)];
     }
     let (mut soft, mut inside) = (0, 0);
-    for (place, _) in slice.iter().enumerate().filter(|&(_, &it)| f64::from(it) > water - 100.0 && !is_bone(it)) {
+    for (place, _) in slice.iter().enumerate().filter(|&(_, &it)| it > water - 100.0 && !is_bone(it)) {
         let (x, y) = (place % width, place / width);
         let is_within = |[first, last]: [usize; 2], at: usize| first < at && at < last;
         soft += 1;
@@ -578,7 +602,11 @@ fn directions(volume: &Volume, values: &Values) -> Camera {
         _ if !volume.anatomical && is_upside_down(volume, values) => DVec3::NEG_Z,
         _ => DVec3::Z,
     };
-    let projection = Projection::Perspective { fov_degrees: 30.0 };
+    // Of a long volume, rays that diverge would leave all but the near end.
+    let projection = match long_axis(&volume.geometry) {
+        Some(_) => Projection::Orthographic { height: None },
+        None => Projection::Perspective { fov_degrees: 30.0 },
+    };
     Camera { projection, aim: Aim::Orbit { azimuth, elevation, fill: Fill::of(1.0), front, around: None }, up }
 }
 
@@ -596,7 +624,7 @@ pub fn scene_text(
     wish: Wish,
     progress: &dyn Progress,
 ) -> Result<String, LookError> {
-    first_look(name, volume, statistics, (wish, false), progress).map(|look| look.text)
+    first_look(name, volume, statistics, (wish, Shown::default()), progress).map(|look| look.text)
 }
 
 /// Why a volume has no first look of a kind.
@@ -604,8 +632,8 @@ pub fn scene_text(
 #[error(
     "the look {look} is for CT, whose values are Hounsfield units: {name} has values from {} to {}, and no air, water and \
      bone 1000 apart; other looks are {}",
-    brief_of(range[0]),
-    brief_of(range[1]),
+    brief_of(range[0], range),
+    brief_of(range[1], range),
     Look::all().into_iter().filter(|look| !look.is_of_ct()).map(Look::name).collect::<Vec<_>>().join(", ")
 )]
 pub struct NoCt {
@@ -627,7 +655,7 @@ pub enum LookError {
 }
 
 /// The scene for `volume`, whose file is called `name`. Other parts than the body are removed from the volume, as the scene
-/// says, unless a definition `has_parts` chosen already.
+/// says, unless a definition has chosen parts already.
 ///
 /// # Errors
 ///
@@ -636,7 +664,7 @@ pub(super) fn first_look(
     name: &str,
     volume: &mut Volume,
     statistics: &Statistics,
-    (wish, has_parts): (Wish, bool),
+    (wish, Shown { has_parts, is_of_times }): (Wish, Shown),
     progress: &dyn Progress,
 ) -> Result<FirstLook, LookError> {
     // A comment ends with its line.
@@ -644,7 +672,11 @@ pub(super) fn first_look(
     // Of voxels that stay in a file, a coarse level is examined.
     let at_hand = volume.at_hand();
     let block = volume.block_of(at_hand);
-    let values = Values::of(at_hand, statistics);
+    let mut values = Values::of(at_hand, statistics);
+    if is_of_times {
+        // Objects are fainter at some of the times than their largest values are.
+        values.objects_from = values.surface_from;
+    }
     if let Some(look) = wish.look.filter(|look| look.is_of_ct())
         && values.water(statistics).is_none()
     {
@@ -669,14 +701,14 @@ pub(super) fn first_look(
             vec![[(1.0 - from) * low + from * high, f64::MAX]]
         }
     };
-    let shows = |value: f32| ranges.iter().any(|&[low, high]| (low..=high).contains(&f64::from(value)));
+    let shows = |value: f64| ranges.iter().any(|&[low, high]| (low..=high).contains(&value));
     let alone = if has_parts { None } else { alone(volume, &values, shape.lowest(), progress)? };
     let crop = match alone {
         Some(Alone::Box(crop)) => Some(crop),
         _ => None,
     };
     let (at_hand, geometry) = (volume.at_hand(), &volume.geometry);
-    let outline = fit::outline(at_hand, values.thinned.stride, crop, |_, value| is_flat || shows(rounded(value)));
+    let outline = fit::outline(at_hand, values.thinned.stride, crop, |_, value| is_flat || shows(value));
     // A body is known to be upright.
     let camera = if matches!(values.kind, Kind::Ct { .. }) { camera } else { raised(camera, &outline) };
     let opacities: Vec<f64> = match &shape {
@@ -758,6 +790,31 @@ fn shape(
     axis: usize,
     of_window: Rise,
 ) -> (Shape, String) {
+    let (mut shape, guess) = guessed(values, (presets, statistics), wish, axis, of_window);
+    let is_open = |[low, high]: [f64; 2]| low < high;
+    // A range of one value, that of all voxels: it is shown, and not only met by chance.
+    let around = |value: f64| if value == 0.0 { 0.5 } else { value.abs() / 100.0 };
+    match &mut shape {
+        Shape::Layers(layers) => {
+            for layer in layers.iter_mut().filter(|layer| !is_open(layer.range)) {
+                let [low, high] = layer.range;
+                layer.range = [low.min(high) - around(low), low.max(high) + around(high)];
+            }
+        }
+        Shape::Ramp { layer, .. } if !is_open(layer.range) => layer.range[0] = layer.range[1] - around(layer.range[1]),
+        Shape::Ramp { .. } => {}
+    }
+    (shape, guess)
+}
+
+/// The layers, some of which may have a range of one value, and the guess in words.
+fn guessed(
+    values: &Values,
+    (presets, statistics): (&Presets, &Statistics),
+    wish: Wish,
+    axis: usize,
+    of_window: Rise,
+) -> (Shape, String) {
     let alone = |name: &str, colour, range: [f64; 2], depth| Layer {
         name: name.to_owned(),
         colour,
@@ -767,6 +824,7 @@ fn shape(
         what: String::new(),
     };
     let high = values.percentile(0.999).max(values.objects_from);
+    let brief_value = |value: f64| brief_in(value, values.most - values.least);
     let kind = match &values.kind {
         Kind::Ct { water } if *water == 0.0 => "a CT in Hounsfield units".to_owned(),
         Kind::Ct { water } => format!("a CT in which water has the value {}", brief(*water)),
@@ -776,6 +834,7 @@ fn shape(
         Kind::Other(None) => "values without a known unit".to_owned(),
     };
     // The numbers of labels are names.
+    let kind = if values.least < values.most { kind } else { format!("{kind}, all of them {}", brief(values.least)) };
     let kind = match &values.kind {
         Kind::Labels(labels) if !wish.is_none() => {
             kind + if labels.len() == 1 { " as if it were measured" } else { " as if they were measured" }
@@ -786,7 +845,7 @@ fn shape(
     if window.is_some() || wish.look == Some(Look::Grey) {
         let range = window.unwrap_or([values.objects_from, high]);
         let layer = alone("grey", Colour::Code("#e8e8e8".to_owned()), range, 4.0);
-        let [low, high] = range.map(brief);
+        let [low, high] = range.map(brief_value);
         let in_units = match &values.kind {
             Kind::Ct { water } if *water != 0.0 && window.is_some() => {
                 let [low, high] = range.map(|value| brief(value - water));
@@ -795,7 +854,10 @@ fn shape(
             }
             // A window of the user, and not that of a flat image.
             _ if of_window == Rise::Steep && window.is_some_and(|[low, _]| low <= values.least) => {
-                format!("; no value is transparent, because they begin at {}", brief_of(values.least))
+                format!(
+                    "; no value is transparent, because they begin at {}",
+                    brief_of(values.least, &[values.least, values.most])
+                )
             }
             _ => String::new(),
         };
@@ -807,7 +869,7 @@ fn shape(
     if wish.look == Some(Look::Fluorescence) {
         let range = [values.objects_from, high];
         let layer = alone("stain", Colour::Code("#46e06a".to_owned()), range, 1.5);
-        let [low, high] = range.map(brief);
+        let [low, high] = range.map(brief_value);
         return (
             Shape::Ramp { layer, rise: Rise::Shining },
             format!("{kind}, shown as a green X-ray material, brighter from {low} to {high}"),
@@ -822,7 +884,7 @@ fn shape(
         });
         let code = code(colour);
         let layer = alone("channel", Colour::Code(code.clone()), range, 4.0);
-        let [low, high] = range.map(brief);
+        let [low, high] = range.map(brief_value);
         return (
             Shape::Ramp { layer, rise: Rise::Even },
             format!(
@@ -852,10 +914,14 @@ fn shape(
             vec![alone(name, Colour::Designed(role), [from, values.most.max(from)], 8.0)]
         }
     };
+    let ends = [values.least, values.most];
     let shown: Vec<String> = layers
         .iter()
         .take(4)
-        .map(|layer| format!("{} from {} to {}", layer.name, brief_of(layer.range[0]), brief_of(layer.range[1])))
+        .map(|layer| {
+            let [from, to] = layer.range.map(|end| brief_of(end, &ends));
+            format!("{} from {from} to {to}", layer.name)
+        })
         .collect();
     let more =
         if layers.len() > shown.len() { format!(" and {} more", layers.len() - shown.len()) } else { String::new() };
@@ -863,9 +929,9 @@ fn shape(
     (Shape::Layers(layers), guess)
 }
 
-/// A number to four digits.
-fn brief_of(number: f64) -> String {
-    brief(format!("{number:.3e}").parse().unwrap_or(number))
+/// A value of a volume with values from `least` to `most`, to four digits behind their offset.
+fn brief_of(number: f64, [least, most]: &[f64; 2]) -> String {
+    in_range(number, most - least, 4)
 }
 
 /// A name as a string of TOML.
@@ -1016,6 +1082,9 @@ fn text(
         line(
             "\n# The camera orbits the box `around`. `fill` is the part of the picture that the box spans, by the aspect ratio (width /\n# height); visible pixels then span 0.9.\n[camera]",
         );
+        if matches!(camera.projection, Projection::Orthographic { .. }) {
+            line("projection = \"orthographic\"");
+        }
         line(&format!("azimuth = {azimuth:?}\nelevation = {elevation:?}"));
         match fill.pairs() {
             [[_, fill]] => line(&format!("fill = {fill:?}")),

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::number::{count, rounded, unsigned, whole};
+use crate::number::{count, unsigned, whole};
 use crate::parallel;
 use crate::volume::{Geometry, Volume, VolumeError, Voxels, with_voxels};
 
@@ -17,7 +17,7 @@ pub(crate) struct Thinned {
     /// Distance of these voxels in the volume, along each axis.
     pub(super) stride: [usize; 3],
     /// Their values; NaN and infinities are the smallest value.
-    pub(super) values: Vec<f32>,
+    pub(super) values: Vec<f64>,
 }
 
 impl Thinned {
@@ -29,7 +29,7 @@ impl Thinned {
         let [nx, ny, _] = dims;
         let scale = |stored: f64| {
             let value = stored.mul_add(volume.slope, volume.intercept);
-            rounded(if value.is_finite() { value } else { smallest })
+            if value.is_finite() { value } else { smallest }
         };
         let mut values = vec![0.0; dims.iter().product()];
         with_voxels!(&volume.voxels, stored => {
@@ -47,7 +47,7 @@ impl Thinned {
 
     /// The copy as a volume of this name.
     pub(super) fn to_volume(&self, source: &str) -> Result<Volume, VolumeError> {
-        Volume::new(source, Voxels::F32(self.values.clone()), Geometry::unit(source, self.dims)?)
+        Volume::new(source, Voxels::F64(self.values.clone()), Geometry::unit(source, self.dims)?)
     }
 
     /// Place of voxel `[x, y, z]` in [`Self::values`].
@@ -79,12 +79,12 @@ impl Thinned {
     }
 
     /// Sizes of the gradients at every n-th place, per voxel of the copy.
-    pub(super) fn gradients(&self, step: usize) -> Vec<f32> {
+    pub(super) fn gradients(&self, step: usize) -> Vec<f64> {
         (0..self.values.len().div_ceil(step)).into_par_iter().map(|index| self.gradient(index * step)).collect()
     }
 
     /// Size of the gradient at `place`, per voxel of the copy.
-    fn gradient(&self, place: usize) -> f32 {
+    fn gradient(&self, place: usize) -> f64 {
         let (position, steps) = (self.position(place), self.steps());
         let along = |axis: usize| {
             let before = if position[axis] > 0 { place - steps[axis] } else { place };
@@ -99,7 +99,7 @@ impl Thinned {
     /// for a cube, whatever its size.
     pub(super) fn roughness(&self, threshold: f64) -> f64 {
         let [nx, ny, _] = self.dims;
-        let is_inside = |value: f32| f64::from(value) >= threshold;
+        let is_inside = |value: f64| value >= threshold;
         let (voxels, faces) = self
             .values
             .par_chunks(nx * ny)
@@ -109,7 +109,7 @@ impl Thinned {
                 let mut found = (0, 0);
                 for (place, &value) in slice.iter().enumerate() {
                     let inside = is_inside(value);
-                    let differs = |other: Option<&f32>| other.is_some_and(|&it| is_inside(it) != inside);
+                    let differs = |other: Option<&f64>| other.is_some_and(|&it| is_inside(it) != inside);
                     let right = if place % nx + 1 < nx { slice.get(place + 1) } else { None };
                     let below = slice.get(place + nx);
                     found.0 += usize::from(inside);
@@ -132,7 +132,7 @@ impl Thinned {
             Large,
         }
         let mut parts = vec![Part::Unknown; self.values.len()];
-        let is_inside = |place: usize| f64::from(self.values[place]) >= threshold;
+        let is_inside = |place: usize| self.values[place] >= threshold;
         let (mut all, mut specks) = (0, 0);
         let mut found = Vec::new();
         for start in 0..self.values.len() {
@@ -169,7 +169,7 @@ impl Thinned {
     }
 
     /// Values on the faces of the volume, up to some thousands.
-    pub(super) fn border(&self) -> Vec<f32> {
+    pub(super) fn border(&self) -> Vec<f64> {
         let [nx, ny, nz] = self.dims;
         let is_end = |axis: usize, at: usize| self.dims[axis] > 2 && (at == 0 || at + 1 == self.dims[axis]);
         let mut all = Vec::new();

@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::super::otsu::otsu;
 use super::super::transfer_presets::hounsfield;
 use super::sample::Thinned;
-use crate::number::{brief, count, whole};
+use crate::number::{brief, count, in_range, whole};
 use crate::volume::{Modality, Statistics, Unit, Volume, VoxelType};
 
 /// Bins of the histogram between the 0.05th and the 99.95th percentile.
@@ -86,7 +86,7 @@ pub struct Values {
     /// Values from which fainter voxels may be the surface of an object: halfway from the surroundings, above their
     /// noise.
     pub(super) surface_from: f64,
-    pub(super) sorted: Vec<f32>,
+    pub(super) sorted: Vec<f64>,
     pub(super) thinned: Thinned,
     pub(super) least: f64,
     pub(super) most: f64,
@@ -97,9 +97,9 @@ impl Values {
     #[must_use]
     pub fn of(volume: &Volume, statistics: &Statistics) -> Self {
         let thinned = Thinned::of(volume, statistics.min);
-        let mut sorted: Vec<f32> =
+        let mut sorted: Vec<f64> =
             thinned.values.iter().copied().step_by((thinned.values.len() / SORTED).max(1)).collect();
-        sorted.par_sort_unstable_by(f32::total_cmp);
+        sorted.par_sort_unstable_by(f64::total_cmp);
         let (least, most) = (statistics.min, statistics.max);
         let kind = kind(volume, &thinned, &sorted, statistics);
         let peaks = Vec::new();
@@ -114,7 +114,7 @@ impl Values {
     #[must_use]
     pub fn percentile(&self, part: f64) -> f64 {
         let last = self.sorted.len().saturating_sub(1);
-        self.sorted.get(whole((part * count(last)).round()).min(last)).map_or(self.least, |&value| value.into())
+        self.sorted.get(whole((part * count(last)).round()).min(last)).map_or(self.least, |&value| value)
     }
 
     /// Value of water in a CT; for a look that only CT has, values of the range of a CT are enough.
@@ -158,7 +158,7 @@ impl Values {
                 vec![format!("a segmentation with the labels {}", listed.join(", "))]
             }
             Kind::Other(_) => {
-                let digits = |value: f64| brief(format!("{value:.3e}").parse().unwrap_or(value));
+                let digits = |value: f64| in_range(value, self.most - self.least, 4);
                 let peak = |peak: &Peak| {
                     let [low, high] = peak.interval.map(digits);
                     let side = if peak.value < self.objects_from { ", surroundings" } else { "" };
@@ -171,16 +171,16 @@ impl Values {
 
     /// Value below which the fraction `part` of the voxels from [`Self::objects_from`] on lies.
     pub(super) fn percentile_of_objects(&self, part: f64) -> f64 {
-        let first = self.sorted.partition_point(|&value| f64::from(value) < self.objects_from);
+        let first = self.sorted.partition_point(|&value| value < self.objects_from);
         let objects = self.sorted.get(first..).unwrap_or_default();
         let last = objects.len().saturating_sub(1);
-        objects.get(whole((part * count(last)).round()).min(last)).map_or(self.most, |&value| value.into())
+        objects.get(whole((part * count(last)).round()).min(last)).map_or(self.most, |&value| value)
     }
 
     /// Fraction of the voxels with values in a range.
     pub(super) fn share(&self, [low, high]: [f64; 2]) -> f64 {
-        let below = self.sorted.partition_point(|&value| f64::from(value) < low);
-        let within = self.sorted.partition_point(|&value| f64::from(value) <= high);
+        let below = self.sorted.partition_point(|&value| value < low);
+        let within = self.sorted.partition_point(|&value| value <= high);
         count(within.saturating_sub(below)) / count(self.sorted.len().max(1))
     }
 
@@ -188,9 +188,8 @@ impl Values {
     /// with large gradients, which lie on boundaries, fall apart into two classes (docs/theory/first-look.md).
     fn boundaries(&self, histogram: &Histogram) -> [f64; 2] {
         let mut border = self.thinned.border();
-        border.sort_unstable_by(f32::total_cmp);
-        let at =
-            |part: f64| border.get(whole(part * count(border.len()))).map_or(self.least, |&value| f64::from(value));
+        border.sort_unstable_by(f64::total_cmp);
+        let at = |part: f64| border.get(whole(part * count(border.len()))).copied().unwrap_or(self.least);
         let [middle, high] = [at(0.5), at(0.9)];
         let [low_end, high_end] = histogram.range;
         let span = high_end - low_end;
@@ -217,9 +216,9 @@ impl Values {
         if self.share([from, f64::MAX]) > SPARSE || self.thinned.specks(from) <= MANY {
             return from;
         }
-        let objects = self.sorted.partition_point(|&value| f64::from(value) < from);
+        let objects = self.sorted.partition_point(|&value| value < from);
         let objects = self.sorted.get(objects..).unwrap_or_default();
-        let at = |tenth: i32| objects.get(objects.len() * whole(f64::from(tenth)) / 10).map(|&value| f64::from(value));
+        let at = |tenth: i32| objects.get(objects.len() * whole(f64::from(tenth)) / 10).map(|&value| value);
         let quiet = |cut: &f64| *cut > from && self.thinned.specks(*cut) <= MANY;
         // Where it stays so, as in vessels thinner than the voxels of the copy, these parts are no noise.
         (1..=MOST).filter_map(at).find(quiet).unwrap_or(from)
@@ -244,9 +243,9 @@ impl Histogram {
         // Four parts of the voxels are more than the bins need.
         let step = (thinned.values.len() / 1_000_000).max(1);
         for (&value, gradient) in thinned.values.iter().step_by(step).zip(thinned.gradients(step)) {
-            let bin = whole((f64::from(value) - range[0]) * scale).min(BINS - 1);
+            let bin = whole((value - range[0]) * scale).min(BINS - 1);
             counts[bin] += 1.0;
-            gradients[bin] += f64::from(gradient);
+            gradients[bin] += gradient;
         }
         let all = counts.iter().sum();
         Self { range, counts, gradients, all }
@@ -314,7 +313,7 @@ impl Histogram {
     }
 }
 
-fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statistics) -> Kind {
+fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f64], statistics: &Statistics) -> Kind {
     // Maps of microscopes may have the values of a CT, but not its unit.
     let is_small = matches!(volume.unit, Some(Unit::Micrometre | Unit::Nanometre | Unit::Angstrom));
     let modality = volume.modality();
@@ -332,8 +331,8 @@ fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statist
 }
 
 /// Values of a segmentation: few, and constant over neighbourhoods unless the file says that they are labels.
-fn labels(thinned: &Thinned, sorted: &[f32], are_stated: bool) -> Option<Vec<f64>> {
-    let mut distinct: Vec<f32> = Vec::new();
+fn labels(thinned: &Thinned, sorted: &[f64], are_stated: bool) -> Option<Vec<f64>> {
+    let mut distinct: Vec<f64> = Vec::new();
     for &value in sorted {
         if distinct.last().is_none_or(|&last| last < value) {
             distinct.push(value);
@@ -360,18 +359,18 @@ fn labels(thinned: &Thinned, sorted: &[f32], are_stated: bool) -> Option<Vec<f64
             alike += usize::from(2 * other <= all);
         }
     }
-    let found: Vec<f64> = distinct.iter().skip(1).map(|&value| value.into()).collect();
+    let found: Vec<f64> = distinct.iter().skip(1).copied().collect();
     let is_constant = objects > 0 && count(alike) >= 0.6 * count(objects);
-    // The thinned copy is in f32, and names of materials have seven digits.
+    // Names of materials have seven digits.
     let are_labels = found.iter().all(|label| label.fract() == 0.0 && label.abs() < 1e7);
     ((is_constant || are_stated) && are_labels && !found.is_empty()).then_some(found)
 }
 
 /// Value of water if the values are those of a CT: air lies 1000 below, and most other voxels near water, unless the file
 /// states that they are.
-fn water(sorted: &[f32], statistics: &Statistics, is_stated: bool) -> Option<f64> {
+fn water(sorted: &[f64], statistics: &Statistics, is_stated: bool) -> Option<f64> {
     let share = |low: f64, high: f64| {
-        let below = |limit: f64| sorted.partition_point(|&value| f64::from(value) < limit);
+        let below = |limit: f64| sorted.partition_point(|&value| value < limit);
         count(below(high) - below(low)) / count(sorted.len().max(1))
     };
     let is_ct = |water: f64| {
