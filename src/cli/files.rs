@@ -54,9 +54,10 @@ pub(crate) struct DressArgs {
     #[arg(long, value_enum)]
     bits: Option<Bits>,
     /// Put a colour behind the picture, or two with a gradient from top to bottom, or leave the background transparent (alpha
-    /// in PNG; EXR files always keep opacity).
+    /// in PNG; EXR files always keep opacity): transparent for programs that mix linear light, transparent-srgb for those that
+    /// mix codes, as browsers and slides do.
     /// No light changes this colour. The lights do change `background` of a scene, which is a surface.
-    #[arg(long, value_name = "transparent|#RRGGBB[..#RRGGBB]", value_parser = backdrop)]
+    #[arg(long, value_name = "transparent|transparent-srgb|#RRGGBB[..#RRGGBB]", value_parser = backdrop)]
     pub(crate) background: Option<Backdrop>,
     #[command(flatten)]
     pub(crate) annotate: AnnotateArgs,
@@ -195,6 +196,8 @@ pub(crate) fn is_shown(path: &Path) -> bool {
 pub(crate) enum Backdrop {
     /// Nothing: PNG files get an alpha channel.
     Transparent,
+    /// The same, for programs that mix codes of sRGB.
+    TransparentForCodes,
     /// Colours of the screen at the top and at the bottom, as parts of the codes of sRGB, which no light changes. Codes
     /// between them, as they look evenly graded.
     Colours([[f64; 3]; 2]),
@@ -210,8 +213,10 @@ pub(crate) fn backdrop(text: &str) -> Result<Backdrop, String> {
     let (top, bottom) = text.split_once("..").unwrap_or((text, text));
     match (text, colour(top), colour(bottom)) {
         ("transparent", ..) => Ok(Backdrop::Transparent),
+        ("transparent-srgb", ..) => Ok(Backdrop::TransparentForCodes),
         (_, Some(top), Some(bottom)) => Ok(Backdrop::Colours([top, bottom])),
-        _ => Err("write transparent, a colour such as #ffffff, or two from top to bottom, such as #202838..#000000"
+        _ => Err("write transparent, transparent-srgb, a colour such as #ffffff, or two from top to bottom, such as \
+                  #202838..#000000"
             .to_owned()),
     }
 }
@@ -247,7 +252,11 @@ impl Backdrop {
 
 /// Opacity of the PNG files of pictures over `backdrop`.
 pub(crate) fn alpha(backdrop: Option<Backdrop>) -> Alpha {
-    if backdrop == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack }
+    match backdrop {
+        Some(Backdrop::Transparent) => Alpha::Kept,
+        Some(Backdrop::TransparentForCodes) => Alpha::KeptForCodes,
+        None | Some(Backdrop::Colours(_)) => Alpha::OverBlack,
+    }
 }
 
 /// Linear RGBA of `size` with the backdrop behind it, and the overlay of a picture of this frame over it; `None` with

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use relume::document::first_look::{Values, guess};
 use relume::document::{SceneFile, Wish, is_sidecar};
-use relume::internal::number::{brief, readable};
+use relume::internal::number::{brief, brief_in, readable};
 use relume::model::ColourModel;
 use relume::output::film::{Components, FilmFile, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
@@ -430,9 +430,10 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     if volume.anatomical {
         line("world", "anatomical: x to the patient's left, y to the back, z to the head (LPS)");
     }
+    let in_values = |value: f64| brief_in(value, statistics.max - statistics.min);
     line(
         "values",
-        &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), brief(statistics.mean)),
+        &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), in_values(statistics.mean)),
     );
     // Percentiles and suggestions examine voxels.
     let known = volume.bricks.is_none().then(|| Values::of(volume, &statistics));
@@ -440,7 +441,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         .as_ref()
         .map(|known| [1, 5, 25, 50, 75, 95, 99].map(|part| (part, known.percentile(f64::from(part) / 100.0))));
     if let Some(percentiles) = &percentiles {
-        let listed = percentiles.map(|(part, value)| format!("{part} %: {}", brief(value))).join(", ");
+        let listed = percentiles.map(|(part, value)| format!("{part} %: {}", in_values(value))).join(", ");
         line("percentile", &listed);
     }
     line("histogram", &format!("{}  (64 bins; heights are logarithmic)", bars(&statistics.histogram)));
@@ -453,7 +454,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         line("first look", guess);
     }
     for Window { name, low, high } in &volume.presets.windows {
-        line("window", &format!("{} to {}: {name}", brief(*low), brief(*high)));
+        line("window", &format!("{} to {}: {name}", in_values(*low), in_values(*high)));
     }
     if volume.has_labels {
         line("labels", "the voxels are labels: numbers of classes");
@@ -695,7 +696,7 @@ fn list(vector: glam::DVec3) -> String {
 
 /// The two ends of a histogram, under its first and its last bar.
 fn ends(least: f64, most: f64) -> String {
-    let [least, most] = [least, most].map(brief);
+    let [least, most] = [least, most].map(|end| brief_in(end, most - least));
     let width = volume::BINS.saturating_sub(least.chars().count());
     format!("{least}{most:>width$}")
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use relume::document::Requested;
 use relume::film::Components;
 use relume::internal::annotate::Overlay;
 use relume::measure::{Stopwatch, Timing};
@@ -16,7 +17,7 @@ use super::accuracy::tolerance;
 use super::dial::DialArgs;
 use super::files::{self, DressArgs};
 use super::frames::{AnimationArgs, Form, Frame, Frames, digest};
-use super::scene::LightArgs;
+use super::scene::{LightArgs, add_placed, told_of_placed};
 use super::{CliError, Report, model};
 
 const EXAMPLES: &str = "\
@@ -123,10 +124,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     saved.display.exposure = args.exposure.unwrap_or(saved.display.exposure);
     let frame = args.dress.annotate.frame(saved.frame.clone().unwrap_or_default());
     args.dress.annotate.warn(&saved);
-    let given = match args.lights.lights[..] {
-        [] => saved.shown.clone(),
-        _ => args.lights.mix(saved.mix.clone(), &saved.positions)?,
-    };
+    let Requested { mix: given, placed } = args.lights.mix(&saved.mix, &saved.shown, &saved.positions)?;
     let on_dial = args.dial.is_given();
 
     let mut text = String::new();
@@ -183,15 +181,15 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }));
     }
     let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
-    Ok(Report {
-        text: format!("{}{text}relight {:.0} ms\n", pictures.told(made), relit.wall_ms),
-        json: json!({
-            "outputs": listed,
-            "size": saved.accumulation.size,
-            "frames": frames,
-            "pictures": pictures.json(made),
-            "model": model_json,
-            "times": {"load": read, "relight": relit, "write": written},
-        }),
-    })
+    let mut json = json!({
+        "outputs": listed,
+        "size": saved.accumulation.size,
+        "frames": frames,
+        "pictures": pictures.json(made),
+        "model": model_json,
+        "times": {"load": read, "relight": relit, "write": written},
+    });
+    add_placed(&mut json, &placed);
+    let told = told_of_placed(&placed) + &text;
+    Ok(Report { text: format!("{}{told}relight {:.0} ms\n", pictures.told(made), relit.wall_ms), json })
 }

@@ -1,13 +1,15 @@
 //! `relume render`: marches a scene once and writes pictures, its film and spectra.
 
+mod times;
+
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde_json::{Map, json};
 
-use relume::document::{SceneFile, Source, State, is_no_scene, session};
+use relume::document::{Requested, SceneFile, Source, State, is_no_scene, session};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::annotate::{Frame, Overlay};
 use relume::internal::number::{brief, count, readable};
@@ -29,7 +31,7 @@ use super::goal::GoalArgs;
 use super::level::{self, Taken};
 use super::model::Learnt;
 use super::processes::{self, Asked, Processes, Sharing, sharing};
-use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
+use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, time_or_all, told_of_placed, warn_of_odd_values};
 use super::{CliError, Report, light_grid, turntable};
 
 const EXAMPLES: &str = "\
@@ -40,9 +42,15 @@ Examples:
   relume render scene.toml -o ct.png --volume ct.raw --dims 512x512x200 --type int16
   relume render scene.toml --accumulators acc.exr        (then: relume relight acc.exr …)";
 
+/// Help of `--time`, which may ask for all time steps here.
+const TIME_HELP: &str = "Read this time step, counted from 0. all writes a picture of each: FILE-0001.png and so on, or one \
+animated PNG (-o FILE.apng); a volume without a scene then has one look for all of them. With --turntable, the times pass \
+once during the turn";
+
 /// Arguments of `relume render`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
+#[command(mut_arg("time", |arg| arg.value_parser(time_or_all).value_name("N|all").help(TIME_HELP)))]
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -312,6 +320,9 @@ impl Marched {
 pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Progress) -> Result<Report, CliError> {
     let is_first = processes.is_none_or(Processes::is_first);
     args.relit.check()?;
+    if args.scene.is_of_all_times() {
+        return times::run(args, progress);
+    }
     if processes.is_some() {
         args.check_shared()?;
     }
@@ -371,11 +382,10 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     }
     warn_of_odd_values(&statistics);
     warn_of_homogeneous(&scene, &statistics);
+    warn_of_thin(&scene, args.size);
     let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
-    let mix = match args.lights.lights[..] {
-        [] => file.opening_mix(),
-        _ => args.lights.mix(Mix::of_scene(&scene), &positions)?,
-    };
+    let (stated, shown) = (Mix::of_scene(&scene), file.opening_mix());
+    let Requested { mix, placed } = args.lights.mix(&stated, &shown, &positions)?;
     let read = clock.read();
     let clock = Stopwatch::start();
     let choice = match args.goal.goal() {
@@ -429,9 +439,15 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         check_blocks("several processes", processes.blocks(&scene), is_relay, &scene, &planned)?;
     }
     let frame = args.dress.annotate.frame(Frame::of(&scene.camera, &scene.volume, args.size));
+    // A film has the lights of its scene alone, so it opens with another light's place in their mix.
+    let is_mixed = !args.lights.lights.is_empty() && mix.is_of(&stated);
+    let opening = if is_mixed { &mix } else { &shown };
     let film_file = |film: Film<f32>| {
-        let dial = file.light.dial_of_film(&file.dial);
-        FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, film)
+        let mut dial = file.light.dial_of_film(&file.dial);
+        if is_mixed {
+            dial.hand = None;
+        }
+        FilmFile::of_march(&scene, &planned, opening, dial, film)
     };
     if let Some(path) = &args.accumulators {
         let pixels = Film { size: args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
@@ -475,8 +491,9 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         times.extend(written.times);
         save_scene()?;
         let bricks = told_of(written.bricks, read) + &written.shadows;
-        let text = format!("{}{told_level}{bricks}{}\n", frames.told(written.pictures), spent(&times));
-        let json = json!({
+        let lights = told_of_placed(&placed);
+        let text = format!("{}{lights}{told_level}{bricks}{}\n", frames.told(written.pictures), spent(&times));
+        let mut json = json!({
             "outputs": listed,
             "size": args.size,
             "device": super::info::device_json(on_device.renderer().device().info()),
@@ -488,6 +505,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             "pictures": frames.json(written.pictures),
             "peak_mb": peak_mb(),
         });
+        add_placed(&mut json, &placed);
         return Ok(Report { text, json });
     }
 
@@ -568,8 +586,13 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     let kept = checked.as_ref().map_or("", |(text, _)| text);
     let bricks = told_of(marched.bricks, scene.volume.bricks.as_ref().map(|cache| cache.counts()));
     let bricks = bricks + &marched.shadows;
-    let text =
-        format!("wrote {}; {}\n{new}{told_level}{bricks}{}\n{kept}", listed.join(", "), lit_by(&mix), spent(&times));
+    let lights = told_of_placed(&placed);
+    let text = format!(
+        "wrote {}; {}\n{lights}{new}{told_level}{bricks}{}\n{kept}",
+        listed.join(", "),
+        lit_by(&mix),
+        spent(&times)
+    );
     let times: Map<_, _> = times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
         "outputs": listed,
@@ -589,6 +612,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     if args.spectral.is_some() {
         json["reconstruction"] = json!(reconstruction);
     }
+    add_placed(&mut json, &placed);
     Ok(Report { text, json })
 }
 
@@ -698,6 +722,30 @@ fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option
     }
     if mix.0.iter().all(|light| light.weight <= 0.0) {
         tracing::warn!("no light shines: the picture is black");
+    }
+}
+
+/// Warns of a volume that is thinner than a pixel in a picture of this size, which rays may miss.
+fn warn_of_thin(scene: &Scene, size: [usize; 2]) {
+    let geometry = &scene.volume.geometry;
+    let [width, height] = size.map(count);
+    let Some(view) = scene.camera.view(geometry, width / height) else { return };
+    let half = DVec3::splat(0.5);
+    let [low, high] = scene.crop.unwrap_or([-half, DVec3::from_array(geometry.dims.map(count)) - half]);
+    let corner = |index: u8| {
+        let end = |axis: usize| if index >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        view.place_of(geometry.world_from_index(DVec3::new(end(0), end(1), end(2))))
+    };
+    let Some(corners) = (0..8).map(corner).collect::<Option<Vec<_>>>() else { return };
+    let [least, most] = [DVec2::min, DVec2::max].map(|of| corners.iter().copied().reduce(of).unwrap_or_default());
+    let pixels = (most - least) * DVec2::new(width, height);
+    if pixels.min_element() < 1.0 {
+        tracing::warn!(
+            "the volume is thinner than a pixel: it takes {:.2} × {:.2} pixels of the picture, so rays may miss it; use a \
+             larger --size, or another camera",
+            pixels.x,
+            pixels.y
+        );
     }
 }
 

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use relume::document::{self, design};
-use relume::document::{Definition, LightRequest, Look, SceneFile, SceneOptions, Source, Wish};
-use relume::internal::number::readable;
+use relume::document::{
+    Definition, LightRequest, Look, Placed, Requested, SceneFile, SceneOptions, Shares, Source, Wish,
+};
+use relume::internal::number::{brief, readable};
 use relume::progress::Progress;
 use relume::scene::Mix;
 use relume::volume::{ByteOrder, HostMemory, RawLayout, Selection, Statistics, Unit, Volume, VoxelType};
@@ -74,7 +76,7 @@ pub(crate) struct SelectionArgs {
     #[arg(long, help_heading = SEVERAL, value_name = "N", value_parser = component_number)]
     component: Option<usize>,
     /// Read this time step, counted from 0.
-    #[arg(long, help_heading = SEVERAL, value_name = "N")]
+    #[arg(long, help_heading = SEVERAL, value_name = "N", value_parser = time_step)]
     time: Option<usize>,
     /// Read the array of this name.
     #[arg(long, help_heading = SEVERAL, value_name = "NAME")]
@@ -95,6 +97,23 @@ pub(crate) struct SelectionArgs {
     /// voxel. Without this flag, Relume refuses such a volume.
     #[arg(long, help_heading = SEVERAL)]
     resample: bool,
+}
+
+/// The value of `--time` that stands for all time steps; no file has as many.
+const ALL_TIMES: usize = usize::MAX;
+
+/// Parses the number of a time step.
+fn time_step(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        _ if text == "all" => Err("only `relume render` takes all time steps; write a number".into()),
+        Ok(time) if time < ALL_TIMES => Ok(time),
+        _ => Err("write the number of a time step, from 0 on; relume info FILE lists them".to_owned()),
+    }
+}
+
+/// The same, or `all`.
+pub(crate) fn time_or_all(text: &str) -> Result<usize, String> {
+    if text == "all" { Ok(ALL_TIMES) } else { time_step(text).map_err(|error| error + "; or write all") }
 }
 
 impl SelectionArgs {
@@ -220,8 +239,9 @@ pub(crate) struct LightArgs {
     /// Light the scene with NAME in place of its own lights (repeatable: lights add up).
     ///
     /// NAME is a light of the scene, else a standard (D65, …), else a file with two columns, nm and power. A light of the
-    /// scene shines from its own position. Any other light shines from all light positions, or only from POSITION;
-    /// `relume info` lists the positions. WEIGHT is a factor. A name may contain @ and =: if the whole text is the name of
+    /// scene shines from its own position. Any other light takes the place of the lights of the picture: it shines from
+    /// their positions, with their weights, so that brightness and shadows stay, or only from POSITION; `relume info`
+    /// lists the positions. WEIGHT is a factor. A name may contain @ and =: if the whole text is the name of
     /// a light or a file, Relume does not split it.
     #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
     pub(crate) lights: Vec<LightRequest>,
@@ -360,6 +380,22 @@ impl SceneArgs {
         self.flags().into_iter().chain(of_accuracy).any(|(name, given)| given && name == flag)
     }
 
+    /// Whether `--time all` asks for all time steps.
+    pub(crate) fn is_of_all_times(&self) -> bool {
+        self.selection.time == Some(ALL_TIMES)
+    }
+
+    /// [`Self::source`] for all time steps; refuses a look of a scene, which has its own.
+    pub(crate) fn source_of_look(&self, wish: Wish) -> Result<Source, CliError> {
+        let mut source = self.source(wish)?;
+        source.options.selection.time = source.options.selection.time.filter(|_| !self.is_of_all_times());
+        if !wish.is_none() && source.bare_volume().is_none() {
+            let message = "--look, --window and --level are for a volume without a scene; a scene states its own look";
+            return Err(CliError::Usage(message.to_owned()));
+        }
+        Ok(source)
+    }
+
     /// Reads the scene, or makes one for a volume, whose voxels are kept in `memory`, and says how it was made; also returns the
     /// statistics of the volume.
     pub(crate) fn load_as(
@@ -370,7 +406,8 @@ impl SceneArgs {
     ) -> Result<(SceneFile, Statistics), CliError> {
         let (file, statistics) = self.read(wish, memory, progress)?;
         if let Some(guess) = &file.guess {
-            tracing::info!("{guess}");
+            let time = file.scene.volume.selection.time;
+            tracing::info!("{guess}{}", time.map_or_else(String::new, |time| of_time(time)));
             tracing::info!(
                 "To change it, use --look (tissue, bone, vessel, grey, fluorescence or a transfer preset: see --help), use \
                  --window and --level, or edit the scene that --save-scene FILE writes."
@@ -386,12 +423,8 @@ impl SceneArgs {
         memory: HostMemory,
         progress: &dyn Progress,
     ) -> Result<(SceneFile, Statistics), CliError> {
-        let mut source = self.source(wish)?;
+        let mut source = self.source_of_look(wish)?;
         source.options.selection.memory = memory;
-        if !wish.is_none() && source.bare_volume().is_none() {
-            let message = "--look, --window and --level are for a volume without a scene; a scene states its own look";
-            return Err(CliError::Usage(message.to_owned()));
-        }
         let (file, statistics) = source.read(progress)?;
         let scene = &file.scene;
         let labels = scene.labels.iter().flat_map(|labels| &labels.volume.notes);
@@ -411,19 +444,59 @@ impl SceneArgs {
     }
 }
 
+/// Tells that a first look is that of one time step.
+fn of_time(time: usize) -> String {
+    format!(
+        " The look is that of time step {time} alone, so others differ in range and camera; `relume render --time all` gives \
+         all the same."
+    )
+}
+
 impl LightArgs {
     /// Files that are read unless a light of the scene has their name.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         self.lights.iter().flat_map(|light| light.files(Path::new(""))).collect()
     }
 
-    /// The requested mix, or `stated` without a request.
-    pub(crate) fn mix(&self, stated: Mix, positions: &[String]) -> Result<Mix, CliError> {
+    /// The requested mix, or `shown`, the mix of the picture so far, without a request; `stated` is the mix of the scene.
+    pub(crate) fn mix(&self, stated: &Mix, shown: &Mix, positions: &[String]) -> Result<Requested, CliError> {
         if self.lights.is_empty() {
-            return Ok(stated);
+            return Ok(Requested { mix: shown.clone(), placed: Vec::new() });
         }
-        Ok(document::requested(&stated, positions, &self.lights, Path::new(""))?)
+        Ok(document::requested(stated, shown, positions, &self.lights, Path::new(""))?)
     }
+}
+
+/// Tells from where lights shine that took the place of a mix, a line each.
+pub(crate) fn told_of_placed(placed: &[Placed]) -> String {
+    let of_light = |Placed { name, shares, weights }: &Placed| {
+        let instead = match shares {
+            Shares::Shown => "in place of the lights of the picture",
+            Shares::Stated => "in place of the lights of the scene, since no light is on in the picture",
+            Shares::Everywhere => "from every position, since no light of the scene has an intensity",
+        };
+        let at = |(position, weight): &(String, f64)| format!("{name}@{position}={}", brief(*weight));
+        let listed: Vec<String> = weights.iter().map(at).collect();
+        format!("--light {name} shines {instead}: {}\n", listed.join(", "))
+    };
+    placed.iter().map(of_light).collect()
+}
+
+/// Adds the lights that took the place of a mix to the JSON of a command, if there are any.
+pub(crate) fn add_placed(json: &mut serde_json::Value, placed: &[Placed]) {
+    if placed.is_empty() {
+        return;
+    }
+    let of_light = |Placed { name, shares, weights }: &Placed| {
+        let instead = match shares {
+            Shares::Shown => "picture",
+            Shares::Stated => "scene",
+            Shares::Everywhere => "every position",
+        };
+        let at = |(position, weight): &(String, f64)| serde_json::json!({"position": position, "weight": weight});
+        serde_json::json!({"name": name, "in_place_of": instead, "at": weights.iter().map(at).collect::<Vec<_>>()})
+    };
+    json["placed"] = placed.iter().map(of_light).collect();
 }
 
 /// Parses `AxBxC`, whole numbers from 1.

@@ -77,6 +77,23 @@ pub fn brief(number: f64) -> String {
     readable(format!("{number:.6e}").parse().unwrap_or(number))
 }
 
+/// [`brief`] for one of the values of a range of the length `span`: with as many digits more as far offsets take, so that
+/// values of the range can be told apart.
+#[must_use]
+pub fn brief_in(number: f64, span: f64) -> String {
+    in_range(number, span, 7)
+}
+
+/// `number` to this many digits, and those that the offset of a range of the length `span` takes.
+pub(crate) fn in_range(number: f64, span: f64, digits: usize) -> String {
+    /// Digits that all f64 have.
+    const ALL: usize = 17;
+    let powers = number.abs().log10().floor() - span.abs().log10().floor();
+    let offset = if powers.is_finite() { whole(powers) } else { 0 };
+    let digits = (digits + offset).min(ALL) - 1;
+    readable(format!("{number:.digits$e}").parse().unwrap_or(number))
+}
+
 /// The line and the column of a byte of `text`, from 1.
 #[must_use]
 pub(crate) fn line_and_column(text: &str, byte: usize) -> [usize; 2] {

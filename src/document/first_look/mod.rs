@@ -26,7 +26,7 @@ use super::fit;
 use super::moves::Side;
 use super::silhouette::{Depths, Seen};
 use super::transfer_presets::TransferPreset;
-use crate::number::{brief, count, from_label, nearest_label, whole};
+use crate::number::{brief, brief_in, count, from_label, in_range, nearest_label, whole};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term};
@@ -111,6 +111,15 @@ impl Wish {
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
+}
+
+/// What a first look is at.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Subject {
+    /// Parts of the volume are chosen already.
+    pub(super) has_parts: bool,
+    /// The values are the largest ones of several times.
+    pub(super) is_of_times: bool,
 }
 
 /// A first look.
@@ -478,13 +487,28 @@ fn ramp_thickness(thinned: &Thinned, [low, high]: [f64; 2], rise: Rise, axis: us
 /// Ratio of largest to smallest extent from which a volume is viewed as a sheet.
 const FLAT: f64 = 20.0;
 
-/// Side from which a sheet is viewed, such as a single slice of any thickness; slices along z appear as on a screen.
+/// Ratio of length to width and to depth from which a volume is viewed from its end: from the side it would be thinner than
+/// some pixels, as a stack of slices is whose distance is stated too large.
+const LONG: f64 = 64.0;
+
+/// The axis along which a volume is so long that it is viewed from its end, if there is one.
+fn long_axis(geometry: &Geometry) -> Option<usize> {
+    let extent = geometry.extent();
+    let long = extent.max_position();
+    // A line of single voxels has no picture from its end.
+    let is_thin = |axis: usize| geometry.dims[axis] > 1 && extent[long] >= LONG * extent[axis];
+    (0..3).all(|axis| axis == long || is_thin(axis)).then_some(long)
+}
+
+/// Side from which a sheet is viewed, such as a single slice of any thickness, or the end of a needle; slices along z appear
+/// as on a screen.
 fn flat_side(geometry: &Geometry) -> Option<Side> {
     let extent = geometry.extent();
     let slice = (0..3).find(|&axis| geometry.dims.iter().enumerate().all(|(other, &n)| (n == 1) == (other == axis)));
-    let thin = slice.unwrap_or_else(|| extent.min_position());
+    let needle = long_axis(geometry).filter(|_| slice.is_none());
+    let thin = slice.or(needle).unwrap_or_else(|| extent.min_position());
     let normal = geometry.direction.col(thin).abs().max_position();
-    let is_flat = slice.is_some() || extent.max_element() >= FLAT * extent[thin];
+    let is_flat = slice.is_some() || needle.is_some() || extent.max_element() >= FLAT * extent[thin];
     is_flat.then(|| [Side::Left, Side::Front, Side::Bottom][normal])
 }
 
@@ -572,7 +596,11 @@ fn directions(volume: &Volume, values: &Values) -> Camera {
         _ if !volume.anatomical && is_upside_down(volume, values) => DVec3::NEG_Z,
         _ => DVec3::Z,
     };
-    let projection = Projection::Perspective { fov_degrees: 30.0 };
+    // Of a long volume, rays that diverge would leave all but the near end.
+    let projection = match long_axis(&volume.geometry) {
+        Some(_) => Projection::Orthographic { height: None },
+        None => Projection::Perspective { fov_degrees: 30.0 },
+    };
     Camera { projection, aim: Aim::Orbit { azimuth, elevation, fill: Fill::of(1.0), front, around: None }, up }
 }
 
@@ -590,7 +618,7 @@ pub fn scene_text(
     wish: Wish,
     progress: &dyn Progress,
 ) -> Result<String, LookError> {
-    first_look(name, volume, statistics, (wish, false), progress).map(|look| look.text)
+    first_look(name, volume, statistics, (wish, Subject::default()), progress).map(|look| look.text)
 }
 
 /// Why a volume has no first look of a kind.
@@ -598,8 +626,8 @@ pub fn scene_text(
 #[error(
     "the look {look} is for CT, whose values are Hounsfield units: {name} has values from {} to {}, and no air, water and \
      bone 1000 apart; other looks are {}",
-    brief_of(range[0]),
-    brief_of(range[1]),
+    brief_of(range[0], range),
+    brief_of(range[1], range),
     Look::all().into_iter().filter(|look| !look.is_of_ct()).map(Look::name).collect::<Vec<_>>().join(", ")
 )]
 pub struct NoCt {
@@ -621,7 +649,7 @@ pub enum LookError {
 }
 
 /// The scene for `volume`, whose file is called `name`. Other parts than the body are removed from the volume, as the scene
-/// says, unless a definition `has_parts` chosen already.
+/// says, unless a definition has chosen parts already.
 ///
 /// # Errors
 ///
@@ -630,7 +658,7 @@ pub(super) fn first_look(
     name: &str,
     volume: &mut Volume,
     statistics: &Statistics,
-    (wish, has_parts): (Wish, bool),
+    (wish, Subject { has_parts, is_of_times }): (Wish, Subject),
     progress: &dyn Progress,
 ) -> Result<FirstLook, LookError> {
     // A comment ends with its line.
@@ -638,7 +666,11 @@ pub(super) fn first_look(
     // Of voxels that stay in a file, a coarse level is examined.
     let at_hand = volume.at_hand();
     let block = volume.block_of(at_hand);
-    let values = Values::of(at_hand, statistics);
+    let mut values = Values::of(at_hand, statistics);
+    if is_of_times {
+        // Objects are fainter at some of the times than their largest values are.
+        values.objects_from = values.surface_from;
+    }
     if let Some(look) = wish.look.filter(|look| look.is_of_ct())
         && values.water(statistics).is_none()
     {
@@ -778,6 +810,31 @@ fn shape(
     axis: usize,
     of_window: Rise,
 ) -> (Shape, String) {
+    let (mut shape, guess) = guessed(values, (presets, statistics), wish, axis, of_window);
+    let is_open = |[low, high]: [f64; 2]| low < high;
+    // A range of one value, that of all voxels: it is shown, and not only met by chance.
+    let around = |value: f64| if value == 0.0 { 0.5 } else { value.abs() / 100.0 };
+    match &mut shape {
+        Shape::Layers(layers) => {
+            for layer in layers.iter_mut().filter(|layer| !is_open(layer.range)) {
+                let [low, high] = layer.range;
+                layer.range = [low.min(high) - around(low), low.max(high) + around(high)];
+            }
+        }
+        Shape::Ramp { layer, .. } if !is_open(layer.range) => layer.range[0] = layer.range[1] - around(layer.range[1]),
+        Shape::Ramp { .. } => {}
+    }
+    (shape, guess)
+}
+
+/// The layers, some of which may have a range of one value, and the guess in words.
+fn guessed(
+    values: &Values,
+    (presets, statistics): (&Presets, &Statistics),
+    wish: Wish,
+    axis: usize,
+    of_window: Rise,
+) -> (Shape, String) {
     let alone = |name: &str, colour, range: [f64; 2], depth| Layer {
         name: name.to_owned(),
         colour,
@@ -787,6 +844,7 @@ fn shape(
         what: String::new(),
     };
     let high = values.percentile(0.999).max(values.objects_from);
+    let brief_value = |value: f64| brief_in(value, values.most - values.least);
     let kind = match &values.kind {
         Kind::Ct { water } if *water == 0.0 => "a CT in Hounsfield units".to_owned(),
         Kind::Ct { water } => format!("a CT in which water has the value {}", brief(*water)),
@@ -796,6 +854,7 @@ fn shape(
         Kind::Other(None) => "values without a known unit".to_owned(),
     };
     // The numbers of labels are names.
+    let kind = if values.least < values.most { kind } else { format!("{kind}, all of them {}", brief(values.least)) };
     let kind = match &values.kind {
         Kind::Labels(labels) if !wish.is_none() => {
             kind + if labels.len() == 1 { " as if it were measured" } else { " as if they were measured" }
@@ -806,7 +865,7 @@ fn shape(
     if window.is_some() || wish.look == Some(Look::Grey) {
         let range = window.unwrap_or([values.objects_from, high]);
         let layer = alone("grey", Colour::Code("#e8e8e8".to_owned()), range, 4.0);
-        let [low, high] = range.map(brief);
+        let [low, high] = range.map(brief_value);
         let in_units = match &values.kind {
             Kind::Ct { water } if *water != 0.0 && window.is_some() => {
                 let [low, high] = range.map(|value| brief(value - water));
@@ -815,7 +874,10 @@ fn shape(
             }
             // A window of the user, and not that of a flat image.
             _ if of_window == Rise::Steep && window.is_some_and(|[low, _]| low <= values.least) => {
-                format!("; no value is transparent, because they begin at {}", brief_of(values.least))
+                format!(
+                    "; no value is transparent, because they begin at {}",
+                    brief_of(values.least, &[values.least, values.most])
+                )
             }
             _ => String::new(),
         };
@@ -827,7 +889,7 @@ fn shape(
     if wish.look == Some(Look::Fluorescence) {
         let range = [values.objects_from, high];
         let layer = alone("stain", Colour::Code("#46e06a".to_owned()), range, 1.5);
-        let [low, high] = range.map(brief);
+        let [low, high] = range.map(brief_value);
         return (
             Shape::Ramp { layer, rise: Rise::Shining },
             format!("{kind}, shown as a green X-ray material, brighter from {low} to {high}"),
@@ -851,7 +913,7 @@ fn shape(
         });
         let code = code(colour);
         let layer = alone("channel", Colour::Code(code.clone()), range, 4.0);
-        let [low, high] = range.map(brief);
+        let [low, high] = range.map(brief_value);
         return (
             Shape::Ramp { layer, rise: Rise::Even },
             format!(
@@ -895,10 +957,14 @@ fn shape(
             vec![alone(name, Colour::Designed(role), [from, values.most.max(from)], 8.0)]
         }
     };
+    let ends = [values.least, values.most];
     let shown: Vec<String> = layers
         .iter()
         .take(4)
-        .map(|layer| format!("{} from {} to {}", layer.name, brief_of(layer.range[0]), brief_of(layer.range[1])))
+        .map(|layer| {
+            let [from, to] = layer.range.map(|end| brief_of(end, &ends));
+            format!("{} from {from} to {to}", layer.name)
+        })
         .collect();
     let more =
         if layers.len() > shown.len() { format!(" and {} more", layers.len() - shown.len()) } else { String::new() };
@@ -919,9 +985,9 @@ fn of_labels(values: &Values, ids: &[i64], presets: &Presets, axis: usize) -> (V
     (labels, outer, from)
 }
 
-/// A number to four digits.
-fn brief_of(number: f64) -> String {
-    brief(format!("{number:.3e}").parse().unwrap_or(number))
+/// A value of a volume with values from `least` to `most`, to four digits behind their offset.
+fn brief_of(number: f64, [least, most]: &[f64; 2]) -> String {
+    in_range(number, most - least, 4)
 }
 
 /// Opacity of an opacity length of a layer that is this many of them thick.
@@ -1084,6 +1150,9 @@ fn text(
         line(
             "\n# The camera orbits the box `around`. `fill` is the part of the picture that the box spans, by the aspect ratio (width /\n# height); visible pixels then span 0.9.\n[camera]",
         );
+        if matches!(camera.projection, Projection::Orthographic { .. }) {
+            line("projection = \"orthographic\"");
+        }
         line(&format!("azimuth = {azimuth:?}\nelevation = {elevation:?}"));
         match fill.pairs() {
             [[_, fill]] => line(&format!("fill = {fill:?}")),

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::number::{count, rounded, unsigned, whole};
+use crate::number::{count, unsigned, whole};
 use crate::parallel;
 use crate::volume::{Geometry, Volume, VolumeError, Voxels, with_voxels};
 
@@ -16,7 +16,7 @@ pub(crate) struct Thinned {
     pub(super) dims: [usize; 3],
     /// Distance of these voxels in the volume, along each axis.
     pub(super) stride: [usize; 3],
-    /// Their values, rounded to 32 bits unless these do not hold them; NaN and infinities are the smallest value.
+    /// Their values; NaN and infinities are the smallest value.
     pub(super) values: Vec<f64>,
     /// Size of the values by which gradients are divided: 1 unless 32 bits do not hold them.
     unit: f64,
@@ -26,7 +26,6 @@ impl Thinned {
     /// The copy of `volume`, whose finite values lie in this range.
     pub(crate) fn of(volume: &Volume, [smallest, largest]: [f64; 2]) -> Self {
         let unit = unit(smallest.abs().max(largest.abs()));
-        let is_usual = unit.total_cmp(&1.0).is_eq();
         let sides = volume.geometry.dims;
         let stride = whole((count(volume.geometry.voxels()) / count(MOST)).cbrt().ceil()).max(1);
         let stride = sides.map(|side| stride.min(side.div_ceil(32).max(1)));
@@ -34,8 +33,7 @@ impl Thinned {
         let [nx, ny, _] = dims;
         let scale = |stored: f64| {
             let value = stored.mul_add(volume.slope, volume.intercept);
-            let value = if value.is_finite() { value } else { smallest };
-            if is_usual { f64::from(rounded(value)) } else { value }
+            if value.is_finite() { value } else { smallest }
         };
         let mut values = vec![0.0; dims.iter().product()];
         with_voxels!(&volume.voxels, stored => {

@@ -7,7 +7,7 @@ use super::super::otsu::otsu;
 use super::super::transfer_presets::hounsfield;
 use super::regions;
 use super::sample::Thinned;
-use crate::number::{brief, count, whole};
+use crate::number::{brief, count, in_range, whole};
 use crate::volume::{LabelCounts, MOST_LABELS, Modality, Statistics, Unit, Volume, Window, is_background};
 
 /// Bins of the histogram between the 0.05th and the 99.95th percentile.
@@ -174,7 +174,7 @@ impl Values {
                 vec![format!("a segmentation with the labels {}{more}", listed.join(", "))]
             }
             Kind::Other(_) => {
-                let digits = |value: f64| brief(format!("{value:.3e}").parse().unwrap_or(value));
+                let digits = |value: f64| in_range(value, self.most - self.least, 4);
                 let peak = |peak: &Peak| {
                     let [low, high] = peak.interval.map(digits);
                     let side = if peak.value < self.objects_from { ", surroundings" } else { "" };

@@ -18,7 +18,7 @@ use super::spectrum::narrow;
 use super::transfer::{colours, places};
 use crate::annotate::PixelLength;
 use crate::document::Document;
-use crate::number::{brief, count, whole};
+use crate::number::{brief_in, count, whole};
 use crate::scene::{Scene, Transfer};
 use crate::view::action::Action;
 use crate::view::layout::{Arrange, MOST_ZOOM, Ruler};
@@ -281,7 +281,8 @@ fn controls(
         let menu = ui.menu_button("Window", |ui| {
             let all = Window::new("all values", statistics.min, statistics.max);
             for Window { name, low, high } in windows(&scene.volume, statistics).into_iter().chain(all) {
-                let help = format!("Values from {} (black) to {} (white).", brief(low), brief(high));
+                let ends = [low, high].map(|end| brief_in(end, statistics.max - statistics.min));
+                let help = format!("Values from {} (black) to {} (white).", ends[0], ends[1]);
                 if ui.button(name).on_hover_text(help).clicked() {
                     ask(Arrange::Window([low, high]));
                     ui.close();
@@ -328,18 +329,19 @@ fn controls(
                 ask(Arrange::SliceZoom(1.0, middle));
             }
         }
-        let text = told(&scene.volume, slices.crosshair(&scene.volume.geometry));
+        let span = statistics.max - statistics.min;
+        let text = told(&scene.volume, span, slices.crosshair(&scene.volume.geometry));
         ui.add(egui::Label::new(egui::RichText::new(text).small()).truncate());
     });
 }
 
-/// Value and position of the voxel at the crosshair.
-fn told(volume: &Volume, at: DVec3) -> String {
+/// Value and position of the voxel at the crosshair; the values lie in a range of the length `span`.
+fn told(volume: &Volume, span: f64, at: DVec3) -> String {
     let voxel = voxel(at);
     let at_hand = volume.at_hand();
     let block = volume.block_of(at_hand);
     let coarse = std::array::from_fn(|axis| voxel[axis] / block[axis]);
-    let value = at_hand.value(coarse).map_or_else(String::new, brief);
+    let value = at_hand.value(coarse).map_or_else(String::new, |value| brief_in(value, span));
     let of_level = match block.iter().product::<usize>() {
         1 => String::new(),
         voxels => format!(" (mean of {voxels} voxels)"),

@@ -13,7 +13,7 @@ use super::spectrum::{code, narrow};
 use crate::annotate::material_colours;
 use crate::document::transfer_presets::{TransferPreset, of_window};
 use crate::document::{Document, Edit, State};
-use crate::number::{brief, count, whole};
+use crate::number::{brief_in, count, whole};
 use crate::plan::Stale;
 use crate::plan::is_constant;
 use crate::scene::{GRADIENT_POINTS, Interval, Material, OPAQUE_DEPTH, Scene, Term};
@@ -217,8 +217,8 @@ fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &
         for window in &state.scene.volume.presets.windows {
             let intervals = of_window(window, statistics, &state.scene.materials);
             let button = ui.add_enabled(intervals.is_some(), egui::Button::new(&window.name));
-            let help =
-                format!("Shows the values from {} to {}, as the file asks for.", brief(window.low), brief(window.high));
+            let [low, high] = [window.low, window.high].map(|end| brief_in(end, statistics.max - statistics.min));
+            let help = format!("Shows the values from {low} to {high}, as the file asks for.");
             let clicked = button.on_hover_text(help).on_disabled_hover_text("No value lies in this window.").clicked();
             if let (true, Some(intervals)) = (clicked, intervals) {
                 asked.push(Action::Edit(Edit::Intervals(intervals)));
