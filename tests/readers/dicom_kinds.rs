@@ -150,7 +150,7 @@ fn several_attributes_and_times_tell_apart_what_one_does_not() {
     };
     let mut timed = volumes_of(2, clock);
     for (index, slice) in timed.iter_mut().enumerate() {
-        let seconds = if index % 2 == 0 { format!("2359{:02}.5", 10 + index) } else { format!("0000{:02}", index) };
+        let seconds = if index % 2 == 0 { format!("2359{:02}.5", 10 + index) } else { format!("0000{index:02}") };
         slice.set(0x0008_0032, "TM", Value::Text(seconds));
     }
     let first = folder(&timed, &time(0)).unwrap();

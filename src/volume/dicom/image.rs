@@ -444,13 +444,13 @@ impl Reading<'_> {
         let mappings = mappings(self.root, self.shared, of_frame);
         let Some(first) = mappings.first() else { return };
         let is_used = self.own_scaling(of_frame) == [None; 2] && self.mapping(of_frame).is_some();
+        // The stored numbers may be the values already.
+        let is_told = !is_used || first.scaling != Some([1.0, 0.0]);
         let is_equal = mappings.len() == 1 && first.scaling == Some([frame.slope, frame.intercept]);
         let named: Vec<String> = mappings.iter().map(|mapping| mapping.words.clone()).collect();
-        if is_used && first.scaling == Some([1.0, 0.0]) {
-            // The stored numbers are the values.
-        } else if is_used {
+        if is_used && is_told {
             remarks.push(format!("the values are those of RealWorldValueMappingSequence: {}", named.join("; ")));
-        } else if !is_equal {
+        } else if is_told && !is_equal {
             remarks.push(format!(
                 "RealWorldValueMappingSequence states further values, which Relume does not use: {}",
                 named.join("; ")

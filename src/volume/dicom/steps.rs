@@ -182,16 +182,17 @@ pub(super) fn told_apart(images: &[Image], cells: &Cells) -> Option<Steps> {
     };
     // Names of the volumes are those of the slices at the first position.
     let named = |ids: &Ids, further: Option<&dyn Fn(Slice) -> String>| -> Vec<String> {
-        let name = |id: usize| {
-            let at = ids[0].iter().position(|&found| found == id)?;
+        let name = |at: usize| {
             let words = keys.iter().map(|&index| {
                 let values = &several[index].1;
                 values.names[values.ids[0][at]].clone()
             });
             let further = further.map(|further| further(cells[0][at]));
-            Some(words.chain(further).collect::<Vec<_>>().join(" "))
+            words.chain(further).collect::<Vec<_>>().join(" ")
         };
-        (0..wanted).map(|id| name(id).unwrap_or_default()).collect()
+        let mut names = vec![String::new(); wanted];
+        ids[0].iter().enumerate().for_each(|(at, &id)| names[id] = name(at));
+        names
     };
     if different(&ids[0]) == wanted {
         return Some(made(&ids, axis_of(None), named(&ids, None), false));
@@ -204,13 +205,18 @@ pub(super) fn told_apart(images: &[Image], cells: &Cells) -> Option<Steps> {
         }
     }
     let is_one_file = cells.iter().flatten().all(|slice| slice.image == cells[0][0].image);
-    let place = |slice: Slice| match is_one_file {
-        true => Some(count(slice.frame)),
-        false => images[slice.image].instance_number,
+    // More than the frames of any file.
+    let frames = 2_f64.powi(21);
+    let place = |Slice { image, frame }: Slice| {
+        let image = &images[image];
+        let frame = if image.count > 1 { count(frame) } else { 0.0 };
+        if is_one_file { Some(frame) } else { image.instance_number.map(|number| number.mul_add(frames, frame)) }
     };
     let ranked = ranked(cells, &ids, place)?;
-    let word =
-        |slice: Slice| place(slice).map_or_else(String::new, |at| brief(if is_one_file { at + 1.0 } else { at }));
+    let word = |slice: Slice| match images[slice.image].instance_number {
+        Some(number) if !is_one_file => brief(number),
+        _ => (slice.frame + 1).to_string(),
+    };
     let axis = axis_of(Some(if is_one_file { "frame" } else { "InstanceNumber" }));
     Some(made(&ranked, axis, named(&ranked, Some(&word)), true))
 }
@@ -246,16 +252,13 @@ fn ranked(cells: &Cells, ids: &Ids, place: impl Fn(Slice) -> Option<f64>) -> Opt
     Some(ranks)
 }
 
-/// The slices of each index.
+/// The slices of each of `wanted` indices.
 fn volumes(cells: &Cells, ids: &Ids, wanted: usize) -> Vec<Vec<Slice>> {
-    let of = |id: usize| {
-        let slice = |(cell, ids): (&Vec<Slice>, &Vec<usize>)| {
-            let at = ids.iter().position(|&found| found == id)?;
-            cell.get(at).copied()
-        };
-        cells.iter().zip(ids).filter_map(slice).collect()
-    };
-    (0..wanted).map(of).collect()
+    let mut all = vec![Vec::new(); wanted];
+    for (&slice, &id) in cells.iter().flatten().zip(ids.iter().flatten()) {
+        all[id].push(slice);
+    }
+    all
 }
 
 /// Largest number of volumes of different extents in one series.
@@ -309,7 +312,7 @@ pub(super) fn differences(images: &[Image], cells: &Cells) -> Vec<String> {
             let mut names: Vec<String> = Vec::new();
             for &slice in cell {
                 let name = mark(images, slice, key).map_or("none", |mark| mark.name.as_str());
-                if !names.iter().any(|known| known == name) {
+                if names.len() <= MOST && !names.iter().any(|known| known == name) {
                     names.push(name.to_owned());
                 }
             }
