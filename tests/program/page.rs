@@ -478,7 +478,7 @@ fn a_page_keeps_scale_letters_and_the_names_of_its_materials() {
     let style = html.split("<style>").nth(2).unwrap().split("</style>").next().unwrap();
     let drawing = style.split_once("base64,").unwrap().1.split_once('"').unwrap().0;
     let drawing = String::from_utf8(STANDARD.decode(drawing).unwrap()).unwrap();
-    for text in [">10 mm<", ">R<", ">LP<", ">S<", ">I<", "viewBox=\"0 0 48 32\""] {
+    for text in [">10 mm<", ">R<", ">LP<", ">S<", ">I<", "viewBox=\"0 0 816 544\""] {
         assert!(drawing.contains(text), "no {text} in {drawing}");
     }
     let digest = STANDARD.encode(Sha256::digest(style.as_bytes()));
