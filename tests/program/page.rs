@@ -466,8 +466,8 @@ fn names_stay_text_and_the_policy_has_the_digests_of_script_and_style() {
 fn a_page_keeps_scale_letters_and_the_names_of_its_materials() {
     let (mut header, film) = hostile();
     let letters = ["R", "LP", "S", "I"].map(str::to_owned);
-    header.frame = Some(Frame { pixel: Some(0.25), parallel: true, unit: Some("mm".to_owned()), edges: Some(letters) });
-    let size = [240, 160];
+    header.frame = Some(Frame { pixel: Some(1.25), parallel: true, unit: Some("mm".to_owned()), edges: Some(letters) });
+    let size = [48, 32];
     let film = Film { size, ..film };
     let enlarged = |plane: &[f32]| plane.iter().copied().cycle().take(size[0] * size[1]).collect::<Vec<f32>>();
     let accumulators = film.accumulators.chunks_exact(30).flat_map(enlarged).collect();
@@ -478,7 +478,7 @@ fn a_page_keeps_scale_letters_and_the_names_of_its_materials() {
     let style = html.split("<style>").nth(2).unwrap().split("</style>").next().unwrap();
     let drawing = style.split_once("base64,").unwrap().1.split_once('"').unwrap().0;
     let drawing = String::from_utf8(STANDARD.decode(drawing).unwrap()).unwrap();
-    for text in [">10 mm<", ">R<", ">LP<", ">S<", ">I<", "viewBox=\"0 0 240 160\""] {
+    for text in [">10 mm<", ">R<", ">LP<", ">S<", ">I<", "viewBox=\"0 0 816 544\""] {
         assert!(drawing.contains(text), "no {text} in {drawing}");
     }
     let digest = STANDARD.encode(Sha256::digest(style.as_bytes()));

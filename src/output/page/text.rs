@@ -11,6 +11,7 @@ use super::packing::{Channels, scale};
 use super::{Page, Planes, SCRIPT, STYLE};
 use crate::annotate::{Entry, Overlay};
 use crate::film::Components;
+use crate::number::count;
 use crate::output::SOFTWARE;
 use crate::output::film::Components as FileComponents;
 use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, bradford_cones, d65_white, display_code};
@@ -53,6 +54,9 @@ pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u
     (filled(include_str!("page.html"), &parts), json.len())
 }
 
+/// Longer side of a picture for which scale bar and letters are drawn at least, in pixels.
+const NOMINAL: usize = 800;
+
 /// Style that draws the scale bar and the letters of the film over the picture of every size, if it states them. A turntable has
 /// no letters: they turn with it.
 fn overlay(page: &Page<'_>) -> Option<String> {
@@ -60,7 +64,13 @@ fn overlay(page: &Page<'_>) -> Option<String> {
     if page.views.len() > 1 {
         frame.edges = None;
     }
-    let svg = Overlay::default().svg(&frame, page.views.first()?.size);
+    // A page enlarges small pictures, and letters would grow with them.
+    let [width, height] = page.views.first()?.size;
+    let times = NOMINAL.div_ceil(width.max(height).max(1));
+    if let Some(pixel) = &mut frame.pixel {
+        pixel.units /= count(times);
+    }
+    let svg = Overlay::default().svg(&frame, [width * times, height * times]);
     Some(format!(
         ".relume .frame::before {{ content: \"\"; position: absolute; inset: 0; pointer-events: none; print-color-adjust: exact; \
          background: url(\"data:image/svg+xml;base64,{}\") 0 0 / 100% 100% no-repeat; }}",
