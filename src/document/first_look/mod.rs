@@ -822,7 +822,7 @@ fn shape(
             }
         }
         Shape::Ramp { layer, .. } if !is_open(layer.range) => layer.range[0] = layer.range[1] - around(layer.range[1]),
-        Shape::Ramp { .. } => {}
+        Shape::Ramp { .. } | Shape::Labels { .. } => {}
     }
     (shape, guess)
 }
