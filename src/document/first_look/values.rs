@@ -114,7 +114,7 @@ impl Values {
     #[must_use]
     pub fn percentile(&self, part: f64) -> f64 {
         let last = self.sorted.len().saturating_sub(1);
-        self.sorted.get(whole((part * count(last)).round()).min(last)).map_or(self.least, |&value| value)
+        self.sorted.get(whole((part * count(last)).round()).min(last)).copied().unwrap_or(self.least)
     }
 
     /// Value of water in a CT; for a look that only CT has, values of the range of a CT are enough.
@@ -174,7 +174,7 @@ impl Values {
         let first = self.sorted.partition_point(|&value| value < self.objects_from);
         let objects = self.sorted.get(first..).unwrap_or_default();
         let last = objects.len().saturating_sub(1);
-        objects.get(whole((part * count(last)).round()).min(last)).map_or(self.most, |&value| value)
+        objects.get(whole((part * count(last)).round()).min(last)).copied().unwrap_or(self.most)
     }
 
     /// Fraction of the voxels with values in a range.
@@ -218,7 +218,7 @@ impl Values {
         }
         let objects = self.sorted.partition_point(|&value| value < from);
         let objects = self.sorted.get(objects..).unwrap_or_default();
-        let at = |tenth: i32| objects.get(objects.len() * whole(f64::from(tenth)) / 10).map(|&value| value);
+        let at = |tenth: i32| objects.get(objects.len() * whole(f64::from(tenth)) / 10).copied();
         let quiet = |cut: &f64| *cut > from && self.thinned.specks(*cut) <= MANY;
         // Where it stays so, as in vessels thinner than the voxels of the copy, these parts are no noise.
         (1..=MOST).filter_map(at).find(quiet).unwrap_or(from)
