@@ -725,7 +725,7 @@ fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option
     }
 }
 
-/// Warns of a volume that is thinner than a pixel in a picture of this size, which rays may miss.
+/// Warns of a volume that lies between the rays of a picture of this size, whose pixels are thicker.
 fn warn_of_thin(scene: &Scene, size: [usize; 2]) {
     let geometry = &scene.volume.geometry;
     let [width, height] = size.map(count);
@@ -738,10 +738,13 @@ fn warn_of_thin(scene: &Scene, size: [usize; 2]) {
     };
     let Some(corners) = (0..8).map(corner).collect::<Option<Vec<_>>>() else { return };
     let [least, most] = [DVec2::min, DVec2::max].map(|of| corners.iter().copied().reduce(of).unwrap_or_default());
-    let pixels = (most - least) * DVec2::new(width, height);
-    if pixels.min_element() < 1.0 {
+    let [from, to] = [least, most].map(|place| place * DVec2::new(width, height));
+    // Rays pass through the middles of pixels.
+    let is_between = |axis: usize| (from[axis] - 0.5).ceil() > to[axis] - 0.5;
+    if is_between(0) || is_between(1) {
+        let pixels = to - from;
         tracing::warn!(
-            "the volume is thinner than a pixel: it takes {:.2} × {:.2} pixels of the picture, so rays may miss it; use a \
+            "no ray meets the volume, which is thinner than a pixel: it takes {:.2} × {:.2} pixels of the picture; use a \
              larger --size, or another camera",
             pixels.x,
             pixels.y

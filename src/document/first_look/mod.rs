@@ -802,33 +802,18 @@ fn shape_of(volume: &Volume, (values, statistics): (&Values, &Statistics), wish:
     shape(values, (&volume.presets, statistics), wish, axis, of_window)
 }
 
-/// The layers, and the guess in words.
-fn shape(
-    values: &Values,
-    (presets, statistics): (&Presets, &Statistics),
-    wish: Wish,
-    axis: usize,
-    of_window: Rise,
-) -> (Shape, String) {
-    let (mut shape, guess) = guessed(values, (presets, statistics), wish, axis, of_window);
-    let is_open = |[low, high]: [f64; 2]| low < high;
-    // A range of one value, that of all voxels: it is shown, and not only met by chance.
-    let around = |value: f64| if value == 0.0 { 0.5 } else { value.abs() / 100.0 };
-    match &mut shape {
-        Shape::Layers(layers) => {
-            for layer in layers.iter_mut().filter(|layer| !is_open(layer.range)) {
-                let [low, high] = layer.range;
-                layer.range = [low.min(high) - around(low), low.max(high) + around(high)];
-            }
-        }
-        Shape::Ramp { layer, .. } if !is_open(layer.range) => layer.range[0] = layer.range[1] - around(layer.range[1]),
-        Shape::Ramp { .. } | Shape::Labels { .. } => {}
+/// A range of values that all voxels have, so that it shows them: `wider` at its low and its high end, in hundredths of the
+/// value. Any other range stays.
+fn opened(values: &Values, [low, high]: [f64; 2], wider: [f64; 2]) -> [f64; 2] {
+    if values.least < values.most || low < high {
+        return [low, high];
     }
-    (shape, guess)
+    let around = if high == 0.0 { 0.5 } else { high.abs() / 100.0 };
+    [high - wider[0] * around, low + wider[1] * around]
 }
 
-/// The layers, some of which may have a range of one value, and the guess in words.
-fn guessed(
+/// The layers, and the guess in words.
+fn shape(
     values: &Values,
     (presets, statistics): (&Presets, &Statistics),
     wish: Wish,
@@ -863,7 +848,7 @@ fn guessed(
     };
     let window = wish.window.map(|[width, centre]| [centre - width / 2.0, centre + width / 2.0]);
     if window.is_some() || wish.look == Some(Look::Grey) {
-        let range = window.unwrap_or([values.objects_from, high]);
+        let range = opened(values, window.unwrap_or([values.objects_from, high]), [1.0, 0.0]);
         let layer = alone("grey", Colour::Code("#e8e8e8".to_owned()), range, 4.0);
         let [low, high] = range.map(brief_value);
         let in_units = match &values.kind {
@@ -887,7 +872,7 @@ fn guessed(
         );
     }
     if wish.look == Some(Look::Fluorescence) {
-        let range = [values.objects_from, high];
+        let range = opened(values, [values.objects_from, high], [1.0, 0.0]);
         let layer = alone("stain", Colour::Code("#46e06a".to_owned()), range, 1.5);
         let [low, high] = range.map(brief_value);
         return (
@@ -911,6 +896,7 @@ fn guessed(
         let range = stated.map_or([from, high], |window| {
             [if from < window.high { window.low.max(from) } else { window.low }, window.high]
         });
+        let range = opened(values, range, [1.0, 0.0]);
         let code = code(colour);
         let layer = alone("channel", Colour::Code(code.clone()), range, 4.0);
         let [low, high] = range.map(brief_value);
@@ -934,7 +920,7 @@ fn guessed(
         let guess = format!("{kind}: {}{more}", shown.join(", "));
         return (Shape::Labels { labels, outer, from }, guess);
     }
-    let layers = match (&values.kind, wish.look) {
+    let mut layers = match (&values.kind, wish.look) {
         (Kind::Labels(ids), None) => {
             let (labels, outer, _) = of_labels(values, ids, presets, axis);
             label_layers(labels, outer)
@@ -957,6 +943,9 @@ fn guessed(
             vec![alone(name, Colour::Designed(role), [from, values.most.max(from)], 8.0)]
         }
     };
+    for layer in &mut layers {
+        layer.range = opened(values, layer.range, [1.0; 2]);
+    }
     let ends = [values.least, values.most];
     let shown: Vec<String> = layers
         .iter()
