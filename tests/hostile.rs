@@ -193,6 +193,11 @@ fn a_nifti_file_of_anything_is_read_or_refused() {
 }
 
 #[test]
+fn an_mgh_file_of_anything_is_read_or_refused() {
+    withstands(Reader::Mgh, &seeds("hostile/mgh"), 4000);
+}
+
+#[test]
 fn an_mrc_file_of_anything_is_read_or_refused() {
     withstands(Reader::Mrc, &seeds("hostile/mrc"), 8000);
 }

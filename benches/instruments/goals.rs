@@ -6,7 +6,9 @@ use serde::Serialize;
 
 use relume::document::{SceneError, SceneOptions, parse};
 use relume::measure::candidates::{DIMENSIONS, SCALES, setting, voxels};
-use relume::measure::{Bench, Choice, Goal, Knob, MeasureError, Pixels, Setting, Value, Wanted, choose, summary};
+use relume::measure::{
+    Bench, Choice, Goal, Knob, Limit, MeasureError, Patience, Pixels, Setting, Value, Wanted, choose_within, summary,
+};
 use relume::model::ErrorSummary;
 use relume::model::random::Random;
 use relume::progress::{Progress, Quiet};
@@ -145,19 +147,20 @@ pub(crate) fn goal_row(
     let GoalScene { scene, asked } = of;
     let mix = Mix::of_scene(scene);
     let wanted = Wanted { size: SIZE, goal: Goal::MaxError(*asked), pixels: Pixels::Fewer };
-    let Choice { setting: chosen, .. } = match choose(renderer, scene, &mix, wanted, None, progress) {
-        Err(MeasureError::Nothing { .. } | MeasureError::None { .. }) => return Ok(None),
-        choice => choice?,
-    };
+    let Choice { setting: chosen, .. } =
+        match choose_within(renderer, scene, &mix, (wanted, Patience::ENDLESS), None, progress) {
+            Err(MeasureError::Nothing { .. } | MeasureError::None { .. }) => return Ok(None),
+            choice => choice?,
+        };
     let number = |setting: &Setting, knob| match setting.get(knob) {
         Some(Value::Number(number)) => Some(number),
         _ => None,
     };
     let samples = |setting: &Setting| setting.scale().powi(2) / number(setting, Knob::Step).unwrap_or(1.0);
     let dimension = number(&chosen, Knob::K);
-    let mut bench = Bench::new(renderer, scene, &mix, SIZE, (PIXELS, SEED), progress)?;
+    let mut bench = Bench::new(renderer, scene, &mix, SIZE, (PIXELS, SEED, Limit::NONE), progress)?;
     // Leaves room for settings with shorter steps.
-    bench.truth_for(0.5 * chosen.applied(scene).accuracy.step_length, progress)?;
+    bench.truth_for(0.5 * chosen.applied(scene).accuracy.step_length, Limit::NONE, progress)?;
 
     let mut p95_of = |setting: &Setting| -> Result<f64, MeasureError> {
         let ready = bench.ready(setting, progress)?;

@@ -6,7 +6,7 @@ use super::{Edges, Frame, ScaleBar, colours, material_colours};
 use crate::film::display_from_xyz;
 use crate::number::count;
 use crate::plan::Planned;
-use crate::scene::{Display, Mix, MixLight, Scene};
+use crate::scene::{Display, LabelEntry, Mix, MixLight, Scene};
 use crate::spectrum::Spectrum;
 use crate::spectrum::colour::{LinearSrgb, display_code, xyz_of};
 use crate::written::escaped;
@@ -22,6 +22,13 @@ const LEGEND: f64 = 0.7;
 const LONGEST_NAME: usize = 28;
 /// Mean width of a letter of a name, as a fraction of the size of letters.
 const LETTER_WIDTH: f64 = 0.6;
+/// Distance of the lines of the legend, and width of the edges of letters, in sizes of letters.
+const LINE: f64 = 1.5;
+const EDGE: f64 = 0.18;
+/// Size of the letters of a legend without room for all lines, as a fraction of the usual one.
+const SMALL: f64 = 0.6;
+/// Largest fraction of the width that the columns of a legend take together.
+const COLUMNS: f64 = 0.6;
 /// Smallest width of a picture whose legend has curves of spectra, in sizes of letters.
 const WITH_CURVES: f64 = 24.0;
 
@@ -48,6 +55,23 @@ impl Entry {
         by_name(indices.iter().filter_map(entry).collect())
     }
 
+    /// Those of the visible labels of `scene` by their own names, and of the materials of these `indices` that it shows otherwise,
+    /// under `mix`.
+    #[must_use]
+    pub fn of_labels_and_materials(scene: &Scene, indices: &[usize], mix: &Mix) -> Vec<Self> {
+        let Some(labels) = &scene.labels else { return Self::of_materials(scene, indices, mix) };
+        let others: Vec<usize> = indices.iter().copied().filter(|&index| scene.shows_values_as(index)).collect();
+        let colours = material_colours(scene, mix);
+        let visible = labels.declared.iter().filter(|entry| entry.opacity > 0.0 || entry.absorption > 0.0);
+        let entry = |label: &LabelEntry| {
+            let (material, &colour) = (scene.materials.get(label.material)?, colours.get(label.material)?);
+            Some(Self { name: label.name.clone(), colour, spectrum: material.reflectance.spectrum().clone() })
+        };
+        let mut all: Vec<Self> = visible.filter_map(entry).collect();
+        all.extend(Self::of_materials(scene, &others, mix));
+        by_name(all)
+    }
+
     /// Those of the lights of `mix` that are on, in colours of equal brightness.
     #[must_use]
     pub fn of_lights(mix: &Mix, display: &Display) -> Vec<Self> {
@@ -67,7 +91,7 @@ impl Entry {
 }
 
 /// Content of an overlay.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Overlay<'a> {
     /// Visible materials.
     pub materials: Vec<Entry>,
@@ -83,7 +107,7 @@ impl Overlay<'_> {
     /// The overlay, without a title, of a picture of `scene` by `planned` under `mix`.
     #[must_use]
     pub fn of_scene(scene: &Scene, planned: &Planned, mix: &Mix) -> Self {
-        let materials = Entry::of_materials(scene, &planned.materials, mix);
+        let materials = Entry::of_labels_and_materials(scene, &planned.materials, mix);
         Self { materials, lights: Entry::of_lights(mix, &scene.display), title: None, bright: false }
     }
 
@@ -109,10 +133,10 @@ impl Overlay<'_> {
         let letter = (width.min(height) * LETTER).max(SMALLEST);
         let [ink, edge] = if self.bright { ["#111111", "#ffffff"] } else { ["#ffffff", "#000000"] };
         let mut out = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
              font-family=\"sans-serif\" font-size=\"{letter}\" fill=\"{ink}\" stroke=\"{edge}\" \
              stroke-width=\"{}\" stroke-linejoin=\"round\" paint-order=\"stroke\">",
-            0.18 * letter
+            EDGE * letter
         );
         let mut text = |x: f64, y: f64, anchor: &str, more: &str, text: &str| {
             // Writing to a string cannot fail.
@@ -142,29 +166,46 @@ impl Overlay<'_> {
                 write!(out, "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{line}\"/>").ok();
             }
         }
-        let has_curves = width >= WITH_CURVES * letter;
+        // The legend ends above the scale bar.
+        let bar = 5.0 * letter;
+        let room_from = |top: f64| (LEGEND * height).min(height - top - bar);
+        let lines = crate::number::whole(room_from(top) / (LINE * letter)).max(1);
+        // A long legend has small letters, no curves, and columns.
+        let is_long = self.materials.len() + self.lights.len() + 1 > lines;
+        let letter = if is_long { (SMALL * letter).max(SMALLEST) } else { letter };
+        let has_curves = !is_long && width >= WITH_CURVES * letter;
         // Names begin behind the swatches and the curves.
         let indent = if has_curves { 6.0 } else { 2.5 } * letter;
         let longest =
             self.materials.iter().chain(&self.lights).map(|entry| shortened(&entry.name).chars().count()).max();
         let end = (LETTER_WIDTH * letter).mul_add(count(longest.unwrap_or(0)), indent);
+        let column = end + letter;
+        let columns = if is_long { crate::number::whole(COLUMNS * width / column).max(1) } else { 1 };
         // Below the letters in the middle of the upper edge, if names extend as far.
-        if frame.edges.is_some() && end > width / 2.0 - 1.5 * letter {
+        if frame.edges.is_some() && column.mul_add(count(columns - 1), end) > width / 2.0 - 1.5 * letter {
             top += 1.5 * letter;
         }
-        // The legend ends above the scale bar.
-        let room = (LEGEND * height).min(height - top - 5.0 * letter);
-        self.legend(&mut out, [top, indent], letter, room, has_curves);
-        out + "</svg>"
+        // Writing to a string cannot fail.
+        write!(out, "<g font-size=\"{letter}\" stroke-width=\"{}\">", EDGE * letter).ok();
+        self.legend(&mut out, [top, indent], [letter, room_from(top), column], columns, has_curves);
+        out + "</g></svg>"
     }
 
     /// Appends the legend from `top` on: visible materials with reflectances, and lights with spectra, in at most `room` pixels.
-    /// Names begin at `indent`.
-    fn legend(&self, out: &mut String, [top, indent]: [f64; 2], letter: f64, room: f64, has_curves: bool) {
-        let line = 1.5 * letter;
+    /// Names begin at `indent`. Materials without room continue in up to so many `columns` of this width.
+    fn legend(
+        &self,
+        out: &mut String,
+        [top, indent]: [f64; 2],
+        [letter, room, width]: [f64; 3],
+        columns: usize,
+        has_curves: bool,
+    ) {
+        let line = LINE * letter;
         let most = crate::number::whole(room / line).max(1);
-        for (index, row) in self.rows(most).into_iter().enumerate() {
-            let (x, y) = (letter, count(index).mul_add(line, top));
+        for ([column, index], row) in self.rows(most, columns) {
+            let left = count(column) * width;
+            let (x, y) = (letter + left, count(index).mul_add(line, top));
             let Entry { name, colour, spectrum } = match row {
                 Row::Gap => continue,
                 Row::More(left) => {
@@ -193,20 +234,26 @@ impl Overlay<'_> {
                     write!(out, "<polyline points=\"{curve}\" fill=\"none\"{stroke} stroke-width=\"{line}\"/>").ok();
                 }
             }
-            write!(out, "<text x=\"{indent}\" y=\"{y}\">{}</text>", escaped(&shortened(name))).ok();
+            write!(out, "<text x=\"{}\" y=\"{y}\">{}</text>", left + indent, escaped(&shortened(name))).ok();
         }
     }
 
-    /// The lines of the legend, `most` of them or three: materials, a gap, lights. Lights have half of the lines at most.
-    fn rows(&self, most: usize) -> Vec<Row<'_>> {
+    /// Column and line of the rows of the legend, whose columns have `most` lines or three: materials, a gap, lights. Lights have half
+    /// of the lines of the first column at most.
+    fn rows(&self, most: usize, columns: usize) -> Vec<([usize; 2], Row<'_>)> {
         fn listed(entries: &[Entry], room: usize) -> Vec<Row<'_>> {
             let shown = if entries.len() <= room { entries.len() } else { room.saturating_sub(1) };
             let left = entries.len() - shown;
             entries.iter().take(shown).map(Row::Entry).chain((left > 0).then_some(Row::More(left))).collect()
         }
         let lights = listed(&self.lights, most / 2);
-        let materials = listed(&self.materials, most.saturating_sub(lights.len() + 1));
-        materials.into_iter().chain([Row::Gap]).chain(lights).collect()
+        let lines = most.saturating_sub(lights.len() + 1);
+        let materials = listed(&self.materials, lines * columns);
+        let below = materials.len().min(lines.max(1));
+        let place = |(index, row): (usize, _)| ([index / lines.max(1), index % lines.max(1)], row);
+        let materials = materials.into_iter().enumerate().map(place);
+        let lights = [Row::Gap].into_iter().chain(lights).enumerate().map(|(index, row)| ([0, below + index], row));
+        materials.chain(lights).collect()
     }
 }
 
@@ -274,8 +321,13 @@ mod tests {
                 Row::Gap => String::new(),
                 Row::More(left) => format!("and {left} more"),
             };
-            overlay.rows(most).into_iter().map(name).collect()
+            let rows = overlay.rows(most, 1);
+            assert!(rows.iter().enumerate().all(|(line, (place, _))| *place == [0, line]), "one below the other");
+            rows.into_iter().map(|(_, row)| name(row)).collect()
         };
+        let places: Vec<[usize; 2]> = overlay.rows(10, 3).into_iter().map(|(place, _)| place).collect();
+        // Eight lines a column: 19 materials in three of them, and the gap and the light below the first.
+        assert_eq!((places.len(), places[8], places[18], places[20]), (21, [1, 0], [2, 2], [0, 9]));
         let all = names(21);
         assert_eq!((all.len(), &*all[18], &*all[19], &*all[20]), (21, "label_18", "", "day_0"));
         let some = names(16);

@@ -185,7 +185,7 @@ fn of_volume(error: &VolumeError) -> Option<String> {
         VolumeError::Lean { .. } | VolumeError::Uneven { .. } => Some("; --resample does it".to_owned()),
         VolumeError::Choose { there, .. } => Some(match there {
             Several::Components { .. } => " with --component N".to_owned(),
-            Several::Times(_) => " with --time N".to_owned(),
+            Several::Times(_) | Several::Steps { .. } => " with --time N".to_owned(),
             Several::Series(_) => " with --series N".to_owned(),
             Several::Levels(_) => " with --pyramid-level N".to_owned(),
             _ => " with --array NAME".to_owned(),

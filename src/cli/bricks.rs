@@ -25,7 +25,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// Volume that is read slice by slice: .nrrd, .nhdr, .mhd, .mha, .nii, .mrc, .npy, .tif, .h5, .nc, .mnc, .ims, .dcm, a Zarr
+    /// Volume that is read slice by slice: .nrrd, .nhdr, .mhd, .mha, .nii, .mgz, .mrc, .npy, .tif, .h5, .nc, .mnc, .ims, .dcm, a Zarr
     /// store, a folder of DICOM files or of slices, raw voxels with a sidecar or with --dims and --type.
     input: PathBuf,
     /// File to write, which `render` reads in place of the volume.

@@ -100,14 +100,15 @@ impl DialArgs {
 
     /// Applies the flags to `dial` for a path of `frames` positions.
     fn hand_of(&self, mut dial: Dial, frames: usize) -> Result<Option<Hand>, CliError> {
-        for name in &self.nodes_off {
-            dial.node_mut(name).map_err(|message| CliError::Usage(format!("--nodes-off {message}")))?.on = false;
-        }
         let mut at = self.dial;
         if let Some(name) = &self.dial_preset {
             let (of_preset, preset) =
                 dial.preset(name).map_err(|message| CliError::Usage(format!("--dial-preset {message}")))?;
             (dial, at) = (of_preset, Some(preset.hand));
+        }
+        // After the preset, which may switch them on.
+        for name in &self.nodes_off {
+            dial.node_mut(name).map_err(|message| CliError::Usage(format!("--nodes-off {message}")))?.on = false;
         }
         let places = match (&self.sweep, at) {
             (Some(ends), _) => {

@@ -12,18 +12,17 @@ use serde_json::Value;
 
 use relume::document::{Dial, DialNode, DialPreset};
 use relume::film::{Components, Film, RelightMatrices};
-use relume::internal::annotate::{Edges, Frame, Overlay, PixelLength};
+use relume::internal::annotate::{Frame, Overlay};
+use relume::internal::memory;
 use relume::internal::number::count;
-use relume::output::film::Frame as FileFrame;
 use relume::output::film::{
-    Component, Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
+    Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
 };
 use relume::output::{Alpha, Depth, FilmFile, Picture, PictureKind, check_writable, draw_over, write_exr, write_png};
 use relume::scene::{Display, Mix};
 use relume::spectrum::colour::decode_srgb;
 use relume::spectrum::{BANDS, Reflectance, Spectrum};
 use relume::tables::Reflected;
-use relume::volume::Unit;
 
 use super::CliError;
 use super::model::reconstruction_json;
@@ -48,38 +47,148 @@ pub(crate) fn picture_kind(path: &Path) -> Result<PictureKind, CliError> {
     PictureKind::of(path).map_err(|error| CliError::Usage(error.to_string()))
 }
 
-/// Background and annotations of a picture.
+/// Form, background and annotations of PNG files.
 #[derive(Debug, Args)]
 pub(crate) struct DressArgs {
+    /// Bits per channel of a PNG. [default: 8]
+    #[arg(long, value_enum)]
+    bits: Option<Bits>,
     /// Put a colour behind the picture, or two with a gradient from top to bottom, or leave the background transparent (alpha
-    /// in PNG; EXR files always keep opacity).
+    /// in PNG; EXR files always keep opacity): transparent for programs that mix linear light, transparent-srgb for those that
+    /// mix codes, as browsers and slides do.
     /// No light changes this colour. The lights do change `background` of a scene, which is a surface.
-    #[arg(long, value_name = "transparent|#RRGGBB[..#RRGGBB]", value_parser = backdrop)]
+    #[arg(long, value_name = "transparent|transparent-srgb|#RRGGBB[..#RRGGBB]", value_parser = backdrop)]
     pub(crate) background: Option<Backdrop>,
-    /// Draw a scale bar, orientation letters (for anatomical volumes) and a legend of materials and lights into PNG files.
-    #[arg(long)]
-    pub(crate) annotate: bool,
-    /// Title of an annotated picture.
-    #[arg(long, value_name = "TEXT", requires = "annotate")]
-    pub(crate) title: Option<String>,
+    #[command(flatten)]
+    pub(crate) annotate: AnnotateArgs,
 }
 
-impl DressArgs {
+/// Annotations of a picture.
+#[derive(Debug, Args)]
+pub(crate) struct AnnotateArgs {
+    /// Draw annotations into PNG files: all, or those of a list such as scale,legend. scale is a scale bar, letters are those of
+    /// the orientation (for anatomical volumes), legend lists materials and lights, and title is that of --title.
+    #[arg(long = "annotate", value_name = "LIST", num_args = 0..=1, require_equals = true, default_missing_value = "all")]
+    #[arg(value_parser = annotations)]
+    annotate: Option<Annotations>,
+    /// Title of an annotated picture.
+    #[arg(long, value_name = "TEXT", requires = "annotate")]
+    title: Option<String>,
+}
+
+/// The annotations that `--annotate` lists.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Annotations {
+    scale: bool,
+    letters: bool,
+    legend: bool,
+    title: bool,
+    /// All of them, without a list: a title as well if there is one.
+    all: bool,
+}
+
+/// Names of annotations on the command line.
+pub(crate) const ANNOTATIONS: [&str; 4] = ["scale", "letters", "legend", "title"];
+
+/// Parses a list of annotations, or `all`.
+fn annotations(text: &str) -> Result<Annotations, String> {
+    let all = text == "all";
+    let listed: Vec<&str> = if all { ANNOTATIONS.to_vec() } else { text.split(',').map(str::trim).collect() };
+    match listed.iter().find(|name| !ANNOTATIONS.contains(*name)) {
+        Some(name) => Err(format!("there is no annotation {name:?}; there are {}", ANNOTATIONS.join(", "))),
+        None => {
+            let [scale, letters, legend, title] = ANNOTATIONS.map(|name| listed.contains(&name));
+            Ok(Annotations { scale, letters, legend, title, all })
+        }
+    }
+}
+
+impl AnnotateArgs {
+    /// Whether there are annotations.
+    pub(crate) fn is_given(&self) -> bool {
+        self.annotate.is_some()
+    }
+
+    /// Whether there is a scale bar.
+    pub(crate) fn has_scale(&self) -> bool {
+        self.annotate.is_some_and(|chosen| chosen.scale)
+    }
+
+    /// Refuses a title that is not listed, and a listed one that is not given.
+    pub(crate) fn check(&self) -> Result<(), CliError> {
+        match (self.annotate, &self.title) {
+            (Some(Annotations { title: false, .. }), Some(title)) => {
+                Err(CliError::Usage(format!("--title {title:?} has no effect: --annotate does not list title")))
+            }
+            (Some(Annotations { title: true, all: false, .. }), None) => {
+                Err(CliError::Usage("--annotate lists title; add --title TEXT".to_owned()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What the chosen annotations show of `whole`, over a `bright` background or a dark one.
+    pub(crate) fn overlay<'a>(&'a self, bright: bool, whole: impl FnOnce() -> Overlay<'a>) -> Option<Overlay<'a>> {
+        let chosen = self.annotate?;
+        let whole = if chosen.legend { whole() } else { Overlay::default() };
+        Some(Overlay { title: self.title.as_deref(), bright, ..whole })
+    }
+
+    /// What the chosen annotations show of `frame`.
+    pub(crate) fn frame(&self, frame: Frame) -> Frame {
+        let chosen = self.annotate;
+        Frame {
+            pixel: frame.pixel.filter(|_| chosen.is_some_and(|it| it.scale)),
+            unit: frame.unit,
+            edges: frame.edges.filter(|_| chosen.is_some_and(|it| it.letters)),
+        }
+    }
+
     /// Says which annotations a film has no information for.
     pub(crate) fn warn(&self, saved: &Saved) {
-        if !self.annotate {
-            return;
-        }
-        if saved.frame.is_none() {
+        let Some(Annotations { scale, letters, legend, .. }) = self.annotate else { return };
+        if saved.frame.is_none() && (scale || letters) {
             tracing::warn!(
                 "the film does not state the scale of its picture, so there are no scale bar and no letters; films of this \
                  version of `relume render` state it"
             );
         }
-        if saved.materials.is_empty() {
+        if saved.materials.is_empty() && legend {
             tracing::warn!("the film stores a colour model and no materials, so the legend lists lights alone");
         }
     }
+}
+
+impl DressArgs {
+    /// Bits per channel of PNG files.
+    pub(crate) fn bits(&self) -> Bits {
+        self.bits.unwrap_or(Bits::Eight)
+    }
+
+    /// Refuses flags for PNG files if none of `pictures` is one.
+    pub(crate) fn check(&self, pictures: &[PathBuf]) -> Result<(), CliError> {
+        let flags = [
+            ("--bits", self.bits.is_some()),
+            ("--background", self.background.is_some()),
+            ("--annotate", self.annotate.is_given()),
+        ];
+        match flags.into_iter().find(|(_, given)| *given).filter(|_| !pictures.iter().any(|path| is_shown(path))) {
+            Some((flag, _)) => Err(CliError::Usage(format!(
+                "{flag} has no effect: it is for PNG files, and none is written; add -o FILE.png"
+            ))),
+            None => self.annotate.check(),
+        }
+    }
+
+    /// The overlay of the chosen annotations of `whole`, if any are chosen.
+    pub(crate) fn overlay<'a>(&'a self, whole: impl FnOnce() -> Overlay<'a>) -> Option<Overlay<'a>> {
+        self.annotate.overlay(self.background.is_some_and(Backdrop::is_bright), whole)
+    }
+}
+
+/// Whether `path` is a PNG of one picture or of an animation, which show pictures as a screen does.
+pub(crate) fn is_shown(path: &Path) -> bool {
+    path.extension().is_some_and(|it| it.eq_ignore_ascii_case("png") || it.eq_ignore_ascii_case("apng"))
 }
 
 /// The background of a picture.
@@ -87,6 +196,8 @@ impl DressArgs {
 pub(crate) enum Backdrop {
     /// Nothing: PNG files get an alpha channel.
     Transparent,
+    /// The same, for programs that mix codes of sRGB.
+    TransparentForCodes,
     /// Colours of the screen at the top and at the bottom, as parts of the codes of sRGB, which no light changes. Codes
     /// between them, as they look evenly graded.
     Colours([[f64; 3]; 2]),
@@ -102,8 +213,10 @@ pub(crate) fn backdrop(text: &str) -> Result<Backdrop, String> {
     let (top, bottom) = text.split_once("..").unwrap_or((text, text));
     match (text, colour(top), colour(bottom)) {
         ("transparent", ..) => Ok(Backdrop::Transparent),
+        ("transparent-srgb", ..) => Ok(Backdrop::TransparentForCodes),
         (_, Some(top), Some(bottom)) => Ok(Backdrop::Colours([top, bottom])),
-        _ => Err("write transparent, a colour such as #ffffff, or two from top to bottom, such as #202838..#000000"
+        _ => Err("write transparent, transparent-srgb, a colour such as #ffffff, or two from top to bottom, such as \
+                  #202838..#000000"
             .to_owned()),
     }
 }
@@ -139,7 +252,11 @@ impl Backdrop {
 
 /// Opacity of the PNG files of pictures over `backdrop`.
 pub(crate) fn alpha(backdrop: Option<Backdrop>) -> Alpha {
-    if backdrop == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack }
+    match backdrop {
+        Some(Backdrop::Transparent) => Alpha::Kept,
+        Some(Backdrop::TransparentForCodes) => Alpha::KeptForCodes,
+        None | Some(Backdrop::Colours(_)) => Alpha::OverBlack,
+    }
 }
 
 /// Linear RGBA of `size` with the backdrop behind it, and the overlay of a picture of this frame over it; `None` with
@@ -165,6 +282,17 @@ pub(crate) fn dressed(
     Ok(Some(rgba))
 }
 
+/// Refuses a picture of `size`, of so many bytes a pixel, that exceeds the free memory.
+pub(crate) fn check_memory([width, height]: [usize; 2], pixel_bytes: usize) -> Result<(), CliError> {
+    let bytes = width.saturating_mul(height).saturating_mul(pixel_bytes);
+    match memory::available_bytes() {
+        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
+            "a picture of {width}×{height} pixels needs {bytes} bytes of memory, and {available} are free; use a smaller --size"
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// Writes `picture` to `path`; PNG files treat opacity by `alpha`.
 pub(crate) fn write_linear(path: &Path, picture: &Picture<'_>, bits: Bits, alpha: Alpha) -> Result<(), CliError> {
     match picture_kind(path)? {
@@ -178,15 +306,6 @@ pub(crate) fn write_linear(path: &Path, picture: &Picture<'_>, bits: Bits, alpha
 #[expect(clippy::cast_possible_truncation, reason = "pictures are stored in f32")]
 pub(crate) fn rgba(pixels: impl Iterator<Item = (DVec3, f64)>) -> Vec<f32> {
     pixels.flat_map(|(c, opacity)| [c.x as f32, c.y as f32, c.z as f32, opacity as f32]).collect()
-}
-
-/// The frame of a film file.
-fn frame_of_file(frame: FileFrame) -> Frame {
-    Frame {
-        pixel: frame.pixel.map(|units| PixelLength { units, exact: frame.parallel }),
-        unit: frame.unit.as_deref().and_then(Unit::named),
-        edges: frame.edges.map(|[left, right, top, bottom]| Edges { left, right, top, bottom }),
-    }
 }
 
 /// A film file, ready to be relit.
@@ -250,11 +369,6 @@ pub(crate) fn digest_of(path: &Path) -> Result<u64, CliError> {
     }
 }
 
-/// Whether a reflectance is that of the perfect reflector.
-fn is_white(spectrum: &[f64; BANDS]) -> bool {
-    Spectrum::from_samples(*spectrum) == Spectrum::constant(1.0)
-}
-
 /// Says that the `film` at `path` lacks blocks of the volume.
 pub(crate) fn warn_of_part(path: &Path, film: &FilmFile) {
     if let Some(part) = &film.part {
@@ -286,16 +400,7 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
         FileComponents::Surfaces(_) => f64::INFINITY,
         FileComponents::Model(Stored { tolerance, .. }) => *tolerance,
     };
-    let materials = match &file.components {
-        FileComponents::Surfaces(surfaces) => {
-            // White for highlights follows the materials.
-            let is_highlight = |it: &&Component| it.name.starts_with("white") && is_white(&it.spectrum);
-            let materials = surfaces.len() - usize::from(surfaces.last().is_some_and(|it| is_highlight(&it)));
-            surfaces.iter().take(materials).map(|it| (it.name.clone(), Spectrum::from_samples(it.spectrum))).collect()
-        }
-        FileComponents::Model(_) => Vec::new(),
-    };
-    let frame = file.frame.take().map(frame_of_file);
+    let (materials, frame) = (file.materials(), file.scale());
     Ok(Saved {
         frame,
         materials,

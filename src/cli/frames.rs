@@ -137,6 +137,18 @@ impl<'a> Frames<'a> {
         if let (None, Some((flag, _))) = (count, given.iter().find(|(_, given)| *given)) {
             return Err(CliError::Usage(format!("{flag} is for an animation: --turntable, --sweep or --loop")));
         }
+        if count.is_some() && outputs.is_empty() {
+            return Err(CliError::Usage(
+                "an animation is written as pictures: add -o FILE.png (FILE-0001.png and so on), or -o FILE.apng"
+                    .to_owned(),
+            ));
+        }
+        if args.fps.is_some() && !outputs.iter().any(|path| files::is_shown(path) || is_video(path)) {
+            return Err(CliError::Usage(
+                "--fps has no effect: numbered EXR files have no time; it is for .apng, and for films of .png files"
+                    .to_owned(),
+            ));
+        }
         for path in outputs {
             if is_video(path) {
                 return Err(CliError::Usage(no_video(path, args)));

@@ -1,12 +1,15 @@
 //! `--max-error`, `--budget` and `--preset`: settings chosen by measurement.
 
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde_json::{Value, json};
 
 use relume::document::Look;
-use relume::measure::{Choice, Goal, Pixels, Preset, Wanted, check, choose};
+use relume::measure::{Choice, Goal, Limit, Pixels, Preset, Wanted, check_within, choose};
 use relume::progress::Progress;
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
@@ -26,7 +29,8 @@ pub(crate) struct GoalArgs {
     /// The limit applies to the total error of samples, colour model, tables, rounding and device; --tolerance limits only
     /// the colour model. Relume chooses the step, the dimension of the colour model and the number of marched pixels. If it
     /// marches a smaller picture, it enlarges it and measures the error at full size. It keeps the measurements in the
-    /// user's cache folder.
+    /// user's cache folder. The search takes at most 20 times as long as a frame of the chosen setting, or 8 s, and says what it
+    /// did not try.
     #[arg(long, help_heading = CHOICE, value_name = "DE", value_parser = tolerance, allow_negative_numbers = true)]
     max_error: Option<f64>,
     /// Use the most accurate setting whose frames (march, relight and enlargement) take at most this many milliseconds.
@@ -66,6 +70,47 @@ pub(crate) fn cache_folder() -> Option<PathBuf> {
     base.map(|base| base.join("relume"))
 }
 
+/// Times of a frame that the check of the picture takes at most, and its least time in ms; but for 256 pixels.
+const CHECK: (f64, f64) = (8.0, 4000.0);
+
+/// Progress that also prints each stage, at most one a second: a terminal shows a bar in place of these notes.
+struct Noted<'a> {
+    progress: &'a dyn Progress,
+    last: Mutex<(String, Option<Instant>)>,
+}
+
+impl Progress for Noted<'_> {
+    fn report(&self, stage: &str, done: u64, total: u64) {
+        const PAUSE: Duration = Duration::from_secs(1);
+        self.progress.report(stage, done, total);
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if last.0 != stage && last.1.is_none_or(|at| at.elapsed() >= PAUSE) {
+            tracing::info!("{stage}");
+            *last = (stage.to_owned(), Some(Instant::now()));
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.progress.cancelled()
+    }
+}
+
+/// `work` with progress that is told from its first second on, also where no terminal shows it.
+fn told<T>(progress: &dyn Progress, work: impl FnOnce(&dyn Progress) -> T) -> T {
+    if std::io::stderr().is_terminal() {
+        return work(progress);
+    }
+    work(&Noted { progress, last: Mutex::default() })
+}
+
+/// The search for `goal` in words.
+fn sought(goal: Goal) -> String {
+    match goal {
+        Goal::MaxError(error) => format!("the fastest setting within ΔE00 {error} of the truth in 95 % of the pixels"),
+        Goal::Budget(ms) => format!("the most accurate setting of which a frame takes at most {ms} ms"),
+    }
+}
+
 /// Chooses the setting for `goal`.
 pub(crate) fn chosen(
     renderer: &Renderer,
@@ -76,7 +121,9 @@ pub(crate) fn chosen(
     progress: &dyn Progress,
 ) -> Result<Choice, CliError> {
     let wanted = Wanted { size, goal, pixels: Pixels::Fewer };
-    Ok(choose(renderer, scene, mix, wanted, cache_folder().as_deref(), progress)?)
+    tracing::info!("measuring settings to find {}", sought(goal));
+    progress.report("measuring settings", 0, 1);
+    Ok(told(progress, |progress| choose(renderer, scene, mix, wanted, cache_folder().as_deref(), progress))?)
 }
 
 /// Measures the picture `rgba` of a choice; returns a line of text and JSON.
@@ -89,7 +136,9 @@ pub(crate) fn checked(
     rgba: &[f32],
     progress: &dyn Progress,
 ) -> Result<(String, Value), CliError> {
-    let found = check(scene, mix, size, rgba, progress)?;
+    let limit = Limit((CHECK.0 * choice.point.frame_ms).max(CHECK.1));
+    tracing::info!("the picture is written; measuring its error");
+    let found = told(progress, |progress| check_within(scene, mix, size, rgba, limit, progress))?;
     let asked = match args.goal() {
         Some(Goal::MaxError(error)) => Some(error),
         _ => None,
@@ -106,6 +155,7 @@ pub(crate) fn checked(
         "expected": choice.point,
         "from_cache": choice.from_cache,
         "why": choice.why,
+        "untried": choice.untried,
         "asked_error": asked,
         "asked_ms": match args.goal() {
             Some(Goal::Budget(ms)) => Some(ms),

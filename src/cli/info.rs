@@ -9,16 +9,19 @@ use serde_json::{Value, json};
 
 use relume::document::first_look::{Values, guess};
 use relume::document::{SceneFile, Wish, is_sidecar};
-use relume::internal::number::{brief, readable};
+use relume::internal::number::{brief, brief_in, readable};
 use relume::model::ColourModel;
 use relume::output::film::{Components, FilmFile, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
 use relume::tables::{LightGrid, Storage};
-use relume::volume::{self, HostMemory, LabelPreset, Selection, Series, Several, Volume, VolumeError, Window};
+use relume::volume::{
+    self, HostMemory, LabelPreset, Offered, RawLayout, Selection, Series, Several, Volume, VolumeError, Window,
+};
 use relume::vulkan::{DeviceInfo, devices};
 
+use super::advice::sentence;
 use super::model::{Learnt, warn_of_plan};
 use super::scene::{SceneArgs, voxel};
 use super::{CliError, Report};
@@ -31,7 +34,7 @@ Examples:
   relume info scans                             the series of a folder of DICOM files
   relume info scene.toml                        the contents of a scene, and the cost of a picture";
 
-const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.dcm, .mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .h5, .nc, .tif, .vti, .vtk, .raw, \
+const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.dcm, .mhd, .mha, .nrrd, .nhdr, .nii, .mgz, .mrc, .npy, .h5, .nc, .tif, .vti, .vtk, .raw, \
                          a folder of DICOM files or of slices, a Zarr store). \
                         Without one, the Vulkan devices";
 
@@ -51,6 +54,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
             let all = [
                 "--labels",
+                "--label-names",
                 "--downsample",
                 "--component",
                 "--time",
@@ -58,6 +62,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                 "--series",
                 "--pyramid-level",
                 "--axes",
+                "--resample",
                 "--dims",
                 "--spacing",
                 "--voxel",
@@ -66,13 +71,13 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             of_devices()
         }
         (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
-            let flags = ["-D", "--labels", "--downsample", "--dims", "--spacing", "--voxel"];
+            let flags = ["-D", "--labels", "--label-names", "--downsample", "--dims", "--spacing", "--voxel"];
             let why = format!("{} is a film file; the flag is for scenes and volumes", path.display());
-            args.refuse(&flags, &why)?;
+            args.refuse(&[&flags[..], &args.scene.selection.choices().map(|(flag, _)| flag)].concat(), &why)?;
             args.refuse_accuracy(&why)?;
             Ok(of_accumulators(path, &FilmFile::read(path)?))
         }
-        (Some(path), None) if !is_scene(path) => {
+        (Some(path), None) | (None, Some(path)) if args.scene.scene.is_none() || !is_scene(path) => {
             let why = format!("{} is a volume; the flag is for scenes", path.display());
             args.refuse(&["-D", "--labels"], &why)?;
             args.refuse_accuracy(&why)?;
@@ -82,19 +87,22 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let opened = volume::open_by(path, args.scene.raw.layout().as_ref(), &selection, progress);
             let volume = match opened {
                 Err(VolumeError::Choose { source_name, there }) => {
-                    let why = format!("it needs one volume; choose {}", choosing(&there));
-                    args.refuse(&["--voxel", "--downsample"], &why)?;
-                    return Ok(of_several(&source_name, &there));
+                    let why = format!("it needs one volume; choose it with {}", choosing(&there));
+                    args.refuse(&["--voxel", "--downsample", "--spacing"], &why)?;
+                    let (layout, several) = (args.scene.raw.layout(), (&*source_name, &there));
+                    return Ok(of_several(path, layout.as_ref(), &selection, several, progress));
                 }
                 opened => args.scene.raw.spaced(opened?)?,
             };
-            let volume = match args.scene.downsample {
+            let mut volume = match args.scene.downsample {
                 Some(blocks) => volume.downsample(blocks)?,
                 None => volume,
             };
+            if let Some(names) = &args.scene.label_names {
+                volume.name_labels(names)?;
+            }
             of_volume(&volume, &args.voxel)
         }
-        (None, Some(_)) => of_volume(&args.scene.load(progress)?.scene.volume, &args.voxel),
         _ => {
             let memory = HostMemory::Bounded { bytes: None };
             let (file, _) = args.scene.load_as(Wish::default(), memory, progress)?;
@@ -119,6 +127,7 @@ impl Args {
         let others = [
             ("-D", !self.scene.define.is_empty()),
             ("--labels", self.scene.labels.is_some()),
+            ("--label-names", self.scene.label_names.is_some()),
             ("--downsample", self.scene.downsample.is_some()),
             ("--dims", self.scene.raw.layout().is_some()),
             ("--spacing", self.scene.raw.spacing().is_some()),
@@ -135,56 +144,194 @@ impl Args {
 /// The flag that chooses one of several volumes.
 fn choosing(there: &Several) -> &'static str {
     match there {
-        Several::Components { .. } => "it with --component N",
-        Several::Times(_) => "it with --time N",
-        Several::Series(_) => "it with --series N",
-        Several::Levels(_) => "it with --pyramid-level N",
-        _ => "it with --array NAME",
+        Several::Components { .. } => "--component N",
+        Several::Times(_) | Several::Steps { .. } => "--time N",
+        Several::Series(_) => "--series N",
+        Several::Levels(_) => "--pyramid-level N",
+        _ => "--array NAME",
     }
 }
 
-/// The volumes of a file or folder that holds several.
-fn of_several(source: &str, there: &Several) -> Report {
-    let (lines, json) = match there {
-        Several::Series(all) => return of_series(source, all),
+/// How to choose: every flag with its range.
+fn how_to_choose(choices: &[Several]) -> String {
+    let each = |there: &Several| format!("{} with {}", there.range(), choosing(there));
+    choices.iter().map(each).collect::<Vec<_>>().join(", and ")
+}
+
+/// Most series or arrays that are opened for a listing; others are named alone.
+const MOST_OPENED: usize = 16;
+/// Most components that are listed one by one.
+const MOST_LISTED: usize = 32;
+
+/// One of the volumes of a file or folder: its grid and type, and the choices that it leaves open.
+struct OfOne {
+    /// `4 × 3 × 2 of int16, spacing 1 × 1 × 2 mm`
+    grid: String,
+    choices: Vec<Several>,
+    json: Value,
+}
+
+impl OfOne {
+    fn new(offered: Offered) -> Self {
+        let volume = &offered.first;
+        let spacing = volume.geometry.spacing.to_array();
+        let unit = volume.unit.map_or_else(String::new, |unit| format!(" {unit}"));
+        let (dims, kind) = (offered.dims(), volume.voxels.type_name());
+        let grid = format!("{} of {kind}, spacing {}{unit}", by(&dims), by(&spacing.map(brief)));
+        let times = offered.choices.iter().find_map(|there| match there {
+            Several::Times(count) => Some(*count),
+            _ => None,
+        });
+        let json = json!({
+            "dims": dims,
+            "type": kind,
+            "spacing": spacing,
+            "unit": volume.unit.map(|unit| unit.to_string()),
+            "components": volume.components,
+            "component_names": volume.component_names,
+            "times": times,
+            "has_labels": volume.has_labels,
+        });
+        Self { grid, choices: offered.choices, json }
+    }
+}
+
+/// The lines of the alternatives of `there`, and their part of the JSON.
+fn alternatives(there: &Several) -> (Vec<String>, Value) {
+    match there {
         Several::Components { count, names, .. } => {
             let name = |index: usize| {
                 names.get(index).filter(|name| !name.is_empty()).map_or_else(String::new, |name| format!(" {name}"))
             };
-            let lines = (0..*count).map(|index| format!("{:<10} {index}{}", "component", name(index))).collect();
+            let listed = |index: usize| format!("{:<10} {index}{}", "component", name(index));
+            let lines = match (0..*count).any(|index| !name(index).is_empty()) || *count <= MOST_LISTED {
+                true => (0..*count).map(listed).collect(),
+                false => vec![format!("{:<10} 0 to {}", "components", count.saturating_sub(1))],
+            };
             (lines, json!({"components": count, "component_names": names}))
         }
         Several::Times(count) => {
             (vec![format!("{:<10} 0 to {}", "times", count.saturating_sub(1))], json!({"times": count}))
         }
+        Several::Steps { axis, values } => {
+            let line = |(index, value): (usize, &String)| format!("{:<10} {index} {axis} {value}", "time");
+            let lines = values.iter().enumerate().map(line).collect();
+            (lines, json!({"times": values.len(), "time_axis": axis, "time_values": values}))
+        }
         Several::Arrays(names) => {
-            (names.iter().map(|name| format!("{:<10} {name}", "array")).collect::<Vec<_>>(), json!({"arrays": names}))
+            (names.iter().map(|name| format!("{:<10} {name}", "array")).collect(), json!({"arrays": names}))
+        }
+        Several::Series(all) => {
+            let of = |Series { key, description, dims, times }: &Series| json!({"series": key, "description": description, "dims": dims, "times": times});
+            let lines = all.iter().map(|series| format!("{:<10} {series}", "series")).collect();
+            (lines, json!({"series": all.iter().map(of).collect::<Vec<_>>()}))
         }
         Several::Levels(all) => {
             let lines = all.iter().enumerate().map(|(level, dims)| format!("{:<10} {level} {}", "level", by(dims)));
             (lines.collect(), json!({"levels": all}))
         }
         other => (vec![other.to_string()], json!({})),
+    }
+}
+
+/// Describes the file or folder at `path`, which holds several volumes: `there`, and what each leaves open.
+fn of_several(
+    path: &Path,
+    layout: Option<&RawLayout>,
+    selection: &Selection,
+    (source, there): (&str, &Several),
+    progress: &dyn Progress,
+) -> Report {
+    let offered = |selection: &Selection| Offered::open(path, layout, selection, progress).map(OfOne::new);
+    let (mut lines, mut json) = alternatives(there);
+    let mut choices = vec![there.clone()];
+    let each: Vec<Selection> = match there {
+        Several::Arrays(names) => {
+            names.iter().map(|name| Selection { array: Some(name.clone()), ..selection.clone() }).collect()
+        }
+        Several::Series(all) => {
+            all.iter().map(|one| Selection { series: Some(one.key.clone()), ..selection.clone() }).collect()
+        }
+        _ => Vec::new(),
     };
-    let mut text = format!("{source}: {there}\n");
+    if each.is_empty() {
+        match offered(selection) {
+            Ok(one) => {
+                let mut all = vec![format!("{:<10} {}", "voxels", one.grid)];
+                choices.clone_from(&one.choices);
+                for there in &choices {
+                    let (more, part) = alternatives(there);
+                    all.extend(more);
+                    merge(&mut json, &part);
+                }
+                merge(&mut json, &one.json);
+                lines = all;
+            }
+            Err(error) => tracing::warn!("the first of them cannot be read: {}", sentence(&error)),
+        }
+    } else {
+        let mut volumes = Vec::new();
+        for (selection, line) in each.iter().zip(&mut lines).take(MOST_OPENED) {
+            if progress.cancelled() {
+                break;
+            }
+            match offered(selection) {
+                Ok(one) => {
+                    let further: Vec<String> = one.choices.iter().map(|there| format!(", {there}")).collect();
+                    line.push_str(&format!("\n  {:<10} {}{}", "", one.grid, further.concat()));
+                    let key = json!({"array": selection.array, "series": selection.series});
+                    let mut described = one.json;
+                    merge(&mut described, &key);
+                    volumes.push(described);
+                    for there in one.choices {
+                        let is_known =
+                            |known: &Several| std::mem::discriminant(known) == std::mem::discriminant(&there);
+                        if !choices.iter().any(is_known) {
+                            choices.push(there);
+                        }
+                    }
+                }
+                Err(error) => line.push_str(&format!("\n  {:<10} cannot be read: {}", "", sentence(&error))),
+            }
+        }
+        json["volumes"] = json!(volumes);
+    }
+    let heads: Vec<String> =
+        choices.iter().take(1 + usize::from(each.is_empty()) * choices.len()).map(Several::to_string).collect();
+    let head = if matches!(there, Several::Series(_) | Several::Arrays(_)) {
+        String::new()
+    } else {
+        format!(": {}", heads.join("; "))
+    };
+    let mut text = format!("{source}{head}\n");
     for line in lines {
         let _ = writeln!(text, "  {line}");
     }
-    let _ = writeln!(text, "  {:<10} choose {}", "", choosing(there));
-    let mut json = json;
+    // The ranges of later choices may differ between series or arrays, so flags alone are told.
+    let how = match each.is_empty() {
+        true => how_to_choose(&choices),
+        false => format!(
+            "{} with {}{}",
+            there.range(),
+            choosing(there),
+            choices.iter().skip(1).map(|there| format!(", and further with {}", choosing(there))).collect::<String>()
+        ),
+    };
+    let _ = writeln!(text, "  {:<10} choose {how}", "");
+    json["choose"] = json!(choices.iter().map(choosing).collect::<Vec<_>>());
     json["source"] = json!(source);
     Report { text, json }
 }
 
-/// The series of a folder or file.
-fn of_series(source: &str, all: &[Series]) -> Report {
-    let mut text = format!("{source}\n");
-    for series in all {
-        let _ = writeln!(text, "  {:<10} {series}", "series");
+/// Adds the entries of `part` that `json` lacks.
+fn merge(json: &mut Value, part: &Value) {
+    if let (Some(all), Value::Object(part)) = (json.as_object_mut(), part) {
+        for (key, value) in part {
+            if !value.is_null() && all.get(key).is_none_or(Value::is_null) {
+                all.insert(key.clone(), value.clone());
+            }
+        }
     }
-    let _ = writeln!(text, "  {:<10} --series N reads one of them", "");
-    let of = |Series { key, description, dims, times }: &Series| json!({"series": key, "description": description, "dims": dims, "times": times});
-    Report { text, json: json!({"source": source, "series": all.iter().map(of).collect::<Vec<_>>()}) }
 }
 
 /// Whether a file describes a scene: TOML does, unless it describes voxels.
@@ -283,9 +430,10 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     if volume.anatomical {
         line("world", "anatomical: x to the patient's left, y to the back, z to the head (LPS)");
     }
+    let in_values = |value: f64| brief_in(value, statistics.max - statistics.min);
     line(
         "values",
-        &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), brief(statistics.mean)),
+        &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), in_values(statistics.mean)),
     );
     // Percentiles and suggestions examine voxels.
     let known = volume.bricks.is_none().then(|| Values::of(volume, &statistics));
@@ -293,7 +441,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         .as_ref()
         .map(|known| [1, 5, 25, 50, 75, 95, 99].map(|part| (part, known.percentile(f64::from(part) / 100.0))));
     if let Some(percentiles) = &percentiles {
-        let listed = percentiles.map(|(part, value)| format!("{part} %: {}", brief(value))).join(", ");
+        let listed = percentiles.map(|(part, value)| format!("{part} %: {}", in_values(value))).join(", ");
         line("percentile", &listed);
     }
     line("histogram", &format!("{}  (64 bins; heights are logarithmic)", bars(&statistics.histogram)));
@@ -306,7 +454,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         line("first look", guess);
     }
     for Window { name, low, high } in &volume.presets.windows {
-        line("window", &format!("{} to {}: {name}", brief(*low), brief(*high)));
+        line("window", &format!("{} to {}: {name}", in_values(*low), in_values(*high)));
     }
     if volume.has_labels {
         line("labels", "the voxels are labels: numbers of classes");
@@ -337,7 +485,9 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             "type": volume.voxels.type_name(),
             "spacing": geometry.spacing.to_array(),
             "origin": geometry.origin.to_array(),
-            // Row by row, as ITK prints it: column i is axis i.
+            // Unit vectors of the axes x, y and z, in order, as in the key `direction` of a scene.
+            "axes": direction.to_cols_array_2d(),
+            // Row by row: column i is axis i. Former form of `axes`, for one release.
             "direction": direction.transpose().to_cols_array(),
             "anatomical": volume.anatomical,
             "unit": volume.unit.map(|unit| unit.to_string()),
@@ -445,8 +595,12 @@ fn of_scene(
         line("voxel", &voxel.text());
     }
     if let Some(labels) = &scene.labels {
-        let declared: Vec<String> =
-            labels.declared.iter().map(|entry| format!("{} {}", entry.label, entry.name)).collect();
+        const LISTED: usize = 200;
+        let mut declared: Vec<String> =
+            labels.declared.iter().take(LISTED).map(|entry| format!("{} {}", entry.label, entry.name)).collect();
+        if let more @ 1.. = labels.declared.len().saturating_sub(LISTED) {
+            declared.push(format!("and {more} more"));
+        }
         line("labels", &format!("{}: {}", labels.volume.source, declared.join(", ")));
     }
     let materials: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
@@ -542,7 +696,7 @@ fn list(vector: glam::DVec3) -> String {
 
 /// The two ends of a histogram, under its first and its last bar.
 fn ends(least: f64, most: f64) -> String {
-    let [least, most] = [least, most].map(brief);
+    let [least, most] = [least, most].map(|end| brief_in(end, most - least));
     let width = volume::BINS.saturating_sub(least.chars().count());
     format!("{least}{most:>width$}")
 }

@@ -24,10 +24,12 @@ mod relight;
 mod render;
 mod scene;
 mod shaders;
+mod slice;
 mod terminal;
 mod turntable;
 mod view;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -66,6 +68,7 @@ Examples:
   relume render -o frog.png                           the built-in scene
   relume view                                         the same in a window, with controls for its lights
   relume info head.mhd                                the contents of a volume
+  relume slice head.mhd --axis z --at 66 -o s.png     one slice of it
   relume render scene.toml -o day.png --accumulators acc.exr
   relume relight acc.exr --light A -o evening.png     the same view under a light bulb
   relume page scene.toml -o picture.html              a page that relights in a browser, to send or publish
@@ -80,6 +83,8 @@ enum Command {
     Render(Box<render::Args>),
     /// Open a scene or a volume in a window and change its lights.
     View(view::Args),
+    /// Write one slice of a volume as a picture, as the window shows it.
+    Slice(Box<slice::Args>),
     /// Relight a saved film: no volume, no march, no GPU.
     Relight(relight::Args),
     /// Composite the parts of a film that `relume render --block` saved.
@@ -214,11 +219,30 @@ fn exit_code(error: &CliError) -> u8 {
     }
 }
 
+/// The arguments, with a list behind `--annotate` joined to it: without a list, the next argument may be a file.
+fn with_joined_lists(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let is_list = |text: &OsString| {
+        let text = text.to_string_lossy();
+        text.split(',').all(|name| files::ANNOTATIONS.contains(&name))
+    };
+    let mut joined: Vec<OsString> = Vec::new();
+    for argument in arguments {
+        match joined.last_mut() {
+            Some(flag) if *flag == "--annotate" && is_list(&argument) => {
+                flag.push("=");
+                flag.push(argument);
+            }
+            _ => joined.push(argument),
+        }
+    }
+    joined
+}
+
 /// Former names of flags, which are hidden aliases for one release.
 const RENAMED: [(&str, &str); 2] = [("--situation", "--dial-preset"), ("--tour", "--loop")];
 
 /// Warns of the former names of flags among `arguments`.
-fn warn_of_former_names(arguments: impl Iterator<Item = std::ffi::OsString>) {
+fn warn_of_former_names(arguments: impl Iterator<Item = OsString>) {
     for argument in arguments {
         let argument = argument.to_string_lossy();
         let flag = argument.split('=').next().unwrap_or_default();
@@ -238,6 +262,7 @@ fn run(
     match command {
         Command::Render(args) => render::run(args, processes, terminal),
         Command::View(args) => view::run(args),
+        Command::Slice(args) => slice::run(args, terminal),
         Command::Relight(args) => relight::run(args, terminal),
         Command::Composite(args) => composite::run(args, terminal),
         Command::Page(args) => page::run(args, terminal),
@@ -263,7 +288,7 @@ fn run(
 /// Runs the command line; prints the result or the error.
 pub(crate) fn main() -> ExitCode {
     let started = std::time::Instant::now();
-    let cli = Cli::parse();
+    let cli = Cli::parse_from(with_joined_lists(std::env::args_os()));
     let (processes, refused) = match &cli.command {
         Command::Render(args) => args.processes().map_or_else(|error| (None, Some(error)), |found| (found, None)),
         _ => (None, None),
@@ -291,6 +316,7 @@ pub(crate) fn main() -> ExitCode {
                 cli.command,
                 Command::Render(_)
                     | Command::Relight(_)
+                    | Command::Slice(_)
                     | Command::Composite(_)
                     | Command::Bricks(_)
                     | Command::Page(_)

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use relume::document::SceneFile;
 use relume::document::moves::{Move, moved, turntable};
+use relume::document::{Placed, Requested, SceneFile};
 use relume::film::Film;
+use relume::internal::annotate::pixel_length;
 use relume::internal::memory;
 use relume::internal::number::{count, whole};
 use relume::measure::{Stopwatch, Timing, peak_mb};
@@ -23,7 +24,7 @@ use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files;
 use super::level::{self, Taken};
-use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
+use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, told_of_placed, warn_of_odd_values};
 use super::{CliError, Report};
 
 const EXAMPLES: &str = "\
@@ -82,6 +83,8 @@ struct Films {
     header: FilmFile,
     views: Vec<Film<f32>>,
     columns: usize,
+    /// Requested lights that took the place of a mix.
+    placed: Vec<Placed>,
     times: Vec<(&'static str, Timing)>,
 }
 
@@ -90,10 +93,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let film =
         args.scene.scene.as_deref().filter(|path| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("exr")));
     let lights = args.lights.files();
-    let given = [&args.scene.scene, &args.scene.volume, &args.scene.labels].into_iter().flatten();
+    let given =
+        [&args.scene.scene, &args.scene.volume, &args.scene.labels, &args.scene.label_names].into_iter().flatten();
     let inputs: Vec<&Path> = given.chain(&lights).map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
-    let Films { header, views, columns, mut times } = match film {
+    let Films { header, views, columns, placed, mut times } = match film {
         Some(path) => saved(args, path)?,
         None => rendered(args, progress)?,
     };
@@ -110,19 +114,21 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
     let of_views = if views.len() > 1 { format!(", {} views", views.len()) } else { String::new() };
     let text = format!(
-        "wrote {}: {:.2} MB{of_views}; packing adds at most ΔE00 {:.2} under any light of the page\n{}\n",
+        "wrote {}: {:.2} MB{of_views}; packing adds at most ΔE00 {:.2} under any light of the page\n{}{}\n",
         args.output.display(),
         count(summary.bytes) / 1e6,
         summary.largest_error,
+        told_of_placed(&placed),
         spent.join(", ")
     );
-    let json = json!({
+    let mut json = json!({
         "outputs": [args.output.display().to_string()],
         "size": views.first().map(|view| view.size),
         "page": summary,
         "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<serde_json::Map<_, _>>(),
         "peak_mb": peak_mb(),
     });
+    add_placed(&mut json, &placed);
     Ok(Report { text, json })
 }
 
@@ -148,23 +154,23 @@ fn saved(args: &Args, path: &Path) -> Result<Films, CliError> {
     let numbers = (film.accumulators.len() + film.transmittance.len()) / film.pixels().max(1);
     page::check_memory(1, film.size, numbers, true, memory::available_bytes())
         .map_err(|error| CliError::Failed(format!("{}: {error}; render a smaller film", path.display())))?;
-    light(args, &mut header)?;
-    Ok(Films { header, views: vec![film], columns: 1, times: vec![("load", clock.read())] })
+    let placed = light(args, &mut header)?;
+    Ok(Films { header, views: vec![film], columns: 1, placed, times: vec![("load", clock.read())] })
 }
 
-/// Opens the page with the lights of `--light`.
-fn light(args: &Args, header: &mut FilmFile) -> Result<(), CliError> {
+/// Opens the page with the lights of `--light`; returns those that took the place of a mix.
+fn light(args: &Args, header: &mut FilmFile) -> Result<Vec<Placed>, CliError> {
     if args.lights.lights.is_empty() {
-        return Ok(());
+        return Ok(Vec::new());
     }
     let positions: Vec<String> = header.positions.iter().map(|position| position.name.clone()).collect();
-    let mix = args.lights.mix(header.stated()?, &positions)?;
+    let Requested { mix, placed } = args.lights.mix(&header.stated()?, &header.opening()?, &positions)?;
     header.open_with(&mix);
     if let Some(dial) = &mut header.dial {
         // Sliders mix these lights.
         dial.hand = None;
     }
-    Ok(())
+    Ok(placed)
 }
 
 /// The film of each view of the scene.
@@ -178,7 +184,11 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
         tracing::info!("a page of a head shows a face: send it only where the person agrees");
     }
     let names: Vec<String> = positions(&file.scene).into_iter().map(|position| position.name).collect();
-    let mix = args.lights.mix(Mix::of_scene(&file.scene), &names)?;
+    let stated = Mix::of_scene(&file.scene);
+    let mix = match args.lights.lights[..] {
+        [] => stated,
+        _ => args.lights.mix(&stated, &file.opening_mix(), &names)?.mix,
+    };
     let size = args.size.unwrap_or([800, 800]);
     let (cameras, columns) = cameras(args, &file.scene, size)?;
     let Taken { scene, statistics, text, .. } = level::taken(&file.scene, statistics, (&cameras, size), progress)?;
@@ -199,8 +209,13 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
     let dial = file.light.dial_of_film(&file.dial);
     let mut header = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, empty)?;
-    light(args, &mut header)?;
-    Ok(Films { header, views, columns, times })
+    if let (Some(frame), [camera, _, ..]) = (&mut header.frame, &cameras[..]) {
+        // Cameras of a turntable are equally far, and the letters turn.
+        let pixel = pixel_length(camera, &scene.volume.geometry, size.map(count));
+        (frame.pixel, frame.edges) = (pixel.map(|it| it.units), None);
+    }
+    let placed = light(args, &mut header)?;
+    Ok(Films { header, views, columns, placed, times })
 }
 
 /// The plan with material weights, where absorption is grey and the scene does not ask for anything else: they are exact

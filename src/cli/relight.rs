@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use relume::document::Requested;
 use relume::film::Components;
 use relume::internal::annotate::Overlay;
 use relume::measure::{Stopwatch, Timing};
@@ -14,9 +15,9 @@ use relume::spectrum::observer::Observer;
 
 use super::accuracy::tolerance;
 use super::dial::DialArgs;
-use super::files::{self, Backdrop, Bits, DressArgs};
+use super::files::{self, DressArgs};
 use super::frames::{AnimationArgs, Form, Frame, Frames, digest};
-use super::scene::LightArgs;
+use super::scene::{LightArgs, add_placed, told_of_placed};
 use super::{CliError, Report, model};
 
 const EXAMPLES: &str = "\
@@ -58,9 +59,6 @@ pub(crate) struct Args {
     exposure: Option<f64>,
     #[command(flatten)]
     dress: DressArgs,
-    /// Bits per channel of a PNG.
-    #[arg(long, value_enum, default_value = "8")]
-    bits: Bits,
 }
 
 /// Parses a factor on the linear picture.
@@ -110,6 +108,7 @@ impl Planned {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     args.planned.check()?;
+    args.dress.check(&args.output)?;
     let pictures = Frames::new(&args.output, args.dial.pictures(), &args.animation)?;
     let outputs = pictures.files();
     let lights = args.lights.files();
@@ -123,12 +122,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         saved.display.observer = observer;
     }
     saved.display.exposure = args.exposure.unwrap_or(saved.display.exposure);
-    let frame = saved.frame.clone().unwrap_or_default();
-    args.dress.warn(&saved);
-    let given = match args.lights.lights[..] {
-        [] => saved.shown.clone(),
-        _ => args.lights.mix(saved.mix.clone(), &saved.positions)?,
-    };
+    let frame = args.dress.annotate.frame(saved.frame.clone().unwrap_or_default());
+    args.dress.annotate.warn(&saved);
+    let Requested { mix: given, placed } = args.lights.mix(&saved.mix, &saved.shown, &saved.positions)?;
     let on_dial = args.dial.is_given();
 
     let mut text = String::new();
@@ -157,17 +153,15 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut relit = clock.read();
     let whole = Stopwatch::start();
     let mut relighting = Timing::default();
-    let form = Form { size: saved.accumulation.size, bits: args.bits, backdrop: args.dress.background };
+    let form = Form { size: saved.accumulation.size, bits: args.dress.bits(), backdrop: args.dress.background };
     let inputs_of = |frame: usize| digest(film, &format!("{:?} {:?} {:?}", mixes[frame], saved.display, args.dress));
     let made = pictures.write(form, ("relighting", progress), inputs_of, |index| {
         let clock = Stopwatch::start();
         let linear = saved.relight(&mixes[index]);
         relighting += clock.read();
-        let overlay = args.dress.annotate.then(|| Overlay {
-            title: args.dress.title.as_deref(),
-            bright: args.dress.background.is_some_and(Backdrop::is_bright),
-            ..Overlay::of_surfaces(&saved.materials, saved.positions.len(), &mixes[index], &saved.display)
-        });
+        let overlay = args
+            .dress
+            .overlay(|| Overlay::of_surfaces(&saved.materials, saved.positions.len(), &mixes[index], &saved.display));
         let overlay = overlay.as_ref().map(|overlay| (overlay, &frame));
         let shown = files::dressed(&linear, form.size, form.backdrop, overlay)?;
         Ok(Frame { linear, shown })
@@ -187,15 +181,15 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }));
     }
     let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
-    Ok(Report {
-        text: format!("{}{text}relight {:.0} ms\n", pictures.told(made), relit.wall_ms),
-        json: json!({
-            "outputs": listed,
-            "size": saved.accumulation.size,
-            "frames": frames,
-            "pictures": pictures.json(made),
-            "model": model_json,
-            "times": {"load": read, "relight": relit, "write": written},
-        }),
-    })
+    let mut json = json!({
+        "outputs": listed,
+        "size": saved.accumulation.size,
+        "frames": frames,
+        "pictures": pictures.json(made),
+        "model": model_json,
+        "times": {"load": read, "relight": relit, "write": written},
+    });
+    add_placed(&mut json, &placed);
+    let told = told_of_placed(&placed) + &text;
+    Ok(Report { text: format!("{}{told}relight {:.0} ms\n", pictures.told(made), relit.wall_ms), json })
 }

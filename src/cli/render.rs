@@ -1,16 +1,17 @@
 //! `relume render`: marches a scene once and writes pictures, its film and spectra.
 
+mod times;
+
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde_json::{Map, json};
 
-use relume::document::{SceneFile, Source, State, is_no_scene, session};
+use relume::document::{Requested, SceneFile, Source, State, is_no_scene, session};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::internal::annotate::{Frame, Overlay};
-use relume::internal::memory;
 use relume::internal::number::{brief, count, readable};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::output::{FilmFile, Picture, PictureKind, write_atomically, write_ready_png};
@@ -24,13 +25,13 @@ use relume::tables::{LabelMap, Storage};
 use relume::volume::{self, CacheCounts, HostMemory, Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
-use super::files::{self, Backdrop, Bits, DressArgs, picture_kind};
+use super::files::{self, Bits, DressArgs, picture_kind};
 use super::frames::{AnimationArgs, Frames, digest};
 use super::goal::GoalArgs;
 use super::level::{self, Taken};
 use super::model::Learnt;
 use super::processes::{self, Asked, Processes, Sharing, sharing};
-use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
+use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, time_or_all, told_of_placed, warn_of_odd_values};
 use super::{CliError, Report, light_grid, turntable};
 
 const EXAMPLES: &str = "\
@@ -41,9 +42,15 @@ Examples:
   relume render scene.toml -o ct.png --volume ct.raw --dims 512x512x200 --type int16
   relume render scene.toml --accumulators acc.exr        (then: relume relight acc.exr …)";
 
+/// Help of `--time`, which may ask for all time steps here.
+const TIME_HELP: &str = "Read this time step, counted from 0. all writes a picture of each: FILE-0001.png and so on, or one \
+animated PNG (-o FILE.apng); a volume without a scene then has one look for all of them. With --turntable, the times pass \
+once during the turn";
+
 /// Arguments of `relume render`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
+#[command(mut_arg("time", |arg| arg.value_parser(time_or_all).value_name("N|all").help(TIME_HELP)))]
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -69,9 +76,6 @@ pub(crate) struct Args {
     /// Width and height of the picture in pixels.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
-    /// Bits per channel of a PNG.
-    #[arg(long, value_enum, default_value = "8")]
-    bits: Bits,
     #[command(flatten)]
     dress: DressArgs,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
@@ -147,6 +151,21 @@ impl Args {
     /// The processes of this run, if they share the picture.
     pub(crate) fn processes(&self) -> Result<Option<Processes>, CliError> {
         Processes::start(self.mpi, self.block.is_some() || self.animation.is_part())
+    }
+
+    /// Refuses flags that have no effect beside the others; `is_lit` if a picture or spectra are written.
+    fn check_used(&self, is_lit: bool) -> Result<(), CliError> {
+        let unused = |what: &str| Err(CliError::Usage(what.to_owned()));
+        if self.goal.goal().is_some() && self.scene.accuracy.given().contains(&"--k") {
+            return unused("--k has no effect: a search for settings chooses k; state --k, or a goal");
+        }
+        if self.replan && self.lights.lights.is_empty() && !self.reference {
+            return unused("--replan has no effect: it is for the lights of --light, and none is given");
+        }
+        if !is_lit && !self.lights.lights.is_empty() && self.accumulators.is_none() {
+            return unused("--light has no effect: no picture is written; add -o FILE.png");
+        }
+        Ok(())
     }
 
     /// Refuses what several processes do not share.
@@ -301,10 +320,13 @@ impl Marched {
 pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Progress) -> Result<Report, CliError> {
     let is_first = processes.is_none_or(Processes::is_first);
     args.relit.check()?;
+    if args.scene.is_of_all_times() {
+        return times::run(args, progress);
+    }
     if processes.is_some() {
         args.check_shared()?;
     }
-    let source = args.scene.source(args.look.wish());
+    let source = args.scene.source(args.look.wish())?;
     let is_writing = !args.output.is_empty() || args.accumulators.is_some() || args.spectral.is_some();
     let default = source.bare_volume().filter(|_| !is_writing && args.save_scene.is_none()).and_then(free_name);
     let pictures: Vec<PathBuf> = args.output.iter().cloned().chain(default).collect();
@@ -327,7 +349,9 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             "no output: add -o FILE.png or -o FILE.exr, --accumulators FILE.exr or --spectral FILE.exr".into(),
         ));
     }
-    let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels];
+    args.dress.check(&pictures)?;
+    args.check_used(!pictures.is_empty() || args.spectral.is_some())?;
+    let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels, &args.scene.label_names];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     if is_first {
         files::check_outputs(&outputs, &inputs)?;
@@ -339,6 +363,9 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         )));
     }
 
+    if args.reference && args.accumulators.is_none() && args.scene.accuracy.tolerance().is_some() {
+        tracing::warn!("--tolerance has no effect: --reference computes all wavelengths, without a colour model");
+    }
     let clock = Stopwatch::start();
     let memory = HostMemory::Bounded { bytes: args.memory };
     let (file, statistics) = args.scene.load_as(args.look.wish(), memory, progress)?;
@@ -355,11 +382,10 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     }
     warn_of_odd_values(&statistics);
     warn_of_homogeneous(&scene, &statistics);
+    warn_of_thin(&scene, args.size);
     let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
-    let mix = match args.lights.lights[..] {
-        [] => file.opening_mix(),
-        _ => args.lights.mix(Mix::of_scene(&scene), &positions)?,
-    };
+    let (stated, shown) = (Mix::of_scene(&scene), file.opening_mix());
+    let Requested { mix, placed } = args.lights.mix(&stated, &shown, &positions)?;
     let read = clock.read();
     let clock = Stopwatch::start();
     let choice = match args.goal.goal() {
@@ -397,6 +423,12 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let learnt = learn(&scene, &mut planned, &mix)?;
         (planned, learnt)
     };
+    if planned.model.is_none() && !args.lights.lights.is_empty() && pictures.is_empty() && args.spectral.is_none() {
+        tracing::warn!(
+            "--light has no effect on the film: it stores material weights, which are exact under every light; give it to \
+             `relume relight`, or add -o FILE.png"
+        );
+    }
     let scene = Scene { block: args.block, ..scene };
     if let Some(Block { index, count }) = args.block {
         check_blocks(&format!("--block {}/{count}", index + 1), count, false, &scene, &planned)?;
@@ -406,10 +438,16 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let is_relay = processes.sharing() == Sharing::Relay;
         check_blocks("several processes", processes.blocks(&scene), is_relay, &scene, &planned)?;
     }
-    let frame = Frame::of(&scene.camera, &scene.volume, args.size);
+    let frame = args.dress.annotate.frame(Frame::of(&scene.camera, &scene.volume, args.size));
+    // A film has the lights of its scene alone, so it opens with another light's place in their mix.
+    let is_mixed = !args.lights.lights.is_empty() && mix.is_of(&stated);
+    let opening = if is_mixed { &mix } else { &shown };
     let film_file = |film: Film<f32>| {
-        let dial = file.light.dial_of_film(&file.dial);
-        FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, film)
+        let mut dial = file.light.dial_of_film(&file.dial);
+        if is_mixed {
+            dial.hand = None;
+        }
+        FilmFile::of_march(&scene, &planned, opening, dial, film)
     };
     if let Some(path) = &args.accumulators {
         let pixels = Film { size: args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
@@ -426,7 +464,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
         spent.join(", ")
     };
-    if args.dress.annotate && scene.volume.unit.is_none() {
+    if args.dress.annotate.has_scale() && scene.volume.unit.is_none() {
         // Of the file: --spacing is that of voxels before they are averaged.
         let averaged = DVec3::from_array(args.scene.downsample.unwrap_or([1; 3]).map(count));
         let [x, y, z] = (scene.volume.geometry.spacing / averaged).to_array().map(brief);
@@ -439,33 +477,23 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
              [volume] of the scene"
         );
     }
-    let overlay = args.dress.annotate.then(|| Overlay {
-        title: args.dress.title.as_deref(),
-        bright: args.dress.background.is_some_and(Backdrop::is_bright),
-        ..Overlay::of_scene(&scene, &planned, &mix)
-    });
+    let overlay = args.dress.overlay(|| Overlay::of_scene(&scene, &planned, &mix));
     if args.turntable.is_some() {
         let ready = ready_device(&scene, &planned, &statistics, (args, args.size), progress)?;
         let mut times = vec![("load", loaded)];
         times.extend(ready.times);
-        let inputs = digest(scene.digest(), &format!("{mix:?} {:?} {}", args.dress.title, args.replan));
-        let look = turntable::Look {
-            mix: &mix,
-            size: args.size,
-            bits: args.bits,
-            backdrop: args.dress.background,
-            overlay,
-            cameras: &cameras,
-            inputs,
-        };
+        let inputs = digest(scene.digest(), &format!("{mix:?} {}", args.replan));
+        let look =
+            turntable::Look { mix: &mix, size: args.size, dress: &args.dress, overlay, cameras: &cameras, inputs };
         let mut on_device = ready.on_device;
         let written = turntable::write(&mut on_device, &look, &frames, progress)?;
         let read = scene.volume.bricks.as_ref().map(|cache| cache.counts());
         times.extend(written.times);
         save_scene()?;
         let bricks = told_of(written.bricks, read) + &written.shadows;
-        let text = format!("{}{told_level}{bricks}{}\n", frames.told(written.pictures), spent(&times));
-        let json = json!({
+        let lights = told_of_placed(&placed);
+        let text = format!("{}{lights}{told_level}{bricks}{}\n", frames.told(written.pictures), spent(&times));
+        let mut json = json!({
             "outputs": listed,
             "size": args.size,
             "device": super::info::device_json(on_device.renderer().device().info()),
@@ -477,12 +505,13 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             "pictures": frames.json(written.pictures),
             "peak_mb": peak_mb(),
         });
+        add_placed(&mut json, &placed);
         return Ok(Report { text, json });
     }
 
     let kinds: Vec<PictureKind> = pictures.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
-    let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none();
-    let encoded = encoded && args.dress.background.is_none() && !args.dress.annotate;
+    let encoded = args.dress.bits() == Bits::Eight && !args.reference && enlargement.is_none();
+    let encoded = encoded && args.dress.background.is_none() && !args.dress.annotate.is_given();
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
     let wanted = Wanted {
         linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
@@ -519,7 +548,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             }
             (_, Some(linear)) => {
                 let shown = shown.as_ref().filter(|_| kind != PictureKind::Exr).unwrap_or(linear);
-                files::write_linear(path, &Picture::new(args.size[0], args.size[1], shown)?, args.bits, alpha)?;
+                files::write_linear(path, &Picture::new(args.size[0], args.size[1], shown)?, args.dress.bits(), alpha)?;
             }
             _ => {}
         }
@@ -557,8 +586,13 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     let kept = checked.as_ref().map_or("", |(text, _)| text);
     let bricks = told_of(marched.bricks, scene.volume.bricks.as_ref().map(|cache| cache.counts()));
     let bricks = bricks + &marched.shadows;
-    let text =
-        format!("wrote {}; {}\n{new}{told_level}{bricks}{}\n{kept}", listed.join(", "), lit_by(&mix), spent(&times));
+    let lights = told_of_placed(&placed);
+    let text = format!(
+        "wrote {}; {}\n{lights}{new}{told_level}{bricks}{}\n{kept}",
+        listed.join(", "),
+        lit_by(&mix),
+        spent(&times)
+    );
     let times: Map<_, _> = times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
         "outputs": listed,
@@ -578,6 +612,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     if args.spectral.is_some() {
         json["reconstruction"] = json!(reconstruction);
     }
+    add_placed(&mut json, &placed);
     Ok(Report { text, json })
 }
 
@@ -635,14 +670,7 @@ fn check_memory(args: &Args) -> Result<(), CliError> {
         (true, None) => 72,
         (false, _) => 16,
     };
-    let [width, height] = args.size;
-    let bytes = width.saturating_mul(height).saturating_mul(pixel_bytes);
-    match memory::available_bytes() {
-        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
-            "a picture of {width}×{height} pixels needs {bytes} bytes of memory, and {available} are free; use a smaller --size"
-        ))),
-        _ => Ok(()),
-    }
+    files::check_memory(args.size, pixel_bytes)
 }
 
 /// Warns of precision lost by the storage of the volume.
@@ -666,7 +694,7 @@ fn warn_of_storage(storage: &Storage, whole: bool) {
 fn warn_of_undeclared(labels: Option<&LabelMap>) {
     if let Some(labels) = labels.filter(|labels| !labels.undeclared.is_empty()) {
         const LISTED: usize = 8;
-        let one = |(label, count): (&u32, &u64)| match count {
+        let one = |(label, count): (&i64, &u64)| match count {
             1 => format!("{label} (1 voxel)"),
             _ => format!("{label} ({count} voxels)"),
         };
@@ -694,6 +722,33 @@ fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option
     }
     if mix.0.iter().all(|light| light.weight <= 0.0) {
         tracing::warn!("no light shines: the picture is black");
+    }
+}
+
+/// Warns of a volume that lies between the rays of a picture of this size, whose pixels are thicker.
+fn warn_of_thin(scene: &Scene, size: [usize; 2]) {
+    let geometry = &scene.volume.geometry;
+    let [width, height] = size.map(count);
+    let Some(view) = scene.camera.view(geometry, width / height) else { return };
+    let half = DVec3::splat(0.5);
+    let [low, high] = scene.crop.unwrap_or([-half, DVec3::from_array(geometry.dims.map(count)) - half]);
+    let corner = |index: u8| {
+        let end = |axis: usize| if index >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        view.place_of(geometry.world_from_index(DVec3::new(end(0), end(1), end(2))))
+    };
+    let Some(corners) = (0..8).map(corner).collect::<Option<Vec<_>>>() else { return };
+    let [least, most] = [DVec2::min, DVec2::max].map(|of| corners.iter().copied().reduce(of).unwrap_or_default());
+    let [from, to] = [least, most].map(|place| place * DVec2::new(width, height));
+    // Rays pass through the middles of pixels.
+    let is_between = |axis: usize| (from[axis] - 0.5).ceil() > to[axis] - 0.5;
+    if is_between(0) || is_between(1) {
+        let pixels = to - from;
+        tracing::warn!(
+            "no ray meets the volume, which is thinner than a pixel: it takes {:.2} × {:.2} pixels of the picture; use a \
+             larger --size, or another camera",
+            pixels.x,
+            pixels.y
+        );
     }
 }
 

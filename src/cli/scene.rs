@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use relume::document::{self, design};
-use relume::document::{Definition, LightRequest, Look, SceneFile, SceneOptions, Source, Wish};
-use relume::internal::number::readable;
+use relume::document::{
+    Definition, LightRequest, Look, Placed, Requested, SceneFile, SceneOptions, Shares, Source, Wish,
+};
+use relume::internal::number::{brief, readable};
 use relume::progress::Progress;
 use relume::scene::Mix;
 use relume::volume::{ByteOrder, HostMemory, RawLayout, Selection, Statistics, Unit, Volume, VoxelType};
@@ -28,6 +30,10 @@ pub(crate) struct SceneArgs {
     /// the labels.
     #[arg(long, value_name = "FILE")]
     pub(crate) labels: Option<PathBuf>,
+    /// Names and colours of labels: a table of ITK-SNAP (.txt, .label), 3D Slicer (.ctbl) or FreeSurfer, a CSV, or freesurfer or
+    /// totalsegmentator for their own numbering.
+    #[arg(long, value_name = "FILE|NAME")]
+    pub(crate) label_names: Option<PathBuf>,
     /// Average blocks of A×B×C voxels after loading, for less memory and time but less detail.
     #[arg(long, value_name = "AxBxC", value_parser = three)]
     pub(crate) downsample: Option<[usize; 3]>,
@@ -70,7 +76,7 @@ pub(crate) struct SelectionArgs {
     #[arg(long, help_heading = SEVERAL, value_name = "N", value_parser = component_number)]
     component: Option<usize>,
     /// Read this time step, counted from 0.
-    #[arg(long, help_heading = SEVERAL, value_name = "N")]
+    #[arg(long, help_heading = SEVERAL, value_name = "N", value_parser = time_step)]
     time: Option<usize>,
     /// Read the array of this name.
     #[arg(long, help_heading = SEVERAL, value_name = "NAME")]
@@ -93,6 +99,23 @@ pub(crate) struct SelectionArgs {
     resample: bool,
 }
 
+/// The value of `--time` that stands for all time steps; no file has as many.
+const ALL_TIMES: usize = usize::MAX;
+
+/// Parses the number of a time step.
+fn time_step(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        _ if text == "all" => Err("only `relume render` takes all time steps; write a number".into()),
+        Ok(time) if time < ALL_TIMES => Ok(time),
+        _ => Err("write the number of a time step, from 0 on; relume info FILE lists them".to_owned()),
+    }
+}
+
+/// The same, or `all`.
+pub(crate) fn time_or_all(text: &str) -> Result<usize, String> {
+    if text == "all" { Ok(ALL_TIMES) } else { time_step(text).map_err(|error| error + "; or write all") }
+}
+
 impl SelectionArgs {
     pub(crate) fn selection(&self) -> Selection {
         Selection {
@@ -108,7 +131,7 @@ impl SelectionArgs {
     }
 
     /// Flags that choose a part of a file, and whether each is given.
-    pub(crate) fn choices(&self) -> [(&'static str, bool); 6] {
+    pub(crate) fn choices(&self) -> [(&'static str, bool); 7] {
         [
             ("--component", self.component.is_some()),
             ("--time", self.time.is_some()),
@@ -116,6 +139,7 @@ impl SelectionArgs {
             ("--series", self.series.is_some()),
             ("--pyramid-level", self.pyramid_level.is_some()),
             ("--axes", self.axes.is_some()),
+            ("--resample", self.resample),
         ]
     }
 }
@@ -198,12 +222,13 @@ impl LookArgs {
     }
 }
 
-/// Parses the width of a window of values.
+/// Parses the number of a component.
 fn component_number(text: &str) -> Result<usize, String> {
     text.parse().map_err(|_| "write the number of a component, from 0 on; relume info FILE lists them".to_owned())
 }
 
-fn width(text: &str) -> Result<f64, String> {
+/// Parses the width of a window of values.
+pub(crate) fn width(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number.is_finite());
     number.ok_or_else(|| "write a width above 0, such as 400".to_owned())
 }
@@ -214,12 +239,52 @@ pub(crate) struct LightArgs {
     /// Light the scene with NAME in place of its own lights (repeatable: lights add up).
     ///
     /// NAME is a light of the scene, else a standard (D65, …), else a file with two columns, nm and power. A light of the
-    /// scene shines from its own position. Any other light shines from all light positions, or only from POSITION;
-    /// `relume info` lists the positions. WEIGHT is a factor. A name may contain @ and =: if the whole text is the name of
+    /// scene shines from its own position. Any other light takes the place of the lights of the picture: it shines from
+    /// their positions, with their weights, so that brightness and shadows stay, or only from POSITION; `relume info`
+    /// lists the positions. WEIGHT is a factor. A name may contain @ and =: if the whole text is the name of
     /// a light or a file, Relume does not split it.
     #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
     pub(crate) lights: Vec<LightRequest>,
 }
+
+/// Keys of a scene that a volume of the command line takes the place of.
+const OF_SCENES_VOLUME: [&str; 16] = [
+    "volume.file",
+    "volume.phantom",
+    "volume.phantom_labels",
+    "volume.labels",
+    "volume.type",
+    "volume.dims",
+    "volume.slices",
+    "volume.byte_order",
+    "volume.header_bytes",
+    "volume.component",
+    "volume.time",
+    "volume.array",
+    "volume.series",
+    "volume.level",
+    "volume.axes",
+    "volume.resample",
+];
+
+/// Keys of a scene that a flag overrides.
+const OVERRIDDEN: [(&str, &[&str]); 15] = [
+    ("--labels", &["volume.labels", "volume.phantom_labels"]),
+    ("--downsample", &["volume.downsample"]),
+    ("--spacing", &["volume.spacing"]),
+    ("--component", &["volume.component"]),
+    ("--time", &["volume.time"]),
+    ("--array", &["volume.array"]),
+    ("--series", &["volume.series"]),
+    ("--pyramid-level", &["volume.level"]),
+    ("--axes", &["volume.axes"]),
+    ("--resample", &["volume.resample"]),
+    ("--dims", &["volume.type", "volume.dims", "volume.byte_order", "volume.header_bytes"]),
+    ("--tolerance", &["accuracy.tolerance", "accuracy.k"]),
+    ("--k", &["accuracy.k"]),
+    ("--model", &["accuracy.model"]),
+    ("--accumulate", &["accuracy.accumulate"]),
+];
 
 impl SceneArgs {
     /// Changes of the scene.
@@ -229,6 +294,7 @@ impl SceneArgs {
             raw: self.raw.layout(),
             selection: self.selection.selection(),
             labels: self.labels.clone(),
+            label_names: self.label_names.clone(),
             spacing: self.raw.spacing(),
             downsample: self.downsample,
             definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),
@@ -236,25 +302,23 @@ impl SceneArgs {
         }
     }
 
-    /// A flag that changes the scene or its volume, if one is given; `--tolerance` is not counted.
-    pub(crate) fn given(&self) -> Option<&'static str> {
-        let selection = &self.selection;
-        let flags = [
+    /// Flags that change the scene or its volume, and whether each is given.
+    fn flags(&self) -> Vec<(&'static str, bool)> {
+        let others = [
             ("--volume", self.volume.is_some()),
             ("--labels", self.labels.is_some()),
+            ("--label-names", self.label_names.is_some()),
             ("--downsample", self.downsample.is_some()),
             ("--define", !self.define.is_empty()),
-            ("--component", selection.component.is_some()),
-            ("--time", selection.time.is_some()),
-            ("--array", selection.array.is_some()),
-            ("--series", selection.series.is_some()),
-            ("--pyramid-level", selection.pyramid_level.is_some()),
-            ("--axes", selection.axes.is_some()),
-            ("--resample", selection.resample),
             ("--dims", self.raw.dims.is_some()),
             ("--spacing", self.raw.spacing.is_some()),
         ];
-        let given = flags.into_iter().filter(|(_, given)| *given).map(|(flag, _)| flag);
+        others.into_iter().chain(self.selection.choices()).collect()
+    }
+
+    /// A flag that changes the scene or its volume, if one is given; `--tolerance` is not counted.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let given = self.flags().into_iter().filter(|(_, given)| *given).map(|(flag, _)| flag);
         let of_colour = self.accuracy.given().into_iter().filter(|flag| *flag != "--tolerance");
         given.chain(of_colour).next()
     }
@@ -265,32 +329,103 @@ impl SceneArgs {
 
     /// The scene file or volume that the arguments name. A volume without a scene file is opened as a volume without a
     /// scene.
-    pub(crate) fn source(&self, wish: Wish) -> Source {
-        Source { path: self.scene.clone(), options: SceneOptions { wish, ..self.options() } }.or_its_volume()
+    ///
+    /// # Errors
+    ///
+    /// [`CliError::Usage`] for a second volume, and for definitions that a flag or the volume overrides.
+    pub(crate) fn source(&self, wish: Wish) -> Result<Source, CliError> {
+        let source = Source { path: self.scene.clone(), options: SceneOptions { wish, ..self.options() } };
+        if let (Some(one), Some(other)) = (source.bare_volume(), &self.volume) {
+            return Err(CliError::Usage(format!(
+                "{} is a volume, and --volume {} is a second one: a picture shows one volume; name one of the two, or a scene \
+                 in place of the first",
+                one.display(),
+                other.display()
+            )));
+        }
+        let source = source.or_its_volume();
+        self.check_definitions(&source)?;
+        Ok(source)
     }
 
-    /// Reads the scene, or makes one for a volume, whose voxels are kept in `memory`; also returns the statistics of the
-    /// volume.
+    /// Refuses definitions of keys that a flag or the volume of `source` overrides.
+    fn check_definitions(&self, source: &Source) -> Result<(), CliError> {
+        let keys: Vec<&str> = self.define.define.iter().map(|text| text.split('=').next().unwrap_or(text)).collect();
+        for (at, key) in keys.iter().enumerate() {
+            if let Some(later) = keys[at + 1..].iter().rposition(|other| other.trim() == key.trim()) {
+                let all = &self.define.define;
+                tracing::warn!("-D {} has no effect: -D {} follows", all[at], all[at + 1 + later]);
+            }
+        }
+        let by_volume = self.volume.is_some() || source.bare_volume().is_some();
+        let whose = "the volume in place of that of the scene";
+        let by_flags = OVERRIDDEN.iter().filter(|(flag, _)| self.is_given(flag));
+        let by_flags = by_flags.flat_map(|(flag, keys)| keys.iter().map(move |key| (*flag, *key)));
+        let overriding = OF_SCENES_VOLUME.iter().filter(|_| by_volume).map(|key| (whose, *key)).chain(by_flags);
+        for (by, key) in overriding {
+            if let Some(at) = keys.iter().position(|given| given.trim() == key) {
+                return Err(CliError::Usage(format!(
+                    "-D {} has no effect beside {by}; {}",
+                    self.define.define[at],
+                    if by == whose { "use the flag for it, such as --component" } else { "omit one of the two" }
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a flag of the volume or of the colour accuracy is given.
+    fn is_given(&self, flag: &str) -> bool {
+        let of_accuracy = self.accuracy.given().into_iter().map(|flag| (flag, true));
+        self.flags().into_iter().chain(of_accuracy).any(|(name, given)| given && name == flag)
+    }
+
+    /// Whether `--time all` asks for all time steps.
+    pub(crate) fn is_of_all_times(&self) -> bool {
+        self.selection.time == Some(ALL_TIMES)
+    }
+
+    /// [`Self::source`] for all time steps; refuses a look of a scene, which has its own.
+    pub(crate) fn source_of_look(&self, wish: Wish) -> Result<Source, CliError> {
+        let mut source = self.source(wish)?;
+        source.options.selection.time = source.options.selection.time.filter(|_| !self.is_of_all_times());
+        if !wish.is_none() && source.bare_volume().is_none() {
+            let message = "--look, --window and --level are for a volume without a scene; a scene states its own look";
+            return Err(CliError::Usage(message.to_owned()));
+        }
+        Ok(source)
+    }
+
+    /// Reads the scene, or makes one for a volume, whose voxels are kept in `memory`, and says how it was made; also returns the
+    /// statistics of the volume.
     pub(crate) fn load_as(
         &self,
         wish: Wish,
         memory: HostMemory,
         progress: &dyn Progress,
     ) -> Result<(SceneFile, Statistics), CliError> {
-        let mut source = self.source(wish);
-        source.options.selection.memory = memory;
-        if !wish.is_none() && source.bare_volume().is_none() {
-            let message = "--look, --window and --level are for a volume without a scene; a scene states its own look";
-            return Err(CliError::Usage(message.to_owned()));
-        }
-        let (file, statistics) = source.read(progress)?;
+        let (file, statistics) = self.read(wish, memory, progress)?;
         if let Some(guess) = &file.guess {
-            tracing::info!("{guess}");
+            let time = file.scene.volume.selection.time;
+            tracing::info!("{guess}{}", time.map_or_else(String::new, |time| of_time(time)));
             tracing::info!(
                 "To change it, use --look (tissue, bone, vessel, grey, fluorescence or a transfer preset: see --help), use \
                  --window and --level, or edit the scene that --save-scene FILE writes."
             );
         }
+        Ok((file, statistics))
+    }
+
+    /// [`Self::load_as`] without a word about a scene that is made for a volume.
+    pub(crate) fn read(
+        &self,
+        wish: Wish,
+        memory: HostMemory,
+        progress: &dyn Progress,
+    ) -> Result<(SceneFile, Statistics), CliError> {
+        let mut source = self.source_of_look(wish)?;
+        source.options.selection.memory = memory;
+        let (file, statistics) = source.read(progress)?;
         let scene = &file.scene;
         let labels = scene.labels.iter().flat_map(|labels| &labels.volume.notes);
         for note in scene.volume.notes.iter().chain(labels) {
@@ -309,19 +444,59 @@ impl SceneArgs {
     }
 }
 
+/// Tells that a first look is that of one time step.
+fn of_time(time: usize) -> String {
+    format!(
+        " The look is that of time step {time} alone, so others differ in range and camera; `relume render --time all` gives \
+         all the same."
+    )
+}
+
 impl LightArgs {
     /// Files that are read unless a light of the scene has their name.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         self.lights.iter().flat_map(|light| light.files(Path::new(""))).collect()
     }
 
-    /// The requested mix, or `stated` without a request.
-    pub(crate) fn mix(&self, stated: Mix, positions: &[String]) -> Result<Mix, CliError> {
+    /// The requested mix, or `shown`, the mix of the picture so far, without a request; `stated` is the mix of the scene.
+    pub(crate) fn mix(&self, stated: &Mix, shown: &Mix, positions: &[String]) -> Result<Requested, CliError> {
         if self.lights.is_empty() {
-            return Ok(stated);
+            return Ok(Requested { mix: shown.clone(), placed: Vec::new() });
         }
-        Ok(document::requested(&stated, positions, &self.lights, Path::new(""))?)
+        Ok(document::requested(stated, shown, positions, &self.lights, Path::new(""))?)
     }
+}
+
+/// Tells from where lights shine that took the place of a mix, a line each.
+pub(crate) fn told_of_placed(placed: &[Placed]) -> String {
+    let of_light = |Placed { name, shares, weights }: &Placed| {
+        let instead = match shares {
+            Shares::Shown => "in place of the lights of the picture",
+            Shares::Stated => "in place of the lights of the scene, since no light is on in the picture",
+            Shares::Everywhere => "from every position, since no light of the scene has an intensity",
+        };
+        let at = |(position, weight): &(String, f64)| format!("{name}@{position}={}", brief(*weight));
+        let listed: Vec<String> = weights.iter().map(at).collect();
+        format!("--light {name} shines {instead}: {}\n", listed.join(", "))
+    };
+    placed.iter().map(of_light).collect()
+}
+
+/// Adds the lights that took the place of a mix to the JSON of a command, if there are any.
+pub(crate) fn add_placed(json: &mut serde_json::Value, placed: &[Placed]) {
+    if placed.is_empty() {
+        return;
+    }
+    let of_light = |Placed { name, shares, weights }: &Placed| {
+        let instead = match shares {
+            Shares::Shown => "picture",
+            Shares::Stated => "scene",
+            Shares::Everywhere => "every position",
+        };
+        let at = |(position, weight): &(String, f64)| serde_json::json!({"position": position, "weight": weight});
+        serde_json::json!({"name": name, "in_place_of": instead, "at": weights.iter().map(at).collect::<Vec<_>>()})
+    };
+    json["placed"] = placed.iter().map(of_light).collect();
 }
 
 /// Parses `AxBxC`, whole numbers from 1.

@@ -8,7 +8,7 @@ use relume::progress::{Progress, unreported};
 use relume::render::{BrickCounts, SceneRenderer};
 use relume::scene::{Camera, Mix, Scene};
 
-use super::files::{self, Backdrop, Bits};
+use super::files::{self, DressArgs};
 use super::frames::{Form, Frame, Frames, digest};
 use super::{CliError, light_grid};
 
@@ -16,8 +16,7 @@ use super::{CliError, light_grid};
 pub(crate) struct Look<'a> {
     pub(crate) mix: &'a Mix,
     pub(crate) size: [usize; 2],
-    pub(crate) bits: Bits,
-    pub(crate) backdrop: Option<Backdrop>,
+    pub(crate) dress: &'a DressArgs,
     pub(crate) overlay: Option<Overlay<'a>>,
     /// Camera of each picture.
     pub(crate) cameras: &'a [Camera],
@@ -50,7 +49,8 @@ pub(crate) fn write(
     frames: &Frames<'_>,
     progress: &dyn Progress,
 ) -> Result<Written, CliError> {
-    let Look { mix, size: [width, height], bits, backdrop, ref overlay, cameras, inputs } = *look;
+    let Look { mix, size: [width, height], dress, ref overlay, cameras, inputs } = *look;
+    let (bits, backdrop) = (dress.bits(), dress.background);
     let matrices = on_device.matrices(mix);
     let (mut marching, mut relighting) = (Timing::default(), Timing::default());
     let mut bricks = None::<BrickCounts>;
@@ -59,7 +59,7 @@ pub(crate) fn write(
     // Pictures with shadows from different levels do not belong together.
     let of_level = |block: [usize; 3]| digest(inputs, &format!("{block:?}"));
     let inputs = on_device.uploaded().light_block().map_or(inputs, of_level);
-    let inputs_of = |index: usize| digest(inputs, &format!("{:?} {}", cameras[index], overlay.is_some()));
+    let inputs_of = |index: usize| digest(inputs, &format!("{:?} {:?}", cameras[index], dress.annotate));
     let form = Form { size: [width, height], bits, backdrop };
     let pictures = frames.write(form, ("marching", progress), inputs_of, |index| {
         on_device.camera_mut().clone_from(&cameras[index]);
@@ -74,6 +74,7 @@ pub(crate) fn write(
         let linear = relight.read::<f32>()?;
         relighting += clock.read();
         let frame = annotate::Frame::of(&cameras[index], &on_device.scene().volume, [width, height]);
+        let frame = dress.annotate.frame(frame);
         let shown =
             files::dressed(&linear, [width, height], backdrop, overlay.as_ref().map(|overlay| (overlay, &frame)))?;
         Ok(Frame { linear, shown })

@@ -17,6 +17,7 @@ use glam::{DMat3, DVec2, DVec3};
 use toml::{Spanned, Table};
 
 use keys::*;
+use media::Declared;
 
 use super::Wish;
 use super::define::{Definition, byte_of, define, path_at, responsible};
@@ -34,7 +35,9 @@ use crate::scene::{
     unit,
 };
 use crate::spectrum::{INDICES, Layers, Reflectance, Spectrum, SpectrumError, SpectrumSource, THICKNESSES, ThinFilm};
-use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Unit, Volume, VolumeError};
+use crate::volume::{
+    self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,
+};
 use crate::written::{place, with_suggestion};
 
 /// The scene for a program start without a file.
@@ -53,6 +56,8 @@ pub struct SceneOptions {
     pub selection: Selection,
     /// Labels in place of the scene's.
     pub labels: Option<PathBuf>,
+    /// Table of names and colours of labels, or the name of a built-in one, in place of the scene's.
+    pub label_names: Option<PathBuf>,
     /// Spacing of the voxels of the file, in place of that of the file and the scene, and its unit, if it is stated.
     pub spacing: Option<([f64; 3], Option<Unit>)>,
     /// Block size in place of the scene's `downsample`.
@@ -254,8 +259,8 @@ fn without_absorption(key: &str, material: &str) -> String {
     )
 }
 
-/// Largest number of declared labels: a voxel's row of the label table is a byte, and row 0 is taken.
-const MOST_LABELS: usize = 255;
+/// Name of the entry of `[labels]` for all labels of the map without an entry of their own.
+const OTHERS: &str = "others";
 
 const UNIT: RangeInclusive<f64> = 0.0..=1.0;
 /// Range of `shadows.spacing`, in voxels.
@@ -529,7 +534,7 @@ impl Text<'_> {
         let mut transfer = self.transfer(&file.transfer, &materials)?;
 
         let (volume, stored) = self.volume(&file.volume, base, options, progress)?;
-        let labels = self.label_volume(&file.volume, (&volume.source, &stored), declared, base, options, progress)?;
+        let (volume, labels) = self.label_volume(&file.volume, (volume, &stored), declared, base, options, progress)?;
         let smallest = volume.geometry.spacing.min_element();
         transfer.opacity_length = opacity_length.unwrap_or(smallest);
         let accuracy = Accuracy {

@@ -1,12 +1,14 @@
 //! Cameras that show the visible voxels as large as fits.
 
+use std::collections::BTreeMap;
+
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::silhouette::{Ends, Seen};
-use crate::number::{count, nearest, whole};
+use crate::number::{count, whole};
 use crate::parallel;
-use crate::scene::{Aim, Camera, Fill, Projection, Scene, View};
+use crate::scene::{Aim, Camera, Fill, LabelEntry, Projection, Scene, View};
 use crate::volume::{Geometry, Volume, Voxel, coarse_index, with_voxels};
 
 /// Fraction of the picture that its visible pixels span in their larger direction.
@@ -101,6 +103,8 @@ pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
     let step = whole((count(lines(1) * lines(2)) / count(ROWS)).sqrt().ceil()).max(1);
     let ranges = ranges(scene);
     let by_value = |value: f64| ranges.iter().any(|&[low, high]| (low..=high).contains(&value));
+    let declared: BTreeMap<i64, &LabelEntry> =
+        scene.labels.iter().flat_map(|labels| &labels.declared).map(|entry| (entry.label, entry)).collect();
     let label = |index: usize| {
         let labels = scene.labels.as_ref()?;
         // That of the voxel in the middle of a block.
@@ -108,8 +112,8 @@ pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
         let dims = labels.volume.geometry.dims;
         let [x, y, z] =
             [(x, 0), (y, 1), (z, 2)].map(|(at, axis)| (at * block[axis] + block[axis] / 2).min(dims[axis] - 1));
-        let label = nearest(labels.volume.voxels.value(x + dims[0] * (y + dims[1] * z))?);
-        labels.declared.iter().find(|entry| i64::from(entry.label) == i64::from(label))
+        let label = labels.volume.label(x + dims[0] * (y + dims[1] * z))?;
+        declared.get(&label).copied()
     };
     let shows = |index: usize, value: f64| match label(index) {
         Some(entry) => entry.opacity > 0.0 || entry.absorption > 0.0,

@@ -10,20 +10,53 @@ use crate::scene::{INTENSITY, Mix, MixLight};
 use crate::spectrum::standard::names;
 use crate::spectrum::{Kind, Light, SpectrumSource, nearest};
 
-/// The mix of `requests` in place of `stated`. A name is a light of `stated`, then a standard, then a spectrum file
-/// below `base`. Of several readings of a request, the one with the fewest parts counts whose name and position exist.
-/// A light of `stated` keeps its position and multiplies its weight; any other light goes to every position. A request
-/// with a position overrides both.
+/// A mix by requests.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Requested {
+    /// The mix.
+    pub mix: Mix,
+    /// Requested lights that the scene does not have and that no position was named for, in the order of the requests.
+    pub placed: Vec<Placed>,
+}
+
+/// A light in place of a mix.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placed {
+    /// Name of the light.
+    pub name: String,
+    /// The mix whose positions and shares it has.
+    pub shares: Shares,
+    /// Names of its positions, each with its weight there.
+    pub weights: Vec<(String, f64)>,
+}
+
+/// The mix whose positions and shares a light has that the scene does not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shares {
+    /// The mix of the picture.
+    Shown,
+    /// The lights of the scene at their intensities: in the mix of the picture no light is on.
+    Stated,
+    /// Every position alike: no light of the scene has an intensity above 0.
+    Everywhere,
+}
+
+/// The mix of `requests` in place of `shown`, the mix of the picture so far; `stated` is that of the scene. A name is a
+/// light of `stated`, then a standard, then a spectrum file below `base`. Of several readings of a request, the one with
+/// the fewest parts counts whose name and position exist. A light of `stated` keeps its position and multiplies its
+/// weight. Any other light has the positions of `shown`, and at each the sum of its weights: a picture keeps its
+/// brightness and shadows. A request with a position overrides both.
 ///
 /// # Errors
 ///
 /// [`SceneError::LightRequest`] for a missing name or position.
 pub fn requested(
     stated: &Mix,
+    shown: &Mix,
     positions: &[String],
     requests: &[LightRequest],
     base: &Path,
-) -> Result<Mix, SceneError> {
+) -> Result<Requested, SceneError> {
     let place = |name: &str| {
         let of_light = || stated.0.iter().find(|light| light.name == name).map(|light| light.position);
         positions.iter().position(|position| position == name).or_else(of_light)
@@ -34,6 +67,7 @@ pub fn requested(
         named && reading.position.is_none_or(|name| place(name).is_some())
     };
     let mut mix = Vec::new();
+    let mut placed = Vec::new();
     for asked in requests {
         let fail = |message: String| SceneError::LightRequest { request: asked.0.clone(), message };
         let request = asked.read(is_there).map_err(fail)?;
@@ -71,17 +105,51 @@ pub fn requested(
                     "the scene has no lights, so there is no light position from which this light could shine".into(),
                 ));
             }
-            for position in named.map_or(0..positions.len(), |position| position..position + 1) {
-                let name = request.name.to_owned();
-                mix.push(MixLight { name, spectrum: spectrum.clone(), weight: request.weight, position });
+            let (shares, weights) = match named {
+                Some(position) => (None, vec![(position, 1.0)]),
+                None => {
+                    let (shares, weights) = shares(shown, stated, positions.len());
+                    (Some(shares), weights)
+                }
+            };
+            let lights = weights.into_iter().map(|(position, share)| MixLight {
+                name: request.name.to_owned(),
+                spectrum: spectrum.clone(),
+                weight: share * request.weight,
+                position,
+            });
+            let lights: Vec<MixLight> = lights.collect();
+            if let Some(shares) = shares {
+                let at = |light: &MixLight| Some((positions.get(light.position)?.clone(), light.weight));
+                let weights = lights.iter().filter_map(at).collect();
+                placed.push(Placed { name: request.name.to_owned(), shares, weights });
             }
+            mix.extend(lights);
         }
         for light in known {
             let position = named.unwrap_or(light.position);
             mix.push(MixLight { weight: light.weight * request.weight, position, ..light.clone() });
         }
     }
-    Ok(Mix(mix))
+    Ok(Requested { mix: Mix(mix), placed })
+}
+
+/// Positions of the lights that are on, each with the sum of their weights: those of `shown`, or else of `stated`, or
+/// else all of the `count` positions.
+fn shares(shown: &Mix, stated: &Mix, count: usize) -> (Shares, Vec<(usize, f64)>) {
+    let at = |mix: &Mix, position: usize| -> f64 {
+        mix.0.iter().filter(|light| light.position == position).map(|light| light.weight).sum()
+    };
+    let of = |mix: &Mix| -> Vec<(usize, f64)> {
+        (0..count).map(|position| (position, at(mix, position))).filter(|&(_, weight)| weight > 0.0).collect()
+    };
+    for (shares, mix) in [(Shares::Shown, shown), (Shares::Stated, stated)] {
+        let weights = of(mix);
+        if !weights.is_empty() {
+            return (shares, weights);
+        }
+    }
+    (Shares::Everywhere, (0..count).map(|position| (position, 1.0)).collect())
 }
 
 /// Warns of a light with negative samples.
@@ -175,4 +243,60 @@ fn weight(text: &str) -> Result<f64, String> {
     }
     let [least, most] = [INTENSITY.start(), INTENSITY.end()];
     Err(format!("the weight {text} is not a number from {least} to {most}"))
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::spectrum::standard;
+
+    fn mix(lights: &[(&str, f64, usize)]) -> Mix {
+        let light = |&(name, weight, position): &(&str, f64, usize)| MixLight {
+            name: name.to_owned(),
+            spectrum: standard::light("A").unwrap(),
+            weight,
+            position,
+        };
+        Mix(lights.iter().map(light).collect())
+    }
+
+    fn asked(shown: &[(&str, f64, usize)], request: &str) -> (Vec<(String, f64, usize)>, Vec<Placed>) {
+        let stated = mix(&[("sun", 2.0, 0), ("glow", 0.5, 1), ("moon", 0.25, 1), ("off", 0.0, 2)]);
+        let positions = ["sun", "sky", "lamp"].map(str::to_owned);
+        let requests: Vec<LightRequest> = request.split(' ').map(|text| LightRequest(text.to_owned())).collect();
+        let Requested { mix, placed } = requested(&stated, &mix(shown), &positions, &requests, Path::new("")).unwrap();
+        (mix.0.into_iter().map(|light| (light.name, light.weight, light.position)).collect(), placed)
+    }
+
+    #[test]
+    fn a_foreign_light_has_the_positions_and_weights_of_the_picture() {
+        let is = |light: &str, weight: f64, position: usize| (light.to_owned(), weight, position);
+        // One light is on: brightness and shadows are those of this one.
+        let (found, placed) = asked(&[("sun", 1.5, 0)], "D65");
+        assert_eq!(found, [is("D65", 1.5, 0)]);
+        let weights = vec![("sun".to_owned(), 1.5)];
+        assert_eq!(placed, [Placed { name: "D65".to_owned(), shares: Shares::Shown, weights }]);
+        // Lights of one position add up, and a weight multiplies them.
+        let shown = [("sun", 0.0, 0), ("glow", 0.75, 1), ("moon", 0.5, 1)];
+        assert_eq!(asked(&shown, "D50=2").0, [is("D50", 2.5, 1)]);
+        assert_eq!(asked(&shown, "D50=0.5 A=0.5").0, [is("D50", 0.625, 1), is("A", 0.625, 1)]);
+        // Lights of the scene keep their own position and intensity, and a stated position has the plain weight.
+        let (found, placed) = asked(&shown, "sun=0.5 D65@lamp=3");
+        assert_eq!(found, [is("sun", 1.0, 0), is("D65", 3.0, 2)]);
+        assert_eq!(placed, [], "nothing to tell");
+        // Without any light on, those of the scene count.
+        let (found, placed) = asked(&[("sun", 0.0, 0)], "E");
+        assert_eq!(found, [is("E", 2.0, 0), is("E", 0.75, 1)]);
+        assert_eq!(placed[0].shares, Shares::Stated);
+    }
+
+    #[test]
+    fn a_foreign_light_shines_from_everywhere_where_no_light_has_an_intensity() {
+        let positions = ["sun", "sky"].map(str::to_owned);
+        let none = mix(&[("sun", 0.0, 0), ("sky", 0.0, 1)]);
+        let found = requested(&none, &none, &positions, &[LightRequest("D65=3".to_owned())], Path::new("")).unwrap();
+        let weights = vec![("sun".to_owned(), 3.0), ("sky".to_owned(), 3.0)];
+        assert_eq!(found.placed, [Placed { name: "D65".to_owned(), shares: Shares::Everywhere, weights }]);
+    }
 }

@@ -30,10 +30,10 @@ pub(crate) use error::chain;
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use first_look::{Look, Wish};
 pub use history::Document;
-pub use light_request::{LightRequest, requested};
+pub use light_request::{LightRequest, Placed, Requested, Shares, requested};
 pub use mixing::{LightState, Mixing, Slider};
 pub use session::SessionError;
-pub use source::{OpenError, Question, Source, Unknown, is_no_scene, is_sidecar};
+pub use source::{OpenError, Question, Series, Source, Unknown, is_no_scene, is_sidecar};
 pub use state::{BRIGHTEST, Edit, STEPS, State, THINNEST, polygon, reset_nodes};
 
 use crate::scene::{Mix, Scene};

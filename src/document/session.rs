@@ -19,7 +19,7 @@ use crate::scene::{
 };
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{FilmAngle, Layers, Spectrum, ThinFilm};
-use crate::volume::ByteOrder;
+use crate::volume::{ByteOrder, is_built_in};
 
 /// Why a session cannot be saved.
 #[derive(Debug, thiserror::Error)]
@@ -309,6 +309,10 @@ fn volume(document: &mut DocumentMut, source: &Source, base: &Path) -> Result<()
     if let Some(labels) = &options.labels {
         table.insert("labels", value(from(labels, base)?));
     }
+    if let Some(names) = &options.label_names {
+        let name = if is_built_in(names) { utf8(names)?.to_owned() } else { from(names, base)? };
+        table.insert("label_names", value(name));
+    }
     if let Some((lengths, unit)) = options.spacing {
         // The key is the spacing of averaged blocks.
         let stated = table.get("downsample").and_then(|item| item.as_array());
@@ -554,7 +558,15 @@ fn labels(document: &mut DocumentMut, scene: &Scene, opened: &Scene) -> Result<(
         let labels = table(document, "labels")?;
         let is_it = |key: &str| key.trim().parse() == Ok(entry.label);
         let key = labels.iter().map(|(key, _)| key.to_owned()).find(|key| is_it(key));
-        let Some(label) = key.and_then(|key| labels.get_mut(&key)).and_then(Item::as_table_like_mut) else { continue };
+        // A label of `labels.others` gets an entry of its own.
+        let key = key.unwrap_or_else(|| {
+            let key = entry.label.to_string();
+            let mut own = Table::new();
+            own.insert("name", value(&entry.name));
+            labels.insert(&key, Item::Table(own));
+            key
+        });
+        let Some(label) = labels.get_mut(&key).and_then(Item::as_table_like_mut) else { continue };
         label.insert("material", value(scene.materials.get(entry.material).map_or("", |it| &it.name)));
         label.insert("opacity", value(entry.opacity));
         if entry.absorption <= 0.0 {

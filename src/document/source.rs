@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use super::file::{parse_around, volume_alone};
-use super::first_look::{LookError, NoCt, first_look, labels_text};
-use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded};
+use super::first_look::{LookError, NoCt, Shown, Subject, first_look, labels_text};
+use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded, parse};
 use crate::input;
+use crate::number::readable;
 use crate::progress::{Progress, Quiet};
-use crate::volume::{self, RawLayout, Selection, Several, Statistics, VolumeError, has_header, is_volume};
+use crate::volume::{self, RawLayout, Selection, Several, Statistics, Volume, VolumeError, has_header, is_volume};
 
 /// A file to open, with options.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -182,7 +183,7 @@ impl Source {
         // A layout describes a volume, unless the file is a scene.
         let is_toml = |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
         let is_laid_out = |path: &Path| {
-            if is_toml(path) { is_sidecar(path) } else { self.options.raw.is_some() }
+            if is_toml(path) { is_sidecar(path) } else { self.options.raw.is_some() && self.options.volume.is_none() }
         };
         self.path.as_deref().filter(|path| is_volume(path, &[]) || is_laid_out(path) || has_header(path))
     }
@@ -194,8 +195,7 @@ impl Source {
     /// [`SceneError`], [`VolumeError`].
     pub fn read(&self, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
         // A volume without a scene is never shown by the embedded one, also if it cannot be read.
-        let alone = self.bare_volume().or(self.options.volume.as_deref().filter(|_| self.path.is_none()));
-        let file = match (&self.path, alone) {
+        let file = match (&self.path, self.alone()) {
             (_, Some(path)) => return self.first_look(path, progress),
             (None, None) => load_embedded(&self.options, progress)?,
             (Some(path), None) => load(path, &self.options, progress).map_err(|error| no_scene(path, error))?,
@@ -206,40 +206,187 @@ impl Source {
 
     /// The scene of the volume `path`, made from its values.
     fn first_look(&self, path: &Path, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
-        let options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
+        let mut options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
         let whole_name = path.display().to_string();
-        let of_volume = |error| match error {
-            // The file is the volume itself, so the error needs no scene.
-            SceneError::Volume { source, .. } => source.into(),
-            error => OpenError::from(error),
-        };
-        let ((mut volume, stored), has_parts) = volume_alone(&whole_name, &options, progress).map_err(of_volume)?;
-        volume.prepare_coarse(progress)?;
-        let statistics = volume.statistics()?;
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let look =
-            first_look(&name, &mut volume, &statistics, (options.wish, has_parts), progress).map_err(|error| {
-                match error {
-                    LookError::NoCt(error) => OpenError::from(error),
-                    LookError::Volume(error) => error.into(),
-                }
-            })?;
-        let statistics = if look.is_alone { volume.statistics()? } else { statistics };
+        let ((volume, stored), has_parts) = volume_alone(&whole_name, &options, progress).map_err(of_volume)?;
+        let subject = Subject { has_parts, is_of_times: false };
+        let Looked { mut volume, text, guess, statistics } = looked(path, volume, (&mut options, subject), progress)?;
         volume.geometry = stored;
-        let (mut text, mut guess) = (look.text, look.guess);
-        if let Some(labels) = &options.labels {
-            // A label map that cannot be read is an error of the scene.
-            let labels = volume::open(labels, &Selection::default(), progress).ok();
-            let declared = labels.and_then(|labels| labels_text(&labels, &text));
-            guess.push_str(match &declared {
-                Some(_) => " Voxels with a label are shown as materials of their own, and all others by their values.",
-                None => " The labels are not used: the label map has no label, or too many to be told apart.",
-            });
-            text.push_str(&declared.unwrap_or_default());
-        }
         let read = parse_around(Some(volume), &whole_name, &text, Path::new(""), &options, progress);
         let file = read.map_err(of_volume)?;
+        // Labels may be values by their ranks.
+        let own = file.scene.labels.is_some() && options.labels.is_none();
+        let statistics = if own { file.scene.volume.statistics()? } else { statistics };
         Ok((SceneFile { guess: Some(guess), ..file }, statistics))
+    }
+
+    /// Number of time steps, one of which [`Selection::time`] chooses; 1 if there is no choice.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`], for all other choices.
+    pub fn times(&self, progress: &dyn Progress) -> Result<usize, OpenError> {
+        let opened = match self.alone() {
+            Some(path) => {
+                let options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
+                let read = volume_alone(&path.display().to_string(), &options, progress);
+                read.map(drop).map_err(of_volume)
+            }
+            None => self.read(progress).map(drop),
+        };
+        match opened {
+            Ok(()) => Ok(1),
+            Err(error) => match error.question() {
+                Some(Question { unknown: Unknown::Which(Several::Times(count)), .. }) => Ok(count),
+                _ => Err(error),
+            },
+        }
+    }
+
+    /// The scenes of all `times`. Those of a volume without a scene have one look, made from the largest value of each
+    /// voxel over all times.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`].
+    pub fn series(&self, times: usize, progress: &dyn Progress) -> Result<Series, OpenError> {
+        let Some(path) = self.alone() else { return Ok(Series { source: self.clone(), look: None }) };
+        let name = path.display().to_string();
+        let mut options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
+        let mut largest: Option<(Volume, bool)> = None;
+        let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
+        for time in 0..times {
+            options.selection.time = Some(time);
+            let ((volume, _), has_parts) = volume_alone(&name, &options, progress).map_err(of_volume)?;
+            let Statistics { min, max, .. } = volume.statistics()?;
+            ends = [ends[0].min(min), ends[1].max(max)];
+            match &mut largest {
+                Some((largest, _)) => largest.raise_to(&volume)?,
+                None => largest = Some((volume, has_parts)),
+            }
+        }
+        let look = match largest {
+            Some((volume, has_parts)) => {
+                let subject = Subject { has_parts, is_of_times: true };
+                let Looked { text, guess, .. } = looked(path, volume, (&mut options, subject), progress)?;
+                let [least, most] = ends.map(readable);
+                let of_all = format!(
+                    "{guess} All {times} time steps have this look, by the largest value of each voxel; their values go \
+                     from {least} to {most}."
+                );
+                Some((text, of_all))
+            }
+            None => None,
+        };
+        // Names that the look does not use are not used at any time.
+        let options = SceneOptions { label_names: options.label_names, ..self.options.clone() };
+        Ok(Series { source: Self { options, ..self.clone() }, look })
+    }
+
+    /// The volume that is opened without a scene, if there is one.
+    fn alone(&self) -> Option<&Path> {
+        self.bare_volume().or(self.options.volume.as_deref().filter(|_| self.path.is_none()))
+    }
+}
+
+/// Scenes of the time steps of a source.
+#[derive(Clone, Debug)]
+pub struct Series {
+    source: Source,
+    /// Text of the scene of all times, and the guess in a sentence, for a volume without a scene.
+    look: Option<(String, String)>,
+}
+
+impl Series {
+    /// The guess, in a sentence, if the scene was made from the volume.
+    #[must_use]
+    pub fn guess(&self) -> Option<&str> {
+        self.look.as_ref().map(|(_, guess)| guess.as_str())
+    }
+
+    /// The scene of a time step.
+    ///
+    /// # Errors
+    ///
+    /// As [`Source::read`].
+    pub fn at(&self, time: usize, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
+        let mut source = self.source.clone();
+        source.options.selection.time = Some(time);
+        let (Some((text, guess)), Some(path)) = (&self.look, self.source.alone()) else { return source.read(progress) };
+        let options = SceneOptions { volume: Some(path.to_owned()), ..source.options };
+        let file = parse(&path.display().to_string(), text, Path::new(""), &options, progress).map_err(of_volume)?;
+        let statistics = file.scene.volume.statistics()?;
+        Ok((SceneFile { guess: Some(guess.clone()), ..file }, statistics))
+    }
+}
+
+/// A volume with its first look.
+struct Looked {
+    /// The volume, without other parts than the body, as the look says.
+    volume: Volume,
+    /// Text of the scene.
+    text: String,
+    /// The guess, in a sentence.
+    guess: String,
+    statistics: Statistics,
+}
+
+/// The first look at `volume`, which was read from `path`. Names of labels that it does not use leave the options.
+fn looked(
+    path: &Path,
+    mut volume: Volume,
+    (options, subject): (&mut SceneOptions, Subject),
+    progress: &dyn Progress,
+) -> Result<Looked, OpenError> {
+    volume.prepare_coarse(progress)?;
+    let notes = volume.notes.len();
+    if let (Some(names), None) = (&options.label_names, &options.labels) {
+        volume.name_labels(names)?;
+    }
+    let of_names = volume.notes.split_off(notes);
+    let statistics = volume.statistics()?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let look =
+        first_look(&name, &mut volume, &statistics, (options.wish, subject), progress).map_err(|error| match error {
+            LookError::NoCt(error) => OpenError::from(error),
+            LookError::Volume(error) => error.into(),
+        })?;
+    let statistics = if look.is_alone { volume.statistics()? } else { statistics };
+    // A label map is named again, with the notes.
+    if let Some(names) = options.label_names.take_if(|_| options.labels.is_none() && look.labels != Shown::AsMap) {
+        volume.notes.extend(of_names);
+        if look.labels == Shown::Not {
+            volume.notes.truncate(notes);
+            volume.notes.push(format!(
+                "{}: the values are not shown as labels, so the names in {} are not used",
+                path.display(),
+                names.display()
+            ));
+        }
+    }
+    let (mut text, mut guess) = (look.text, look.guess);
+    // A label map that cannot be read is an error of the scene.
+    if let Some(mut labels) =
+        options.labels.as_ref().and_then(|labels| volume::open(labels, &Selection::default(), progress).ok())
+    {
+        if let Some(names) = &options.label_names {
+            labels.name_labels(names)?;
+        }
+        let declared = labels_text(&labels, &text)?;
+        guess.push_str(match &declared {
+            Some(_) => " Voxels with a label are shown as materials of their own, and all others by their values.",
+            None => " The labels are not used: the label map has no label.",
+        });
+        text.push_str(&declared.unwrap_or_default());
+    }
+    Ok(Looked { volume, text, guess, statistics })
+}
+
+/// The error of a scene around a volume; where the file is the volume itself, it needs no scene.
+fn of_volume(error: SceneError) -> OpenError {
+    match error {
+        SceneError::Volume { source, .. } => source.into(),
+        error => OpenError::from(error),
     }
 }
 

@@ -302,6 +302,12 @@ impl State {
         self.mix().0.iter().any(|light| light.weight > 0.0) && self.scene.display.exposure > 0.0
     }
 
+    /// The light of swatches: the current one, or in the dark that of the scene, because black swatches tell nothing.
+    #[must_use]
+    pub fn mix_of_swatches(&self) -> Mix {
+        if self.is_lit() { self.mix() } else { Mix::of_scene(&self.scene) }
+    }
+
     /// Normalisation and master of the sliders or the dial, whichever is in use.
     #[must_use]
     pub fn master(&self) -> (bool, f64) {

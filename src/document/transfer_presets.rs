@@ -114,7 +114,7 @@ impl TransferPreset {
             Self::SkinAndBone => {
                 "Shows the surface of the body, -400 to -150 Hounsfield units, like glass, with the bones inside."
             }
-            Self::Lung => "Shows lung tissue, -850 to -500 Hounsfield units, as a haze around bone.",
+            Self::Lung => "Shows lungs, -900 to -500 Hounsfield units, through faint bones.",
             Self::Vessels => {
                 "Shows vessels with contrast agent, 150 to 420 Hounsfield units, and dense bone from 550 on as a haze."
             }
@@ -195,9 +195,10 @@ impl TransferPreset {
             }
             Self::Lung => {
                 let zero = hounsfield()?;
+                // From the values of full inspiration on; bones in front of the lungs hide little of them.
                 vec![
-                    layer(skin, [zero - 850.0, zero - 500.0], 50.0, 0.02),
-                    layer(bone, [zero + 300.0, statistics.max], 50.0, 0.2),
+                    layer(skin, [zero - 900.0, zero - 500.0], 50.0, 0.06),
+                    layer(bone, [zero + 300.0, statistics.max], 50.0, 0.03),
                 ]
             }
             Self::Vessels => {

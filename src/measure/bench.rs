@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 
-use super::clock::{Stopwatch, Timing, summary};
+use super::clock::{Limit, Stopwatch, Timing, summary};
 use super::difference::delta_e;
 use super::enlarge::Enlargement;
 use super::error::MeasureError;
 use super::ladder::{FINER, Ladder, LadderError};
-use super::sample::{Drawn, drawn, p95_of_all};
+use super::sample::{Drawn, LEAST_PIXELS, drawn, p95_of_all};
 use super::setting::{Knob, Setting, Value};
 use super::shown::{looked_up, picture};
 use crate::model::ErrorSummary;
@@ -74,7 +74,7 @@ impl std::fmt::Debug for Bench<'_> {
 
 impl<'a> Bench<'a> {
     /// Creates a bench for pictures of `size`. Errors are measured in at most `most` visible pixels, drawn at random
-    /// with `seed`.
+    /// with `seed`; in fewer if `limit` is over before so many are found.
     ///
     /// # Errors
     ///
@@ -84,10 +84,10 @@ impl<'a> Bench<'a> {
         scene: &'a Scene,
         mix: &Mix,
         size: [usize; 2],
-        (most, seed): (usize, u64),
+        (most, seed, limit): (usize, u64, Limit),
         progress: &dyn Progress,
     ) -> Result<Self, MeasureError> {
-        let Drawn { ladder, showing } = drawn(scene, mix, size, most, seed, progress)?;
+        let Drawn { ladder, showing } = drawn(scene, mix, size, most, (seed, limit), progress)?;
         if ladder.pixels.is_empty() {
             return Err(MeasureError::Nothing { sampled: size[0] * size[1], source_name: scene.name.clone() });
         }
@@ -142,18 +142,26 @@ impl<'a> Bench<'a> {
     }
 
     /// Computes the truth for measuring pictures with steps of `step_length`, unless the present one is fine enough.
-    /// Steps of an eighth leave a thirtieth of an error proportional to Δs^1.7.
+    /// Steps of an eighth leave a thirtieth of an error proportional to Δs^1.7. Errors are measured in fewer pixels from then
+    /// on if `limit` does not suffice for all.
     ///
     /// # Errors
     ///
     /// [`MeasureError::Ladder`] if the reference fails or `progress` asks to stop.
-    pub fn truth_for(&mut self, step_length: f64, progress: &dyn Progress) -> Result<(), MeasureError> {
+    pub fn truth_for(&mut self, step_length: f64, limit: Limit, progress: &dyn Progress) -> Result<(), MeasureError> {
         if self.step_length > step_length / FINER {
             self.ladder.finest = step_length / AHEAD;
-            self.truth = self.ladder.truth_in(&self.ladder.pixels, progress)?;
+            self.truth = self.ladder.truth_within(&self.ladder.pixels, (limit, LEAST_PIXELS), progress)?;
+            self.ladder.pixels.truncate(self.truth.len());
             self.step_length = self.ladder.finest / FINER;
         }
         Ok(())
+    }
+
+    /// Number of pixels in which errors are measured.
+    #[must_use]
+    pub fn pixels(&self) -> usize {
+        self.ladder.pixels.len()
     }
 
     /// Errors against the present truth, regardless of the step length it was computed for.

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::bench::Bench;
 use super::cache::{Known, Point};
 use super::candidates::{DIMENSIONS, SCALES, setting, voxels};
-use super::clock::Timing;
+use super::clock::{Limit, Stopwatch, Timing};
 use super::digits::short;
 use super::error::MeasureError;
 use super::goal::{Goal, Pixels, Wanted};
@@ -48,9 +48,35 @@ pub struct Choice {
     pub from_cache: bool,
     /// Reason for the choice, in a sentence.
     pub why: String,
+    /// What a search that ran out of time did not try, in words.
+    pub untried: Vec<String>,
     /// All settings examined for the choice.
     #[serde(skip)]
     pub tried: Vec<Tried>,
+}
+
+/// Time that a search within an error may take.
+///
+/// A search that has found a setting ends at this time, and what it leaves out is told. The truth takes half of it at most,
+/// but for 256 pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patience {
+    /// Times of a frame of the fastest setting found.
+    pub frames: f64,
+    /// Least time, in ms: the truth takes as long for a picture of a fast device.
+    pub least_ms: f64,
+}
+
+impl Patience {
+    /// No limit.
+    pub const ENDLESS: Self = Self { frames: f64::INFINITY, least_ms: f64::INFINITY };
+}
+
+impl Default for Patience {
+    /// 20 frames: with the picture and its check, the run takes 30.
+    fn default() -> Self {
+        Self { frames: 20.0, least_ms: 8000.0 }
+    }
 }
 
 /// A setting with its measurements.
@@ -84,7 +110,24 @@ pub fn choose(
     cache: Option<&Path>,
     progress: &dyn Progress,
 ) -> Result<Choice, MeasureError> {
+    choose_within(renderer, scene, mix, (wanted, Patience::default()), cache, progress)
+}
+
+/// [`choose`] with a stated time of the search, if it is for an error.
+///
+/// # Errors
+///
+/// [`MeasureError`].
+pub fn choose_within(
+    renderer: &Renderer,
+    scene: &Scene,
+    mix: &Mix,
+    (wanted, patience): (Wanted, Patience),
+    cache: Option<&Path>,
+    progress: &dyn Progress,
+) -> Result<Choice, MeasureError> {
     let mut curve = Curve::new(renderer, scene, mix, wanted.size, cache, progress)?;
+    curve.patience = matches!(wanted.goal, Goal::MaxError(_)).then_some(patience);
     if wanted.pixels == Pixels::Fewer {
         curve.scales = &SCALES;
     }
@@ -143,6 +186,12 @@ struct Curve<'a> {
     bench: Option<Bench<'a>>,
     /// Lower limit of the step length for which the truth is computed, in world units.
     finest: f64,
+    clock: Stopwatch,
+    /// Limit of the time, if there is one.
+    patience: Option<Patience>,
+    /// Least frame time of the settings within the error, in ms; infinite before the first.
+    fastest_ms: f64,
+    untried: Vec<String>,
 }
 
 /// Progress that puts the number of the setting before each stage, because a setting has several long stages that each
@@ -220,7 +269,28 @@ impl<'a> Curve<'a> {
             scales: &SCALES[..1],
             bench: None,
             finest: 0.0,
+            clock: Stopwatch::start(),
+            patience: None,
+            fastest_ms: f64::INFINITY,
+            untried: Vec::new(),
         })
+    }
+
+    /// Time of the search in ms, if a frame takes `frame_ms`; infinite without a limit.
+    fn time_for(&self, frame_ms: f64) -> f64 {
+        self.patience.map_or(f64::INFINITY, |Patience { frames, least_ms }| (frames * frame_ms).max(least_ms))
+    }
+
+    /// Whether the search has found a setting and may take no more time.
+    fn is_over(&self) -> bool {
+        self.fastest_ms.is_finite() && self.clock.read().wall_ms >= self.time_for(self.fastest_ms)
+    }
+
+    /// Says what a search that is over leaves out.
+    fn leave_out(&mut self, what: String) {
+        if !self.untried.contains(&what) {
+            self.untried.push(what);
+        }
     }
 
     /// Measures `setting`, with at least `frames` timed frames, and records it as tried.
@@ -244,26 +314,36 @@ impl<'a> Curve<'a> {
         }
         let number = self.tried.len() + 1;
         let progress = &Numbered { progress: self.progress, number, settings: self.settings };
-        let finest = self.finest;
+        let (finest, fastest) = (self.finest, self.fastest_ms);
+        let ready = [self.bench()?.ready(setting, progress)?];
         let bench = self.bench()?;
-        let ready = bench.ready(setting, progress)?;
+        if known.is_none() {
+            bench.check(&ready[0])?;
+        }
+        // Frames come first: they tell how much time the truth may take.
+        let timed = bench.times(&ready, frames, progress)?.first().copied().unwrap_or_default();
+        let limit = self.time_for(fastest.min(timed.wall_ms)) - self.clock.read().wall_ms;
+        let bench = self.bench()?;
         let point = match known {
             Some(point) => point,
             None => {
-                bench.check(&ready)?;
-                bench.truth_for(ready.step_length().max(finest), progress)?;
-                let errors = bench.errors(&ready, progress)?;
+                bench.truth_for(ready[0].step_length().max(finest), Limit(0.5 * limit), progress)?;
+                let errors = bench.errors(&ready[0], progress)?;
                 Point { error: errors.of_sample, at_most: errors.at_most, ..Point::default() }
             }
         };
-        let timed = bench.times(&[ready], frames, progress)?;
-        Ok(self.keep_times(setting, point, timed.first().copied().unwrap_or_default(), frames))
+        Ok(self.keep_times(setting, point, timed, frames))
     }
 
     fn bench(&mut self) -> Result<&mut Bench<'a>, MeasureError> {
         let bench = match self.bench.take() {
             Some(bench) => bench,
-            None => Bench::new(self.renderer, self.scene, self.mix, self.size, (PIXELS, SEED), self.progress)?,
+            None => {
+                // A fifth of the least time, as no frame has been timed.
+                let limit = Limit(self.patience.map_or(f64::INFINITY, |it| 0.2 * it.least_ms));
+                let drawn = (PIXELS, SEED, limit);
+                Bench::new(self.renderer, self.scene, self.mix, self.size, drawn, self.progress)?
+            }
         };
         Ok(self.bench.insert(bench))
     }
@@ -294,8 +374,9 @@ impl<'a> Curve<'a> {
         let least = kept.iter().map(|kept| self.cost(&kept.point)).fold(f64::INFINITY, f64::min);
         kept.retain(|kept| self.cost(&kept.point) <= CLEARLY * least);
         let progress = self.progress;
+        let is_over = self.is_over();
         let mut again: Vec<&mut Kept> = kept.iter_mut().filter(|kept| kept.point.frames < FRAMES).collect();
-        if !again.is_empty() {
+        if !again.is_empty() && !is_over {
             let bench = self.bench()?;
             let ready: Result<Vec<_>, _> = again.iter().map(|kept| bench.ready(&kept.setting, progress)).collect();
             let times = bench.times(&ready?, FRAMES, progress)?;
@@ -312,6 +393,10 @@ impl<'a> Curve<'a> {
         let limit = SHARE_OF_ERROR * asked;
         let (mut best, mut nearest, mut too_large): (Option<Kept>, Option<Tried>, _) = (None, None, None);
         for &scale in self.scales {
+            if self.is_over() {
+                self.leave_out(format!("pictures of {scale} of the pixels across or fewer"));
+                break;
+            }
             match self.longest_steps(limit, scale, best.as_ref()) {
                 Ok(Ok(kept)) => best = self.cheapest(best.into_iter().chain(kept).collect())?,
                 Ok(Err(broken)) => {
@@ -369,6 +454,11 @@ impl<'a> Curve<'a> {
         let dimensions = best.map_or_else(|| self.dimensions.clone(), |best| vec![best.dimension]);
         let (mut kept, mut nearest): (Vec<Kept>, Option<Tried>) = (Vec::new(), None);
         for dimension in dimensions {
+            if self.is_over() && !kept.is_empty() {
+                let k = dimension.map_or_else(String::new, |k| k.to_string());
+                self.leave_out(format!("colour models with k = {k} or more"));
+                break;
+            }
             let (steps, first) = match (kept.last(), best) {
                 // A larger dimension takes longer and pays only if it allows longer steps.
                 (Some(shorter), _) => (shorter.n + 1..=*STEPS.end(), shorter.n + 1),
@@ -413,6 +503,9 @@ impl<'a> Curve<'a> {
             let setting = setting(step(next), dimension, scale);
             let point = self.point(&setting, 1)?;
             tried.insert(next, (setting.clone(), point));
+            if point.at_most <= limit {
+                self.fastest_ms = self.fastest_ms.min(point.frame_ms);
+            }
             let keeps = |n: &i32| tried.get(n).is_some_and(|(_, point)| point.at_most <= limit);
             let kept = tried.keys().copied().filter(keeps).max();
             let broken = tried.keys().copied().find(|n| !keeps(n) && kept.is_none_or(|kept| *n > kept));
@@ -422,7 +515,11 @@ impl<'a> Curve<'a> {
             // dimension, or with weights, it goes on to the end.
             let more_are_left = dimension.is_some_and(|k| k < DIMENSIONS[DIMENSIONS.len() - 1]);
             let done = low > high || kept.is_none() && more_are_left && is_level(&tried);
-            if done {
+            let is_over = !done && kept.is_some() && self.is_over();
+            if let (true, Some(kept)) = (is_over, kept) {
+                self.leave_out(format!("steps longer than {} voxels", step(kept)));
+            }
+            if done || is_over {
                 let broken = broken.and_then(|n| tried.get(&n).cloned());
                 // If no step is within the limit, the last one tried is the shortest.
                 return Ok(match kept.and_then(|n| Some((n, tried.remove(&n)?))) {
@@ -520,7 +617,15 @@ impl<'a> Curve<'a> {
         if [across, down] != self.size {
             why.push_str(&format!("; marched at {across}×{down} pixels and enlarged to {width}×{height}"));
         }
-        Choice { setting, point, from_cache: self.measured == 0, why, tried: self.tried.clone() }
+        let untried = self.untried.clone();
+        if !untried.is_empty() {
+            why.push_str(&format!(
+                "; the search ended after {:.0} s, and did not try {}",
+                self.clock.read().wall_ms / 1e3,
+                untried.join(", ")
+            ));
+        }
+        Choice { setting, point, from_cache: self.measured == 0, why, untried, tried: self.tried.clone() }
     }
 
     /// Writes the measurements to the cache. A failure costs time in later runs, but no picture.

@@ -30,6 +30,15 @@ impl AddAssign for Timing {
     }
 }
 
+/// A limit of wall time in ms; infinite for none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limit(pub f64);
+
+impl Limit {
+    /// No limit.
+    pub const NONE: Self = Self(f64::INFINITY);
+}
+
 /// Measures time from its start; can be read any number of times.
 #[derive(Clone, Copy, Debug)]
 pub struct Stopwatch {

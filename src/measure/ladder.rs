@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::Serialize;
 
+use super::clock::{Limit, Stopwatch};
 use super::skipping::{Skipping, occupancy};
 use crate::film::RelightMatrices;
 use crate::number::Real;
@@ -312,6 +313,25 @@ impl<'a> Ladder<'a> {
         (scene.accuracy, scene.shadows) = (self.true_accuracy(), self.rays());
         let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
         Ok(found.into_iter().map(|(colour, _)| colour).collect())
+    }
+
+    /// The truth in the first of `pixels`: in `least` of them, and in as many more as `limit` gives time for.
+    pub(super) fn truth_within(
+        &self,
+        pixels: &[[usize; 2]],
+        (limit, least): (Limit, usize),
+        progress: &dyn Progress,
+    ) -> Result<Vec<DVec3>, LadderError> {
+        /// Pixels between two looks at the clock.
+        const TOGETHER: usize = 128;
+        let clock = Stopwatch::start();
+        let mut found = Vec::new();
+        while found.len() < pixels.len() && (found.len() < least || clock.read().wall_ms < limit.0) {
+            let end = (found.len() + TOGETHER.max(least.saturating_sub(found.len()))).min(pixels.len());
+            let end = if limit.0.is_finite() { end } else { pixels.len() };
+            found.extend(self.truth_in(&pixels[found.len()..end], progress)?);
+        }
+        Ok(found)
     }
 
     /// XYZ and opacity of `scene` under the plan `planned`, from exact samples.

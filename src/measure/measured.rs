@@ -9,6 +9,7 @@ use super::clock::{Summary, Timing, summary};
 use super::difference::Difference;
 use super::ladder::Cause;
 use super::setting::Setting;
+use crate::plan::Integrate;
 use crate::scene::Level;
 
 /// Time of repeated work.
@@ -63,6 +64,10 @@ pub struct Measured {
     pub setting: Setting,
     /// The level of the volume that is marched, with its reason; `None` if the setting asks for none.
     pub level: Option<Level>,
+    /// Integration along a ray.
+    pub integration: Integrate,
+    /// Whether `integration = "auto"` took another one than for the setting of the scene.
+    pub other_integration: bool,
     /// Representation of spectra, in words.
     pub carrier: String,
     /// Components per pixel and light position.

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::clock::{Limit, Stopwatch};
 use super::difference::Difference;
 use super::ladder::{Ladder, LadderError};
 use crate::model::random::Random;
@@ -11,6 +12,11 @@ use crate::scene::{Mix, Scene};
 
 /// Pixels examined in each round of drawing.
 const ROUND: usize = 4096;
+/// The same, if the time is limited.
+const SHORT_ROUND: usize = 512;
+
+/// Random pixels in which errors are measured at least: the bound of the p95 of 256 is about the fourth largest error.
+pub(super) const LEAST_PIXELS: usize = 256;
 
 /// A random sample of the visible pixels.
 pub(super) struct Drawn<'a> {
@@ -21,24 +27,26 @@ pub(super) struct Drawn<'a> {
 }
 
 /// Draws up to `most` visible pixels of a picture of `size` under `mix` with `seed`, and creates their ladder. If
-/// there are fewer, draws them all.
+/// there are fewer, draws them all; if `limit` is over, those that are found, but [`LEAST_PIXELS`].
 pub(super) fn drawn<'a>(
     scene: &'a Scene,
     mix: &Mix,
     size: [usize; 2],
     most: usize,
-    seed: u64,
+    (seed, limit): (u64, Limit),
     progress: &dyn Progress,
 ) -> Result<Drawn<'a>, LadderError> {
+    let (clock, round) = (Stopwatch::start(), if limit.0.is_finite() { SHORT_ROUND } else { ROUND });
     let mut random = Random::new(seed);
     let pixels = size[0] * size[1];
     let mut left: Vec<[usize; 2]> = (0..pixels).map(|i| [i % size[0], i / size[0]]).collect();
     let mut found: Vec<[usize; 2]> = Vec::new();
     let mut ladder =
         Ladder::new(scene, mix.clone(), size, &[], (scene.accuracy.step_length, scene.accuracy.rays), progress)?;
-    while found.len() < most && !left.is_empty() {
+    let is_over = |found: usize| found >= LEAST_PIXELS && clock.read().wall_ms >= limit.0;
+    while found.len() < most && !left.is_empty() && !is_over(found.len()) {
         let round: Vec<[usize; 2]> =
-            (0..ROUND.min(left.len())).map(|_| left.swap_remove(random.index(left.len()))).collect();
+            (0..round.min(left.len())).map(|_| left.swap_remove(random.index(left.len()))).collect();
         found.extend(ladder.showing(&round, progress)?);
     }
     let showing = whole(count(found.len()) * count(pixels) / count(pixels - left.len()).max(1.0));
@@ -65,9 +73,7 @@ pub(super) fn p95_of_all(errors: &[f64], all: usize) -> f64 {
     sorted.get(rank - 1).copied().unwrap_or_default()
 }
 
-/// Measures the error of a finished picture, to check a `--max-error`. `rgba` is linear RGBA of `size` under `mix`.
-/// The truth has steps of an eighth of those of `scene`. Compares 4096 random visible pixels, or all if there are
-/// fewer. Returns `None` if no pixel shows the volume.
+/// [`check_within`] without a limit.
 ///
 /// # Errors
 ///
@@ -79,11 +85,30 @@ pub fn check(
     rgba: &[f32],
     progress: &dyn Progress,
 ) -> Result<Option<Checked>, LadderError> {
+    check_within(scene, mix, size, rgba, Limit::NONE, progress)
+}
+
+/// Measures the error of a finished picture, to check a `--max-error`. `rgba` is linear RGBA of `size` under `mix`.
+/// The truth has steps of an eighth of those of `scene`. Compares 4096 random visible pixels, or all if there are
+/// fewer, or 256 and as many more as `limit` gives time for. Returns `None` if no pixel shows the volume.
+///
+/// # Errors
+///
+/// [`LadderError`].
+pub fn check_within(
+    scene: &Scene,
+    mix: &Mix,
+    size: [usize; 2],
+    rgba: &[f32],
+    limit: Limit,
+    progress: &dyn Progress,
+) -> Result<Option<Checked>, LadderError> {
     const PIXELS: usize = 4096;
     /// Differs from the seed of a choice, so that other pixels are drawn.
     const SEED: u64 = 77;
-    let Drawn { ladder, .. } = drawn(scene, mix, size, PIXELS, SEED, progress)?;
-    let truth = ladder.truth_in(&ladder.pixels, progress)?;
+    let Drawn { mut ladder, .. } = drawn(scene, mix, size, PIXELS, (SEED, Limit(0.4 * limit.0)), progress)?;
+    let truth = ladder.truth_within(&ladder.pixels, (Limit(0.6 * limit.0), LEAST_PIXELS), progress)?;
+    ladder.pixels.truncate(truth.len());
     let shown: Vec<DVec3> = ladder
         .pixels
         .iter()

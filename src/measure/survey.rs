@@ -16,10 +16,10 @@ use super::measured::{CloseUp, Cost, Frames, Measured, Run};
 use super::setting::Setting;
 use super::shown::{looked_up, picture};
 use crate::number::count;
-use crate::plan::{Planned, ScenePlan, plan};
+use crate::plan::{Integrate, Planned, ScenePlan, plan};
 use crate::progress::{Progress, unreported};
 use crate::render::{Renderer, SceneRenderer};
-use crate::scene::{Accuracy, Coarse, Level, Mix, Scene};
+use crate::scene::{Accuracy, Coarse, Integration, Level, Mix, Scene};
 use crate::tables::TransferTable;
 use crate::volume::Statistics;
 use crate::vulkan::DeviceKind;
@@ -65,6 +65,8 @@ pub struct Survey<'a> {
     scene: &'a Scene,
     options: SurveyOptions,
     lattice: Lattice,
+    /// Integration of the scene's own setting.
+    integration: Integrate,
     ladder: Ladder<'a>,
     truth: Arc<Vec<DVec3>>,
     resident: Option<SceneRenderer>,
@@ -152,7 +154,11 @@ impl<'a> Survey<'a> {
             return Err(MeasureError::Nothing { sampled: looked_at.len(), source_name: scene.name.clone() });
         }
         let truth = ladder.truth(progress)?;
+        // A scene that cannot be planned has rows that say so.
+        let integration =
+            plan(scene, &unreported(progress)).map_or(Integrate::Samples, |planned| planned.plan.integration);
         Ok(Self {
+            integration,
             renderer,
             scene,
             options,
@@ -229,6 +235,8 @@ impl<'a> Survey<'a> {
         let planned = plan(&scene, progress)?;
         let on_device = self.upload(scene, level, planned, WARM_UP, progress)?;
         let (scene, planned, uploaded) = (on_device.scene(), on_device.planned(), on_device.uploaded());
+        let integration = planned.plan.integration;
+        let other_integration = stated.accuracy.integration == Integration::Auto && integration != self.integration;
         let size = setting.marched_size(self.options.size);
         let table = TransferTable::new(scene, planned, uploaded.storage.domain);
         let same = Same {
@@ -247,7 +255,7 @@ impl<'a> Survey<'a> {
         };
         if let Some(known) = self.known.iter_mut().find(|known| known.same == same) {
             known.settings.push(setting.clone());
-            return Ok(Measured { setting: setting.clone(), level: asked, ..known.row.clone() });
+            return Ok(Measured { setting: setting.clone(), level: asked, other_integration, ..known.row.clone() });
         }
         let volume_bytes = uploaded.bytes();
         let mut warm_up = Frames::default();
@@ -310,6 +318,8 @@ impl<'a> Survey<'a> {
         let row = Measured {
             setting: setting.clone(),
             level: asked,
+            integration,
+            other_integration,
             carrier: same.carrier.clone(),
             components: plan.components(),
             frame_ms: times.frame_ms(),

@@ -5,6 +5,7 @@ use super::findings::main_cause;
 use super::ladder::Cause;
 use super::measured::{Cost, Measured};
 use super::setting::Knob;
+use crate::plan::Integrate;
 
 /// Column heads for text and Markdown; all columns but the first hold numbers or single words.
 const HEADS: [&str; 12] = [
@@ -22,13 +23,23 @@ const HEADS: [&str; 12] = [
     "mostly by",
 ];
 
+/// The integration in brackets, if `auto` took another one than for the setting of the scene.
+pub(super) fn taken_integration(row: &Measured) -> String {
+    let name = match row.integration {
+        Integrate::Segments => "segments",
+        Integrate::Samples => "samples",
+    };
+    if row.other_integration { format!(" (auto took {name})") } else { String::new() }
+}
+
 /// The columns of a row for text and Markdown.
 fn cells(row: &Measured) -> [String; 12] {
     let march = &row.times.march.wall_ms;
     let error = &row.error.delta_e;
     let level = row.level.map_or_else(String::new, |asked| format!(" (level {})", asked.level));
+    let taken = taken_integration(row);
     [
-        format!("{}{level}{}", row.setting, if row.pareto { " *" } else { "" }),
+        format!("{}{level}{taken}{}", row.setting, if row.pareto { " *" } else { "" }),
         short(row.frame_ms),
         short(march.median),
         format!("{}–{}", short(march.min), short(march.max)),

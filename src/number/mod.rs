@@ -36,6 +36,24 @@ pub(crate) fn nearest(number: f64) -> i32 {
     number.round() as i32
 }
 
+/// The whole number of a float that is one, and of which all digits are known.
+#[must_use]
+pub(crate) fn nearest_label(number: f64) -> Option<i64> {
+    let size = number.abs();
+    if number.is_nan() || size.fract() > 0.0 || size > 9_007_199_254_740_992.0 {
+        return None;
+    }
+    let size = i64::try_from(whole(size)).ok()?;
+    Some(if number < 0.0 { -size } else { size })
+}
+
+/// A whole number as a float; exact below 2⁵³.
+#[expect(clippy::cast_precision_loss, reason = "more digits are names, not sizes")]
+#[must_use]
+pub(crate) fn from_label(label: i64) -> f64 {
+    label as f64
+}
+
 /// A count as a shader has it; one that does not fit is the largest, which every limit refuses.
 #[must_use]
 pub(crate) fn unsigned(n: usize) -> u32 {
@@ -57,6 +75,23 @@ pub fn readable(number: f64) -> String {
 #[must_use]
 pub fn brief(number: f64) -> String {
     readable(format!("{number:.6e}").parse().unwrap_or(number))
+}
+
+/// [`brief`] for one of the values of a range of the length `span`: with as many digits more as far offsets take, so that
+/// values of the range can be told apart.
+#[must_use]
+pub fn brief_in(number: f64, span: f64) -> String {
+    in_range(number, span, 7)
+}
+
+/// `number` to this many digits, and those that the offset of a range of the length `span` takes.
+pub(crate) fn in_range(number: f64, span: f64, digits: usize) -> String {
+    /// Digits that all f64 have.
+    const ALL: usize = 17;
+    let powers = number.abs().log10().floor() - span.abs().log10().floor();
+    let offset = if powers.is_finite() { whole(powers) } else { 0 };
+    let digits = (digits + offset).min(ALL) - 1;
+    readable(format!("{number:.digits$e}").parse().unwrap_or(number))
 }
 
 /// The line and the column of a byte of `text`, from 1.

@@ -25,8 +25,18 @@ pub enum Alpha {
     /// Shows the picture over black; the file has no alpha.
     OverBlack,
     /// Stores the opacity as alpha, and colours divided by it, as PNG requires. A picture without opacity has opacity
-    /// 1.
+    /// 1. Exact for programs that mix linear light.
     Kept,
+    /// The same for programs that mix codes of sRGB, as most do: over black, these show the codes of the picture over
+    /// black. Bright pixels are more opaque than in the picture.
+    KeptForCodes,
+}
+
+impl Alpha {
+    /// Whether the file has alpha.
+    fn is_kept(self) -> bool {
+        self != Self::OverBlack
+    }
 }
 
 /// Writes `picture` to `path`, encoded as sRGB (IEC 61966-2-1); see [`write_atomically`].
@@ -40,7 +50,7 @@ pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha)
     let (width, height) = (picture.width(), picture.height());
     let (sides, data) = (sides(width, height)?, encoded(picture, depth, alpha));
     write_atomically(path, |sink| {
-        let mut encoder = encoder(sink, sides, depth, alpha == Alpha::Kept)?;
+        let mut encoder = encoder(sink, sides, depth, alpha.is_kept())?;
         if let Some(digest) = picture.inputs() {
             encoder.add_text_chunk(INPUTS.to_owned(), digest).map_err(described)?;
         }
@@ -100,7 +110,7 @@ pub fn write_apng<E: From<OutputError>>(
     let sides = sides(size[0], size[1])?;
     let mut failed = None;
     let written = write_atomically(path, |sink| {
-        let mut encoder = encoder(sink, sides, depth, alpha == Alpha::Kept)?;
+        let mut encoder = encoder(sink, sides, depth, alpha.is_kept())?;
         encoder.set_animated(animation.frames, 0).map_err(described)?;
         encoder.set_frame_delay(1, animation.per_second).map_err(described)?;
         let mut writer = encoder.write_header().map_err(described)?;
@@ -134,7 +144,7 @@ fn encode<const N: usize>(
     opacity: impl Fn(f32) -> [u8; N] + Sync,
 ) -> Vec<u8> {
     let channels = picture.channels();
-    let kept = alpha == Alpha::Kept;
+    let kept = alpha.is_kept();
     let pixel_bytes = N * if kept { 4 } else { 3 };
     let mut data = vec![0; picture.width() * picture.height() * pixel_bytes];
     let rows = data.par_chunks_mut(picture.width() * pixel_bytes);
@@ -143,6 +153,17 @@ fn encode<const N: usize>(
             let covered = pixel.get(3).copied().filter(|_| kept).unwrap_or(1.0);
             let scale = if covered > 0.0 { covered.recip() } else { 1.0 };
             let (colours, rest) = bytes.split_at_mut(3 * N);
+            if alpha == Alpha::KeptForCodes {
+                let code = |&sample: &f32| srgb_from_linear(sample.clamp(0.0, 1.0));
+                let codes = pixel.iter().take(3).map(code);
+                let covered = codes.clone().fold(covered.clamp(0.0, 1.0), f32::max);
+                let scale = if covered > 0.0 { covered.recip() } else { 1.0 };
+                for (bytes, code) in colours.chunks_exact_mut(N).zip(codes) {
+                    bytes.copy_from_slice(&opacity(code * scale));
+                }
+                rest.copy_from_slice(&opacity(covered));
+                continue;
+            }
             for (bytes, &sample) in colours.chunks_exact_mut(N).zip(pixel) {
                 bytes.copy_from_slice(&colour(sample * scale));
             }

@@ -18,8 +18,8 @@ use crate::vulkan::{Buffer, Format, HostUse, Image3d};
 
 /// Bytes per upload; limits the host's copy.
 const SLAB_BYTES: usize = 4 << 20;
-/// Most bytes of a voxel: four floats, and a label of 16 bits.
-const MOST_VOXEL_BYTES: u64 = 16 + 2;
+/// Most bytes of a voxel: four floats, and a label of 32 bits.
+const MOST_VOXEL_BYTES: u64 = 16 + 4;
 /// Part of the memory for a volume that its coarse level may take: one of so many.
 const COARSE_PART: u64 = 4;
 /// Part of the memory for bricks that the level of its shadows may take: one of so many.
@@ -168,8 +168,11 @@ impl Renderer {
             _ => None,
         };
         let smooth = planned.plan.smooth_labels;
-        let label_format =
-            labels.as_ref().map(|map| if map.texel_bytes(smooth) == 1 { Format::R8Uint } else { Format::R16Uint });
+        let label_format = labels.as_ref().map(|map| match map.texel_bytes(smooth) {
+            1 => Format::R8Uint,
+            2 => Format::R16Uint,
+            _ => Format::R32Uint,
+        });
         let voxel_bytes = voxel_bytes(&storage, labels.as_deref(), smooth);
         let limit = self.largest_texture(format);
         if in_file || self.always_bricked || !self.has_room(dims, format, voxel_bytes, self.volume_budget()) {

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::{Aim, Camera, Labels, Scene};
 use crate::number::count;
 use crate::progress::Progress;
-use crate::volume::{Volume, VolumeError, coarse_index};
+use crate::volume::{LabelCounts, Volume, VolumeError, coarse_index};
 
 /// A coarse level of the volume of a scene, and of its labels.
 #[derive(Clone, Debug)]
@@ -22,7 +22,7 @@ pub struct Coarse {
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct LabelLeft {
     /// The label.
-    pub label: u32,
+    pub label: i64,
     /// Display name.
     pub name: String,
     /// Its voxels in the volume.
@@ -105,7 +105,7 @@ impl Coarse {
         let Some((labels, coarse)) = scene.labels.as_ref().zip(self.labels.as_ref()) else { return Ok(Vec::new()) };
         let voxels = labels.volume.counts_of_labels()?;
         let left = coarse.counts_of_labels()?;
-        let counted = |counts: &[u64], label: u32| counts.get(label as usize).copied().unwrap_or(0);
+        let counted = |counts: &LabelCounts, label: i64| counts.get(&label).copied().unwrap_or(0);
         let block: usize = self.block.iter().product();
         let visible = labels.declared.iter().filter(|entry| entry.opacity > 0.0 || entry.absorption > 0.0);
         let of_label = visible.map(|entry| {

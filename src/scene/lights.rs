@@ -150,6 +150,14 @@ pub struct MixLight {
     pub position: usize,
 }
 
+impl MixLight {
+    /// Whether `other` is the same light of a scene, with any weight.
+    #[must_use]
+    pub fn is_same(&self, other: &Self) -> bool {
+        (&self.name, self.position) == (&other.name, other.position)
+    }
+}
+
 impl Mix {
     /// The sum of weight · spectrum at each of `positions` positions, and the sum over all of them.
     #[must_use]
@@ -164,6 +172,13 @@ impl Mix {
             all = &all + &weighted;
         }
         (at, all)
+    }
+
+    /// Whether each of its lights is one of `stated`, at the position that it has there.
+    #[must_use]
+    pub fn is_of(&self, stated: &Self) -> bool {
+        let is_stated = |light: &MixLight| stated.0.iter().any(|one| one.is_same(light));
+        self.0.iter().all(is_stated)
     }
 
     /// The mix stated by the scene.

@@ -120,6 +120,12 @@ impl Scene {
         self.uses(index, |term| &term.opacity, |entry| entry.opacity)
     }
 
+    /// Whether the material `index` is visible through a value of the transfer function.
+    #[must_use]
+    pub fn shows_values_as(&self, index: usize) -> bool {
+        self.uses(index, |term| &term.opacity, |_| 0.0)
+    }
+
     /// True if the light `index` casts shadows that change the picture: they take ambient light, light without shading, and
     /// the diffuse and specular parts of shaded light.
     #[must_use]
@@ -277,15 +283,15 @@ impl Material {
 pub struct Labels {
     /// One label per voxel, on the grid of the voxel values.
     pub volume: Arc<Volume>,
-    /// Labels that the scene declares; label 0 and undeclared labels follow the transfer function.
+    /// Labels that the scene declares; undeclared labels follow the transfer function.
     pub declared: Vec<LabelEntry>,
 }
 
 /// Medium of a label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelEntry {
-    /// The label, never 0.
-    pub label: u32,
+    /// The label.
+    pub label: i64,
     /// Display name.
     pub name: String,
     /// Index into [`Scene::materials`].

@@ -1,5 +1,8 @@
 //! Smoothest reflectance of a given colour.
 
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::colour::{LinearSrgb, OBSERVER, xyz_from_linear_srgb};
@@ -17,6 +20,28 @@ use super::{BANDS, Reflectance, Spectrum, SpectrumError, standard};
 /// [`SpectrumError::Unattainable`] when no reflectance between 0 and 1 has the colour, or only one that is nearly
 /// everywhere 0 or 1.
 pub fn smooth_reflectance(colour: LinearSrgb) -> Result<Reflectance, SpectrumError> {
+    let key = colour.0.map(f64::to_bits);
+    // A lock that a panic has left holds whole entries.
+    let solved = || SOLVED.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = solved().get(&key) {
+        return Ok(known.clone());
+    }
+    let found = solve(colour)?;
+    let mut solved = solved();
+    if solved.len() >= MOST_SOLVED {
+        solved.clear();
+    }
+    solved.insert(key, found.clone());
+    Ok(found)
+}
+
+/// Reflectances that were solved, by colour: labels share colours, and a scene states each of them several times.
+static SOLVED: Mutex<BTreeMap<[u64; 3], Reflectance>> = Mutex::new(BTreeMap::new());
+/// Most of them.
+const MOST_SOLVED: usize = 4096;
+
+/// As [`smooth_reflectance`], anew.
+fn solve(colour: LinearSrgb) -> Result<Reflectance, SpectrumError> {
     for constant in [0.0, 1.0] {
         if colour.0.iter().all(|&part| (part - constant).abs() <= 1e-12) {
             return Reflectance::new(Spectrum::constant(constant));

@@ -6,13 +6,13 @@ use std::ops::Range;
 
 use super::boxes::{read_for_box, texels_of_box};
 use super::whole::{WholeCodes, neighbours};
+use crate::number::count;
 use crate::number::rounded;
-use crate::number::{count, readable, whole};
 use crate::parallel;
 use crate::plan::ScenePlan;
 use crate::progress::Progress;
 use crate::scene::{Labels, VolumeAs};
-use crate::volume::{BrickCache, Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxels};
+use crate::volume::{BrickCache, MOST_LABELS, Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxels};
 
 /// Texture formats of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -540,42 +540,39 @@ impl StoredVolume {
 #[derive(Clone, Debug)]
 pub struct LabelMap {
     /// Row number of each voxel, x fastest.
-    pub rows: Vec<u8>,
+    pub rows: Vec<u16>,
     /// Labels in the data that the scene does not declare, with their numbers of voxels.
-    pub undeclared: BTreeMap<u32, u64>,
+    pub undeclared: BTreeMap<i64, u64>,
     visible: Vec<bool>,
 }
 
 impl LabelMap {
-    /// Maps `labels` to rows: the i-th declared label (from 0) has row i + 1.
+    /// Maps `labels` to rows: the i-th declared label (from 0) has row i + 1. Negative labels, and label 0 unless it is declared,
+    /// have none.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Layout`] for a label that is not a whole number from 0 to 65535, or for more than 255 declared
-    /// labels.
+    /// [`VolumeError::Layout`] for a voxel that is no whole number, or for more than [`MOST_LABELS`] declared labels.
     pub fn new(labels: &Labels) -> Result<Self, VolumeError> {
-        let fail = |problem: String| VolumeError::Layout { source_name: labels.volume.source.clone(), problem };
-        let mut row_of = vec![None; 1 << 16];
-        row_of[0] = Some(0);
+        let mut row_of = BTreeMap::new();
         for (i, entry) in labels.declared.iter().enumerate() {
-            let row = u8::try_from(i + 1)
-                .map_err(|_| fail(format!("{} labels are declared; 255 can be", labels.declared.len())))?;
-            row_of[entry.label as usize] = Some(row);
+            let row = u16::try_from(i + 1).map_err(|_| VolumeError::Layout {
+                source_name: labels.volume.source.clone(),
+                problem: format!("{} labels are declared; {MOST_LABELS} can be", labels.declared.len()),
+            })?;
+            row_of.insert(entry.label, row);
         }
         let mut undeclared = BTreeMap::new();
         let mut rows = Vec::with_capacity(labels.volume.voxels.len());
-        with_voxels!(&labels.volume.voxels, stored => for (voxel, value) in stored.iter().enumerate() {
-            let value = value.to_f64();
-            let label = whole(value);
-            if (count(label) - value).abs() > 0.0 || value.is_nan() || label >= row_of.len() {
-                let value = readable(value);
-                return Err(fail(format!("voxel {voxel} holds {value}; labels are whole numbers from 0 to 65535")));
-            }
-            rows.push(row_of[label].unwrap_or_else(|| {
-                *undeclared.entry(u32::try_from(label).unwrap_or(u32::MAX)).or_insert(0) += 1;
+        labels.volume.each_run_of_labels(|label, length| {
+            let row = row_of.get(&label).copied().unwrap_or_else(|| {
+                if label > 0 {
+                    *undeclared.entry(label).or_insert(0) += length as u64;
+                }
                 0
-            }));
-        });
+            });
+            rows.resize(rows.len() + length, row);
+        })?;
         let visible = std::iter::once(false).chain(labels.declared.iter().map(|entry| entry.opacity > 0.0)).collect();
         Ok(Self { rows, undeclared, visible })
     }
@@ -585,45 +582,39 @@ impl LabelMap {
     #[must_use]
     pub fn texels(&self, dims: [usize; 3], slices: Range<usize>, smooth: bool) -> Vec<u8> {
         let [width, height, _] = dims;
-        let slice = width * height;
-        if !smooth {
-            return self.rows[slices.start * slice..slices.end * slice].to_vec();
-        }
-        let of_line = |line: usize| self.smooth_row(dims, line % height, line / height, 0..width);
+        let bytes = self.texel_bytes(smooth);
+        let of_line = |line: usize| self.line(dims, [line % height, line / height], 0..width, smooth);
         let first = slices.start * height;
         let lines = parallel::map(slices.len() * height, &|line| of_line(first + line));
-        let texels = lines.into_iter().flatten();
-        match self.texel_bytes(true) {
-            1 => texels.map(|texel| texel.to_le_bytes()[0]).collect(),
-            _ => texels.flat_map(u16::to_ne_bytes).collect(),
+        let mut texels = vec![0; lines.len() * width * bytes];
+        for (line, out) in lines.iter().zip(texels.chunks_exact_mut((width * bytes).max(1))) {
+            write_texels(line, bytes, out);
         }
+        texels
     }
 
     /// The texels of [`Self::texels`] in a box of `edge` voxels along each axis that begins at `first`. Outside the map,
     /// the texels at its faces are repeated.
     #[must_use]
     pub fn texels_of_box(&self, dims: [usize; 3], first: [i64; 3], edge: usize, smooth: bool) -> Vec<u8> {
-        let [width, height, _] = dims;
         let bytes = self.texel_bytes(smooth);
-        texels_of_box(dims, first, edge, bytes, |y, z, xs, out| match (smooth, bytes) {
-            (false, _) => out.copy_from_slice(&self.rows[width * (y + height * z)..][xs]),
-            (true, 1) => {
-                for (out, texel) in out.iter_mut().zip(self.smooth_row(dims, y, z, xs)) {
-                    *out = texel.to_le_bytes()[0];
-                }
-            }
-            (true, _) => out.copy_from_slice(bytemuck::cast_slice(&self.smooth_row(dims, y, z, xs))),
+        texels_of_box(dims, first, edge, bytes, |y, z, xs, out| {
+            write_texels(&self.line(dims, [y, z], xs, smooth), bytes, out);
         })
     }
 
-    /// Twice the row of each voxel, plus 1 if the labels of this voxel and the next ones along the axes differ.
-    fn smooth_row(&self, [width, height, depth]: [usize; 3], y: usize, z: usize, xs: Range<usize>) -> Vec<u16> {
+    /// Texels of a part of a row of voxels.
+    fn line(&self, dims: [usize; 3], [y, z]: [usize; 2], xs: Range<usize>, smooth: bool) -> Vec<u32> {
+        let [width, height, depth] = dims;
         let row = |y: usize, z: usize| &self.rows[width * (y + height * z)..][..width];
+        if !smooth {
+            return row(y, z)[xs].iter().copied().map(u32::from).collect();
+        }
         let around = [y, (y + 1).min(height - 1)].map(|y| [z, (z + 1).min(depth - 1)].map(|z| row(y, z)));
         let texel = |x: usize| {
             let (here, next) = (around[0][0][x], (x + 1).min(width - 1));
             let mixed = around.iter().flatten().any(|row| row[x] != here || row[next] != here);
-            2 * u16::from(here) + u16::from(mixed)
+            2 * u32::from(here) + u32::from(mixed)
         };
         xs.map(texel).collect()
     }
@@ -638,12 +629,28 @@ impl LabelMap {
     /// [`Self::texel_bytes`] of a map with so many `declared` labels.
     #[must_use]
     pub fn bytes_of(declared: usize, smooth: bool) -> usize {
-        if smooth && declared > 127 { 2 } else { 1 }
+        let largest = if smooth { 2 * declared + 1 } else { declared };
+        match largest {
+            0..=0xff => 1,
+            0x100..=0xffff => 2,
+            _ => 4,
+        }
     }
 
     /// Whether voxel `i` has a declared label with an opacity above 0.
     #[must_use]
     pub fn is_visible(&self, i: usize) -> bool {
         self.rows.get(i).and_then(|&row| self.visible.get(usize::from(row))).is_some_and(|&visible| visible)
+    }
+}
+
+/// Writes the low bytes of `texels` to `out`.
+fn write_texels(texels: &[u32], bytes: usize, out: &mut [u8]) {
+    for (texel, out) in texels.iter().zip(out.chunks_exact_mut(bytes)) {
+        match bytes {
+            1 => out.copy_from_slice(&texel.to_le_bytes()[..1]),
+            2 => out.copy_from_slice(&u16::try_from(*texel).unwrap_or(u16::MAX).to_ne_bytes()),
+            _ => out.copy_from_slice(&texel.to_ne_bytes()),
+        }
     }
 }

@@ -204,7 +204,7 @@ impl<'a> Steps<'a> {
     /// Returns [`Self::extinction`] of each declared label: label `i` of the scene at index `i + 1`, 0 at 0.
     #[must_use]
     pub fn extinctions_of_labels(&self, number: usize) -> Vec<f64> {
-        self.label_media().iter().map(|medium| self.extinction_of(medium, number)).collect()
+        self.label_media().map(|medium| self.extinction_of(&medium, number)).collect()
     }
 
     fn extinction_of(&self, medium: &Medium, number: usize) -> f64 {
@@ -227,28 +227,28 @@ impl<'a> Steps<'a> {
     /// Returns the effects of a step at each declared label: label `i` of the scene at index `i + 1`, none at 0.
     #[must_use]
     pub fn of_labels(&self) -> Vec<Step> {
-        self.label_media().iter().map(|medium| self.of_medium(medium)).collect()
+        self.label_media().map(|medium| self.of_medium(&medium)).collect()
     }
 
     /// Returns the densities of each declared label: label `i` of the scene at index `i + 1`, 0 at 0.
     #[must_use]
     pub fn densities_of_labels(&self) -> Vec<Step> {
-        self.label_media().iter().map(|medium| self.density_of(medium)).collect()
+        self.label_media().map(|medium| self.density_of(&medium)).collect()
     }
 
-    fn label_media(&self) -> Vec<Medium> {
+    /// The media of the labels, one at a time: many labels times many materials are many numbers.
+    fn label_media(&self) -> impl Iterator<Item = Medium> {
         let materials = self.scene.materials.len();
         let nothing = Medium { scattering: vec![0.0; materials], absorption: vec![0.0; materials] };
         let declared = self.scene.labels.iter().flat_map(|labels| &labels.declared);
-        let media = declared.map(|entry| {
+        std::iter::once(None).chain(declared.map(Some)).map(move |entry| {
             let mut medium = nothing.clone();
-            if entry.material < materials {
+            if let Some(entry) = entry.filter(|entry| entry.material < materials) {
                 medium.scattering[entry.material] = depth_from_opacity(entry.opacity);
                 medium.absorption[entry.material] = entry.absorption;
             }
             medium
-        });
-        std::iter::once(nothing.clone()).chain(media).collect()
+        })
     }
 
     /// Returns the density of `medium`, in the layout of a step: the light that it scatters per step length, and its

@@ -1,11 +1,15 @@
 //! Orthogonal slices of a volume: their planes, and their pixels.
 
+use std::collections::BTreeMap;
+
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
 use crate::annotate::Edges;
+use crate::document::transfer_presets::ct_windows;
 use crate::number::{count, whole};
-use crate::scene::{Labels, Scene};
+use crate::scene::{LabelEntry, Labels, Scene};
+use crate::spectrum::colour::{LinearSrgb, encode_srgb};
 use crate::volume::{Geometry, Statistics, Volume, Voxel, Window, with_voxels};
 
 /// Entries of the table of an overlay, for voxels that are not small whole numbers.
@@ -155,6 +159,22 @@ impl Plane {
     }
 }
 
+/// Windows that the file of the volume asks for, or else those of a CT.
+#[must_use]
+pub fn windows(volume: &Volume, statistics: &Statistics) -> Vec<Window> {
+    match &volume.presets.windows[..] {
+        [] => ct_windows(statistics),
+        stated => stated.to_vec(),
+    }
+}
+
+/// Codes of colours from 0 to 1, to 8 bits as a display shows them.
+#[must_use]
+pub fn codes(colours: &[LinearSrgb]) -> Vec<[f64; 3]> {
+    let code = |part: f64| (255.0 * encode_srgb(part.clamp(0.0, 1.0))).round() / 255.0;
+    colours.iter().map(|colour| colour.0.map(code)).collect()
+}
+
 /// Values shown black and white before a choice: the first of `windows`, otherwise the values without half a percent of
 /// the voxels at either end.
 #[must_use]
@@ -218,14 +238,10 @@ impl Overlay {
     }
 }
 
-/// Colour of each declared label by its number, `None` for the others.
-fn label_colours(labels: &Labels, colours: &[[f64; 3]]) -> Vec<Option<[f64; 3]>> {
-    let most = labels.declared.iter().map(|entry| entry.label as usize).max().unwrap_or(0);
-    let mut found = vec![None; most + 1];
-    for entry in &labels.declared {
-        found[entry.label as usize] = colours.get(entry.material).copied();
-    }
-    found
+/// Colour of each declared label by its number.
+fn label_colours(labels: &Labels, colours: &[[f64; 3]]) -> BTreeMap<i64, [f64; 3]> {
+    let colour = |entry: &LabelEntry| Some((entry.label, *colours.get(entry.material)?));
+    labels.declared.iter().filter_map(colour).collect()
 }
 
 /// Content of a slice.
@@ -272,8 +288,8 @@ impl Painted<'_> {
         if let Some((labels, at, colours)) = self.labels {
             let colours = label_colours(labels, colours);
             for (pixel, voxel) in pixels.iter_mut().zip(places(labels.volume.geometry.dims, at)) {
-                let label = labels.volume.voxels.value(voxel).map_or(0, whole);
-                if let Some(Some([red, green, blue])) = colours.get(label) {
+                let label = labels.volume.label(voxel);
+                if let Some([red, green, blue]) = label.and_then(|label| colours.get(&label)) {
                     *pixel = over(pixel.map(|code| f64::from(code) / 255.0), [*red, *green, *blue, LABEL]);
                 }
             }
@@ -307,7 +323,7 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
-    use crate::scene::{LabelEntry, Material, Term};
+    use crate::scene::{Material, Term};
     use crate::spectrum::{Reflectance, Spectrum};
     use crate::volume::Voxels;
 

@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::data::{check_cancelled, report};
 use super::resample::of_blocks;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
-use crate::number::{count, whole};
+use crate::number::count;
 use crate::progress::Progress;
 
 /// A grid of which a volume is a coarse level.
@@ -19,9 +19,6 @@ pub struct Finest {
     /// Those whose mean is a voxel of the level, along each axis.
     pub block: [usize; 3],
 }
-
-/// Labels are numbers of 16 bits.
-const LABELS: usize = 1 << 16;
 
 impl Volume {
     /// The volume of the means of blocks of `block` voxels; of labels, the most frequent ones. Blocks at the ends of the axes
@@ -103,20 +100,6 @@ impl Volume {
         self.finest.map_or(self.geometry.dims, |finest| finest.dims).map(|n| n == 1)
     }
 
-    /// Number of voxels of each label, of a label map.
-    ///
-    /// # Errors
-    ///
-    /// [`VolumeError::Read`], [`VolumeError::Bricks`].
-    pub(crate) fn counts_of_labels(&self) -> Result<Vec<u64>, VolumeError> {
-        let mut counts = vec![0; LABELS];
-        match &self.bricks {
-            Some(cache) => cache.each_brick(|voxels| count_labels(voxels, &mut counts))?,
-            None => count_labels(&self.voxels, &mut counts),
-        }
-        Ok(counts)
-    }
-
     /// The coarse level of this volume with these `voxels`.
     pub(super) fn of_coarse_voxels(&self, voxels: Voxels, block: [usize; 3]) -> Result<Self, VolumeError> {
         let dims = std::array::from_fn(|axis| self.geometry.dims[axis].div_ceil(block[axis]));
@@ -162,15 +145,6 @@ impl Volume {
     pub(crate) fn grid_over(&self, of: &Self, block: [usize; 3]) -> Result<Geometry, VolumeError> {
         of.geometry.of_blocks(&self.source, block, self.geometry.dims)
     }
-}
-
-/// Adds the number of `voxels` of each label to `counts`.
-fn count_labels(voxels: &Voxels, counts: &mut [u64]) {
-    with_voxels!(voxels, stored => for &voxel in stored {
-        if let Some(found) = counts.get_mut(whole(voxel.to_f64())) {
-            *found += 1;
-        }
-    });
 }
 
 /// The index in a coarse level of blocks of `block` voxels that is at `index` of the volume.

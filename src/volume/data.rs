@@ -46,6 +46,11 @@ pub(super) fn beside(header: &Path, name: &str) -> Result<PathBuf, VolumeError> 
     }
 }
 
+/// The existing file `name` of `header`, if it is one: a per cent sign in the name of a file is no pattern.
+pub(super) fn existing(header: &Path, name: &str) -> Option<PathBuf> {
+    beside(header, name).ok().filter(|path| path.is_file())
+}
+
 /// Refuses axes with more numbers in total than can be addressed.
 pub(super) fn check_size(source: impl fmt::Display, axes: &[usize]) -> Result<(), VolumeError> {
     // Eight bytes per number must be addressable, whatever the type.
@@ -205,10 +210,13 @@ impl Data {
         }
         // Tries to read one byte more. There should be none, and reaching the end verifies the checksum.
         if read_fully(&mut stream, &mut [0]).map_err(|source| damaged(source, expected))? > 0 {
-            notes.push(format!(
-                "{}: decompresses to more than the {expected} bytes that the header requires; the rest is ignored",
-                path.display()
-            ));
+            // What follows the numbers of a gzip file may be more of its own.
+            if self.alone || self.encoding != Encoding::Gzip {
+                notes.push(format!(
+                    "{}: decompresses to more than the {expected} bytes that the header requires; the rest is ignored",
+                    path.display()
+                ));
+            }
         } else if let (Encoding::Deflate { crc }, Some(found)) = (self.encoding, stream.checksum())
             && crc != found
         {

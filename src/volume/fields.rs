@@ -118,6 +118,14 @@ impl Fields<'_> {
     }
 }
 
+/// The text of a header: UTF-8, or else Latin-1, in which every byte is a letter.
+fn text(bytes: &[u8]) -> String {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
+    }
+}
+
 /// Line reader of a header.
 pub(super) struct Lines<'a> {
     path: &'a Path,
@@ -145,7 +153,7 @@ impl<'a> Lines<'a> {
             let problem = format!("a header has at most {MOST_LINES} lines");
             return Err(VolumeError::Header { path: self.path.to_owned(), line: self.number, problem });
         }
-        Ok(Some(String::from_utf8_lossy(&self.line).trim_end().to_owned()))
+        Ok(Some(text(&self.line).trim_end().to_owned()))
     }
 
     /// The error for a line that is not of the form `form`.
@@ -163,8 +171,8 @@ impl<'a> Lines<'a> {
     /// Reads the remaining non-blank lines as a list of files.
     pub(super) fn list(self) -> Result<Vec<String>, VolumeError> {
         let mut files = Vec::new();
-        for line in self.stream.into_inner().take(LONGEST_LIST).lines() {
-            let line = line.map_err(|source| stream::failed(self.path, source))?;
+        for line in self.stream.into_inner().take(LONGEST_LIST).split(b'\n') {
+            let line = text(&line.map_err(|source| stream::failed(self.path, source))?);
             if files.len() == MOST_FILES {
                 let problem = format!("a list has at most {MOST_FILES} files");
                 return Err(VolumeError::Header { path: self.path.to_owned(), line: self.number, problem });

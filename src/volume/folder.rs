@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::stream::beginning;
-use super::{Selection, Volume, VolumeError, data, dicom, foreign, slices, stream, zarr};
+use super::{Selection, Volume, VolumeError, data, dicom, foreign, slices, stream, tiff, zarr};
 use crate::progress::Progress;
 
 /// Largest number of files and folders in a folder, together with those in its folders.
@@ -30,11 +30,20 @@ struct FolderFormat {
 }
 
 /// All formats of folders; the first that finds a file reads the folder. A new reader is a new entry.
-const FORMATS: [FolderFormat; 2] = [
+const FORMATS: [FolderFormat; 3] = [
     FolderFormat {
         name: "DICOM",
         find: |folder, progress| folder.recognised(dicom::recognises, progress),
         read: |folder, files, selection, progress| dicom::read_folder(&folder.path, files, selection, progress),
+    },
+    FolderFormat {
+        name: "planes that OME-XML describes (.companion.ome, .ome.tif)",
+        find: |folder, _| {
+            let mut files = tiff::described_together(&folder.files);
+            files.sort_unstable();
+            Ok(files)
+        },
+        read: |folder, _, selection, progress| planes(folder, selection, progress),
     },
     FolderFormat {
         name: "slices (.png, .jpg, .bmp, .pgm, .ppm, .tif)",
@@ -200,7 +209,7 @@ pub(super) fn read(
         return zarr::read(path, selection, progress);
     }
     if let Some(what) = foreign::describe_folder(path) {
-        return Err(unknown(path, what.to_owned()));
+        return Err(unknown(path, what));
     }
     selection.no_axes(&path.display().to_string())?;
     let folder = Folder::list(path, progress)?;
@@ -212,6 +221,23 @@ pub(super) fn read(
             return Ok(volume);
         }
     }
+    let pictures = slices::find_named(&folder.path, &folder.files);
+    let is_other = |file: &&PathBuf| is_volume(file, &[]) && !pictures.contains(file);
+    let have_volumes = folder.files.iter().any(|file| is_other(&file));
+    if !pictures.is_empty() && !have_volumes {
+        if let Some(mut volume) = slices::read_named(&folder.path, &pictures, selection, progress)? {
+            let mut read = pictures;
+            read.sort_unstable();
+            volume.notes.extend(folder.notes(&read));
+            return Ok(volume);
+        }
+        let what = format!(
+            "this is a folder with {} pictures that are no slices of one volume: slices have one size and type, and numbers in \
+             their names that state their order",
+            pictures.len()
+        );
+        return Err(unknown(path, what));
+    }
     let count = folder.files.len();
     let s = if count == 1 { "" } else { "s" };
     let mut what = format!("this is a folder with {count} file{s}, none of which Relume reads as a part of a volume");
@@ -219,6 +245,25 @@ pub(super) fn read(
         what = format!("this is a folder with volumes, not a volume; open one of them: {volumes}");
     }
     Err(unknown(path, what))
+}
+
+/// Reads the planes in the files of a folder that OME-XML describes together.
+fn planes(folder: &Folder, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let files = tiff::described_together(&folder.files);
+    let main = files.first().map_or(folder.path.as_path(), PathBuf::as_path);
+    let mut volume = tiff::read(main, selection, progress)?;
+    let others = files.iter().filter(|file| !volume.files.contains(file)).count();
+    // A choice of channel, time or level needs some of the files alone.
+    let is_alone = volume.components == 1 && selection.time.is_none() && selection.series.is_none();
+    if others > 0 && is_alone {
+        volume.notes.push(format!(
+            "{}: {others} TIFF files have no plane of the volume that {} describes, and are skipped",
+            folder.path.display(),
+            main.file_name().unwrap_or_default().to_string_lossy()
+        ));
+    }
+    volume.source = folder.path.display().to_string();
+    Ok(volume)
 }
 
 /// The error for the folder `path`, which `what` describes.

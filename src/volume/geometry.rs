@@ -117,6 +117,27 @@ impl Geometry {
             && self.direction.abs_diff_eq(other.direction, 1e-3)
     }
 
+    /// Whether the axes and the boxes of both grids coincide, the boxes within half a voxel of the coarser one.
+    #[must_use]
+    pub(crate) fn fills_box_of(&self, other: &Self) -> bool {
+        let corners = |grid: &Self| {
+            let last = DVec3::from_array(grid.dims.map(count)) - 0.5;
+            [DVec3::splat(-0.5), last].map(|index| grid.direction.transpose() * grid.world_from_index(index))
+        };
+        // Some files have the centre of the first voxel at 0, whatever its size.
+        let slack = 0.5 * self.spacing.max(other.spacing) + 1e-6;
+        let is_near = |(one, another): (DVec3, DVec3)| (one - another).abs().cmple(slack).all();
+        self.direction.abs_diff_eq(other.direction, 1e-3) && corners(self).into_iter().zip(corners(other)).all(is_near)
+    }
+
+    /// The grid of `dims` voxels that fills the box of `other`.
+    #[must_use]
+    pub(crate) fn filling(dims: [usize; 3], other: &Self) -> Self {
+        let spacing = other.extent() / DVec3::from_array(dims.map(count));
+        let corner = other.world_from_index(DVec3::splat(-0.5));
+        Self { dims, spacing, origin: corner + other.direction * (spacing / 2.0), direction: other.direction }
+    }
+
     /// Size along each axis in world units, `spacing · dims`.
     #[must_use]
     pub fn extent(&self) -> DVec3 {

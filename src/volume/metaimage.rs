@@ -356,7 +356,7 @@ impl<'a> Header<'a> {
         }
         let numbers = words.iter().rev().take_while(|word| word.parse::<i64>().is_ok()).count().min(3);
         let name = words[..words.len() - numbers].join(" ");
-        if !name.contains('%') {
+        if !name.contains('%') || data::existing(self.fields.path, &field.value).is_some() {
             return Ok(vec![DataFile { path: data::beside(self.fields.path, &field.value)?, numbers: all }]);
         }
         // One file per position on the last axis.
@@ -366,7 +366,7 @@ impl<'a> Header<'a> {
         let behind = i64::try_from(slices).unwrap_or(i64::MAX) - 1;
         let last = range.get(1).copied().unwrap_or_else(|| first.saturating_add(behind));
         let step = range.get(2).copied().unwrap_or(1);
-        let pattern = Pattern::parse(&name).map_err(|problem| self.fields.wrong(field, problem))?;
+        let pattern = Pattern::parse(&name).map_err(|problem| self.fields.wrong(field, pattern::no_file(&problem)))?;
         let numbers =
             pattern::numbers([first, last, step], slices).map_err(|problem| self.fields.wrong(field, problem))?;
         numbers

@@ -17,15 +17,19 @@ mod geometry;
 mod guard;
 mod hdf5;
 mod hint;
+mod label_names;
+mod labels;
 mod layout;
 mod lengths;
 mod metaimage;
+mod mgh;
 mod modality;
 mod mrc;
 mod neighbours;
 mod nifti;
 mod nrrd;
 mod numpy;
+mod offered;
 mod open;
 mod pattern;
 pub mod phantom;
@@ -63,8 +67,11 @@ pub use open::{extensions, make_bricks, open, open_by, open_raw, packed_blocks};
 pub(crate) use open::{has_header, is_volume, refusal};
 pub use phantom::Phantom;
 
+pub use label_names::{BUILT_IN_NAMES, is_built_in, label_names};
+pub use labels::{LabelCounts, MOST_LABELS, NoLabels, is_background};
 pub use layout::{ByteOrder, RawLayout};
 pub use modality::Modality;
+pub use offered::Offered;
 pub use presets::{LabelPreset, Presets, Window};
 pub use preview::Preview;
 pub use select::{HostMemory, Part, Selection};
@@ -137,6 +144,35 @@ impl Volume {
             return Err(VolumeError::Layout { source_name: source.to_owned(), problem });
         }
         Ok(Self::described(source, voxels, geometry))
+    }
+
+    /// Raises each voxel to its value in `other`, where that is larger.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Layout`] if `other` has other dimensions, or if voxels of either stay in a file.
+    pub fn raise_to(&mut self, other: &Self) -> Result<(), VolumeError> {
+        let refused = |problem: String| Err(VolumeError::Layout { source_name: other.source.clone(), problem });
+        if self.geometry.dims != other.geometry.dims {
+            let [ours, theirs] = [self, other].map(|it| it.geometry.dims.map(|side| side.to_string()).join(" × "));
+            return refused(format!("the volumes have different sizes: {ours} and {theirs} voxels"));
+        }
+        if self.voxels.len() != other.voxels.len() {
+            return refused("the voxels of one of the volumes stay in its file".to_owned());
+        }
+        let [ours, theirs] = [&*self, other].map(|it| [it.slope.to_bits(), it.intercept.to_bits()]);
+        if ours != theirs || self.slope < 0.0 || !self.voxels.raise_to(&other.voxels) {
+            let value = |index: usize| {
+                let [ours, theirs] = [&*self, other].map(|it| {
+                    let stored = it.voxels.value(index).unwrap_or(f64::NAN);
+                    stored.mul_add(it.slope, it.intercept)
+                });
+                ours.max(theirs)
+            };
+            self.voxels = Voxels::F64((0..self.voxels.len()).map(value).collect());
+            (self.slope, self.intercept) = (1.0, 0.0);
+        }
+        Ok(())
     }
 
     /// A volume of `voxels`; if there are none, they lie elsewhere.

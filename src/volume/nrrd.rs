@@ -5,8 +5,8 @@
 //!
 //! The world is left-posterior-superior; volumes in the two other anatomical spaces are flipped to it. All other spaces
 //! are kept unchanged, including left-handed ones. An origin is the centre of the first sample, whatever the centering.
-//! Only `axis mins` are edges of samples: they lie half a spacing before the first centre, unless the centering is
-//! `node`.
+//! Only `axis mins` and `axis maxs` are edges of samples: they lie half a spacing before the first and behind the last
+//! centre, unless the centering is `node`.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -22,6 +22,7 @@ use super::select::Pick;
 use super::stream::{Encoding, Skip, Start};
 use super::streamed::Streamed;
 use super::{LabelPreset, Selection, Unit, Volume, VolumeError, VoxelType};
+use crate::number::count;
 use crate::progress::Progress;
 
 /// Whether the first bytes of a file identify an NRRD.
@@ -64,7 +65,7 @@ pub(super) fn streamed(path: &Path, selection: &Selection) -> Result<Streamed, V
     // A spatial axis without a direction is not anatomical.
     let directed = axes.iter().all(|axis| axis.role != Role::Space || axis.direction.is_some());
     let anatomical = directed && header.space()?.1.is_some();
-    let unit = header.unit();
+    let unit = header.unit(&axes).0;
     let labels = segments(&header.pairs);
     let mut metadata = header.fields.uninterpreted(&key::ALL);
     metadata.extend(header.pairs);
@@ -99,10 +100,11 @@ mod key {
     pub(super) const ORIGIN: [&str; 1] = ["spaceorigin"];
     pub(super) const SPACINGS: [&str; 1] = ["spacings"];
     pub(super) const MINS: [&str; 1] = ["axismins"];
+    pub(super) const MAXS: [&str; 1] = ["axismaxs"];
     pub(super) const CENTERINGS: [&str; 2] = ["centerings", "centers"];
     pub(super) const KINDS: [&str; 1] = ["kinds"];
 
-    pub(super) const ALL: [&[&str]; 16] = [
+    pub(super) const ALL: [&[&str]; 17] = [
         &DIMENSION,
         &SIZES,
         &TYPE,
@@ -117,6 +119,7 @@ mod key {
         &ORIGIN,
         &SPACINGS,
         &MINS,
+        &MAXS,
         &CENTERINGS,
         &KINDS,
     ];
@@ -316,6 +319,7 @@ impl<'a> Header<'a> {
             Some((field, vectors)) => return Err(self.count(field, vectors.len(), count)),
             None => None,
         };
+        let no_space = self.no_space(count)?;
         let mut spatial = 0;
         let mut axes = Vec::new();
         for (index, (&length, kind)) in lengths.iter().zip(kinds).enumerate() {
@@ -329,6 +333,7 @@ impl<'a> Header<'a> {
                 }
                 ("domain" | "space", Some(None)) => Role::Time,
                 _ if unstated && direction == Some(None) => Role::Component,
+                _ if unstated && no_space[index] => Role::Component,
                 ("domain" | "space", _) => Role::Space,
                 _ if unstated => Role::Space,
                 _ => Role::Component,
@@ -346,12 +351,47 @@ impl<'a> Header<'a> {
         Ok(axes)
     }
 
-    /// The unit of the world, if all axes have the same.
-    fn unit(&self) -> Option<Unit> {
-        let field = self.fields.find(&["space units", "spaceunits"])?;
-        let mut units = field.value.split('"').filter(|word| !word.trim().is_empty()).map(Unit::named);
-        let first = units.next()??;
-        units.all(|unit| unit == Some(first)).then_some(first)
+    /// Whether each of more than three axes is no axis of space, because its spacing, or else its end, is NaN and that of an axis
+    /// behind it is a number. An axis behind all numbers, and one of three, may be one whose spacing is unknown.
+    fn no_space(&self, count: usize) -> Result<Vec<bool>, VolumeError> {
+        let fields = [&key::SPACINGS, &key::MINS, &key::MAXS];
+        let stated = fields.into_iter().find(|names| self.fields.find(*names).is_some());
+        let numbers = stated.map_or_else(|| Ok(Vec::new()), |names| self.numbers(names, count))?;
+        let last = numbers.iter().rposition(Option::is_some).unwrap_or(0);
+        Ok((0..count).map(|axis| count > 3 && axis < last && numbers.get(axis).is_some_and(Option::is_none)).collect())
+    }
+
+    /// The unit of the world, and the factors of the spacings and ends of the spatial axes to it. Units of the world's axes are
+    /// used if they are all the same, and those of the file's axes if all of them are lengths.
+    fn unit(&self, axes: &[Axis]) -> (Option<Unit>, [f64; 3]) {
+        let one = [1.0; 3];
+        let words = |field: &Field| -> Vec<String> {
+            let inside =
+                field.value.split('"').skip(1).step_by(2).map(|word| word.trim().to_owned()).collect::<Vec<_>>();
+            let bare = || field.value.split_whitespace().map(str::to_owned).collect();
+            if field.value.contains('"') { inside } else { bare() }
+        };
+        if let Some(field) = self.fields.find(&["space units", "spaceunits"]) {
+            let words = words(field);
+            let mut units = words.iter().filter(|word| !word.is_empty()).map(|word| Unit::named(word));
+            let first = units.next().flatten();
+            return (first.filter(|first| units.all(|unit| unit == Some(*first))), one);
+        }
+        let Some(words) = self.fields.find(&["units"]).map(words).filter(|words| words.len() == axes.len()) else {
+            return (None, one);
+        };
+        let spatial = (0..axes.len()).filter(|&axis| axes[axis].role == Role::Space);
+        // Directions have the units of the world.
+        let is_own = axes.iter().all(|axis| axis.direction.is_none());
+        let units: Option<Vec<_>> = spatial.map(|axis| super::lengths::unit(&words[axis])).filter(|_| is_own).collect();
+        match units.as_deref() {
+            Some(units @ [(first, _), ..]) => {
+                let factor =
+                    |axis: usize| units.get(axis).map_or(1.0, |&unit| super::lengths::converted(1.0, unit, *first));
+                (Some(*first), [0, 1, 2].map(factor))
+            }
+            _ => (None, one),
+        }
     }
 
     fn grid(&self, axes: &[Axis], resample: bool) -> Result<Grid, VolumeError> {
@@ -363,7 +403,19 @@ impl<'a> Header<'a> {
         let mut direction = DMat3::IDENTITY;
         let spacings = self.numbers(&key::SPACINGS, axes.len())?;
         let mins = self.numbers(&key::MINS, axes.len())?;
+        let maxs = self.numbers(&key::MAXS, axes.len())?;
         let centerings = self.words(&key::CENTERINGS, axes.len())?;
+        let is_node = |axis: usize| centerings.as_ref().is_some_and(|words| words[axis] == "node");
+        let factors = self.unit(axes).1;
+        // The step between samples: stated, or else by the ends of the axis, which may run backwards.
+        let step = |axis: usize| {
+            let by_ends = || {
+                let steps = axes[axis].length.checked_sub(usize::from(is_node(axis))).filter(|&steps| steps > 0)?;
+                let step = (maxs[axis]? - mins[axis]?) / count(steps);
+                (step != 0.0 && step.is_finite()).then_some(step)
+            };
+            spacings[axis].or_else(by_ends)
+        };
         let mut oriented = 0;
         for (i, &axis) in spatial.iter().enumerate() {
             dims[i] = axes[axis].length;
@@ -372,8 +424,12 @@ impl<'a> Header<'a> {
                 spacing[i] = world.length();
                 *direction.col_mut(i) = world / spacing[i];
                 oriented += 1;
-            } else if let Some(stated) = spacings[axis] {
-                spacing[i] = stated;
+            } else if let Some(step) = step(axis) {
+                spacing[i] = step * factors[i];
+                if spacings[axis].is_none() && step < 0.0 {
+                    spacing[i] = -spacing[i];
+                    *direction.col_mut(i) = -direction.col(i);
+                }
             }
         }
         // A slice or a line may have any orientation; the missing axes are orthogonal to it.
@@ -392,12 +448,11 @@ impl<'a> Header<'a> {
             }
             Some((field, vectors)) => return Err(self.count(field, vectors.len(), 1)),
             None => {
-                let edges = |axis: usize| Some((mins[axis]?, spacings[axis]?));
+                let edges = |axis: usize| Some((mins[axis]?, step(axis)?));
                 if spatial.iter().all(|&axis| edges(axis).is_some()) {
                     for (i, &axis) in spatial.iter().enumerate() {
-                        let node = centerings.as_ref().is_some_and(|words| words[axis] == "node");
                         let (min, step) = edges(axis).unwrap_or_default();
-                        origin[i] = if node { min } else { min + step / 2.0 };
+                        origin[i] = factors[i] * if is_node(axis) { min } else { min + step / 2.0 };
                     }
                 }
             }
@@ -471,7 +526,7 @@ impl<'a> Header<'a> {
         }
         let trailing = words.iter().rev().map_while(integer).count();
         let name = words[..words.len() - trailing.min(4)].join(" ");
-        if trailing < 3 || !name.contains('%') {
+        if trailing < 3 || !name.contains('%') || data::existing(self.fields.path, &field.value).is_some() {
             return Ok(vec![DataFile { path: path(&field.value)?, numbers: lengths.iter().product() }]);
         }
         let given: Vec<i64> = words[words.len() - trailing.min(4)..].iter().filter_map(integer).collect();
@@ -479,7 +534,7 @@ impl<'a> Header<'a> {
         let count = pattern::count(range);
         let axes = words.get(words.len() - trailing.min(4) + 3).copied();
         let numbers = self.in_each(field, axes, count, lengths)?;
-        let pattern = Pattern::parse(&name).map_err(|problem| self.fields.wrong(field, problem))?;
+        let pattern = Pattern::parse(&name).map_err(|problem| self.fields.wrong(field, pattern::no_file(&problem)))?;
         let names = pattern::numbers(range, count).map_err(|problem| self.fields.wrong(field, problem))?;
         names.map(|number| DataFile::found(path(&pattern.name(number))?, numbers)).collect()
     }

@@ -8,7 +8,7 @@ use super::stream::{beginning, count};
 use super::streamed::Streamed;
 use super::{
     BricksMade, HostMemory, MakeError, PackedBlocks, RawLayout, Selection, Volume, VolumeError, bricks, dicom, folder,
-    foreign, hdf5, metaimage, mrc, nifti, nrrd, numpy, raw, tiff, vti, vtk, zarr,
+    foreign, hdf5, metaimage, mgh, mrc, nifti, nrrd, numpy, raw, tiff, vti, vtk, zarr,
 };
 use crate::progress::Progress;
 
@@ -86,7 +86,7 @@ impl Format {
 }
 
 /// All formats; a new reader is a new line.
-const FORMATS: [Format; 15] = [
+const FORMATS: [Format; 16] = [
     Format {
         name: "bricks",
         extensions: &["bricks"],
@@ -133,6 +133,15 @@ const FORMATS: [Format; 15] = [
         access: Access::Stream(nrrd::streamed),
     },
     Format {
+        name: "MGH",
+        extensions: &["mgh", "mgz", "mgh.gz"],
+        recognises: mgh::recognises,
+        is_another: ALONE,
+        further: NOTHING,
+        read: mgh::read,
+        access: Access::Stream(mgh::streamed),
+    },
+    Format {
         name: "MRC and CCP4",
         extensions: &["mrc", "mrc.gz", "ccp4", "ccp4.gz", "map", "map.gz", "rec"],
         recognises: mrc::recognises,
@@ -161,8 +170,8 @@ const FORMATS: [Format; 15] = [
     },
     Format {
         name: "TIFF",
-        extensions: &["tif", "tiff", "btf", "tf2", "tf8"],
-        recognises: tiff::recognises,
+        extensions: &["tif", "tiff", "btf", "tf2", "tf8", "companion.ome"],
+        recognises: |beginning| tiff::recognises(beginning) || tiff::recognises_companion(beginning),
         is_another: ALONE,
         further: Further { series: true, levels: true, ..NOTHING },
         read: tiff::read,
@@ -188,7 +197,7 @@ const FORMATS: [Format; 15] = [
     },
     Format {
         name: "HDF5",
-        extensions: &["h5", "hdf5", "he5", "ims", "mnc", "nc4"],
+        extensions: &["h5", "hdf5", "he5", "ims", "mnc", "nc4", "emd", "nxs"],
         recognises: hdf5::recognises,
         is_another: ALONE,
         further: Further { levels: true, axes: true, ..NOTHING },

@@ -52,6 +52,11 @@ impl Pattern {
     }
 }
 
+/// `problem` of a name that is no pattern, where no file has the name.
+pub(super) fn no_file(problem: &str) -> String {
+    format!("there is no file of this name, and {problem}")
+}
+
 /// Number of terms from `first` to `last` in steps of `step`; 0 if the steps lead away from `last`.
 pub(super) fn count([first, last, step]: [i64; 3]) -> usize {
     let steps = if step == 0 { None } else { last.checked_sub(first).and_then(|span| span.checked_div(step)) };

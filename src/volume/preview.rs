@@ -2,12 +2,9 @@
 
 use std::path::Path;
 
-use super::{Geometry, RawLayout, Selection, Several, Volume, VolumeError, open_by};
+use super::{Geometry, Offered, RawLayout, Selection, Volume, VolumeError};
 use crate::number::{count, whole};
 use crate::progress::Progress;
-
-/// Most choices that a file leaves open one after the other: series, array, level, component and time.
-const MOST_CHOICES: usize = 5;
 
 /// A grey picture of the middle slice of a volume.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,14 +34,7 @@ impl Preview {
         side: usize,
         progress: &dyn Progress,
     ) -> Result<Self, VolumeError> {
-        let mut selection = Selection { middle: true, asks: false, ..selection.clone() };
-        for _ in 0..MOST_CHOICES {
-            match open_by(path, layout, &selection, progress) {
-                Err(VolumeError::Choose { there, .. }) => choose_first(&mut selection, &there),
-                read => return Ok(Self::of(&read?, side)),
-            }
-        }
-        Ok(Self::of(&open_by(path, layout, &selection, progress)?, side))
+        Offered::open(path, layout, selection, progress).map(|offered| Self::of(&offered.first, side))
     }
 
     /// The middle slice of `volume`: in its first window, or from the 1st to the 99th percentile of the slice. A slice of a
@@ -80,17 +70,6 @@ impl Preview {
             }
         }
         Self { width, height, grey }
-    }
-}
-
-/// Chooses the first alternative of `there`.
-fn choose_first(selection: &mut Selection, there: &Several) {
-    match there {
-        Several::Components { .. } => selection.component = Some(0),
-        Several::Times(_) => selection.time = Some(0),
-        Several::Arrays(names) => selection.array = names.first().cloned(),
-        Several::Series(all) => selection.series = all.first().map(|series| series.key.clone()),
-        Several::Levels(_) => selection.level = Some(0),
     }
 }
 

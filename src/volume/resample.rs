@@ -296,14 +296,15 @@ impl Grid {
         self.volume_around(source, voxels, has_labels, slope, None)
     }
 
-    /// As [`Self::volume`]; a voxel outside the leaning grid gets the stored number `outside`, if there is one.
+    /// As [`Self::volume`]; a voxel outside the leaning grid gets the first stored number of the range `padding`, if there is one.
+    /// Beside a voxel of this range, which stands for no value, it gets the nearest voxel.
     pub(super) fn volume_around(
         self,
         source: &str,
         voxels: Voxels,
         has_labels: bool,
         slope: f64,
-        outside: Option<f64>,
+        padding: Option<[f64; 2]>,
     ) -> Result<Volume, VolumeError> {
         let (lattice, straight) = match self {
             Self::Own(geometry) => {
@@ -312,10 +313,10 @@ impl Grid {
             Self::Straightened(lattice, straight) => (lattice, straight),
         };
         let voxels = with_voxels!(&voxels, stored => {
-            let outside = outside.map_or_else(|| outermost(stored, slope < 0.0), Voxel::nearest);
+            let outside = padding.map_or_else(|| outermost(stored, slope < 0.0), |[first, _]| Voxel::nearest(first));
             // A straight grid may have several times the voxels of the leaning one.
             let voxels = allocate::zeroed(Path::new(source), straight.voxels())?;
-            straightened((stored, &lattice), (voxels, &straight), outside, has_labels)
+            straightened((stored, &lattice), (voxels, &straight), (outside, padding), has_labels)
         });
         let mut volume = Volume { has_labels, ..Volume::new(source, voxels, straight)? };
         let ([x, y, z], [a, b, c]) = (lattice.dims, straight.dims);
@@ -345,9 +346,10 @@ fn outermost<T: Voxel>(stored: &[T], largest: bool) -> T {
 fn straightened<T: Voxel>(
     (stored, lattice): (&[T], &Lattice),
     (mut voxels, straight): (Vec<T>, &Geometry),
-    outside: T,
+    (outside, padding): (T, Option<[f64; 2]>),
     nearest: bool,
 ) -> Voxels {
+    let padding = padding.map(|[one, other]| [one.min(other), one.max(other)]);
     let [nx, ny, nz] = lattice.dims;
     let last = DVec3::from_array(lattice.dims.map(|n| count(n - 1)));
     let index_from_world = lattice.steps.inverse();
@@ -364,17 +366,20 @@ fn straightened<T: Voxel>(
             return at(index.round().to_array().map(whole));
         }
         let (low, part) = (index.floor().to_array().map(whole), index - index.floor());
-        let mut sum = 0.0;
+        let (mut sum, mut is_padded) = (0.0, false);
         for corner in 0..8_usize {
             let bits = [corner & 1, corner >> 1 & 1, corner >> 2];
             let weights = [0, 1, 2].map(|axis| if bits[axis] == 1 { part[axis] } else { 1.0 - part[axis] });
             let weight: f64 = weights.iter().product();
             // A weight of 0 excludes NaN as well.
             if weight > 0.0 {
-                sum += weight * at([0, 1, 2].map(|axis| low[axis] + bits[axis])).to_f64();
+                let number = at([0, 1, 2].map(|axis| low[axis] + bits[axis])).to_f64();
+                is_padded |= padding.is_some_and(|[least, most]| number >= least && number <= most);
+                sum += weight * number;
             }
         }
-        T::nearest(sum)
+        // A mean of padding and values is neither.
+        if is_padded { at(index.round().to_array().map(whole)) } else { T::nearest(sum) }
     };
     let [width, height, _] = straight.dims;
     parallel::rows_mut(&mut voxels, width, &|row, out| {

@@ -43,7 +43,7 @@ impl Several {
             Some(index) if index < count => Ok(index),
             Some(index) => {
                 let asked = match self {
-                    Self::Times(_) => Asked::Time(index),
+                    Self::Times(_) | Self::Steps { .. } => Asked::Time(index),
                     Self::Components { .. } | Self::Arrays(_) => Asked::Component(index),
                     Self::Series(_) => Asked::Series(index.to_string()),
                     Self::Levels(_) => Asked::Level(index),
@@ -112,6 +112,17 @@ impl Selection {
         }
     }
 
+    /// Chooses the first alternative of `there`.
+    pub(super) fn choose_first(&mut self, there: &Several) {
+        match there {
+            Several::Components { .. } => self.component = Some(0),
+            Several::Times(_) | Several::Steps { .. } => self.time = Some(0),
+            Several::Arrays(names) => self.array = names.first().cloned(),
+            Several::Series(all) => self.series = all.first().map(|series| series.key.clone()),
+            Several::Levels(_) => self.level = Some(0),
+        }
+    }
+
     /// Returns the slices to read of `depth`: all, the middle one, or those that are chosen.
     pub(super) fn slices(&self, depth: usize) -> Range<usize> {
         match self.slices {
@@ -139,6 +150,14 @@ impl Selection {
     /// Returns the time step to read of `count` in the file `source`.
     pub(super) fn time(&self, source: &str, count: usize) -> Result<usize, VolumeError> {
         Several::Times(count).number(source, self.time)
+    }
+
+    /// Returns the time step to read of `count` in `source`, which differ in `axis`, and have these `values` of it.
+    pub(super) fn step(&self, source: &str, count: usize, axis: &str, values: &[String]) -> Result<usize, VolumeError> {
+        if count < 2 || values.len() != count {
+            return self.time(source, count);
+        }
+        Several::Steps { axis: axis.to_owned(), values: values.to_vec() }.number(source, self.time)
     }
 
     /// Returns the index of the array to read among `names` in the file `source`.

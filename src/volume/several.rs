@@ -17,6 +17,13 @@ pub enum Several {
     },
     /// Number of time steps.
     Times(usize),
+    /// Time steps, or other volumes of one series, with what tells them apart.
+    Steps {
+        /// Attributes that differ, such as echo time.
+        axis: String,
+        /// Their values for each volume.
+        values: Vec<String>,
+    },
     /// Names of the arrays.
     Arrays(Vec<String>),
     /// Series, as of a folder of DICOM files.
@@ -68,6 +75,7 @@ impl fmt::Display for Several {
                 }
             }
             Self::Times(count) => write!(formatter, "{count} time step{}", plural(*count)),
+            Self::Steps { values, .. } => write!(formatter, "{} time step{}", values.len(), plural(values.len())),
             Self::Arrays(names) => write!(formatter, "the arrays {}", names.join(", ")),
             Self::Series(all) => {
                 let named: Vec<String> = all.iter().map(ToString::to_string).collect();
@@ -88,17 +96,28 @@ impl Several {
         match self {
             Self::Components { count, .. } | Self::Times(count) => *count,
             Self::Arrays(names) => names.len(),
+            Self::Steps { values, .. } => values.len(),
             Self::Series(all) => all.len(),
             Self::Levels(all) => all.len(),
         }
     }
 
     /// The alternatives, for messages.
-    pub(super) fn range(&self) -> String {
+    #[must_use]
+    pub fn range(&self) -> String {
         let last = self.count().saturating_sub(1);
         match self {
             Self::Components { .. } => format!("a component from 0 to {last}"),
             Self::Times(_) => format!("a time step from 0 to {last}"),
+            Self::Steps { axis, values } => {
+                /// Values that are listed.
+                const LISTED: usize = 8;
+                let named = match &values[..] {
+                    [first @ .., last] if first.len() > LISTED => format!("{}, …, {last}", first[..LISTED].join(", ")),
+                    values => values.join(", "),
+                };
+                format!("a time step from 0 to {last} ({axis} {named})")
+            }
             Self::Arrays(_) | Self::Series(_) => "one of them".to_owned(),
             Self::Levels(_) => format!("a level from 0 to {last}"),
         }

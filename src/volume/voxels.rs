@@ -241,6 +241,31 @@ macro_rules! with_type {
 pub(crate) use with_type;
 
 impl Voxels {
+    /// Raises each number to that of `other`, where that is larger; false, without a change, if the types differ.
+    pub(super) fn raise_to(&mut self, other: &Self) -> bool {
+        fn raise<T: PartialOrd + Copy>(ours: &mut [T], theirs: &[T]) {
+            for (our, &their) in ours.iter_mut().zip(theirs) {
+                if their > *our {
+                    *our = their;
+                }
+            }
+        }
+        match (self, other) {
+            (Self::U8(ours), Self::U8(theirs)) => raise(ours, theirs),
+            (Self::I8(ours), Self::I8(theirs)) => raise(ours, theirs),
+            (Self::U16(ours), Self::U16(theirs)) => raise(ours, theirs),
+            (Self::I16(ours), Self::I16(theirs)) => raise(ours, theirs),
+            (Self::U32(ours), Self::U32(theirs)) => raise(ours, theirs),
+            (Self::I32(ours), Self::I32(theirs)) => raise(ours, theirs),
+            (Self::U64(ours), Self::U64(theirs)) => raise(ours, theirs),
+            (Self::I64(ours), Self::I64(theirs)) => raise(ours, theirs),
+            (Self::F32(ours), Self::F32(theirs)) => raise(ours, theirs),
+            (Self::F64(ours), Self::F64(theirs)) => raise(ours, theirs),
+            _ => return false,
+        }
+        true
+    }
+
     /// Number of voxels.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -243,6 +243,17 @@ pub(crate) fn drag_along(window: &mut Harness<'_, App>, places: &[Pos2]) {
     window.state_mut().document.as_mut().unwrap().rest();
 }
 
+/// The texts that are painted inside `place`.
+pub(crate) fn painted_in(window: &Harness<'_, App>, place: Rect) -> Vec<String> {
+    let text = |clipped: &egui::epaint::ClippedShape| match &clipped.shape {
+        egui::Shape::Text(shape) if place.expand(1.0).contains_rect(shape.visual_bounding_rect()) => {
+            Some(shape.galley.text().to_owned())
+        }
+        _ => None,
+    };
+    window.output().shapes.iter().filter_map(text).collect()
+}
+
 /// Whether a painted text contains `text`.
 pub(crate) fn is_painted(window: &Harness<'_, App>, text: &str) -> bool {
     window.output().shapes.iter().any(|clipped| match &clipped.shape {

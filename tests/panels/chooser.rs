@@ -259,6 +259,10 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
     let several = [
         (Several::Times(4), Selection { time: Some(3), ..Selection::default() }),
         (
+            Several::Steps { axis: "image type".to_owned(), values: ["W", "F"].map(str::to_owned).to_vec() },
+            Selection { time: Some(1), ..Selection::default() },
+        ),
+        (
             Several::Components { count: 4, kind: String::new(), names: Vec::new() },
             Selection { component: Some(3), ..Selection::default() },
         ),
@@ -280,6 +284,7 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
         window.run();
         match there {
             Several::Arrays(_) => window.get_by_label("pet").click(),
+            Several::Steps { .. } => window.get_by_label("image type F").click(),
             Several::Series(_) => window.get_by_label("7 «head» MR 2×2×2").click(),
             _ => {
                 let what = if chosen.time.is_some() { "Time step" } else { "Component" };

@@ -13,7 +13,7 @@ use relume::internal::view::Action;
 use relume::progress::Quiet;
 use relume::scene::Interval;
 
-use crate::app::{App, click_at, document, intervals, is_painted, retype, type_into, wide, with_histogram};
+use crate::app::{App, click_at, document, intervals, is_painted, painted_in, retype, type_into, wide, with_histogram};
 use crate::support::program::{DIAL, SCENE};
 
 /// Replaces the contents of a field with `text` and keeps the focus there.
@@ -260,4 +260,41 @@ fn what_is_said_of_a_number_is_clicked_through_and_goes_with_it() {
     }
     window.run();
     assert!(!is_painted(&window, told), "the number is another one");
+}
+
+#[test]
+fn fields_show_seven_digits_at_most_and_do_not_lie_over_each_other() {
+    // Constant volumes, and one whose values differ in their last digits alone.
+    for (low, high) in
+        [(0.0, 0.0), (87.0, 87.0), (-1.0 / 3.0, -1.0 / 3.0), (4.1e9, 4.1e9), (12345.678_901, 12345.678_902)]
+    {
+        let mut document = document();
+        let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
+        document.edit(&Edit::Interval(0, Interval { range: [low, high], ..stated }));
+        let mut statistics = document.opened().scene.volume.statistics().unwrap();
+        (statistics.min, statistics.max) = (low, high);
+        let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document.with_statistics(statistics)));
+        window.run();
+        for label in ["window: Level", "window: Width", "interval 0: from", "interval 0: to", "interval 0: ramp"] {
+            let shown = painted_in(&window, window.get_by_label(label).rect()).concat();
+            let digits = shown.split('e').next().unwrap().trim_start_matches(['-', '0', '.']);
+            let digits = digits.chars().filter(char::is_ascii_digit).count();
+            assert!(!shown.is_empty() && digits <= 7 && shown.len() <= 12, "{label} of {low}: {shown}");
+            let number: f64 = shown.parse().unwrap();
+            let is = match label {
+                "window: Level" | "interval 0: from" => low,
+                "interval 0: to" => high,
+                "window: Width" => 0.0,
+                _ => stated.ramp,
+            };
+            assert!((number - is).abs() <= 1e-6 * is.abs().max(1.0), "{label} of {low}: {shown}");
+        }
+        let button = window.get_by_label("Apply window").rect();
+        let fields = ["window: Level", "window: Width"].map(|label| window.get_by_label(label).rect());
+        let [level, width] = fields;
+        assert!(
+            !level.intersects(width) && !width.intersects(button) && level.width() < 120.0,
+            "{fields:?} {button:?}"
+        );
+    }
 }

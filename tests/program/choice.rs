@@ -10,7 +10,10 @@ use std::time::Duration;
 
 use goals::{GoalCost, GoalRow, GoalScene, GoalSummary, goal_row};
 use relume::internal::view::effort;
-use relume::measure::{Choice, Goal, Knob, Pixels, Preset, Setting, Value, Wanted, check, choose};
+use relume::measure::{
+    Choice, Goal, Knob, Limit, MeasureError, Patience, Pixels, Preset, Setting, Value, Wanted, check, check_within,
+    choose_within,
+};
 use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::render::Renderer;
@@ -27,6 +30,18 @@ const SIZE: [usize; 2] = [64, 56];
 /// Request for any setting that meets `goal` for a test picture.
 fn wanted(goal: Goal) -> Wanted {
     Wanted { size: SIZE, goal, pixels: Pixels::Fewer }
+}
+
+/// A search without a limit of time, which other programs cannot cut short.
+fn choose(
+    renderer: &Renderer,
+    scene: &Scene,
+    mix: &Mix,
+    wanted: Wanted,
+    cache: Option<&Path>,
+    progress: &Quiet,
+) -> Result<Choice, MeasureError> {
+    choose_within(renderer, scene, mix, (wanted, Patience::ENDLESS), cache, progress)
 }
 
 fn scene(seed: u64) -> Scene {
@@ -81,6 +96,28 @@ fn what_was_measured_once_is_not_measured_again() {
         let closer = choose(Goal::MaxError(1.0));
         assert!(step(&closer) <= step(&first), "{} for less error than {}", closer.setting, first.setting);
     });
+}
+
+#[test]
+fn a_search_and_a_check_without_time_find_less_and_say_so() {
+    let scene = scene(0);
+    let mix = Mix::of_scene(&scene);
+    with_renderer(|renderer| {
+        let within = |frames, least_ms| {
+            let goal = (wanted(Goal::MaxError(5.0)), Patience { frames, least_ms });
+            choose_within(renderer, &scene, &mix, goal, None, &Quiet).unwrap()
+        };
+        let (hasty, patient) = (within(0.0, 0.0), within(1e9, 1e12));
+        assert!(hasty.point.at_most <= 5.0, "{}", hasty.why);
+        assert!(hasty.why.contains("did not try") && !hasty.untried.is_empty(), "{}", hasty.why);
+        assert!(patient.untried.is_empty() && hasty.tried.len() < patient.tried.len(), "{} {}", hasty.why, patient.why);
+    });
+    let black = vec![0.0; 4 * SIZE[0] * SIZE[1]];
+    let all = check(&scene, &mix, SIZE, &black, &Quiet).unwrap().unwrap();
+    let some = check_within(&scene, &mix, SIZE, &black, Limit(0.0), &Quiet).unwrap().unwrap();
+    assert!((256..all.pixels).contains(&some.pixels), "{} of {}", some.pixels, all.pixels);
+    let [one, other] = [some, all].map(|checked| checked.difference.delta_e.p95);
+    assert!((one / other - 1.0).abs() < 0.2, "{one} {other}");
 }
 
 #[test]
@@ -289,6 +326,8 @@ fn render_says_what_it_chose_and_what_came_of_it() {
     };
     let first = run(&["--max-error", "4", "--json"]);
     assert_eq!(first.code, Some(0), "{}", first.err);
+    let begun = first.err.lines().next().unwrap_or_default();
+    assert!(begun.starts_with("note: measuring settings to find the fastest setting within ΔE00 4"), "{}", first.err);
     let json = first.json();
     let choice = &json["choice"];
     assert_eq!((choice["from_cache"].as_bool(), choice["asked_error"].as_f64()), (Some(false), Some(4.0)));

@@ -123,6 +123,8 @@ fn info_of_a_volume_has_the_promised_keys() {
     // MetaImage lists the axes one after the other; ITK prints them as columns.
     let turned = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     assert_eq!(json["direction"], serde_json::json!(turned));
+    // The axis vectors in order, as in a scene's `direction`.
+    assert_eq!(json["axes"], serde_json::json!([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]));
     let bins: Vec<u64> = serde_json::from_value(json["histogram"].clone()).unwrap();
     assert_eq!((bins.len(), bins.iter().sum::<u64>(), bins[0], bins[63]), (64, 16, 1, 1));
 
@@ -425,10 +427,10 @@ fn lights_add_up_and_weights_multiply() {
     assert_same(&all, &under(&["day", "lamp"]), 1e-5);
     assert_same(&all, &sum(day.clone(), lamp.clone()), 1e-5);
     assert_same(&under(&["day=2"]), &sum(day.clone(), day.clone()), 1e-5);
-    // Another light replaces every position, or the named one.
+    // Another light takes the place of the mix, or shines from the named position.
     assert_same(&day, &under(&["D65@day"]), 1e-5);
     assert_same(&lamp, &under(&["A@lamp=0.5"]), 1e-5);
-    assert_same(&under(&["FL11"]), &sum(under(&["FL11@day"]), under(&["FL11@lamp"])), 1e-5);
+    assert_same(&under(&["FL11"]), &sum(under(&["FL11@day"]), under(&["FL11@lamp=0.5"])), 1e-5);
     // Illuminant A is a black body of 2856 K, to the precision of its table.
     assert_same(&under(&["A"]), &under(&["blackbody 2856"]), 2e-3);
     // A light of the scene can shine from another position.
@@ -440,22 +442,24 @@ fn names_of_lights_may_hold_the_signs_of_positions_and_weights() {
     let scene = SCENE.replace("[lights.lamp]", "[lights.\"lamp@day=2\"]").replace("[lights.day]", "[lights.\"d@y\"]");
     let folder = Folder::new().with("scene.toml", scene).with("tube=3.csv", "400,1\n700,2\n").with("a@b", "500,1\n");
     folder.done(&["render", "scene.toml", "--size", "4x4", "--accumulators", "acc.exr"]);
-    for (asked, name, positions, weight) in [
-        ("lamp@day=2", "lamp@day=2", &["lamp@day=2"][..], 0.5),
-        ("lamp@day=2=2", "lamp@day=2", &["lamp@day=2"], 1.0),
-        ("lamp@day=2@d@y=3", "lamp@day=2", &["d@y"], 1.5),
-        ("d@y", "d@y", &["d@y"], 1.0),
-        ("tube=3.csv", "tube=3.csv", &["lamp@day=2", "d@y"], 1.0),
-        ("tube=3.csv@d@y=4", "tube=3.csv", &["d@y"], 4.0),
-        ("a@b", "a@b", &["lamp@day=2", "d@y"], 1.0),
-        ("D65@d@y", "D65", &["d@y"], 1.0),
-        ("D65=2", "D65", &["lamp@day=2", "d@y"], 2.0),
+    for (asked, name, positions, weights) in [
+        ("lamp@day=2", "lamp@day=2", &["lamp@day=2"][..], &[0.5][..]),
+        ("lamp@day=2=2", "lamp@day=2", &["lamp@day=2"], &[1.0]),
+        ("lamp@day=2@d@y=3", "lamp@day=2", &["d@y"], &[1.5]),
+        ("d@y", "d@y", &["d@y"], &[1.0]),
+        ("tube=3.csv", "tube=3.csv", &["lamp@day=2", "d@y"], &[0.5, 1.0]),
+        ("tube=3.csv@d@y=4", "tube=3.csv", &["d@y"], &[4.0]),
+        ("a@b", "a@b", &["lamp@day=2", "d@y"], &[0.5, 1.0]),
+        ("D65@d@y", "D65", &["d@y"], &[1.0]),
+        ("D65=2", "D65", &["lamp@day=2", "d@y"], &[1.0, 2.0]),
     ] {
         let json = folder.done(&["relight", "acc.exr", "-o", "p.png", "--light", asked, "--json"]).json();
         let lights = json["frames"][0]["lights"].as_array().unwrap();
         let found: Vec<_> = lights.iter().map(|light| light["position"].as_str().unwrap()).collect();
         assert_eq!(found, positions, "{asked}");
-        assert!(lights.iter().all(|light| light["name"] == name && light["weight"] == weight), "{asked}: {json}");
+        assert!(lights.iter().all(|light| light["name"] == name), "{asked}: {json}");
+        let found: Vec<_> = lights.iter().map(|light| light["weight"].as_f64().unwrap()).collect();
+        assert_eq!(found, weights, "{asked}");
     }
     folder.refused(
         2,
@@ -485,6 +489,37 @@ fn relighting_saved_accumulators_equals_rendering_under_that_light() {
     let json = folder.done(&["relight", "acc.exr", "--light", "A@day=2", "-o", "p.png", "--json"]).json();
     assert_eq!(keys(&json), ["frames", "model", "outputs", "pictures", "size", "times", "warnings"]);
     assert_eq!(json["frames"][0]["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
+}
+
+/// A light that the scene does not have changes the spectrum of a picture, and not its brightness or its shadows.
+#[test]
+fn a_film_under_another_light_has_the_positions_and_shares_of_its_mix() {
+    let folder = Folder::new();
+    let film = |flags: &[&str]| {
+        folder.done(&[&["render", "scene.toml", "--size", SIZE, "--accumulators", "acc.exr"], flags].concat());
+    };
+    let day = rendered(&folder, &["--light", "day"]);
+    // The light day is D65; the lamp is off, by the scene or by a flag.
+    for flags in [&["-D", "mix.off=[\"lamp\"]"][..], &["--light", "day"], &["--light", "day=0.5", "--light", "day=0.5"]]
+    {
+        film(flags);
+        assert_same(&day, &picture(&folder, &["relight", "acc.exr"]), 1e-5);
+        assert_same(&day, &picture(&folder, &["relight", "acc.exr", "--light", "D65"]), 1e-5);
+    }
+    let outcome = folder.done(&["relight", "acc.exr", "--light", "D65=2", "-o", "p.png", "--json"]);
+    let placed =
+        serde_json::json!([{"name": "D65", "in_place_of": "picture", "at": [{"position": "day", "weight": 2.0}]}]);
+    assert_eq!(outcome.json()["placed"], placed);
+    let told = folder.done(&["relight", "acc.exr", "--light", "D65=2", "-o", "p.png"]).out;
+    assert!(told.contains("\n--light D65 shines in place of the lights of the picture: D65@day=2\n"), "{told}");
+    // A page and a picture of the scene alike.
+    let off = ["--size", "8x8", "-D", "mix.off=[\"lamp\"]", "--light", "D65=2", "--json"];
+    for command in [&["render", "scene.toml", "-o", "p.png"][..], &["page", "scene.toml", "-o", "p.html"]] {
+        assert_eq!(folder.done(&[command, &off].concat()).json()["placed"], placed, "{command:?}");
+    }
+    // A film has the lights of its scene alone: under another light it opens as the scene does.
+    film(&["--light", "FL11@day"]);
+    assert_same(&rendered(&folder, &[]), &picture(&folder, &["relight", "acc.exr"]), 1e-5);
 }
 
 #[test]

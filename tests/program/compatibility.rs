@@ -106,7 +106,8 @@ fn a_film_of_weights_of_0_1_0_relights_as_it_did() {
 #[test]
 fn a_film_of_k_vectors_of_0_1_0_relights_as_it_did() {
     gives(&["relight", "glass.exr"], "glass.png", 1);
-    gives(&["relight", "glass.exr", "--light", "FL2"], "glass_tube.png", 0);
+    // A light that is not in the film shone from every position, with all of its weight.
+    gives(&["relight", "glass.exr", "--light", "FL2@lamp", "--light", "FL2@window"], "glass_tube.png", 0);
 }
 
 #[test]

@@ -1358,3 +1358,158 @@ fn a_folder_of_dicom_files_is_a_volume_and_says_so() {
     std::fs::write(folder.path("scan").join("c"), support::dicom::file(&other, support::dicom::EXPLICIT)).unwrap();
     folder.refused(1, &["render", "scan", "-o", "p.png"], &["scan", "2 series", "--series N"]);
 }
+
+/// A volume as NRRD.
+fn nrrd_of(kind: &str, sizes: &[usize], more: &str, voxels: impl IntoIterator<Item = u8>) -> Vec<u8> {
+    let sizes: Vec<String> = sizes.iter().map(ToString::to_string).collect();
+    let header = format!(
+        "NRRD0005\ntype: {kind}\ndimension: {}\nsizes: {}\nencoding: raw\nendian: little\n{more}\n",
+        sizes.len(),
+        sizes.join(" ")
+    );
+    header.into_bytes().into_iter().chain(voxels).collect()
+}
+
+#[test]
+fn a_volume_that_is_long_in_one_direction_is_seen_from_its_end() {
+    let voxels = || (0..14 * 12 * 11_usize).map(|index| u8::try_from(30 + index % 14 * 15).unwrap());
+    for spacings in ["1 1 150", "260 1 1", "0.5 190 0.7"] {
+        let spacings = format!("spacings: {spacings}\n");
+        let folder = Folder::new().with("v.nrrd", nrrd_of("uint8", &[14, 12, 11], &spacings, voxels()));
+        let outcome = folder.done(&["render", "v.nrrd", "--size", "80x80", "-o", "p.png"]);
+        assert!(!outcome.err.contains("warning"), "{}", outcome.err);
+        let bright = codes(&folder.path("p.png")).chunks(3).filter(|pixel| pixel.iter().any(|&code| code > 60)).count();
+        assert!(bright > 80 * 80 / 5, "{spacings}: {bright} bright pixels");
+    }
+    // From the side it is thinner than a pixel, and may be missed.
+    let folder = Folder::new();
+    let thin =
+        ["render", "scene.toml", "--size", "8x8", "-o", "p.png", "-D", "camera={azimuth=0,elevation=0,fill=0.05}"];
+    let err = folder.done(&thin).err;
+    assert!(err.contains("thinner than a pixel") && err.contains("× 0.") && err.contains("--size"), "{err}");
+}
+
+#[test]
+fn a_volume_of_one_value_is_shown_and_said_to_be_one() {
+    let float = |value: f32, count: usize| value.to_le_bytes().repeat(count);
+    for (kind, sizes, voxels, value) in [
+        ("uint8", [1, 1, 1], vec![77], "77"),
+        ("uint8", [6, 5, 4], vec![131; 120], "131"),
+        ("float", [7, 6, 5], float(-2.5, 210), "-2.5"),
+        ("float", [5, 5, 5], float(0.0, 125), "0"),
+    ] {
+        for look in [&[][..], &["--look", "grey"]] {
+            let folder = Folder::new().with("v.nrrd", nrrd_of(kind, &sizes, "spacings: 1 1 1\n", voxels.clone()));
+            let outcome = folder.done(&[&["render", "v.nrrd", "--size", "40x40", "-o", "p.png"][..], look].concat());
+            assert!(outcome.err.contains(&format!("all of them {value}, shown")), "{}", outcome.err);
+            assert!(!outcome.err.contains("warning: nothing in"), "{}", outcome.err);
+            let brightest = codes(&folder.path("p.png")).into_iter().max();
+            assert!(brightest > Some(40), "{value} {look:?}: {brightest:?}");
+        }
+    }
+}
+
+#[test]
+fn values_far_from_zero_are_told_apart() {
+    // A ball of two shells in noise, all of them beyond 3·10⁹; f32 has steps of 256 there.
+    let value = |index: usize| {
+        let [x, y, z] = [index % 20, index / 20 % 20, index / 400].map(|it| i32::try_from(it).unwrap() - 10);
+        let noise = f64::from(u8::try_from(index * 37 % 11).unwrap());
+        let ball = match x * x + y * y + z * z {
+            0..20 => 300.25,
+            20..60 => 150.25,
+            _ => 0.25,
+        };
+        3_000_000_000.0 + noise + ball
+    };
+    let voxels = (0..8000).flat_map(|index| value(index).to_le_bytes());
+    let folder = Folder::new().with("v.nrrd", nrrd_of("double", &[20, 20, 20], "spacings: 1 1 1\n", voxels));
+    let outcome = folder.done(&["info", "v.nrrd"]);
+    let mean = (0..8000).map(value).sum::<f64>() / 8000.0;
+    let line = |name: &str| outcome.out.lines().find(|line| line.trim_start().starts_with(name)).unwrap().to_owned();
+    let told: f64 = line("values").split("mean ").nth(1).unwrap().parse().unwrap();
+    assert!((told - mean).abs() < 0.01, "{told}, not {mean}");
+    let percentiles: Vec<f64> =
+        line("percentile").split(", ").map(|it| it.split(": ").nth(1).unwrap().trim().parse().unwrap()).collect();
+    assert!(percentiles.first() < percentiles.last() && percentiles[6] - percentiles[0] > 100.0, "{percentiles:?}");
+    assert!(percentiles.iter().all(|it| it.fract() > 0.2 && it.fract() < 0.3), "no value is rounded: {percentiles:?}");
+    let err = folder.done(&["render", "v.nrrd", "--size", "24x24", "-o", "p.png"]).err;
+    let words = err.split([' ', ',', ';', '\n']).map(|word| word.trim_end_matches('.'));
+    let numbers: Vec<f64> = words.filter_map(|word| word.parse().ok()).filter(|it| *it > 1e9).collect();
+    assert!(numbers.len() >= 4 && numbers.windows(2).all(|pair| pair[0] < pair[1]), "{err}");
+    assert!(codes(&folder.path("p.png")).into_iter().max() > Some(60), "a picture with something in it");
+}
+
+#[test]
+fn the_lung_look_shows_lungs_through_ribs() {
+    // A chest of ribs, muscle and two lungs in full inspiration, 4 mm a voxel; the ribs cover half of the front.
+    const SIDES: [usize; 3] = [56, 40, 40];
+    let stored = |index: usize| {
+        let [x, y, z] = [index % 56, index / 56 % 40, index / (56 * 40)].map(|it| i32::try_from(it).unwrap());
+        let [x, y, z] = [f64::from(x) - 27.5, f64::from(y) - 19.5, f64::from(z) - 19.5];
+        let body = (x / 26.0).powi(2) + (y / 17.0).powi(2);
+        let lung = ((x.abs() - 12.0) / 8.5).powi(2) + (y / 11.0).powi(2) + (z / 16.0).powi(2);
+        let noise = i16::try_from(index * 7 % 31).unwrap() - 15;
+        let is_rib = (0.68..0.8).contains(&body) && z.rem_euclid(8.0) < 4.0;
+        noise
+            + if body > 1.0 {
+                -1000
+            } else if lung < 1.0 {
+                -880
+            } else if is_rib {
+                500
+            } else {
+                40
+            }
+    };
+    let voxels = (0..SIDES.iter().product()).flat_map(|index| stored(index).to_le_bytes());
+    let axes = "space: left-posterior-superior\nspace directions: (4,0,0) (0,4,0) (0,0,4)\n";
+    let folder = Folder::new().with("chest.nrrd", nrrd_of("int16", &SIDES, axes, voxels));
+    folder.done(&["render", "chest.nrrd", "--look", "lung", "--size", "84x84", "-o", "p.png"]);
+    let shown = codes(&folder.path("p.png"));
+    // Columns of pixels through the middle of a lung, and between lungs, at the height of its middle half.
+    let mean = |x: usize| -> [f64; 3] {
+        let rows = 30..54;
+        [0, 1, 2].map(|channel| rows.clone().map(|y| f64::from(shown[3 * (84 * y + x) + channel])).sum::<f64>() / 24.0)
+    };
+    let (left, right, middle) = (mean(25), mean(58), mean(42));
+    for lung in [left, right] {
+        // The lung is brighter than what is between, and its colour is not that of bones, which are nearly white.
+        assert!(lung[0] > 90.0 && lung[0] > 1.5 * middle[0], "{lung:?} beside {middle:?}");
+        assert!(lung[0] > 1.5 * lung[2], "{lung:?}");
+    }
+}
+
+#[test]
+fn all_times_of_a_series_have_one_look_so_that_bleaching_is_seen() {
+    // A ball that moves, and loses a third of its light from time to time.
+    let value = |index: usize| {
+        let [x, y, z] = [index % 16, index / 16 % 16, index / 256 % 16].map(|it| i32::try_from(it).unwrap());
+        let time = index / 4096;
+        let inside = (x - 6 - i32::try_from(time).unwrap()).pow(2) + (y - 8).pow(2) + (z - 8).pow(2) < 20;
+        u8::try_from(index % 5).unwrap() + if inside { [210, 140, 93][time] } else { 0 }
+    };
+    let axes = "space dimension: 3\nspace directions: (1,0,0) (0,1,0) (0,0,1) none\nkinds: space space space time\n";
+    let folder = Folder::new().with("t.nrrd", nrrd_of("uint8", &[16, 16, 16, 3], axes, (0..3 * 4096).map(value)));
+    let all = ["render", "t.nrrd", "--time", "all", "--size", "32x32"];
+    let outcome = folder.done(&[&all[..], &["--look", "grey", "-o", "p.png", "--save-scene", "s.toml"]].concat());
+    assert!(
+        outcome.err.contains("All 3 time steps have this look") && outcome.err.contains("from 0 to 214"),
+        "{}",
+        outcome.err
+    );
+    let sum = |name: &str| codes(&folder.path(name)).iter().map(|&code| u32::from(code)).sum::<u32>();
+    let sums = [1, 2, 3].map(|n| sum(&format!("p-000{n}.png")));
+    assert!(sums[2] > 0 && sums.windows(2).all(|pair| 10 * pair[1] < 9 * pair[0]), "{sums:?}");
+    // The saved scene has the same look for each time alone, and a look of a time alone says so.
+    folder.done(&["render", "s.toml", "--time", "1", "--size", "32x32", "-o", "second.png"]);
+    assert_eq!(codes(&folder.path("second.png")), codes(&folder.path("p-0002.png")));
+    let alone = folder.done(&["render", "t.nrrd", "--time", "2", "--size", "8x8", "-o", "alone.png"]).err;
+    assert!(alone.contains("time step 2 alone") && alone.contains("--time all"), "{alone}");
+    // The times pass once during a turn.
+    let json = folder.done(&[&all[..], &["--turntable", "6", "-o", "t.apng", "--json"]].concat()).json();
+    assert_eq!((&json["time_steps"], &json["pictures"]["written"]), (&3.into(), &6.into()), "{json}");
+    folder.refused(2, &["info", "t.nrrd", "--time", "all"], &["only `relume render` takes all time steps"]);
+    folder.refused(2, &[&all[..], &["--accumulators", "a.exr"]].concat(), &["--time all", "--accumulators"]);
+    folder.refused(2, &["render", "scene.toml", "--time", "all", "-o", "q.png"], &["has one time step"]);
+}

@@ -13,6 +13,8 @@ mod examples;
 mod failures;
 mod figures;
 mod first_look;
+mod flags;
+mod label_maps;
 mod level;
 mod measure;
 mod model_files;
@@ -23,6 +25,7 @@ mod output;
 mod page;
 mod parts;
 mod session;
+mod slice;
 #[path = "../support/mod.rs"]
 mod support;
 mod tutorials;

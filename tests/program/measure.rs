@@ -15,9 +15,9 @@ use relume::measure::{
     Cause, Difference, Findings, Knob, MeasureError, Measured, NodesBesideRgb, Setting, Summary, Survey, SurveyOptions,
     Value, cheapest, html, mark_pareto, settings, to_csv, to_markdown, to_text, trade,
 };
-use relume::plan::plan_full_spectrum;
+use relume::plan::{Integrate, plan_full_spectrum};
 use relume::progress::{Progress, Quiet};
-use relume::scene::{AmbientShares, Projection, Scene};
+use relume::scene::{AmbientShares, Integration, Projection, Scene, Term};
 use relume::volume::{Geometry, Volume, Voxels};
 use support::program::{Folder, SCENE};
 use support::rungs::{Rungs, with_renderer};
@@ -168,7 +168,7 @@ fn eight_nodes_are_at_least_twenty_times_closer_than_any_rgb() {
     let options = SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() };
     for mut scene in [parsed(GLASS), load_embedded(&options, &Quiet).unwrap().scene] {
         // The division of segments depends on the numbers of a pixel (docs/theory/segments.md), which is no error of a model.
-        scene.accuracy.integration = relume::scene::Integration::Samples;
+        scene.accuracy.integration = Integration::Samples;
         measured(&scene, &[models], |_, rows| {
             let found = NodesBesideRgb::of(rows).unwrap();
             assert_eq!(found.of.len(), 3, "{found:?}");
@@ -696,6 +696,27 @@ fn straight_on(is_inside: impl Fn([f64; 3]) -> bool) -> Scene {
     let voxels = Voxels::U8((0..4913).map(|i| if is_inside(place(i)) { 200 } else { 0 }).collect());
     scene.volume = Arc::new(Volume::new("block", voxels, Geometry::unit("block", [17; 3]).unwrap()).unwrap());
     scene
+}
+
+#[test]
+fn a_row_whose_integration_is_not_that_of_the_scene_says_so() {
+    let mut scene = straight_on(|_| true);
+    let values = (0..4913).map(|i: usize| u8::try_from(i % 17 * 12).unwrap()).collect();
+    let grid = Geometry::unit("ramp", [17; 3]).unwrap();
+    scene.volume = Arc::new(Volume::new("ramp", Voxels::U8(values), grid).unwrap());
+    scene.accuracy.integration = Integration::Auto;
+    // 16 wide: more than the values change in a step of one voxel on average over the axes, and less than in one of four.
+    scene.transfer.terms = vec![Term::interval(0, [90.0, 102.0], [2.0; 2], 0.3, 0.0)];
+    let taken = |row: &Measured| (row.integration, row.other_integration);
+    measured(&scene, &["step=1,4"], |_, rows| {
+        let found: Vec<_> = rows[1..].iter().map(taken).collect();
+        assert_eq!(found, [(Integrate::Samples, false), (Integrate::Segments, true)]);
+        assert!(!rows[0].other_integration && rows[0].integration == Integrate::Samples);
+        let text = to_text(rows);
+        assert!(text.contains("step=4 (auto took segments)") && text.matches("auto took").count() == 1, "{text}");
+    });
+    // What was asked for is no surprise.
+    measured(&scene, &["integration=segments"], |_, rows| assert!(!rows[1].other_integration));
 }
 
 /// From the first voxels to the last ones, a homogeneous block of 17 has 16 steps, 8 of level 1 and 4 of level 2.

@@ -236,13 +236,17 @@ fn a_file_that_another_program_wrote_is_relit() {
         } else {
             standard::light(light).unwrap()
         };
-        let (found, outcome) = relit(&folder, "hand.exr", &["--light", name]);
+        let (found, outcome) = relit(&folder, "hand.exr", &["--light", &format!("{name}@key")]);
         let colour = |low: f64, high: f64| {
             let spectrum = Spectrum::from_fn(|nm| if nm >= 550.0 { high } else { low });
             DVec3::from_array(xyz_of(&(light.spectrum() * &spectrum)).0)
         };
         let transmitted = colour(0.5 * 0.5, 0.25 * 0.5);
         assert_same_xyz(name, &found, &[colour(0.25, 0.25), colour(0.0, 0.5) + transmitted]);
+        // In place of the lamp of weight 2 and the red light of weight 1, it is as bright as both.
+        let (in_place, _) = relit(&folder, "hand.exr", &["--light", name]);
+        let thrice: Vec<DVec3> = found.iter().map(|colour| 3.0 * *colour).collect();
+        assert_same_xyz(name, &in_place, &thrice);
         let json = outcome.json();
         let lights = json["model"]["lights"].as_array().unwrap();
         let new = lights.iter().find(|light| light["planned"] == false).unwrap();
@@ -416,13 +420,14 @@ fn relighting_what_the_reference_marched_equals_the_reference_under_that_light()
         let rungs = Rungs::new(scene, [16, 16]);
         let marched = rungs.march::<f64>(&rungs.exact());
         for name in ["FL11", "E"] {
-            let mix = relume::document::requested(
+            let asked = relume::document::requested(
+                &rungs.mix,
                 &rungs.mix,
                 &["fill".into(), "key".into()],
                 &[name.parse().unwrap()],
                 Path::new(""),
             );
-            let matrices = support::rungs::in_xyz(&rungs.matrices_under(&mix.unwrap()));
+            let matrices = support::rungs::in_xyz(&rungs.matrices_under(&asked.unwrap().mix));
             let (found, _) = relit(&folder, "acc.exr", &["--light", name]);
             assert_same_xyz(&format!("{flags:?} {name}"), &found, &marched.relight(&matrices));
         }
@@ -433,7 +438,8 @@ fn relighting_what_the_reference_marched_equals_the_reference_under_that_light()
 fn spectra_of_k_numbers_come_with_their_errors() {
     let folder = Folder::new().with("glass.toml", GLASS);
     // Under one equal-energy light, radiance is proportional to reflectance.
-    let render = ["render", "glass.toml", "--size", "16x16", "--light", "E", "-D", "lights.fill.intensity=0"];
+    let lights = ["--light", "E@key", "--light", "E@fill"];
+    let render = [&["render", "glass.toml", "--size", "16x16", "-D", "lights.fill.intensity=0"][..], &lights].concat();
     let json = folder.done(&[&render[..], &["--spectral", "s.exr", "--json"]].concat()).json();
     let spectral = Exr::read(&folder.path("s.exr"));
     let stored: serde_json::Value = serde_json::from_str(&spectral.attributes["relumeReconstruction"]).unwrap();
@@ -452,7 +458,7 @@ fn spectra_of_k_numbers_come_with_their_errors() {
     for band in 0..BANDS {
         let found = &spectral.channels[&format!("S0.{},000nm", 380 + 5 * band)];
         for (pixel, &found) in found.iter().enumerate() {
-            // --light E shines from both positions, and twice on the background.
+            // E shines from both positions, and twice on the background.
             let kept = |position: usize| marched.accumulators[(position * BANDS + band) * 256 + pixel];
             let truth = kept(0) + kept(1) + 2.0 * 0.6 * marched.transmittance[band * 256 + pixel];
             squares += (f64::from(found) / power - truth).powi(2);

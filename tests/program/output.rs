@@ -204,6 +204,42 @@ fn a_png_with_alpha_is_not_premultiplied() {
 }
 
 #[test]
+fn a_png_for_programs_that_mix_codes_shows_over_black_the_codes_of_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("picture.png");
+    // Dim and bright pixels of all opacities; white that is hardly opaque; nothing; what is too bright.
+    let mut pixels: Vec<f32> = (0..60_u8)
+        .flat_map(|n| {
+            let n = f32::from(n) / 59.0;
+            [0.9 * n * n, 0.3 * n, 0.05, 0.2 + 0.8 * n]
+        })
+        .collect();
+    pixels.extend([1.0, 1.0, 1.0, 0.1, 0.0, 0.0, 0.0, 0.0, 2.0, 0.5, 0.0, 0.7]);
+    let picture = Picture::new(pixels.len() / 4, 1, &pixels).unwrap();
+    // Half a code each for the colour, the alpha and the picture over black.
+    let off = 1.5;
+    for (depth, largest) in [(Depth::Eight, 255.0), (Depth::Sixteen, 65_535.0)] {
+        let codes = |alpha: Alpha| -> Vec<f64> {
+            write_png(&path, &picture, depth, alpha).unwrap();
+            let data = read_png(&path).0;
+            match depth {
+                Depth::Eight => data.into_iter().map(f64::from).collect(),
+                Depth::Sixteen => data.chunks_exact(2).map(|it| u16::from_be_bytes([it[0], it[1]]).into()).collect(),
+            }
+        };
+        let (over_black, kept) = (codes(Alpha::OverBlack), codes(Alpha::KeptForCodes));
+        for (index, (expected, pixel)) in over_black.chunks(3).zip(kept.chunks(4)).enumerate() {
+            let least = f64::from(pixels[4 * index + 3]) * largest;
+            assert!(pixel[3] >= least - 0.51, "{index}: an alpha of {} for {least}", pixel[3]);
+            for (code, expected) in pixel.iter().zip(expected) {
+                let shown = code * pixel[3] / largest;
+                assert!((shown - expected).abs() <= off, "{index}: {shown}, not {expected}");
+            }
+        }
+    }
+}
+
+#[test]
 fn samples_that_are_ready_arrive_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("picture.png");

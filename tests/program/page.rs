@@ -16,7 +16,7 @@ use markup5ever_rcdom::RcDom;
 use relume::document::{self, SceneOptions};
 use relume::film::Film;
 use relume::output::FilmFile;
-use relume::output::film::{Component, Components, Light, Position, PositionKind};
+use relume::output::film::{Component, Components, Frame, Light, Position, PositionKind};
 use relume::output::page::{Page, PageError, SCRIPT, STYLE};
 use relume::progress::Quiet;
 use relume::scene::{Mix, MixLight};
@@ -460,6 +460,38 @@ fn names_stay_text_and_the_policy_has_the_digests_of_script_and_style() {
     for word in ["http://", "https://", "innerHTML", "eval(", "new Function", "localStorage", "cookie"] {
         assert!(!SCRIPT.replace("http://www.w3.org/2000/svg", "").contains(word), "{word}");
     }
+}
+
+#[test]
+fn a_page_keeps_scale_letters_and_the_names_of_its_materials() {
+    let (mut header, film) = hostile();
+    let letters = ["R", "LP", "S", "I"].map(str::to_owned);
+    header.frame = Some(Frame { pixel: Some(1.25), parallel: true, unit: Some("mm".to_owned()), edges: Some(letters) });
+    let size = [48, 32];
+    let film = Film { size, ..film };
+    let enlarged = |plane: &[f32]| plane.iter().copied().cycle().take(size[0] * size[1]).collect::<Vec<f32>>();
+    let accumulators = film.accumulators.chunks_exact(30).flat_map(enlarged).collect();
+    let film = Film { accumulators, transmittance: enlarged(&film.transmittance[..30]), ..film };
+    let html = page(&header, std::slice::from_ref(&film), 0.5).packed(&Quiet).unwrap().html;
+    assert_eq!(parse_errors(&html), Vec::<String>::new());
+    // The drawing over the picture: a bar of a quarter of the 60 mm at most, and four letters.
+    let style = html.split("<style>").nth(2).unwrap().split("</style>").next().unwrap();
+    let drawing = style.split_once("base64,").unwrap().1.split_once('"').unwrap().0;
+    let drawing = String::from_utf8(STANDARD.decode(drawing).unwrap()).unwrap();
+    for text in [">10 mm<", ">R<", ">LP<", ">S<", ">I<", "viewBox=\"0 0 816 544\""] {
+        assert!(drawing.contains(text), "no {text} in {drawing}");
+    }
+    let digest = STANDARD.encode(Sha256::digest(style.as_bytes()));
+    assert!(html.split_once("img-src").unwrap().0.contains(&digest), "the policy allows the style");
+    let legend = html.split_once("aria-label=\"Materials\"").unwrap().1.split_once("</section>").unwrap().0;
+    assert!(legend.contains("&lt;/title&gt;") && legend.contains("{style}{views}"), "{legend}");
+    assert_eq!(legend.matches("<rect").count(), 2);
+    // The letters of a turntable turn, and its scale is that of every view.
+    let views = [film.clone(), film];
+    let html = Page { columns: 2, ..page(&header, &views, 0.5) }.packed(&Quiet).unwrap().html;
+    let style = html.split("<style>").nth(2).unwrap().split_once("base64,").unwrap().1.split_once('"').unwrap().0;
+    let drawing = String::from_utf8(STANDARD.decode(style).unwrap()).unwrap();
+    assert!(drawing.contains(">10 mm<") && !drawing.contains(">LP<"), "{drawing}");
 }
 
 /// Errors of the parser of browsers.

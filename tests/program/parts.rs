@@ -73,6 +73,11 @@ fn a_part_keeps_whole_pictures_of_the_same_inputs_only() {
             &["--bits", "16"],
             &["--annotate"],
         ] {
+            // EXR files have one form, which these flags do not change.
+            if kind == "exr" && ["--background", "--bits", "--annotate"].contains(&other[0]) {
+                folder.refused(2, &[&all[..], &["--part", "1/1"], other].concat(), &[other[0], "has no effect"]);
+                continue;
+            }
             assert!(resumed(other).contains("wrote 5 and kept 0"), "{other:?}");
         }
         for name in whole.keys() {

@@ -634,3 +634,83 @@ fn damaged_hdf5_and_netcdf_files_are_refused_with_a_place() {
     let message = volumes::whole_message(&error.unwrap());
     assert!(message.contains("v.h5, array /") && message.contains("block from ["), "{message}");
 }
+
+#[test]
+fn chunks_under_the_other_separator_are_read_and_a_store_without_chunks_is_refused() {
+    // "v2_uint16" has names with dots, as it states.
+    let names = |store: &Store| -> Vec<String> {
+        let entries =
+            std::fs::read_dir(store.0.path()).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        entries.filter(|name| !name.starts_with('.')).collect()
+    };
+    let store = Store::written("v2_uint16");
+    for name in names(&store) {
+        let path = store.path(&name.replace('.', "/"));
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::rename(store.path(&name), path).unwrap();
+    }
+    let volume = store.open().unwrap();
+    assert!(volume.voxels == voxels("uint16", &numbers(DIMS, 1, 0, 0)));
+    assert!(
+        volume.notes.iter().any(|note| note.contains("dimension_separator") && note.contains("'/'")),
+        "{:?}",
+        volume.notes
+    );
+    // The other way round, and one chunk that is missing.
+    let store = Store::written("v2_uint16").changed(
+        ".zarray",
+        "\"dimension_separator\": \".\"",
+        "\"dimension_separator\": \"/\"",
+    );
+    std::fs::remove_file(store.path("0.0.0")).unwrap();
+    let volume = store.open().unwrap();
+    assert!(volume.notes.iter().any(|note| note.contains("1 chunk is not there")), "{:?}", volume.notes);
+    assert_eq!(volume.value([8, 9, 6]), Some(f64::from(64 + 7 * 9 + 40 * 6)));
+    // None at all.
+    for name in names(&store) {
+        std::fs::remove_file(store.path(&name)).unwrap();
+    }
+    refused(store.open(), &["none of its chunks is there", "0/0/0", "incomplete"]);
+}
+
+#[test]
+fn links_are_further_names_of_arrays_and_may_lead_to_files_beside() {
+    for name in ["/detector/frames", "/entry/data", "entry/alias/frames"] {
+        let volume = open_hdf5("links.h5", &array(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert!(volume.voxels == voxels("uint16", &numbers(DIMS, 1, 0, 0)), "{name}");
+    }
+    // The array of another file, and one in a group of it.
+    for (name, channel) in [("/outside/one", 1), ("/outside/all/deep/two", 2)] {
+        let volume = open_hdf5("links.h5", &array(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert!(volume.voxels == voxels("uint16", &numbers(DIMS, 1, channel, 0)), "{name}");
+    }
+    let all = refused(open_hdf5("links.h5", &Selection::default()), &["/outside/one", "/outside/all/deep/two"]);
+    assert!(all.to_string().contains("the arrays "), "{all}");
+    refused(open_hdf5("links.h5", &array("/outside/gone")), &["/outside/gone", "no_such.h5", "missing"]);
+    refused(open_hdf5("links.h5", &array("/outside/away")), &["../single.h5", "outside the folder"]);
+    refused(open_hdf5("links.h5", &array("/nothing")), &["the array /nothing does not exist"]);
+    // Without the other file, its arrays are not there.
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(hdf5("links.h5"), folder.path().join("links.h5")).unwrap();
+    let open = |selection: &Selection| volume::open(&folder.path().join("links.h5"), selection, &Quiet);
+    assert!(open(&Selection::default()).unwrap().voxels == voxels("uint16", &numbers(DIMS, 1, 0, 0)));
+    refused(open(&array("/outside/one")), &["links_target.h5", "missing"]);
+}
+
+#[test]
+fn coordinates_of_emd_are_spacings() {
+    let volume = open_hdf5("emd.emd", &Selection::default()).unwrap();
+    assert!(volume.voxels == voxels("uint16", &numbers(DIMS, 1, 0, 0)));
+    // dim1 is z, of two entries, in 0.1 nm; the others are in nm.
+    assert!(volume.geometry.spacing.abs_diff_eq(DVec3::new(0.25, 0.5, 0.3), 1e-12), "{}", volume.geometry.spacing);
+    assert!(volume.geometry.origin.abs_diff_eq(DVec3::new(4.0, 0.0, 1.0), 1e-12), "{}", volume.geometry.origin);
+    assert_eq!((volume.unit, volume.notes.len()), (Some(Unit::Nanometre), 0), "{:?}", volume.notes);
+}
+
+#[test]
+fn netcdf_4_has_unsigned_numbers_and_dimensions_without_coordinates() {
+    let volume = open_hdf5("netcdf4_bare.nc", &Selection::default()).unwrap();
+    assert!(volume.voxels == voxels("uint8", &numbers(DIMS, 1, 0, 0)));
+    assert_eq!((volume.slope, volume.intercept), (0.5, -3.0));
+    assert!(!volume.notes.iter().any(|note| note.contains("even")), "{:?}", volume.notes);
+}

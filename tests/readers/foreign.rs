@@ -28,10 +28,15 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
 fn every_known_format_is_named_by_how_it_begins() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("file");
-    let files: [(&[u8], &str); 11] = [
+    let files: [(&[u8], &str); 16] = [
         (&gzip(b"raw_image_stack_by_hpengL"), "a Vaa3D raw file, compressed by gzip"),
         (b"raw_image_stack_by_hpengL", "a Vaa3D raw file"),
         (b"v/1\x01\x02\0\0\0", "an OpenEXR picture"),
+        (b"ZISRAWFILE\0\0\0\0\0\0", "a Zeiss CZI file"),
+        (b"\xda\xce\xbe\x0a\x20\0\0\0ND2 FILE", "a Nikon ND2 file"),
+        (b"\x70\0\0\0\x31\x07\0\0\x2a\x96\x03\0\0<\0L\0", "a Leica LIF file"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0\0", "a file of microscopes"),
+        (b"\xef\xbb\xbf<SpimData version=\"0.2\">", "an XML file of BigDataViewer"),
         (b"\x89PNG\r\n\x1a\n", "a PNG picture"),
         (b"\xff\xd8\xff\xe0", "a JPEG picture"),
         (b"PK\x03\x04", "a ZIP archive"),
@@ -156,4 +161,42 @@ fn every_shared_file_is_read_or_refused_in_one_sentence() {
             }
         }
     }
+}
+
+#[test]
+fn stores_and_descriptions_of_other_programs_name_the_way_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let description = |loader: &str| {
+        format!(
+            "<?xml version=\"1.0\"?>\n<SpimData version=\"0.2\">\n<SequenceDescription><ImageLoader>{loader}</ImageLoader>\
+             </SequenceDescription></SpimData>"
+        )
+    };
+    for (loader, words) in [
+        ("<hdf5 type=\"relative\">embryo 7.h5</hdf5>", ["embryo 7.h5", "/t00000/s00/0/cells"]),
+        ("<n5 type=\"relative\">embryo.n5</n5>", ["the N5 store embryo.n5", "export"]),
+        ("<zarr type=\"relative\">embryo.ome.zarr</zarr>", ["open the Zarr store", "embryo.ome.zarr"]),
+        ("", ["BigDataViewer", "the HDF5 file beside it"]),
+    ] {
+        let said = refusal(&write("embryo.xml", &description(loader)));
+        assert!(words.iter().all(|word| said.contains(word)), "{said}");
+    }
+    // A store of N5: its root, an array in it, its metadata, and a root without metadata.
+    let array =
+        "{\"dimensions\":[8,8,4],\"blockSize\":[4,4,4],\"dataType\":\"uint8\",\"compression\":{\"type\":\"raw\"}}";
+    write("a.n5/attributes.json", "{\"n5\":\"2.5.1\"}");
+    let inside = write("a.n5/setup0/s0/attributes.json", array);
+    write("b.n5/c0/attributes.json", array);
+    for path in ["a.n5", "a.n5/setup0/s0", "b.n5"].map(|name| folder.path().join(name)).iter().chain([&inside]) {
+        let said = refusal(path);
+        assert!(said.contains("an N5 store") && said.contains("OME-Zarr, HDF5 or TIFF"), "{said}");
+    }
+    let said = refusal(&write("attributes.json", "{\"colour\": \"red\"}"));
+    assert!(said.contains("this is a JSON file"), "{said}");
 }

@@ -443,3 +443,13 @@ fn a_world_is_a_patients_where_the_orientation_says_what_the_axes_say() {
         assert_eq!(open(lines, &TWELVE).unwrap().anatomical, anatomical, "{lines:?}");
     }
 }
+
+#[test]
+fn a_per_cent_sign_in_the_name_of_a_file_is_no_pattern() {
+    for name in ["3 Rest 60 %.raw", "100%.raw", "%d.raw", "z %02d 1 9 1"] {
+        let files = made(&header(&[&format!("ElementDataFile = {name}")]), &[]);
+        let volume = files.with(name, &[5; 12]).open().unwrap();
+        assert_eq!(volume.voxels.bytes(), [5; 12], "{name}");
+    }
+    refused(&["ElementDataFile = 3 Rest 60 %.raw"], &[0; 12], &["there is no file of this name", "60 %.raw"]);
+}

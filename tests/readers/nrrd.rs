@@ -606,3 +606,77 @@ fn a_leaning_grid_is_resampled_where_it_is_asked_for() {
     assert_eq!(volume.voxels.bytes()[..8], [10, 20, 30, 10, 10, 45, 55, 10]);
     assert!(volume.notes.iter().any(|note| note.contains("4×2×2")), "{:?}", volume.notes);
 }
+
+#[test]
+fn ends_of_axes_give_spacing_and_origin() {
+    let of = |lines: &[&str]| open(lines, &[0; 12]).unwrap();
+    let node = of(&["axis mins: -1 4 10", "axis maxs: 2 5 10.5", "centers: node node node"]);
+    assert_eq!(node.geometry.spacing, DVec3::new(1.5, 1.0, 0.5), "two steps between three nodes");
+    assert_eq!(node.geometry.origin, DVec3::new(-1.0, 4.0, 10.0));
+    let cell = of(&["axis mins: -1 4 10", "axis maxs: 2 5 10.5", "centerings: cell cell cell"]);
+    assert_eq!(cell.geometry.spacing, DVec3::new(1.0, 0.5, 0.25));
+    assert_eq!(cell.geometry.origin, DVec3::new(-0.5, 4.25, 10.125));
+    // An axis that runs backwards, and spacings, which count more.
+    let back = of(&["axis mins: 2 4 10", "axis maxs: -1 5 10.5", "centers: node node node"]);
+    assert_eq!((back.geometry.spacing.x, back.geometry.direction.x_axis), (1.5, DVec3::NEG_X));
+    assert_eq!(back.geometry.origin, DVec3::new(2.0, 4.0, 10.0));
+    let stated = of(&["spacings: 3 3 3", "axis mins: 0 0 0", "axis maxs: 2 5 10.5", "centers: node node node"]);
+    assert_eq!(stated.geometry.spacing, DVec3::splat(3.0));
+    refused(&["axis maxs: 2 5"], &[0; 12], &["axismaxs", "2 entries", "3"]);
+}
+
+#[test]
+fn an_axis_of_nan_in_front_of_numbers_is_no_axis_of_space() {
+    let data: Vec<u8> = (0..24).collect();
+    for lines in [
+        ["dimension: 4", "sizes: 2 3 2 2", "spacings: nan 0.5 0.25 2", "kinds: (none)"],
+        ["dimension: 4", "sizes: 2 3 2 2", "axis mins: NaN 0 0 0", "axis maxs: NaN 1.5 0.5 4"],
+    ] {
+        let files = made(&header(&lines), &data);
+        files.refused(&["2 components"]);
+        let second = files.select(&Selection { component: Some(1), ..Selection::default() }).unwrap();
+        assert_eq!((second.geometry.dims, second.geometry.spacing), ([3, 2, 2], DVec3::new(0.5, 0.25, 2.0)));
+        assert_eq!(second.value([1, 0, 0]), Some(3.0), "{lines:?}");
+    }
+    // A last axis without a spacing may be one of space.
+    let last = open(&["spacings: 0.5 0.25 nan"], &data[..12]).unwrap();
+    assert_eq!((last.geometry.dims, last.geometry.spacing), ([3, 2, 2], DVec3::new(0.5, 0.25, 1.0)));
+}
+
+#[test]
+fn headers_in_latin_1_and_units_of_axes_are_read() {
+    let bytes =
+        |text: &str| -> Vec<u8> { text.chars().map(|letter| u8::try_from(u32::from(letter)).unwrap()).collect() };
+    let units = |units: &str| {
+        let text = header(&["spacings: 0.5 0.25 2", "axis mins: 0 0 10", units, "Gerät:=Größe 3"]);
+        let files = made("", &[0; 12]);
+        files.with("v.nhdr", &bytes(&text)).open().unwrap()
+    };
+    let volume = units("units: \"µm\" \"µm\" \"µm\"");
+    assert_eq!(volume.unit, Some(Unit::Micrometre));
+    assert!(volume.metadata.contains(&("Gerät".to_owned(), "Größe 3".to_owned())), "{:?}", volume.metadata);
+    // All axes take the unit of x.
+    let mixed = units("units: \"µm\" \"µm\" \"nm\"");
+    assert_eq!((mixed.unit, mixed.geometry.spacing.z), (Some(Unit::Micrometre), 0.002));
+    assert!(
+        (mixed.geometry.origin.z - 0.011).abs() < 1e-12,
+        "half a spacing behind the edge: {}",
+        mixed.geometry.origin
+    );
+    let unknown = units("units: \"µm\" \"µm\" \"s\"");
+    assert_eq!((unknown.unit, unknown.geometry.spacing.z), (None, 2.0));
+    // A list of files in Latin-1.
+    let list = made("", &[0; 6]);
+    list.with("a.raw", &[0; 6]).with("v.nhdr", &bytes(&(header(&["# ü", "data file: LIST"]) + "v.raw\na.raw\n# ü\n")));
+    volumes::refused(list.open(), &["3 files"]);
+}
+
+#[test]
+fn a_per_cent_sign_in_the_name_of_a_file_is_no_pattern() {
+    let twelve: Vec<u8> = (1..13).collect();
+    for name in ["scan 40% 1 2 1", "50 % b.raw 0 1 1", "s%02d.raw 1 2 1"] {
+        let files = made(&header(&[&format!("data file: {name}")]), &[]);
+        assert_eq!(files.with(name, &twelve).open().unwrap().voxels, Voxels::U8(twelve.clone()), "{name}");
+    }
+    refused(&["data file: scan 40% 1 2 1"], &twelve, &["there is no file of this name", "scan 40%"]);
+}

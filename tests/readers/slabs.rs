@@ -29,6 +29,7 @@ fn chosen(path: &Path) -> (Selection, Volume) {
             Err(VolumeError::Choose { there, .. }) => match there {
                 Several::Components { count, .. } => selection.component = Some(count - 1),
                 Several::Times(count) => selection.time = Some(count - 1),
+                Several::Steps { values, .. } => selection.time = Some(values.len() - 1),
                 Several::Arrays(names) => selection.array = names.last().cloned(),
                 Several::Series(all) => selection.series = all.last().map(|series| series.key.clone()),
                 there => panic!("{}: {there}", path.display()),

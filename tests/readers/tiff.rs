@@ -949,3 +949,89 @@ fn a_metaimage_header_places_slices_of_pictures() {
     volumes::refused(open("5 3 2", "MET_UCHAR"), &["v.mhd", "5×3×2", "4×3 voxels of uint8"]);
     volumes::refused(open("4 3 2", "MET_SHORT"), &["v.mhd", "int16", "uint8"]);
 }
+
+/// A page of 4 × 3 bytes, `TWELVE` and `first` more, with this description.
+fn described(first: u8, description: &str) -> Vec<u8> {
+    let mut writer = Writer::new();
+    let at = writer.data(&TWELVE.map(|byte| byte + first));
+    writer.page(with(tags(at), &[(270, 2, &text(description))]));
+    writer.bytes
+}
+
+#[test]
+fn planes_in_files_are_in_the_order_of_their_companion_file() {
+    // Slices of two channels: file `names[i]` has plane i, z fastest, and the names are in another order.
+    let names = ["q.ome.tif", "b.ome.tif", "x.ome.tif", "a.ome.tif", "m.ome.tif", "c.ome.tif"];
+    let runs: String = (0..6)
+        .map(|plane| {
+            format!(
+                "<TiffData FirstZ=\"{}\" FirstC=\"{}\" IFD=\"0\" PlaneCount=\"1\"><UUID FileName=\"{}\">urn:uuid:{plane}</UUID></TiffData>",
+                plane % 3,
+                plane / 3,
+                names[plane]
+            )
+        })
+        .collect();
+    let xml = |inside: &str| {
+        format!(
+            "<?xml version=\"1.0\"?><OME UUID=\"urn:uuid:all\"><Image><Pixels DimensionOrder=\"XYZCT\" SizeX=\"4\" SizeY=\"3\" \
+             SizeZ=\"3\" SizeC=\"2\" SizeT=\"1\" Type=\"uint8\" PhysicalSizeX=\"0.5\" PhysicalSizeY=\"0.5\" \
+             PhysicalSizeZ=\"1.25\">{inside}</Pixels></Image></OME>"
+        )
+    };
+    let only = "<OME UUID=\"urn:uuid:0\"><BinaryOnly MetadataFile=\"all.companion.ome\" UUID=\"urn:uuid:all\"/></OME>";
+    let plane = |index: usize, description: &str| (names[index], described(20 * index as u8, description));
+    let mut files: Vec<(&str, Vec<u8>)> = (0..6).map(|index| plane(index, only)).collect();
+    files.push(("all.companion.ome", xml(&runs).into_bytes()));
+    files.push(("words.txt", b"words".to_vec()));
+    let folder = volumes::folder(&files);
+    for name in ["all.companion.ome", "a.ome.tif", "x.ome.tif", ""] {
+        for channel in [0, 1] {
+            let volume = volume::open(&folder.path().join(name), &component(channel), &Quiet).unwrap();
+            let first = 60 * channel as u8;
+            let expected: Vec<u8> = stack(3).iter().map(|byte| byte + first).collect();
+            assert_eq!((volume.geometry.dims, volume.voxels.bytes()), ([4, 3, 3], &expected[..]), "{name:?} {channel}");
+            assert_eq!(volume.geometry.spacing, DVec3::new(0.5, 0.5, 1.25), "{name:?}");
+            assert_eq!((volume.unit, volume.components), (Some(Unit::Micrometre), 2), "{name:?}");
+            let skipped = volume.notes.iter().any(|note| note.contains("words.txt is of another format"));
+            assert_eq!(skipped, name.is_empty(), "{:?}", volume.notes);
+        }
+    }
+    // Every file has the whole description, and no companion file.
+    let whole: Vec<(&str, Vec<u8>)> = (0..6).map(|index| plane(index, &xml(&runs))).collect();
+    let folder = volumes::folder(&whole);
+    let volume = volume::open(folder.path(), &component(0), &Quiet).unwrap();
+    assert_eq!(volume.voxels.bytes(), stack(3), "a folder");
+    // The companion file is missing, a plane is, or the description names no file.
+    let lonely = volumes::folder(&files[..1]);
+    volumes::refused(
+        volume::open(&lonely.path().join(names[0]), &component(0), &Quiet),
+        &[names[0], "all.companion.ome", "is missing"],
+    );
+    let cut = volumes::folder(&[files[0].clone(), files[6].clone()]);
+    let error = volume::open(&cut.path().join("all.companion.ome"), &component(0), &Quiet).map(drop).unwrap_err();
+    assert!(matches!(&error, VolumeError::Open { path, .. } if path.ends_with(names[1])), "{error}");
+    let bare = volumes::opened("bare.companion.ome", xml("<TiffData/>").as_bytes(), &component(0));
+    volumes::refused(bare, &["bare.companion.ome", "names no file that has the planes"]);
+}
+
+#[test]
+fn pictures_without_numbers_in_their_names_are_slices_in_the_order_of_the_names() {
+    let names = ["c.png", "B.png", "aa.png", "d-2x.png"];
+    let files: Vec<(&str, Vec<u8>)> =
+        [40, 20, 0, 60].iter().zip(names).map(|(&first, name)| (name, grey_png(first))).collect();
+    let volume = open_folder(&files, &Selection::default()).unwrap();
+    assert_eq!((volume.geometry.dims, volume.voxels.bytes()), ([4, 3, 4], &stack(4)[..]));
+    let note = volume.notes.iter().find(|note| note.contains("have no numbers")).unwrap();
+    assert!(note.contains("aa.png to d-2x.png"), "{note}");
+    // Of two sizes, beside a volume, or alone, they are no slices.
+    let wide = png(png::ColorType::Rgb, png::BitDepth::Eight, &[0; 36]);
+    let error = open_folder(&[files[0].clone(), ("e.png", wide)], &Selection::default()).map(drop).unwrap_err();
+    assert!(
+        error.to_string().contains("2 pictures") && error.to_string().contains("numbers in their names"),
+        "{error}"
+    );
+    let beside = [files[0].clone(), files[1].clone(), ("v.nrrd", b"NRRD0005\n".to_vec())];
+    let error = open_folder(&beside, &Selection::default()).map(drop).unwrap_err();
+    assert!(error.to_string().contains("folder with volumes") && error.to_string().contains("v.nrrd"), "{error}");
+}

@@ -429,3 +429,73 @@ fn names_of_types_are_numpys_and_c_s() {
     }
     assert!(matches!("long".parse::<VoxelType>(), Err(VolumeError::UnknownType { .. })), "4 or 8 bytes");
 }
+
+#[test]
+fn values_beyond_floats_of_32_bits_have_the_first_look_of_the_same_values_in_range() {
+    use relume::document::first_look::{Values, Wish, scene_text};
+    // A ball in a box, and noise around it.
+    let sides = [20_usize, 18, 16];
+    let value = |index: usize| {
+        let [x, y, z] = [index % sides[0], index / sides[0] % sides[1], index / (sides[0] * sides[1])];
+        let radius =
+            [(x, 9.5), (y, 8.5), (z, 7.5)].map(|(at, middle)| (f64::from(u8::try_from(at).unwrap()) - middle).powi(2));
+        let noise = f64::from(u8::try_from((7 * x + 3 * y + 5 * z) % 9).unwrap());
+        if radius.iter().sum::<f64>() < 30.0 { 410.0 + noise } else { 20.0 + noise }
+    };
+    let look = |factor: f64| {
+        let voxels = (0..sides.iter().product()).map(|index| value(index) * factor).collect();
+        let mut volume = unit(sides, Voxels::F64(voxels));
+        let statistics = volume.statistics().unwrap();
+        let values = Values::of(&volume, &statistics);
+        let percentiles = [0.01, 0.5, 0.99].map(|part| values.percentile(part) / factor);
+        let text = scene_text("v", &mut volume, &statistics, Wish::default(), &Quiet).unwrap();
+        let scene: toml::Table = text.parse().expect("a scene");
+        let intervals = scene["transfer"]["intervals"].as_array().unwrap().clone();
+        let number = |value: &toml::Value| value.as_float().unwrap();
+        let ranges: Vec<f64> = intervals
+            .iter()
+            .flat_map(|it| [&it["range"][0], &it["range"][1], &it["ramp"]].map(|value| number(value) / factor))
+            .collect();
+        let opacities: Vec<f64> = intervals.iter().map(|it| number(&it["opacity"])).collect();
+        (percentiles, ranges, opacities, scene["camera"].clone())
+    };
+    let usual = look(1.0);
+    assert!(usual.1.len() >= 3);
+    // A power of two scales exactly, and powers of ten as nearly as they are numbers.
+    for factor in [2.0_f64.powi(700), 2.0_f64.powi(-300), 1e60, 3e-75, 1e300] {
+        let far = look(factor);
+        let near = |one: &[f64], other: &[f64]| {
+            one.len() == other.len()
+                && one.iter().zip(other).all(|(one, other)| (one - other).abs() <= 1e-9 * one.abs())
+        };
+        assert!(near(&usual.0, &far.0), "{factor:e}: {:?}, not {:?}", far.0, usual.0);
+        assert!(near(&usual.1, &far.1), "{factor:e}: {:?}, not {:?}", far.1, usual.1);
+        assert_eq!((&usual.2, &usual.3), (&far.2, &far.3), "{factor:e}");
+    }
+}
+
+#[test]
+fn a_first_look_does_not_use_a_window_beside_its_values() {
+    use relume::document::first_look::{Values, guess};
+    use relume::volume::Window;
+    let sides = [12_usize, 12, 12];
+    // Surroundings of 0, and a body from 3000 on.
+    let body = |index: u16| if index % 12 < 4 { 0.0 } else { f32::from(3000 + index % 1000) };
+    let voxels: Vec<f32> = (0..1728_u16).map(body).collect();
+    let look = |window: Option<[f64; 2]>| {
+        let mut volume = unit(sides, Voxels::F32(voxels.clone()));
+        volume.presets.windows.extend(window.and_then(|[low, high]| Window::new("w", low, high)));
+        let statistics = volume.statistics().unwrap();
+        guess(&volume, &Values::of(&volume, &statistics), &statistics)
+    };
+    for beside in [[0.0, 255.0], [5000.0, 9000.0], [10.0, 2998.0]] {
+        let told = look(Some(beside));
+        let layers = told.strip_suffix(", is not used, because the values lie beside it").unwrap();
+        let of_window = format!("; the window of the file, {} to {}", beside[0], beside[1]);
+        assert_eq!(layers.strip_suffix(&of_window), Some(look(None).as_str()));
+    }
+    for within in [[0.0, 3500.0], [3100.0, 4200.0], [0.0, 65535.0]] {
+        let told = look(Some(within));
+        assert!(told != look(None) && !told.contains("is not used"), "{told}");
+    }
+}

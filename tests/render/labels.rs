@@ -50,7 +50,7 @@ fn scene(transfer: &str, volume: Volume) -> Scene {
     scenes::of(&text, volume)
 }
 
-fn entry(label: u32, opacity: f64) -> LabelEntry {
+fn entry(label: i64, opacity: f64) -> LabelEntry {
     LabelEntry { label, name: label.to_string(), material: 0, opacity, absorption: 0.0 }
 }
 
@@ -113,15 +113,18 @@ fn within_a_label_nothing_changes() {
     assert!(largest_difference(&filled(true), &filled(false)) <= 0.0);
 }
 
-/// More than 127 labels take two bytes a voxel.
+/// More than 127 labels take two bytes a voxel, and more than 32767 four.
 #[test]
 fn the_device_mixes_any_number_of_labels_as_the_reference_does() {
     with_renderer(|renderer| {
-        for labels in [3_u16, 127, 128, 255] {
+        for labels in [3_u16, 127, 300, 40_000] {
+            // The last of them, whose texels are the largest.
             let of = |[x, y, z]: [usize; 3]| {
-                if in_ball([x, y, z]) { u16::try_from((x + 7 * y + 31 * z) % 256).unwrap() % (labels + 1) } else { 0 }
+                let back = u16::try_from((x + 7 * y + 31 * z) % 256).unwrap() % (labels + 1);
+                if in_ball([x, y, z]) { labels - back } else { 0 }
             };
-            let declared = (1..=labels).map(|label| entry(label.into(), 0.02 + 0.9 * f64::from(label) / 256.0));
+            let opacity = |label: u16| 0.02 + 0.9 * f64::from((labels - label).min(255)) / 256.0;
+            let declared = (1..=labels).map(|label| entry(label.into(), opacity(label)));
             for segments in [false, true] {
                 // Voxels without a label are seen too.
                 let haze = "intervals = [{ material = \"organ\", range = [1, 9], opacity = 0.1 }]";

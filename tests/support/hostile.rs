@@ -88,6 +88,7 @@ pub enum Reader {
     Nrrd,
     Vti,
     Nifti,
+    Mgh,
     Mrc,
     Numpy,
     Archive,
@@ -114,6 +115,7 @@ impl Reader {
             Self::Nrrd => "v.nrrd",
             Self::Vti => "v.vti",
             Self::Nifti => "v.nii",
+            Self::Mgh => "v.mgz",
             Self::Mrc => "v.mrc",
             Self::Numpy => "v.npy",
             Self::Archive => "v.npz",
@@ -204,6 +206,7 @@ impl Place {
             | Reader::Nrrd
             | Reader::Vti
             | Reader::Nifti
+            | Reader::Mgh
             | Reader::Mrc
             | Reader::Numpy
             | Reader::Archive

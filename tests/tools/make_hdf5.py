@@ -144,6 +144,49 @@ def imaris(path):
                     group.create_dataset("Data", data=padded, chunks=(8, 8, 8), compression="gzip")
 
 
+def links(path, target):
+    with h5py.File(target, "w") as file:
+        file.create_dataset("one", data=numbers("uint16", (2,) + SHAPE)[1])
+        file.create_dataset("group/deep/two", data=numbers("uint16", (3,) + SHAPE)[2], chunks=(7, 5, 9), compression="gzip")
+    with h5py.File(path, "w", libver="latest") as file:
+        file.create_dataset("detector/frames", data=numbers("uint16"))
+        file["entry/data"] = h5py.SoftLink("/detector/frames")
+        file["entry/alias"] = h5py.SoftLink("/detector")
+        file["outside/one"] = h5py.ExternalLink(target.name, "/one")
+        file["outside/all"] = h5py.ExternalLink(target.name, "/group")
+        file["outside/gone"] = h5py.ExternalLink("no_such.h5", "/one")
+        file["outside/away"] = h5py.ExternalLink("../single.h5", "/exported_data")
+
+
+def emd(path):
+    with h5py.File(path, "w") as file:
+        group = file.create_group("data/volume")
+        group.attrs["emd_group_type"] = 1
+        group.create_dataset("data", data=numbers("uint16"))
+        for index, (name, unit, line) in enumerate([("z", "[A]", [10.0, 13.0]), ("y", "[n_m]", 0.5 * np.arange(10)),
+                                                    ("x", "[n_m]", 4 + 0.25 * np.arange(9))]):
+            axis = group.create_dataset(f"dim{index + 1}", data=line)
+            axis.attrs["name"] = name
+            axis.attrs["units"] = unit.replace("[A]", "Å")
+
+
+def bare(path):
+    """NetCDF-4 as its library writes it: dimensions without variables are arrays that say so."""
+    with h5py.File(path, "w", track_order=True) as file:
+        scales = []
+        for index, length in enumerate(SHAPE):
+            scale = file.create_dataset("zyx"[index], data=np.zeros(length, ">f4"))
+            scale.make_scale(f"This is a netCDF dimension but not a netCDF variable{length:>10}")
+            scale.attrs["_Netcdf4Dimid"] = np.int32(index)
+            scales.append(scale)
+        field = file.create_dataset("field", data=numbers("uint8").view("int8"))
+        for index, scale in enumerate(scales):
+            field.dims[index].attach_scale(scale)
+        field.attrs["_Unsigned"] = "true"
+        field.attrs["scale_factor"] = 0.5
+        field.attrs["add_offset"] = -3.0
+
+
 def main():
     out = Path(sys.argv[1])
     shutil.rmtree(out, ignore_errors=True)
@@ -162,6 +205,9 @@ def main():
     scaled_minc(out / "minc_slices.mnc", True)
     scaled_minc(out / "minc_scale.mnc", False)
     imaris(out / "imaris.ims")
+    links(out / "links.h5", out / "links_target.h5")
+    emd(out / "emd.emd")
+    bare(out / "netcdf4_bare.nc")
     print(h5py.__version__, netCDF4.__version__)
 
 

@@ -107,11 +107,25 @@ def scene():
     )
 
 
+def mgh():
+    def head(kind, frames, flag):
+        sides = struct.pack(">7ih", 1, 4, 3, 2 // frames, frames, kind, 0, flag)
+        place = struct.pack(">15f", 1, 1.5, 2, -1, 0, 0, 0, 0, -1, 0, 1, 0, 4, -3, 2)
+        return (sides + place).ljust(284, b"\0")
+
+    shorts = struct.pack(">24h", *range(-12, 12))
+    footer = struct.pack(">5f", 2300, 0.1, 3, 900, 256)
+    write("mgh/bytes", head(0, 1, 1), BYTES)
+    write("mgh/frames", head(4, 2, 1), shorts, footer)
+    write("mgh/unplaced", head(4, 1, 0), shorts)
+    write("mgh/gzip", gzip.compress(head(3, 1, 1) + struct.pack(">24f", *range(24)) + footer, mtime=0))
+
+
 def spectrum():
     write("spectrum/commas", "nm,power\n# a comment\n400,0.1\n500,0.3\n700.5,1e-3\n")
     write("spectrum/blanks", "380 0.5\n385 0.25\n390 0.125\n780 0\n")
     write("spectrum/quotes", '"wavelength";"skin";"bone"\n400;0.1;0.2\n700;0.3;0.4;\n')
 
 
-for make in (metaimage, nrrd, sidecar, scene, spectrum):
+for make in (metaimage, nrrd, mgh, sidecar, scene, spectrum):
     make()

@@ -60,8 +60,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[usize; 2]>,
     /// The largest volume of `scaling`, in voxels along a side: 64, 128, 256 or 512.
-    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(64..))]
-    largest: u32,
+    /// [default: 512]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(64..))]
+    largest: Option<u32>,
     /// Frames to measure, after two for warming up; number of runs of `load` and `first`.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
@@ -221,8 +222,23 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     {
         return Err(CliError::Usage(format!("{flag} has no effect: these workloads have volumes of their own")));
     }
+    if let Some((flag, _)) = args.selection.choices().into_iter().find(|(_, given)| *given)
+        && args.volume.is_none()
+    {
+        return Err(CliError::Usage(format!(
+            "{flag} has no effect: it chooses in the volume of --volume, and none is given"
+        )));
+    }
+    let scales = |workload: &Workload| matches!(workload, Workload::Scaling | Workload::All);
+    if args.largest.is_some() && !args.workloads.iter().any(scales) {
+        return Err(CliError::Usage(
+            "--largest has no effect: only scaling and all vary the size of the volume".to_owned(),
+        ));
+    }
     let framed = args.makes_frames();
     let flags = [
+        ("--shading", args.shading.is_some()),
+        ("--device", args.device != DeviceChoice::Auto && !args.workloads.contains(&Workload::First)),
         ("--size", args.size.is_some() && !args.workloads.contains(&Workload::First)),
         ("--against", args.against.is_some()),
         ("--output", args.output.is_some()),
@@ -273,7 +289,8 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
     // Rejects an incomparable file before measuring.
     let device = format!("{} ({})", info.name, info.driver);
     let earlier = args.against.as_deref().map(|path| Earlier::read(path, &device)).transpose()?;
-    let cases = args.workloads.iter().flat_map(|workload| workload.cases(args.size, args.largest, args.shading));
+    let cases =
+        args.workloads.iter().flat_map(|workload| workload.cases(args.size, args.largest.unwrap_or(512), args.shading));
     let cases: Vec<Case> = cases.collect();
     let mut bench = Bench::new(args, &renderer, progress, cases.len());
     let (mut rows, mut interrupted): (Vec<Row>, bool) = (Vec::new(), false);

@@ -87,6 +87,9 @@ pub(super) struct VolumeFile {
     pub(super) phantom: Option<At<String>>,
     pub(super) labels: Option<PathBuf>,
     pub(super) phantom_labels: Option<At<bool>>,
+    #[serde(default)]
+    pub(super) are_labels: bool,
+    pub(super) label_names: Option<PathBuf>,
     pub(super) downsample: Option<[NonZeroUsize; 3]>,
     pub(super) largest_part_above: Option<At<f64>>,
     pub(super) dims: Option<[NonZeroUsize; 3]>,
@@ -168,7 +171,9 @@ pub(super) struct IntervalFile {
 #[serde(deny_unknown_fields)]
 pub(super) struct LabelFile {
     pub(super) name: Option<String>,
-    pub(super) material: At<String>,
+    pub(super) material: Option<At<String>>,
+    /// Of the entry `others` alone.
+    pub(super) materials: Option<At<Vec<String>>>,
     pub(super) opacity: At<f64>,
     pub(super) absorption: Option<At<f64>>,
 }

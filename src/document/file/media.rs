@@ -236,37 +236,106 @@ impl Text<'_> {
         Ok(Term { opacity: points, absorption: depths, material: MaterialCurve(curve) })
     }
 
+    /// The declared labels, and the entry of all others.
     pub(super) fn label_entries(
         &self,
         files: &BTreeMap<String, At<LabelFile>>,
         materials: &[Material],
-    ) -> Result<Vec<LabelEntry>, SceneError> {
-        let mut entries: Vec<LabelEntry> = Vec::new();
+    ) -> Result<Declared, SceneError> {
+        let mut entries: BTreeMap<i64, LabelEntry> = BTreeMap::new();
+        let mut others = None;
         for (key, value) in files {
             if entries.len() == MOST_LABELS {
                 let message = format!("{} labels are declared; the limit is {MOST_LABELS}", files.len());
                 return Err(self.invalid(value, message));
             }
-            let label = key.parse::<u16>().ok().filter(|&label| label > 0).ok_or_else(|| {
+            let file = value.get_ref();
+            if key == OTHERS {
+                others = Some(self.other_labels(value, materials)?);
+                continue;
+            }
+            let label = key.parse::<i64>().ok().filter(|&label| label >= 0).ok_or_else(|| {
                 self.invalid(
                     value,
                     format!(
-                        "labels.{key}: a label is a whole number from 1 to 65535; label 0 follows the transfer function"
+                        "labels.{key}: a label is a whole number from 0 to {}, or {OTHERS:?} for all others",
+                        i64::MAX
                     ),
                 )
             })?;
-            if entries.iter().any(|entry| entry.label == u32::from(label)) {
+            if entries.contains_key(&label) {
                 return Err(self.invalid(value, format!("labels.{key}: label {label} is declared twice")));
             }
-            let file = value.get_ref();
-            let material = self.material(&file.material, materials)?;
-            let opacity = self.opacity(&format!("labels.{key}.opacity"), &file.opacity, &materials[material])?;
-            let absorption = format!("labels.{key}.absorption");
-            let absorption = self.absorption(&absorption, file.absorption.as_ref(), &materials[material])?;
+            if let Some(several) = &file.materials {
+                let message = format!("labels.{key}: one label has one `material`; `materials` is for labels.{OTHERS}");
+                return Err(self.invalid(several, message));
+            }
+            let material = self.material(self.stated("material", value, file.material.as_ref())?, materials)?;
+            let [opacity, absorption] = self.label_depths(key, file, &materials[material])?;
             let name = file.name.clone().unwrap_or_else(|| key.clone());
-            entries.push(LabelEntry { label: u32::from(label), name, material, opacity, absorption });
+            entries.insert(label, LabelEntry { label, name, material, opacity, absorption });
         }
-        entries.sort_by_key(|entry| entry.label);
-        Ok(entries)
+        Ok(Declared { entries, others })
+    }
+
+    fn label_depths(&self, key: &str, file: &LabelFile, material: &Material) -> Result<[f64; 2], SceneError> {
+        let opacity = self.opacity(&format!("labels.{key}.opacity"), &file.opacity, material)?;
+        let absorption = format!("labels.{key}.absorption");
+        Ok([opacity, self.absorption(&absorption, file.absorption.as_ref(), material)?])
+    }
+
+    /// Material, opacity and absorption of the labels without an entry of their own, in turn.
+    fn other_labels(
+        &self,
+        value: &At<LabelFile>,
+        materials: &[Material],
+    ) -> Result<Vec<(usize, [f64; 2])>, SceneError> {
+        let file = value.get_ref();
+        let listed = self.stated("materials", value, file.materials.as_ref())?;
+        if file.material.is_some() || file.name.is_some() || listed.get_ref().is_empty() {
+            let message = format!(
+                "labels.{OTHERS} has `materials`, the names of at least one material that its labels take in turn, and neither `material` \
+                 nor `name`"
+            );
+            return Err(self.invalid(value, message));
+        }
+        let of_name = |name: &String| {
+            let material = self.material(&Spanned::new(listed.span(), name.clone()), materials)?;
+            Ok((material, self.label_depths(OTHERS, file, &materials[material])?))
+        };
+        listed.get_ref().iter().map(of_name).collect()
+    }
+}
+
+/// Declared labels, before the label map is known.
+pub(super) struct Declared {
+    entries: BTreeMap<i64, LabelEntry>,
+    /// Material, opacity and absorption of labels without an entry, in turn; `None` if these follow the transfer function.
+    others: Option<Vec<(usize, [f64; 2])>>,
+}
+
+impl Declared {
+    /// The entries of the labels of a map, ascending.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Layout`] for a map with others than labels, or with too many.
+    pub(super) fn of_map(mut self, map: &Volume) -> Result<Vec<LabelEntry>, VolumeError> {
+        let Some(others) = &self.others else { return Ok(self.entries.into_values().collect()) };
+        map.require_voxels("a label map")?;
+        // The background and the labels.
+        let counts = map.label_counts(MOST_LABELS + 1).map_err(|problem| map.no_labels(problem))?;
+        let labels: Vec<i64> = counts.keys().copied().filter(|&label| !is_background(label, &counts)).collect();
+        // Labels with an entry count, so that those behind them keep their materials.
+        for (label, &(material, [opacity, absorption])) in labels.into_iter().zip(others.iter().cycle()) {
+            if self.entries.contains_key(&label) {
+                continue;
+            }
+            let preset = map.presets.labels.iter().find(|preset| preset.value == label);
+            let name = preset.map(|preset| preset.name.clone()).filter(|name| !name.is_empty());
+            let name = name.unwrap_or_else(|| format!("label_{label}"));
+            self.entries.insert(label, LabelEntry { label, name, material, opacity, absorption });
+        }
+        Ok(self.entries.into_values().collect())
     }
 }

@@ -1,6 +1,7 @@
 //! Reads the volume, the labels and the crop box of a scene file.
 
 use super::*;
+use crate::document::first_look::{Kind, Values};
 
 impl Text<'_> {
     pub(super) fn crop(&self, crop: &At<CropFile>, volume: &Volume) -> Result<[DVec3; 2], SceneError> {
@@ -43,12 +44,26 @@ impl Text<'_> {
                 let kind: Phantom =
                     phantom.get_ref().parse().map_err(|error| self.invalid(phantom, format!("{error}")))?;
                 selection.only(phantom.get_ref()).map_err(fail)?;
+                if options.raw.is_some() {
+                    let message = format!(
+                        "the layout of headerless voxels is for a file, and the volume of this scene is the phantom {:?}",
+                        phantom.get_ref()
+                    );
+                    return Err(self.invalid(phantom, message));
+                }
                 Volume::phantom(kind, file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
             }
             (None, None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
         };
         if let Some(blocks) = file.blocks(options).filter(|_| !is_read) {
-            volume = volume.downsample(blocks).map_err(fail)?;
+            let is_bare = file.file.is_none() && file.phantom.is_none();
+            let are_labels = file.are_labels || is_bare && is_segmentation(&volume);
+            if are_labels && !volume.has_labels {
+                volume.notes.push(format!("{}: blocks of labels keep their most frequent label", volume.source));
+                volume = volume.downsample_labels(blocks).map_err(fail)?;
+            } else {
+                volume = volume.downsample(blocks).map_err(fail)?;
+            }
         }
         if let Some(above) = file.largest_part_above.as_ref().filter(|_| !is_read) {
             let value = self.number("volume.largest_part_above", above, &FINITE)?;
@@ -98,15 +113,16 @@ impl Text<'_> {
         Ok((volume, stored))
     }
 
+    /// The volume, and the label map on its grid with the `declared` labels.
     pub(super) fn label_volume(
         &self,
         file: &VolumeFile,
-        (volume, stored): (&str, &Geometry),
-        declared: Vec<LabelEntry>,
+        (volume, stored): (Volume, &Geometry),
+        declared: Declared,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
-    ) -> Result<Option<Labels>, SceneError> {
+    ) -> Result<(Volume, Option<Labels>), SceneError> {
         let stated = file.labels.as_ref().map(|path| base.join(path)).filter(|_| options.volume.is_none());
         let is_frog = file.phantom.as_ref().is_some_and(|phantom| phantom.get_ref() == Phantom::Frog.name());
         let of_phantom = file.phantom_labels.as_ref().filter(|wanted| *wanted.get_ref());
@@ -114,12 +130,36 @@ impl Text<'_> {
             return Err(self.invalid(wanted, "volume.phantom_labels: only the phantom \"frog\" has labels"));
         }
         let fail = |source| SceneError::Labels { scene: self.name.clone(), source };
+        let named = |mut labels: Volume| {
+            if let Some(names) = file.label_names(base, options) {
+                labels.name_labels(&names).map_err(fail)?;
+            }
+            Ok(labels)
+        };
         let mut labels = match options.labels.clone().or(stated) {
             Some(path) => volume::open(&path, &Selection::default(), progress).map_err(fail)?,
             None if of_phantom.is_some() && options.volume.is_none() => {
                 Volume::frog_labels(file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
             }
-            None => return Ok(None),
+            None if file.are_labels => {
+                volume.require_voxels("a label map").map_err(fail)?;
+                // Its notes are those of the volume.
+                let labels = named(Volume { notes: Vec::new(), ..volume.clone() })?;
+                let declared = declared.of_map(&labels).map_err(fail)?;
+                let volume = ranked(volume, &declared).map_err(fail)?;
+                return Ok((volume, Some(Labels { volume: Arc::new(labels), declared })));
+            }
+            None => {
+                let mut volume = volume;
+                if let Some(names) = &options.label_names {
+                    volume.notes.push(format!(
+                        "{}: there is no label map, so the names in {} are not used",
+                        self.name,
+                        names.display()
+                    ));
+                }
+                return Ok((volume, None));
+            }
         };
         if labels.blocks != [1; 3] {
             let problem = "labels cannot be averaged: write downsample into the scene's [volume], where it takes the \
@@ -135,6 +175,19 @@ impl Text<'_> {
         {
             labels = laid;
         }
+        let both_placed = labels.anatomical && volume.anatomical;
+        let same_box = labels.assumed_spacing.is_none()
+            && volume.assumed_spacing.is_none()
+            && labels.geometry.dims != whole.dims
+            && labels.geometry.fills_box_of(&whole);
+        if !labels.geometry.lies_on(&whole) && (both_placed || same_box) {
+            if !both_placed {
+                labels.geometry = Geometry::filling(labels.geometry.dims, &whole);
+            }
+            if let Some(laid) = labels.labels_resampled_to(&whole).map_err(fail)? {
+                labels = laid;
+            }
+        }
         if blocks != [1; 3] {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
         }
@@ -142,18 +195,42 @@ impl Text<'_> {
             return Err(SceneError::LabelGrid {
                 labels: labels.source,
                 theirs: labels.geometry.dims,
-                volume: volume.to_owned(),
+                volume: volume.source,
                 ours: stored.dims,
             });
         }
         if !labels.geometry.lies_on(stored) {
             labels.notes.push(format!(
-                "{}: the labels differ from the volume {volume} in spacing, origin or direction; they are assigned voxel by voxel to its grid",
-                labels.source
+                "{}: the labels differ from the volume {} in spacing, origin or direction; they are assigned voxel by voxel to its grid",
+                labels.source, volume.source
             ));
         }
-        Ok(Some(Labels { volume: Arc::new(labels), declared }))
+        let labels = named(labels)?;
+        let declared = declared.of_map(&labels).map_err(fail)?;
+        Ok((volume, Some(Labels { volume: Arc::new(labels), declared })))
     }
+}
+
+/// Whether the values of a volume without a scene are labels, which have no mean.
+fn is_segmentation(volume: &Volume) -> bool {
+    let values = volume.statistics().ok().map(|statistics| Values::of(volume, &statistics));
+    volume.bricks.is_none() && values.is_some_and(|values| matches!(values.kind, Kind::Labels(_)))
+}
+
+/// Values that shading can tell apart in place of the `declared` labels of a volume: their ranks, if 16 bits do not hold them.
+fn ranked(volume: Volume, declared: &[LabelEntry]) -> Result<Volume, VolumeError> {
+    /// Largest label that is a value of its own.
+    const LARGEST: i64 = 65_535;
+    if declared.last().is_none_or(|last| last.label <= LARGEST) {
+        return Ok(volume);
+    }
+    let labels: Vec<i64> = declared.iter().map(|entry| entry.label).collect();
+    let mut ranked = volume.ranks_of_labels(&labels)?;
+    ranked.notes.push(format!(
+        "{}: labels are shown exactly; as values of the scene they have their ranks, 1 for the smallest",
+        ranked.source
+    ));
+    Ok(ranked)
 }
 
 /// The grid whose blocks of voxels are the voxels of `stored`, without incomplete blocks.
@@ -169,6 +246,12 @@ fn whole_grid(stored: &Geometry, blocks: [usize; 3]) -> Geometry {
 }
 
 impl VolumeFile {
+    /// Table of the names of labels, or the name of a built-in one.
+    fn label_names(&self, base: &Path, options: &SceneOptions) -> Option<PathBuf> {
+        let of_scene = |path: &PathBuf| if volume::is_built_in(path) { path.clone() } else { base.join(path) };
+        options.label_names.clone().or_else(|| self.label_names.as_ref().map(of_scene))
+    }
+
     /// Layout of a headerless file, if the scene states a voxel type.
     pub(super) fn raw_layout(&self, text: &Text<'_>) -> Result<Option<RawLayout>, SceneError> {
         let Some(name) = &self.r#type else {

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::number::{count, rounded, unsigned, whole};
+use crate::number::{count, unsigned, whole};
 use crate::parallel;
 use crate::volume::{Geometry, Volume, VolumeError, Voxels, with_voxels};
 
@@ -17,11 +17,15 @@ pub(crate) struct Thinned {
     /// Distance of these voxels in the volume, along each axis.
     pub(super) stride: [usize; 3],
     /// Their values; NaN and infinities are the smallest value.
-    pub(super) values: Vec<f32>,
+    pub(super) values: Vec<f64>,
+    /// Size of the values by which gradients are divided: 1 unless 32 bits do not hold them.
+    unit: f64,
 }
 
 impl Thinned {
-    pub(crate) fn of(volume: &Volume, smallest: f64) -> Self {
+    /// The copy of `volume`, whose finite values lie in this range.
+    pub(crate) fn of(volume: &Volume, [smallest, largest]: [f64; 2]) -> Self {
+        let unit = unit(smallest.abs().max(largest.abs()));
         let sides = volume.geometry.dims;
         let stride = whole((count(volume.geometry.voxels()) / count(MOST)).cbrt().ceil()).max(1);
         let stride = sides.map(|side| stride.min(side.div_ceil(32).max(1)));
@@ -29,7 +33,7 @@ impl Thinned {
         let [nx, ny, _] = dims;
         let scale = |stored: f64| {
             let value = stored.mul_add(volume.slope, volume.intercept);
-            rounded(if value.is_finite() { value } else { smallest })
+            if value.is_finite() { value } else { smallest }
         };
         let mut values = vec![0.0; dims.iter().product()];
         with_voxels!(&volume.voxels, stored => {
@@ -42,12 +46,12 @@ impl Thinned {
                 }
             });
         });
-        Self { dims, stride, values }
+        Self { dims, stride, values, unit }
     }
 
     /// The copy as a volume of this name.
     pub(super) fn to_volume(&self, source: &str) -> Result<Volume, VolumeError> {
-        Volume::new(source, Voxels::F32(self.values.clone()), Geometry::unit(source, self.dims)?)
+        Volume::new(source, Voxels::F64(self.values.clone()), Geometry::unit(source, self.dims)?)
     }
 
     /// Place of voxel `[x, y, z]` in [`Self::values`].
@@ -79,17 +83,17 @@ impl Thinned {
     }
 
     /// Sizes of the gradients at every n-th place, per voxel of the copy.
-    pub(super) fn gradients(&self, step: usize) -> Vec<f32> {
+    pub(super) fn gradients(&self, step: usize) -> Vec<f64> {
         (0..self.values.len().div_ceil(step)).into_par_iter().map(|index| self.gradient(index * step)).collect()
     }
 
     /// Size of the gradient at `place`, per voxel of the copy.
-    fn gradient(&self, place: usize) -> f32 {
+    fn gradient(&self, place: usize) -> f64 {
         let (position, steps) = (self.position(place), self.steps());
         let along = |axis: usize| {
             let before = if position[axis] > 0 { place - steps[axis] } else { place };
             let after = if position[axis] + 1 < self.dims[axis] { place + steps[axis] } else { place };
-            (self.values[after] - self.values[before]) / 2.0
+            (self.values[after] / self.unit - self.values[before] / self.unit) / 2.0
         };
         let [x, y, z] = [along(0), along(1), along(2)];
         (x * x + y * y + z * z).sqrt()
@@ -99,7 +103,7 @@ impl Thinned {
     /// for a cube, whatever its size.
     pub(super) fn roughness(&self, threshold: f64) -> f64 {
         let [nx, ny, _] = self.dims;
-        let is_inside = |value: f32| f64::from(value) >= threshold;
+        let is_inside = |value: f64| value >= threshold;
         let (voxels, faces) = self
             .values
             .par_chunks(nx * ny)
@@ -109,7 +113,7 @@ impl Thinned {
                 let mut found = (0, 0);
                 for (place, &value) in slice.iter().enumerate() {
                     let inside = is_inside(value);
-                    let differs = |other: Option<&f32>| other.is_some_and(|&it| is_inside(it) != inside);
+                    let differs = |other: Option<&f64>| other.is_some_and(|&it| is_inside(it) != inside);
                     let right = if place % nx + 1 < nx { slice.get(place + 1) } else { None };
                     let below = slice.get(place + nx);
                     found.0 += usize::from(inside);
@@ -132,7 +136,7 @@ impl Thinned {
             Large,
         }
         let mut parts = vec![Part::Unknown; self.values.len()];
-        let is_inside = |place: usize| f64::from(self.values[place]) >= threshold;
+        let is_inside = |place: usize| self.values[place] >= threshold;
         let (mut all, mut specks) = (0, 0);
         let mut found = Vec::new();
         for start in 0..self.values.len() {
@@ -169,7 +173,7 @@ impl Thinned {
     }
 
     /// Values on the faces of the volume, up to some thousands.
-    pub(super) fn border(&self) -> Vec<f32> {
+    pub(super) fn border(&self) -> Vec<f64> {
         let [nx, ny, nz] = self.dims;
         let is_end = |axis: usize, at: usize| self.dims[axis] > 2 && (at == 0 || at + 1 == self.dims[axis]);
         let mut all = Vec::new();
@@ -183,6 +187,12 @@ impl Thinned {
         }
         all.iter().step_by((all.len() / 20_000).max(1)).map(|&place| self.values[place]).collect()
     }
+}
+
+/// The size by which values of up to `largest` are divided: 1 if 32 bits hold them, or else a power of two near it.
+fn unit(largest: f64) -> f64 {
+    const USUAL: std::ops::RangeInclusive<f64> = 1e-30..=3e38;
+    if largest == 0.0 || !largest.is_finite() || USUAL.contains(&largest) { 1.0 } else { largest.log2().floor().exp2() }
 }
 
 /// The sides of the copy and the strides, of which the one along the longest side grows until the copy is small enough:
@@ -230,7 +240,7 @@ mod tests {
         (4..11).for_each(|x| set(x, 6, 2));
         (4..12).for_each(|x| set(x, 9, 2));
         set(15, 15, 3);
-        let thinned = Thinned { dims, stride: [1; 3], values };
+        let thinned = Thinned { dims, stride: [1; 3], values, unit: 1.0 };
         let inside = 31.0 + 9.0 + 7.0 + 8.0 + 1.0;
         assert!((thinned.specks(0.5) - 8.0 / inside).abs() < 1e-12, "{}", thinned.specks(0.5) * inside);
     }

@@ -5,16 +5,19 @@ use serde::Serialize;
 
 use super::super::otsu::otsu;
 use super::super::transfer_presets::hounsfield;
+use super::regions;
 use super::sample::Thinned;
-use crate::number::{brief, count, whole};
-use crate::volume::{Modality, Statistics, Unit, Volume, VoxelType};
+use crate::number::{brief, count, in_range, whole};
+use crate::volume::{LabelCounts, MOST_LABELS, Modality, Statistics, Unit, Volume, Window, is_background};
 
 /// Bins of the histogram between the 0.05th and the 99.95th percentile.
 const BINS: usize = 256;
 /// Values that are sorted for percentiles.
 const SORTED: usize = 400_000;
-/// Most labels of a volume that is taken for a segmentation.
-pub(super) const MOST_LABELS: usize = 48;
+/// Most labels that are shown as intervals of the transfer function; a volume with more values needs more evidence, too.
+pub(super) const FEW_LABELS: usize = 48;
+/// Largest label that an interval of the transfer function can tell from its neighbours.
+const LARGEST_INTERVAL: i64 = 65_535;
 
 /// Kind of data, as far as the values tell.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +28,7 @@ pub enum Kind {
         water: f64,
     },
     /// A segmentation with these labels, without the background.
-    Labels(Vec<f64>),
+    Labels(Vec<i64>),
     /// Anything else, of the modality that the file states.
     Other(Option<Modality>),
 }
@@ -86,24 +89,27 @@ pub struct Values {
     /// Values from which fainter voxels may be the surface of an object: halfway from the surroundings, above their
     /// noise.
     pub(super) surface_from: f64,
-    pub(super) sorted: Vec<f32>,
+    pub(super) sorted: Vec<f64>,
     pub(super) thinned: Thinned,
     pub(super) least: f64,
     pub(super) most: f64,
+    /// Numbers of voxels of the labels of a segmentation, with the background.
+    pub(super) label_counts: LabelCounts,
 }
 
 impl Values {
     /// Examines the values of `volume`, which has these `statistics`.
     #[must_use]
     pub fn of(volume: &Volume, statistics: &Statistics) -> Self {
-        let thinned = Thinned::of(volume, statistics.min);
-        let mut sorted: Vec<f32> =
+        let thinned = Thinned::of(volume, [statistics.min, statistics.max]);
+        let mut sorted: Vec<f64> =
             thinned.values.iter().copied().step_by((thinned.values.len() / SORTED).max(1)).collect();
-        sorted.par_sort_unstable_by(f32::total_cmp);
+        sorted.par_sort_unstable_by(f64::total_cmp);
         let (least, most) = (statistics.min, statistics.max);
-        let kind = kind(volume, &thinned, &sorted, statistics);
+        let (kind, label_counts) = kind(volume, &thinned, &sorted, statistics);
         let peaks = Vec::new();
-        let mut values = Self { kind, peaks, objects_from: least, surface_from: least, sorted, thinned, least, most };
+        let mut values =
+            Self { kind, peaks, objects_from: least, surface_from: least, sorted, thinned, least, most, label_counts };
         let histogram = Histogram::of(&values);
         values.peaks = histogram.peaks();
         [values.surface_from, values.objects_from] = values.boundaries(&histogram);
@@ -114,7 +120,15 @@ impl Values {
     #[must_use]
     pub fn percentile(&self, part: f64) -> f64 {
         let last = self.sorted.len().saturating_sub(1);
-        self.sorted.get(whole((part * count(last)).round()).min(last)).map_or(self.least, |&value| value.into())
+        self.sorted.get(whole((part * count(last)).round()).min(last)).copied().unwrap_or(self.least)
+    }
+
+    /// Whether a window of the file tells values apart: it holds others than the smallest, or reaches the largest.
+    pub(super) fn are_in(&self, window: &Window) -> bool {
+        let Some(&least) = self.sorted.first() else { return false };
+        let begin = self.sorted.partition_point(|&value| value < window.low || value <= least);
+        let end = self.sorted.partition_point(|&value| value <= window.high);
+        window.low < self.most && window.high > self.least && (window.high >= self.most || begin < end)
     }
 
     /// Value of water in a CT; for a look that only CT has, values of the range of a CT are enough.
@@ -154,11 +168,13 @@ impl Values {
                 std::iter::once(unit).chain(named).collect()
             }
             Kind::Labels(labels) => {
-                let listed: Vec<String> = labels.iter().map(|&label| brief(label)).collect();
-                vec![format!("a segmentation with the labels {}", listed.join(", "))]
+                let listed: Vec<String> = labels.iter().take(FEW_LABELS).map(i64::to_string).collect();
+                let more = labels.len() - listed.len();
+                let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                vec![format!("a segmentation with the labels {}{more}", listed.join(", "))]
             }
             Kind::Other(_) => {
-                let digits = |value: f64| brief(format!("{value:.3e}").parse().unwrap_or(value));
+                let digits = |value: f64| in_range(value, self.most - self.least, 4);
                 let peak = |peak: &Peak| {
                     let [low, high] = peak.interval.map(digits);
                     let side = if peak.value < self.objects_from { ", surroundings" } else { "" };
@@ -171,16 +187,16 @@ impl Values {
 
     /// Value below which the fraction `part` of the voxels from [`Self::objects_from`] on lies.
     pub(super) fn percentile_of_objects(&self, part: f64) -> f64 {
-        let first = self.sorted.partition_point(|&value| f64::from(value) < self.objects_from);
+        let first = self.sorted.partition_point(|&value| value < self.objects_from);
         let objects = self.sorted.get(first..).unwrap_or_default();
         let last = objects.len().saturating_sub(1);
-        objects.get(whole((part * count(last)).round()).min(last)).map_or(self.most, |&value| value.into())
+        objects.get(whole((part * count(last)).round()).min(last)).copied().unwrap_or(self.most)
     }
 
     /// Fraction of the voxels with values in a range.
     pub(super) fn share(&self, [low, high]: [f64; 2]) -> f64 {
-        let below = self.sorted.partition_point(|&value| f64::from(value) < low);
-        let within = self.sorted.partition_point(|&value| f64::from(value) <= high);
+        let below = self.sorted.partition_point(|&value| value < low);
+        let within = self.sorted.partition_point(|&value| value <= high);
         count(within.saturating_sub(below)) / count(self.sorted.len().max(1))
     }
 
@@ -188,9 +204,8 @@ impl Values {
     /// with large gradients, which lie on boundaries, fall apart into two classes (docs/theory/first-look.md).
     fn boundaries(&self, histogram: &Histogram) -> [f64; 2] {
         let mut border = self.thinned.border();
-        border.sort_unstable_by(f32::total_cmp);
-        let at =
-            |part: f64| border.get(whole(part * count(border.len()))).map_or(self.least, |&value| f64::from(value));
+        border.sort_unstable_by(f64::total_cmp);
+        let at = |part: f64| border.get(whole(part * count(border.len()))).copied().unwrap_or(self.least);
         let [middle, high] = [at(0.5), at(0.9)];
         let [low_end, high_end] = histogram.range;
         let span = high_end - low_end;
@@ -217,9 +232,9 @@ impl Values {
         if self.share([from, f64::MAX]) > SPARSE || self.thinned.specks(from) <= MANY {
             return from;
         }
-        let objects = self.sorted.partition_point(|&value| f64::from(value) < from);
+        let objects = self.sorted.partition_point(|&value| value < from);
         let objects = self.sorted.get(objects..).unwrap_or_default();
-        let at = |tenth: i32| objects.get(objects.len() * whole(f64::from(tenth)) / 10).map(|&value| f64::from(value));
+        let at = |tenth: i32| objects.get(objects.len() * whole(f64::from(tenth)) / 10).copied();
         let quiet = |cut: &f64| *cut > from && self.thinned.specks(*cut) <= MANY;
         // Where it stays so, as in vessels thinner than the voxels of the copy, these parts are no noise.
         (1..=MOST).filter_map(at).find(quiet).unwrap_or(from)
@@ -244,9 +259,9 @@ impl Histogram {
         // Four parts of the voxels are more than the bins need.
         let step = (thinned.values.len() / 1_000_000).max(1);
         for (&value, gradient) in thinned.values.iter().step_by(step).zip(thinned.gradients(step)) {
-            let bin = whole((f64::from(value) - range[0]) * scale).min(BINS - 1);
+            let bin = whole((value - range[0]) * scale).min(BINS - 1);
             counts[bin] += 1.0;
-            gradients[bin] += f64::from(gradient);
+            gradients[bin] += gradient;
         }
         let all = counts.iter().sum();
         Self { range, counts, gradients, all }
@@ -314,35 +329,71 @@ impl Histogram {
     }
 }
 
-fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statistics) -> Kind {
+fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f64], statistics: &Statistics) -> (Kind, LabelCounts) {
     // Maps of microscopes may have the values of a CT, but not its unit.
     let is_small = matches!(volume.unit, Some(Unit::Micrometre | Unit::Nanometre | Unit::Angstrom));
     let modality = volume.modality();
     let may_be_ct = !volume.has_labels && !is_small && modality.is_none_or(|it| it == Modality::Ct);
-    if let Some(water) = water(sorted, statistics, modality.is_some()).filter(|_| may_be_ct) {
-        return Kind::Ct { water };
-    }
-    let are_whole = !matches!(volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
-    // A channel of a microscope has no labels, however few its values are.
-    let labels = if volume.presets.colour.is_some() { None } else { labels(thinned, sorted, volume.has_labels) };
-    match labels.filter(|_| are_whole) {
-        Some(labels) => Kind::Labels(labels),
-        None => Kind::Other(modality),
+    let water = water(sorted, statistics, modality.is_some()).filter(|_| may_be_ct);
+    // Labels from 1000 on may have the distances of air, water and bone, but no number below 0 other than -1.
+    let is_offset = water.is_some_and(|water| water > 0.0) && modality.is_none();
+    let labels = if water.is_some() && !is_offset { None } else { labels(volume, thinned, sorted, statistics) };
+    match (labels, water) {
+        (Some((labels, counts)), _) => (Kind::Labels(labels), counts),
+        (None, Some(water)) => (Kind::Ct { water }, LabelCounts::new()),
+        (None, None) => (Kind::Other(modality), LabelCounts::new()),
     }
 }
 
-/// Values of a segmentation: few, and constant over neighbourhoods unless the file says that they are labels.
-fn labels(thinned: &Thinned, sorted: &[f32], are_stated: bool) -> Option<Vec<f64>> {
-    let mut distinct: Vec<f32> = Vec::new();
+/// Labels of a segmentation, without the background, and their numbers of voxels.
+fn labels(
+    volume: &Volume,
+    thinned: &Thinned,
+    sorted: &[f64],
+    statistics: &Statistics,
+) -> Option<(Vec<i64>, LabelCounts)> {
+    // A channel of a microscope has no labels, however few its values are.
+    let is_whole = [statistics.min, statistics.max].iter().all(|end| end.fract() == 0.0);
+    if volume.presets.colour.is_some() || !is_whole || sorted.iter().any(|value| value.fract() != 0.0) {
+        return None;
+    }
+    let is_few = is_few_labels(thinned, sorted, volume.has_labels);
+    let may_be_many = volume.bricks.is_none() && (volume.has_labels || volume.modality().is_none());
+    if !is_few && !may_be_many {
+        return None;
+    }
+    if !is_few && !volume.has_labels && !regions::may_be_labels(volume) {
+        return None;
+    }
+    // A label may have fewer voxels than the copy tells, and floats may have others than whole numbers.
+    let counts = volume.label_counts(MOST_LABELS + 1).ok()?;
+    if !is_few && !volume.has_labels && !regions::are_labels(volume, &counts) {
+        return None;
+    }
+    let lowest = counts.keys().next().copied()?;
+    let is_object = |label: i64| label != lowest && (lowest >= 0 || !is_background(label, &counts));
+    let found: Vec<i64> = counts.keys().copied().filter(|&label| is_object(label)).collect();
+    (!found.is_empty()).then_some((found, counts))
+}
+
+/// Whether these labels are shown as intervals of values. The others are shown by a label map.
+pub(super) fn are_intervals(labels: &[i64]) -> bool {
+    labels.len() <= FEW_LABELS && labels.iter().all(|label| (-LARGEST_INTERVAL..=LARGEST_INTERVAL).contains(label))
+}
+
+/// Whether the values are those of a segmentation with few labels: few, and constant over neighbourhoods unless the file says that they
+/// are labels.
+fn is_few_labels(thinned: &Thinned, sorted: &[f64], are_stated: bool) -> bool {
+    let mut distinct: Vec<f64> = Vec::new();
     for &value in sorted {
         if distinct.last().is_none_or(|&last| last < value) {
             distinct.push(value);
-            if distinct.len() > MOST_LABELS {
-                return None;
+            if distinct.len() > FEW_LABELS {
+                return false;
             }
         }
     }
-    let background = distinct.first().copied()?;
+    let Some(background) = distinct.first().copied() else { return false };
     // Between surfaces all neighbours of a voxel of a segmentation are alike, and neighbours of other values differ by
     // any number; values of a scan differ by small ones.
     let step = (thinned.values.len() / 50_000).max(1);
@@ -360,18 +411,15 @@ fn labels(thinned: &Thinned, sorted: &[f32], are_stated: bool) -> Option<Vec<f64
             alike += usize::from(2 * other <= all);
         }
     }
-    let found: Vec<f64> = distinct.iter().skip(1).map(|&value| value.into()).collect();
     let is_constant = objects > 0 && count(alike) >= 0.6 * count(objects);
-    // The thinned copy is in f32, and names of materials have seven digits.
-    let are_labels = found.iter().all(|label| label.fract() == 0.0 && label.abs() < 1e7);
-    ((is_constant || are_stated) && are_labels && !found.is_empty()).then_some(found)
+    (is_constant || are_stated) && distinct.len() > 1
 }
 
 /// Value of water if the values are those of a CT: air lies 1000 below, and most other voxels near water, unless the file
 /// states that they are.
-fn water(sorted: &[f32], statistics: &Statistics, is_stated: bool) -> Option<f64> {
+fn water(sorted: &[f64], statistics: &Statistics, is_stated: bool) -> Option<f64> {
     let share = |low: f64, high: f64| {
-        let below = |limit: f64| sorted.partition_point(|&value| f64::from(value) < limit);
+        let below = |limit: f64| sorted.partition_point(|&value| value < limit);
         count(below(high) - below(low)) / count(sorted.len().max(1))
     };
     let is_ct = |water: f64| {

@@ -48,8 +48,8 @@ impl FilmFile {
         });
         let stated = Mix::of_scene(scene);
         let shown = |light: &MixLight| {
-            let found = opening.0.iter().find(|one| (&one.name, one.position) == (&light.name, light.position));
-            Some(found.map_or(0.0, |one| one.weight)).filter(|_| *opening != stated)
+            let weights = opening.0.iter().filter(|one| one.is_same(light)).map(|one| one.weight);
+            Some(weights.sum()).filter(|_| *opening != stated)
         };
         let lights = stated.0.iter().map(|light| Light {
             name: light.name.clone(),

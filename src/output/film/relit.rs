@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
-use super::{Components, FilmFile, Light, Stored};
+use super::{Component, Components, FilmFile, Light, Stored};
+use crate::annotate::{self, Edges, PixelLength};
 use crate::film;
 use crate::output::OutputError;
 use crate::plan::Transmittance;
 use crate::scene::{Display, Mix, MixLight};
 use crate::spectrum::{Light as LightSpectrum, Reflectance, Spectrum, SpectrumError};
+use crate::volume::Unit;
 
 impl FilmFile {
     /// Spectra of the components.
@@ -87,6 +89,29 @@ impl FilmFile {
     #[must_use]
     pub fn display(&self) -> Display {
         Display { exposure: self.exposure, adapt: self.adapt, observer: self.observer, deficiency: None }
+    }
+
+    /// Names and reflectances of the materials; none with a colour model.
+    #[must_use]
+    pub fn materials(&self) -> Vec<(String, Spectrum)> {
+        let Components::Surfaces(surfaces) = &self.components else { return Vec::new() };
+        // White for highlights follows the materials.
+        let is_white = |it: &&Component| {
+            it.name.starts_with("white") && Spectrum::from_samples(it.spectrum) == Spectrum::constant(1.0)
+        };
+        let materials = surfaces.len() - usize::from(surfaces.last().is_some_and(|it| is_white(&it)));
+        surfaces.iter().take(materials).map(|it| (it.name.clone(), Spectrum::from_samples(it.spectrum))).collect()
+    }
+
+    /// Scale and orientation of the picture, if the file states them.
+    #[must_use]
+    pub fn scale(&self) -> Option<annotate::Frame> {
+        let frame = self.frame.as_ref()?;
+        Some(annotate::Frame {
+            pixel: frame.pixel.map(|units| PixelLength { units, exact: frame.parallel }),
+            unit: frame.unit.as_deref().and_then(Unit::named),
+            edges: frame.edges.clone().map(|[left, right, top, bottom]| Edges { left, right, top, bottom }),
+        })
     }
 
     /// Moves the numbers of the pixels out of the file.

@@ -9,10 +9,12 @@ use sha2::{Digest, Sha256};
 use super::lights::Lights;
 use super::packing::{Channels, scale};
 use super::{Page, Planes, SCRIPT, STYLE};
+use crate::annotate::{Entry, Overlay};
 use crate::film::Components;
+use crate::number::count;
 use crate::output::SOFTWARE;
 use crate::output::film::Components as FileComponents;
-use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, bradford_cones, d65_white};
+use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, bradford_cones, d65_white, display_code};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light, Spectrum};
@@ -27,24 +29,75 @@ pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u
         format!("<script type=\"text/plain\" id=\"relume-view-{index}\">{}</script>\n", STANDARD.encode(bytes))
     });
     let views: String = views.collect();
+    let overlay = overlay(page);
+    let style_of_overlay = overlay.as_ref().map_or_else(String::new, |style| format!(" '{}'", digest(style)));
     let policy = format!(
-        "default-src 'none'; script-src '{}'; style-src '{}'; img-src data: blob:; base-uri 'none'; form-action 'none'; \
-         require-trusted-types-for 'script'",
+        "default-src 'none'; script-src '{}'; style-src '{}'{style_of_overlay}; img-src data: blob:; base-uri 'none'; \
+         form-action 'none'; require-trusted-types-for 'script'",
         digest(SCRIPT),
         digest(STYLE)
     );
+    let overlay = overlay.map_or_else(String::new, |style| format!("<style>{style}</style>\n"));
     let title = escaped(page.title);
     let parts = [
         ("policy", policy.as_str()),
         ("software", SOFTWARE),
         ("title", &title),
         ("style", STYLE),
+        ("overlay", &overlay),
+        ("legend", &legend(page, lights)),
         ("still", &STANDARD.encode(still)),
         ("page", &json),
         ("views", &views),
         ("script", SCRIPT),
     ];
     (filled(include_str!("page.html"), &parts), json.len())
+}
+
+/// Longer side of a picture for which scale bar and letters are drawn at least, in pixels.
+const NOMINAL: usize = 800;
+
+/// Style that draws the scale bar and the letters of the film over the picture of every size, if it states them. A turntable has
+/// no letters: they turn with it.
+fn overlay(page: &Page<'_>) -> Option<String> {
+    let mut frame = page.film.scale().filter(|frame| frame.pixel.is_some() || frame.edges.is_some())?;
+    if page.views.len() > 1 {
+        frame.edges = None;
+    }
+    // A page enlarges small pictures, and letters would grow with them.
+    let [width, height] = page.views.first()?.size;
+    let times = NOMINAL.div_ceil(width.max(height).max(1));
+    if let Some(pixel) = &mut frame.pixel {
+        pixel.units /= count(times);
+    }
+    let svg = Overlay::default().svg(&frame, [width * times, height * times]);
+    Some(format!(
+        ".relume .frame::before {{ content: \"\"; position: absolute; inset: 0; pointer-events: none; print-color-adjust: exact; \
+         background: url(\"data:image/svg+xml;base64,{}\") 0 0 / 100% 100% no-repeat; }}",
+        STANDARD.encode(svg)
+    ))
+}
+
+/// HTML of a legend: the materials in their colours under the lights with which the page opens; empty with a colour model.
+fn legend(page: &Page<'_>, lights: &Lights) -> String {
+    let materials = page.film.materials();
+    if materials.is_empty() {
+        return String::new();
+    }
+    let entries = Overlay::of_surfaces(&materials, lights.positions, &lights.opening, &lights.display).materials;
+    let entry = |entry: &Entry| {
+        format!(
+            "<p><svg width=\"14\" height=\"14\" aria-hidden=\"true\"><rect width=\"14\" height=\"14\" rx=\"3\" fill=\"{}\"/></svg> \
+             <bdi>{}</bdi></p>\n",
+            display_code(entry.colour),
+            escaped(&entry.name)
+        )
+    };
+    format!(
+        "<section class=\"relume-legend\" aria-label=\"Materials\">\n<h2>Materials, under the lights with which the page \
+         opens</h2>\n{}</section>\n",
+        entries.iter().map(entry).collect::<String>()
+    )
 }
 
 /// `template` with each `{name}` of `parts` replaced by its text, which is not searched again.

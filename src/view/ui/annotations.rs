@@ -8,10 +8,9 @@ use glam::DVec3;
 
 use super::Shown;
 use super::spectrum::{narrow, points_of_curve};
-use super::transfer::mix_of_swatches;
 use crate::annotate::{Edges, Entry, PixelLength, ScaleBar, in_unit, pixel_length};
 use crate::document::Document;
-use crate::number::count;
+use crate::number::{count, whole};
 use crate::scene::View;
 use crate::spectrum::colour::display_code;
 use crate::view::layout::Note;
@@ -138,10 +137,19 @@ fn legend(ui: &Ui, document: &Document, at: Pos2, painter: &Painter) {
     let scene = &state.scene;
     let visible: Vec<usize> =
         (0..scene.materials.len()).filter(|&index| scene.shows(index) || scene.absorbs(index)).collect();
-    let materials = Entry::of_materials(scene, &visible, &mix_of_swatches(state));
+    let mut materials = Entry::of_labels_and_materials(scene, &visible, &state.mix_of_swatches());
     let lights = Entry::of_lights(&state.mix(), &scene.display);
     if materials.is_empty() && lights.is_empty() {
         return;
+    }
+    // Many labels have no room.
+    let room =
+        whole(f64::from((painter.clip_rect().bottom() - at.y - 80.0) / LINE)).saturating_sub(lights.len() + 1).max(3);
+    if let left @ 1.. = materials.len().saturating_sub(room) {
+        materials.truncate(room);
+        if let Some(last) = materials.last_mut() {
+            *last = Entry { name: format!("and {} more", left + 1), ..last.clone() };
+        }
     }
     let gap = if materials.is_empty() || lights.is_empty() { 0.0 } else { GAP };
     let rows: Vec<(f32, &Entry)> = materials

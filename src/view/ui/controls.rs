@@ -102,7 +102,8 @@ pub(super) fn toggle(ui: &mut Ui, on: bool, text: &str) -> Response {
 }
 
 /// A number field to drag or type in. Typed text is applied as one edit on Enter or on a click elsewhere. The number is
-/// shown with `decimals` decimals; a negative count rounds to tens, hundreds and so on. `with` sets further options.
+/// shown with `decimals` decimals and [`SIGNIFICANT`] digits at most; a negative count of decimals rounds to tens, hundreds
+/// and so on. `with` sets further options.
 pub(super) fn number<N: Numeric>(
     ui: &mut Ui,
     value: &mut N,
@@ -193,7 +194,7 @@ impl Typing {
 
     fn shown<N: Numeric>(&self, value: f64, plain: RangeInclusive<usize>, decimals: i32) -> String {
         let plain = egui::emath::format_with_decimals_in_range(value, plain);
-        let text = if N::INTEGRAL { plain } else { shorter(value, plain, decimals) };
+        let text = if N::INTEGRAL { plain } else { shorter(value, plain, (decimals, SIGNIFICANT)) };
         self.shown.borrow_mut().get_or_insert_with(|| text.clone());
         text
     }
@@ -219,7 +220,7 @@ impl Typing {
         let near = |typed: f64| if N::INTEGRAL { 0.999 } else { 1e-6 * typed.abs() };
         if let Some(typed) = self.typed.get().filter(|typed| (typed - is).abs() > near(*typed)) {
             let than = if typed > is { "more" } else { "less" };
-            let [typed, is] = [typed, is].map(|number| shorter(number, number.to_string(), 3));
+            let [typed, is] = [typed, is].map(|number| shorter(number, number.to_string(), (3, ALL)));
             say(&field.ctx, id, format!("{typed} is {than} than the limit: the value is now {is}."));
         }
         show_said(id, &field, is);
@@ -236,25 +237,43 @@ impl Typing {
 
 /// Longest plain number in characters, before an exponent is used.
 const LONGEST: usize = 11;
+/// Most significant digits of a number in a field.
+const SIGNIFICANT: usize = 7;
+/// Significant digits that nearly all f64 have.
+const ALL: usize = 16;
 
 /// Formats `value` with `decimals` decimals, or with an exponent if it would be long.
 pub(super) fn text(value: f64, decimals: i32) -> String {
-    shorter(value, format!("{value:.*}", plain_decimals(decimals)), decimals)
+    shorter(value, format!("{value:.*}", plain_decimals(decimals)), (decimals, ALL))
 }
 
 fn plain_decimals(decimals: i32) -> usize {
     usize::try_from(decimals.min(30)).unwrap_or(0)
 }
 
-/// Returns `plain`, or `value` with an exponent if that is as precise and shorter.
-fn shorter(value: f64, plain: String, decimals: i32) -> String {
-    if plain.len() <= LONGEST || value == 0.0 || !value.is_finite() {
+/// Significant digits of a number as text, those of its mantissa.
+fn significant(plain: &str) -> usize {
+    let mantissa = plain.split(['e', 'E']).next().unwrap_or(plain);
+    let digits = mantissa.chars().filter(char::is_ascii_digit).skip_while(|&digit| digit == '0');
+    digits.count()
+}
+
+/// Returns `plain` with `most` significant digits at most, or `value` with an exponent if that is as precise and shorter.
+fn shorter(value: f64, plain: String, (decimals, most): (i32, usize)) -> String {
+    let plain = match significant(&plain) > most {
+        // Parsing removes trailing zeros.
+        true => format!("{value:.*e}", most - 1).parse::<f64>().unwrap_or(value).to_string(),
+        // A zero has no significant digits.
+        false if value == 0.0 && plain.len() > LONGEST => "0".to_owned(),
+        false => plain,
+    };
+    let is_short = plain.len() <= LONGEST && significant(&plain) <= most;
+    if is_short || value == 0.0 || !value.is_finite() {
         return plain;
     }
     let exponent = whole(value.abs().log10().floor().abs());
     let exponent = i32::try_from(exponent).unwrap_or(0) * if value.abs() < 1.0 { -1 } else { 1 };
-    let digits = usize::try_from((exponent + decimals).min(15)).unwrap_or(0);
-    // Parsing removes trailing zeros.
+    let digits = usize::try_from(exponent + decimals).unwrap_or(0).min(most - 1);
     let rounded: f64 = format!("{value:.digits$e}").parse().unwrap_or(value);
     let short = format!("{rounded:e}");
     if short.len() < plain.len() { short } else { plain }

@@ -6,7 +6,7 @@ use super::spectrum::{code, narrow, patch, plot};
 use super::transfer::colours;
 use super::{Shown, floating};
 use crate::document::Document;
-use crate::number::{brief, readable};
+use crate::number::{brief_in, readable};
 use crate::spectrum::colour::Lab;
 use crate::view::action::Action;
 use crate::view::probe::{Lit, Probe, Share, Stretch};
@@ -145,7 +145,7 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         Some(stretches) => {
             ray(ui, document, stretches, &colours);
             if let Some(stretch) = probe.brightest() {
-                let (place, value) = (place(document, stretch), brief(stretch.value));
+                let (place, value) = (place(document, stretch), told_value(document, stretch.value));
                 let text = format!("Most of the light comes from the value {value}, at {place}.");
                 ui.label(RichText::new(text).small());
             }
@@ -313,7 +313,7 @@ fn ray(ui: &mut Ui, document: &Document, stretches: &[Stretch], colours: &[Color
             }
         }
     });
-    let [from, to] = [low, high].map(brief);
+    let [from, to] = [low, high].map(|value| told_value(document, value));
     let text = format!(
         "thin line: value, {from} to {to}, over {length:.1} units of the file, such as mm; orange: transmittance"
     );
@@ -349,6 +349,12 @@ fn place(document: &Document, stretch: &Stretch) -> String {
     format!("{x} {y} {z} (near voxel {i} {j} {k})")
 }
 
+/// A value of the volume, with the digits that tell its values apart.
+fn told_value(document: &Document, value: f64) -> String {
+    let span = document.statistics().map_or(f64::INFINITY, |it| it.max - it.min);
+    brief_in(value, span)
+}
+
 fn told(document: &Document, stretch: &Stretch) -> String {
     let materials = &document.state().scene.materials;
     let named = |depths: &[f64], does: &str| {
@@ -363,7 +369,7 @@ fn told(document: &Document, stretch: &Stretch) -> String {
         "At {:.2}, {}: value {}, which {shown}. Opacity {:.2} %; transmittance up to here {:.2} %.",
         stretch.distance,
         place(document, stretch),
-        brief(stretch.value),
+        told_value(document, stretch.value),
         100.0 * stretch.opacity,
         100.0 * stretch.transmittance
     )

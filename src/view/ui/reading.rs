@@ -41,6 +41,7 @@ impl Reading {
             Unknown::Layout { .. } | Unknown::Grid { .. } => None,
             Unknown::Which(Several::Components { count, .. }) => shown.component.filter(|index| index < count),
             Unknown::Which(Several::Times(count)) => shown.time.filter(|index| index < count),
+            Unknown::Which(Several::Steps { values, .. }) => shown.time.filter(|index| *index < values.len()),
             Unknown::Which(Several::Arrays(names)) => names.iter().position(|name| Some(name) == shown.array.as_ref()),
             Unknown::Which(Several::Series(all)) => {
                 let is_shown = |series: &Series| Some(&series.key) == shown.series.as_ref();
@@ -98,6 +99,7 @@ impl Reading {
                     Several::Series(_) => "series",
                     Several::Levels(_) => "levels of resolution",
                     Several::Times(_) => "time steps",
+                    Several::Steps { .. } => "volumes",
                 };
                 ui.heading(format!("{file} holds several {kind}"));
                 let names = names(there).unwrap_or_default();
@@ -158,7 +160,9 @@ impl Reading {
 fn selection(unknown: &Unknown, source: &Source, index: usize) -> Selection {
     let answer = match unknown {
         Unknown::Which(Several::Components { .. }) => Selection { component: Some(index), ..Selection::default() },
-        Unknown::Which(Several::Times(_)) => Selection { time: Some(index), ..Selection::default() },
+        Unknown::Which(Several::Times(_) | Several::Steps { .. }) => {
+            Selection { time: Some(index), ..Selection::default() }
+        }
         Unknown::Which(Several::Arrays(names)) => {
             Selection { array: names.get(index).cloned(), ..Selection::default() }
         }
@@ -194,6 +198,7 @@ fn names(there: &Several) -> Option<Vec<String>> {
             let name = |(level, [x, y, z]): (usize, &[usize; 3])| format!("level {level}, {x}×{y}×{z}");
             all.iter().enumerate().map(name).collect()
         }
+        Several::Steps { axis, values } => values.iter().map(|value| format!("{axis} {value}")).collect(),
         Several::Components { .. } | Several::Times(_) => return None,
     })
 }
@@ -209,6 +214,7 @@ fn one_of(ui: &mut Ui, there: &Several, chosen: &mut usize) {
     let (what, count) = match there {
         Several::Components { count, .. } => ("Component", *count),
         Several::Times(count) => ("Time step", *count),
+        Several::Steps { values, .. } => ("Time step", values.len()),
         Several::Arrays(names) => ("Array", names.len()),
         Several::Series(all) => ("Series", all.len()),
         Several::Levels(all) => ("Level", all.len()),

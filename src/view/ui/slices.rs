@@ -18,12 +18,11 @@ use super::spectrum::narrow;
 use super::transfer::{colours, places};
 use crate::annotate::PixelLength;
 use crate::document::Document;
-use crate::document::transfer_presets::ct_windows;
-use crate::number::{brief, count, whole};
+use crate::number::{brief_in, count, whole};
 use crate::scene::{Scene, Transfer};
 use crate::view::action::Action;
 use crate::view::layout::{Arrange, MOST_ZOOM, Ruler};
-use crate::view::slices::{Overlay, Painted, Plane, Slices, index_from_world, planes, voxel, window_of};
+use crate::view::slices::{Overlay, Painted, Plane, Slices, index_from_world, planes, voxel, window_of, windows};
 use crate::volume::{Statistics, Volume, Window};
 
 /// Height of the controls below the slices, in points.
@@ -36,14 +35,6 @@ const LEAST: f32 = 16.0;
 const WINDOW_DRAG: f64 = 200.0;
 /// Points of a smooth scroll that turn one slice.
 const SCROLL: f32 = 24.0;
-
-/// Windows that the file asks for, and those of a CT.
-fn windows(document: &Document, statistics: &Statistics) -> Vec<Window> {
-    match &document.state().scene.volume.presets.windows[..] {
-        [] => ct_windows(statistics),
-        stated => stated.to_vec(),
-    }
-}
 
 /// Shows the slices in `rect` around the picture, and returns the rectangle left for the picture.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) -> Rect {
@@ -61,7 +52,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
     let [top, bottom] = [views.top()..=middle.y - half, middle.y + half..=views.bottom()];
     let picture = Rect::from_x_y_ranges(right.clone(), top.clone());
     let cells = [(left.clone(), top), (left, bottom.clone()), (right, bottom)];
-    let window = slices.window.unwrap_or_else(|| window_of(&windows(document, statistics), statistics));
+    let window = slices.window.unwrap_or_else(|| window_of(&windows(volume, statistics), statistics));
     let shows_colours = slices.materials || slices.labels;
     let colours = if shows_colours { colours(document.state()) } else { Vec::new() };
     ui.painter().rect_filled(bar, 0.0, ui.visuals().panel_fill);
@@ -289,8 +280,9 @@ fn controls(
     ui.horizontal(|ui| {
         let menu = ui.menu_button("Window", |ui| {
             let all = Window::new("all values", statistics.min, statistics.max);
-            for Window { name, low, high } in windows(document, statistics).into_iter().chain(all) {
-                let help = format!("Values from {} (black) to {} (white).", brief(low), brief(high));
+            for Window { name, low, high } in windows(&scene.volume, statistics).into_iter().chain(all) {
+                let ends = [low, high].map(|end| brief_in(end, statistics.max - statistics.min));
+                let help = format!("Values from {} (black) to {} (white).", ends[0], ends[1]);
                 if ui.button(name).on_hover_text(help).clicked() {
                     ask(Arrange::Window([low, high]));
                     ui.close();
@@ -337,18 +329,19 @@ fn controls(
                 ask(Arrange::SliceZoom(1.0, middle));
             }
         }
-        let text = told(&scene.volume, slices.crosshair(&scene.volume.geometry));
+        let span = statistics.max - statistics.min;
+        let text = told(&scene.volume, span, slices.crosshair(&scene.volume.geometry));
         ui.add(egui::Label::new(egui::RichText::new(text).small()).truncate());
     });
 }
 
-/// Value and position of the voxel at the crosshair.
-fn told(volume: &Volume, at: DVec3) -> String {
+/// Value and position of the voxel at the crosshair; the values lie in a range of the length `span`.
+fn told(volume: &Volume, span: f64, at: DVec3) -> String {
     let voxel = voxel(at);
     let at_hand = volume.at_hand();
     let block = volume.block_of(at_hand);
     let coarse = std::array::from_fn(|axis| voxel[axis] / block[axis]);
-    let value = at_hand.value(coarse).map_or_else(String::new, brief);
+    let value = at_hand.value(coarse).map_or_else(String::new, |value| brief_in(value, span));
     let of_level = match block.iter().product::<usize>() {
         1 => String::new(),
         voxels => format!(" (mean of {voxels} voxels)"),
@@ -390,7 +383,7 @@ struct Key {
     window: [f64; 2],
     /// Transfer function and colours of the materials, where they are shown.
     materials: Option<(Transfer, Vec<Color32>)>,
-    label_materials: Vec<(u32, usize)>,
+    label_materials: Vec<(i64, usize)>,
     label_colours: Vec<Color32>,
 }
 

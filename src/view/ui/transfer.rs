@@ -13,10 +13,10 @@ use super::spectrum::{code, narrow};
 use crate::annotate::material_colours;
 use crate::document::transfer_presets::{TransferPreset, of_window};
 use crate::document::{Document, Edit, State};
-use crate::number::{brief, count, whole};
+use crate::number::{brief_in, count, whole};
 use crate::plan::Stale;
 use crate::plan::is_constant;
-use crate::scene::{GRADIENT_POINTS, Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term};
+use crate::scene::{GRADIENT_POINTS, Interval, Material, OPAQUE_DEPTH, Scene, Term};
 use crate::spectrum::colour::display_code;
 use crate::view::action::Action;
 use crate::volume::{Statistics, Window};
@@ -217,8 +217,8 @@ fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &
         for window in &state.scene.volume.presets.windows {
             let intervals = of_window(window, statistics, &state.scene.materials);
             let button = ui.add_enabled(intervals.is_some(), egui::Button::new(&window.name));
-            let help =
-                format!("Shows the values from {} to {}, as the file asks for.", brief(window.low), brief(window.high));
+            let [low, high] = [window.low, window.high].map(|end| brief_in(end, statistics.max - statistics.min));
+            let help = format!("Shows the values from {low} to {high}, as the file asks for.");
             let clicked = button.on_hover_text(help).on_disabled_hover_text("No value lies in this window.").clicked();
             if let (true, Some(intervals)) = (clicked, intervals) {
                 asked.push(Action::Edit(Edit::Intervals(intervals)));
@@ -254,13 +254,8 @@ fn middle(statistics: &Statistics) -> Interval {
 
 /// Colours of the scene's materials under the current light, lit from all its positions.
 pub(super) fn colours(state: &State) -> Vec<Color32> {
-    let colours = material_colours(&state.scene, &mix_of_swatches(state)).into_iter();
+    let colours = material_colours(&state.scene, &state.mix_of_swatches()).into_iter();
     colours.map(|colour| Color32::from_hex(&display_code(colour)).unwrap_or(Color32::GRAY)).collect()
-}
-
-/// The light of swatches: the current one, or in the dark that of the scene, because black swatches tell nothing.
-pub(super) fn mix_of_swatches(state: &State) -> Mix {
-    if state.is_lit() { state.mix() } else { Mix::of_scene(&state.scene) }
 }
 
 /// Mapping between values and opacities, and screen coordinates.
@@ -635,7 +630,9 @@ fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Actio
     let Some(labels) = state.scene.labels.as_ref().filter(|labels| !labels.declared.is_empty()) else { return };
     let title = RichText::new("Labels").strong();
     ui.label(title).on_hover_text("Voxels with a label use its material and opacity, regardless of their value.");
-    for (index, entry) in labels.declared.iter().enumerate() {
+    /// Rows that can be found again, and drawn in every frame.
+    const ROWS: usize = 400;
+    for (index, entry) in labels.declared.iter().enumerate().take(ROWS) {
         let shown = |ui: &mut Ui| {
             let material = state.scene.materials.get(entry.material);
             swatch(ui, colours.get(entry.material).copied().unwrap_or(Color32::GRAY), material);
@@ -654,5 +651,8 @@ fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Actio
             dragged.changed().then_some(Action::Edit(Edit::Label(index, entry.material, opacity)))
         };
         sides(ui, asked, shown, hidden);
+    }
+    if let more @ 1.. = labels.declared.len().saturating_sub(ROWS) {
+        ui.label(RichText::new(format!("and {more} more labels, which the scene file can change")).small().weak());
     }
 }

@@ -1,12 +1,10 @@
 //! Decoding of compressed frames: RLE, JPEG, JPEG-LS, JPEG 2000 (DICOM PS3.5, §8.2 and annexes A and G).
 
-use std::io;
-
 use hayro_jpeg2000::{DecodeSettings, DecoderContext, Image as Jpeg2000};
 use jpeg_decoder::{CodingProcess, ColorTransform, Decoder, PixelFormat};
 use jpegls::CodecError;
 
-use super::image::Layout;
+use super::frame::Layout;
 use super::syntax::{Coding, MOST_BYTES};
 use crate::volume::guard::guarded;
 use crate::volume::stream::{PackBits, count};
@@ -28,6 +26,8 @@ pub(super) struct Numbers {
 pub(super) enum Failure {
     /// The data are damaged, or contradict the header.
     Damaged(String),
+    /// The data are of a kind that Relume does not decode.
+    Unknown(String),
     /// The bytes cannot hold the frame: one byte holds at most so many bytes of pixels.
     Incredible(u64),
 }
@@ -52,18 +52,34 @@ pub(super) fn decode(coding: Coding, bytes: &[u8], layout: &Layout) -> Result<Nu
     if count(bytes.len()).saturating_mul(limit) < wanted {
         return Err(Failure::Incredible(limit));
     }
+    if let Some(found) = kind_of(bytes).filter(|&found| found != coding) {
+        let (found, stated) = (found.name(), coding.name());
+        return Err(Failure::Unknown(format!("{found}, but the stated transfer syntax is one of {stated}")));
+    }
     match coding {
         Coding::Rle => rle(bytes, layout).map_err(Failure::from),
         Coding::Jpeg => decoded(|| jpeg(bytes, layout)),
         Coding::JpegLs => decoded(|| jpeg_ls(bytes, layout)),
-        Coding::Jpeg2000 => decoded(|| jpeg_2000(bytes, layout)),
+        Coding::Jpeg2000 => decoded(|| Ok(jpeg_2000(bytes, layout)?)),
         Coding::Plain | Coding::Deflated | Coding::Foreign(_) => Err("the frame is not compressed".to_owned().into()),
     }
 }
 
+/// The coding of a codestream, by its first marks; `None` for RLE, which has none, and for others.
+fn kind_of(bytes: &[u8]) -> Option<Coding> {
+    match bytes {
+        [0xff, 0x4f, 0xff, 0x51, ..] | [0, 0, 0, 0x0c, b'j', b'P', b' ', b' ', ..] => Some(Coding::Jpeg2000),
+        [0xff, 0xd8, 0xff, ..] => match FrameHeader::of(bytes)?.marker {
+            0xf7 => Some(Coding::JpegLs),
+            _ => Some(Coding::Jpeg),
+        },
+        _ => None,
+    }
+}
+
 /// Runs a decoder of another crate, whose panics become errors.
-fn decoded(decode: impl FnOnce() -> Result<Numbers, String>) -> Result<Numbers, Failure> {
-    guarded(|| decode().map_err(io::Error::other)).map_err(|error| Failure::Damaged(error.to_string()))
+fn decoded(decode: impl FnOnce() -> Result<Numbers, Failure>) -> Result<Numbers, Failure> {
+    guarded(|| Ok(decode())).map_err(|error| Failure::Damaged(error.to_string()))?
 }
 
 /// Decodes RLE: a segment for each byte of each sample, the most significant byte first.
@@ -173,13 +189,19 @@ fn same_size([width, height]: [usize; 2], components: usize, layout: &Layout) ->
     Ok(())
 }
 
-fn jpeg(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
-    let header = FrameHeader::of(bytes).ok_or("the frame has no JPEG frame header")?;
+fn jpeg(bytes: &[u8], layout: &Layout) -> Result<Numbers, Failure> {
+    let header = FrameHeader::of(bytes).ok_or_else(|| "the frame has no JPEG frame header".to_owned())?;
     header.check(layout)?;
     match (header.marker, header.precision) {
         (0xc3, _) | (0xc0..=0xc2, 8) => {}
-        (0xc0..=0xc2, bits) => return Err(format!("JPEG with {bits} bits by DCT; Relume decodes 8")),
-        (marker, _) => return Err(format!("JPEG of the kind ff{marker:02x}; Relume decodes lossless and baseline")),
+        (0xc0..=0xc2, bits) => {
+            let kind = format!("JPEG with {bits} bits by DCT; Relume decodes 8 by DCT, and up to 16 without loss");
+            return Err(Failure::Unknown(kind));
+        }
+        (marker, _) => {
+            let kind = format!("JPEG of the kind ff{marker:02x}; Relume decodes lossless and baseline");
+            return Err(Failure::Unknown(kind));
+        }
     }
     let mut decoder = Decoder::new(bytes);
     decoder.set_max_decoding_buffer_size(usize::try_from(MOST_BYTES).unwrap_or(usize::MAX));
@@ -189,22 +211,22 @@ fn jpeg(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
         decoder.set_color_transform(if is_ybr { ColorTransform::YCbCr } else { ColorTransform::RGB });
     }
     let mut decoded = decoder.decode().map_err(|error| error.to_string())?;
-    let info = decoder.info().ok_or("the frame has no size")?;
+    let info = decoder.info().ok_or_else(|| "the frame has no size".to_owned())?;
     let allocated = if info.pixel_format == PixelFormat::L16 { 16 } else { 8 };
     debug_assert!(info.coding_process != CodingProcess::Lossless || header.marker == 0xc3, "one process");
     if allocated == 16 && cfg!(target_endian = "big") {
         decoded.chunks_exact_mut(2).for_each(<[u8]>::reverse);
     }
-    whole(decoded, allocated, layout)
+    Ok(whole(decoded, allocated, layout)?)
 }
 
-fn jpeg_ls(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
-    let header = FrameHeader::of(bytes).ok_or("the frame has no JPEG-LS frame header")?;
+fn jpeg_ls(bytes: &[u8], layout: &Layout) -> Result<Numbers, Failure> {
+    let header = FrameHeader::of(bytes).ok_or_else(|| "the frame has no JPEG-LS frame header".to_owned())?;
     if header.marker != 0xf7 {
-        return Err(format!("the frame is no JPEG-LS: its frame header is ff{:02x}", header.marker));
+        return Err(format!("the frame is no JPEG-LS: its frame header is ff{:02x}", header.marker).into());
     }
     if layout.samples > 1 {
-        return Err(format!("JPEG-LS with {} components; Relume decodes one", layout.samples));
+        return Err(Failure::Unknown(format!("JPEG-LS with {} components; Relume decodes one", layout.samples)));
     }
     header.check(layout)?;
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
@@ -214,7 +236,7 @@ fn jpeg_ls(bytes: &[u8], layout: &Layout) -> Result<Numbers, String> {
     if cfg!(target_endian = "big") {
         bytes.chunks_exact_mut(2).for_each(<[u8]>::reverse);
     }
-    whole(bytes, 16, layout)
+    Ok(whole(bytes, 16, layout)?)
 }
 
 /// The size marker of a JPEG 2000 codestream.

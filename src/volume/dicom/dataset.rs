@@ -31,6 +31,10 @@ const MOST_ELEMENTS: usize = 1_000_000;
 /// Largest number of bytes before the pixel data.
 const LONGEST_HEADER: u64 = 64 << 20;
 
+/// Private elements of Siemens in their first two blocks: the number of slices in a mosaic, and the header of an image.
+pub(super) const MOSAIC_IMAGES: [Tag; 2] = [Tag(0x0019, 0x100a), Tag(0x0019, 0x110a)];
+pub(super) const CSA_IMAGE: [Tag; 2] = [Tag(0x0029, 0x1010), Tag(0x0029, 0x1110)];
+
 /// The wanted elements, sorted, with the types that they have where the file does not state them.
 const WANTED: &[(Tag, VR)] = &[
     (tags::TRANSFER_SYNTAX_UID, VR::UI),
@@ -39,45 +43,89 @@ const WANTED: &[(Tag, VR)] = &[
     (tags::SOP_CLASS_UID, VR::UI),
     (tags::SOP_INSTANCE_UID, VR::UI),
     (tags::STUDY_DATE, VR::DA),
+    (tags::ACQUISITION_DATE, VR::DA),
+    (tags::ACQUISITION_DATE_TIME, VR::DT),
+    (tags::ACQUISITION_TIME, VR::TM),
     (tags::MODALITY, VR::CS),
     (tags::MANUFACTURER, VR::LO),
+    (tags::CODE_VALUE, VR::SH),
+    (tags::CODE_MEANING, VR::LO),
     (tags::STUDY_DESCRIPTION, VR::LO),
     (tags::SERIES_DESCRIPTION, VR::LO),
     (tags::MANUFACTURER_MODEL_NAME, VR::LO),
+    (tags::FRAME_TYPE, VR::CS),
+    (tags::COMPLEX_IMAGE_COMPONENT, VR::CS),
     (tags::BODY_PART_EXAMINED, VR::CS),
+    (tags::SEQUENCE_NAME, VR::SH),
     (tags::SLICE_THICKNESS, VR::DS),
     (tags::KVP, VR::DS),
     (tags::REPETITION_TIME, VR::DS),
     (tags::ECHO_TIME, VR::DS),
+    (tags::INVERSION_TIME, VR::DS),
     (tags::ECHO_NUMBERS, VR::IS),
+    (tags::SPACING_BETWEEN_SLICES, VR::DS),
     (tags::TRIGGER_TIME, VR::DS),
+    (tags::IMAGER_PIXEL_SPACING, VR::DS),
     (tags::CONVOLUTION_KERNEL, VR::SH),
+    (tags::RECEIVE_COIL_NAME, VR::SH),
+    (tags::FLIP_ANGLE, VR::DS),
+    (tags::NOMINAL_SCANNED_PIXEL_SPACING, VR::DS),
     (tags::PATIENT_POSITION, VR::CS),
+    (tags::FRAME_ACQUISITION_DATE_TIME, VR::DT),
+    (tags::DIFFUSION_DIRECTIONALITY, VR::CS),
+    (tags::DIFFUSION_GRADIENT_DIRECTION_SEQUENCE, VR::SQ),
+    (tags::INVERSION_TIMES, VR::FD),
+    (tags::EFFECTIVE_ECHO_TIME, VR::FD),
     (tags::DIFFUSION_B_VALUE, VR::FD),
+    (tags::DIFFUSION_GRADIENT_ORIENTATION, VR::FD),
+    (tags::MR_TIMING_AND_RELATED_PARAMETERS_SEQUENCE, VR::SQ),
+    (tags::MR_ECHO_SEQUENCE, VR::SQ),
+    (tags::MR_MODIFIER_SEQUENCE, VR::SQ),
     (tags::MR_DIFFUSION_SEQUENCE, VR::SQ),
+    (tags::CARDIAC_SYNCHRONIZATION_SEQUENCE, VR::SQ),
+    (tags::FRAME_REFERENCE_DATE_TIME, VR::DT),
+    (tags::MR_IMAGE_FRAME_TYPE_SEQUENCE, VR::SQ),
+    (tags::CT_IMAGE_FRAME_TYPE_SEQUENCE, VR::SQ),
+    (tags::PET_FRAME_TYPE_SEQUENCE, VR::SQ),
+    (MOSAIC_IMAGES[0], VR::US),
+    (MOSAIC_IMAGES[1], VR::US),
     (tags::SERIES_INSTANCE_UID, VR::UI),
     (tags::SERIES_NUMBER, VR::IS),
     (tags::ACQUISITION_NUMBER, VR::IS),
+    (tags::INSTANCE_NUMBER, VR::IS),
     (tags::IMAGE_POSITION_PATIENT, VR::DS),
     (tags::IMAGE_ORIENTATION_PATIENT, VR::DS),
     (tags::TEMPORAL_POSITION_IDENTIFIER, VR::IS),
+    (tags::IMAGE_COMMENTS, VR::LT),
     (tags::STACK_ID, VR::SH),
     (tags::FRAME_CONTENT_SEQUENCE, VR::SQ),
     (tags::PLANE_POSITION_SEQUENCE, VR::SQ),
     (tags::PLANE_ORIENTATION_SEQUENCE, VR::SQ),
     (tags::TEMPORAL_POSITION_INDEX, VR::UL),
+    (tags::NOMINAL_CARDIAC_TRIGGER_DELAY_TIME, VR::FD),
+    (tags::FRAME_ACQUISITION_NUMBER, VR::US),
+    (tags::DIMENSION_INDEX_VALUES, VR::UL),
+    (tags::DIMENSION_INDEX_POINTER, VR::AT),
+    (tags::DIMENSION_INDEX_SEQUENCE, VR::SQ),
+    (tags::IMAGE_POSITION_VOLUME, VR::FD),
+    (tags::IMAGE_ORIENTATION_VOLUME, VR::FD),
+    (tags::PLANE_POSITION_VOLUME_SEQUENCE, VR::SQ),
+    (tags::PLANE_ORIENTATION_VOLUME_SEQUENCE, VR::SQ),
     (tags::SAMPLES_PER_PIXEL, VR::US),
     (tags::PHOTOMETRIC_INTERPRETATION, VR::CS),
     (tags::PLANAR_CONFIGURATION, VR::US),
     (tags::NUMBER_OF_FRAMES, VR::IS),
+    (tags::FRAME_INCREMENT_POINTER, VR::AT),
     (tags::ROWS, VR::US),
     (tags::COLUMNS, VR::US),
     (tags::PIXEL_SPACING, VR::DS),
+    (tags::CORRECTED_IMAGE, VR::CS),
     (tags::BITS_ALLOCATED, VR::US),
     (tags::BITS_STORED, VR::US),
     (tags::HIGH_BIT, VR::US),
     (tags::PIXEL_REPRESENTATION, VR::US),
     (tags::PIXEL_PADDING_VALUE, VR::US),
+    (tags::PIXEL_PADDING_RANGE_LIMIT, VR::US),
     (tags::WINDOW_CENTER, VR::DS),
     (tags::WINDOW_WIDTH, VR::DS),
     (tags::RESCALE_INTERCEPT, VR::DS),
@@ -86,11 +134,32 @@ const WANTED: &[(Tag, VR)] = &[
     (tags::WINDOW_CENTER_WIDTH_EXPLANATION, VR::LO),
     (tags::MODALITY_LUT_SEQUENCE, VR::SQ),
     (tags::LUT_DESCRIPTOR, VR::US),
+    (tags::LUT_EXPLANATION, VR::LO),
     (tags::MODALITY_LUT_TYPE, VR::LO),
     (tags::LUT_DATA, VR::US),
     (tags::PIXEL_MEASURES_SEQUENCE, VR::SQ),
     (tags::FRAME_VOILUT_SEQUENCE, VR::SQ),
     (tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, VR::SQ),
+    (CSA_IMAGE[0], VR::OB),
+    (CSA_IMAGE[1], VR::OB),
+    (tags::MEASUREMENT_UNITS_CODE_SEQUENCE, VR::SQ),
+    (tags::REAL_WORLD_VALUE_MAPPING_SEQUENCE, VR::SQ),
+    (tags::LUT_LABEL, VR::SH),
+    (tags::REAL_WORLD_VALUE_INTERCEPT, VR::FD),
+    (tags::REAL_WORLD_VALUE_SLOPE, VR::FD),
+    (tags::ENERGY_WINDOW_VECTOR, VR::US),
+    (tags::DETECTOR_VECTOR, VR::US),
+    (tags::DETECTOR_INFORMATION_SEQUENCE, VR::SQ),
+    (tags::PHASE_VECTOR, VR::US),
+    (tags::ROTATION_VECTOR, VR::US),
+    (tags::RR_INTERVAL_VECTOR, VR::US),
+    (tags::TIME_SLOT_VECTOR, VR::US),
+    (tags::SLICE_VECTOR, VR::US),
+    (tags::ANGULAR_VIEW_VECTOR, VR::US),
+    (tags::TIME_SLICE_VECTOR, VR::US),
+    (tags::UNITS, VR::CS),
+    (tags::FRAME_REFERENCE_TIME, VR::DS),
+    (tags::IMAGE_INDEX, VR::US),
     (tags::SEGMENTATION_TYPE, VR::CS),
     (tags::SEGMENT_SEQUENCE, VR::SQ),
     (tags::SEGMENT_NUMBER, VR::US),
@@ -118,11 +187,14 @@ fn is_pixels(tag: Tag) -> bool {
 
 /// Names an element for messages: its keyword and its tag.
 pub(super) fn named(tag: Tag) -> String {
-    use dicom_core::dictionary::{DataDictionary as _, DataDictionaryEntry as _};
     let Tag(group, element) = tag;
-    let entry = dicom_dictionary_std::StandardDataDictionary.by_tag(tag);
-    let keyword = entry.map_or("element", |entry| entry.alias());
-    format!("{keyword} ({group:04X},{element:04X})")
+    format!("{} ({group:04X},{element:04X})", keyword(tag).unwrap_or("element"))
+}
+
+/// The keyword of an element of the standard.
+pub(super) fn keyword(tag: Tag) -> Option<&'static str> {
+    use dicom_core::dictionary::{DataDictionary as _, DataDictionaryEntry as _};
+    dicom_dictionary_std::StandardDataDictionary.by_tag(tag).map(|entry| entry.alias())
 }
 
 /// A value of a wanted element.
@@ -131,6 +203,8 @@ enum Value {
     /// Bytes of a text, in the character set of the file.
     Text(Vec<u8>),
     Numbers(Vec<f64>),
+    /// Bytes of a private structure.
+    Raw(Vec<u8>),
     Items(Vec<Item>),
 }
 
@@ -165,6 +239,14 @@ impl Item {
         }
     }
 
+    /// The bytes of a private structure; empty without it.
+    pub(super) fn raw(&self, tag: Tag) -> &[u8] {
+        match self.value(tag) {
+            Some(Value::Raw(bytes)) => bytes,
+            _ => &[],
+        }
+    }
+
     /// The first number of an element.
     pub(super) fn number(&self, tag: Tag) -> Option<f64> {
         self.numbers(tag).first().copied()
@@ -194,6 +276,8 @@ pub(super) struct Pixels {
 #[derive(Debug)]
 pub(super) struct DataSet {
     pub(super) syntax: Syntax,
+    /// Remark about a transfer syntax that the file states wrongly.
+    pub(super) remark: Option<String>,
     pub(super) root: Item,
     /// `None` if the file has no pixels.
     pub(super) pixels: Option<Pixels>,
@@ -305,6 +389,79 @@ enum Encoding {
     Explicit(ByteOrder),
 }
 
+/// Types of values in explicit encodings, and those of them whose length has four bytes behind two reserved ones.
+const TYPES: &[u8] = b"AEASATCSDADSDTFDFLISLOLTOBODOFOLOVOWPNSHSLSQSSSTSVTMUCUIULUNURUSUTUV";
+const LONG_TYPES: &[u8] = b"OBODOFOLOVOWSQSVUCUNURUTUV";
+
+/// Whether two bytes are a type of `types`.
+fn is_type(types: &[u8], bytes: [u8; 2]) -> bool {
+    types.as_chunks::<2>().0.contains(&bytes)
+}
+
+impl Encoding {
+    /// The encoding of a data set that begins with these bytes, a tag with a type or a length: the first group is a small number,
+    /// so that one of its bytes is 0, and the first value is short. `None` if they begin none.
+    fn of([a, b, _, _, v, r, high @ ..]: [u8; 8]) -> Option<Self> {
+        match ([a, b], is_type(TYPES, [v, r]), high) {
+            ([1..=0xff, 0], true, _) => Some(Self::Explicit(ByteOrder::Little)),
+            ([0, 1..=0xff], true, _) => Some(Self::Explicit(ByteOrder::Big)),
+            ([1..=0xff, 0], false, [0, 0]) => Some(Self::Implicit),
+            _ => None,
+        }
+    }
+
+    /// Whether the elements are implicit, and their byte order.
+    fn as_syntax(self) -> (bool, ByteOrder) {
+        match self {
+            Self::Implicit => (true, ByteOrder::Little),
+            Self::Explicit(byte_order) => (false, byte_order),
+        }
+    }
+}
+
+/// Whether these first bytes of a file are those of a data set without a preamble: elements in the order of their tags, the first
+/// one of the groups 0002 or 0008, whose lengths lead from one to the next (DICOM PS3.5, §7.1).
+pub(super) fn begins(beginning: &[u8]) -> bool {
+    /// Elements that must be there; the four bytes of a tag and a length may occur by chance.
+    const ENOUGH: usize = 3;
+    let Some(encoding) = beginning.first_chunk().copied().and_then(Encoding::of) else { return false };
+    let (is_implicit, byte_order) = encoding.as_syntax();
+    let short = |at: usize| -> Option<u16> {
+        let word = *beginning.get(at..)?.first_chunk()?;
+        Some(if byte_order == ByteOrder::Big { u16::from_be_bytes(word) } else { u16::from_le_bytes(word) })
+    };
+    let long = |at: usize| -> Option<u32> {
+        let [low, high] = [short(at)?, short(at + 2)?].map(u32::from);
+        Some(if byte_order == ByteOrder::Big { low << 16 | high } else { high << 16 | low })
+    };
+    let (mut at, mut last, mut found) = (0, None, 0);
+    while found < ENOUGH {
+        let (Some(group), Some(element)) = (short(at), short(at + 2)) else { return false };
+        let is_first = last.is_none();
+        if (is_first && ![2, 8].contains(&group)) || last.is_some_and(|last| (group, element) <= last) {
+            return false;
+        }
+        let (value, length) = match beginning.get(at + 4..).and_then(|rest| rest.first_chunk().copied()) {
+            _ if is_implicit => (at + 8, long(at + 4)),
+            Some(vr) if !is_type(TYPES, vr) => return false,
+            Some(vr) if is_type(LONG_TYPES, vr) => (at + 12, long(at + 8)),
+            _ => (at + 8, short(at + 6).map(u32::from)),
+        };
+        let Some(length) = length else { return false };
+        found += 1;
+        // The end of a sequence of unknown length is not looked for.
+        if length == u32::MAX {
+            return found >= 2;
+        }
+        (at, last) = (value.saturating_add(usize::try_from(length).unwrap_or(usize::MAX)), Some((group, element)));
+        // An explicit element has a type beside its tag, so that fewer suffice where a long value follows.
+        if at >= beginning.len() {
+            return found >= if is_implicit { ENOUGH } else { 2 };
+        }
+    }
+    true
+}
+
 /// A reader of elements.
 struct Parser<'a> {
     path: &'a Path,
@@ -326,19 +483,32 @@ pub(super) fn read(path: &Path) -> Result<DataSet, VolumeError> {
     let mut parser = Parser { path, stream, encoding: Encoding::Explicit(ByteOrder::Little), elements: 0 };
     let (meta, _) = parser.data_set(true)?;
     let stated = meta.word(tags::TRANSFER_SYNTAX_UID).map(|uid| uid.trim_end_matches('\0').trim().to_owned());
-    let syntax = match stated {
-        Some(uid) => Syntax::of(&uid),
-        None => Syntax::guessed(parser.stream.peek::<6>().map_err(|source| failed(path, source))?),
+    let stated = stated.filter(|uid| !uid.is_empty()).map(|uid| Syntax::of(&uid));
+    let beginning = parser.stream.peek::<8>().map_err(|source| failed(path, source))?;
+    // A deflated data set shows nothing of its encoding, unless it is none.
+    let is_deflated = stated.as_ref().is_some_and(|syntax| syntax.coding == Coding::Deflated);
+    let beginning = beginning.filter(|bytes| !is_deflated || bytes.starts_with(&[8, 0]));
+    let found = beginning.and_then(Encoding::of).map(Encoding::as_syntax);
+    let (syntax, remark) = match stated {
+        Some(stated) => stated.corrected(found),
+        None => (Syntax::guessed(found), None),
     };
     parser.encoding = match syntax.byte_order {
-        ByteOrder::Little if syntax.is_implicit => Encoding::Implicit,
+        _ if syntax.is_implicit => Encoding::Implicit,
         byte_order => Encoding::Explicit(byte_order),
     };
     if syntax.coding == Coding::Deflated {
         parser.stream = parser.stream.inflated();
     }
-    let (root, pixels) = parser.data_set(false)?;
-    Ok(DataSet { syntax, root, pixels, length })
+    let (root, pixels) = parser.data_set(false).map_err(|error| match (syntax.coding, error) {
+        (Coding::Foreign(name), VolumeError::Field { path, problem, .. }) => {
+            let problem =
+                format!("the file is coded as {name} ({}), which Relume does not decode ({problem})", syntax.uid);
+            VolumeError::Field { path, place: named(tags::TRANSFER_SYNTAX_UID), problem }
+        }
+        (_, error) => error,
+    })?;
+    Ok(DataSet { syntax, remark, root, pixels, length })
 }
 
 /// A stream of the data set in the file `path` that begins at its offset `at`.
@@ -430,6 +600,8 @@ impl Parser<'_> {
             if self.stream.at.saturating_add(stated.into()) > LONGEST_HEADER {
                 return Err(self.wrong(format!("more than {LONGEST_HEADER} bytes before the pixel data")));
             }
+            // Only parts of private structures are read.
+            let kind = kind.filter(|&kind| kind != VR::OB || stated <= LONGEST_VALUE);
             match kind {
                 Some(VR::SQ) => {
                     let end = self.stream.at + u64::from(stated);
@@ -572,8 +744,38 @@ impl Parser<'_> {
             Encoding::Implicit => ByteOrder::Little,
             Encoding::Explicit(byte_order) => byte_order,
         };
-        let vr = if encoding == Encoding::Implicit || stated == VR::UN { kind } else { stated };
+        let vr = match encoding {
+            Encoding::Implicit => kind,
+            Encoding::Explicit(_) => agreed(stated, kind, &bytes),
+        };
         Ok(valued(bytes, vr, byte_order))
+    }
+}
+
+/// Whether a value of this type is a text that is no number.
+fn is_text(vr: VR) -> bool {
+    use VR::{AE, AS, CS, DA, DT, LO, LT, PN, SH, ST, TM, UC, UI, UR, UT};
+    matches!(vr, AE | AS | CS | DA | DT | LO | LT | PN | SH | ST | TM | UC | UI | UR | UT)
+}
+
+/// The type of a value that a file states as `stated`, where it should be `kind`: some writers state another one, such as UT for
+/// numbers in a text.
+fn agreed(stated: VR, kind: VR, bytes: &[u8]) -> VR {
+    let is_number_text = |bytes: &[u8]| {
+        bytes.iter().all(|byte| matches!(byte, b'0'..=b'9' | b'+'..=b'.' | b'e' | b'E' | b'\\' | b' ' | 0))
+    };
+    let is_number = |vr: VR| matches!(vr, VR::DS | VR::IS);
+    match (stated, kind) {
+        // Private structures have many types.
+        (_, VR::OB) | (VR::UN, _) => kind,
+        // Numbers in a text that is stated as another text, or as bytes.
+        (stated, kind) if is_number(kind) && is_text(stated) => kind,
+        (VR::OB | VR::OW, kind) if is_number(kind) && is_number_text(bytes) => kind,
+        (VR::OB, kind) if !is_text(kind) => kind,
+        // Numbers that should be binary, and are a text.
+        (stated, kind) if is_text(stated) && !is_text(kind) && is_number_text(bytes) => VR::DS,
+        (stated, kind) if is_number(stated) && is_text(kind) => kind,
+        (stated, _) => stated,
     }
 }
 
@@ -621,7 +823,14 @@ fn valued(bytes: Vec<u8>, vr: VR, byte_order: ByteOrder) -> Value {
         VR::SV => all(&bytes, byte_order, |word| i64::from_le_bytes(word) as f64),
         VR::FL | VR::OF => all(&bytes, byte_order, |word| f32::from_le_bytes(word).into()),
         VR::FD | VR::OD => all(&bytes, byte_order, f64::from_le_bytes),
-        VR::OB => all(&bytes, byte_order, |[byte]: [u8; 1]| byte.into()),
+        // Tags, of two words.
+        VR::AT => {
+            let word =
+                |word| if byte_order == ByteOrder::Big { u16::from_be_bytes(word) } else { u16::from_le_bytes(word) };
+            let both = |&[a, b, c, d]: &[u8; 4]| f64::from(u32::from(word([a, b])) << 16 | u32::from(word([c, d])));
+            Value::Numbers(bytes.as_chunks::<4>().0.iter().map(both).collect())
+        }
+        VR::OB => Value::Raw(bytes),
         VR::DS | VR::IS => {
             let text = String::from_utf8_lossy(&bytes);
             let parsed =

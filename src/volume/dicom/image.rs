@@ -8,71 +8,16 @@ use dicom_encoding::text::{SpecificCharacterSet, TextCodec as _};
 use glam::DVec3;
 
 use super::dataset::{self, DataSet, Item, Pixels, named};
+use super::frame::{Frame, Layout};
+use super::keys::{self, Mark};
+use super::mosaic::{self, Sheet};
 use super::syntax::{Coding, MOST_BYTES, Syntax};
-use crate::number::whole;
+use crate::number::{brief, count as number_of, whole};
 use crate::volume::stream::{DEFLATE_LIMIT, count};
 use crate::volume::{VolumeError, VoxelType, Window};
 
 /// Largest number of frames of a file.
 const MOST_FRAMES: f64 = 1e6;
-
-/// Layout of the stored numbers of a frame.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Layout {
-    pub(super) rows: usize,
-    pub(super) columns: usize,
-    /// Numbers per pixel.
-    pub(super) samples: usize,
-    /// Whether the samples lie in planes, and not side by side.
-    pub(super) is_planar: bool,
-    pub(super) photometric: String,
-    /// Bits between neighbouring numbers, used bits of each, and the highest used bit.
-    pub(super) allocated: u32,
-    pub(super) stored: u32,
-    pub(super) high: u32,
-    pub(super) is_signed: bool,
-    pub(super) voxel_type: VoxelType,
-}
-
-impl Layout {
-    /// Pixels of a frame.
-    pub(super) fn pixels(&self) -> usize {
-        self.rows * self.columns
-    }
-
-    /// Bits of a frame.
-    pub(super) fn bits(&self) -> u64 {
-        count(self.pixels()).saturating_mul(count(self.samples)).saturating_mul(self.allocated.into())
-    }
-
-    /// Bytes of a frame of whole bytes.
-    pub(super) fn bytes(&self) -> u64 {
-        self.bits().div_ceil(8)
-    }
-}
-
-/// Attributes that tell apart slices at one position, with their names.
-pub(super) const KEYS: [&str; 5] = ["temporal position", "acquisition", "b-value", "echo", "trigger time"];
-
-/// Place and scaling of a frame.
-#[derive(Clone, Debug)]
-pub(super) struct Frame {
-    /// World position of the centre of the first pixel, in mm.
-    pub(super) position: Option<DVec3>,
-    /// Directions of growing column and row index.
-    pub(super) orientation: Option<[DVec3; 2]>,
-    /// Distances between rows and between columns, in mm.
-    pub(super) spacing: Option<[f64; 2]>,
-    pub(super) thickness: Option<f64>,
-    pub(super) slope: f64,
-    pub(super) intercept: f64,
-    /// Values of [`KEYS`]; NaN where the file states none.
-    pub(super) keys: [f64; KEYS.len()],
-    /// Stack of the frame, if the file has several.
-    pub(super) stack: String,
-    /// Segment of a frame of a segmentation.
-    pub(super) segment: Option<usize>,
-}
 
 /// One file.
 #[derive(Debug)]
@@ -95,7 +40,17 @@ pub(super) struct Image {
     pub(super) description: String,
     pub(super) modality: String,
     pub(super) has_lut: bool,
-    pub(super) padding: Option<f64>,
+    /// Stored number of pixels without a value, and the last one of their range.
+    pub(super) padding: Option<[f64; 2]>,
+    /// Attributes of all frames that may tell the image apart, and names of the dimensions of the file.
+    pub(super) marks: Vec<Mark>,
+    pub(super) dimensions: Vec<String>,
+    /// `InstanceNumber`.
+    pub(super) instance_number: Option<f64>,
+    /// The whole image, if the frames are parts of a mosaic.
+    pub(super) sheet: Option<Sheet>,
+    /// Sentences about the file.
+    pub(super) remarks: Vec<String>,
     /// Kind of the segmentation: BINARY, FRACTIONAL, LABELMAP; empty for other images.
     pub(super) segmentation: String,
 }
@@ -121,7 +76,7 @@ impl Image {
     /// As [`dataset::read`]; [`VolumeError::Field`] if an attribute of the pixels is missing or wrong,
     /// [`VolumeError::Short`] and [`VolumeError::Incredible`] if the file cannot hold all frames.
     pub(super) fn read(path: &Path) -> Result<Option<Self>, VolumeError> {
-        let DataSet { syntax, root, pixels, length } = dataset::read(path)?;
+        let DataSet { syntax, remark, root, pixels, length } = dataset::read(path)?;
         let Some(pixels) = pixels else {
             // Files of other kinds have no rows either, except spectra; a file that is cut has.
             let is_spectrum =
@@ -136,7 +91,7 @@ impl Image {
             };
         };
         let reading = Reading { path, root: &root, shared: first(&root, tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE) };
-        let layout = reading.layout(pixels.tag)?;
+        let mut layout = reading.layout(pixels.tag)?;
         let stated = root.number(tags::NUMBER_OF_FRAMES).unwrap_or(1.0);
         let wrong =
             || reading.wrong(tags::NUMBER_OF_FRAMES, format!("{stated} frames; there must be 1 to {MOST_FRAMES}"));
@@ -152,8 +107,29 @@ impl Image {
         if stated > MOST_FRAMES {
             return Err(wrong());
         }
-        let frames = reading.frames(count)?;
-        let padding = root.number(tags::PIXEL_PADDING_VALUE).map(|stated| signed(stated, &layout));
+        let mut remarks: Vec<String> = remark.into_iter().collect();
+        let mut frames = reading.frames(count, &mut remarks)?;
+        let mut sheet = None;
+        if count == 1
+            && mosaic::is_mosaic(&root)
+            && let Some((whole, slice, slices)) = mosaic::taken_apart(path, &root, &layout, &frames[0])?
+        {
+            remarks.push(format!(
+                "a mosaic of {} slices of {}×{} pixels, taken apart",
+                slices.len(),
+                slice.columns,
+                slice.rows
+            ));
+            (sheet, layout, frames) = (Some(whole), slice, slices);
+        }
+        reading.remark(&frames[0], &mut remarks);
+        let limit = root.number(tags::PIXEL_PADDING_RANGE_LIMIT);
+        let padding = root.number(tags::PIXEL_PADDING_VALUE).map(|stated| [stated, limit.unwrap_or(stated)]);
+        let padding = padding.map(|both| both.map(|stated| signed(stated, &layout)));
+        let mut marks = reading.shared.map(keys::of_groups).unwrap_or_default();
+        marks.extend(keys::of_file(&root));
+        let keyword =
+            |item: &Item| item.number(tags::DIMENSION_INDEX_POINTER).and_then(tag_of).and_then(dataset::keyword);
         Ok(Some(Self {
             path: path.to_owned(),
             syntax,
@@ -172,6 +148,16 @@ impl Image {
             modality: root.word(tags::MODALITY).unwrap_or_default(),
             has_lut: !root.items(tags::MODALITY_LUT_SEQUENCE).is_empty(),
             padding,
+            marks,
+            dimensions: root
+                .items(tags::DIMENSION_INDEX_SEQUENCE)
+                .iter()
+                .take(keys::MOST_DIMENSIONS)
+                .map(|item| keyword(item).unwrap_or_default().to_owned())
+                .collect(),
+            instance_number: root.number(tags::INSTANCE_NUMBER).filter(|number| number.is_finite()),
+            sheet,
+            remarks,
             segmentation: root.word(tags::SEGMENTATION_TYPE).unwrap_or_default(),
         }))
     }
@@ -196,6 +182,12 @@ impl Image {
 fn signed(stated: f64, layout: &Layout) -> f64 {
     let limit = 2_f64.powi(16);
     if layout.is_signed && layout.allocated <= 16 && stated >= limit / 2.0 { stated - limit } else { stated }
+}
+
+/// The tag in a value of type AT.
+fn tag_of(number: f64) -> Option<Tag> {
+    let [group, element] = [whole(number / 65536.0), whole(number.rem_euclid(65536.0))];
+    Some(Tag(u16::try_from(group).ok()?, u16::try_from(element).ok()?))
 }
 
 /// The first item of a sequence.
@@ -316,6 +308,14 @@ impl Reading<'_> {
                 }
                 Ok(())
             }
+            (Coding::Plain, None) if syntax.uid != uids::ENCAPSULATED_UNCOMPRESSED_EXPLICIT_VR_LITTLE_ENDIAN => {
+                let stated = match &*syntax.uid {
+                    "" => "the file states no transfer syntax".to_owned(),
+                    uid => format!("the stated transfer syntax, {uid}, has no compression"),
+                };
+                let problem = format!("{stated}, but the pixels are in fragments, as compressed ones are");
+                Err(self.wrong(tags::TRANSFER_SYNTAX_UID, problem))
+            }
             (coding, None) => {
                 if let Some(limit) = coding.packing(layout.allocated) {
                     let (one, compressed) = (layout.bytes(), length.saturating_sub(pixels.at));
@@ -337,9 +337,12 @@ impl Reading<'_> {
                 Ok(())
             }
             (Coding::Foreign(_), Some(_)) => Ok(()),
-            (_, Some(stated)) => {
+            (coding, Some(stated)) => {
                 let problem = format!(
-                    "{stated} bytes of compressed pixels are in one piece, and not in fragments as they must be"
+                    "{stated} bytes of compressed pixels are in one piece, and not in fragments as they must be; the stated transfer \
+                     syntax, {} ({}), may be wrong",
+                    coding.name(),
+                    syntax.uid
                 );
                 Err(self.wrong(pixels.tag, problem))
             }
@@ -347,7 +350,7 @@ impl Reading<'_> {
     }
 
     /// The frames: one for all, unless they have places of their own.
-    fn frames(&self, count: usize) -> Result<Vec<Frame>, VolumeError> {
+    fn frames(&self, count: usize, remarks: &mut Vec<String>) -> Result<Vec<Frame>, VolumeError> {
         let own = self.root.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE);
         if !own.is_empty() {
             if own.len() != count {
@@ -357,9 +360,12 @@ impl Reading<'_> {
             return own.iter().map(|item| self.frame(Some(item))).collect();
         }
         let frame = self.frame(None)?;
-        let offsets = self.root.numbers(tags::GRID_FRAME_OFFSET_VECTOR);
-        if offsets.is_empty() || count == 1 {
+        if count == 1 {
             return Ok(vec![frame]);
+        }
+        let offsets = self.root.numbers(tags::GRID_FRAME_OFFSET_VECTOR);
+        if offsets.is_empty() {
+            return self.slices(frame, count, remarks);
         }
         if offsets.len() != count {
             let problem = format!("{} offsets for {count} frames", offsets.len());
@@ -370,22 +376,158 @@ impl Reading<'_> {
         Ok(offsets.iter().map(|&offset| Frame { position: place(offset), ..frame.clone() }).collect())
     }
 
+    /// The frames of an old multi-frame file: slices, if a vector of slices or a distance between slices says so, and nothing
+    /// that they are times (DICOM PS3.3, C.7.6.6 and C.8.4.15); otherwise `frame` alone, for all of them.
+    fn slices(&self, frame: Frame, count: usize, remarks: &mut Vec<String>) -> Result<Vec<Frame>, VolumeError> {
+        let pointers: Vec<Tag> =
+            self.root.numbers(tags::FRAME_INCREMENT_POINTER).iter().filter_map(|&it| tag_of(it)).collect();
+        let places = match pointers.contains(&tags::SLICE_VECTOR) {
+            true => self.root.numbers(tags::SLICE_VECTOR),
+            false => &[],
+        };
+        if pointers.contains(&tags::SLICE_VECTOR) && places.len() != count {
+            let problem = format!("{} slices for {count} frames", places.len());
+            return Err(self.wrong(tags::SLICE_VECTOR, problem));
+        }
+        // Pointers to distances and places say nothing new; all others count times, views or windows.
+        let of_places = [tags::SPACING_BETWEEN_SLICES, tags::SLICE_THICKNESS, tags::SLICE_LOCATION];
+        let is_told = pointers.iter().all(|pointer| of_places.contains(pointer));
+        let step = match (frame.between.filter(|&step| step != 0.0), frame.thickness) {
+            (Some(step), _) if is_told || !places.is_empty() => step,
+            (None, Some(thickness)) if !places.is_empty() => {
+                remarks.push(format!(
+                    "no SpacingBetweenSlices; Relume takes SliceThickness, {} mm, as the distance of the slices",
+                    brief(thickness)
+                ));
+                thickness
+            }
+            (None, None) if !places.is_empty() => {
+                remarks
+                    .push("no SpacingBetweenSlices and no SliceThickness; Relume uses 1 mm between slices".to_owned());
+                1.0
+            }
+            _ => return Ok(vec![frame]),
+        };
+        if places.is_empty() {
+            remarks.push(format!(
+                "the {count} frames are taken as slices, {} mm apart (SpacingBetweenSlices)",
+                brief(step.abs())
+            ));
+        }
+        let [row, column] = frame.orientation.unwrap_or([DVec3::X, DVec3::Y]);
+        let (normal, first) = (row.cross(column).normalize(), frame.position.unwrap_or(DVec3::ZERO));
+        if !frame.is_anatomical {
+            remarks.push("the file states no place in the patient; the first voxel is at 0, 0, 0".to_owned());
+        }
+        // Slices are counted from 1.
+        let slice = |index: usize| places.get(index).map_or_else(|| number_of(index), |place| place - 1.0);
+        let at = |index: usize| Frame {
+            position: Some(first + normal * (step * slice(index))),
+            orientation: Some([row, column]),
+            marks: keys::of_vectors(self.root, &pointers, index),
+            ..frame.clone()
+        };
+        Ok((0..count).map(at).collect())
+    }
+
+    /// Says what stands in for a spacing, and what becomes of real-world values.
+    fn remark(&self, frame: &Frame, remarks: &mut Vec<String>) {
+        let of_frame = self.root.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE).first();
+        if let Some((spacing, tag)) = self.stand_in().filter(|_| !self.has_spacing(of_frame)) {
+            remarks.push(format!(
+                "no PixelSpacing; Relume uses {}, {} mm between rows and {} mm between columns, which is that of the detector",
+                named(tag),
+                brief(spacing[0]),
+                brief(spacing[1])
+            ));
+        }
+        let mappings = mappings(self.root, self.shared, of_frame);
+        let Some(first) = mappings.first() else { return };
+        let is_used = self.own_scaling(of_frame) == [None; 2] && self.mapping(of_frame).is_some();
+        // The stored numbers may be the values already.
+        let is_told = !is_used || first.scaling != Some([1.0, 0.0]);
+        let is_equal = mappings.len() == 1 && first.scaling == Some([frame.slope, frame.intercept]);
+        let named: Vec<String> = mappings.iter().map(|mapping| mapping.words.clone()).collect();
+        if is_used && is_told {
+            remarks.push(format!("the values are those of RealWorldValueMappingSequence: {}", named.join("; ")));
+        } else if is_told && !is_equal {
+            remarks.push(format!(
+                "RealWorldValueMappingSequence states further values, which Relume does not use: {}",
+                named.join("; ")
+            ));
+        }
+    }
+
+    /// The first numbers of a spacing that takes the place of `PixelSpacing`, and its element.
+    fn stand_in(&self) -> Option<([f64; 2], Tag)> {
+        [tags::IMAGER_PIXEL_SPACING, tags::NOMINAL_SCANNED_PIXEL_SPACING].into_iter().find_map(|tag| {
+            match *self.root.numbers(tag) {
+                [rows, columns] if rows > 0.0 && columns > 0.0 && rows.is_finite() && columns.is_finite() => {
+                    Some(([rows, columns], tag))
+                }
+                _ => None,
+            }
+        })
+    }
+
+    /// Whether a frame states `PixelSpacing`.
+    fn has_spacing(&self, own: Option<&Item>) -> bool {
+        !self.numbers(own, tags::PIXEL_MEASURES_SEQUENCE, tags::PIXEL_SPACING).is_empty()
+    }
+
+    /// The numbers of an element: the groups of a frame override those of all frames, and these the root.
+    fn numbers<'a>(&'a self, own: Option<&'a Item>, sequence: Tag, tag: Tag) -> &'a [f64] {
+        let groups = [own, self.shared].into_iter().flatten().filter_map(|groups| first(groups, sequence));
+        let found = groups.map(|item| item.numbers(tag)).find(|numbers| !numbers.is_empty());
+        found.unwrap_or_else(|| self.root.numbers(tag))
+    }
+
+    /// `RescaleSlope` and `RescaleIntercept`, as far as they are stated.
+    fn own_scaling(&self, own: Option<&Item>) -> [Option<f64>; 2] {
+        [tags::RESCALE_SLOPE, tags::RESCALE_INTERCEPT].map(|tag| {
+            let numbers = self.numbers(own, tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, tag);
+            numbers.first().copied().filter(|number| number.is_finite())
+        })
+    }
+
+    /// Slope and intercept of the only real-world mapping, if there is one, and no other scaling.
+    fn mapping(&self, own: Option<&Item>) -> Option<[f64; 2]> {
+        let has_other = self.root.number(tags::DOSE_GRID_SCALING).is_some()
+            || !self.root.items(tags::MODALITY_LUT_SEQUENCE).is_empty();
+        match &mappings(self.root, self.shared, own)[..] {
+            [Mapping { scaling, .. }] if !has_other => *scaling,
+            _ => None,
+        }
+    }
+
     /// The frame with the functional groups `own`.
     fn frame(&self, own: Option<&Item>) -> Result<Frame, VolumeError> {
-        // The groups of a frame override those of all frames, and these the root.
-        let of = |sequence: Tag, tag: Tag| -> &[f64] {
-            let groups = [own, self.shared].into_iter().flatten().filter_map(|groups| first(groups, sequence));
-            let found = groups.map(|item| item.numbers(tag)).find(|numbers| !numbers.is_empty());
-            found.unwrap_or_else(|| self.root.numbers(tag))
-        };
-        let finite = |sequence: Tag, tag: Tag, length: usize| match of(sequence, tag) {
+        let of = |sequence: Tag, tag: Tag| self.numbers(own, sequence, tag);
+        let checked = |tag: Tag, numbers: &[f64], length: usize| match numbers {
             [] => Ok(None),
-            numbers if numbers.len() == length && numbers.iter().all(|number| number.is_finite()) => Ok(Some(numbers)),
+            numbers if numbers.len() == length && numbers.iter().all(|number| number.is_finite()) => {
+                Ok(Some(numbers.to_vec()))
+            }
             numbers => Err(self.wrong(tag, format!("the numbers are {numbers:?}; they must be {length} finite ones"))),
         };
-        let position = finite(tags::PLANE_POSITION_SEQUENCE, tags::IMAGE_POSITION_PATIENT, 3)?;
-        let orientation = finite(tags::PLANE_ORIENTATION_SEQUENCE, tags::IMAGE_ORIENTATION_PATIENT, 6)?;
-        let orientation = orientation.map(|six| [DVec3::from_slice(six), DVec3::from_slice(&six[3..])]);
+        let finite = |sequence: Tag, tag: Tag, length: usize| checked(tag, of(sequence, tag), length);
+        let of_detector = |tag: Tag, length: usize| {
+            let detector = first(self.root, tags::DETECTOR_INFORMATION_SEQUENCE);
+            checked(tag, detector.map_or(&[], |item| item.numbers(tag)), length)
+        };
+        let (place, turn) = (tags::IMAGE_POSITION_PATIENT, tags::IMAGE_ORIENTATION_PATIENT);
+        let mut position = finite(tags::PLANE_POSITION_SEQUENCE, place, 3)?;
+        let mut orientation = finite(tags::PLANE_ORIENTATION_SEQUENCE, turn, 6)?;
+        // Those of nuclear medicine.
+        position = if position.is_none() { of_detector(place, 3)? } else { position };
+        orientation = if orientation.is_none() { of_detector(turn, 6)? } else { orientation };
+        let is_anatomical = position.is_some() && orientation.is_some();
+        if position.is_none() && orientation.is_none() {
+            // Those in an ultrasound volume.
+            position = finite(tags::PLANE_POSITION_VOLUME_SEQUENCE, tags::IMAGE_POSITION_VOLUME, 3)?;
+            orientation = finite(tags::PLANE_ORIENTATION_VOLUME_SEQUENCE, tags::IMAGE_ORIENTATION_VOLUME, 6)?;
+        }
+        let orientation = orientation.map(|six| [DVec3::from_slice(&six), DVec3::from_slice(&six[3..])]);
         if let Some([row, column]) = orientation {
             let is_unit = |axis: DVec3| (axis.length() - 1.0).abs() <= 0.01;
             if !is_unit(row) || !is_unit(column) || row.dot(column).abs() > 0.01 {
@@ -394,40 +536,74 @@ impl Reading<'_> {
             }
         }
         let spacing = finite(tags::PIXEL_MEASURES_SEQUENCE, tags::PIXEL_SPACING, 2)?;
+        let spacing = spacing.map(|both| [both[0], both[1]]);
         if let Some([rows, columns]) = spacing.filter(|both| both.iter().any(|&step| step <= 0.0)) {
             let problem = format!("the spacing is {rows} {columns}; both numbers must be positive");
             return Err(self.wrong(tags::PIXEL_SPACING, problem));
         }
         let single = |sequence: Tag, tag: Tag| of(sequence, tag).first().copied().filter(|number| number.is_finite());
-        let scaling = tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE;
         let dose = self.root.number(tags::DOSE_GRID_SCALING).filter(|scaling| scaling.is_finite());
-        let slope = dose.or_else(|| single(scaling, tags::RESCALE_SLOPE)).unwrap_or(1.0);
+        let stated = self.own_scaling(own);
+        let mapped = self.mapping(own).filter(|_| stated == [None; 2]);
+        let [slope, intercept] = match (dose, mapped, stated) {
+            (Some(dose), ..) => [dose, 0.0],
+            (None, Some(mapped), _) => mapped,
+            (None, None, [slope, intercept]) => [slope.unwrap_or(1.0), intercept.unwrap_or(0.0)],
+        };
         if slope == 0.0 {
             return Err(self.wrong(tags::RESCALE_SLOPE, "the slope is 0; all values would be equal".to_owned()));
         }
         let content = tags::FRAME_CONTENT_SEQUENCE;
-        let keys = [
-            single(content, tags::TEMPORAL_POSITION_INDEX)
-                .or_else(|| single(content, tags::TEMPORAL_POSITION_IDENTIFIER)),
-            single(content, tags::ACQUISITION_NUMBER),
-            single(tags::MR_DIFFUSION_SEQUENCE, tags::DIFFUSION_B_VALUE),
-            single(content, tags::ECHO_NUMBERS),
-            single(content, tags::TRIGGER_TIME),
-        ];
+        let measures = tags::PIXEL_MEASURES_SEQUENCE;
         let stack = own.and_then(|own| first(own, content)).and_then(|content| content.word(tags::STACK_ID));
         let segment = own.or(self.shared).and_then(|own| first(own, tags::SEGMENT_IDENTIFICATION_SEQUENCE));
         Ok(Frame {
-            position: position.map(DVec3::from_slice),
+            position: position.map(|three| DVec3::from_slice(&three)),
             orientation: orientation.map(|axes| axes.map(DVec3::normalize)),
-            spacing: spacing.map(|both| [both[0], both[1]]),
-            thickness: single(tags::PIXEL_MEASURES_SEQUENCE, tags::SLICE_THICKNESS).filter(|&it| it > 0.0),
+            is_anatomical,
+            spacing: spacing.or_else(|| self.stand_in().map(|(spacing, _)| spacing)),
+            thickness: single(measures, tags::SLICE_THICKNESS).filter(|&it| it > 0.0),
+            between: single(measures, tags::SPACING_BETWEEN_SLICES),
             slope,
-            intercept: if dose.is_some() { 0.0 } else { single(scaling, tags::RESCALE_INTERCEPT).unwrap_or(0.0) },
-            keys: keys.map(|key| key.unwrap_or(f64::NAN)),
+            intercept,
+            marks: own.map(keys::of_groups).unwrap_or_default(),
             stack: stack.unwrap_or_default(),
             segment: segment.and_then(|item| item.number(tags::REFERENCED_SEGMENT_NUMBER)).map(whole),
         })
     }
+}
+
+/// A mapping of stored numbers to real-world values.
+struct Mapping {
+    /// Slope and intercept; `None` for a table.
+    scaling: Option<[f64; 2]>,
+    words: String,
+}
+
+/// The real-world mappings of a frame, or else of all frames, or else of the file.
+fn mappings(root: &Item, shared: Option<&Item>, own: Option<&Item>) -> Vec<Mapping> {
+    let all = [own, shared, Some(root)].into_iter().flatten();
+    let all = all.map(|item| item.items(tags::REAL_WORLD_VALUE_MAPPING_SEQUENCE)).find(|items| !items.is_empty());
+    let mapping = |item: &Item| {
+        let [slope, intercept] =
+            [tags::REAL_WORLD_VALUE_SLOPE, tags::REAL_WORLD_VALUE_INTERCEPT].map(|tag| item.number(tag));
+        let scaling = slope.map(|slope| [slope, intercept.unwrap_or(0.0)]);
+        let scaling = scaling.filter(|both| both.iter().all(|it| it.is_finite()) && both[0] != 0.0);
+        let unit = first(item, tags::MEASUREMENT_UNITS_CODE_SEQUENCE);
+        let unit = unit.and_then(|unit| text(unit, tags::CODE_VALUE).or_else(|| text(unit, tags::CODE_MEANING)));
+        let unit = unit.map_or_else(String::new, |unit| format!(" ({unit})"));
+        let name = text(item, tags::LUT_LABEL).or_else(|| text(item, tags::LUT_EXPLANATION));
+        let name = name.map_or_else(String::new, |name| format!("{name} = "));
+        let words = match scaling {
+            Some([slope, intercept]) => {
+                let sign = if intercept < 0.0 { "−" } else { "+" };
+                format!("{name}{} × stored {sign} {}{unit}", brief(slope), brief(intercept.abs()))
+            }
+            None => format!("{name}a table{unit}"),
+        };
+        Mapping { scaling, words }
+    };
+    all.unwrap_or_default().iter().map(mapping).collect()
 }
 
 /// Description of a series, without its places: read again from one of its files.
@@ -476,6 +652,10 @@ impl About {
         }
         for (tag, name) in NUMBERS {
             metadata.extend(root.number(tag).map(|number| (name.to_owned(), number.to_string())));
+        }
+        let mapped: Vec<String> = mappings(&root, shared, own).into_iter().map(|mapping| mapping.words).collect();
+        if !mapped.is_empty() {
+            metadata.push(("real-world values".to_owned(), mapped.join("; ")));
         }
         metadata.push(("transfer syntax".to_owned(), syntax.uid));
         Ok(Self { windows: of.map_or_else(Vec::new, windows), metadata })

@@ -5,10 +5,14 @@
 
 mod codec;
 mod dataset;
+mod frame;
 mod image;
+mod keys;
+mod mosaic;
 mod pixels;
 mod segments;
 mod series;
+mod steps;
 mod syntax;
 
 use std::path::{Path, PathBuf};
@@ -26,17 +30,19 @@ use crate::progress::Progress;
 use image::{About, Image};
 use pixels::{Pixels, Slice, Values};
 use series::{Series, Stack};
+use steps::Steps;
 
-/// The mark behind the preamble, or, without a preamble, a first element of the identifying group (DICOM PS3.10, §7.1).
+/// The mark behind the preamble, or, without a preamble, first elements in the order of their tags, or one of the identifying
+/// group (DICOM PS3.10, §7.1).
 pub(super) fn recognises(beginning: &[u8]) -> bool {
     beginning.get(128..132) == Some(b"DICM")
         || matches!(beginning, [0x08, 0x00, 0x00 | 0x01 | 0x05 | 0x08 | 0x16, 0x00, v, r, ..] if v.is_ascii_uppercase() && r.is_ascii_uppercase())
+        || dataset::begins(beginning)
 }
 
-/// True if these first bytes may be those of a DICOM file. Implicit value representations without a preamble have no mark: the first
-/// group is 0002 or 0008 then.
+/// True if these first bytes may be those of a DICOM file: without a preamble, the first group is 0002 or 0008.
 fn may_be_dicom(beginning: &[u8]) -> bool {
-    recognises(beginning) || matches!(beginning, [2 | 8, 0, ..])
+    recognises(beginning) || matches!(beginning, [2 | 8, 0, ..] | [0, 2 | 8, ..])
 }
 
 /// Reads the file `path`.
@@ -89,9 +95,17 @@ pub(super) fn read_folder(
         });
     }
     let (images, copies) = series::without_copies(images);
-    if copies > 0 {
-        let are = if copies == 1 { "file is a copy of another" } else { "files are copies of others" };
-        notes.push(format!("{}: {copies} {are} (equal SOPInstanceUID); copies are skipped", source.display()));
+    if copies.removed > 0 {
+        let (count, name) = (copies.removed, source.display());
+        let are = if count == 1 { "file is a copy of another" } else { "files are copies of others" };
+        notes.push(format!("{name}: {count} {are} (equal SOPInstanceUID); copies are skipped"));
+    }
+    if copies.kept > 0 {
+        let (count, name) = (copies.kept, source.display());
+        let have = if count == 1 { "file has" } else { "files have" };
+        notes.push(format!(
+            "{name}: {count} {have} the SOPInstanceUID of another file, but another place or other attributes; they are read as well"
+        ));
     }
     if images.is_empty()
         && let Some(Damaged { error, .. }) = damaged.pop()
@@ -185,6 +199,9 @@ fn volume(
     Ok(volume)
 }
 
+/// Most different remarks of files of one series that are passed on.
+const MOST_REMARKS: usize = 8;
+
 /// The volume of a series of images.
 fn scalar(
     images: &[Image],
@@ -195,10 +212,11 @@ fn scalar(
 ) -> Result<Volume, VolumeError> {
     let source_name = source.display().to_string();
     let first = &images[series.slices[0].image];
-    let Stack { times, axis, lattice, is_anatomical, uneven, mut notes } = series::stacked(images, series, source)?;
+    let Stack { steps, lattice, is_anatomical, uneven, mut notes } = series::stacked(images, series, source)?;
+    let Steps { times, axis, values: names, .. } = steps;
     let components = first.layout.samples;
     let component = selection.component(&source_name, components, first.colours())?;
-    let time = selection.time(&source_name, times.len())?;
+    let time = selection.step(&source_name, times.len(), &axis, &names)?;
     let range = selection.slices(times[time].len());
     let all = &times[time];
     let slices = &all[range.clone()];
@@ -235,13 +253,13 @@ fn scalar(
     } else {
         Values::Stored
     };
+    let padding = first.padding.filter(|_| values == Values::Stored);
     let mut voxels = Pixels { images, slices, component, values, source }.read(progress)?;
     if let Some((places, _)) = &uneven {
-        voxels = even(&voxels, first.layout.pixels(), places, lattice.dims, source)?;
+        voxels = even(&voxels, first.layout.pixels(), places, padding, (lattice.dims, source))?;
     }
     let scaling = if values == Values::Stored { (slope, intercept) } else { (1.0, 0.0) };
-    let outside = first.padding.filter(|_| values == Values::Stored);
-    let mut volume = grid.volume_around(&source_name, voxels, false, scaling.0, outside)?;
+    let mut volume = grid.volume_around(&source_name, voxels, false, scaling.0, padding)?;
     (volume.slope, volume.intercept) = scaling;
     volume.components = components;
     volume.anatomical = is_anatomical;
@@ -256,11 +274,18 @@ fn scalar(
     volume.metadata = about.metadata;
     let mut add = |name: &str, value: String| volume.metadata.push((name.to_owned(), value));
     if times.len() > 1 {
-        add("time axis", axis);
+        add("time axis", format!("{axis} {}", names.join(", ")).trim().to_owned());
     }
-    if let Some(padding) = first.padding {
+    if let Some([padding, _]) = first.padding {
         add("padding", format!("{}", padding.mul_add(slope, intercept)));
     }
+    let mut remarks: Vec<&String> = Vec::new();
+    for remark in all.iter().flat_map(|slice| &images[slice.image].remarks) {
+        if !remarks.contains(&remark) && remarks.len() < MOST_REMARKS {
+            remarks.push(remark);
+        }
+    }
+    notes.extend(remarks.iter().map(|remark| format!("{source_name}: {remark}")));
     if first.layout.photometric == "MONOCHROME1" {
         notes.push(format!(
             "{source_name}: MONOCHROME1: other programs show low values bright; the values stay as they are"
@@ -276,14 +301,19 @@ fn even(
     voxels: &Voxels,
     pixels: usize,
     places: &[f64],
-    dims: [usize; 3],
-    source: &Path,
+    padding: Option<[f64; 2]>,
+    (dims, source): ([usize; 3], &Path),
 ) -> Result<Voxels, VolumeError> {
     with_voxels!(voxels, stored => {
         let mut out = allocate::zeroed(source, pixels.saturating_mul(dims[2]))?;
-        series::evened(stored, pixels, places, &mut out);
+        series::evened(stored, pixels, places, padding.map(sorted), &mut out);
         Ok(Voxel::into_voxels(out))
     })
+}
+
+/// A range from its lower to its higher end.
+fn sorted([one, other]: [f64; 2]) -> [f64; 2] {
+    [one.min(other), one.max(other)]
 }
 
 /// Paths of the files of `slices`, each once.

@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use super::codec::{self, Failure, Numbers};
 use super::dataset::{self, Range};
-use super::image::{Image, Layout, Lut};
+use super::frame::Layout;
+use super::image::{Image, Lut};
 use super::syntax::Coding;
 use crate::number::whole;
 use crate::progress::Progress;
@@ -314,9 +315,30 @@ impl Pixels<'_> {
         buffer: &mut Buffer,
         out: &mut [T],
     ) -> Result<(), VolumeError> {
-        let Slice { image: number, frame } = self.slices[index];
+        let slice = self.slices[index];
+        let image = &self.images[slice.image];
+        let Some(sheet) = &image.sheet else { return self.frame(slice, &image.layout, shared, buffer, out) };
+        let mut whole: Vec<T> = allocate::zeroed(self.source, sheet.layout.pixels())?;
+        self.frame(Slice { frame: 0, ..slice }, &sheet.layout, shared, buffer, &mut whole)?;
+        let [width, height] = [image.layout.columns, image.layout.rows];
+        let (first, above) = (slice.frame % sheet.across * width, slice.frame / sheet.across * height);
+        for (row, out) in out.chunks_exact_mut(width).enumerate() {
+            let start = (above + row) * sheet.layout.columns + first;
+            out.copy_from_slice(&whole[start..start + width]);
+        }
+        Ok(())
+    }
+
+    /// Decodes a frame of `layout` into `out`.
+    fn frame<T: Stored>(
+        &self,
+        Slice { image: number, frame }: Slice,
+        layout: &Layout,
+        shared: &Shared,
+        buffer: &mut Buffer,
+        out: &mut [T],
+    ) -> Result<(), VolumeError> {
         let image = &self.images[number];
-        let layout = &image.layout;
         let at_frame = |problem: String| VolumeError::Field {
             path: image.path.clone(),
             place: format!("frame {}", frame + 1),
@@ -384,6 +406,9 @@ impl Pixels<'_> {
         let Numbers { bytes, allocated, is_planar, is_aligned } = codec::decode(image.syntax.coding, buffer, layout)
             .map_err(|failure| match failure {
                 Failure::Damaged(problem) => at_frame(format!("damaged {encoding} data: {problem}")),
+                Failure::Unknown(kind) => at_frame(format!(
+                    "the pixels are {kind}; convert the file to explicit little endian, as with gdcmconv or dcmdjpeg"
+                )),
                 Failure::Incredible(limit) => VolumeError::Incredible {
                     path: image.path.clone(),
                     compressed: count(buffer.len()),

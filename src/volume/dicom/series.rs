@@ -1,13 +1,16 @@
 //! Which slices are one volume, in which order, and on which grid.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::Path;
 
 use dicom_dictionary_std::tags;
 use glam::{DMat3, DVec3};
 
-use super::image::{Frame, Image, KEYS};
+use super::frame::Frame;
+use super::image::Image;
 use super::pixels::Slice;
+use super::steps::{self, Steps};
 use crate::number;
 use crate::parallel;
 use crate::volume::VolumeError;
@@ -85,21 +88,23 @@ pub(super) fn grouped(images: &[Image], source: &Path) -> Result<Vec<Series>, Vo
             }
         }
     }
-    let number = |group: &Vec<Slice>| images[group[0].image].number.parse().unwrap_or(f64::INFINITY);
+    let mut groups: Vec<(String, Vec<Slice>)> = groups.into_iter().flat_map(|slices| parted(images, slices)).collect();
+    let number = |group: &[Slice]| images[group[0].image].number.parse().unwrap_or(f64::INFINITY);
     // The sort is stable: groups of one number stay in the order of their files.
-    groups.sort_by(|one, other| {
-        let series = |group: &Vec<Slice>| images[group[0].image].series.clone();
+    groups.sort_by(|(_, one), (_, other)| {
+        let series = |group: &[Slice]| images[group[0].image].series.clone();
         number(one).total_cmp(&number(other)).then_with(|| series(one).cmp(&series(other)))
     });
-    let keys: Vec<String> = groups.iter().map(|group| images[group[0].image].number.clone()).collect();
+    let keys: Vec<String> = groups.iter().map(|(_, group)| images[group[0].image].number.clone()).collect();
     let mut all = Vec::new();
-    for (index, slices) in groups.into_iter().enumerate() {
+    for (index, (part, slices)) in groups.into_iter().enumerate() {
         let image = &images[slices[0].image];
         let mates = keys.iter().filter(|key| **key == keys[index]).count();
         let place = keys[..index].iter().filter(|key| **key == keys[index]).count() + 1;
         let number = if keys[index].is_empty() { "0" } else { &keys[index] };
         let key = if mates > 1 { format!("{number}.{place}") } else { number.to_owned() };
         let named = if image.description.is_empty() { String::new() } else { format!("«{}» ", image.description) };
+        let part = if part.is_empty() { String::new() } else { format!(" ({part})") };
         let depth = if image.segmentation.is_empty() { places(images, &slices) } else { positions(images, &slices) };
         let times = if image.has_times() {
             image.count
@@ -110,13 +115,37 @@ pub(super) fn grouped(images: &[Image], source: &Path) -> Result<Vec<Series>, Vo
         };
         let entry = Entry {
             key,
-            description: format!("{named}{}", image.modality).trim().to_owned(),
+            description: format!("{named}{}{part}", image.modality).trim().to_owned(),
             dims: [image.layout.columns, image.layout.rows, depth],
             times,
         };
         all.push(Series { entry, identifier: image.series.clone(), slices });
     }
     Ok(all)
+}
+
+/// The volumes of a group whose positions have unequally many slices, if an attribute tells them apart; otherwise the group, without
+/// a name.
+fn parted(images: &[Image], slices: Vec<Slice>) -> Vec<(String, Vec<Slice>)> {
+    let image = &images[slices[0].image];
+    if slices.len() > 1
+        && image.segmentation.is_empty()
+        && !image.has_times()
+        && let Some((ordered, _)) = ordered(images, &slices)
+    {
+        let cells = cells(&clusters(&ordered, tolerance(images, &slices)));
+        if cells.iter().any(|cell| cell.len() != cells[0].len())
+            && let Some(parts) = steps::parts(images, &cells)
+        {
+            return parts;
+        }
+    }
+    vec![(String::new(), slices)]
+}
+
+/// The slices at each position.
+fn cells(clusters: &[&[(f64, Slice)]]) -> Vec<Vec<Slice>> {
+    clusters.iter().map(|cluster| cluster.iter().map(|&(_, slice)| slice).collect()).collect()
 }
 
 /// Number of different positions, if they are equally frequent; otherwise the number of slices.
@@ -158,10 +187,7 @@ fn clusters(ordered: &[(f64, Slice)], tolerance: f64) -> Vec<&[(f64, Slice)]> {
 /// The slices of a volume.
 #[derive(Debug)]
 pub(super) struct Stack {
-    /// Slices of each time step, in the order of the z axis.
-    pub(super) times: Vec<Vec<Slice>>,
-    /// Attribute that distinguishes the time steps, with its values; empty for one time step.
-    pub(super) axis: String,
+    pub(super) steps: Steps,
     /// Grid, if the steps are even; otherwise with the median step.
     pub(super) lattice: Lattice,
     /// Whether the world is that of the patient.
@@ -203,15 +229,16 @@ pub(super) fn stacked(images: &[Image], series: &Series, source: &Path) -> Resul
         });
         step
     };
-    let is_anatomical = frame.position.is_some() && frame.orientation.is_some();
-    let origin = frame.position.filter(|_| is_anatomical).unwrap_or(DVec3::ZERO);
+    let is_anatomical = frame.is_anatomical;
+    let origin = frame.position.filter(|_| frame.orientation.is_some()).unwrap_or(DVec3::ZERO);
     if first.has_times() || slices.len() == 1 {
         let step = normal * thick(&mut notes);
         let times = (0..if first.has_times() { first.count } else { 1 })
             .map(|time| vec![if first.has_times() { Slice { frame: time, ..slices[0] } } else { slices[0] }])
             .collect();
         let axis = if first.has_times() { "frame".to_owned() } else { String::new() };
-        return Ok(Stack { times, axis, lattice: lattice(1, origin, step), is_anatomical, uneven: None, notes });
+        let steps = Steps { times, axis, ..Steps::default() };
+        return Ok(Stack { steps, lattice: lattice(1, origin, step), is_anatomical, uneven: None, notes });
     }
     let Some((ordered, _)) = ordered(images, slices) else {
         let lacks = |slice: &&Slice| {
@@ -227,8 +254,17 @@ pub(super) fn stacked(images: &[Image], series: &Series, source: &Path) -> Resul
         return Err(images[lacking.first().map_or(0, |slice| slice.image)].wrong(tags::IMAGE_POSITION_PATIENT, problem));
     };
     let clusters = clusters(&ordered, tolerance(images, slices));
-    let (times, axis) = timed(images, &clusters, source)?;
-    let chosen = &times[0];
+    let steps = timed(images, &clusters, source)?;
+    if steps.is_by_order {
+        notes.push(format!(
+            "{}: {} slices at each position; only their order tells them apart ({}), so that the {} volumes may be others",
+            source.display(),
+            steps.times.len(),
+            steps.axis,
+            steps.times.len()
+        ));
+    }
+    let chosen = &steps.times[0];
     let position = |index: usize| {
         let Slice { image, frame } = chosen[index];
         images[image].frame(frame).position.unwrap_or(DVec3::ZERO)
@@ -236,15 +272,15 @@ pub(super) fn stacked(images: &[Image], series: &Series, source: &Path) -> Resul
     let (depth, origin) = (chosen.len(), position(0));
     if depth == 1 {
         let step = normal * thick(&mut notes);
-        return Ok(Stack { times, axis, lattice: lattice(1, origin, step), is_anatomical, uneven: None, notes });
+        return Ok(Stack { steps, lattice: lattice(1, origin, step), is_anatomical, uneven: None, notes });
     }
     let distances: Vec<f64> = (0..depth).map(|index| (position(index) - origin).dot(normal)).collect();
-    let steps: Vec<f64> = distances.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let mut sorted = steps.clone();
+    let distances_between: Vec<f64> = distances.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut sorted = distances_between.clone();
     sorted.sort_by(f64::total_cmp);
     // The lower one of two: gaps make steps longer, and nothing makes them shorter.
     let median = sorted[(sorted.len() - 1) / 2];
-    let uneven = unevenness(images, chosen, &steps, median);
+    let uneven = unevenness(images, chosen, &distances_between, median);
     let (least, most) = (sorted[0], sorted[sorted.len() - 1]);
     if uneven.is_none() && most - least > 1e-3 * median {
         notes.push(format!(
@@ -260,7 +296,7 @@ pub(super) fn stacked(images: &[Image], series: &Series, source: &Path) -> Resul
     let is_tilted = tilt > 0.2 && drift.length() > 0.5 * spacing[0].min(spacing[1]);
     let step = if is_tilted { whole * (median / along) } else { normal * median };
     let uneven = uneven.map(|problem| (distances.iter().map(|distance| distance / median).collect(), problem));
-    Ok(Stack { times, axis, lattice: lattice(depth, origin, step), is_anatomical, uneven, notes })
+    Ok(Stack { steps, lattice: lattice(depth, origin, step), is_anatomical, uneven, notes })
 }
 
 /// Description of uneven distances between the slices; `None` if they are within 2 % or 0.1 mm of their median, as
@@ -296,65 +332,82 @@ fn unevenness(images: &[Image], slices: &[Slice], steps: &[f64], median: f64) ->
     })
 }
 
-/// The slices of each time step, and the name and values of the time axis.
-fn timed(
-    images: &[Image],
-    clusters: &[&[(f64, Slice)]],
-    source: &Path,
-) -> Result<(Vec<Vec<Slice>>, String), VolumeError> {
+/// The volumes of slices at positions, several at each.
+fn timed(images: &[Image], clusters: &[&[(f64, Slice)]], source: &Path) -> Result<Steps, VolumeError> {
     let depth = clusters.len();
     let all: usize = clusters.iter().map(|cluster| cluster.len()).sum();
+    let cells = cells(clusters);
     if all == depth {
-        return Ok((vec![clusters.iter().map(|cluster| cluster[0].1).collect()], String::new()));
+        return Ok(Steps { times: vec![cells.into_iter().flatten().collect()], ..Steps::default() });
     }
-    let key = |slice: Slice, key: usize| images[slice.image].frame(slice.frame).keys[key];
-    let count = clusters[0].len();
-    if clusters.iter().all(|cluster| cluster.len() == count) {
-        for (number, name) in KEYS.iter().enumerate() {
-            let by_value = |cluster: &&[(f64, Slice)]| -> Vec<(f64, Slice)> {
-                let mut all: Vec<_> = cluster.iter().map(|&(_, slice)| (key(slice, number), slice)).collect();
-                all.sort_by(|(one, _), (other, _)| one.total_cmp(other));
-                all
-            };
-            let all: Vec<Vec<(f64, Slice)>> = clusters.iter().map(by_value).collect();
-            let values: Vec<f64> = all[0].iter().map(|&(value, _)| value).collect();
-            // Each position has a slice of each value, which NaN, no value, never equals.
-            let is_axis = values.windows(2).all(|pair| pair[0] < pair[1])
-                && all.iter().all(|slices| slices.iter().map(|&(value, _)| value).eq(values.iter().copied()));
-            if is_axis {
-                let times = (0..count).map(|time| all.iter().map(|slices| slices[time].1).collect()).collect();
-                let values: Vec<String> = values.iter().map(ToString::to_string).collect();
-                return Ok((times, format!("{name} {}", values.join(", "))));
-            }
-        }
+    let count = cells.first().map_or(0, Vec::len);
+    if cells.iter().all(|cell| cell.len() == count)
+        && let Some(steps) = steps::told_apart(images, &cells)
+    {
+        return Ok(steps);
     }
     let path = |slice: Slice| images[slice.image].path.clone();
-    let (one, other) = clusters
+    let (one, other) = cells
         .iter()
-        .find(|cluster| cluster.len() > 1)
-        .map_or_else(|| (source.to_owned(), source.to_owned()), |cluster| (path(cluster[0].1), path(cluster[1].1)));
-    let problem = format!(
-        "{} slices at {depth} positions, and no {} tells them apart; {} is at the position of this file",
-        all,
-        KEYS.join(", "),
-        other.display()
-    );
+        .find(|cell| cell.len() > 1)
+        .map_or_else(|| (source.to_owned(), source.to_owned()), |cell| (path(cell[0]), path(cell[1])));
+    let differences = steps::differences(images, &cells);
+    let told = if differences.is_empty() {
+        "no temporal position, acquisition, echo, image type, instance number or other attribute tells them apart"
+            .to_owned()
+    } else {
+        format!(
+            "no attribute, as temporal position, makes whole volumes of them; what differs is {}",
+            differences.join(", ")
+        )
+    };
+    let problem =
+        format!("{all} slices at {depth} positions, and {told}; {} is at the position of this file", other.display());
     Err(VolumeError::Field { path: one, place: super::dataset::named(tags::IMAGE_POSITION_PATIENT), problem })
 }
 
-/// Removes images that are copies of others; returns their number.
-pub(super) fn without_copies(images: Vec<Image>) -> (Vec<Image>, usize) {
-    let before = images.len();
-    let mut seen = HashSet::new();
-    let mut is_new = |image: &Image| image.instance.is_empty() || seen.insert(image.instance.clone());
+/// Images that are copies of others, and others of one identifier.
+#[derive(Debug, Default)]
+pub(super) struct Copies {
+    /// Number of images that were removed, because they are copies.
+    pub(super) removed: usize,
+    /// Number of images that have the identifier of another one, but another place or other attributes.
+    pub(super) kept: usize,
+}
+
+/// Removes images that are copies of others: of one identifier, at one place, and with equal attributes.
+pub(super) fn without_copies(images: Vec<Image>) -> (Vec<Image>, Copies) {
+    let mut seen: HashMap<String, HashSet<u64>> = HashMap::new();
+    let mut copies = Copies::default();
+    let mut is_new = |image: &Image| {
+        if image.instance.is_empty() {
+            return true;
+        }
+        let known = seen.entry(image.instance.clone()).or_default();
+        let is_first = known.is_empty();
+        let (first, last) = (image.frames.first(), image.frames.last());
+        let what = (&image.series, image.instance_number, &image.marks, &image.layout, image.count, first, last);
+        let mut digest = DefaultHasher::new();
+        format!("{what:?}").hash(&mut digest);
+        let is_new = known.insert(digest.finish());
+        copies.removed += usize::from(!is_new);
+        copies.kept += usize::from(is_new && !is_first);
+        is_new
+    };
     let kept: Vec<Image> = images.into_iter().filter(|image| is_new(image)).collect();
-    let copies = before - kept.len();
     (kept, copies)
 }
 
 /// Interpolates the slices `voxels` of `pixels` voxels, which lie at `places` in steps of a lattice, linearly at its whole
-/// steps.
-pub(super) fn evened<T: crate::volume::Voxel>(voxels: &[T], pixels: usize, places: &[f64], out: &mut [T]) {
+/// steps. Beside a number of the range `padding`, which stands for no value, it takes the nearer slice.
+pub(super) fn evened<T: crate::volume::Voxel>(
+    voxels: &[T],
+    pixels: usize,
+    places: &[f64],
+    padding: Option<[f64; 2]>,
+    out: &mut [T],
+) {
+    let is_padding = |number: f64| padding.is_some_and(|[low, high]| number >= low && number <= high);
     let last = places.len() - 1;
     parallel::rows_mut(out, pixels, &|z, out| {
         let place = number::count(z);
@@ -368,8 +421,12 @@ pub(super) fn evened<T: crate::volume::Voxel>(voxels: &[T], pixels: usize, place
             return;
         }
         for ((voxel, &low), &high) in out.iter_mut().zip(slice(below)).zip(slice(above)) {
-            let (low, high) = (low.to_f64(), high.to_f64());
-            *voxel = T::nearest((high - low).mul_add(part, low));
+            let (below, above) = (low.to_f64(), high.to_f64());
+            *voxel = if is_padding(below) || is_padding(above) {
+                if part < 0.5 { low } else { high }
+            } else {
+                T::nearest((above - below).mul_add(part, below))
+            };
         }
     });
 }

@@ -13,6 +13,8 @@ const MOST_PIXELS: u64 = 1 << 16;
 
 /// Explicit big endian, retired from the standard, but not from archives.
 const EXPLICIT_VR_BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
+/// A private one of GE: implicit little-endian elements, and big-endian pixels.
+const GE_PRIVATE: &str = "1.2.840.113619.5.2";
 
 /// Coding of the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,17 +64,20 @@ pub(super) struct Syntax {
     /// Identifier; empty if the file states none.
     pub(super) uid: String,
     pub(super) coding: Coding,
+    /// That of the pixels, and of explicit elements.
     pub(super) byte_order: ByteOrder,
+    /// Whether the elements are implicit, and thus little-endian.
     pub(super) is_implicit: bool,
 }
 
 impl Syntax {
-    /// The transfer syntax of the identifier `uid`. The elements of all but three are explicit little endian.
+    /// The transfer syntax of the identifier `uid`. The elements of most are explicit little endian.
     pub(super) fn of(uid: &str) -> Self {
         let coding = match uid {
             uids::IMPLICIT_VR_LITTLE_ENDIAN
             | uids::EXPLICIT_VR_LITTLE_ENDIAN
             | EXPLICIT_VR_BIG_ENDIAN
+            | GE_PRIVATE
             | uids::ENCAPSULATED_UNCOMPRESSED_EXPLICIT_VR_LITTLE_ENDIAN => Coding::Plain,
             uids::DEFLATED_EXPLICIT_VR_LITTLE_ENDIAN => Coding::Deflated,
             uids::RLE_LOSSLESS => Coding::Rle,
@@ -91,17 +96,46 @@ impl Syntax {
             other if other.starts_with("1.2.840.10008.1.2.4.") => Coding::Foreign("a retired or unknown kind of JPEG"),
             _ => Coding::Foreign("an unknown coding"),
         };
-        let byte_order = if uid == EXPLICIT_VR_BIG_ENDIAN { ByteOrder::Big } else { ByteOrder::Little };
-        let is_implicit = uid == uids::IMPLICIT_VR_LITTLE_ENDIAN;
+        let is_big = [EXPLICIT_VR_BIG_ENDIAN, GE_PRIVATE].contains(&uid);
+        let byte_order = if is_big { ByteOrder::Big } else { ByteOrder::Little };
+        let is_implicit = [uids::IMPLICIT_VR_LITTLE_ENDIAN, GE_PRIVATE].contains(&uid);
         Self { uid: uid.to_owned(), coding, byte_order, is_implicit }
     }
 
-    /// The transfer syntax of a file that states none, by the first bytes of its data set: explicit if two capital
-    /// letters follow a tag.
-    pub(super) fn guessed(beginning: Option<[u8; 6]>) -> Self {
-        let is_explicit = matches!(beginning, Some([.., v, r]) if v.is_ascii_uppercase() && r.is_ascii_uppercase());
-        let uid = if is_explicit { uids::EXPLICIT_VR_LITTLE_ENDIAN } else { uids::IMPLICIT_VR_LITTLE_ENDIAN };
+    /// The transfer syntax of a file that states none, by the encoding of its first element: whether it is implicit, and its
+    /// byte order.
+    pub(super) fn guessed(found: Option<(bool, ByteOrder)>) -> Self {
+        let uid = match found {
+            Some((false, ByteOrder::Little)) => uids::EXPLICIT_VR_LITTLE_ENDIAN,
+            Some((false, ByteOrder::Big)) => EXPLICIT_VR_BIG_ENDIAN,
+            Some((true, _)) | None => uids::IMPLICIT_VR_LITTLE_ENDIAN,
+        };
         Self { uid: String::new(), ..Self::of(uid) }
+    }
+
+    /// This transfer syntax, which a file states, with the encoding `found` in its first element, and a remark if the file states
+    /// another one.
+    pub(super) fn corrected(self, found: Option<(bool, ByteOrder)>) -> (Self, Option<String>) {
+        let elements = if self.is_implicit { ByteOrder::Little } else { self.byte_order };
+        let Some((is_implicit, byte_order)) = found else { return (self, None) };
+        let is_deflated = self.coding == Coding::Deflated;
+        if (self.is_implicit, elements) == (is_implicit, byte_order) && !is_deflated {
+            return (self, None);
+        }
+        let order = if byte_order == ByteOrder::Big { "big" } else { "little" };
+        let words = if is_implicit { "implicit" } else { "explicit" };
+        let remark = format!(
+            "the stated transfer syntax, {}, is wrong: the elements are {words} {order}-endian{}, and read so",
+            self.uid,
+            if is_deflated { ", not deflated" } else { "" }
+        );
+        let coding = match self.coding {
+            // Nothing says which bytes of the pixels come first.
+            _ if self.uid == GE_PRIVATE => Coding::Foreign("a private coding of GE with elements of another one"),
+            Coding::Deflated => Coding::Plain,
+            coding => coding,
+        };
+        (Self { coding, byte_order, is_implicit, ..self }, Some(remark))
     }
 }
 

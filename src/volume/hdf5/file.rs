@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::links::{Links, Met};
 use hdf5_reader::error::Error as Hdf5Error;
 use hdf5_reader::group::Group;
 use hdf5_reader::messages::filter_pipeline::FilterDescription;
@@ -36,12 +37,15 @@ const LZF: u16 = 32000;
 pub(super) struct File {
     pub(super) path: PathBuf,
     /// Its length in bytes.
-    pub(super) length: u64,
+    length: u64,
     contents: Contents,
+    /// What its external links met.
+    met: Arc<Met>,
 }
 
 enum Contents {
-    Hdf5(Hdf5File),
+    /// The file with its external links, and without them.
+    Hdf5(Hdf5File, Hdf5File),
     Classic(NcFile),
 }
 
@@ -61,7 +65,10 @@ pub(super) struct Array {
     pub(super) name: String,
     /// Lengths of the axes, slowest first.
     pub(super) shape: Vec<usize>,
+    /// Type of the numbers; the attribute `_Unsigned` changes the sign of whole ones.
     pub(super) voxel_type: VoxelType,
+    /// Type in which the file declares them, of the same size.
+    declared: VoxelType,
     pub(super) kind: Kind,
     /// Lengths of a chunk; `None` if the numbers follow each other.
     pub(super) chunks: Option<Vec<usize>>,
@@ -185,20 +192,38 @@ impl File {
         let length = file.metadata().map_err(|source| stream::failed(path, source))?.len();
         let storage: DynStorage = Arc::new(of_hdf5(|| FileStorage::from_file(file)).map_err(failed)?);
         let is_classic = of_hdf5(|| storage.read_range(0, 3)).is_ok_and(|magic| magic.as_ref() == b"CDF");
+        let (links, met) = Links::of(path, options);
         let contents = if is_classic {
             Contents::Classic(
                 of_netcdf(|| NcFile::from_storage_with_options(storage, options_of_netcdf())).map_err(failed)?,
             )
         } else {
-            Contents::Hdf5(of_hdf5(|| Hdf5File::from_storage_with_options(storage, options())).map_err(failed)?)
+            let open = |storage, options| of_hdf5(|| Hdf5File::from_storage_with_options(storage, options));
+            let linked = open(Arc::clone(&storage), options().with_external_link_resolver(links)).map_err(failed)?;
+            Contents::Hdf5(linked, open(storage, options()).map_err(failed)?)
         };
-        Ok(Self { path: path.to_owned(), length, contents })
+        Ok(Self { path: path.to_owned(), length, contents, met })
+    }
+
+    /// Bytes of the file, and of those that its external links led to.
+    pub(super) fn length(&self) -> u64 {
+        self.length.saturating_add(self.met.bytes())
+    }
+
+    /// The clause about the last external link whose file is not read, if there is one.
+    pub(super) fn broken_link(&self) -> Option<String> {
+        self.met.broken()
+    }
+
+    /// Whether the file is `NetCDF`-3.
+    pub(super) fn is_classic(&self) -> bool {
+        matches!(self.contents, Contents::Classic(_))
     }
 
     /// Attributes of a group; none if there is no such group.
     pub(super) fn group(&self, name: &str) -> Attributes {
         match &self.contents {
-            Contents::Hdf5(file) => {
+            Contents::Hdf5(file, _) => {
                 let attributes = of_hdf5(|| file.group(name).and_then(|group| group.attributes()));
                 attributes.map_or_else(|_| Attributes::default(), |attributes| of_attributes(&attributes))
             }
@@ -209,15 +234,16 @@ impl File {
     /// Whether the file has a group of this name.
     pub(super) fn has_group(&self, name: &str) -> bool {
         match &self.contents {
-            Contents::Hdf5(file) => of_hdf5(|| file.group(name).map(drop)).is_ok(),
+            Contents::Hdf5(file, _) => of_hdf5(|| file.group(name).map(drop)).is_ok(),
             Contents::Classic(_) => false,
         }
     }
 
-    /// The array of this name.
+    /// The array of this name, which may be that of a link.
     pub(super) fn array(&self, name: &str) -> Option<Array> {
+        self.met.forget();
         match &self.contents {
-            Contents::Hdf5(file) => of_dataset(name, of_hdf5(|| file.dataset(name)).ok()?),
+            Contents::Hdf5(file, _) => of_dataset(name, of_hdf5(|| file.dataset(name)).ok()?),
             Contents::Classic(file) => {
                 let name = name.trim_start_matches('/');
                 of_netcdf(|| file.variable(name).map(of_variable)).ok()?
@@ -227,14 +253,14 @@ impl File {
 
     /// Attributes of the dataset of this name, which may be no array.
     pub(super) fn array_or_scalar(&self, name: &str) -> Option<Attributes> {
-        let Contents::Hdf5(file) = &self.contents else { return None };
+        let Contents::Hdf5(file, _) = &self.contents else { return None };
         of_hdf5(|| file.dataset(name).map(|dataset| of_attributes(&dataset.attributes()))).ok()
     }
 
     /// Shape and numbers of a dataset, which may be a scalar; `None` unless it has finite numbers, at most a million.
     pub(super) fn numbers_of(&self, name: &str) -> Option<(Vec<usize>, Vec<f64>)> {
         const MOST: usize = 1 << 20;
-        let Contents::Hdf5(file) = &self.contents else { return None };
+        let Contents::Hdf5(file, _) = &self.contents else { return None };
         let dataset = of_hdf5(|| file.dataset(name)).ok()?;
         let shape = lengths(dataset.shape())?;
         let (voxel_type, kind) = stored(dataset.dtype())?;
@@ -262,9 +288,10 @@ impl File {
                 let variables = of_netcdf(|| Ok(file.variables()?.iter().take(MOST).filter_map(of_variable).collect()));
                 variables.map_err(|error| failed("variables", error))?
             }
-            Contents::Hdf5(file) => {
+            Contents::Hdf5(file, plain) => {
                 let root = of_hdf5(|| file.root_group()).map_err(|error| failed("group /", error))?;
-                let mut arrays = datasets(root).map_err(|(group, error)| failed(&format!("group {group}"), error))?;
+                let listed = datasets(root, plain, &self.met);
+                let mut arrays = listed.map_err(|(group, error)| failed(&format!("group {group}"), error))?;
                 if arrays
                     .iter()
                     .any(|array| array.attributes.has("DIMENSION_LIST") || array.attributes.has("_Netcdf4Dimid"))
@@ -307,7 +334,7 @@ impl File {
                 4 => numbers::<Bits<4>>(dataset, start, lengths),
                 _ => numbers::<Bits<8>>(dataset, start, lengths),
             },
-            _ => with_type!(array.voxel_type, T => self.numbers::<T>(array, start, lengths)),
+            _ => with_type!(array.declared, T => self.numbers::<T>(array, start, lengths)),
         }?;
         let expected = lengths.iter().product::<usize>().saturating_mul(array.voxel_type.bytes());
         if bytes.len() == expected {
@@ -330,7 +357,7 @@ impl File {
                 let read = of_netcdf(|| file.read_variable_slice::<T>(name, &selection))?;
                 Ok(bytemuck::cast_slice(&read.iter().copied().collect::<Vec<T>>()).to_vec())
             }
-            (None, Contents::Hdf5(_)) => Err(io::Error::other("the array is not in the file")),
+            (None, Contents::Hdf5(..)) => Err(io::Error::other("the array is not in the file")),
         }
     }
 }
@@ -373,28 +400,68 @@ fn options_of_netcdf() -> NcOpenOptions {
     }
 }
 
-/// The arrays of numbers in a group and in its groups. The error has the name of the group.
-fn datasets(root: Group) -> Result<Vec<Array>, (String, io::Error)> {
+/// The arrays of numbers in a group and in its groups, among them those of external links, which `plain`, the same file, does
+/// not follow. The error has the name of the group.
+fn datasets(root: Group, plain: &Hdf5File, met: &Met) -> Result<Vec<Array>, (String, io::Error)> {
+    // Addresses are those of a file.
+    let file = |group: &Group| std::ptr::from_ref(group.storage()).cast::<()>().addr();
+    let last = |name: &str| name.rsplit('/').next().unwrap_or_default().to_owned();
     let mut arrays = Vec::new();
-    let mut seen = HashSet::from([root.address()]);
+    let mut seen = HashSet::from([(file(&root), root.address())]);
+    let own = file(&root);
     let mut groups = vec![(root, String::new(), 0)];
     while let Some((group, name, depth)) = groups.pop() {
-        let (inner, datasets) = of_hdf5(|| group.members()).map_err(|error| (format!("{name}/"), error))?;
+        let (is_own, before) = (file(&group) == own, met.links());
+        let members = of_hdf5(|| group.members());
+        let is_plain = members.is_ok() && met.links() == before;
+        // What links lead to is in other files.
+        let here = if is_own && !is_plain {
+            let here = of_hdf5(|| if name.is_empty() { plain.root_group() } else { plain.group(&name) }?.members());
+            Some(here.map_err(|error| (format!("{name}/"), error))?)
+        } else {
+            None
+        };
+        let names: Option<HashSet<String>> = here.as_ref().map(|(groups, datasets)| {
+            groups.iter().map(|group| last(group.name())).chain(datasets.iter().map(|it| last(it.name()))).collect()
+        });
+        let (inner, datasets) = match (members, here) {
+            (Ok(members), _) | (Err(_), Some(members)) => members,
+            (Err(error), None) => return Err((format!("{name}/"), error)),
+        };
+        let is_linked = |own: &str| names.as_ref().is_some_and(|names| !names.contains(own));
         for dataset in datasets {
-            if arrays.len() < MOST && seen.insert(dataset.address()) {
-                let name = format!("{name}/{}", dataset.name().rsplit('/').next().unwrap_or_default());
-                arrays.extend(of_dataset(&name, dataset));
+            let own = last(dataset.name());
+            let is_new = is_linked(&own) || seen.insert((file(&group), dataset.address()));
+            if arrays.len() < MOST && is_new {
+                arrays.extend(of_dataset(&format!("{name}/{own}"), dataset));
             }
         }
         for group in inner {
             // Links may make circles.
-            if depth < DEEPEST && seen.len() < MOST && seen.insert(group.address()) {
-                let name = format!("{name}/{}", group.name().rsplit('/').next().unwrap_or_default());
+            if depth < DEEPEST && seen.len() < MOST && seen.insert((file(&group), group.address())) {
+                let name = format!("{name}/{}", last(group.name()));
                 groups.push((group, name, depth + 1));
             }
         }
     }
     Ok(arrays)
+}
+
+/// The type of numbers declared as `declared` with these attributes: the convention of `NetCDF`-3, which has no unsigned
+/// types, is the attribute `_Unsigned`.
+fn signed_as(declared: VoxelType, attributes: &Attributes) -> VoxelType {
+    let stated = attributes.text("_Unsigned").map(|text| text.trim().to_ascii_lowercase());
+    match (stated.as_deref(), declared) {
+        (Some("true"), VoxelType::I8) => VoxelType::U8,
+        (Some("true"), VoxelType::I16) => VoxelType::U16,
+        (Some("true"), VoxelType::I32) => VoxelType::U32,
+        (Some("true"), VoxelType::I64) => VoxelType::U64,
+        (Some("false"), VoxelType::U8) => VoxelType::I8,
+        (Some("false"), VoxelType::U16) => VoxelType::I16,
+        (Some("false"), VoxelType::U32) => VoxelType::I32,
+        (Some("false"), VoxelType::U64) => VoxelType::I64,
+        _ => declared,
+    }
 }
 
 /// An array of a dataset; `None` unless it has numbers and at least one axis.
@@ -404,8 +471,11 @@ fn of_dataset(name: &str, dataset: Dataset) -> Option<Array> {
     let chunks = dataset.chunks().map(|chunks| chunks.into_iter().map(|side| side as usize).collect::<Vec<usize>>());
     let attributes =
         of_hdf5(|| Ok(dataset.attributes())).map(|attributes| of_attributes(&attributes)).unwrap_or_default();
+    let declared = voxel_type;
+    let voxel_type = if kind == Kind::Number { signed_as(declared, &attributes) } else { declared };
     (!shape.is_empty()).then(|| Array {
         name: format!("/{}", name.trim_start_matches('/')),
+        declared,
         chunks: chunks.filter(|chunks| chunks.len() == shape.len() && !chunks.contains(&0)),
         shape,
         voxel_type,
@@ -440,14 +510,18 @@ fn of_variable(variable: &netcdf_reader::NcVariable) -> Option<Array> {
         };
         Some((attribute.name.clone(), value))
     };
+    let attributes = Attributes(variable.attributes().iter().filter_map(one).collect());
+    let declared = voxel_type;
+    let voxel_type = signed_as(declared, &attributes);
     (!shape.is_empty()).then(|| Array {
         name: format!("/{}", variable.name()),
         shape,
         voxel_type,
+        declared,
         kind: Kind::Number,
         chunks: None,
         dimensions: variable.dimensions().iter().map(|dimension| dimension.name.clone()).collect(),
-        attributes: Attributes(variable.attributes().iter().filter_map(one).collect()),
+        attributes,
         dataset: None,
     })
 }

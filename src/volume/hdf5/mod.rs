@@ -1,6 +1,7 @@
 //! HDF5 and `NetCDF`, with the conventions of MINC-2 and Imaris.
 
 mod file;
+mod links;
 mod placing;
 
 use std::ops::Range;
@@ -13,9 +14,10 @@ use super::lengths::printable;
 use super::several::Several;
 use super::stream::{DEFLATE_LIMIT, count};
 use super::tiles::{self, Block, Grid};
-use super::voxels::{bytes_of_floats, with_type};
+use super::voxels::{bytes_of_floats, with_type, with_voxels};
 use super::{Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, data};
 use crate::memory;
+use crate::number;
 use crate::progress::Progress;
 use file::{Array, File, Kind, LARGEST_CHUNK};
 use placing::Placed;
@@ -52,13 +54,21 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     };
     let candidates = Some(of_rank(3..=5)).filter(|found| !found.is_empty()).unwrap_or_else(|| of_rank(2..=2));
     if candidates.is_empty() {
-        let problem = format!("{} arrays of numbers, none of which has 2 to 5 axes", all.len());
+        let link = file.broken_link().map_or_else(String::new, |broken| format!("; {broken}"));
+        let problem = format!("{} arrays of numbers, none of which has 2 to 5 axes{link}", all.len());
         return Err(VolumeError::Field { path: path.to_owned(), place: "the file".to_owned(), problem });
     }
     let names: Vec<&str> = candidates.iter().map(|&index| all[index].name.as_str()).collect();
     let slashed = selection.array.as_ref().map(|name| format!("/{}", name.trim_start_matches('/')));
-    let chosen = Selection { array: slashed, ..selection.clone() }.array(&reading.source, &names)?;
-    let array = &all[candidates[chosen]];
+    // A link is a further name of an array.
+    let linked = match &slashed {
+        Some(name) if !names.contains(&name.as_str()) => reading.linked(name)?,
+        _ => None,
+    };
+    let array = match &linked {
+        Some(array) => array,
+        None => &all[candidates[Selection { array: slashed, ..selection.clone() }.array(&reading.source, &names)?]],
+    };
     let mut volume = reading.array(array, placing::of(&file, array, &all)?)?;
     volume.selection.array = (names.len() > 1).then(|| array.name.clone());
     Ok(volume)
@@ -75,6 +85,17 @@ struct Reading<'a> {
 impl Reading<'_> {
     fn wrong(&self, place: &str, problem: String) -> VolumeError {
         VolumeError::Field { path: self.file.path.clone(), place: place.to_owned(), problem }
+    }
+
+    /// The array that a link calls `name`; `None` if there is none. A link to a file that is not read is refused with its name.
+    fn linked(&self, name: &str) -> Result<Option<Array>, VolumeError> {
+        match self.file.array(name).filter(|array| (2..=5).contains(&array.shape.len())) {
+            Some(array) => Ok(Some(array)),
+            None => match self.file.broken_link() {
+                Some(broken) => Err(self.wrong(&format!("array {}", printable(name)), broken)),
+                None => Ok(None),
+            },
+        }
     }
 
     /// The volume of an array with this placing.
@@ -124,12 +145,19 @@ impl Reading<'_> {
         let assumed = placed.assumed();
         let mut notes = placed.notes;
         notes.extend(assumed.clone());
-        if let Some(empty) = placed.empty {
-            let cleared = cleared(&mut voxels, empty);
+        // The numbers of classes have none for no value.
+        if !placed.empty.is_empty() && array.kind == Kind::Number {
+            // Slabs must have one type, and do not know whether others have such voxels.
+            let is_slab = self.selection.slices.is_some();
+            let is_stated = array.attributes.has("_FillValue") || array.attributes.has("missing_value");
+            let (all, cleared) = cleared(voxels, &placed.empty, is_slab && is_stated, &self.file.path)?;
+            voxels = all;
             if cleared > 0 {
                 // A slab does not know how many there are in all.
-                let number = if self.selection.slices.is_some() { "some".to_owned() } else { cleared.to_string() };
-                notes.push(format!("{number} voxels have the fill value {empty}, and are NaN"));
+                let number = if is_slab { "some".to_owned() } else { cleared.to_string() };
+                let values: Vec<String> = placed.empty.iter().map(|&value| number::readable(value)).collect();
+                let (s, values) = (if values.len() == 1 { "" } else { "s" }, values.join(" or "));
+                notes.push(format!("{number} voxels have the fill value{s} {values}, and are NaN"));
             }
         }
         let mut scale = placed.scale;
@@ -260,7 +288,7 @@ impl Reading<'_> {
         let path = &self.file.path;
         let voxels: usize = tiles::dims(arranged, region).iter().product();
         let bytes = count(voxels).saturating_mul(count(array.voxel_type.bytes()));
-        let (length, limit) = (self.file.length, if array.chunks.is_some() { DEFLATE_LIMIT } else { 1 });
+        let (length, limit) = (self.file.length(), if array.chunks.is_some() { DEFLATE_LIMIT } else { 1 });
         if bytes > length.saturating_mul(limit).max(UNPROVEN) {
             let (path, encoding) = (path.clone(), "HDF5");
             return Err(VolumeError::Incredible { path, compressed: length, expected: bytes, encoding, limit });
@@ -337,22 +365,51 @@ impl Reading<'_> {
     }
 }
 
-/// Replaces floats equal to `empty` by NaN; returns their number.
-fn cleared(voxels: &mut Voxels, empty: f64) -> usize {
-    fn clear<T: Voxel>(voxels: &mut [T], empty: T, not_a_number: T) -> usize {
+/// The voxels with NaN in place of the numbers `empty`, and how many these are. Whole numbers, which have none for no value, become
+/// floats that hold them if there are such voxels, or if `is_float` says so.
+fn cleared(mut voxels: Voxels, empty: &[f64], is_float: bool, path: &Path) -> Result<(Voxels, usize), VolumeError> {
+    fn clear<T: Voxel>(voxels: &mut [T], empty: &[f64], not_a_number: T) -> usize {
+        let empty: Vec<T> = empty.iter().map(|&empty| T::nearest(empty)).collect();
         let mut cleared = 0;
-        for voxel in voxels {
-            if *voxel == empty {
-                *voxel = not_a_number;
-                cleared += 1;
-            }
+        for voxel in voxels.iter_mut().filter(|voxel| empty.contains(voxel)) {
+            *voxel = not_a_number;
+            cleared += 1;
         }
         cleared
     }
-    match voxels {
-        Voxels::F32(voxels) => clear(voxels, f32::nearest(empty), f32::NAN),
-        Voxels::F64(voxels) => clear(voxels, empty, f64::NAN),
-        // Whole numbers have no value for none.
-        _ => 0,
+    /// The `stored` numbers as floats; `None` if all of them stay as they are.
+    fn floats<T: Voxel, F: Voxel>(
+        stored: &[T],
+        empty: &[f64],
+        (is_float, not_a_number): (bool, F),
+        path: &Path,
+    ) -> Result<Option<(Vec<F>, usize)>, VolumeError> {
+        // Numbers that the type does not hold are those of no voxel.
+        let is_held = |empty: &f64| T::nearest(*empty).to_f64().total_cmp(empty).is_eq();
+        let empty: Vec<T> = empty.iter().filter(|empty| is_held(empty)).map(|&empty| T::nearest(empty)).collect();
+        let cleared = stored.par_iter().filter(|voxel| empty.contains(voxel)).count();
+        if cleared == 0 && !is_float {
+            return Ok(None);
+        }
+        let mut floats = allocate::zeroed::<F>(path, stored.len())?;
+        floats.par_iter_mut().zip(stored.par_iter()).for_each(|(float, voxel)| {
+            *float = if empty.contains(voxel) { not_a_number } else { F::nearest(voxel.to_f64()) };
+        });
+        Ok(Some((floats, cleared)))
     }
+    let cleared = match &mut voxels {
+        Voxels::F32(voxels) => clear(voxels, empty, f32::NAN),
+        Voxels::F64(voxels) => clear(voxels, empty, f64::NAN),
+        whole => {
+            let found = match whole.voxel_type().bytes() {
+                // Floats of 32 bits hold numbers of 16.
+                1 | 2 => with_voxels!(&*whole, stored => floats(stored, empty, (is_float, f32::NAN), path)?)
+                    .map(|(floats, cleared)| (Voxels::F32(floats), cleared)),
+                _ => with_voxels!(&*whole, stored => floats(stored, empty, (is_float, f64::NAN), path)?)
+                    .map(|(floats, cleared)| (Voxels::F64(floats), cleared)),
+            };
+            return Ok(found.unwrap_or((voxels, 0)));
+        }
+    };
+    Ok((voxels, cleared))
 }

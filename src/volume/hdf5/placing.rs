@@ -25,6 +25,9 @@ pub(super) struct Placed {
     pub(super) axes: Option<Vec<Option<Axis>>>,
     /// Steps along x, y and z, as vectors of the world; `None` where none is stated.
     steps: [Option<DVec3>; 3],
+    /// Length of steps that are not stated, and whether each axis runs backwards then.
+    otherwise: f64,
+    backwards: [bool; 3],
     /// Position of voxel (0, 0, 0).
     origin: DVec3,
     pub(super) unit: Option<Unit>,
@@ -33,8 +36,10 @@ pub(super) struct Placed {
     pub(super) scale: (f64, f64),
     /// Slopes and intercepts of slices.
     pub(super) scales: Option<Scales>,
-    /// Value of voxels without a value.
-    pub(super) empty: Option<f64>,
+    /// Stored numbers of voxels without a value.
+    pub(super) empty: Vec<f64>,
+    /// The sentence about axes of different units.
+    drawn: Option<String>,
     pub(super) metadata: Vec<(String, String)>,
     /// Sentences about oddities, without the name of the file.
     pub(super) notes: Vec<String>,
@@ -45,12 +50,15 @@ impl Default for Placed {
         Self {
             axes: None,
             steps: [None; 3],
+            otherwise: 1.0,
+            backwards: [false; 3],
             origin: DVec3::ZERO,
             unit: None,
             is_anatomical: false,
             scale: (1.0, 0.0),
             scales: None,
-            empty: None,
+            empty: Vec::new(),
+            drawn: None,
             metadata: Vec::new(),
             notes: Vec::new(),
         }
@@ -60,14 +68,18 @@ impl Default for Placed {
 impl Placed {
     /// The grid of an array with these axes.
     pub(super) fn geometry(&self, source: &str, arranged: &Arranged) -> Result<Geometry, VolumeError> {
-        let unit = [DVec3::X, DVec3::Y, DVec3::Z];
-        let [x, y, z] = [0, 1, 2].map(|axis| self.steps[axis].unwrap_or(unit[axis]));
+        let otherwise = |axis: usize| {
+            [DVec3::X, DVec3::Y, DVec3::Z][axis] * if self.backwards[axis] { -self.otherwise } else { self.otherwise }
+        };
+        let [x, y, z] = [0, 1, 2].map(|axis| self.steps[axis].unwrap_or_else(|| otherwise(axis)));
         Lattice { dims: arranged.dims(), origin: self.origin, steps: DMat3::from_cols(x, y, z) }.geometry(source)
     }
 
-    /// The sentence about axes without a step, if there are any.
+    /// The sentence about axes without a step, or with steps of another unit, if there are any.
     pub(super) fn assumed(&self) -> Option<String> {
-        assumed_spacing("the file", self.steps.map(|step| step.is_none()), [1.0; 3])
+        let unknown = assumed_spacing("the file", self.steps.map(|step| step.is_none()), [self.otherwise; 3]);
+        let sentences: Vec<String> = self.drawn.iter().cloned().chain(unknown).collect();
+        (!sentences.is_empty()).then(|| sentences.join("; "))
     }
 }
 
@@ -85,8 +97,9 @@ pub(super) fn of(file: &File, array: &Array, all: &[Array]) -> Result<Placed, Vo
     }
     let number = |name: &str| array.attributes.number(name);
     placed.scale = (number("scale_factor").unwrap_or(placed.scale.0), number("add_offset").unwrap_or(placed.scale.1));
-    placed.empty = number("_FillValue").or(number("missing_value"));
-    if let Some(empty) = placed.empty {
+    placed.empty = empty(array, file.is_classic() || !array.dimensions.is_empty());
+    let is_stated = ["_FillValue", "missing_value"].into_iter().any(|name| array.attributes.has(name));
+    for &empty in placed.empty.iter().filter(|_| is_stated) {
         placed.metadata.push(("fill value".to_owned(), number::readable(empty)));
     }
     for key in ["long_name", "units"] {
@@ -97,12 +110,51 @@ pub(super) fn of(file: &File, array: &Array, all: &[Array]) -> Result<Placed, Vo
     Ok(placed)
 }
 
-/// The placing by coordinate variables of `NetCDF`: arrays with the names of the axes.
+/// Stored numbers of voxels without a value: `_FillValue` and `missing_value`, or else, for floats of a `NetCDF` file, what its
+/// library writes where nothing was written.
+fn empty(array: &Array, is_netcdf: bool) -> Vec<f64> {
+    /// `NC_FILL_FLOAT` and `NC_FILL_DOUBLE`.
+    const UNWRITTEN: f64 = 9.969_209_968_386_869e36;
+    /// Most values.
+    const MOST: usize = 8;
+    let is_float = matches!(array.voxel_type, VoxelType::F32 | VoxelType::F64);
+    let stated = ["_FillValue", "missing_value"].into_iter().filter_map(|name| array.attributes.numbers(name));
+    let mut all: Vec<f64> = Vec::new();
+    for value in stated.flatten().filter(|value| value.is_finite()).take(MOST) {
+        // Attributes of whole numbers may have the sign of the declared type.
+        let (least, most) = with_type!(array.voxel_type, T => {
+            (T::nearest(f64::NEG_INFINITY).to_f64(), T::nearest(f64::INFINITY).to_f64())
+        });
+        let range = most - least + 1.0;
+        let value = match value {
+            value if is_float => value,
+            value if value < least => value + range,
+            value if value > most => value - range,
+            value => value,
+        };
+        if !all.iter().any(|known| known.total_cmp(&value).is_eq()) {
+            all.push(value);
+        }
+    }
+    if all.is_empty() && is_float && is_netcdf {
+        all.push(UNWRITTEN);
+    }
+    all
+}
+
+/// The placing by arrays of coordinates: variables of `NetCDF` with the names of the axes, and `dim1` to `dim3` of EMD.
 fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
-    let names = axis_tags(array).unwrap_or_else(|| array.dimensions.clone());
+    let of_emd = emd(file, array, all);
+    let is_emd = of_emd.is_some();
+    let coordinates = of_emd.unwrap_or_else(|| of_netcdf(array, all));
+    let names: Vec<String> = match axis_tags(array) {
+        Some(names) => names,
+        None if is_emd => coordinates.iter().map(|it| it.map(emd_name).unwrap_or_default()).collect(),
+        None => array.dimensions.clone(),
+    };
     let mut placed = Placed { axes: axes::named(&names, &array.shape), ..Placed::default() };
-    let Some(axes) = &placed.axes else { return placed };
-    let group = array.name.rsplit_once('/').map_or("", |(group, _)| group);
+    let unnamed = if is_emd { axes::unnamed(&array.shape) } else { None };
+    let Some(axes) = placed.axes.clone().or(unnamed) else { return placed };
     let mut lines: [Option<Line>; 3] = [None, None, None];
     for (at, axis) in axes.iter().enumerate() {
         let place = match axis {
@@ -111,30 +163,118 @@ fn by_coordinates(file: &File, array: &Array, all: &[Array]) -> Placed {
             Some(Axis::Z) => 2,
             _ => continue,
         };
-        let Some(name) = array.dimensions.get(at) else { continue };
-        let is_it = |other: &&Array| other.shape == [array.shape[at]] && other.name == format!("{group}/{name}");
-        let Some(coordinates) = all.iter().find(is_it).filter(|found| found.shape[0] > 1) else { continue };
-        match line(file, coordinates) {
-            Some(line) => lines[place] = Some(line),
-            None => placed.notes.push(format!("the coordinates {} are not even, and are not used", printable(name))),
+        let Some(coordinates) = coordinates.get(at).copied().flatten() else { continue };
+        let name =
+            if is_emd { last_of(&coordinates.name) } else { array.dimensions.get(at).map_or("", String::as_str) };
+        let found = line(file, coordinates, array.shape[at], place == 2);
+        if found.as_ref().is_none_or(|line| !line.is_even) {
+            placed.notes.push(format!("the coordinates {} are not even, and are not used", printable(name)));
         }
+        lines[place] = found;
     }
-    let unit = lines.iter().flatten().find_map(|line| line.unit).map(|(unit, _)| unit);
-    // Degrees beside metres have no common unit.
-    placed.unit = unit.filter(|_| lines.iter().flatten().all(|line| line.unit.is_some()));
-    if unit.is_some() && placed.unit.is_none() {
-        placed.notes.push("not all coordinates are lengths; the spacing has their numbers, and no unit".to_owned());
-    }
-    for (axis, line) in lines.iter().enumerate() {
-        let Some(line) = line else { continue };
-        let own = |length: f64| match (line.unit, placed.unit) {
+    placed.draw(&lines);
+    placed
+}
+
+impl Placed {
+    /// Takes steps and origin of the coordinates along x, y and z. Axes whose units have nothing in common with those of x or y,
+    /// such as metres beside degrees, get the steps of x, so that all of the volume is seen.
+    fn draw(&mut self, all: &[Option<Line>; 3]) {
+        self.backwards = all
+            .each_ref()
+            .map(|line| line.as_ref().is_some_and(|line| (line.step < 0.0) != (line.is_downward && line.is_vertical)));
+        let lines = all.each_ref().map(|line| line.as_ref().filter(|line| line.is_even));
+        let unit = lines.iter().flatten().find_map(|line| line.unit).map(|(unit, _)| unit);
+        // Degrees beside metres have no common unit.
+        self.unit = unit.filter(|_| lines.iter().flatten().all(|line| line.unit.is_some()));
+        let first = lines.iter().flatten().next().copied();
+        let differs = |line: &Line| first.is_some_and(|first| line.is_apart_from(first));
+        let drawn: Vec<usize> = (0..3).filter(|&axis| lines[axis].is_some_and(differs)).collect();
+        if unit.is_some() && self.unit.is_none() && drawn.is_empty() {
+            self.notes.push("not all coordinates are lengths; the spacing has their numbers, and no unit".to_owned());
+        }
+        let own = |length: f64, line: &Line| match (line.unit, self.unit) {
             (Some(stated), Some(unit)) => converted(length, stated, unit),
             _ => length,
         };
-        placed.steps[axis] = Some([DVec3::X, DVec3::Y, DVec3::Z][axis] * own(line.step));
-        placed.origin[axis] = own(line.first);
+        self.otherwise = first.map_or(1.0, |first| own(first.step, first).abs());
+        for (axis, line) in lines.iter().enumerate() {
+            let Some(line) = *line else { continue };
+            let (mut step, mut start) = (own(line.step, line), own(line.first, line));
+            if let (true, Some(first)) = (drawn.contains(&axis), first) {
+                let scale = first.step.abs() / line.step.abs();
+                (step, start) = (line.step * scale, line.first * scale);
+            }
+            // Below is below, whatever is counted.
+            if line.is_vertical && line.is_downward {
+                (step, start) = (-step, -start);
+            }
+            self.steps[axis] = Some([DVec3::X, DVec3::Y, DVec3::Z][axis] * step);
+            self.origin[axis] = start;
+        }
+        if !drawn.is_empty() {
+            let along = |axis: usize| {
+                let line = lines[axis];
+                let words = line.map_or("", |line| line.words.as_str());
+                let step = line.map_or(1.0, |line| line.step.abs());
+                let words = if words.is_empty() { "no unit".to_owned() } else { printable(words) };
+                format!("{} along {}", number::brief(step) + " " + &words, ["x", "y", "z"][axis])
+            };
+            let all: Vec<String> = (0..3).filter(|&axis| lines[axis].is_some()).map(along).collect();
+            let axes: Vec<&str> = drawn.iter().map(|&axis| ["x", "y", "z"][axis]).collect();
+            let to = (0..3).find(|&axis| lines[axis].is_some()).map_or("x", |axis| ["x", "y", "z"][axis]);
+            self.drawn = Some(format!(
+                "the axes have different units: the steps are {}; those along {} are drawn as long as those along {to}, unless a \
+                 spacing is stated",
+                all.join(", "),
+                axes.join(" and ")
+            ));
+        }
     }
-    placed
+}
+
+/// The last part of the name of an array.
+fn last_of(name: &str) -> &str {
+    name.rsplit('/').next().unwrap_or_default()
+}
+
+/// The coordinate variables of the axes of a `NetCDF` array, in its group or in those around it.
+fn of_netcdf<'a>(array: &Array, all: &'a [Array]) -> Vec<Option<&'a Array>> {
+    /// Beginning of the attribute `NAME` of a dimension without coordinates, which a file of HDF5 has as an array.
+    const NO_VARIABLE: &str = "This is a netCDF dimension but not a netCDF variable";
+    let one = |(at, name): (usize, &String)| {
+        let mut group = array.name.as_str();
+        while let Some((around, _)) = group.rsplit_once('/') {
+            let is_it = |other: &&Array| other.shape == [array.shape[at]] && other.name == format!("{around}/{name}");
+            if let Some(found) = all.iter().find(is_it) {
+                let is_variable = !found.attributes.text("NAME").is_some_and(|text| text.starts_with(NO_VARIABLE));
+                return Some(found).filter(|found| is_variable && found.shape[0] > 1);
+            }
+            group = around;
+        }
+        None
+    };
+    array.dimensions.iter().enumerate().map(one).collect()
+}
+
+/// The coordinates of the axes of an array of an EMD file, `dim1` and so on beside it, slowest first; `None` for other arrays.
+fn emd<'a>(file: &File, array: &Array, all: &'a [Array]) -> Option<Vec<Option<&'a Array>>> {
+    let (group, _) = array.name.rsplit_once('/')?;
+    let is_emd = !array.attributes.has("DIMENSION_LIST") && file.group(group).has("emd_group_type");
+    // The first axis is dim1, or dim0 since version 1.
+    let first = usize::from(!all.iter().any(|it| it.name == format!("{group}/dim0")));
+    let one = |at: usize| {
+        let name = format!("{group}/dim{}", at + first);
+        // Of even steps, some writers store the first two.
+        let fits = |it: &&Array| it.name == name && (it.shape == [array.shape[at]] || it.shape == [2]);
+        all.iter().find(fits).filter(|found| found.shape[0] > 1)
+    };
+    is_emd.then(|| (0..array.shape.len()).map(one).collect())
+}
+
+/// The name of an axis of an EMD file.
+fn emd_name(coordinates: &Array) -> String {
+    coordinates.attributes.text("name").unwrap_or_default().trim().to_owned()
 }
 
 /// Names of the axes by the attribute of vigra and ilastik, slowest first.
@@ -144,33 +284,111 @@ fn axis_tags(array: &Array) -> Option<Vec<String>> {
     tags.get("axes")?.as_array()?.iter().map(key).collect()
 }
 
-/// Even coordinates.
+/// Coordinates along an axis.
 struct Line {
     first: f64,
+    /// The step, or the mean of uneven ones.
     step: f64,
+    is_even: bool,
+    /// Whether it is the axis z.
+    is_vertical: bool,
     unit: Option<(Unit, f64)>,
+    /// Name of the unit in the file.
+    words: String,
+    /// Whether larger coordinates are further down.
+    is_downward: bool,
 }
 
-/// The coordinates of an array of one axis; `None` if they are not even.
-fn line(file: &File, array: &Array) -> Option<Line> {
-    let length = array.shape[0];
+/// What a coordinate measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Measure {
+    Length,
+    Angle,
+    Pressure,
+    /// Nothing, or another quantity.
+    Other,
+}
+
+impl Line {
+    fn measure(&self) -> Measure {
+        let words = self.words.to_ascii_lowercase();
+        let is_angle = words.starts_with("degree") || matches!(words.as_str(), "deg" | "radian" | "radians" | "rad");
+        if self.unit.is_some() {
+            Measure::Length
+        } else if is_angle {
+            Measure::Angle
+        } else if is_pressure(&words) {
+            Measure::Pressure
+        } else {
+            Measure::Other
+        }
+    }
+
+    /// Whether the steps of the two have no common unit. Numbers without a unit may be in that of a length.
+    fn is_apart_from(&self, other: &Self) -> bool {
+        let [one, two] = [self.measure(), other.measure()];
+        let is_unknown = |line: &Self| line.words.is_empty();
+        one != two && !(is_unknown(self) && two == Measure::Length || is_unknown(other) && one == Measure::Length)
+    }
+}
+
+/// Whether a unit in lower case is one of pressure, which grows downwards.
+fn is_pressure(words: &str) -> bool {
+    matches!(
+        words,
+        "pa" | "hpa"
+            | "kpa"
+            | "bar"
+            | "mbar"
+            | "mb"
+            | "millibar"
+            | "millibars"
+            | "decibar"
+            | "decibars"
+            | "dbar"
+            | "atm"
+            | "pascal"
+            | "hectopascal"
+    )
+}
+
+/// The coordinates of `length` entries in an array of one axis, which may have the first two of them; `None` if they are no
+/// coordinates. `is_vertical` says that the axis is z.
+fn line(file: &File, array: &Array, length: usize, is_vertical: bool) -> Option<Line> {
+    let stored = array.shape[0];
     // Halves and enumerations come as bits.
-    if length > LONGEST || array.kind != Kind::Number {
+    if stored > LONGEST || array.kind != Kind::Number || stored < length.min(2) {
         return None;
     }
-    let bytes = file.block(array, &[0], &[length]).ok()?;
+    let bytes = file.block(array, &[0], &[stored]).ok()?;
     let size = array.voxel_type.bytes();
     let values: Vec<f64> = with_type!(array.voxel_type, T => {
         bytes.chunks_exact(size).map(|bytes| Voxel::to_f64(bytemuck::pod_read_unaligned::<T>(bytes))).collect()
     });
+    let number = |name: &str, usual| array.attributes.number(name).unwrap_or(usual);
+    let (slope, intercept) = (number("scale_factor", 1.0), number("add_offset", 0.0));
+    let values: Vec<f64> = values.into_iter().map(|value| value.mul_add(slope, intercept)).collect();
     let (first, last) = (*values.first()?, *values.last()?);
-    let step = (last - first) / number::count(length - 1);
+    let step = (last - first) / number::count(stored - 1);
     let is_even = values
         .iter()
         .enumerate()
         .all(|(index, value)| (value - number::count(index).mul_add(step, first)).abs() <= EVEN * step.abs());
-    let unit = array.attributes.text("units").and_then(unit);
-    (is_even && step != 0.0 && step.is_finite()).then_some(Line { first, step, unit })
+    // EMD writes [n_m] for nm.
+    let words = array.attributes.text("units").unwrap_or_default().trim();
+    let words = words
+        .strip_prefix('[')
+        .and_then(|words| words.strip_suffix(']'))
+        .map_or_else(|| words.to_owned(), |inside| inside.replace('_', ""));
+    let positive = array.attributes.text("positive").map(|text| text.trim().to_ascii_lowercase());
+    let is_downward = match positive.as_deref() {
+        Some("down") => true,
+        Some("up") => false,
+        _ => is_pressure(&words.to_ascii_lowercase()),
+    };
+    let unit = unit(&words);
+    let line = Line { first, step, is_even, is_vertical, unit, words, is_downward };
+    (step != 0.0 && step.is_finite()).then_some(line)
 }
 
 /// The placing of an image of MINC-2; `None` for other arrays.

@@ -18,6 +18,7 @@ use super::stream::{self, Encoding, Skip, Start, count};
 use super::streamed::Streamed;
 use super::unit::Unit;
 use super::{Selection, Volume, VolumeError, VoxelType, Window, foreign};
+use crate::number;
 use crate::progress::Progress;
 use header::{Header, Kind, SIZES, Version};
 
@@ -171,6 +172,7 @@ impl Reading<'_> {
         let time = selection.time(&source_name, times)?;
         let pick = |axis: usize, index| Pick { stride: all[..axis].iter().product(), length: all[axis], index };
         let slices = selection.slices(nz);
+        let part = selection.part(nz, 1).filter(|_| selection.middle);
         let mut picks =
             vec![pick(0, component % interleaved.max(1)), pick(4, time), pick(5, component / interleaved.max(1))];
         picks.extend(selection.middle.then(|| pick(3, slices.start)));
@@ -195,6 +197,7 @@ impl Reading<'_> {
             (volume.files, volume.metadata, volume.components) = (files, metadata, components);
             (volume.slope, volume.intercept) = (slope, intercept);
             (volume.anatomical, volume.unit) = (is_anatomical, Some(Unit::Millimetre));
+            volume.part = part;
             volume.presets.windows.extend(window);
             notes.append(&mut volume.notes);
             volume.notes = notes;
@@ -337,13 +340,27 @@ impl Reading<'_> {
             let rows = DMat3::from_cols_array_2d(&[x, y, z].map(|[a, b, c, _]| [a, b, c]));
             (rows.transpose(), DVec3::new(x[3], y[3], z[3]))
         };
-        let (steps, origin, place, is_anatomical) = if header.sform_code > 0 {
+        let (rows, first) = by_rows();
+        let is_flat = header.sform_code > 0 && first.is_finite() && spans_nothing(with_normal(rows, dims, 1.0));
+        if is_flat {
+            let lengths = [0, 1, 2].map(|axis| number::brief(rows.col(axis).length()));
+            let instead = if header.qform_code > 0 { "the qform" } else { "the spacings of pixdim" };
+            notes.push(format!(
+                "{source}: the axes of the sform (code {}) span no volume: they are {} long and lie in a plane or a line, or \
+                 have no length; Relume uses {instead}",
+                header.sform_code,
+                lengths.join(", ")
+            ));
+        }
+        let (steps, origin, place, is_anatomical) = if header.sform_code > 0 && !is_flat {
             let (steps, origin) = by_rows();
             (steps, origin, "srow_x, srow_y, srow_z", true)
         } else if header.qform_code > 0 {
             (self.turned(notes), DVec3::from_array(header.offset), "quatern_b to qoffset_z", true)
         } else {
-            if header.kind.version != Version::Analyze {
+            if is_flat {
+                // The note above says so.
+            } else if header.kind.version != Version::Analyze {
                 notes.push(format!(
                     "{source}: the file has no orientation (sform and qform are not set); Relume uses only the spacings"
                 ));
@@ -372,7 +389,7 @@ impl Reading<'_> {
             Lattice { dims, origin: turn * origin, steps: with_normal(steps, dims, to_mm) }
         };
         let chosen = lattice(steps, origin);
-        if header.sform_code > 0 && header.qform_code > 0 {
+        if header.sform_code > 0 && !is_flat && header.qform_code > 0 {
             let other = lattice(self.turned(&mut Vec::new()), DVec3::from_array(header.offset));
             if let Some(apart) = apart(&chosen, &other) {
                 notes.push(format!(
@@ -462,11 +479,19 @@ fn with_normal(steps: DMat3, dims: [usize; 3], length: f64) -> DMat3 {
     DMat3::from_cols(steps.x_axis, steps.y_axis, z)
 }
 
+/// Whether axes are of no length, or lie in a plane or a line: their volume is below a millionth of that of a box.
+fn spans_nothing(steps: DMat3) -> bool {
+    const LEAST: f64 = 1e-6;
+    let [x, y, z] = [0, 1, 2].map(|axis| steps.col(axis).normalize_or_zero());
+    // Numbers that are not finite have an error of their own.
+    steps.is_finite() && x.cross(y).dot(z).abs() < LEAST
+}
+
 /// The largest distance between equal corners of two grids, in voxels, if it exceeds a voxel.
 fn apart(one: &Lattice, other: &Lattice) -> Option<f64> {
     let corner = |corner: usize| {
         let index = [0, 1, 2].map(|axis| if corner >> axis & 1 == 1 { one.dims[axis] - 1 } else { 0 });
-        let index = DVec3::from_array(index.map(crate::number::count));
+        let index = DVec3::from_array(index.map(number::count));
         one.world_from_index(index).distance(other.world_from_index(index))
     };
     let voxel = [0, 1, 2].map(|axis| one.steps.col(axis).length()).into_iter().fold(f64::INFINITY, f64::min);

@@ -1,4 +1,5 @@
-//! Folders of slices: one picture a slice, in PNG, JPEG, BMP, PNM or TIFF, in the order of the numbers in their names.
+//! Folders of slices: one picture a slice, in PNG, JPEG, BMP, PNM or TIFF, in the order of the numbers in their names, or else of
+//! their names.
 
 mod picture;
 
@@ -53,16 +54,73 @@ pub(super) fn read(
         let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
         selection.series(&source_name, &series, &names)?
     };
-    let run = runs.swap_remove(index);
+    read_run(&source_name, runs.swap_remove(index), selection, progress)
+}
+
+/// The pictures among the files `all` of the folder `path`, sorted by their names, if they are the slices of none of its runs and
+/// all have one extension and one folder; empty otherwise.
+pub(super) fn find_named(path: &Path, all: &[PathBuf]) -> Vec<PathBuf> {
+    let mut pictures: Vec<PathBuf> = all.iter().filter(|file| extension(file).is_some()).cloned().collect();
+    let kind = |file: &PathBuf| match extension(file) {
+        Some("jpeg") => Some("jpg"),
+        Some("tiff") => Some("tif"),
+        other => other,
+    };
+    let of = |file: &PathBuf| (kind(file), file.parent().map(Path::to_owned));
+    let are_alike = pictures.windows(2).all(|pair| of(&pair[0]) == of(&pair[1]));
+    if pictures.len() < 2 || !are_alike || !runs(path, all).is_empty() {
+        return Vec::new();
+    }
+    // Upper and lower case are one letter.
+    pictures.sort_by_cached_key(|file| (file.to_string_lossy().to_lowercase(), file.clone()));
+    pictures
+}
+
+/// Reads the volume of the `pictures` of [`find_named`] in the folder `path`; `None` if they differ in size or type.
+pub(super) fn read_named(
+    path: &Path,
+    pictures: &[PathBuf],
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Option<Volume>, VolumeError> {
+    let source_name = path.display().to_string();
+    let Ok(slices) = Slices::open(pictures, progress) else {
+        super::data::check_cancelled(path, progress)?;
+        return Ok(None);
+    };
+    drop(slices);
+    selection.no_array(&source_name)?;
+    selection.no_level(&source_name)?;
+    selection.no_series(&source_name)?;
+    selection.time(&source_name, 1)?;
+    let run = Run { name: String::new(), files: pictures.to_vec(), numbers: Vec::new() };
+    let mut volume = read_run(&source_name, run, selection, progress)?;
+    let name =
+        |file: Option<&PathBuf>| file.and_then(|it| it.file_name()).unwrap_or_default().to_string_lossy().into_owned();
+    volume.notes.push(format!(
+        "{source_name}: the names of the pictures have no numbers, so the slices are in the order of the names, {} to {}",
+        name(pictures.first()),
+        name(pictures.last())
+    ));
+    Ok(Some(volume))
+}
+
+/// Reads the volume of the slices of `run`.
+fn read_run(
+    source_name: &str,
+    run: Run,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Volume, VolumeError> {
     let range = selection.slices(run.files.len());
     let files = &run.files[range.clone()];
     let slices = Slices::open(files, progress)?;
     let picture = slices.picture;
     let there = Several::Components { count: picture.samples, kind: picture.kind().to_owned(), names: Vec::new() };
-    let component = selection.component_of(&source_name, there)?;
-    let geometry = Geometry::unit(&source_name, [picture.width, picture.height, run.files.len()])?.of_slices(&range);
+    let component = selection.component_of(source_name, there)?;
+    let geometry = Geometry::unit(source_name, [picture.width, picture.height, run.files.len()])?.of_slices(&range);
     let voxels = slices.voxels(component, progress)?;
-    let mut volume = Volume::new(&source_name, voxels, geometry)?;
+    let mut volume = Volume::new(source_name, voxels, geometry)?;
     volume.part = selection.part(run.files.len(), 1);
     volume.components = picture.samples;
     volume.has_labels = picture.sample == Sample::Bits(1);

@@ -38,11 +38,64 @@ pub(super) fn slice(path: &Path, file: usize) -> Result<Page, VolumeError> {
     Ok(page.clone())
 }
 
-/// Reads a TIFF file.
+/// Whether the first bytes of a file identify the description of planes in other files.
+pub(super) fn recognises_companion(beginning: &[u8]) -> bool {
+    ome::recognises(beginning)
+}
+
+/// Longest companion file.
+const LONGEST_COMPANION: u64 = 256 << 20;
+
+/// The files of the folder `files`, if they are planes that OME-XML describes together: the file with the description, first,
+/// and all other TIFF files. A description is in a companion file, or that of the first TIFF file by name.
+pub(super) fn described_together(files: &[PathBuf]) -> Vec<PathBuf> {
+    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let is_tiff =
+        |path: &&PathBuf| [".tif", ".tiff", ".btf", ".tf2", ".tf8"].iter().any(|end| name(path).ends_with(end));
+    let companions: Vec<&PathBuf> = files.iter().filter(|path| name(path).ends_with(".companion.ome")).collect();
+    let names_others = |path: &&PathBuf| {
+        let contents = Contents::first(path).ok();
+        contents.is_some_and(|text| match ome::metadata_file(&text) {
+            Some(other) => data::existing(path, &other).is_some(),
+            None => Ome::read(&text).is_ok_and(|ome| ome.names_files()),
+        })
+    };
+    let main = match companions[..] {
+        [companion] => Some(companion),
+        [] => files.iter().find(is_tiff).filter(names_others),
+        // Each describes a volume.
+        _ => None,
+    };
+    let Some(main) = main else { return Vec::new() };
+    std::iter::once(main).chain(files.iter().filter(|path| *path != main && is_tiff(path))).cloned().collect()
+}
+
+/// The file with the description of the planes of the file `path`, and its contents: `path` itself, or the file that its
+/// description names.
+fn with_description(path: &Path, progress: &dyn Progress) -> Result<(PathBuf, Contents), VolumeError> {
+    let contents = Contents::read(path, 0, progress)?;
+    let other = match &contents.description {
+        Description::Ome(text) => ome::metadata_file(text),
+        _ => None,
+    };
+    let Some(name) = other else { return Ok((path.to_owned(), contents)) };
+    let main = data::beside(path, &name)?;
+    if !main.is_file() {
+        let name = super::lengths::printable(&name);
+        let problem =
+            format!("the description of the planes is in the file {name:?}, which is missing; put it beside this one");
+        return Err(VolumeError::Field { path: path.to_owned(), place: "page 1, OME-XML".to_owned(), problem });
+    }
+    let contents = Contents::read(&main, 0, progress)?;
+    Ok((main, contents))
+}
+
+/// Reads a TIFF file, or the planes that a companion file describes.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let source_name = path.display().to_string();
     selection.no_array(&source_name)?;
-    let contents = Contents::read(path, 0, progress)?;
+    let (main, contents) = with_description(path, progress)?;
+    let path = main.as_path();
     let mut files = Files { main: path, paths: vec![path.to_owned()], opened: HashMap::new(), progress };
     let (mut stated, picture, mut chosen) = match &contents.description {
         Description::Ome(text) => files.ome(&contents, text, selection)?,
@@ -298,6 +351,11 @@ struct Contents {
 impl Contents {
     /// Reads the directories of `path`, which is file `file` of the volume.
     fn read(path: &Path, file: usize, progress: &dyn Progress) -> Result<Self, VolumeError> {
+        if let Some(text) = companion(path)? {
+            let length = count(text.len());
+            let description = Description::Ome(text);
+            return Ok(Self { pages: Vec::new(), all: 0, description, resolution: ([None; 2], 1), length });
+        }
         let mut tiff = Tiff::open(path)?;
         let length = tiff.length;
         let mut contents =
@@ -337,6 +395,26 @@ impl Contents {
             return Err(VolumeError::Field { path: path.to_owned(), place: "header".to_owned(), problem });
         }
         Ok(contents)
+    }
+
+    /// The description of the file `path`, in its first page unless it is a companion file. No other page is read.
+    fn first(path: &Path) -> Result<Vec<u8>, VolumeError> {
+        if let Some(text) = companion(path)? {
+            return Ok(text);
+        }
+        let (mut tiff, mut text) = (Tiff::open(path)?, None);
+        // The error ends the list of pages.
+        let ended = || VolumeError::Cancelled { source_name: path.display().to_string() };
+        let read = tiff.directories(|tiff, directory| {
+            let found = directory.find(tag::DESCRIPTION).map(|entry| tiff.bytes(entry, "page 1, ImageDescription"));
+            text = found.transpose()?;
+            Err(ended())
+        });
+        match (text, read) {
+            (Some(text), _) => Ok(text),
+            (None, Err(error)) => Err(error),
+            (None, Ok(_)) => Err(ended()),
+        }
     }
 
     /// The pages of an `ImageJ` file that states the number of its images. A stack of over 4 GiB has one directory, and
@@ -382,6 +460,20 @@ impl Contents {
     }
 }
 
+/// The text of the file `path`, if it is a companion file.
+fn companion(path: &Path) -> Result<Option<Vec<u8>>, VolumeError> {
+    if !recognises_companion(&super::stream::beginning(path)?) {
+        return Ok(None);
+    }
+    let read = crate::input::read(path, LONGEST_COMPANION);
+    let text = read.map_err(|source| VolumeError::Open { path: path.to_owned(), source })?;
+    if count(text.len()) > LONGEST_COMPANION {
+        let problem = format!("the description is longer than {LONGEST_COMPANION} bytes");
+        return Err(VolumeError::Field { path: path.to_owned(), place: "OME-XML".to_owned(), problem });
+    }
+    Ok(Some(text))
+}
+
 /// The files of a volume.
 struct Files<'a> {
     /// The file that was asked for.
@@ -395,7 +487,9 @@ struct Files<'a> {
 
 impl Files<'_> {
     fn wrong(&self, problem: String) -> VolumeError {
-        VolumeError::Field { path: self.main.to_owned(), place: "page 1, OME-XML".to_owned(), problem }
+        let is_companion = companion(self.main).is_ok_and(|text| text.is_some());
+        let place = if is_companion { "OME-XML" } else { "page 1, OME-XML" };
+        VolumeError::Field { path: self.main.to_owned(), place: place.to_owned(), problem }
     }
 
     /// Chooses among the planes of an OME-TIFF file with this description.
@@ -470,6 +564,10 @@ impl Files<'_> {
         let found = contents.pages.binary_search_by_key(&page.saturating_add(1), |page| page.number);
         match found {
             Ok(index) => Ok(contents.pages[index].clone()),
+            Err(_) if contents.all == 0 => {
+                let problem = "it names no file that has the planes; Relume reads planes in TIFF files".to_owned();
+                Err(self.wrong(problem))
+            }
             Err(_) => {
                 let problem =
                     format!("it names page {}, but the file has {} pages", page.saturating_add(1), contents.all);

@@ -76,6 +76,8 @@ pub(super) struct Ome {
     pub(super) files: Vec<Named>,
     /// Identifier of the file with the description.
     pub(super) uuid: String,
+    /// The file with the description, if it is another one.
+    metadata_file: Option<String>,
     /// Indices of the named files.
     indices: HashMap<String, u32>,
 }
@@ -83,16 +85,37 @@ pub(super) struct Ome {
 /// Page of a plane: index among the named files, or `None` for the file with the description; index of the page in it.
 pub(super) type Plane = (Option<usize>, usize);
 
+/// Name of the file that has the description of the planes, if the description `text` says that it is another one.
+pub(super) fn metadata_file(text: &[u8]) -> Option<String> {
+    // Descriptions of many planes are long.
+    memchr::memmem::find(text, b"BinaryOnly")?;
+    let mut ome = Ome::default();
+    // The error is the mention of the file.
+    ome.parse(text).err()?;
+    ome.metadata_file.filter(|name| !name.is_empty())
+}
+
 impl Ome {
     /// Parses a description. The error is a sentence.
     pub(super) fn read(description: &[u8]) -> Result<Self, String> {
+        let mut ome = Self::default();
+        ome.parse(description)?;
+        ome.images.retain(|image| image.width > 0);
+        if ome.images.is_empty() { Err("it has no image".to_owned()) } else { Ok(ome) }
+    }
+
+    /// Whether planes are in other files than the one with the description.
+    pub(super) fn names_files(&self) -> bool {
+        self.files.iter().filter(|file| !file.name.is_empty()).count() > 1
+    }
+
+    fn parse(&mut self, description: &[u8]) -> Result<(), String> {
         let text: Cow<'_, str> = match std::str::from_utf8(description) {
             Ok(text) => text.into(),
             Err(_) => description.iter().map(|&byte| char::from(byte)).collect(),
         };
         let mut xml =
             Reader::from_str(text.trim_end_matches(['\0', ' ', '\n', '\r', '\t']).trim_start_matches('\u{feff}'));
-        let mut ome = Self::default();
         // Whether the text of a UUID element is next.
         let (mut uuid_of, mut depth) = (None, 0);
         loop {
@@ -103,23 +126,21 @@ impl Ome {
                     if depth > DEEPEST {
                         return Err(format!("more than {DEEPEST} elements inside each other"));
                     }
-                    uuid_of = ome.open(&tag)?;
+                    uuid_of = self.open(&tag)?;
                 }
-                Event::Empty(tag) => drop(ome.open(&tag)?),
+                Event::Empty(tag) => drop(self.open(&tag)?),
                 Event::End(_) => (uuid_of, depth) = (None, depth - 1),
                 Event::Text(text) => {
-                    let file = uuid_of.and_then(|file: u32| ome.files.get_mut(usize::try_from(file).ok()?));
+                    let file = uuid_of.and_then(|file: u32| self.files.get_mut(usize::try_from(file).ok()?));
                     if let Some(file) = file {
                         text.trim().clone_into(&mut file.uuid);
                     }
                 }
                 Event::DocType(_) => return Err("it must not declare a document type".to_owned()),
-                Event::Eof => break,
+                Event::Eof => return Ok(()),
                 _ => {}
             }
         }
-        ome.images.retain(|image| image.width > 0);
-        if ome.images.is_empty() { Err("it has no image".to_owned()) } else { Ok(ome) }
     }
 
     /// Interprets a tag. Returns the index of the file whose identifier is its content.
@@ -127,7 +148,9 @@ impl Ome {
         match tag.local_name().as_ref() {
             "OME" => self.uuid = attribute(tag, "UUID")?.unwrap_or_default(),
             "BinaryOnly" => {
-                let file = printable(&attribute(tag, "MetadataFile")?.unwrap_or_default());
+                let name = attribute(tag, "MetadataFile")?.unwrap_or_default();
+                let file = printable(&name);
+                self.metadata_file = Some(name);
                 return Err(format!("the description of the planes is in the file {file:?}; open that file"));
             }
             "Image" => {

@@ -48,6 +48,15 @@ pub(super) struct Keys {
 }
 
 impl Keys {
+    /// The same names with the other separator.
+    pub(super) fn with_other_separator(self) -> Self {
+        Self { separator: if self.separator == '/' { '.' } else { '/' }, ..self }
+    }
+
+    pub(super) fn separator(self) -> char {
+        self.separator
+    }
+
     /// Name of the file of the chunk with these indices.
     pub(super) fn name(self, indices: &[usize]) -> String {
         let separator = self.separator.to_string();

@@ -9,7 +9,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::array::Array;
+use super::Met;
+use super::array::{Array, Keys};
 use super::codecs::{self, Decoder};
 use super::node::wrong;
 use crate::progress::Progress;
@@ -26,24 +27,79 @@ const WAITING: usize = 16 << 20;
 const UNPROVEN: u64 = 32 << 20;
 /// Chunks per file of a store, at most: a store with fewer files is incomplete.
 const SPARSEST: u64 = 4096;
+/// Chunks that are looked for under another name, at most.
+const MOST_TRIED: u64 = 100_000;
 
-/// Reads the voxels of the `slices` of the channel and time `chosen`. Also returns the number of chunks that are not there.
+/// Reads the voxels of the `slices` of the channel and time `chosen`.
 pub(super) fn read(
     array: &Array,
     arranged: &Arranged,
     (chosen, slices): ([usize; 2], &Range<usize>),
     source: &Path,
     progress: &dyn Progress,
-) -> Result<(Voxels, u64), VolumeError> {
+) -> Result<(Voxels, Met), VolumeError> {
     let region = tiles::region(arranged, chosen, slices);
+    let (keys, separator) = keys(array, &region, source, progress)?;
+    let renamed;
+    let array = if separator.is_some() {
+        renamed = Array { keys, ..array.clone() };
+        &renamed
+    } else {
+        array
+    };
     let unit = array.shard.as_ref().map_or(&array.chunks, |shard| &shard.chunks);
     let decoder = Decoder::new(&array.coding, unit, array.voxel_type)
         .map_err(|error| wrong(&array.file, "codecs", error.to_string()))?;
     let reading = Reading { array, arranged, region, unit, decoder, source, progress };
     with_type!(if array.kind == Kind::Half { VoxelType::F32 } else { array.voxel_type }, T => {
         let (voxels, missing) = reading.read::<T>()?;
-        Ok((T::into_voxels(voxels), missing))
+        Ok((T::into_voxels(voxels), Met { missing, separator }))
     })
+}
+
+/// Names of the chunks in a region of `array`: those of the metadata, or else, if there are none, those with the other
+/// separator, which is also returned.
+///
+/// # Errors
+///
+/// [`VolumeError::Field`] if the array has no chunk at all: an incomplete copy is no volume of zeros.
+fn keys(
+    array: &Array,
+    region: &[[usize; 2]],
+    source: &Path,
+    progress: &dyn Progress,
+) -> Result<(Keys, Option<char>), VolumeError> {
+    let grid = Grid::over(region, &array.chunks);
+    let any = |keys: Keys| -> Result<bool, VolumeError> {
+        for number in 0..grid.len().min(MOST_TRIED) {
+            if number.is_multiple_of(1024) {
+                data::check_cancelled(source, progress)?;
+            }
+            if array.path.join(keys.name(&grid.indices(number))).exists() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    };
+    if grid.len() == 0 || any(array.keys)? {
+        return Ok((array.keys, None));
+    }
+    let other = array.keys.with_other_separator();
+    if any(other)? {
+        return Ok((other, Some(other.separator())));
+    }
+    if files_below(&array.path, &|name| !name.starts_with('.') && name != "zarr.json")? > 0 {
+        return Ok((array.keys, None));
+    }
+    let first: Vec<usize> = vec![0; array.shape.len()];
+    let chunks = array.shape.iter().zip(&array.chunks).map(|(side, chunk)| side.div_ceil(*chunk)).product::<usize>();
+    let are = if chunks == 1 { "its chunk is" } else { "none of its chunks is" };
+    let problem = format!(
+        "{are} there ({chunks} by the metadata, the first one called {}), so that all voxels would have the fill value; the store \
+         is incomplete, so copy it again",
+        array.keys.name(&first)
+    );
+    Err(wrong(&array.path, "chunks", problem))
 }
 
 /// The numbers that are read of an array.
@@ -112,7 +168,7 @@ impl Reading<'_> {
     fn there(&self, grid: &Grid) -> Result<Vec<(u64, u64)>, VolumeError> {
         let all = grid.len();
         if all > SPARSEST {
-            let files = count(files_below(&self.array.path)?);
+            let files = count(files_below(&self.array.path, &|_| true)?);
             if all / SPARSEST > files {
                 let problem =
                     format!("{files} files are there, but the array has {all} chunks; the store is incomplete");
@@ -259,8 +315,8 @@ fn part(file: &mut File, (offset, length): (u64, u64)) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Number of files in a folder and in those below, at most as many as a folder may have.
-fn files_below(path: &Path) -> Result<usize, VolumeError> {
+/// Number of files with names that are `wanted` in a folder and in those below, at most as many as a folder may have.
+fn files_below(path: &Path, is_wanted: &dyn Fn(&str) -> bool) -> Result<usize, VolumeError> {
     let (mut files, mut folders) = (0, vec![path.to_owned()]);
     while let Some(folder) = folders.pop() {
         let failed = |source| stream::failed(&folder, source);
@@ -269,7 +325,7 @@ fn files_below(path: &Path) -> Result<usize, VolumeError> {
             if entry.file_type().map_err(failed)?.is_dir() {
                 folders.push(entry.path());
             } else {
-                files += 1;
+                files += usize::from(is_wanted(&entry.file_name().to_string_lossy()));
             }
             // So many suffice for every array.
             if files > super::MOST_NAMES {

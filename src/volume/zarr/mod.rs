@@ -75,6 +75,15 @@ fn image_of_level(node: &Node) -> Result<Option<(Node, usize)>, VolumeError> {
     Ok(None)
 }
 
+/// What was met in reading the chunks of an array.
+#[derive(Clone, Copy, Debug, Default)]
+struct Met {
+    /// Chunks that are not there.
+    missing: u64,
+    /// The separator in the names of the chunks, if it is not the one of the metadata.
+    separator: Option<char>,
+}
+
 /// The part of the file to read.
 #[derive(Clone, Copy)]
 struct Reading<'a> {
@@ -214,7 +223,7 @@ impl Reading<'_> {
         let slices = self.selection.slices(dims[2]);
         let geometry = Geometry::new(&source, dims, spacing, DVec3::from_array(level.origin), DMat3::IDENTITY)?;
         let geometry = geometry.of_slices(&slices);
-        let (voxels, missing) = self.voxels(level, [component, time], &slices)?;
+        let (voxels, Met { missing, separator }) = self.voxels(level, [component, time], &slices)?;
         let mut volume = Volume::new(&source, voxels, geometry)?;
         volume.part = self.selection.part(dims[2], level.together());
         volume.unit = image.unit;
@@ -253,6 +262,13 @@ impl Reading<'_> {
         let assumed = assumed_spacing("the store", unknown, spacing.to_array());
         notes.extend(image.notes.iter().cloned());
         notes.extend(assumed.clone());
+        if let Some(separator) = separator {
+            let other = if separator == '/' { '.' } else { '/' };
+            notes.push(format!(
+                "the chunks have names with the separator {separator:?}, not {other:?} as by the metadata (dimension_separator); they \
+                 are read"
+            ));
+        }
         if missing > 0 {
             // A slab does not know how many there are in all.
             let number = if self.selection.slices.is_some() { "some".to_owned() } else { missing.to_string() };
@@ -300,12 +316,12 @@ impl Reading<'_> {
     }
 
     #[cfg(feature = "zarr")]
-    fn voxels(&self, level: &Level, chosen: [usize; 2], slices: &Range<usize>) -> Result<(Voxels, u64), VolumeError> {
+    fn voxels(&self, level: &Level, chosen: [usize; 2], slices: &Range<usize>) -> Result<(Voxels, Met), VolumeError> {
         if slices.is_empty() && level.arranged.place(Axis::Z).is_none() {
             // The header alone; the only slice has no axis along which it could be left out.
             let is_half = level.array.kind == Kind::Half;
             let voxel_type = if is_half { super::VoxelType::F32 } else { level.array.voxel_type };
-            return Ok((voxel_type.no_voxels(), 0));
+            return Ok((voxel_type.no_voxels(), Met::default()));
         }
         let free = memory::available_bytes().unwrap_or(u64::MAX);
         let depth = level.arranged.length(Axis::Z).max(1);
@@ -317,7 +333,7 @@ impl Reading<'_> {
     }
 
     #[cfg(not(feature = "zarr"))]
-    fn voxels(&self, _: &Level, _: [usize; 2], _: &Range<usize>) -> Result<(Voxels, u64), VolumeError> {
+    fn voxels(&self, _: &Level, _: [usize; 2], _: &Range<usize>) -> Result<(Voxels, Met), VolumeError> {
         let (path, place) = (self.path.to_owned(), "Zarr store".to_owned());
         let problem = "this build of Relume reads no Zarr; build it with the cargo feature \"zarr\"".to_owned();
         Err(VolumeError::Field { path, place, problem })
