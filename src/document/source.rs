@@ -347,10 +347,12 @@ fn looked(
     let statistics = volume.statistics()?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let look =
-        first_look(&name, &mut volume, &statistics, (options.wish, subject), progress).map_err(|error| match error {
-            LookError::NoCt(error) => OpenError::from(error),
-            LookError::Volume(error) => error.into(),
-        })?;
+        first_look(&name, &mut volume, &statistics, (options.wish, subject), progress).map_err(
+            |error| match error {
+                LookError::NoCt(error) => OpenError::from(error),
+                LookError::Volume(error) => error.into(),
+            },
+        )?;
     let statistics = if look.is_alone { volume.statistics()? } else { statistics };
     // A label map is named again, with the notes.
     if let Some(names) = options.label_names.take_if(|_| options.labels.is_none() && look.labels != Shown::AsMap) {

@@ -316,7 +316,8 @@ impl Planned {
             brief(scene.accuracy.step_length)
         ));
         if plan.compensated {
-            sentences.push("A ray may have so many steps that their sums keep what rounding takes from them.".to_owned());
+            sentences
+                .push("A ray may have so many steps that their sums keep what rounding takes from them.".to_owned());
         }
         if plan.rays > 1 {
             sentences.push(format!(

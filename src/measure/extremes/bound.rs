@@ -84,11 +84,6 @@ impl Bound {
         }
     }
 
-    /// Bound of a number of roundings.
-    pub(super) const fn rounded(name: &'static str, roundings: f64, why: &'static str) -> Self {
-        Self { name, why, roundings, besides: 0.0 }
-    }
-
     /// Bound of `limit` on every rung.
     pub(super) const fn given(name: &'static str, limit: f64, why: &'static str) -> Self {
         Self { name, why, roundings: 0.0, besides: limit }

@@ -14,7 +14,10 @@ pub(super) fn extremes() -> Vec<Extreme> {
     let mut all: Vec<Extreme> = [1e-40, 1e-6, 1e6, 1e35].map(spacing).into();
     all.push(flat_voxels());
     all.extend([[1, 1], [16384, 1], [1, 16384]].map(picture));
-    all.extend([("one voxel", 1.0), ("a quarter of a voxel", 0.25), ("a hundredth of a voxel", 0.01)].map(|(name, width)| crop(name, width)));
+    all.extend(
+        [("one voxel", 1.0), ("a quarter of a voxel", 0.25), ("a hundredth of a voxel", 0.01)]
+            .map(|(name, width)| crop(name, width)),
+    );
     all
 }
 
@@ -92,7 +95,8 @@ fn crop(name: &str, width: f64) -> Extreme {
     };
     // Of 20 units from the eye, the places of both faces along a ray are rounded, and of 9 voxels in the volume.
     let faces = 2.0 * (20.0 + 9.0) * ROUNDING_UNIT / width;
-    let bound = Bound::march(width / 0.25 + 2.0).and(faces, "march in a crop box", "the places of its faces are rounded");
+    let bound =
+        Bound::march(width / 0.25 + 2.0).and(faces, "march in a crop box", "the places of its faces are rounded");
     Extreme::shown(Group::Sizes, format!("a crop of {name}"), bound, scene, move |lefts| {
         worst(lefts.iter().map(|left| slab.error_at(left, 0, width)))
     })

@@ -39,10 +39,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
     all
 }
 
-/// More steps than one dispatch marches.
-const STEPS: f64 = 1e5;
-
-/// A hundred voxels of optical `depth`, of which the fraction `scattered` scatters and the rest absorbs.
+/// 1e5 steps, more than one dispatch marches, through a hundred voxels of optical `depth`, of which the fraction `scattered` scatters and the rest absorbs.
 fn equal_steps(colour: &str, depth: f64, scattered: f64) -> Extreme {
     let along = depth / 100.0;
     let slab = Slab {
