@@ -320,3 +320,13 @@ fn a_map_that_is_none_is_refused_with_its_own_name() {
     let problem = Source { path: Some(folder.path("grey.nrrd")), options }.read(&Quiet).unwrap_err().to_string();
     assert!(problem.contains("parts.nrrd: voxel 1 holds 0.25") && problem.contains("whole numbers"), "{problem}");
 }
+
+#[test]
+fn a_label_of_one_slice_has_short_steps_and_a_thick_one_has_not() {
+    let map = |slices: usize| nrrd("uint16", [14, 12, 9], "", move |[_, _, z]| if z < slices { 7.0 } else { 0.0 });
+    let folder = Folder::new().with("thin.nrrd", map(1)).with("thick.nrrd", map(4));
+    let step = |name: &str| looked_at(folder.path(name), SceneOptions::default()).scene.accuracy.step_length;
+    // Half of its voxels are inside the box of the volume: with steps of a voxel, one or two samples are in them.
+    assert!((step("thin.nrrd") - 0.25).abs() < 1e-12, "a quarter of a voxel");
+    assert!((step("thick.nrrd") - 1.0).abs() < 1e-12, "a voxel");
+}

@@ -13,7 +13,7 @@ use relume::render::SceneRenderer;
 use relume::scene::{Camera, Mix, positions};
 use relume::spectrum::Light;
 
-use super::super::files::{self, Backdrop};
+use super::super::files;
 use super::super::frames::{self, Form, Frames};
 use super::super::level::{self, Taken};
 use super::super::scene::{add_placed, told_of_placed, warn_of_odd_values};
@@ -64,6 +64,8 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     if pictures.is_empty() {
         return Err(CliError::Usage("no output: add -o FILE.png, -o FILE.exr or -o FILE.apng".into()));
     }
+    args.dress.check(&pictures)?;
+    args.check_used(true)?;
     let frames = Frames::new(&pictures, Some(pictured), &args.animation)?;
     let files = frames.files();
     let outputs: Vec<&PathBuf> = files.iter().chain(&args.save_scene).collect();
@@ -107,11 +109,7 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         if is_first {
             warn_of_nothing(&scene, &planned, &mix, None);
         }
-        let overlay = args.dress.annotate.then(|| Overlay {
-            title: args.dress.title.as_deref(),
-            bright: args.dress.background.is_some_and(Backdrop::is_bright),
-            ..Overlay::of_scene(&scene, &planned, &mix)
-        });
+        let overlay = args.dress.overlay(|| Overlay::of_scene(&scene, &planned, &mix));
         let quiet = unreported(progress);
         let on_device = SceneRenderer::with_plan(&renderer, scene, planned, statistics, &quiet)?;
         Ok(Step { time, on_device, overlay })
@@ -119,7 +117,7 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut current = step(0, true)?;
     let loaded = clock.read();
     let clock = Stopwatch::start();
-    let form = Form { size: args.size, bits: args.bits, backdrop: args.dress.background };
+    let form = Form { size: args.size, bits: args.dress.bits(), backdrop: args.dress.background };
     let digest = frames::digest(first.scene.digest(), &format!("{mix:?}"));
     let inputs_of = |index: usize| frames::digest(digest, &format!("{index} of {count}"));
     let written = frames.write(form, ("marching", progress), inputs_of, |index| {
@@ -136,7 +134,8 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let relight = on_device.renderer().relight_linear(&film)?;
         relight.run(&matrices)?;
         let linear = relight.read::<f32>()?;
-        let frame = Frame::of(&on_device.scene().camera, &on_device.scene().volume, args.size);
+        let frame =
+            args.dress.annotate.frame(Frame::of(&on_device.scene().camera, &on_device.scene().volume, args.size));
         let shown =
             files::dressed(&linear, args.size, form.backdrop, overlay.as_ref().map(|overlay| (overlay, &frame)))?;
         Ok(frames::Frame { linear, shown })

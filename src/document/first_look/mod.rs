@@ -146,6 +146,11 @@ pub(super) enum Shown {
     AsMap,
 }
 
+/// Mean thickness in voxels below which a label is thin.
+const THIN: f64 = 1.5;
+/// Step where a label is thin, in smallest spacings: at a face, half a voxel of it is inside, where steps may have one or two samples.
+const STEP_OF_THIN: f64 = 0.25;
+
 /// A range of values that is shown as one material.
 #[derive(Clone, Debug)]
 struct Layer {
@@ -763,8 +768,17 @@ pub(super) fn first_look(
         }
         _ => None,
     };
-    let text =
+    let mut text =
         text(name, &guess, (&shape, groups.as_ref()), &opacities, &camera, alone.map(|it| it.of(of_all)), geometry);
+    // The last table of its text is that of the accuracy.
+    if matches!((&shape, &values.kind), (Shape::Layers(layers), Kind::Labels(_)) if is_nearest(layers) && thickness(layers).iter().any(|&voxels| voxels < THIN))
+    {
+        let step = geometry.spacing.min_element() * STEP_OF_THIN;
+        let _ = writeln!(
+            text,
+            "# A label is hardly thicker than a voxel, and would have stripes with longer steps.\nstep = {step:?}"
+        );
+    }
     let labels = match (&shape, &values.kind) {
         (Shape::Labels { .. }, _) => Shown::AsMap,
         (Shape::Layers(_), Kind::Labels(_)) if wish.look.is_none() => Shown::AsIntervals,
@@ -1157,10 +1171,15 @@ fn text(
         line(&format!("min = {:?}\nmax = {:?}", low.map(count), high.map(count)));
     }
     line("\n[display]\nexposure = 1.3");
-    if matches!(shape, Shape::Layers(layers) if layers.iter().any(|it| matches!(it.colour, Colour::Code(_)))) {
+    if matches!(shape, Shape::Layers(layers) if is_nearest(layers)) {
         line("\n# No interpolation between labels.\n[accuracy]\ninterpolation = \"nearest\"");
     }
     text
+}
+
+/// Whether the values of these layers are labels, between which nothing is interpolated.
+fn is_nearest(layers: &[Layer]) -> bool {
+    layers.iter().any(|layer| matches!(layer.colour, Colour::Code(_)))
 }
 
 /// The designed materials and lights of `layers`.
