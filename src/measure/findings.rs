@@ -201,6 +201,8 @@ mod tests {
             order: None,
             pareto: false,
             worst_by: Vec::new(),
+            integration: crate::plan::Integrate::Samples,
+            other_integration: false,
             differences: Vec::new(),
             colours: Vec::new(),
         }

@@ -89,6 +89,7 @@ impl Volume {
     /// # Errors
     ///
     /// [`VolumeError::Layout`] for a voxel that is no label.
+    #[expect(clippy::float_cmp, reason = "runs of equal voxels, of any type")]
     pub(crate) fn each_run_of_labels(&self, mut with: impl FnMut(i64, usize)) -> Result<(), VolumeError> {
         let scale = [self.slope, self.intercept];
         with_voxels!(&self.voxels, stored => {

@@ -43,9 +43,10 @@ const RAW: [(&str, Use); 5] = [
 ];
 
 /// Flags of a scene and its colour accuracy.
-const SCENE: [(&str, Use); 8] = [
+const SCENE: [(&str, Use); 9] = [
     ("--volume", Always),
     ("--labels", Not(&["render", "scene.toml", "--labels", "ball.nrrd", "-o", "p.png", "--size", "8x8"], 1, "labels")),
+    ("--label-names", Always),
     ("--downsample", Always),
     ("--define", Always),
     ("--tolerance", Not(&["info", "ball.nrrd", "--tolerance", "1"], 2, "--tolerance has no effect")),
@@ -267,7 +268,7 @@ fn every_flag_is_used_or_refused() {
             ],
         ),
         ("measure", vec![&SCENE, &SELECTION, &RAW, &MEASURE, &GOAL, &[("--output", Always)]]),
-        ("bench", vec![&SELECTION, &SCENE[4..], &BENCH]),
+        ("bench", vec![&SELECTION, &SCENE[5..], &BENCH]),
         ("convert", vec![&SELECTION, &RAW, &[("--downsample", Always)]]),
         ("bricks", vec![&SELECTION, &RAW, &[("--memory", Always), ("--output", Always)]]),
     ];

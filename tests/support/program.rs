@@ -129,7 +129,8 @@ impl Outcome {
         assert_eq!(self.code, Some(code), "{err}");
         let is_error = !out.is_empty() && self.json()["error"]["code"].is_string();
         assert!(out.is_empty() || is_error, "standard output is for results: {out}");
-        let told: Vec<&str> = err.lines().filter(|line| !line.starts_with("warning: ")).collect();
+        let told: Vec<&str> =
+            err.lines().filter(|line| !["warning: ", "note: "].iter().any(|it| line.starts_with(it))).collect();
         assert!(told[0].starts_with("error: "), "{err}");
         // clap ends its message with a usage hint and indents lists.
         let by_clap = code == 2 && err.ends_with("try '--help'.\n");

@@ -771,8 +771,7 @@ pub(super) fn first_look(
     let mut text =
         text(name, &guess, (&shape, groups.as_ref()), &opacities, &camera, alone.map(|it| it.of(of_all)), geometry);
     // The last table of its text is that of the accuracy.
-    if matches!((&shape, &values.kind), (Shape::Layers(layers), Kind::Labels(_)) if is_nearest(layers) && thickness(layers).iter().any(|&voxels| voxels < THIN))
-    {
+    if matches!(&shape, Shape::Layers(layers) if is_nearest(layers) && has_thin(&values.thinned, layers)) {
         let step = geometry.spacing.min_element() * STEP_OF_THIN;
         let _ = writeln!(
             text,
@@ -1175,6 +1174,16 @@ fn text(
         line("\n# No interpolation between labels.\n[accuracy]\ninterpolation = \"nearest\"");
     }
     text
+}
+
+/// Whether a layer is thin along an axis.
+fn has_thin(thinned: &Thinned, layers: &[Layer]) -> bool {
+    let is_thin = |axis: usize| {
+        let stride = count(thinned.stride[axis]);
+        thinned.dims[axis] > 1
+            && thicknesses(thinned, layers, axis).iter().any(|voxels| (0.5..THIN).contains(&(voxels * stride)))
+    };
+    (0..3).any(is_thin)
 }
 
 /// Whether the values of these layers are labels, between which nothing is interpolated.
