@@ -142,7 +142,7 @@ fn names_of_materials<'a>(part: Option<&'a toml::Value>, is_material: bool, foun
         Some(toml::Value::Array(parts)) => parts.iter().for_each(|it| names_of_materials(Some(it), is_material, found)),
         Some(toml::Value::Table(parts)) => {
             parts.iter().for_each(|(key, it)| {
-                names_of_materials(Some(it), is_material || key == "material" || key == "materials", found)
+                names_of_materials(Some(it), is_material || key == "material" || key == "materials", found);
             });
         }
         _ => {}

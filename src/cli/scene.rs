@@ -407,7 +407,7 @@ impl SceneArgs {
         let (file, statistics) = self.read(wish, memory, progress)?;
         if let Some(guess) = &file.guess {
             let time = file.scene.volume.selection.time;
-            tracing::info!("{guess}{}", time.map_or_else(String::new, |time| of_time(time)));
+            tracing::info!("{guess}{}", time.map_or_else(String::new, of_time));
             tracing::info!(
                 "To change it, use --look (tissue, bone, vessel, grey, fluorescence or a transfer preset: see --help), use \
                  --window and --level, or edit the scene that --save-scene FILE writes."

@@ -11,7 +11,7 @@ use relume::internal::number::{brief, count, whole};
 use relume::internal::view::slices::{Overlay, Painted, Plane, Slices, codes, planes, voxel, window_of, windows};
 use relume::output::Picture;
 use relume::progress::Progress;
-use relume::scene::{Mix, Scene};
+use relume::scene::{LabelEntry, Mix, Scene};
 use relume::spectrum::colour::decode_srgb;
 use relume::volume::HostMemory;
 
@@ -149,7 +149,8 @@ fn legend(args: &Args, scene: &Scene, mix: &Mix, present: &[usize]) -> Vec<Entry
         && let Some(labels) = &scene.labels
     {
         let colours = material_colours(scene, mix);
-        for entry in labels.declared.iter().filter(|entry| present.contains(&(entry.label as usize))) {
+        let is_present = |entry: &&LabelEntry| usize::try_from(entry.label).is_ok_and(|label| present.contains(&label));
+        for entry in labels.declared.iter().filter(is_present) {
             if let (Some(&colour), Some(material)) = (colours.get(entry.material), scene.materials.get(entry.material))
             {
                 let spectrum = material.reflectance.spectrum().clone();
@@ -162,7 +163,7 @@ fn legend(args: &Args, scene: &Scene, mix: &Mix, present: &[usize]) -> Vec<Entry
         let mut used: Vec<usize> = used.collect();
         used.sort_unstable();
         used.dedup();
-        entries.extend(Entry::of_labels_and_materials(scene, &used, mix));
+        entries.extend(Entry::of_materials(scene, &used, mix));
     }
     entries
 }

@@ -249,11 +249,14 @@ fn ball() -> Vec<u8> {
     [header.as_bytes(), &(0..729).map(voxel).collect::<Vec<u8>>()].concat()
 }
 
+/// Flags, and what each one does.
+type Flags<'a> = &'a [(&'static str, Use)];
+
 #[test]
 fn every_flag_is_used_or_refused() {
     let folder = Folder::new().with("ball.nrrd", ball());
     folder.done(&["render", "scene.toml", "--size", "8x8", "--accumulators", "film.exr"]);
-    let commands: [(&str, Vec<&[(&str, Use)]>); 9] = [
+    let commands: [(&str, Vec<Flags<'_>>); 9] = [
         ("render", vec![&SCENE, &SELECTION, &RAW, &LOOK, &RENDER, &ANIMATION, &DRESS, &GOAL, &[("--mpi", Always)]]),
         ("relight", vec![&RELIGHT, &ANIMATION, &DRESS]),
         ("page", vec![&SCENE, &SELECTION, &RAW, &LOOK, &PAGE]),
