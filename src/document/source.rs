@@ -220,7 +220,7 @@ impl Source {
         Ok((SceneFile { guess: Some(guess), ..file }, statistics))
     }
 
-    /// Number of time steps, one of which [`Selection::time`] chooses; 1 if there is no choice.
+    /// Number of time steps, one of which a selection chooses; 1 if there is no choice.
     ///
     /// # Errors
     ///

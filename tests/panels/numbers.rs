@@ -266,7 +266,7 @@ fn what_is_said_of_a_number_is_clicked_through_and_goes_with_it() {
 fn fields_show_seven_digits_at_most_and_do_not_lie_over_each_other() {
     // Constant volumes, and one whose values differ in their last digits alone.
     for (low, high) in
-        [(0.0, 0.0), (87.0, 87.0), (-1.0 / 3.0, -1.0 / 3.0), (4.1e9, 4.1e9), (12345.678_901, 12345.678_902)]
+        [(0.0, 0.0), (87.0, 87.0), (-1.0 / 3.0, -1.0 / 3.0), (4.1e9, 4.1e9), (12_345.678_901, 12_345.678_902)]
     {
         let mut document = document();
         let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
