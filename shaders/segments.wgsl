@@ -44,21 +44,6 @@ struct Density {
 // Distance of two coordinates below which the difference of the integrals would lose its digits.
 const CLOSE: f32 = 0.0625;
 
-// 1 − e^(−depth), with the relative precision of f32 near 0: 2^f − 1 by its series, |f| ≤ ½.
-fn lost(depth: vec4f) -> vec4f {
-    let x = clamp(depth, vec4f(-80.0), vec4f(80.0)) * -1.4426950408889634;
-    let whole = round(x);
-    let f = x - whole;
-    var series = fma(f, vec4f(1.5252734e-5), vec4f(1.5403530e-4));
-    series = fma(f, series, vec4f(1.3333558e-3));
-    series = fma(f, series, vec4f(9.6181291e-3));
-    series = fma(f, series, vec4f(5.5504109e-2));
-    series = fma(f, series, vec4f(2.4022651e-1));
-    series = fma(f, series, vec4f(6.9314718e-1));
-    let scale = bitcast<vec4f>((vec4i(whole) + 127) << vec4u(23u));
-    return fma(-scale, f * series, 1.0 - scale);
-}
-
 // Place at a fraction of the part of segment `n` inside the crop box.
 fn place_at(ray: Ray, n: u32, fraction: f32) -> vec3f {
     let part = part_of(ray, n);

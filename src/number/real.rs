@@ -31,6 +31,9 @@ pub trait Real:
     /// eˣ − 1.
     #[must_use]
     fn exp_m1(self) -> Self;
+    /// ln(1 + x).
+    #[must_use]
+    fn ln_1p(self) -> Self;
     /// Absolute value |x|.
     #[must_use]
     fn abs(self) -> Self;
@@ -69,6 +72,9 @@ macro_rules! real {
             }
             fn exp_m1(self) -> Self {
                 Self::exp_m1(self)
+            }
+            fn ln_1p(self) -> Self {
+                Self::ln_1p(self)
             }
             fn abs(self) -> Self {
                 Self::abs(self)

@@ -1,13 +1,9 @@
-//! Factor on the opacity by the gradient magnitude. Twin of `shaders/gradient_opacity.wgsl`.
+//! Factor on the opacity by the gradient magnitude, and opacities that a factor thins. Twin of `shaders/gradient_opacity.wgsl` and
+//! `shaders/thinning.wgsl`.
 
-use crate::number::{Real, count, dot};
+use crate::number::{Real, dot};
 use crate::plan::{LANE, ScenePlan, Transmittance};
 use crate::tables::GradientTable;
-
-/// Square roots before the series of [`thinning`].
-const ROOTS: usize = 6;
-/// Terms of the series of [`thinning`].
-const TERMS: usize = 8;
 
 /// Evaluates `table` at a decoded gradient.
 pub(super) fn gradient_factor<R: Real>(table: &GradientTable, gradient: [R; 3]) -> R {
@@ -22,14 +18,8 @@ pub(super) fn gradient_factor<R: Real>(table: &GradientTable, gradient: [R; 3]) 
 }
 
 /// Multiplies extinction and scattering of a step, given by its source and opacity, by `factor`: each opacity becomes
-/// α·[`thinning`], and the source of its component is scaled alike. `thinning(α, factor)` is called only for factors
-/// below 1. A matrix, whose power is no short formula, is multiplied by `factor` itself.
-pub(super) fn thin<R: Real>(
-    [source, opacity]: [&mut [R]; 2],
-    plan: &ScenePlan,
-    factor: R,
-    thinning: impl Fn(R, R) -> R,
-) {
+/// α·[`thinning`], and the source of its component is scaled alike. A matrix, whose power is no short formula, is multiplied by `factor` itself.
+pub(super) fn thin<R: Real>([source, opacity]: [&mut [R]; 2], plan: &ScenePlan, factor: R) {
     if factor >= R::from_f64(1.0) {
         return;
     }
@@ -52,76 +42,68 @@ pub(super) fn thin<R: Real>(
 }
 
 /// α'/α for α' = 1 − (1 − α)^f with f from 0 to below 1 (docs/theory/march.md); f if α is 0.
-///
-/// Six square roots turn 1 − α into 1 − β with a small β, whose power is a short series; six squares turn it back.
-/// Neither form subtracts from 1 a number close to it, so thin media keep their digits.
 pub(super) fn thinning<R: Real>(opacity: R, factor: R) -> R {
-    let (zero, one, two) = (R::default(), R::from_f64(1.0), R::from_f64(2.0));
+    let zero = R::default();
     if factor <= zero {
         return zero;
     }
-    if opacity >= one {
-        return one;
-    }
-    if opacity < R::from_f64(1e-30) {
-        return factor;
-    }
-    let (mut part, mut left) = (opacity, one - opacity);
-    for _ in 0..ROOTS {
-        left = left.sqrt();
-        part = part / (one + left);
-    }
-    let mut series = one;
-    for term in (1..TERMS).rev() {
-        let term = R::from_f64(count(term));
-        series = (series * part).mul_add((term - factor) / (term + one), one);
-    }
-    let mut thin = factor * part * series;
-    for _ in 0..ROOTS {
-        thin = thin * (two - thin);
-    }
-    thin / opacity
-}
-
-/// [`thinning`] without a series.
-pub(super) fn exact_thinning(opacity: f64, factor: f64) -> f64 {
-    if factor <= 0.0 {
-        return 0.0;
-    }
-    if opacity > 0.0 { -(factor * (-opacity).ln_1p()).exp_m1() / opacity } else { factor }
+    if opacity > zero { -(factor * (-opacity).ln_1p()).exp_m1() / opacity } else { factor }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Twin of `thinning` in `shaders/thinning.wgsl`, operation by operation.
+    fn on_a_device(opacity: f32, factor: f32) -> f32 {
+        let bits = (1.0 - opacity).to_bits() + 0x4a_fb0d;
+        let exponent = f32::from(i16::try_from(bits >> 23).unwrap() - 127);
+        let mantissa = f32::from_bits((bits & 0x7f_ffff) + 0x3f35_04f3);
+        let part = if exponent == 0.0 { -opacity } else { mantissa - 1.0 };
+        let z = part / (2.0 + part);
+        let square = z * z;
+        let series = square.mul_add(square.mul_add(square.mul_add(1.0 / 9.0, 1.0 / 7.0), 0.2), 1.0 / 3.0);
+        let logarithm = (2.0 * z * square).mul_add(series, 2.0 * z);
+        let depth = exponent.mul_add(-std::f32::consts::LN_2, -logarithm);
+        let x = (factor * depth).clamp(-80.0, 80.0) * -std::f32::consts::LOG2_E;
+        let (whole, f) = (x.round(), x - x.round());
+        let series = [1.525_273_4e-5, 1.540_353e-4, 1.333_355_8e-3, 9.618_129e-3, 5.550_411e-2, 2.402_265_1e-1];
+        let series =
+            series.into_iter().chain([std::f32::consts::LN_2]).reduce(|sum, next| f.mul_add(sum, next)).unwrap();
+        let scale = whole.exp2();
+        (-scale).mul_add(f * series, 1.0 - scale) / opacity
+    }
+
     #[test]
-    fn the_series_agrees_with_the_power_at_every_opacity_and_factor() {
+    fn a_device_thins_as_the_power_at_every_opacity_and_factor() {
         let mut worst = [0.0_f64; 2];
-        for exponent in 0..=240 {
-            let opacities = [10.0_f64.powf(-f64::from(exponent) / 8.0), -(-f64::from(exponent) / 16.0).exp_m1()];
+        for exponent in 0..=960 {
+            let opacities = [10.0_f64.powf(-f64::from(exponent) / 32.0), -(-f64::from(exponent) / 64.0).exp_m1()];
             for opacity in opacities.map(|opacity| f64::from(crate::number::rounded(opacity))) {
-                for factor in [1e-6, 0.003, 0.1, 0.5, 0.9, 0.999] {
-                    let exact = exact_thinning(opacity, factor);
-                    let double = thinning(opacity, factor);
+                if opacity <= 1e-30 || opacity >= 1.0 {
+                    continue;
+                }
+                for factor in [1e-6, 0.003, 0.1, 0.5, 0.9, 0.999].map(|it| f64::from(crate::number::rounded(it))) {
+                    let exact = thinning(opacity, factor);
                     let single: f32 = thinning(crate::number::rounded(opacity), crate::number::rounded(factor));
-                    worst[0] = worst[0].max((double / exact - 1.0).abs());
-                    worst[1] = worst[1].max((f64::from(single) / exact - 1.0).abs());
+                    let device = on_a_device(crate::number::rounded(opacity), crate::number::rounded(factor));
+                    worst[0] = worst[0].max((f64::from(single) / exact - 1.0).abs());
+                    worst[1] = worst[1].max((f64::from(device) / exact - 1.0).abs());
                 }
             }
         }
-        // The ninth term at the largest opacity below 1 in f32, β = 0.23: 0.23^8/9.
-        assert!(worst[0] <= 0.23_f64.powi(8) / 9.0, "the series is cut off: {worst:?}");
-        // Three roundings per root, two per square, four per term, and some others.
-        assert!(worst[1] <= 68.0 * 2.0_f64.powi(-24) + worst[0], "f32: {worst:?}");
+        // Three functions within two roundings each, a product and a quotient.
+        assert!(worst[0] <= 8.0 * 2.0_f64.powi(-24), "f32: {worst:?}");
+        // Four of the logarithm's quotient and series, three times as many where it nearly cancels the exponent, and six of the power.
+        assert!(worst[1] <= 18.0 * 2.0_f64.powi(-24), "device: {worst:?}");
     }
 
     #[test]
     fn a_factor_of_0_hides_and_opaque_steps_stay_opaque() {
         for opacity in [0.0, 0.3, 1.0] {
-            assert!(thinning(opacity, 0.0_f64) == 0.0 && exact_thinning(opacity, 0.0) == 0.0, "opacity {opacity}");
+            assert!(thinning(opacity, 0.0_f64) == 0.0, "opacity {opacity}");
         }
-        assert!((thinning(1.0_f64, 0.1) - 1.0).abs() == 0.0 && (exact_thinning(1.0, 0.1) - 1.0).abs() == 0.0);
+        assert!((thinning(1.0_f64, 0.1) - 1.0).abs() == 0.0 && (thinning(1.0_f32, 0.1) - 1.0).abs() == 0.0);
         assert!((thinning(0.0_f32, 0.25) - 0.25).abs() == 0.0, "without loss the source follows the factor");
     }
 }

@@ -223,9 +223,7 @@ impl<'a, R: Real> Frame<'a, R> {
             let place = ray.place(n, (from + to) * R::from_f64(0.5), self.step_length);
             samples.sample(place, &mut step);
             let length = to - from;
-            thin([&mut step.source, &mut step.opacity], &self.planned.plan, length, |opacity, factor| {
-                samples.thinning(opacity, factor)
-            });
+            thin([&mut step.source, &mut step.opacity], &self.planned.plan, length);
             if !seen(&RaySample { index: n, place, length, transmittance: &transmittance }) {
                 break;
             }

@@ -1,6 +1,6 @@
 //! Samples of the volume: exact, or with the device's tables and textures.
 
-use super::gradient::{exact_thinning, gradient_factor, thin, thinning};
+use super::gradient::{gradient_factor, thin};
 use super::kept::{Keeping, KeptDepths};
 use crate::number::{Real, count, unit};
 use crate::plan::{LANE, Planned};
@@ -163,11 +163,6 @@ pub trait Samples<R: Real>: Sync {
     /// sum over its numbers of the differences between the mean and both ends; 1 where a label begins or ends.
     fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R;
 
-    /// α'/α of a part of a step, `length` steps long: α' = 1 − (1 − α)^length.
-    fn thinning(&self, opacity: R, length: R) -> R {
-        thinning(opacity, length)
-    }
-
     /// Optical depth per unit of length (the smallest spacing) at `place`, for shadows: `number` 0 is that of all that is grey,
     /// the others are those of the plan's coloured absorbers.
     fn extinction(&self, place: [R; 3], number: usize) -> R;
@@ -301,20 +296,11 @@ impl<'a> Exact<'a> {
 }
 
 impl Samples<f64> for Exact<'_> {
-    fn thinning(&self, opacity: f64, length: f64) -> f64 {
-        exact_thinning(opacity, length)
-    }
-
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         let shares = self.shares(place);
         if shares.has_own() {
             self.set(step, &self.steps.of_value(self.value_at(place)));
-            thin(
-                [&mut step.source, &mut step.opacity],
-                &self.planned.plan,
-                self.gradient_factor(place),
-                exact_thinning,
-            );
+            thin([&mut step.source, &mut step.opacity], &self.planned.plan, self.gradient_factor(place));
         } else {
             self.set(step, &self.label_steps[0]);
         }
@@ -498,12 +484,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
         self.look_up(coordinate, step);
         if self.planned.plan.gradient_opacity > 0 {
-            thin(
-                [&mut step.source, &mut step.opacity],
-                &self.planned.plan,
-                gradient_factor(&self.gradients, gradient),
-                thinning,
-            );
+            thin([&mut step.source, &mut step.opacity], &self.planned.plan, gradient_factor(&self.gradients, gradient));
         }
         if let Some((_, table)) = self.labels {
             self.shares(place).mix(step, |row, step| entry(table, row, step));

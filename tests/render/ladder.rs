@@ -566,8 +566,8 @@ fn check_ramp(what: &str, rungs: &Rungs, accumulators: &[f64], transmittances: &
     // The entry, the three numbers of a piece of the factor, and twelve within a step, of a factor of 0.5.
     let tables = 2.0 * 16.0 * ROUNDING_UNIT;
     check("stored f64", &rungs.march::<f64>(&rungs.stored::<f64>()), tables);
-    // 68 more within a step (`reference::gradient`).
-    let rounded = ROUNDINGS_PER_STEP * steps * ROUNDING_UNIT + 68.0 * ROUNDING_UNIT + tables;
+    // 18 more within a step (`reference::gradient`).
+    let rounded = ROUNDINGS_PER_STEP * steps * ROUNDING_UNIT + 18.0 * ROUNDING_UNIT + tables;
     check("stored f32", &rungs.march::<f32>(&rungs.stored::<f32>()).map(f64::from), rounded);
     with_renderer(|renderer| check("device", &rungs.gpu(renderer).map(f64::from), 2.0 * rounded));
 }
@@ -644,7 +644,7 @@ fn scenes_thinned_by_their_gradients_agree_in_f64_and_f32_and_on_the_device() {
         let double = rungs.march::<f64>(&rungs.stored::<f64>());
         let unthinned = whole.march::<f64>(&whole.stored::<f64>());
         let all = vec![false; SIZE[0] * SIZE[1]];
-        let more = 68.0 / longest(&rungs);
+        let more = 18.0 / longest(&rungs);
         let places = places(&rungs);
         let bound = of_places(&rungs, &double, [places.error; 3], ROUNDINGS_PER_STEP + more);
         assert!(accumulators(&unthinned, &double, &bound, &all).share > 100.0, "{name}: the factor shows");

@@ -778,10 +778,6 @@ impl Samples<f64> for Counting<'_> {
         self.0.extinction(place, number)
     }
 
-    fn thinning(&self, opacity: f64, length: f64) -> f64 {
-        self.0.thinning(opacity, length)
-    }
-
     fn keeping(&self) -> Option<Keeping<'_, f64>> {
         self.0.keeping()
     }

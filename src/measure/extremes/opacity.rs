@@ -3,11 +3,12 @@
 use glam::DVec3;
 
 use super::bound::{OPACITY, TERMINATION_DELTA_E};
-use super::left::{delta_e, worst};
+use super::left::{delta_e, relative, worst};
 use super::slab::{GREEN, Picture, Slab, straight_on};
 use super::{Bound, Extreme, ExtremeError, Group};
-use crate::scene::Scene;
+use crate::scene::{Placement, Scene, ShadowMethod, Shadows};
 use crate::spectrum::{Reflectance, Spectrum};
+use crate::tables::LARGEST_RISE;
 
 pub(super) fn extremes() -> Vec<Extreme> {
     let few = Bound::march(8.0);
@@ -36,6 +37,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
         few,
         Slab { opacity: 1e-10, opacity_length: 1e-9, ..Slab::default() },
     ));
+    all.extend([false, true].map(behind_a_grid));
     all.push(thin_air());
     all.push(white_behind_black());
     all
@@ -50,6 +52,37 @@ fn homogeneous(name: String, bound: Bound, slab: Slab) -> Extreme {
         move || Ok(vec![asked.picture()?]),
         move |lefts| worst(lefts.iter().map(|left| slab.error(left))),
     )
+}
+
+/// An almost opaque slab lit from the eye, whose shadows a light grid holds. The depth of its surface rises by at most
+/// [`LARGEST_RISE`] from node to node, so the first step, a quarter of the spacing below, has 1/e of its light; with a start of
+/// the spacing and a voxel, all of it (docs/theory/shadows.md, *Start*).
+fn behind_a_grid(start: bool) -> Extreme {
+    const SPACING: f64 = 2.0;
+    let slab = Slab { opacity: 0.999_999_9, ..Slab::default() };
+    let asked = slab.clone();
+    let scene = move || -> Result<Vec<Picture>, ExtremeError> {
+        let mut scene = asked.scene()?;
+        for light in &mut scene.lights {
+            (light.placement, light.shadows) = (Placement::Directional(DVec3::NEG_Z), true);
+        }
+        let start = Some(if start { SPACING + 1.0 } else { 0.0 });
+        scene.shadows = Shadows { method: ShadowMethod::Grid, spacing: SPACING, start, ..Shadows::default() };
+        Ok(vec![Picture::of(scene)])
+    };
+    let (what, kept) =
+        if start { ("with a start", 1.0) } else { ("without a start: 1/e", (-LARGEST_RISE * 0.5 / SPACING).exp()) };
+    let bound = Bound::march(8.0).and(
+        1e-6,
+        "march and second step",
+        "the second step has 1e-7 of the light, of which the grid takes any part",
+    );
+    Extreme::shown(Group::Opacity, format!("light of opacity 0.9999999 by a grid {what}"), bound, scene, move |lefts| {
+        worst(lefts.iter().map(|left| {
+            let [weights, _] = slab.closed_form(left, slab.length());
+            worst(weights.iter().enumerate().map(|(c, &weight)| relative(left.weight(c, 0), kept * weight)))
+        }))
+    })
 }
 
 /// One voxel with one step through it, at several lengths (docs/theory/acceptance.md C14).

@@ -39,7 +39,8 @@ pub(super) fn extremes() -> Vec<Extreme> {
             Voxels::F64(vec![f64::NAN, f64::NEG_INFINITY, 2.0, 2.0])
         }),
     ];
-    all.extend(values.map(|(name, ends, voxels)| two_values(name, ends, voxels)));
+    all.extend(values.map(|(name, ends, voxels)| two_values(name, ends, voxels, "nearest")));
+    all.push(two_values("denormal float64, interpolated", [0.0, 1e-310], double, "linear"));
     all.extend(["unshaded", "shaded"].map(broken));
     all.push(nothing_finite());
     all
@@ -111,9 +112,9 @@ fn double([low, high]: [f64; 2]) -> Voxels {
     Voxels::F64(vec![low, low, high, high])
 }
 
-/// Two invisible voxels of the lower end, then two visible ones of the upper end. With nearest-neighbour interpolation
-/// and steps of half a voxel, three of the six samples are visible.
-fn two_values(name: &str, ends: [f64; 2], voxels: Filled) -> Extreme {
+/// Two invisible voxels of the lower end, then two visible ones of the upper end. With steps of half a voxel, three of the
+/// six samples are visible, by either interpolation.
+fn two_values(name: &str, ends: [f64; 2], voxels: Filled, interpolation: &'static str) -> Extreme {
     const OPACITY: f64 = 0.3;
     let [low, high] = ends;
     // Halves first, because the span may overflow.
@@ -137,7 +138,7 @@ fn two_values(name: &str, ends: [f64; 2], voxels: Filled) -> Extreme {
             [accuracy]
             step = 0.5
             termination = 0
-            interpolation = "nearest"
+            interpolation = "{interpolation}"
             "#,
             f64::MAX
         );

@@ -87,7 +87,9 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     };
     let through = if plan.transmittance == Transmittance::Mixed { plan.transmittance_numbers() } else { 0 };
     let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes) + through;
-    let thinning = if plan.gradient_opacity > 0 { plan.gradient_opacity + lanes + parts } else { 0 };
+    // Loops over the numbers of a cut step, and again with a factor by the gradient magnitude, over whose points there is one too.
+    let thin = parts + if plan.transmittance == Transmittance::Mixed { plan.transmittance_numbers() } else { lanes };
+    let thinning = thin + if plan.gradient_opacity > 0 { plan.gradient_opacity + thin } else { 0 };
     let three_point = plan.positions.three_point * (3 + 3 * (1 + 2 * lanes + exponents * (1 + lanes)));
     // Loops over phase functions with the lanes of their light, for each direction.
     let phases = plan.phases * (1 + lanes) * (plan.positions.total() + 2 * plan.positions.three_point);

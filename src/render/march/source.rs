@@ -39,6 +39,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
             TableMemory::Storage => text!("tables_storage.wgsl"),
             TableMemory::Uniform => text!("tables_uniform.wgsl"),
         },
+        text!("thinning.wgsl"),
         text!("gradient_opacity.wgsl"),
         text!("rays.wgsl"),
         text!("fetch.wgsl"),
