@@ -111,8 +111,8 @@ def main():
             numbers += [f"{rendering:.0f}", f"{spent:.0f}", f"{unpacking:.0f}", f"{turning:.0f}", f"{relight:.0f}"]
             print(f"| {name} | {' | '.join(map(str, numbers))} |", flush=True)
         browser.process.terminate()
-    script = os.path.getsize(ROOT / "src/output/page/relume.min.js")
-    print(f"\nThe script has {script} bytes, the style {os.path.getsize(ROOT / 'src/output/page/style.css')}.")
+    script = os.path.getsize(ROOT / "src/document/output/page/relume.min.js")
+    print(f"\nThe script has {script} bytes, the style {os.path.getsize(ROOT / 'src/document/output/page/style.css')}.")
 
 
 main()

@@ -56,28 +56,33 @@
 //! | measure time and error of settings | [`measure`] |
 //! | follow or cancel long work | [`progress`] |
 //!
-//! [`internal`] has what else the program and its tests use; it may change in any release.
+//! Each has a crate of its own below `src/`. Hidden modules are what else the program and its tests use; they may change in any release.
 
-pub mod document;
-pub mod film;
-pub mod internal;
-pub mod measure;
-pub mod model;
-pub mod output;
-pub mod palette;
-mod parallel;
-pub mod plan;
-pub mod progress;
-pub mod reference;
-pub mod render;
-pub mod scene;
-pub mod spectrum;
-pub mod tables;
-pub mod volume;
-#[expect(unsafe_code, reason = "the one door to the Vulkan API")]
-pub mod vulkan;
-mod written;
+#[doc(hidden)]
+pub mod cli;
+#[doc(hidden)]
+pub mod ranks;
+#[doc(hidden)]
+pub mod view;
 
-use internal::{annotate, input, memory, number, shader};
+pub use relume_base::progress;
+#[doc(hidden)]
+pub use relume_base::{input, memory, number, parallel};
+#[doc(hidden)]
+pub use relume_colour::written;
+pub use relume_colour::{model, palette, spectrum};
+pub use relume_document as document;
+#[doc(hidden)]
+pub use relume_document::annotate;
+pub use relume_document::output;
+pub use relume_measure as measure;
+pub use relume_render as render;
+pub use relume_scene as scene;
+pub use relume_scene::{film, plan, reference, tables};
+pub use relume_volume as volume;
+pub use relume_vulkan as vulkan;
 #[cfg(feature = "window")]
-use internal::{present, view};
+#[doc(hidden)]
+pub use relume_vulkan::present;
+#[doc(hidden)]
+pub use relume_vulkan::shader;

@@ -8,7 +8,7 @@ mod support;
 use std::{env, fs, path::Path, process::Command, sync::Arc, thread, time::Duration};
 
 use relume::{
-    internal::shader::{Constants, compile},
+    shader::{Constants, compile},
     vulkan::{
         Buffer, ComputePipeline, Device, DeviceChoice, DeviceKind, Filter, Format, HostUse, Image3d, Recorder,
         Resource, ResourceSet, Sampler, StorageImage, Validation, VulkanError, devices,

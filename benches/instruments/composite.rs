@@ -6,8 +6,8 @@ use std::process::Command;
 use serde::{Deserialize, Serialize};
 
 use relume::film::Film;
-use relume::internal::ranks::{Mpi, Ranks, all_gather, over};
 use relume::measure::Stopwatch;
+use relume::ranks::{Mpi, Ranks, all_gather, over};
 
 /// Numbers of processes.
 const PROCESSES: [usize; 3] = [1, 2, 4];
@@ -105,7 +105,7 @@ pub(crate) fn text(rows: &[CompositeRow]) -> String {
         1e3 * LIMIT
     );
     for CompositeRow { processes, film_bytes, sent_bytes, seconds, cpu_seconds } in rows {
-        let [film, sent] = [film_bytes, sent_bytes].map(|&bytes| relume::internal::number::count(bytes) / 1e6);
+        let [film, sent] = [film_bytes, sent_bytes].map(|&bytes| relume::number::count(bytes) / 1e6);
         let [shortest, median] = seconds.map(|seconds| 1e3 * seconds);
         text += &format!("{processes}, {film:.1}, {sent:.1}, {shortest:.0}, {median:.0}, {:.0}\n", 1e3 * cpu_seconds);
     }

@@ -8,10 +8,10 @@ use serde::Serialize;
 
 use relume::document::{SceneOptions, load_peer};
 use relume::film::{Film, Rectangle};
-use relume::internal::number::count;
-use relume::internal::ranks::{BYTES_AT_ONCE, share_of};
 use relume::measure::Stopwatch;
+use relume::number::count;
 use relume::progress::Quiet;
+use relume::ranks::{BYTES_AT_ONCE, share_of};
 use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{Block, Scene};
 use relume::volume::{Phantom, Volume};

@@ -3,8 +3,8 @@
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
-use relume::document::Definition;
-use relume::model::ModelKind;
+use crate::document::Definition;
+use crate::model::ModelKind;
 
 /// Heading in `--help`.
 const COLOUR: &str = "Colour accuracy (overrides [accuracy] of the scene)";

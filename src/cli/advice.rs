@@ -4,14 +4,14 @@ use std::error::Error;
 use std::io;
 use std::path::Path;
 
-use relume::document::SceneError;
-use relume::internal::number::edit_distance;
-use relume::measure::{Goal, LadderError, MeasureError};
-use relume::model::{ModelError, ModelKind};
-use relume::output::OutputError;
-use relume::output::page::PageError;
-use relume::render::RenderError;
-use relume::volume::{self, Asked, ByteOrder, RawLayout, Several, VolumeError};
+use crate::document::SceneError;
+use crate::measure::{Goal, LadderError, MeasureError};
+use crate::model::{ModelError, ModelKind};
+use crate::number::edit_distance;
+use crate::output::OutputError;
+use crate::output::page::PageError;
+use crate::render::RenderError;
+use crate::volume::{self, Asked, ByteOrder, RawLayout, Several, VolumeError};
 
 use super::CliError;
 

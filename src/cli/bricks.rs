@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use relume::internal::memory;
-use relume::measure::{Stopwatch, peak_mb};
-use relume::output::{OutputError, write_bricks};
-use relume::progress::Progress;
+use crate::measure::{Stopwatch, peak_mb};
+use crate::memory;
+use crate::output::{OutputError, write_bricks};
+use crate::progress::Progress;
 
 use super::files::check_outputs;
 use super::render::memory_size;

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use relume::internal::memory;
-use relume::measure::Stopwatch;
-use relume::output::OutputError;
-use relume::output::PictureKind;
-use relume::output::film::composite;
-use relume::progress::Progress;
+use crate::measure::Stopwatch;
+use crate::memory;
+use crate::output::OutputError;
+use crate::output::PictureKind;
+use crate::output::film::composite;
+use crate::progress::Progress;
 
 use super::files::check_outputs;
 use super::{CliError, Report};

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use relume::output::{OutputError, VolumeKind, write_volume};
-use relume::progress::Progress;
-use relume::volume;
+use crate::output::{OutputError, VolumeKind, write_volume};
+use crate::progress::Progress;
+use crate::volume;
 
 use super::files::check_outputs;
 use super::scene::{RawArgs, SelectionArgs, three};

@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use relume::document::design::BACKGROUND;
-use relume::document::{Source, session};
-use relume::measure::Stopwatch;
-use relume::output::page::escaped;
-use relume::output::{write_atomically, write_drawing};
-use relume::palette::{self, Facts, Member, Palette, SmoothCost, Smoothing, Solution};
-use relume::progress::Progress;
-use relume::spectrum::Spectrum;
-use relume::spectrum::colour::{Xyz, d65_white, display_code, is_displayable, lab_from_xyz, linear_srgb_from_xyz};
-use relume::spectrum::deficiency::Deficiency;
+use crate::document::design::BACKGROUND;
+use crate::document::{Source, session};
+use crate::measure::Stopwatch;
+use crate::output::page::escaped;
+use crate::output::{write_atomically, write_drawing};
+use crate::palette::{self, Facts, Member, Palette, SmoothCost, Smoothing, Solution};
+use crate::progress::Progress;
+use crate::spectrum::Spectrum;
+use crate::spectrum::colour::{Xyz, d65_white, display_code, is_displayable, lab_from_xyz, linear_srgb_from_xyz};
+use crate::spectrum::deficiency::Deficiency;
 
 use super::page::{frame, patches_page};
 use super::{CliError, Report, files};

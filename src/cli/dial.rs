@@ -3,10 +3,10 @@
 use clap::{Args, ValueEnum};
 use glam::{DVec2, DVec3};
 
-use relume::document::Dial;
-use relume::internal::number::{count, whole};
-use relume::measure::equal_steps;
-use relume::scene::Mix;
+use crate::document::Dial;
+use crate::measure::equal_steps;
+use crate::number::{count, whole};
+use crate::scene::Mix;
 
 use super::CliError;
 

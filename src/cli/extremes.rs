@@ -2,10 +2,10 @@
 
 use serde_json::{Map, json};
 
-use relume::measure::extremes::{self, derivations, to_csv, to_markdown, to_text};
-use relume::progress::Progress;
-use relume::render::Renderer;
-use relume::vulkan::{Device, DeviceChoice, Validation};
+use crate::measure::extremes::{self, derivations, to_csv, to_markdown, to_text};
+use crate::progress::Progress;
+use crate::render::Renderer;
+use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use super::{CliError, Report};
 

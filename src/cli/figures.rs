@@ -8,14 +8,14 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use serde_json::json;
 use toml::Table;
 
-use relume::document;
-use relume::document::{Definition, SceneFile, SceneOptions};
-use relume::measure::Stopwatch;
-use relume::output::{write_atomically, write_ready_png};
-use relume::progress::Progress;
-use relume::render::{Renderer, SceneRenderer};
-use relume::scene::Mix;
-use relume::vulkan::{Device, DeviceChoice, Validation};
+use crate::document;
+use crate::document::{Definition, SceneFile, SceneOptions};
+use crate::measure::Stopwatch;
+use crate::output::{write_atomically, write_ready_png};
+use crate::progress::Progress;
+use crate::render::{Renderer, SceneRenderer};
+use crate::scene::Mix;
+use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use super::scene::{DefineArgs, size};
 use super::{CliError, Report, files};

@@ -10,19 +10,19 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use relume::document::{Dial, DialNode, DialPreset};
-use relume::film::{Components, Film, RelightMatrices};
-use relume::internal::annotate::{Frame, Overlay};
-use relume::internal::memory;
-use relume::internal::number::count;
-use relume::output::film::{
+use crate::annotate::{Frame, Overlay};
+use crate::document::{Dial, DialNode, DialPreset};
+use crate::film::{Components, Film, RelightMatrices};
+use crate::memory;
+use crate::number::count;
+use crate::output::film::{
     Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
 };
-use relume::output::{Alpha, Depth, FilmFile, Picture, PictureKind, check_writable, draw_over, write_exr, write_png};
-use relume::scene::{Display, Mix};
-use relume::spectrum::colour::decode_srgb;
-use relume::spectrum::{BANDS, Reflectance, Spectrum};
-use relume::tables::Reflected;
+use crate::output::{Alpha, Depth, FilmFile, Picture, PictureKind, check_writable, draw_over, write_exr, write_png};
+use crate::scene::{Display, Mix};
+use crate::spectrum::colour::decode_srgb;
+use crate::spectrum::{BANDS, Reflectance, Spectrum};
+use crate::tables::Reflected;
 
 use super::CliError;
 use super::model::reconstruction_json;
@@ -437,7 +437,7 @@ pub(crate) fn write_spectra(
     };
     let note = quality.as_ref().map(Value::to_string);
     let notes: Vec<(&str, &str)> = note.iter().map(|text| ("relumeReconstruction", text.as_str())).collect();
-    relume::output::write_spectral(path, width, height, &notes, |y, row| {
+    crate::output::write_spectral(path, width, height, &notes, |y, row| {
         row.radiance.par_iter_mut().enumerate().for_each(|(x, radiance)| {
             let pixel = y * width + x;
             let mut sum = [0.0; BANDS];

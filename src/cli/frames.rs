@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use relume::output::{Animation, Picture, PictureKind, inputs_of, numbered, write_apng};
-use relume::progress::Progress;
+use crate::output::{Animation, Picture, PictureKind, inputs_of, numbered, write_apng};
+use crate::progress::Progress;
 
 use super::CliError;
 use super::files::{self, Backdrop, Bits};

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde_json::{Value, json};
 
-use relume::document::Look;
-use relume::measure::{Choice, Goal, Limit, Pixels, Preset, Wanted, check_within, choose};
-use relume::progress::Progress;
-use relume::render::Renderer;
-use relume::scene::{Mix, Scene};
+use crate::document::Look;
+use crate::measure::{Choice, Goal, Limit, Pixels, Preset, Wanted, check_within, choose};
+use crate::progress::Progress;
+use crate::render::Renderer;
+use crate::scene::{Mix, Scene};
 
 use super::CliError;
 use super::accuracy::tolerance;

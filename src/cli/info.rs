@@ -7,19 +7,19 @@ use std::sync::Arc;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use relume::document::first_look::{Values, guess};
-use relume::document::{SceneFile, Wish, is_sidecar};
-use relume::internal::number::{brief, brief_in, readable};
-use relume::model::ColourModel;
-use relume::output::film::{Components, FilmFile, Light, Stored};
-use relume::plan::{Accumulate, Planned, Transmittance, plan};
-use relume::progress::Progress;
-use relume::scene::{Placement, Scene};
-use relume::tables::{LightGrid, Storage};
-use relume::volume::{
+use crate::document::first_look::{Values, guess};
+use crate::document::{SceneFile, Wish, is_sidecar};
+use crate::model::ColourModel;
+use crate::number::{brief, brief_in, readable};
+use crate::output::film::{Components, FilmFile, Light, Stored};
+use crate::plan::{Accumulate, Planned, Transmittance, plan};
+use crate::progress::Progress;
+use crate::scene::{Placement, Scene};
+use crate::tables::{LightGrid, Storage};
+use crate::volume::{
     self, HostMemory, LabelPreset, Offered, RawLayout, Selection, Series, Several, Volume, VolumeError, Window,
 };
-use relume::vulkan::{DeviceInfo, devices};
+use crate::vulkan::{DeviceInfo, devices};
 
 use super::advice::sentence;
 use super::model::{Learnt, warn_of_plan};

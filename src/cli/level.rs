@@ -2,9 +2,9 @@
 
 use serde_json::{Value, json};
 
-use relume::progress::Progress;
-use relume::scene::{Camera, Coarse, LabelLeft, Scene};
-use relume::volume::Statistics;
+use crate::progress::Progress;
+use crate::scene::{Camera, Coarse, LabelLeft, Scene};
+use crate::volume::Statistics;
 
 use super::CliError;
 

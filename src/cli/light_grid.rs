@@ -1,7 +1,7 @@
 //! The light grid of a film in the report of a command.
 
-use relume::internal::number::brief;
-use relume::render::DeviceFilm;
+use crate::number::brief;
+use crate::render::DeviceFilm;
 
 /// States the level that shadows of a volume in bricks come from.
 pub(crate) fn told(film: &DeviceFilm) -> String {

@@ -6,18 +6,18 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use relume::document::SceneFile;
-use relume::internal::number;
-use relume::measure::{
+use crate::document::SceneFile;
+use crate::measure::{
     Findings, MeasureError, Measured, NodesBesideRgb, Setting, Stopwatch, Survey, SurveyOptions, html, mark_pareto,
     settings, to_csv, to_markdown, to_text, trade,
 };
-use relume::output::page::escaped;
-use relume::output::{write_atomically, write_drawing};
-use relume::progress::Progress;
-use relume::render::{RenderError, Renderer};
-use relume::scene::Mix;
-use relume::vulkan::{Device, DeviceChoice, Validation};
+use crate::number;
+use crate::output::page::escaped;
+use crate::output::{write_atomically, write_drawing};
+use crate::progress::Progress;
+use crate::render::{RenderError, Renderer};
+use crate::scene::Mix;
+use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use super::advice::sentence;
 use super::extremes;

@@ -34,19 +34,19 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use crate::document::{OpenError, SceneError};
+use crate::measure::{LadderError, MeasureError};
+use crate::model::ModelError;
+use crate::output::OutputError;
+use crate::output::page::PageError;
+use crate::palette::PaletteError;
+use crate::plan::PlanError;
+use crate::progress::Progress;
+use crate::reference::ReferenceError;
+use crate::render::RenderError;
+use crate::volume::VolumeError;
+use crate::vulkan::VulkanError;
 use processes::Processes;
-use relume::document::{OpenError, SceneError};
-use relume::measure::{LadderError, MeasureError};
-use relume::model::ModelError;
-use relume::output::OutputError;
-use relume::output::page::PageError;
-use relume::palette::PaletteError;
-use relume::plan::PlanError;
-use relume::progress::Progress;
-use relume::reference::ReferenceError;
-use relume::render::RenderError;
-use relume::volume::VolumeError;
-use relume::vulkan::VulkanError;
 use terminal::{INTERRUPTED, Terminal};
 
 /// Renders volumes with spectral materials and lights: march once, relight any number of times.
@@ -137,13 +137,13 @@ pub(crate) enum CliError {
     #[error("the colour model cannot be fitted to the lights")]
     Lights(#[from] ModelError),
     #[error(transparent)]
-    Shader(#[from] relume::internal::shader::ShaderError),
+    Shader(#[from] crate::shader::ShaderError),
     #[cfg(feature = "window")]
     #[error(transparent)]
-    View(#[from] relume::internal::view::ViewError),
+    View(#[from] crate::view::ViewError),
     #[cfg(feature = "window")]
     #[error(transparent)]
-    Script(#[from] relume::internal::view::ScriptError),
+    Script(#[from] crate::view::ScriptError),
     #[error("interrupted; finished pictures are complete")]
     Cancelled,
     #[error("rank {rank} of {count} processes failed")]
@@ -214,7 +214,7 @@ fn exit_code(error: &CliError) -> u8 {
         | CliError::Render(RenderError::Vulkan(error))
         | CliError::Measure(MeasureError::Render(RenderError::Vulkan(error))) => of_device(error),
         #[cfg(feature = "window")]
-        CliError::View(relume::internal::view::ViewError::Vulkan(error)) => of_device(error),
+        CliError::View(crate::view::ViewError::Vulkan(error)) => of_device(error),
         _ => 1,
     }
 }
@@ -286,7 +286,7 @@ fn run(
 }
 
 /// Runs the command line; prints the result or the error.
-pub(crate) fn main() -> ExitCode {
+pub fn main() -> ExitCode {
     let started = std::time::Instant::now();
     let cli = Cli::parse_from(with_joined_lists(std::env::args_os()));
     let (processes, refused) = match &cli.command {

@@ -2,10 +2,10 @@
 
 use serde_json::{Value, json};
 
-use relume::model::{ColourModel, ErrorSummary, LightMatrix, ModelError, Reconstruction};
-use relume::plan::{PlanWarning, Planned};
-use relume::scene::Mix;
-use relume::spectrum::Light;
+use crate::model::{ColourModel, ErrorSummary, LightMatrix, ModelError, Reconstruction};
+use crate::plan::{PlanWarning, Planned};
+use crate::scene::Mix;
+use crate::spectrum::Light;
 
 /// Prints the warnings of a plan, with the flags and keys that help.
 pub(crate) fn warn_of_plan(planned: &Planned) {

@@ -7,15 +7,15 @@ use std::ops::Range;
 
 use serde_json::json;
 
-use relume::film::Film;
-use relume::internal::number::count;
-use relume::internal::ranks::{Alone, Ranks, Relay, all_gather, gather_rows, over, share_of, tiles};
-use relume::measure::{Stopwatch, Timing};
-use relume::output::OutputError;
-use relume::plan::{Planned, Transmittance};
-use relume::progress::Progress;
-use relume::render::{BrickCounts, DeviceFilm, March, RenderError, SceneRenderer};
-use relume::scene::{Block, Blocks, Mix, Node, Scene, View};
+use crate::film::Film;
+use crate::measure::{Stopwatch, Timing};
+use crate::number::count;
+use crate::output::OutputError;
+use crate::plan::{Planned, Transmittance};
+use crate::progress::Progress;
+use crate::ranks::{Alone, Ranks, Relay, all_gather, gather_rows, over, share_of, tiles};
+use crate::render::{BrickCounts, DeviceFilm, March, RenderError, SceneRenderer};
+use crate::scene::{Block, Blocks, Mix, Node, Scene, View};
 
 use super::CliError;
 
@@ -77,7 +77,7 @@ enum Stage {
 
 #[cfg(feature = "mpi")]
 fn ranks() -> Result<Box<dyn Ranks>, CliError> {
-    let mpi = relume::internal::ranks::Mpi::start();
+    let mpi = crate::ranks::Mpi::start();
     Ok(Box::new(mpi.ok_or_else(|| CliError::Failed("MPI was started twice".to_owned()))?))
 }
 

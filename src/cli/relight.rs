@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use serde_json::json;
 
-use relume::document::Requested;
-use relume::film::Components;
-use relume::internal::annotate::Overlay;
-use relume::measure::{Stopwatch, Timing};
-use relume::progress::Progress;
-use relume::spectrum::observer::Observer;
+use crate::annotate::Overlay;
+use crate::document::Requested;
+use crate::film::Components;
+use crate::measure::{Stopwatch, Timing};
+use crate::progress::Progress;
+use crate::spectrum::observer::Observer;
 
 use super::accuracy::tolerance;
 use super::dial::DialArgs;

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use relume::document::{self, design};
-use relume::document::{
+use crate::document::{self, design};
+use crate::document::{
     Definition, LightRequest, Look, Placed, Requested, SceneFile, SceneOptions, Shares, Source, Wish,
 };
-use relume::internal::number::{brief, readable};
-use relume::progress::Progress;
-use relume::scene::Mix;
-use relume::volume::{ByteOrder, HostMemory, RawLayout, Selection, Statistics, Unit, Volume, VoxelType};
+use crate::number::{brief, readable};
+use crate::progress::Progress;
+use crate::scene::Mix;
+use crate::volume::{ByteOrder, HostMemory, RawLayout, Selection, Statistics, Unit, Volume, VoxelType};
 
 use super::CliError;
 use super::accuracy::AccuracyArgs;
@@ -531,7 +531,7 @@ fn split<T>(text: &str, number: impl Fn(&str) -> Option<T>) -> Option<[T; 3]> {
 
 /// Parses `WxH`.
 pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
-    const LARGEST: usize = relume::output::Picture::LARGEST_SIDE;
+    const LARGEST: usize = crate::output::Picture::LARGEST_SIDE;
     const MOST_PIXELS: usize = 1 << 31;
     let parts: Option<Vec<usize>> = text.split(['x', '×']).map(|part| part.trim().parse().ok()).collect();
     let size: Option<[usize; 2]> = parts.and_then(|parts| parts.try_into().ok());

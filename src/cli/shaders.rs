@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use relume::document::{SceneOptions, load_embedded, load_peer};
-use relume::internal::shader::Shader;
-use relume::output::write_atomically;
-use relume::plan::plan;
-use relume::progress::Progress;
-use relume::render::shaders_of;
-use relume::scene::{Scene, Shading};
+use crate::document::{SceneOptions, load_embedded, load_peer};
+use crate::output::write_atomically;
+use crate::plan::plan;
+use crate::progress::Progress;
+use crate::render::shaders_of;
+use crate::scene::{Scene, Shading};
+use crate::shader::Shader;
 
 use super::{CliError, Report};
 
@@ -38,7 +38,7 @@ fn variants(progress: &dyn Progress) -> Result<Vec<(String, Shader)>, CliError> 
     let scenes = [("default", load_embedded(&options, progress)?.scene), ("peer", peer), ("peer_unshaded", unshaded)];
     let mut variants = Vec::new();
     for (name, scene) in scenes {
-        for (stage, shader) in shaders_of(&plan(&scene, &relume::progress::Quiet)?.plan)? {
+        for (stage, shader) in shaders_of(&plan(&scene, &crate::progress::Quiet)?.plan)? {
             variants.push((format!("{name}_{stage}"), shader));
         }
     }

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use serde_json::json;
 
-use relume::document::{SceneFile, State, Wish};
-use relume::internal::annotate::{Edges, Entry, Frame, Overlay as Annotated, PixelLength, material_colours};
-use relume::internal::number::{brief, count, whole};
-use relume::internal::view::slices::{Overlay, Painted, Plane, Slices, codes, planes, voxel, window_of, windows};
-use relume::output::Picture;
-use relume::progress::Progress;
-use relume::scene::{LabelEntry, Mix, Scene};
-use relume::spectrum::colour::decode_srgb;
-use relume::volume::HostMemory;
+use crate::annotate::{Edges, Entry, Frame, Overlay as Annotated, PixelLength, material_colours};
+use crate::document::{SceneFile, State, Wish};
+use crate::number::{brief, count, whole};
+use crate::output::Picture;
+use crate::progress::Progress;
+use crate::scene::{LabelEntry, Mix, Scene};
+use crate::spectrum::colour::decode_srgb;
+use crate::view::slices::{Overlay, Painted, Plane, Slices, codes, planes, voxel, window_of, windows};
+use crate::volume::HostMemory;
 
 use super::files::{self, AnnotateArgs, Bits};
 use super::scene::{SceneArgs, size, width};
@@ -296,7 +296,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 }
 
 /// The labels in the slice `at` across the axis `normal` of their grid, each once.
-fn labels_of(volume: &relume::volume::Volume, normal: usize, at: usize) -> Vec<usize> {
+fn labels_of(volume: &crate::volume::Volume, normal: usize, at: usize) -> Vec<usize> {
     let dims = volume.geometry.dims;
     let strides = [1, dims[0], dims[0] * dims[1]];
     let [one, two] = [[1, 2], [0, 2], [0, 1]][normal];

@@ -11,8 +11,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[cfg(unix)]
 use std::time::Duration;
 
+use crate::progress::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use relume::progress::Progress;
 use signal_hook::consts::SIGINT;
 #[cfg(unix)]
 use signal_hook::consts::{SIGHUP, SIGTERM};
@@ -130,7 +130,7 @@ fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>, json: Option<Warnin
     on_signal(SIGINT, "ctrl-c", move || {
         wake_all();
         std::thread::sleep(if has_rows.load(Ordering::Relaxed) { PATIENCE_WITH_ROWS } else { PATIENCE });
-        relume::output::discard_unfinished();
+        crate::output::discard_unfinished();
         let error = super::CliError::Failed(TOLD.to_owned());
         let json = json.as_ref().map(|warnings| super::error_json(&error, INTERRUPTED, &warnings.all()));
         complain(&error, json.as_deref());
@@ -151,7 +151,7 @@ fn end_at_once(signal: i32, code: u8) -> io::Result<()> {
     }
     let name = if signal == SIGHUP { "HUP" } else { "TERM" };
     on_signal(signal, name, move || {
-        relume::output::discard_unfinished();
+        crate::output::discard_unfinished();
         let ended = ENDED.lock().unwrap_or_else(PoisonError::into_inner).take();
         let ended = ended.unwrap_or_else(|| format!("ended by the signal {name}; no incomplete file is left"));
         complain(&super::CliError::Failed(ended), None);
@@ -293,7 +293,7 @@ where
 /// Ends the program at once after the loss of its display; other threads may still be at work.
 #[cfg(feature = "window")]
 pub(super) fn end_without_display() -> ! {
-    relume::output::discard_unfinished();
+    crate::output::discard_unfinished();
     complain(&super::CliError::Failed("lost the connection to the display".to_owned()), None);
     signal_hook::low_level::exit(1)
 }

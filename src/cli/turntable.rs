@@ -1,12 +1,12 @@
 //! `relume render --turntable`: pictures of a volume that turns once.
 
-use relume::document::moves::turntable;
-use relume::internal::annotate::{self, Overlay};
-use relume::internal::number::count;
-use relume::measure::{Stopwatch, Timing};
-use relume::progress::{Progress, unreported};
-use relume::render::{BrickCounts, SceneRenderer};
-use relume::scene::{Camera, Mix, Scene};
+use crate::annotate::{self, Overlay};
+use crate::document::moves::turntable;
+use crate::measure::{Stopwatch, Timing};
+use crate::number::count;
+use crate::progress::{Progress, unreported};
+use crate::render::{BrickCounts, SceneRenderer};
+use crate::scene::{Camera, Mix, Scene};
 
 use super::files::{self, DressArgs};
 use super::frames::{Form, Frame, Frames, digest};

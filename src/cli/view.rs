@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use relume::vulkan::DeviceChoice;
+use crate::vulkan::DeviceChoice;
 
 use super::render::memory_size;
 use super::scene::{LookArgs, SceneArgs};
@@ -52,8 +52,8 @@ pub(crate) struct Args {
 /// Opens the window, and returns when it is closed.
 #[cfg(feature = "window")]
 pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
-    use relume::internal::view::{self, Options, Script};
-    use relume::vulkan::Validation;
+    use crate::view::{self, Options, Script};
+    use crate::vulkan::Validation;
 
     let script = args.script.as_deref().map(Script::read).transpose()?;
     let source = args.scene.source(args.look.wish())?;

@@ -11,10 +11,12 @@ pub use spectra::{BANDS_PER_HANDLE, HANDLES, Spectra};
 pub use step::Step;
 
 use super::SceneFile;
-use crate::palette::{self, Member, Palette, Target};
-use crate::scene::Scene;
-use crate::spectrum::colour::{Xyz, ciede2000, d65_white, display_code, lab_from_xyz, linear_srgb_from_xyz, xyz};
-use crate::spectrum::{Light, Reflectance, Spectrum};
+use relume_colour::palette::{self, Member, Palette, Target};
+use relume_colour::spectrum::colour::{
+    Xyz, ciede2000, d65_white, display_code, lab_from_xyz, linear_srgb_from_xyz, xyz,
+};
+use relume_colour::spectrum::{Light, Reflectance, Spectrum};
+use relume_scene::Scene;
 
 /// Row name of the background.
 pub const BACKGROUND: &str = "background";
@@ -159,10 +161,10 @@ pub(super) fn open<'a>(scene: &'a Scene, palette: &'a Palette) -> Vec<(Side, &'a
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::document::{SceneOptions, load_embedded, parse};
-    use crate::palette::ModelTerm;
-    use crate::progress::Quiet;
-    use crate::spectrum::colour::Lab;
+    use crate::{SceneOptions, load_embedded, parse};
+    use relume_base::progress::Quiet;
+    use relume_colour::palette::ModelTerm;
+    use relume_colour::spectrum::colour::Lab;
 
     fn scene() -> Scene {
         let text = "version = 1\n[volume]\nphantom = \"slab\"\ndims = [3, 3, 3]\n[materials.a]\nreflectance = \"orange\"\n\

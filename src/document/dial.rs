@@ -5,9 +5,9 @@ use std::f64::consts::TAU;
 
 use glam::DVec2;
 
-use crate::number::count;
 use crate::output::film;
-use crate::scene::{Mix, MixLight};
+use relume_base::number::count;
+use relume_scene::{Mix, MixLight};
 
 /// Nodes of lights on a plane. A light is the stronger, the nearer the hand is to its node: with the distances `d`, a
 /// node weighs `(1/d_i) / Σ 1/d_j` over the nodes that are on.
@@ -206,19 +206,6 @@ pub(crate) fn along(stops: &[DVec2], step: usize, of: usize) -> Option<(usize, D
     let (leg, rest) = (step * last / of, step * last % of);
     let (from, to) = (stops[leg], stops[(leg + 1).min(last)]);
     Some((leg, between(from, to, count(rest) / count(of))))
-}
-
-impl Mix {
-    /// The same lights scaled by `master`; with `normalise`, so that a white surface has the luminance `master`.
-    #[must_use]
-    pub fn mastered(mut self, normalise: bool, master: f64) -> Self {
-        let luminance: f64 = self.0.iter().map(|light| light.weight * light.spectrum.luminance()).sum();
-        let whole = if normalise && luminance > 0.0 { luminance } else { 1.0 };
-        for light in &mut self.0 {
-            light.weight = light.weight * master / whole;
-        }
-        self
-    }
 }
 
 /// Interpolates linearly: exactly `from` at 0 and `to` at 1.

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::palette::PaletteError;
-use crate::spectrum::SpectrumError;
-use crate::volume::VolumeError;
+use relume_colour::palette::PaletteError;
+use relume_colour::spectrum::SpectrumError;
+use relume_volume::VolumeError;
 
 /// Why a scene cannot be read, or is invalid.
 #[derive(Debug, thiserror::Error)]
@@ -145,7 +145,7 @@ impl SceneError {
 }
 
 /// Text of an error and its causes in one line.
-pub(crate) fn chain(error: &dyn std::error::Error) -> String {
+pub fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {

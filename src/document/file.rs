@@ -24,21 +24,23 @@ use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::error::chain;
 use super::light_request::warn_below_zero;
 use super::{Dial, DialPreset, LightState, SceneError, SceneFile};
-use crate::input;
-use crate::model::LARGEST_DIMENSION;
-use crate::number::{brief, count, readable, unsigned};
-use crate::palette::{self, Member, Misplaced};
-use crate::progress::Progress;
-use crate::scene::{
+use relume_base::input;
+use relume_base::number::{brief, count, readable, unsigned};
+use relume_base::progress::Progress;
+use relume_colour::model::LARGEST_DIMENSION;
+use relume_colour::palette::{self, Member, Misplaced};
+use relume_colour::spectrum::{
+    INDICES, Layers, Reflectance, Spectrum, SpectrumError, SpectrumSource, THICKNESSES, ThinFilm,
+};
+use relume_colour::written::{place, with_suggestion};
+use relume_scene::{
     Accuracy, Aim, Camera, Display, Fill, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, MOST_RAYS, MOST_VOXEL_PIXELS,
     Material, MaterialCurve, OPAQUE_DEPTH, PHASES, Placement, Projection, Scene, SceneLight, Shadows, Term, Transfer,
     unit,
 };
-use crate::spectrum::{INDICES, Layers, Reflectance, Spectrum, SpectrumError, SpectrumSource, THICKNESSES, ThinFilm};
-use crate::volume::{
+use relume_volume::{
     self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,
 };
-use crate::written::{place, with_suggestion};
 
 /// The scene for a program start without a file.
 const DEFAULT: &str = include_str!("../../data/scenes/default.toml");
@@ -76,10 +78,10 @@ pub struct SceneOptions {
 pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Result<SceneFile, SceneError> {
     let read = |source| SceneError::Read { path: path.to_owned(), source };
     let volume = || SceneError::IsVolume { path: path.to_owned() };
-    if volume::is_volume(path, &[]) {
+    if relume_volume::is_volume(path, &[]) {
         return Err(volume());
     }
-    if let Some(refusal) = volume::refusal(path) {
+    if let Some(refusal) = relume_volume::refusal(path) {
         return Err(SceneError::NoScene(refusal));
     }
     let file = input::open(path).map_err(read)?;
@@ -89,7 +91,7 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
     }
     let mut bytes = Vec::new();
     file.take(LONGEST_SCENE).read_to_end(&mut bytes).map_err(read)?;
-    if volume::is_volume(path, &bytes) {
+    if relume_volume::is_volume(path, &bytes) {
         return Err(volume());
     }
     let text = String::from_utf8(bytes).map_err(|error| {

@@ -6,10 +6,10 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::silhouette::{Ends, Seen};
-use crate::number::{count, whole};
-use crate::parallel;
-use crate::scene::{Aim, Camera, Fill, LabelEntry, Projection, Scene, View};
-use crate::volume::{Geometry, Volume, Voxel, coarse_index, with_voxels};
+use relume_base::number::{count, whole};
+use relume_base::parallel;
+use relume_scene::{Aim, Camera, Fill, LabelEntry, Projection, Scene, View};
+use relume_volume::{Geometry, Volume, Voxel, coarse_index, with_voxels};
 
 /// Fraction of the picture that its visible pixels span in their larger direction.
 pub(super) const FILL: f64 = 0.9;
@@ -299,8 +299,8 @@ pub(super) fn reach(view: &View, points: &[DVec3]) -> f64 {
 mod tests {
     use super::super::silhouette::Depths;
     use super::*;
-    use crate::scene::Term;
-    use crate::volume::Voxels;
+    use relume_scene::Term;
+    use relume_volume::Voxels;
 
     fn volume(dims: [usize; 3], value: impl Fn(DVec3) -> f32) -> Volume {
         let geometry = Geometry::new("test", dims, DVec3::ONE, DVec3::ZERO, glam::DMat3::IDENTITY);
@@ -353,7 +353,7 @@ mod tests {
         // Values fall by 1 in 3 voxels: the ball ends at the radius 10.3.
         let radius = 10.3;
         let middle = DVec3::splat(23.5);
-        let ball = volume([48; 3], |place| crate::number::rounded(1.0 + (radius - place.distance(middle)) / 3.0));
+        let ball = volume([48; 3], |place| relume_base::number::rounded(1.0 + (radius - place.distance(middle)) / 3.0));
         // The tangent from the eye to the ball reaches 0.9 of the way to the edge.
         let tangent = 0.9 * 15_f64.to_radians().tan();
         let distance = radius / tangent.atan().sin();

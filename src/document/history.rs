@@ -4,8 +4,8 @@ use std::mem::Discriminant;
 use std::sync::Arc;
 
 use super::{DialPreset, Edit, Mixing, SceneFile, State};
-use crate::scene::{Labels, Scene};
-use crate::volume::Statistics;
+use relume_scene::{Labels, Scene};
+use relume_volume::Statistics;
 
 /// Largest number of undo steps.
 const DEPTH: usize = 200;

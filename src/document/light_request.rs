@@ -6,9 +6,9 @@ use std::str::FromStr;
 
 use super::SceneError;
 use super::error::chain;
-use crate::scene::{INTENSITY, Mix, MixLight};
-use crate::spectrum::standard::names;
-use crate::spectrum::{Kind, Light, SpectrumSource, nearest};
+use relume_colour::spectrum::standard::names;
+use relume_colour::spectrum::{Kind, Light, SpectrumSource, nearest};
+use relume_scene::{INTENSITY, Mix, MixLight};
 
 /// A mix by requests.
 #[derive(Clone, Debug, PartialEq)]
@@ -249,7 +249,7 @@ fn weight(text: &str) -> Result<f64, String> {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::spectrum::standard;
+    use relume_colour::spectrum::standard;
 
     fn mix(lights: &[(&str, f64, usize)]) -> Mix {
         let light = |&(name, weight, position): &(&str, f64, usize)| MixLight {

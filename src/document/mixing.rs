@@ -4,14 +4,14 @@ use glam::DVec2;
 
 use super::Dial;
 use crate::output::film;
-use crate::scene::{Mix, SceneLight};
+use relume_scene::{Mix, SceneLight};
 
 /// State of the mix of a scene's lights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightState {
     /// Source of the mix: the sliders or the dial.
     pub mixing: Mixing,
-    /// One slider for each of [`Scene::lights`](crate::scene::Scene::lights).
+    /// One slider for each of [`Scene::lights`](relume_scene::Scene::lights).
     pub sliders: Vec<Slider>,
     /// Index of the only light that shines, with sliders.
     pub solo: Option<usize>,

@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 
 use super::fit;
-use crate::scene::{Aim, Camera, Fill, Projection, Scene, View};
-use crate::volume::Geometry;
+use relume_scene::{Aim, Camera, Fill, Projection, Scene, View};
+use relume_volume::Geometry;
 
 /// A movement of the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -224,8 +224,8 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::scene::Term;
-    use crate::volume::{Volume, Voxels};
+    use relume_scene::Term;
+    use relume_volume::{Volume, Voxels};
 
     /// A block of 8 by 30 by 4 voxels towards a corner of a dark volume.
     fn block() -> Scene {

@@ -1,6 +1,6 @@
 //! The threshold of Otsu (1979), which cuts a histogram into two classes.
 
-use crate::number::count;
+use relume_base::number::count;
 
 /// First histogram bin of objects as opposed to their surroundings: the cut into two classes with the largest variance
 /// between them (Otsu 1979).

@@ -12,14 +12,14 @@ use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlErr
 use super::design::{self, Side};
 use super::{Definition, Dial, LightState, Mixing, SceneFile, Source, State};
 use crate::output::{OutputError, write_atomically};
-use crate::palette::{Palette, Solution};
-use crate::scene::{
+use relume_colour::palette::{Palette, Solution};
+use relume_colour::spectrum::observer::Observer;
+use relume_colour::spectrum::{FilmAngle, Layers, Spectrum, ThinFilm};
+use relume_scene::{
     AccumulateAs, Accuracy, Aim, AmbientShares, Camera, Integration, Interval, LabelInterpolation, Lighting,
     Projection, Scene,
 };
-use crate::spectrum::observer::Observer;
-use crate::spectrum::{FilmAngle, Layers, Spectrum, ThinFilm};
-use crate::volume::{ByteOrder, is_built_in};
+use relume_volume::{ByteOrder, is_built_in};
 
 /// Why a session cannot be saved.
 #[derive(Debug, thiserror::Error)]
@@ -320,7 +320,7 @@ fn volume(document: &mut DocumentMut, source: &Source, base: &Path) -> Result<()
             stated.and_then(|blocks| blocks.get(axis)?.as_integer()).and_then(|it| usize::try_from(it).ok())
         };
         let block = |axis: usize| options.downsample.map(|blocks| blocks[axis]).or(stated(axis)).unwrap_or(1);
-        let spacing = [0, 1, 2].map(|axis| lengths[axis] * crate::number::count(block(axis)));
+        let spacing = [0, 1, 2].map(|axis| lengths[axis] * relume_base::number::count(block(axis)));
         table.insert("spacing", value(numbers(spacing)));
         if let Some(unit) = unit {
             table.insert("unit", value(unit.to_string()));

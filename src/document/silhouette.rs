@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::number::{count, unsigned, whole};
-use crate::scene::{Term, View};
-use crate::volume::{CELL, Geometry, Volume, Voxel, cell_maxima, macrocells, with_voxels};
+use relume_base::number::{count, unsigned, whole};
+use relume_scene::{Term, View};
+use relume_volume::{CELL, Geometry, Volume, Voxel, cell_maxima, macrocells, with_voxels};
 
 /// Optical depth from which a pixel is visible: it is brighter than about 12 of 255 in a first look.
 const VISIBLE: f64 = 0.016;
@@ -574,8 +574,8 @@ fn values(volume: &Volume, first: usize, step: usize, number: usize, row: &mut V
 #[expect(clippy::expect_used, reason = "a failed step fails the test")]
 mod tests {
     use super::*;
-    use crate::scene::{Aim, Camera, Fill, Projection};
-    use crate::volume::Voxels;
+    use relume_scene::{Aim, Camera, Fill, Projection};
+    use relume_volume::Voxels;
 
     #[test]
     fn bends_that_differ_by_rounding_are_one() {
@@ -603,7 +603,7 @@ mod tests {
             match index {
                 70_001 => f32::NAN,
                 70_002 | 5_003 | 86_000 => 60.0,
-                _ => crate::number::rounded(100.0 - 20.0 * (radius - 11.0).abs()),
+                _ => relume_base::number::rounded(100.0 - 20.0 * (radius - 11.0).abs()),
             }
         };
         let geometry = Geometry::new("test", dims, DVec3::new(1.0, 0.8, 1.3), DVec3::ZERO, glam::DMat3::IDENTITY)

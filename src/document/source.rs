@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use super::file::{parse_around, volume_alone};
 use super::first_look::{LookError, NoCt, Shown, Subject, first_look, labels_text};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded, parse};
-use crate::input;
-use crate::number::readable;
-use crate::progress::{Progress, Quiet};
-use crate::volume::{self, RawLayout, Selection, Several, Statistics, Volume, VolumeError, has_header, is_volume};
+use relume_base::input;
+use relume_base::number::readable;
+use relume_base::progress::{Progress, Quiet};
+use relume_volume::{RawLayout, Selection, Several, Statistics, Volume, VolumeError, has_header, is_volume};
 
 /// A file to open, with options.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,7 +21,6 @@ pub struct Source {
 
 /// Why a source cannot be opened.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
 pub enum OpenError {
     /// An error of the scene.
     #[error(transparent)]
@@ -45,7 +44,6 @@ pub struct Question {
 
 /// Information that a file does not contain.
 #[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum Unknown {
     /// The choice among several volumes.
     Which(Several),
@@ -369,7 +367,7 @@ fn looked(
     let (mut text, mut guess) = (look.text, look.guess);
     // A label map that cannot be read is an error of the scene.
     if let Some(mut labels) =
-        options.labels.as_ref().and_then(|labels| volume::open(labels, &Selection::default(), progress).ok())
+        options.labels.as_ref().and_then(|labels| relume_volume::open(labels, &Selection::default(), progress).ok())
     {
         if let Some(names) = &options.label_names {
             labels.name_labels(names)?;
@@ -419,7 +417,7 @@ fn no_scene(path: &Path, error: SceneError) -> OpenError {
     if !(is_all_of_it || matches!(error, SceneError::Invalid { .. }) && is_no_scene(path)) {
         return error.into();
     }
-    match volume::open(path, &Selection::default(), &Quiet) {
+    match relume_volume::open(path, &Selection::default(), &Quiet) {
         Err(VolumeError::UnknownFormat { path, what, is_known: false, known }) => {
             let mistake =
                 if matches!(error, SceneError::Invalid { .. }) { format!(" ({error})") } else { String::new() };

@@ -8,16 +8,16 @@ use glam::{DVec2, DVec3};
 use super::design::{self, Spectra, Step};
 use super::moves::{self, Move};
 use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, along};
-use crate::model::LARGEST_DIMENSION;
-use crate::number::count;
-use crate::palette::Palette;
-use crate::scene::{
+use relume_base::number::count;
+use relume_colour::model::LARGEST_DIMENSION;
+use relume_colour::palette::Palette;
+use relume_colour::spectrum::ThinFilm;
+use relume_colour::spectrum::deficiency::Deficiency;
+use relume_colour::spectrum::observer::Observer;
+use relume_scene::{
     Accuracy, AmbientShares, GRADIENT_POINTS, Interval, LabelEntry, Lighting, MOST_RAYS, MOST_VOXEL_PIXELS, Mix,
     PHASES, Scene,
 };
-use crate::spectrum::ThinFilm;
-use crate::spectrum::deficiency::Deficiency;
-use crate::spectrum::observer::Observer;
 
 /// All editable state of a document.
 #[derive(Clone, Debug)]
@@ -288,7 +288,7 @@ impl State {
     #[must_use]
     pub fn shares(&self) -> Vec<f64> {
         let mix = self.mix();
-        let share = |light: &crate::scene::SceneLight| {
+        let share = |light: &relume_scene::SceneLight| {
             // Not `sum`, which is −0 for no terms.
             let weight = mix.0.iter().filter(|one| one.name == light.name).fold(0.0, |sum, one| sum + one.weight);
             if light.intensity > 0.0 { weight / light.intensity } else { 0.0 }

@@ -1,8 +1,8 @@
 //! Transfer presets: for CT in Hounsfield units, for other data by the histogram, and by the windows of a file.
 
-use crate::number::count;
-use crate::scene::{Interval, Material};
-use crate::volume::{Statistics, Window};
+use relume_base::number::count;
+use relume_scene::{Interval, Material};
+use relume_volume::{Statistics, Window};
 
 /// Words in the names of materials for outer, middle and dense layers, the best first.
 const SKIN: [&str; 3] = ["skin", "faint", "flesh"];
@@ -264,7 +264,7 @@ pub fn of_window(window: &Window, statistics: &Statistics, materials: &[Material
 fn of(materials: &[Material], words: &[&str], part: f64) -> usize {
     let named = |word: &&str| materials.iter().position(|material| material.name.to_lowercase().contains(word));
     let last = materials.len().saturating_sub(1);
-    words.iter().find_map(named).unwrap_or_else(|| crate::number::whole((part * count(last)).round()))
+    words.iter().find_map(named).unwrap_or_else(|| relume_base::number::whole((part * count(last)).round()))
 }
 
 /// Customary windows of a CT, that of soft tissue first; none if the values are not those of a CT.

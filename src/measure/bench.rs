@@ -10,11 +10,11 @@ use super::ladder::{FINER, Ladder, LadderError};
 use super::sample::{Drawn, LEAST_PIXELS, drawn, p95_of_all};
 use super::setting::{Knob, Setting, Value};
 use super::shown::{looked_up, picture};
-use crate::model::ErrorSummary;
-use crate::plan::{Planned, plan};
-use crate::progress::Progress;
-use crate::render::{RenderError, Renderer, SceneRenderer};
-use crate::scene::{Coarse, Mix, Scene};
+use relume_base::progress::Progress;
+use relume_colour::model::ErrorSummary;
+use relume_render::{RenderError, Renderer, SceneRenderer};
+use relume_scene::plan::{Planned, plan};
+use relume_scene::{Coarse, Mix, Scene};
 
 /// Factor by which the truth's steps are shorter than needed, because the next settings tried often have slightly
 /// shorter steps.

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::setting::Setting;
-use crate::input;
-use crate::model::ErrorSummary;
-use crate::output::{OutputError, write_atomically};
-use crate::scene::{Mix, Scene};
+use relume_base::input;
+use relume_colour::model::ErrorSummary;
+use relume_document::output::{OutputError, write_atomically};
+use relume_scene::{Mix, Scene};
 
 /// Size limit of a cache file, in bytes.
 const LONGEST: u64 = 1 << 20;
@@ -85,9 +85,9 @@ fn key(scene: &Scene, mix: &Mix, device: &str, size: [usize; 2]) -> u64 {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::document::{SceneOptions, load_embedded};
-    use crate::model::ErrorSummary;
-    use crate::progress::Quiet;
+    use relume_base::progress::Quiet;
+    use relume_colour::model::ErrorSummary;
+    use relume_document::{SceneOptions, load_embedded};
 
     #[test]
     fn another_scene_device_or_size_knows_nothing_of_this_one() {
@@ -111,7 +111,7 @@ mod tests {
         brighter.display.exposure = 2.0;
         assert_eq!(known(&brighter, "device", [3, 4]), None);
         let mut one_sided = scene.clone();
-        one_sided.lighting = crate::scene::Lighting::OneSided;
+        one_sided.lighting = relume_scene::Lighting::OneSided;
         assert_eq!(known(&one_sided, "device", [3, 4]), None);
         let mut other = scene.clone();
         other.volume = std::sync::Arc::new(scene.volume.downsample([2, 2, 2]).unwrap());

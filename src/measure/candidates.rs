@@ -1,7 +1,7 @@
 //! The settings that a choice tries: step lengths, dimensions of the colour model and fractions of the pixels.
 
 use super::setting::{Knob, Setting, Value};
-use crate::number::count;
+use relume_base::number::count;
 
 /// Dimensions to choose from where weights are not exact. They fill whole vectors, because unused components would
 /// cost as much.

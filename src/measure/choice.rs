@@ -14,12 +14,12 @@ use super::digits::short;
 use super::error::MeasureError;
 use super::goal::{Goal, Pixels, Wanted};
 use super::setting::Setting;
-use crate::number::nearest;
-use crate::plan::plan;
-use crate::progress::Progress;
-use crate::render::Renderer;
-use crate::scene::{Mix, Scene};
-use crate::vulkan::DeviceKind;
+use relume_base::number::nearest;
+use relume_base::progress::Progress;
+use relume_render::Renderer;
+use relume_scene::plan::plan;
+use relume_scene::{Mix, Scene};
+use relume_vulkan::DeviceKind;
 
 /// Number of random pixels in which the choice measures errors.
 const PIXELS: usize = 2048;

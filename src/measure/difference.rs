@@ -3,8 +3,8 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use crate::model::ErrorSummary;
-use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
+use relume_colour::model::ErrorSummary;
+use relume_colour::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 
 /// Colour difference between two pictures over a set of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -49,8 +49,11 @@ mod tests {
     /// Sharma, Wu and Dalal 2005, the first pair: ΔE00 2.0425.
     #[test]
     fn a_published_pair_has_its_published_difference_and_place() {
-        let lab =
-            |lab| DVec3::from(crate::spectrum::colour::xyz_from_lab(crate::spectrum::colour::Lab(lab), d65_white()).0);
+        let lab = |lab| {
+            DVec3::from(
+                relume_colour::spectrum::colour::xyz_from_lab(relume_colour::spectrum::colour::Lab(lab), d65_white()).0,
+            )
+        };
         let (one, two) = (lab([50.0, 2.6772, -79.7751]), lab([50.0, 0.0, -82.7485]));
         let found = Difference::between(&[one, one, one], &[one, two, one], &[[0, 0], [7, 3], [9, 9]]);
         assert!((found.delta_e.max - 2.0425).abs() <= 1e-4, "{found:?}");

@@ -1,6 +1,6 @@
 //! Numbers with few digits, and sizes in MB.
 
-use crate::number::count;
+use relume_base::number::count;
 
 /// Bytes in MB of 10⁶ bytes.
 pub(super) fn megabytes(bytes: u64) -> f64 {

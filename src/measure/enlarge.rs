@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use crate::film::Film;
-use crate::number::rounded;
-use crate::number::{count, whole};
+use relume_base::number::rounded;
+use relume_base::number::{count, whole};
+use relume_scene::film::Film;
 
 /// Bilinear enlargement from marched to displayed pixels, between pixel centres. The outermost pixels extend to the
 /// edge.

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::difference::delta_e;
-use crate::number::count;
-use crate::spectrum::colour::{LinearSrgb, xyz_from_linear_srgb};
+use relume_base::number::count;
+use relume_colour::spectrum::colour::{LinearSrgb, xyz_from_linear_srgb};
 
 /// Positions along a path, from 0 to 1, between which pictures differ by equal mean ΔE00.
 ///
@@ -48,7 +48,7 @@ mod tests {
 
     /// Pictures of one pixel with lightness `at(0)`, `at(0.1)` … `at(1)`.
     fn greys(at: impl Fn(f64) -> f64) -> Vec<Vec<DVec3>> {
-        use crate::spectrum::colour::{Lab, Xyz, d65_white, linear_srgb_from_xyz, xyz_from_lab};
+        use relume_colour::spectrum::colour::{Lab, Xyz, d65_white, linear_srgb_from_xyz, xyz_from_lab};
         let grey = |lightness: f64| {
             let Xyz(xyz) = xyz_from_lab(Lab([lightness, 0.0, 0.0]), d65_white());
             DVec3::from(linear_srgb_from_xyz(Xyz(xyz)).0)

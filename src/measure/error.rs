@@ -2,8 +2,8 @@
 
 use super::goal::Goal;
 use super::ladder::LadderError;
-use crate::plan::PlanError;
-use crate::render::RenderError;
+use relume_render::RenderError;
+use relume_scene::plan::PlanError;
 
 /// Failure of a measurement or a choice of settings.
 #[derive(Debug, thiserror::Error)]

@@ -6,7 +6,7 @@ use super::digits::short;
 use super::ladder::Cause;
 use super::measured::Measured;
 use super::setting::Knob;
-use crate::model::{ErrorSummary, ModelKind};
+use relume_colour::model::{ErrorSummary, ModelKind};
 
 /// Ratio within which times and errors count as equal; repeated measurements differ by as much.
 pub(super) const ALIKE: f64 = 1.05;
@@ -201,7 +201,7 @@ mod tests {
             order: None,
             pareto: false,
             worst_by: Vec::new(),
-            integration: crate::plan::Integrate::Samples,
+            integration: relume_scene::plan::Integrate::Samples,
             other_integration: false,
             differences: Vec::new(),
             colours: Vec::new(),

@@ -1,6 +1,6 @@
 //! Goals of a picture.
 
-use crate::written::refused_name;
+use relume_colour::written::refused_name;
 
 /// Accuracy or time goal of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,20 +8,20 @@ use serde::Serialize;
 
 use super::clock::{Limit, Stopwatch};
 use super::skipping::{Skipping, occupancy};
-use crate::film::RelightMatrices;
-use crate::number::Real;
-use crate::number::{count, whole};
-use crate::plan::{Integrate, Planned, ScenePlan, plan_full_spectrum};
-use crate::progress::Progress;
-use crate::reference::{Exact, KeptDepths, ReferenceError, Stored, render_pixels};
-use crate::scene::{
-    Accuracy, AmbientShares, Integration, Interpolation, LabelInterpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs,
-};
-use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use crate::tables::{
+use relume_base::number::Real;
+use relume_base::number::{count, whole};
+use relume_base::progress::Progress;
+use relume_colour::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
+use relume_scene::film::RelightMatrices;
+use relume_scene::plan::{Integrate, Planned, ScenePlan, plan_full_spectrum};
+use relume_scene::reference::{Exact, KeptDepths, ReferenceError, Stored, render_pixels};
+use relume_scene::tables::{
     ExtinctionTable, GradientTable, LabelMap, Occupancy, SegmentTable, Storage, StoredVolume, TransferTable,
 };
-use crate::volume::{Statistics, VolumeError};
+use relume_scene::{
+    Accuracy, AmbientShares, Integration, Interpolation, LabelInterpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs,
+};
+use relume_volume::{Statistics, VolumeError};
 
 /// Cause of a difference from the truth: the difference between two rungs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]

@@ -9,8 +9,8 @@ use super::clock::{Summary, Timing, summary};
 use super::difference::Difference;
 use super::ladder::Cause;
 use super::setting::Setting;
-use crate::plan::Integrate;
-use crate::scene::Level;
+use relume_scene::Level;
+use relume_scene::plan::Integrate;
 
 /// Time of repeated work.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -1,14 +1,16 @@
 //! Rungs of a scene: exact samples, stored tables and volume, and the device.
 
-use crate::film::{Film, RelightMatrices};
-use crate::number::Real;
-use crate::plan::{Integrate, PlanError, Planned, plan, plan_full_spectrum};
-use crate::progress::{Progress, Quiet};
-use crate::reference::{self, Exact, ReferenceError, Samples, Stored};
-use crate::render::{DeviceFilm, RenderError, Renderer, SceneRenderer};
-use crate::scene::{Mix, Scene};
-use crate::tables::{ExtinctionTable, GradientTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
-use crate::volume::VolumeError;
+use relume_base::number::Real;
+use relume_base::progress::{Progress, Quiet};
+use relume_render::{DeviceFilm, RenderError, Renderer, SceneRenderer};
+use relume_scene::film::{Film, RelightMatrices};
+use relume_scene::plan::{Integrate, PlanError, Planned, plan, plan_full_spectrum};
+use relume_scene::reference::{self, Exact, ReferenceError, Samples, Stored};
+use relume_scene::tables::{
+    ExtinctionTable, GradientTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable,
+};
+use relume_scene::{Mix, Scene};
+use relume_volume::VolumeError;
 
 /// A scene with all data that the rungs read.
 #[derive(Clone, Debug)]

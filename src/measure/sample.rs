@@ -5,10 +5,10 @@ use glam::DVec3;
 use super::clock::{Limit, Stopwatch};
 use super::difference::Difference;
 use super::ladder::{Ladder, LadderError};
-use crate::model::random::Random;
-use crate::number::{count, whole};
-use crate::progress::Progress;
-use crate::scene::{Mix, Scene};
+use relume_base::number::{count, whole};
+use relume_base::progress::Progress;
+use relume_colour::model::random::Random;
+use relume_scene::{Mix, Scene};
 
 /// Pixels examined in each round of drawing.
 const ROUND: usize = 4096;
@@ -115,7 +115,7 @@ pub fn check_within(
         .map(|[x, y]| {
             let first = 4 * (x + size[0] * y);
             let part = |channel: usize| rgba.get(first + channel).copied().map_or(f64::NAN, f64::from);
-            *crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB * DVec3::new(part(0), part(1), part(2))
+            *relume_colour::spectrum::colour::XYZ_FROM_LINEAR_SRGB * DVec3::new(part(0), part(1), part(2))
         })
         .collect();
     let difference = Difference::between(&shown, &truth, &ladder.pixels);

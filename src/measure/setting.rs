@@ -6,9 +6,9 @@ use std::ops::RangeInclusive;
 
 use serde::{Serialize, Serializer};
 
-use crate::model::{LARGEST_DIMENSION, ModelKind};
-use crate::number::{count, readable, whole};
-use crate::scene::{
+use relume_base::number::{count, readable, whole};
+use relume_colour::model::{LARGEST_DIMENSION, ModelKind};
+use relume_scene::{
     AccumulateAs, Gradients, Integration, Interpolation, LabelInterpolation, Lookup, MOST_RAYS, MOST_VOXEL_PIXELS,
     Scene, StoreAs, VolumeAs,
 };

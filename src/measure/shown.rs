@@ -3,9 +3,9 @@
 use glam::DVec3;
 
 use super::ladder::Ladder;
-use crate::progress::Progress;
-use crate::render::{RenderError, SceneRenderer};
-use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
+use relume_base::progress::Progress;
+use relume_colour::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
+use relume_render::{RenderError, SceneRenderer};
 
 /// Linear RGBA of every pixel, marched and relit on the device.
 pub(super) fn picture(

@@ -3,11 +3,11 @@
 
 use glam::DVec3;
 
-use crate::number::{count, whole};
-use crate::plan::{LANE, Planned};
-use crate::reference::{End, Keeping, Samples, Step};
-use crate::scene::Scene;
-use crate::tables::{CELL, Cells, LabelMap, Occupancy, Storage};
+use relume_base::number::{count, whole};
+use relume_scene::Scene;
+use relume_scene::plan::{LANE, Planned};
+use relume_scene::reference::{End, Keeping, Samples, Step};
+use relume_scene::tables::{CELL, Cells, LabelMap, Occupancy, Storage};
 
 /// Number of values across the data range at which the transfer function is evaluated, besides its bends.
 const PLACES: usize = 1 << 16;

@@ -15,14 +15,14 @@ use super::ladder::{Cause, Ladder, LadderError, Lattice};
 use super::measured::{CloseUp, Cost, Frames, Measured, Run};
 use super::setting::Setting;
 use super::shown::{looked_up, picture};
-use crate::number::count;
-use crate::plan::{Integrate, Planned, ScenePlan, plan};
-use crate::progress::{Progress, unreported};
-use crate::render::{Renderer, SceneRenderer};
-use crate::scene::{Accuracy, Coarse, Integration, Level, Mix, Scene};
-use crate::tables::TransferTable;
-use crate::volume::Statistics;
-use crate::vulkan::DeviceKind;
+use relume_base::number::count;
+use relume_base::progress::{Progress, unreported};
+use relume_render::{Renderer, SceneRenderer};
+use relume_scene::plan::{Integrate, Planned, ScenePlan, plan};
+use relume_scene::tables::TransferTable;
+use relume_scene::{Accuracy, Coarse, Integration, Level, Mix, Scene};
+use relume_volume::Statistics;
+use relume_vulkan::DeviceKind;
 
 /// Untimed runs before the timed ones.
 const WARM_UP: usize = 2;

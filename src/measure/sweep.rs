@@ -1,7 +1,7 @@
 //! Parser of sweeps, which list the settings to measure.
 
 use super::setting::{Choices, Growth, Knob, Setting, Value};
-use crate::number::readable;
+use relume_base::number::readable;
 
 /// Default sweeps: each knob by itself, starting from the scene's own setting.
 const USUAL: [&str; 14] = [

@@ -5,7 +5,7 @@ use super::findings::main_cause;
 use super::ladder::Cause;
 use super::measured::{Cost, Measured};
 use super::setting::Knob;
-use crate::plan::Integrate;
+use relume_scene::plan::Integrate;
 
 /// Column heads for text and Markdown; all columns but the first hold numbers or single words.
 const HEADS: [&str; 12] = [

@@ -1,8 +1,8 @@
 //! Settings in the syntax of scene files and of `-D`.
 
 use super::setting::Setting;
-use crate::number::readable;
-use crate::scene::Scene;
+use relume_base::number::readable;
+use relume_scene::Scene;
 
 /// All keys that a setting may change, with the values of `scene`: table, name and value in TOML. The entries of the
 /// transfer table are included only if stated.

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::RenderError;
-use crate::progress::Progress;
-use crate::scene::{Coarse, Scene};
-use crate::volume::{Volume, VolumeError};
+use relume_base::progress::Progress;
+use relume_scene::{Coarse, Scene};
+use relume_volume::{Volume, VolumeError};
 
 /// The finest level of the volume of `scene`, and of its labels, of so many voxels along each axis that it `fits`. Of voxels
 /// that stay in a file, the file's coarse level is made first, if it is not.
@@ -13,7 +13,7 @@ use crate::volume::{Volume, VolumeError};
 /// # Errors
 ///
 /// [`RenderError::Volume`], [`RenderError::Labels`], [`RenderError::Cancelled`].
-pub(crate) fn finest_level(
+pub fn finest_level(
     scene: &Scene,
     fits: impl Fn([usize; 3]) -> bool,
     progress: &dyn Progress,

@@ -25,13 +25,13 @@ pub(super) use source::{common, images, source};
 
 use super::pool::Pool;
 use super::{RenderError, Renderer, Uploaded};
-use crate::number::whole;
-use crate::plan::Planned;
-use crate::progress::Progress;
-use crate::scene::Scene;
-use crate::vulkan::{ComputePipeline, ResourceSet, StorageImage};
 use light_grid::DeviceGrid;
 use mean::Mean;
+use relume_base::number::whole;
+use relume_base::progress::Progress;
+use relume_scene::Scene;
+use relume_scene::plan::Planned;
+use relume_vulkan::{ComputePipeline, ResourceSet, StorageImage};
 use rounds::Rounds;
 use schedule::Schedule;
 

@@ -5,10 +5,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use bytemuck::{Pod, Zeroable};
 
 use super::{RenderError, Renderer};
-use crate::number::{count, rounded, unsigned};
-use crate::tables::{BRICK, BrickGrid, LabelMap, Storage, read_for_box, slot_edge};
-use crate::volume::Volume;
-use crate::vulkan::{Buffer, Device, DeviceKind, Format, HostUse, Image3d};
+use relume_base::number::{count, rounded, unsigned};
+use relume_scene::tables::{BRICK, BrickGrid, LabelMap, Storage, read_for_box, slot_edge};
+use relume_volume::Volume;
+use relume_vulkan::{Buffer, Device, DeviceKind, Format, HostUse, Image3d};
 
 /// Bytes of the bricks that one submission uploads, at least one brick.
 const STAGING_BYTES: u64 = 8 << 20;
@@ -377,7 +377,8 @@ impl Renderer {
     /// or half of the device's memory; on a software device at most half of what is free.
     pub(super) fn pool_budget(&self, level_bytes: u64) -> u64 {
         let limits = self.device.limits();
-        let free = (self.device.info().kind == DeviceKind::Software).then(crate::memory::available_bytes).flatten();
+        let free =
+            (self.device.info().kind == DeviceKind::Software).then(relume_base::memory::available_bytes).flatten();
         let stated = self.memory_bytes.map(|bytes| bytes.saturating_sub(self.taken_bytes));
         pool_bytes(stated, [limits.device_heap_bytes, free.unwrap_or(u64::MAX)], level_bytes)
             .min(limits.max_allocation_bytes)
@@ -404,12 +405,12 @@ pub(super) fn voxel_bytes(storage: &Storage, labels: Option<&LabelMap>, smooth: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shader::Constants;
+    use relume_vulkan::shader::Constants;
 
     #[test]
     fn the_uniform_lies_where_the_shader_reads_it() {
         let (structure, _) = include_str!("../../shaders/bricks.wgsl").split_once("@group").unwrap_or_default();
-        let layout = crate::shader::struct_layout(&[("bricks", structure)], &Constants::new(), "Bricks").ok();
+        let layout = relume_vulkan::shader::struct_layout(&[("bricks", structure)], &Constants::new(), "Bricks").ok();
         let theirs = layout.as_ref().map(|layout| {
             layout.fields.iter().map(|field| (field.name.as_str(), field.offset as usize)).collect::<Vec<_>>()
         });

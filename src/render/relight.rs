@@ -7,10 +7,10 @@ use bytemuck::{Pod, Zeroable};
 
 use super::march::{common, images, read_layer};
 use super::{DeviceFilm, RenderError, Renderer, Source};
-use crate::film::RelightMatrices;
-use crate::number::unsigned;
-use crate::plan::{LANE, ScenePlan};
-use crate::vulkan::{Buffer, Device, Format, HostUse, Resource, StorageImage};
+use relume_base::number::unsigned;
+use relume_scene::film::RelightMatrices;
+use relume_scene::plan::{LANE, ScenePlan};
+use relume_vulkan::{Buffer, Device, Format, HostUse, Resource, StorageImage};
 
 /// Workgroup of a relight: long rows (docs/theory/device.md).
 const GROUP: [u32; 2] = [64, 1];
@@ -74,8 +74,8 @@ pub(super) fn source(plan: &ScenePlan, target: Target) -> Source {
 pub struct Relight {
     device: Device,
     components: usize,
-    pipeline: crate::vulkan::ComputePipeline,
-    set: crate::vulkan::ResourceSet,
+    pipeline: relume_vulkan::ComputePipeline,
+    set: relume_vulkan::ResourceSet,
     uniform: Buffer,
     picture: StorageImage,
     /// Whether every pixel of the picture was relit once.

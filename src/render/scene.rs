@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use super::{DeviceFilm, March, RenderError, Renderer, Speed, Uploaded};
-use crate::film::RelightMatrices;
-use crate::model::ColourModel;
-use crate::plan::{Planned, ScenePlan, plan};
-use crate::progress::Progress;
-use crate::scene::{Camera, Mix, Scene};
-use crate::volume::Statistics;
+use relume_base::progress::Progress;
+use relume_colour::model::ColourModel;
+use relume_scene::film::RelightMatrices;
+use relume_scene::plan::{Planned, ScenePlan, plan};
+use relume_scene::{Camera, Mix, Scene};
+use relume_volume::Statistics;
 
 /// Size of the picture that compiles the shaders. Lavapipe compiles again if a side becomes a power of two or stops
 /// being one, and few sides are.
@@ -104,13 +104,13 @@ impl SceneRenderer {
     }
 
     /// Replaces scene and plan. The device must already hold the volume as the plan stores it.
-    pub(crate) fn retarget(&mut self, scene: Scene, planned: Planned) {
+    pub fn retarget(&mut self, scene: Scene, planned: Planned) {
         debug_assert!(self.holds(&scene, &planned), "another volume, or stored otherwise");
         (self.scene, self.planned) = (scene, planned);
     }
 
     /// Sets the bytes of other volumes that stay on the device beside this one: pictures have less memory then.
-    pub(crate) fn set_beside(&mut self, bytes: u64) {
+    pub fn set_beside(&mut self, bytes: u64) {
         self.renderer.beside_bytes = bytes;
     }
 

@@ -1,10 +1,10 @@
 //! Stores finished accumulators in 16-bit floats on the device.
 
 use super::{DeviceFilm, RenderError, Renderer, Source};
-use crate::plan::Transmittance;
-use crate::scene::StoreAs;
-use crate::shader::Constants;
-use crate::vulkan::{Format, Resource, StorageImage};
+use relume_scene::StoreAs;
+use relume_scene::plan::Transmittance;
+use relume_vulkan::shader::Constants;
+use relume_vulkan::{Format, Resource, StorageImage};
 
 /// Width of a workgroup: long rows, as for a relight.
 const GROUP_WIDTH: u32 = 64;

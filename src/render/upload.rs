@@ -8,13 +8,13 @@ use glam::DVec3;
 use super::level::finest_level;
 use super::pool::{Filled, Pool, PoolSize, Residence, is_one_allocation, voxel_bytes};
 use super::{RenderError, Renderer};
-use crate::number::{count, unsigned};
-use crate::plan::{Planned, ScenePlan};
-use crate::progress::Progress;
-use crate::scene::{Interpolation, Scene};
-use crate::tables::{BrickGrid, Cells, LabelMap, Storage, VolumeFormat, apron, slot_edge};
-use crate::volume::{Statistics, macrocells};
-use crate::vulkan::{Buffer, Format, HostUse, Image3d};
+use relume_base::number::{count, unsigned};
+use relume_base::progress::Progress;
+use relume_scene::plan::{Planned, ScenePlan};
+use relume_scene::tables::{BrickGrid, Cells, LabelMap, Storage, VolumeFormat, apron, slot_edge};
+use relume_scene::{Interpolation, Scene};
+use relume_volume::{Statistics, macrocells};
+use relume_vulkan::{Buffer, Format, HostUse, Image3d};
 
 /// Bytes per upload; limits the host's copy.
 const SLAB_BYTES: usize = 4 << 20;
@@ -126,17 +126,16 @@ fn stored_as(scene: &Scene, planned: &Planned, statistics: &Statistics) -> (Form
     let format = Storage::format_of(&planned.plan, &scene.volume, statistics);
     let declared = scene.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| labels.declared.len());
     let label_bytes = declared.map_or(0, |declared| LabelMap::bytes_of(declared, planned.plan.smooth_labels));
-    (Format::from(format), format.bytes() as u64 + label_bytes as u64)
+    (texels(format), format.bytes() as u64 + label_bytes as u64)
 }
 
-impl From<VolumeFormat> for Format {
-    fn from(format: VolumeFormat) -> Self {
-        match format {
-            VolumeFormat::R16Unorm => Self::R16Unorm,
-            VolumeFormat::R32Float => Self::R32Float,
-            VolumeFormat::Rgba16Snorm => Self::Rgba16Snorm,
-            VolumeFormat::Rgba32Float => Self::Rgba32Float,
-        }
+/// Texture format of the texels of a volume.
+fn texels(format: VolumeFormat) -> Format {
+    match format {
+        VolumeFormat::R16Unorm => Format::R16Unorm,
+        VolumeFormat::R32Float => Format::R32Float,
+        VolumeFormat::Rgba16Snorm => Format::Rgba16Snorm,
+        VolumeFormat::Rgba32Float => Format::Rgba32Float,
     }
 }
 
@@ -161,7 +160,7 @@ impl Renderer {
         }
         let storage = Storage::of(&planned.plan, &scene.volume, statistics, progress).map_err(RenderError::Volume)?;
         let dims = scene.volume.geometry.dims;
-        let format = Format::from(storage.format);
+        let format = texels(storage.format);
         self.check_filter(planned, &storage)?;
         let labels = match &scene.labels {
             Some(labels) if planned.plan.labels => Some(Arc::new(LabelMap::new(labels).map_err(RenderError::Labels)?)),
@@ -256,12 +255,7 @@ impl Renderer {
     }
 
     /// Refuses a volume that the device holds neither whole nor one brick of it, from the description of [`Self::holds_whole`].
-    pub(crate) fn check_room(
-        &self,
-        scene: &Scene,
-        planned: &Planned,
-        statistics: &Statistics,
-    ) -> Result<(), RenderError> {
+    pub fn check_room(&self, scene: &Scene, planned: &Planned, statistics: &Statistics) -> Result<(), RenderError> {
         if self.holds_whole(scene, planned, statistics) {
             return Ok(());
         }
@@ -292,7 +286,7 @@ impl Renderer {
 
     /// Refuses a volume that the device cannot filter.
     fn check_filter(&self, planned: &Planned, storage: &Storage) -> Result<(), RenderError> {
-        let format = Format::from(storage.format);
+        let format = texels(storage.format);
         if planned.plan.interpolation == Interpolation::Linear && !self.device.limits().linear_filter(format) {
             let device = self.device.info().name.clone();
             return Err(RenderError::Filter { format: storage.format, device });

@@ -5,8 +5,8 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::View;
-use crate::number::{count, whole};
-use crate::volume::Geometry;
+use relume_base::number::{count, whole};
+use relume_volume::Geometry;
 
 /// Largest number of blocks.
 pub const MOST_BLOCKS: usize = 4096;
@@ -203,7 +203,7 @@ impl Blocks {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
     use super::{Blocks, Node};
-    use crate::volume::Geometry;
+    use relume_volume::Geometry;
 
     #[test]
     fn nodes_number_their_cuts_in_preorder() {

@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::number::count;
-use crate::volume::Geometry;
+use relume_base::number::count;
+use relume_volume::Geometry;
 
 /// A camera as a scene states it; [`Camera::view`] resolves it for a volume and a picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -242,7 +242,7 @@ impl Camera {
 impl Aim {
     /// Point in the middle of the picture.
     #[must_use]
-    pub(crate) fn target(&self, geometry: &Geometry) -> DVec3 {
+    pub fn target(&self, geometry: &Geometry) -> DVec3 {
         match *self {
             Self::LookAt { target, .. } => target,
             Self::Orbit { around: Some([one, other]), .. } => one.midpoint(other),
@@ -262,14 +262,14 @@ impl Aim {
 /// Unit vector along `vector`; `None` if it has no direction. A unit vector is returned unchanged, so that a number
 /// written to a file is read back exactly.
 #[must_use]
-pub(crate) fn unit(vector: DVec3) -> Option<DVec3> {
+pub fn unit(vector: DVec3) -> Option<DVec3> {
     let is_unit = (vector.length_squared() - 1.0).abs() <= 8.0 * f64::EPSILON;
     if is_unit { Some(vector) } else { vector.try_normalize() }
 }
 
 /// Centre of the volume in the world.
 #[must_use]
-pub(crate) fn centre(geometry: &Geometry) -> DVec3 {
+pub fn centre(geometry: &Geometry) -> DVec3 {
     let last = DVec3::from_array(geometry.dims.map(|n| count(n) - 1.0));
     geometry.origin + geometry.direction * (geometry.spacing * last / 2.0)
 }

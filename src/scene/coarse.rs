@@ -5,9 +5,9 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::{Aim, Camera, Labels, Scene};
-use crate::number::count;
-use crate::progress::Progress;
-use crate::volume::{LabelCounts, Volume, VolumeError, coarse_index};
+use relume_base::number::count;
+use relume_base::progress::Progress;
+use relume_volume::{LabelCounts, Volume, VolumeError, coarse_index};
 
 /// A coarse level of the volume of a scene, and of its labels.
 #[derive(Clone, Debug)]
@@ -43,7 +43,7 @@ impl LabelLeft {
 
 impl Coarse {
     /// The level of blocks of `block` voxels, which are the voxels of `volume` and of `labels`.
-    pub(crate) fn new(volume: Arc<Volume>, labels: Option<Arc<Volume>>, block: [usize; 3]) -> Self {
+    pub fn new(volume: Arc<Volume>, labels: Option<Arc<Volume>>, block: [usize; 3]) -> Self {
         Self { volume, labels, block }
     }
 
@@ -272,8 +272,8 @@ fn nearest(face: &[DVec3; 4]) -> Option<f64> {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::scene::Projection;
-    use crate::volume::{Geometry, Voxels};
+    use crate::Projection;
+    use relume_volume::{Geometry, Voxels};
 
     /// 64×64×64 voxels of spacing 1 in a picture of 100×100 pixels by a perspective camera.
     fn scene(fov_degrees: f64, position: DVec3, target: DVec3) -> Scene {
@@ -350,7 +350,7 @@ mod tests {
         for projection in [Projection::Perspective { fov_degrees: 30.0 }, Projection::Orthographic { height: None }] {
             let mut scene = Scene::new("test", Arc::new(volume.clone()));
             scene.camera.projection = projection;
-            let coarse = Coarse::of_level(&scene, 1, &crate::progress::Quiet).unwrap().scene_in(&scene, [30, 20]);
+            let coarse = Coarse::of_level(&scene, 1, &relume_base::progress::Quiet).unwrap().scene_in(&scene, [30, 20]);
             let [view, of_level] = [&scene, &coarse].map(|it| it.camera.view(&it.volume.geometry, 1.5).unwrap());
             let apart = [view.eye - of_level.eye, view.forward - of_level.forward].map(DVec3::length);
             assert!(apart[0].max(apart[1]) < 1e-9 && (view.half[1] - of_level.half[1]).abs() < 1e-9, "{apart:?}");

@@ -3,7 +3,7 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use super::Scene;
-use crate::volume::Volume;
+use relume_volume::Volume;
 
 impl Scene {
     /// Digest of everything that the pictures of the scene depend on: voxels, materials, lights, camera and settings, but

@@ -5,10 +5,10 @@ use std::ops::RangeInclusive;
 use glam::DVec3;
 
 use super::{Camera, Lighting, Projection, Scene, Shading, View};
-use crate::spectrum::{Light, Spectrum};
+use relume_colour::spectrum::{Light, Spectrum};
 
 /// Range of factors of a light's spectrum.
-pub(crate) const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
+pub const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
 
 /// Origin of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,11 +30,11 @@ pub enum Placement {
 const THREE_POINT: [([f64; 3], f64); 3] = [([-0.5, 0.6, 1.0], 0.9), ([0.8, 0.1, 0.5], 0.1), ([0.4, 0.8, -0.3], 0.15)];
 
 /// Sum of the weights of a three-point light: its largest diffuse and specular shade.
-pub(crate) const THREE_POINT_SUM: f64 = THREE_POINT[0].1 + THREE_POINT[1].1 + THREE_POINT[2].1;
+pub const THREE_POINT_SUM: f64 = THREE_POINT[0].1 + THREE_POINT[1].1 + THREE_POINT[2].1;
 
 /// Weights of key, fill and rim as parts of their sum (shaders/shadowed.wgsl repeats them), for scenes without shading:
 /// there, a light that nothing dims has the shade 1.
-pub(crate) const THREE_POINT_PARTS: [f64; 3] =
+pub const THREE_POINT_PARTS: [f64; 3] =
     [THREE_POINT[0].1 / THREE_POINT_SUM, THREE_POINT[1].1 / THREE_POINT_SUM, THREE_POINT[2].1 / THREE_POINT_SUM];
 
 /// Unit vectors in world space towards the key, the fill and the rim of a three-point light seen in `view`, and their
@@ -159,6 +159,17 @@ impl MixLight {
 }
 
 impl Mix {
+    /// The same lights scaled by `master`; with `normalise`, so that a white surface has the luminance `master`.
+    #[must_use]
+    pub fn mastered(mut self, normalise: bool, master: f64) -> Self {
+        let luminance: f64 = self.0.iter().map(|light| light.weight * light.spectrum.luminance()).sum();
+        let whole = if normalise && luminance > 0.0 { luminance } else { 1.0 };
+        for light in &mut self.0 {
+            light.weight = light.weight * master / whole;
+        }
+        self
+    }
+
     /// The sum of weight · spectrum at each of `positions` positions, and the sum over all of them.
     #[must_use]
     pub fn light_at(&self, positions: usize) -> (Vec<Spectrum>, Spectrum) {

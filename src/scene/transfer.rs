@@ -108,13 +108,13 @@ impl Transfer {
 
 /// Optical depth of `opacity` (0 to 1), at most [`OPAQUE_DEPTH`].
 #[must_use]
-pub(crate) fn depth_from_opacity(opacity: f64) -> f64 {
+pub fn depth_from_opacity(opacity: f64) -> f64 {
     (-(-opacity).ln_1p()).min(OPAQUE_DEPTH)
 }
 
 impl Term {
     /// Optical depth per opacity length at `value`, of scattering and of absorption at its peak.
-    pub(crate) fn depth(&self, value: f64) -> f64 {
+    pub fn depth(&self, value: f64) -> f64 {
         depth_from_opacity(height_at(&self.opacity, value)) + height_at(&self.absorption, value)
     }
 

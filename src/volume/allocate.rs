@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::VolumeError;
 use super::stream::count;
-use crate::memory::prefer_large_pages;
+use relume_base::memory::prefer_large_pages;
 
 /// Returns a vector of zeros; the system provides its memory at the first write.
 pub(super) fn zeroed<T: bytemuck::Zeroable>(path: &Path, length: usize) -> Result<Vec<T>, VolumeError> {

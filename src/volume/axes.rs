@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::select::Pick;
 use super::{VolumeError, Voxel, Voxels, allocate};
-use crate::parallel;
+use relume_base::parallel;
 
 /// Meaning of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::data::{self, SLAB_BYTES};
 use super::stream::count;
 use super::{VolumeError, Voxel, allocate};
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Bytes of voxels that are allocated before anything is decoded. Later, as many as have been decoded.
 const BATCH: usize = 32 << 20;

@@ -8,8 +8,8 @@ use glam::DVec3;
 use super::data::{check_cancelled, report};
 use super::resample::of_blocks;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
-use crate::number::count;
-use crate::progress::Progress;
+use relume_base::number::count;
+use relume_base::progress::Progress;
 
 /// A grid of which a volume is a coarse level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -127,7 +127,7 @@ impl Volume {
     }
 
     /// The coarse level of a volume whose voxels stay in a file, once it is made.
-    pub(crate) fn coarse_in_file(&self) -> Option<&Arc<Self>> {
+    pub fn coarse_in_file(&self) -> Option<&Arc<Self>> {
         self.bricks.as_ref()?.coarse()
     }
 
@@ -142,7 +142,7 @@ impl Volume {
     /// # Errors
     ///
     /// As [`Geometry::new`].
-    pub(crate) fn grid_over(&self, of: &Self, block: [usize; 3]) -> Result<Geometry, VolumeError> {
+    pub fn grid_over(&self, of: &Self, block: [usize; 3]) -> Result<Geometry, VolumeError> {
         of.geometry.of_blocks(&self.source, block, self.geometry.dims)
     }
 }
@@ -163,7 +163,7 @@ pub fn index_of_coarse(coarse: DVec3, block: [usize; 3]) -> DVec3 {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
     use super::*;
-    use crate::progress::Quiet;
+    use relume_base::progress::Quiet;
     use std::sync::atomic::{AtomicU64, Ordering};
 
     #[test]

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use super::data::check_cancelled;
 use super::{Volume, VolumeError, Voxel, with_voxels};
-use crate::number::unsigned;
-use crate::parallel;
-use crate::progress::Progress;
+use relume_base::number::unsigned;
+use relume_base::parallel;
+use relume_base::progress::Progress;
 
 /// Slices between two reports of the progress.
 const SLICES: usize = 32;
@@ -74,15 +74,15 @@ impl Joined {
 
 /// The place of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct PartBox {
+pub struct PartBox {
     /// Number of its voxels.
-    pub(crate) voxels: usize,
+    pub voxels: usize,
     /// The first and the last of them along each axis.
-    pub(crate) bounds: [[usize; 3]; 2],
+    pub bounds: [[usize; 3]; 2],
 }
 
 /// The connected parts of the voxels above a value.
-pub(crate) struct Parts {
+pub struct Parts {
     slices: Vec<Slice>,
     /// The part of each run; those inside the largest part belong to it.
     roots: Vec<usize>,
@@ -91,17 +91,17 @@ pub(crate) struct Parts {
     /// Stored number for the voxels of other parts.
     lowest: f64,
     /// Number of voxels in the largest part with what is inside, and in the others.
-    pub(crate) sizes: [usize; 2],
+    pub sizes: [usize; 2],
 }
 
 impl Parts {
     /// The first and the last voxel of the largest part along each axis.
-    pub(crate) fn bounds(&self) -> [[usize; 3]; 2] {
+    pub fn bounds(&self) -> [[usize; 3]; 2] {
         self.boxes().0.bounds
     }
 
     /// The box of the largest part, and those of the others in the order of their first voxels.
-    pub(crate) fn boxes(&self) -> (PartBox, Vec<PartBox>) {
+    pub fn boxes(&self) -> (PartBox, Vec<PartBox>) {
         let nothing = PartBox { voxels: 0, bounds: [[usize::MAX; 3], [0; 3]] };
         let mut boxes = BTreeMap::from([(self.largest, nothing)]);
         for (z, slice) in self.slices.iter().enumerate() {
@@ -123,7 +123,7 @@ impl Parts {
     }
 
     /// Number of voxels of other parts outside a box.
-    pub(crate) fn outside(&self, [low, high]: [[usize; 3]; 2]) -> usize {
+    pub fn outside(&self, [low, high]: [[usize; 3]; 2]) -> usize {
         let mut outside = 0;
         for (z, slice) in self.slices.iter().enumerate() {
             for y in 0..slice.rows.len() - 1 {
@@ -178,7 +178,7 @@ impl Volume {
     }
 
     /// The connected parts of the voxels above `value`. Errors are those of [`Self::keep_largest_part_above`].
-    pub(crate) fn parts_above(&self, value: f64, progress: &dyn Progress) -> Result<Parts, VolumeError> {
+    pub fn parts_above(&self, value: f64, progress: &dyn Progress) -> Result<Parts, VolumeError> {
         self.require_voxels("volume.largest_part_above")?;
         let slices = self.runs_above(value, progress)?;
         let mut joined = Joined((0..slices.last().map_or(0, |slice| slice.first + slice.runs.len())).collect());
@@ -216,7 +216,7 @@ impl Volume {
     }
 
     /// Gives the voxels of all `parts` of this volume but the largest the smallest value.
-    pub(crate) fn keep_largest(&mut self, parts: &Parts) {
+    pub fn keep_largest(&mut self, parts: &Parts) {
         let [nx, ny, _] = self.geometry.dims;
         with_voxels!(&mut self.voxels, voxels => {
             let lowest = Voxel::nearest(parts.lowest);
@@ -340,7 +340,7 @@ fn least<T: Voxel>(stored: &[T], nothing: f64, is_less: impl Fn(T, T) -> bool) -
 mod tests {
     use super::super::{Geometry, Voxels};
     use super::*;
-    use crate::progress::Quiet;
+    use relume_base::progress::Quiet;
 
     fn volume(dims: [usize; 3], voxels: Voxels) -> Volume {
         Volume::new("test", voxels, Geometry::unit("test", dims).unwrap()).unwrap()

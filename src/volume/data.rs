@@ -10,7 +10,7 @@ use super::select::{Pick, next_run};
 use super::stream::{self, Encoding, Skip, Start, count, read_fully};
 use super::voxels::{float_of_half, with_type};
 use super::{VolumeError, Voxel, VoxelType, Voxels, allocate};
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Unwanted bytes before the numbers that are inflated at most.
 pub(super) const MOST_SKIPPED: u64 = 64 << 20;

@@ -4,7 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use super::{Asked, ByteOrder, RawLayout, Several};
-use crate::number::brief;
+use relume_base::number::brief;
 
 /// Error in reading, making or processing a volume.
 #[derive(Debug, thiserror::Error)]

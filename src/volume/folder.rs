@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::stream::beginning;
 use super::{Selection, Volume, VolumeError, data, dicom, foreign, slices, stream, tiff, zarr};
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Largest number of files and folders in a folder, together with those in its folders.
 const MOST: usize = 100_000;

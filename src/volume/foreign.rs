@@ -136,7 +136,7 @@ fn is_n5(path: &Path) -> bool {
     /// Longest file that is looked at, and most names of a folder.
     const MOST: usize = 1000;
     let describes = |folder: &Path| {
-        let text = crate::input::read(&folder.join(N5), 1 << 20).unwrap_or_default();
+        let text = relume_base::input::read(&folder.join(N5), 1 << 20).unwrap_or_default();
         let metadata: Option<serde_json::Map<String, serde_json::Value>> = serde_json::from_slice(&text).ok();
         metadata.is_some_and(|metadata| {
             metadata.contains_key("n5") || metadata.contains_key("blockSize") && metadata.contains_key("dimensions")

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DMat3, DVec3};
 
 use super::VolumeError;
-use crate::number::count;
+use relume_base::number::count;
 
 /// Largest deviation of an entry of `DᵀD` from the identity, for a direction matrix D: headers have few digits.
 const ORTHONORMALITY: f64 = 1e-3;
@@ -119,7 +119,7 @@ impl Geometry {
 
     /// Whether the axes and the boxes of both grids coincide, the boxes within half a voxel of the coarser one.
     #[must_use]
-    pub(crate) fn fills_box_of(&self, other: &Self) -> bool {
+    pub fn fills_box_of(&self, other: &Self) -> bool {
         let corners = |grid: &Self| {
             let last = DVec3::from_array(grid.dims.map(count)) - 0.5;
             [DVec3::splat(-0.5), last].map(|index| grid.direction.transpose() * grid.world_from_index(index))
@@ -132,7 +132,7 @@ impl Geometry {
 
     /// The grid of `dims` voxels that fills the box of `other`.
     #[must_use]
-    pub(crate) fn filling(dims: [usize; 3], other: &Self) -> Self {
+    pub fn filling(dims: [usize; 3], other: &Self) -> Self {
         let spacing = other.extent() / DVec3::from_array(dims.map(count));
         let corner = other.world_from_index(DVec3::splat(-0.5));
         Self { dims, spacing, origin: corner + other.direction * (spacing / 2.0), direction: other.direction }
@@ -263,6 +263,6 @@ impl Lattice {
             return Err(lean());
         }
         let origin = self.origin + axes * (ends[0] * spacing);
-        Geometry::new(source, sides.to_array().map(crate::number::whole), spacing, origin, axes)
+        Geometry::new(source, sides.to_array().map(relume_base::number::whole), spacing, origin, axes)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::number::count;
+use relume_base::number::count;
 
 /// Pairs of voxels that are compared for one distance.
 const PAIRS: usize = 3000;

@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 
 use super::{LabelPreset, MOST_LABELS, Volume, VolumeError, is_background};
-use crate::input;
+use relume_base::input;
 
 /// Built-in tables, by name.
 pub const BUILT_IN_NAMES: [&str; 2] = ["freesurfer", "totalsegmentator"];
@@ -276,7 +276,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Vec<(i64, String, Option<[u32; 3]>)> {
-        let code = |part: f64| crate::number::unsigned(crate::number::whole((255.0 * part).round()));
+        let code = |part: f64| relume_base::number::unsigned(relume_base::number::whole((255.0 * part).round()));
         let presets = parse(Path::new("t"), text).unwrap();
         presets.into_iter().map(|it| (it.value, it.name, it.colour.map(|parts| parts.map(code)))).collect()
     }
@@ -347,7 +347,7 @@ mod tests {
             assert!(difference < 1e-9 && tail(&one.name) == tail(&other.name), "{} {}", one.name, other.name);
         }
         // One changed digit or letter changes the sum.
-        let code = |part: f64| i64::try_from(crate::number::whole((255.0 * part).round())).unwrap();
+        let code = |part: f64| i64::try_from(relume_base::number::whole((255.0 * part).round())).unwrap();
         let letters = |name: &str| name.bytes().map(i64::from).sum::<i64>();
         let sum: i64 = brain
             .iter()

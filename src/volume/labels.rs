@@ -6,8 +6,8 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, allocate, with_voxels};
-use crate::number::{count, nearest_label, readable, whole};
-use crate::parallel;
+use relume_base::number::{count, nearest_label, readable, whole};
+use relume_base::parallel;
 
 /// Most labels of a label map.
 pub const MOST_LABELS: usize = 65_535;
@@ -90,7 +90,7 @@ impl Volume {
     ///
     /// [`VolumeError::Layout`] for a voxel that is no label.
     #[expect(clippy::float_cmp, reason = "runs of equal voxels, of any type")]
-    pub(crate) fn each_run_of_labels(&self, mut with: impl FnMut(i64, usize)) -> Result<(), VolumeError> {
+    pub fn each_run_of_labels(&self, mut with: impl FnMut(i64, usize)) -> Result<(), VolumeError> {
         let scale = [self.slope, self.intercept];
         with_voxels!(&self.voxels, stored => {
             let mut voxel = 0;
@@ -114,7 +114,7 @@ impl Volume {
     }
 
     /// The error of a volume that is read as a label map and has `problem`.
-    pub(crate) fn no_labels(&self, problem: NoLabels) -> VolumeError {
+    pub fn no_labels(&self, problem: NoLabels) -> VolumeError {
         let problem = match problem {
             NoLabels::Value(voxel, value) => format!(
                 "voxel {voxel} holds {}; labels are whole numbers up to {}; round or renumber them",
@@ -133,7 +133,7 @@ impl Volume {
     /// # Errors
     ///
     /// [`VolumeError::Read`], [`VolumeError::Bricks`]; [`VolumeError::Layout`] for voxels that are no labels.
-    pub(crate) fn counts_of_labels(&self) -> Result<LabelCounts, VolumeError> {
+    pub fn counts_of_labels(&self) -> Result<LabelCounts, VolumeError> {
         let scale = [self.slope, self.intercept];
         let Some(cache) = &self.bricks else {
             return self.label_counts(usize::MAX).map_err(|problem| self.no_labels(problem));
@@ -205,7 +205,7 @@ impl Volume {
     /// # Errors
     ///
     /// [`VolumeError::Layout`] for a voxel that is no label.
-    pub(crate) fn ranks_of_labels(&self, ranked: &[i64]) -> Result<Self, VolumeError> {
+    pub fn ranks_of_labels(&self, ranked: &[i64]) -> Result<Self, VolumeError> {
         let mut voxels: Vec<u16> = Vec::with_capacity(self.voxels.len());
         self.each_run_of_labels(|label, length| {
             let rank = ranked.binary_search(&label).map_or(0, |rank| u16::try_from(rank + 1).unwrap_or(u16::MAX));

@@ -7,7 +7,7 @@ use glam::DMat3;
 use serde::{Deserialize, Deserializer, de::Error as _};
 
 use super::{Unit, VoxelType};
-use crate::number::{count, whole};
+use relume_base::number::{count, whole};
 
 /// Order of the bytes of a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]

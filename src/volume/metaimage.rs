@@ -16,7 +16,7 @@ use super::slices;
 use super::stream::{Encoding, Start};
 use super::streamed::Streamed;
 use super::{Geometry, Selection, Unit, Volume, VolumeError, VoxelType};
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Whether the first bytes of a file identify a `MetaImage`.
 pub(super) fn recognises(beginning: &[u8]) -> bool {

@@ -15,8 +15,8 @@ use super::select::Pick;
 use super::stream::{Skip, Start, count};
 use super::streamed::Streamed;
 use super::{ByteOrder, Selection, Unit, Volume, VolumeError, VoxelType};
-use crate::number;
-use crate::progress::Progress;
+use relume_base::number;
+use relume_base::progress::Progress;
 
 /// Bytes of the header; the voxels follow.
 const LENGTH: usize = 284;

@@ -15,7 +15,7 @@ use super::select::Pick;
 use super::stream::{self, Encoding, Skip, Start};
 use super::streamed::Streamed;
 use super::{ByteOrder, Selection, Unit, Volume, VolumeError, VoxelType, foreign};
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Bytes of the header.
 const LENGTH: usize = 1024;

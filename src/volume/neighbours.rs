@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 
 use super::{BRICK, Volume};
-use crate::number::{count, whole};
-use crate::progress::{Progress, Quiet};
+use relume_base::number::{count, whole};
+use relume_base::progress::{Progress, Quiet};
 
 /// Pairs of neighbouring voxels that are looked at.
 const PAIRS: usize = 1024;
@@ -12,7 +12,7 @@ const PAIRS: usize = 1024;
 impl Volume {
     /// Values of voxels spread over the volume, each with that of the next one along axis 0, 1, 2, 0, …; `None` where there is
     /// none. Those of a file of bricks are read once and kept.
-    pub(crate) fn neighbours(&self) -> Cow<'_, [Option<[f64; 2]>]> {
+    pub fn neighbours(&self) -> Cow<'_, [Option<[f64; 2]>]> {
         match &self.bricks {
             Some(cache) => Cow::Borrowed(cache.neighbours(|| self.read_neighbours(&Quiet).unwrap_or_default())),
             None => Cow::Owned(self.read_neighbours(&Quiet).unwrap_or_default()),
@@ -20,7 +20,7 @@ impl Volume {
     }
 
     /// Reads the [`Self::neighbours`] of a file of bricks, and keeps them unless `progress` cancels the reading.
-    pub(crate) fn read_neighbours_ahead(&self, progress: &dyn Progress) {
+    pub fn read_neighbours_ahead(&self, progress: &dyn Progress) {
         if let Some(cache) = self.bricks.as_ref().filter(|cache| !cache.has_neighbours())
             && let Some(values) = self.read_neighbours(progress)
         {

@@ -22,8 +22,8 @@ use super::select::Pick;
 use super::stream::{Encoding, Skip, Start};
 use super::streamed::Streamed;
 use super::{LabelPreset, Selection, Unit, Volume, VolumeError, VoxelType};
-use crate::number::count;
-use crate::progress::Progress;
+use relume_base::number::count;
+use relume_base::progress::Progress;
 
 /// Whether the first bytes of a file identify an NRRD.
 pub(super) fn recognises(beginning: &[u8]) -> bool {

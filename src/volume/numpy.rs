@@ -15,7 +15,7 @@ use super::streamed::Streamed;
 use super::type_string::{self, Kind};
 use super::voxels::{float_of_half, floats_of_halves, with_type};
 use super::{ByteOrder, Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, with_voxels};
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Longest header in bytes.
 const LONGEST: usize = 1 << 16;

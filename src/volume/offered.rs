@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{RawLayout, Selection, Several, Volume, VolumeError, open_by};
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Most choices that a file leaves open one after the other: series, array, level, component and time.
 const MOST_CHOICES: usize = 5;

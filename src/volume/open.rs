@@ -10,7 +10,7 @@ use super::{
     BricksMade, HostMemory, MakeError, PackedBlocks, RawLayout, Selection, Volume, VolumeError, bricks, dicom, folder,
     foreign, hdf5, metaimage, mgh, mrc, nifti, nrrd, numpy, raw, tiff, vti, vtk, zarr,
 };
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Reads the header of a file.
 type ReadHeader = fn(&Path, &Selection) -> Result<Streamed, VolumeError>;
@@ -377,20 +377,20 @@ fn unknown(path: &Path, what: String, is_known: bool) -> VolumeError {
 
 /// Whether the extension or the first bytes of a file identify a volume; the extension `.toml` does not count. A folder
 /// can only be a volume.
-pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
+pub fn is_volume(path: &Path, beginning: &[u8]) -> bool {
     let named = |format: &Format| !format.extensions.contains(&"toml") && format.names(path);
     let is_known = |format: &Format| named(format) || (format.recognises)(beginning);
     path.is_dir() || FORMATS.iter().any(is_known) || zarr::node_of(path).is_some()
 }
 
 /// The error of [`open`] for a file whose content identifies a format without a reader; otherwise `None`.
-pub(crate) fn refusal(path: &Path) -> Option<VolumeError> {
+pub fn refusal(path: &Path) -> Option<VolumeError> {
     let beginning = beginning(path).ok().filter(|it| foreign::is_known(it) && zarr::node_of(path).is_none())?;
     Some(unknown(path, foreign::describe(path, &beginning), true))
 }
 
 /// Whether the file `path` has a header that describes its voxels.
-pub(crate) fn has_header(path: &Path) -> bool {
+pub fn has_header(path: &Path) -> bool {
     beginning(path).is_ok_and(|beginning| FORMATS.iter().any(|format| (format.recognises)(&beginning)))
 }
 

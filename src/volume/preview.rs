@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::{Geometry, Offered, RawLayout, Selection, Volume, VolumeError};
-use crate::number::{count, whole};
-use crate::progress::Progress;
+use relume_base::number::{count, whole};
+use relume_base::progress::Progress;
 
 /// A grey picture of the middle slice of a volume.
 #[derive(Clone, Debug, PartialEq, Eq)]

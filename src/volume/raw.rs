@@ -12,8 +12,8 @@ use super::pattern::{self, Pattern};
 use super::stream::{self, Encoding, Start};
 use super::streamed::Streamed;
 use super::{ByteOrder, Geometry, RawLayout, Selection, Volume, VolumeError, VoxelType, Voxels};
-use crate::number::{in_words, line_and_column};
-use crate::progress::Progress;
+use relume_base::number::{in_words, line_and_column};
+use relume_base::progress::Progress;
 
 /// Largest size of a sidecar in bytes; a layout is a few lines. The TOML parser takes a hundred times as much memory.
 const LONGEST_SIDECAR: u64 = 1 << 16;
@@ -253,7 +253,7 @@ fn streamed_by(path: &Path, layout: &RawLayout, selection: &Selection) -> Result
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::volume::VoxelType;
+    use crate::VoxelType;
 
     #[test]
     fn a_name_and_a_size_suggest_how_voxels_lie() {

@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use super::allocate;
 use super::geometry::Lattice;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
-use crate::number::{count, whole};
-use crate::parallel;
-use crate::progress::{Progress, Quiet};
+use relume_base::number::{count, whole};
+use relume_base::parallel;
+use relume_base::progress::{Progress, Quiet};
 
 impl Volume {
     /// Averages blocks of `block` voxels; the mean is rounded to the stored type (integers half up: ⌊x + ½⌋). Volumes of

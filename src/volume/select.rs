@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::several::Series;
 use super::{Asked, Several, VolumeError};
-use crate::memory;
+use relume_base::memory;
 
 /// Place of the voxels of a volume: memory or file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -247,7 +247,7 @@ impl Selection {
     }
 
     /// Refuses any choice but the only scalar volume of `source`.
-    pub(crate) fn only(&self, source: &str) -> Result<(), VolumeError> {
+    pub fn only(&self, source: &str) -> Result<(), VolumeError> {
         self.component(source, 1, "")?;
         self.time(source, 1)?;
         self.no_array(source)?;

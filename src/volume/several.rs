@@ -4,7 +4,6 @@ use std::fmt;
 
 /// Alternatives in a file, each of them one volume.
 #[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum Several {
     /// Components of a voxel.
     Components {

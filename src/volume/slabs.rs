@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::data::{Take, check_cancelled};
 use super::stream::count;
 use super::{Part, Selection, Volume, VolumeError, Voxel, VoxelType, with_voxels};
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Reads what a selection chooses of a file or folder.
 pub(super) type Open = fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>;
@@ -151,8 +151,8 @@ mod tests {
     use std::sync::Mutex;
 
     use super::*;
-    use crate::progress::Quiet;
-    use crate::volume::{Geometry, Voxels};
+    use crate::{Geometry, Voxels};
+    use relume_base::progress::Quiet;
 
     /// The slices that were asked for.
     static ASKED: Mutex<Vec<[usize; 2]>> = Mutex::new(Vec::new());

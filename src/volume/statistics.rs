@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Volume, VolumeError, Voxel, with_voxels};
-use crate::parallel;
+use relume_base::parallel;
 
 /// Number of histogram bins.
 pub const BINS: usize = 64;

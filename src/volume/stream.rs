@@ -10,7 +10,7 @@ use flate2::CrcReader;
 use flate2::bufread::{DeflateDecoder, MultiGzDecoder, ZlibDecoder};
 
 use super::VolumeError;
-use crate::input;
+use relume_base::input;
 
 /// Largest expansion by deflate: 1032 bytes per byte (a match of two bits yields 258 bytes).
 pub(super) const DEFLATE_LIMIT: u64 = 1032;

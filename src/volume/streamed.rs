@@ -3,7 +3,7 @@
 use super::data::Data;
 use super::stream::count;
 use super::{Volume, VolumeError, VoxelType, Voxels};
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Makes the volume of its voxels and the notes of reading them. Without voxels, it makes a volume whose voxels lie
 /// elsewhere.

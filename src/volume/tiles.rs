@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::Voxel;
 use super::axes::{Arranged, Axis};
 use super::stream::count;
-use crate::parallel;
+use relume_base::parallel;
 
 /// A block of an array: the numbers of a chunk, the last axis fastest, in the byte order of this machine.
 pub(super) struct Block {

@@ -205,19 +205,20 @@ pub enum Voxels {
 
 /// Evaluates an expression with the typed vector inside a [`Voxels`]: `with_voxels!(&volume.voxels, stored =>
 /// stored.len())`.
+#[macro_export]
 macro_rules! with_voxels {
     ($voxels:expr, $stored:ident => $body:expr) => {
         match $voxels {
-            $crate::volume::Voxels::U8($stored) => $body,
-            $crate::volume::Voxels::I8($stored) => $body,
-            $crate::volume::Voxels::U16($stored) => $body,
-            $crate::volume::Voxels::I16($stored) => $body,
-            $crate::volume::Voxels::U32($stored) => $body,
-            $crate::volume::Voxels::I32($stored) => $body,
-            $crate::volume::Voxels::U64($stored) => $body,
-            $crate::volume::Voxels::I64($stored) => $body,
-            $crate::volume::Voxels::F32($stored) => $body,
-            $crate::volume::Voxels::F64($stored) => $body,
+            $crate::Voxels::U8($stored) => $body,
+            $crate::Voxels::I8($stored) => $body,
+            $crate::Voxels::U16($stored) => $body,
+            $crate::Voxels::I16($stored) => $body,
+            $crate::Voxels::U32($stored) => $body,
+            $crate::Voxels::I32($stored) => $body,
+            $crate::Voxels::U64($stored) => $body,
+            $crate::Voxels::I64($stored) => $body,
+            $crate::Voxels::F32($stored) => $body,
+            $crate::Voxels::F64($stored) => $body,
         }
     };
 }
@@ -231,7 +232,7 @@ macro_rules! with_type {
     };
     (@ $voxel_type:expr, $stored:ident => $body:expr; $($variant:ident $type:ident),*) => {
         match $voxel_type {$(
-            $crate::volume::VoxelType::$variant => {
+            $crate::VoxelType::$variant => {
                 type $stored = $type;
                 $body
             }

@@ -83,8 +83,8 @@ fn every_cited_page_is_in_the_repository() {
 #[test]
 fn a_wrong_citation_is_caught() {
     let wrong = |path: &str, text: &str| missing(Path::new(path), text).len();
-    assert_eq!(wrong("src/plan.rs", "/// See docs/theory/march.md, Compositing."), 0, "a page that is there");
-    assert_eq!(wrong("src/plan.rs", "/// See NOTES.md A4."), 1, "a page outside");
+    assert_eq!(wrong("src/scene/plan.rs", "/// See docs/theory/march.md, Compositing."), 0, "a page that is there");
+    assert_eq!(wrong("src/scene/plan.rs", "/// See NOTES.md A4."), 1, "a page outside");
     assert_eq!(
         wrong("docs/CLI.md", "[a](VIEW.md) [b](https://example.org/x.md#y) [c](#d)"),
         0,

@@ -4,6 +4,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
+/// The crates below `src/`: folder, the module that is the crate itself, and its other modules of the map. Modules of the folder
+/// that are not listed are parts of the first.
+const HOUSE: &[(&str, &str, &[&str])] = &[
+    ("base", "", &["input", "memory", "number", "parallel", "progress"]),
+    ("volume", "volume", &[]),
+    ("colour", "", &["model", "palette", "spectrum", "written"]),
+    ("scene", "scene", &["film", "plan", "reference", "tables"]),
+    ("vulkan", "vulkan", &["present", "shader"]),
+    ("render", "render", &[]),
+    ("document", "document", &["annotate", "output"]),
+    ("measure", "measure", &[]),
+];
+
 /// Modules that each module may use; unlisted modules may use none.
 const ARROWS: &[(&str, &[&str])] = &[
     ("input", &[]),
@@ -155,16 +168,28 @@ struct Source {
 
 impl Source {
     fn new(path: &str, text: &str) -> Self {
-        let module = path.strip_prefix("src/").map(|rest| rest.split('/').next().unwrap_or(rest));
-        let module = module.map(|name| name.trim_end_matches(".rs").to_owned());
-        let module = module.filter(|name| !["lib", "main", "internal"].contains(&&**name));
-        Self { path: path.into(), module, text: text.to_owned() }
+        let mut parts = path.strip_prefix("src/").into_iter().flat_map(|rest| rest.split('/'));
+        let mut next =
+            || parts.next().map(|part| part.trim_end_matches(".rs")).filter(|name| !["lib", "main"].contains(name));
+        let module = next().and_then(|folder| match house(folder) {
+            None => Some(folder),
+            Some((itself, others)) => {
+                next().filter(|name| others.contains(name)).or(Some(itself)).filter(|name| !name.is_empty())
+            }
+        });
+        Self { path: path.into(), module: module.map(str::to_owned), text: text.to_owned() }
     }
 
-    /// Whether the file belongs to the binary, which uses the library by name.
-    fn is_of_program(&self) -> bool {
-        self.module.as_deref() == Some("cli")
+    /// Folder of the file's crate; `None` for the program.
+    fn home(&self) -> Option<String> {
+        let folder = self.path.components().nth(1)?.as_os_str().to_string_lossy().into_owned();
+        house(&folder).map(|_| folder)
     }
+}
+
+/// The module that a crate is, and its others.
+fn house(folder: &str) -> Option<(&'static str, &'static [&'static str])> {
+    HOUSE.iter().find(|(name, ..)| *name == folder).map(|(_, itself, others)| (*itself, *others))
 }
 
 /// All files below `folder` with a name that ends in one of `endings`.
@@ -199,34 +224,28 @@ fn paths<'a>(code: &'a str, name: &'a str) -> impl Iterator<Item = usize> + 'a {
     })
 }
 
-/// Modules that a file uses through `crate::…` or, in the binary, `relume::…`: one name or a braced list at the first
-/// level.
+/// Modules that a file uses through `crate::…`, `relume::…` or a crate of the house.
 fn reached(source: &Source) -> Vec<String> {
-    let code = code(&source.text).replace("relume::internal::", "relume::");
+    let code = code(&source.text);
     let mut found = Vec::new();
-    let library = if source.is_of_program() { "relume::" } else { "crate::" };
-    for at in paths(&code, library) {
-        let rest = &code[at + library.len()..];
-        match rest.strip_prefix('{') {
-            None => found.push(first_word(rest)),
-            Some(list) => {
-                let (mut depth, mut item) = (0, String::new());
-                for character in list.chars() {
-                    match character {
-                        '}' if depth == 0 => break,
-                        ',' if depth == 0 => found.push(first_word(&std::mem::take(&mut item))),
-                        '{' => depth += 1,
-                        '}' => depth -= 1,
-                        _ if depth == 0 => item.push(character),
-                        _ => (),
-                    }
+    for start in
+        ["crate", "relume"].into_iter().map(str::to_owned).chain(HOUSE.iter().map(|(it, ..)| format!("relume_{it}")))
+    {
+        let home = start.strip_prefix("relume_").map(str::to_owned);
+        let home = home.or_else(|| source.home().filter(|_| start == "crate"));
+        for at in paths(&code, &format!("{start}::")) {
+            for path in listed(&code[at..]) {
+                let Some(name) = path.get(1) else { continue };
+                match home.as_deref().and_then(house) {
+                    Some((itself, others)) if !others.contains(&&**name) => found.push(itself.to_owned()),
+                    // Capitalised names are items of the root.
+                    _ if name.starts_with(char::is_lowercase) => found.push(name.clone()),
+                    _ => (),
                 }
-                found.push(first_word(&item));
             }
         }
     }
-    // Capitalised names and function calls are items of the crate root.
-    found.retain(|name| name.chars().next().is_some_and(char::is_lowercase));
+    found.retain(|name| !name.is_empty());
     found
 }
 
@@ -253,8 +272,7 @@ fn module_path(source: &Source) -> Option<Vec<String>> {
     source.module.as_ref()?;
     let path = source.path.with_extension("");
     let parts = path.components().skip(1).map(|part| part.as_os_str().to_string_lossy().into_owned());
-    let parts: Vec<String> = parts.filter(|part| part != "mod").collect();
-    Some(parts)
+    Some(parts.filter(|part| part != "mod" && part != "lib").collect())
 }
 
 /// Paths that start at the beginning of `text`, with braced lists at every level resolved: `a::{b, c::d}` is `a::b` and
@@ -323,6 +341,7 @@ fn exported(modules: &BTreeMap<Vec<String>, String>) -> BTreeMap<Vec<String>, BT
 fn uses_of_siblings(sources: &[Source]) -> Uses {
     let modules = sources.iter().filter_map(|source| Some((module_path(source)?, code_of_product(&source.text))));
     let modules: BTreeMap<Vec<String>, String> = modules.collect();
+    let root = |module: &[String]| usize::from(module.first().is_some_and(|folder| house(folder).is_some()));
     let exported = exported(&modules);
     let mut uses = Uses::new();
     for (module, code) in &modules {
@@ -332,7 +351,7 @@ fn uses_of_siblings(sources: &[Source]) -> Uses {
                     let mut place = module.clone();
                     for part in &path {
                         match part.as_str() {
-                            "crate" => place.clear(),
+                            "crate" => place.truncate(root(module)),
                             "super" => drop(place.pop()),
                             "self" => (),
                             _ if modules.contains_key(&[&place[..], std::slice::from_ref(part)].concat()) => {
@@ -496,11 +515,16 @@ fn siblings_do_not_use_each_other_in_a_circle() {
 
 #[test]
 fn every_module_is_on_the_map() {
-    let text = |name: &str| fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(name)).unwrap();
-    let roots = text("lib.rs") + &text("internal.rs");
-    let declared = roots.lines().filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod "));
-    for module in declared.map(first_word).filter(|module| module != "internal") {
+    let root = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
+    let declared = root.lines().filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod ")).map(first_word);
+    let of_crates =
+        HOUSE.iter().flat_map(|(_, itself, others)| others.iter().chain([itself])).map(|name| (*name).to_owned());
+    for module in declared.chain(of_crates).filter(|name| !name.is_empty()) {
         assert!(ARROWS.iter().any(|(name, _)| *name == module), "{module} is not on the map");
+    }
+    let members = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")).unwrap();
+    for (folder, ..) in HOUSE {
+        assert!(members.contains(&format!("\"src/{folder}\"")), "{folder} is no member");
     }
 }
 
@@ -534,18 +558,21 @@ fn every_file_opens_with_its_purpose() {
 fn a_wrong_arrow_is_caught() {
     let wrong = |path: &str, text: &str| wrong_arrows(&Source::new(path, text));
     assert_eq!(
-        wrong("src/spectrum/cie.rs", "use crate::vulkan::Device;"),
-        ["src/spectrum/cie.rs: spectrum may not use vulkan"]
+        wrong("src/colour/spectrum/cie.rs", "use relume_vulkan::Device;"),
+        ["src/colour/spectrum/cie.rs: spectrum may not use vulkan"]
     );
-    assert_eq!(wrong("src/plan.rs", "use crate::{\n    scene::{Scene, render},\n    render::Frame,\n};").len(), 1);
-    assert_eq!(wrong("src/vulkan/mod.rs", "fn f() -> crate::spectrum::Spectrum { pub(crate) x }").len(), 1);
-    assert_eq!(wrong("src/shader.rs", "let x = $crate::tables::make(); let y = crate::cli::run();").len(), 2);
+    assert_eq!(wrong("src/scene/camera.rs", "use crate::{\n    lights::{Mix, plan},\n    plan::Planned,\n};").len(), 1);
+    assert_eq!(wrong("src/vulkan/lib.rs", "fn f() -> relume_colour::spectrum::Spectrum { pub(crate) x }").len(), 1);
+    assert_eq!(wrong("src/vulkan/shader.rs", "let x = $crate::Device::make(); let y = relume::cli::run();").len(), 2);
     assert_eq!(wrong("src/extra/mod.rs", "").len(), 1);
-    assert_eq!(wrong("src/reference/march.rs", "use crate::{tables::Tables, scene, reference::real::Real};"), [""; 0]);
-    assert_eq!(wrong("src/spectrum/cie.rs", "// crate::render draws this\nuse my_crate::vulkan;"), [""; 0]);
+    assert_eq!(
+        wrong("src/scene/reference/march.rs", "use crate::{tables::Tables, Scene, reference::real::Real};"),
+        [""; 0]
+    );
+    assert_eq!(wrong("src/colour/spectrum/cie.rs", "// relume_render draws this\nuse my_crate::vulkan;"), [""; 0]);
     assert_eq!(wrong("src/lib.rs", "use crate::render::Frame;"), [""; 0]);
     assert_eq!(
-        wrong("src/cli/info.rs", "use relume::internal::written::number;\nuse super::scene;"),
+        wrong("src/cli/info.rs", "use crate::written::number;\nuse super::scene;"),
         ["src/cli/info.rs: cli may not use written"]
     );
 }
@@ -561,15 +588,19 @@ fn a_circle_of_siblings_is_caught() {
     };
     let of = |root: &str, one: &str, two: &str, three: &str| {
         let texts = [root, one, two, three];
-        let paths = ["src/film/mod.rs", "src/film/one.rs", "src/film/two.rs", "src/film/three.rs"];
+        let paths =
+            ["src/scene/film/mod.rs", "src/scene/film/one.rs", "src/scene/film/two.rs", "src/scene/film/three.rs"];
         found(&paths.into_iter().zip(texts).collect::<Vec<_>>())
     };
-    assert_eq!(of("", "use super::two::Two;", "use super::one::One;", ""), ["film: one two"]);
+    assert_eq!(of("", "use super::two::Two;", "use super::one::One;", ""), ["scene/film: one two"]);
     assert_eq!(
         of("", "use super::two;", "fn f() { super::three::g() }", "use crate::film::{one::One};"),
-        ["film: one three two"]
+        ["scene/film: one three two"]
     );
-    assert_eq!(of("pub use two::{One, Two};", "use super::{Film, Two};", "use super::one::X;", ""), ["film: one two"]);
+    assert_eq!(
+        of("pub use two::{One, Two};", "use super::{Film, Two};", "use super::one::X;", ""),
+        ["scene/film: one two"]
+    );
     assert_eq!(
         of("", "use super::two::Two;", "use super::Film;\nuse super::three::Three;", "use super::Film;"),
         [""; 0]
@@ -592,33 +623,37 @@ fn a_circle_of_siblings_is_caught() {
 #[test]
 fn a_wrong_crate_is_caught() {
     let wrong = |path: &str, text: &str| wrong_crates(&Source::new(path, text)).len();
-    assert_eq!(wrong("src/scene/mod.rs", "use egui::Rect;\nuse egui_winit::State;"), 1);
-    assert_eq!(wrong("src/measure/mod.rs", "fn f() -> ash::vk::Image {}"), 1);
+    assert_eq!(wrong("src/scene/lib.rs", "use egui::Rect;\nuse egui_winit::State;"), 1);
+    assert_eq!(wrong("src/measure/lib.rs", "fn f() -> ash::vk::Image {}"), 1);
     assert_eq!(wrong("src/view/ui.rs", "use egui::Rect; use crate::vulkan::Surface;"), 0);
-    assert_eq!(wrong("src/measure/mod.rs", "let ash = 1; let hash_of = crash::it();"), 0);
+    assert_eq!(wrong("src/measure/lib.rs", "let ash = 1; let hash_of = crash::it();"), 0);
 }
 
 #[test]
 fn a_wrong_word_is_caught() {
     let wrong = |path: &str, text: &str| wrong_words(&Source::new(path, text)).len();
-    assert_eq!(wrong("src/spectrum/mod.rs", "//! Fills a Buffer."), 1);
+    assert_eq!(wrong("src/colour/spectrum/mod.rs", "//! Fills a Buffer."), 1);
     assert_eq!(wrong("src/vulkan/image.rs", "//! One layer per wavelength of a spectrum."), 2);
-    assert_eq!(wrong("src/shader.rs", "/// Spectral."), 1);
-    assert_eq!(wrong("src/render/mod.rs", "//! Buffers of spectra."), 0);
+    assert_eq!(wrong("src/vulkan/shader.rs", "/// Spectral."), 1);
+    assert_eq!(wrong("src/render/lib.rs", "//! Buffers of spectra."), 0);
 }
 
 #[test]
 fn a_flag_in_a_message_of_the_library_is_caught() {
     let wrong = |path: &str, text: &str| wrong_flags(&Source::new(path, text)).len();
     let message = "#[error(\"too large: take --downsample or --size\")]";
-    assert_eq!(wrong("src/render/mod.rs", message), 2);
+    assert_eq!(wrong("src/render/lib.rs", message), 2);
     assert_eq!(wrong("src/cli/advice.rs", message), 0);
-    assert_eq!(wrong("src/model/fit.rs", "// As --model does.\nlet x = -1 - -y;"), 0);
+    assert_eq!(wrong("src/colour/model/fit.rs", "// As --model does.\nlet x = -1 - -y;"), 0);
 }
 
 #[test]
 fn a_missing_purpose_is_caught() {
     let opens = |path: &str, text: &str| opens_with_a_purpose(&Source::new(path, text));
-    assert!(opens("src/plan.rs", "//! What this scene needs.\n") && opens("shaders/march.wgsl", "// The march.\n"));
-    assert!(!opens("src/plan.rs", "// What this scene needs.\n") && !opens("shaders/march.wgsl", "fn main() {}\n"));
+    assert!(
+        opens("src/scene/plan.rs", "//! What this scene needs.\n") && opens("shaders/march.wgsl", "// The march.\n")
+    );
+    assert!(
+        !opens("src/scene/plan.rs", "// What this scene needs.\n") && !opens("shaders/march.wgsl", "fn main() {}\n")
+    );
 }

@@ -3,11 +3,11 @@
 use egui::Vec2;
 use egui_kittest::kittest::Queryable;
 use relume::document::Edit;
-use relume::internal::view::Action;
-use relume::internal::view::effort::Curve;
 use relume::measure::{Goal, Point, Preset, Setting};
 use relume::model::ErrorSummary;
 use relume::scene::{Accuracy, Integration};
+use relume::view::Action;
+use relume::view::effort::Curve;
 
 use crate::app::{App, document};
 

@@ -9,9 +9,9 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use relume::document::moves::Move;
 use relume::document::{Document, Edit, Source};
-use relume::internal::view::layout::{Arrange, Note};
-use relume::internal::view::script::Command;
-use relume::internal::view::{Action, Script};
+use relume::view::layout::{Arrange, Note};
+use relume::view::script::Command;
+use relume::view::{Action, Script};
 use relume::volume::Unit;
 
 use crate::app::{App, click_at, document, is_painted};

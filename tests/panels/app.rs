@@ -12,16 +12,16 @@ use relume::document;
 use relume::document::SceneOptions;
 use relume::document::design::{self, Step};
 use relume::document::{Document, Edit, SceneFile};
-use relume::internal::view::action::Losing;
-use relume::internal::view::effort::Curve;
-use relume::internal::view::layout::{Dock, Layout};
-use relume::internal::view::probe::{Pixel, Ray};
-use relume::internal::view::tour::Tour;
-use relume::internal::view::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
-use relume::internal::view::{Action, Probe};
 use relume::palette::{Conflict, SmoothCost};
 use relume::progress::Quiet;
 use relume::scene::{Interval, Mix};
+use relume::view::action::Losing;
+use relume::view::effort::Curve;
+use relume::view::layout::{Dock, Layout};
+use relume::view::probe::{Pixel, Ray};
+use relume::view::tour::Tour;
+use relume::view::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
+use relume::view::{Action, Probe};
 
 use crate::support::program::{DIAL, Folder, SCENE};
 

@@ -7,7 +7,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use relume::document::moves::{Move, Side};
 use relume::document::{Document, Edit};
-use relume::internal::view::Action;
+use relume::view::Action;
 
 use crate::app::{App, document, wide};
 

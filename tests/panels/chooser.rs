@@ -10,8 +10,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use relume::document::SceneOptions;
 use relume::document::Source;
 use relume::document::{Question, Unknown};
-use relume::internal::view::Action;
-use relume::internal::view::action::{File, Leaving, Losing};
+use relume::view::Action;
+use relume::view::action::{File, Leaving, Losing};
 use relume::volume::{RawLayout, Selection, Series, Several, VoxelType};
 
 use relume::progress::Quiet;

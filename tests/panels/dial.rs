@@ -5,7 +5,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use relume::document::{Document, Edit, Mixing};
-use relume::internal::view::ui;
+use relume::view::ui;
 
 use crate::app::{App, document, drag_along, light_names, reopened, wide};
 

@@ -6,7 +6,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use relume::document::{Document, Edit};
-use relume::internal::view::Action;
+use relume::view::Action;
 
 use crate::app::{App, document, light_names, reopened};
 

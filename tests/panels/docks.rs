@@ -4,10 +4,10 @@ use egui::{Key, Pos2, Rect, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use relume::document::Document;
-use relume::internal::view::Script;
-use relume::internal::view::layout::{Arrange, Dock, Tab};
-use relume::internal::view::script::Command;
-use relume::internal::view::{Action, ui};
+use relume::view::Script;
+use relume::view::layout::{Arrange, Dock, Tab};
+use relume::view::script::Command;
+use relume::view::{Action, ui};
 
 use crate::app::{App, click_at, document, drag_along};
 

@@ -10,9 +10,9 @@ use glam::DVec2;
 use relume::document;
 use relume::document::SceneOptions;
 use relume::document::{Document, Edit};
-use relume::internal::view::Action;
 use relume::progress::Quiet;
 use relume::scene::Projection;
+use relume::view::Action;
 
 use crate::app::{App, click_at, document, drag_along, is_painted, probed, wide, with_histogram};
 use crate::support::program::{DIAL, SCENE};

@@ -6,10 +6,10 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use relume::document::moves::{Move, Side};
 use relume::document::{self, Document, Edit, Mixing};
-use relume::internal::view::Action;
 use relume::plan::Stale;
 use relume::progress::Quiet;
 use relume::scene::{AmbientShares, Lighting};
+use relume::view::Action;
 
 use crate::app::{App, document, light_names, wide};
 

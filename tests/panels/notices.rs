@@ -6,9 +6,9 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use relume::document::Edit;
 use relume::document::moves::{Move, Side};
-use relume::internal::view::Action;
-use relume::internal::view::ui::Notice;
 use relume::scene::Accuracy;
+use relume::view::Action;
+use relume::view::ui::Notice;
 
 use crate::app::{document, wide};
 

@@ -9,9 +9,9 @@ use glam::{DVec2, DVec3};
 use relume::document;
 use relume::document::SceneOptions;
 use relume::document::{Document, Edit};
-use relume::internal::view::Action;
 use relume::progress::Quiet;
 use relume::scene::Interval;
+use relume::view::Action;
 
 use crate::app::{App, click_at, document, intervals, is_painted, painted_in, retype, type_into, wide, with_histogram};
 use crate::support::program::{DIAL, SCENE};

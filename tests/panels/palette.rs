@@ -7,11 +7,11 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use relume::document::design::{self, Spectra, Step};
 use relume::document::{Document, Edit};
-use relume::internal::view::Action;
 use relume::palette::{Conflict, SmoothCost, Smoothing, WayOut};
 use relume::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, bradford, d65_white, display_code, linear_srgb_from_xyz};
 use relume::spectrum::observer::{OBSERVER_1964, Observer};
 use relume::spectrum::{Spectrum, standard};
+use relume::view::Action;
 
 use crate::app::{App, document, offered, wide};
 

@@ -9,9 +9,9 @@ use relume::document;
 use relume::document::SceneOptions;
 use relume::document::moves::Move;
 use relume::document::{Document, Edit};
-use relume::internal::view::Action;
 use relume::progress::Quiet;
 use relume::scene::Interval;
+use relume::view::Action;
 
 use crate::app::{click_at, document, probed, probed_of, wide};
 use crate::support::program::SCENE;

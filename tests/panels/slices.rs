@@ -7,9 +7,9 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use relume::document::{Document, Edit};
-use relume::internal::view::layout::Arrange;
-use relume::internal::view::script::Command;
-use relume::internal::view::{Action, Script};
+use relume::view::layout::Arrange;
+use relume::view::script::Command;
+use relume::view::{Action, Script};
 
 use crate::app::{App, click_at, document, drag_along, is_painted};
 

@@ -6,8 +6,8 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use relume::document::moves::Move;
 use relume::document::{Document, Edit};
-use relume::internal::view::Action;
-use relume::internal::view::tour::Tour;
+use relume::view::Action;
+use relume::view::tour::Tour;
 
 use crate::app::{App, document, is_painted, type_into};
 

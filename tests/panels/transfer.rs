@@ -9,9 +9,9 @@ use egui_kittest::kittest::Queryable;
 use relume::document;
 use relume::document::SceneOptions;
 use relume::document::{Document, Edit};
-use relume::internal::view::Action;
 use relume::progress::Quiet;
 use relume::scene::Interval;
+use relume::view::Action;
 
 use crate::app::{
     App, click_at, document, drag_along, intervals, is_painted, reopened, retype, type_into, wide, with_histogram,

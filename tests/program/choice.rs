@@ -9,7 +9,6 @@ use std::path::Path;
 use std::time::Duration;
 
 use goals::{GoalCost, GoalRow, GoalScene, GoalSummary, goal_row};
-use relume::internal::view::effort;
 use relume::measure::{
     Choice, Goal, Knob, Limit, MeasureError, Patience, Pixels, Preset, Setting, Value, Wanted, check, check_within,
     choose_within,
@@ -18,6 +17,7 @@ use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
+use relume::view::effort;
 use relume::vulkan::Format;
 use serde_json::json;
 use support::device::open;

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use crate::support;
 
+use relume::annotate::Entry;
 use relume::document::first_look::{Kind, Values};
 use relume::document::session;
 use relume::document::{Document, Edit, SceneFile, SceneOptions, Source};
-use relume::internal::annotate::Entry;
 use relume::progress::Quiet;
 use relume::scene::{LabelEntry, Mix};
 use relume::volume::{Selection, Volume, open};

@@ -514,7 +514,8 @@ fn the_parser_of_browsers_finds_errors() {
 
 #[test]
 fn the_script_of_pages_is_made_of_its_source_and_small() {
-    let source = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/output/page/relume.js")).unwrap();
+    let source =
+        std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/document/output/page/relume.js")).unwrap();
     let digest: String = Sha256::digest(&source).iter().take(8).map(|byte| format!("{byte:02x}")).collect();
     let first = SCRIPT.lines().next().unwrap();
     assert_eq!(first, format!("// relume.js {digest}"), "run scripts/page_script");

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use relume::film::Film;
-use relume::internal::number::Real;
+use relume::number::Real;
 use relume::progress::Quiet;
 use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{Aim, Block, Blocks, Camera, Interpolation, Node, Placement, Projection, Scene, low_leaves};

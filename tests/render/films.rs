@@ -125,7 +125,7 @@ fn approached(film: &ThinFilm, terms: usize) -> [f64; 2] {
     let nodes = film.at_angles();
     let between = |cosine: f64, of: &dyn Fn(usize) -> Spectrum| {
         let place = cosine * float(nodes.len() - 1);
-        let low = relume::internal::number::whole(place).min(nodes.len() - 2);
+        let low = relume::number::whole(place).min(nodes.len() - 2);
         let part = place - float(low);
         &of(low).scaled(1.0 - part) + &of(low + 1).scaled(part)
     };

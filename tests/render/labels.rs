@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use relume::film::Film;
-use relume::internal::number::Real;
+use relume::number::Real;
 use relume::scene::{Aim, LabelEntry, LabelInterpolation, Labels, Scene};
 use relume::volume::{Geometry, Volume, Voxels};
 use support::rungs::{Rungs, with_renderer};

@@ -7,7 +7,7 @@ use crate::support;
 
 use glam::DVec3;
 use relume::film::{Components, Film, RelightMatrices};
-use relume::internal::number::Real;
+use relume::number::Real;
 use relume::reference::{End, Samples, Step, Stored};
 use relume::render::Renderer;
 use relume::scene::{Gradients, Lighting, Lookup};

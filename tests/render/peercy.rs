@@ -4,8 +4,8 @@ use crate::support;
 
 use nalgebra::{DMatrix, DVector};
 use relume::film::Film;
-use relume::internal::number::Real;
 use relume::model::Matrices;
+use relume::number::Real;
 use relume::plan::{PlanError, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::render::{Dispatching, RenderError};

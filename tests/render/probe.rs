@@ -4,7 +4,6 @@ use crate::support;
 
 use glam::{DMat3, DVec3};
 use relume::film::{Components, Film, display_from_xyz};
-use relume::internal::view::probe::{Pixel, Probe, Ray};
 use relume::plan::{Planned, ScenePlan};
 use relume::progress::Quiet;
 use relume::reference::march_ray;
@@ -12,6 +11,7 @@ use relume::scene::{Mix, Scene, StoreAs};
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::xyz_of;
 use relume::tables::Reflected;
+use relume::view::probe::{Pixel, Probe, Ray};
 
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE};

@@ -379,7 +379,7 @@ fn a_march_cut_anywhere_is_the_front_part_over_the_back_part() {
 }
 
 /// Numbers of both films differ by `limit` of the largest at most.
-fn same_film<R: relume::internal::number::Real>(what: &str, found: &Film<R>, expected: &Film<R>, limit: f64) {
+fn same_film<R: relume::number::Real>(what: &str, found: &Film<R>, expected: &Film<R>, limit: f64) {
     let numbers = |film: &Film<R>| -> [Vec<f64>; 2] {
         [&film.accumulators, &film.transmittance].map(|numbers| numbers.iter().map(|number| number.to_f64()).collect())
     };

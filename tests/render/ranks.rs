@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use relume::film::{Film, composited};
-use relume::internal::ranks::{Ranks, Relay, all_gather, gather_rows, over, tiles};
+use relume::ranks::{Ranks, Relay, all_gather, gather_rows, over, tiles};
 use relume::scene::Node;
 
 /// Threads as ranks: from each to each a channel.

@@ -6,7 +6,7 @@ use std::{
     process::{Command, Stdio},
 };
 
-use relume::internal::shader::{Constants, FieldLayout, ShaderError, StructLayout, compile, struct_layout};
+use relume::shader::{Constants, FieldLayout, ShaderError, StructLayout, compile, struct_layout};
 
 /// Uses every construct of the renderer's shaders.
 const EVERYTHING: &str = "

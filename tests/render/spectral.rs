@@ -5,7 +5,7 @@ use crate::support;
 use glam::DVec3;
 use relume::document::{SceneOptions, parse};
 use relume::film::Film;
-use relume::internal::number::Real;
+use relume::number::Real;
 use relume::plan::{Accumulate, PlanError, Planned, Shares, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::scene::{AccumulateAs, SceneLight};

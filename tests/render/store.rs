@@ -4,9 +4,9 @@ use crate::support;
 
 use half::f16;
 use relume::film::Film;
-use relume::internal::number::Real;
 use relume::measure::extremes::metameric_black;
 use relume::model::random::Random;
+use relume::number::Real;
 use relume::plan::{PlanError, Planned, ScenePlan, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::scene::{AccumulateAs, Scene, StoreAs};

@@ -15,7 +15,7 @@
 
 use glam::DVec3;
 use relume::film::Film;
-use relume::internal::number::Real;
+use relume::number::Real;
 use relume::plan::{Accumulate, FilmCounts, Planned, PositionCounts, ScenePlan, Shares, Transmittance};
 use relume::reference::{End, Samples, Step};
 use relume::scene::{Lookup, Material, Placement, Position, View};

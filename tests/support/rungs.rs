@@ -4,8 +4,8 @@ use std::ops::{Deref, DerefMut};
 
 use glam::DVec3;
 use relume::film::{Film, RelightMatrices};
-use relume::internal::number::Real;
 use relume::measure;
+use relume::number::Real;
 use relume::plan::Planned;
 use relume::progress::Quiet;
 use relume::reference::{self, Samples};

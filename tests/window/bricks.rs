@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 
 use glam::DVec2;
 use relume::document::{Source, State};
-use relume::internal::view::engine::{Refining, ShownLevel};
-use relume::internal::view::{Engine, Loaded};
 use relume::output::write_bricks;
 use relume::plan::{plan, read_ahead};
 use relume::progress::{Progress, Quiet};
 use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{Aim, Integration, Scene, VolumeAs};
+use relume::view::engine::{Refining, ShownLevel};
+use relume::view::{Engine, Loaded};
 use relume::volume::{HostMemory, RawLayout, Selection, VoxelType};
 
 use crate::support::program::Folder;

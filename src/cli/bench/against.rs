@@ -48,7 +48,7 @@ impl<'a> Earlier<'a> {
     /// [`CliError`] if the file has other contents or comes from another device.
     pub(super) fn read(path: &'a Path, device: &str) -> Result<Self, CliError> {
         let wrong = |problem: &str| CliError::Failed(format!("--against {}: {problem}", path.display()));
-        let bytes = relume::internal::input::read(path, LONGEST)
+        let bytes = crate::input::read(path, LONGEST)
             .map_err(|error| wrong(&format!("{error}; the flag takes the output of `relume bench --json`")))?;
         let mut stored: Value = serde_json::from_slice(&bytes)
             .map_err(|error| wrong(&format!("not the output of `relume bench --json`: {error}")))?;

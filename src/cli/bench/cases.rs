@@ -3,12 +3,12 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use relume::document;
-use relume::document::{Definition, SceneOptions};
-use relume::model::ModelKind;
-use relume::progress::Progress;
-use relume::scene::{AccumulateAs, Material, Placement, Scene, SceneLight, Shading};
-use relume::spectrum::{Absorption, Spectrum};
+use crate::document;
+use crate::document::{Definition, SceneOptions};
+use crate::model::ModelKind;
+use crate::progress::Progress;
+use crate::scene::{AccumulateAs, Material, Placement, Scene, SceneLight, Shading};
+use crate::spectrum::{Absorption, Spectrum};
 
 use super::{Args, CliError, figures};
 

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use relume::measure::{CostCurve, CostTable, costs_html};
-use relume::vulkan::{DeviceInfo, DeviceKind};
+use crate::measure::{CostCurve, CostTable, costs_html};
+use crate::vulkan::{DeviceInfo, DeviceKind};
 
 use super::frames::Row;
 
@@ -124,7 +124,7 @@ impl<'a> Costs<'a> {
             "{}\n{:<width$}  shading  positions  keeps           lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n",
             self.device, "workload"
         );
-        let median = |times: Option<relume::measure::Summary>| times.map_or(f64::NAN, |times| times.median);
+        let median = |times: Option<crate::measure::Summary>| times.map_or(f64::NAN, |times| times.median);
         for row in self.rows {
             text.push_str(&format!(
                 "{:<width$}  {:<8} {:>8}  {:<14}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10}\n",
@@ -200,7 +200,7 @@ impl<'a> Costs<'a> {
             "volume MB",
             "relight MB",
         ];
-        let time = |times: Option<relume::measure::Summary>| {
+        let time = |times: Option<crate::measure::Summary>| {
             times.map_or_else(String::new, |it| format!("{:.2} ({:.2}–{:.2})", it.median, it.min, it.max))
         };
         #[expect(clippy::cast_precision_loss, reason = "two decimals are shown")]

@@ -7,16 +7,16 @@ use std::time::Instant;
 use serde::Serialize;
 use serde_json::json;
 
-use relume::document::first_look::scene_text;
-use relume::document::{SceneOptions, Source, Wish};
-use relume::internal::number::count;
-use relume::measure::{Stopwatch, Timing, peak_mb};
-use relume::output::write_ready_png;
-use relume::plan::plan_for;
-use relume::progress::Progress;
-use relume::render::{Renderer, SceneRenderer};
-use relume::volume::{self, Selection};
-use relume::vulkan::{Device, DeviceChoice, Validation};
+use crate::document::first_look::scene_text;
+use crate::document::{SceneOptions, Source, Wish};
+use crate::measure::{Stopwatch, Timing, peak_mb};
+use crate::number::count;
+use crate::output::write_ready_png;
+use crate::plan::plan_for;
+use crate::progress::Progress;
+use crate::render::{Renderer, SceneRenderer};
+use crate::volume::{self, Selection};
+use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use super::frames::Times;
 use super::{CliError, Report};
@@ -109,7 +109,7 @@ pub(super) fn run(
     );
     let _ = writeln!(text, "medians of {times} more: {:>14}  {:>7}", "wall ms", "cpu ms");
     for Stage { name, times } in &stages {
-        let median = |summary: &Option<relume::measure::Summary>| summary.map_or(f64::NAN, |it| it.median);
+        let median = |summary: &Option<crate::measure::Summary>| summary.map_or(f64::NAN, |it| it.median);
         let _ = writeln!(text, "{name:<29}  {:>7.1}  {:>7.1}", median(&times.wall_ms), median(&times.cpu_ms));
     }
     let parts = "reading, statistics and guess are parts of scene";

@@ -4,14 +4,14 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use relume::film::RelightMatrices;
-use relume::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
-use relume::plan::{Accumulate, Planned, plan};
-use relume::progress::Progress;
-use relume::render::{Renderer, SceneRenderer};
-use relume::scene::{Aim, Mix, Scene, Shading};
-use relume::volume::Statistics;
-use relume::vulkan::DeviceKind;
+use crate::film::RelightMatrices;
+use crate::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
+use crate::plan::{Accumulate, Planned, plan};
+use crate::progress::Progress;
+use crate::render::{Renderer, SceneRenderer};
+use crate::scene::{Aim, Mix, Scene, Shading};
+use crate::volume::Statistics;
+use crate::vulkan::DeviceKind;
 
 use super::cases::{Case, Subject, Varied};
 use super::{Args, CliError, Learnt};

@@ -11,9 +11,9 @@ use flate2::write::GzEncoder;
 use serde::Serialize;
 use serde_json::json;
 
-use relume::measure::{Stopwatch, Summary, peak_mb};
-use relume::progress::Progress;
-use relume::volume::{self, Phantom, Selection, Volume, VolumeError, Voxels};
+use crate::measure::{Stopwatch, Summary, peak_mb};
+use crate::progress::Progress;
+use crate::volume::{self, Phantom, Selection, Volume, VolumeError, Voxels};
 
 use super::frames::Times;
 use super::{CliError, Report};

@@ -13,11 +13,11 @@ use std::time::Instant;
 use clap::ValueEnum;
 use serde_json::json;
 
-use relume::model::ModelKind;
-use relume::output::write_atomically;
-use relume::progress::Progress;
-use relume::render::Renderer;
-use relume::vulkan::{Device, DeviceChoice, Validation};
+use crate::model::ModelKind;
+use crate::output::write_atomically;
+use crate::progress::Progress;
+use crate::render::Renderer;
+use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use against::{Against, Earlier};
 use cases::{Case, Keeping, Subject};

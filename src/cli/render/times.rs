@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use serde_json::{Map, json};
 
-use relume::internal::annotate::{Frame, Overlay};
-use relume::measure::{Stopwatch, Timing, peak_mb};
-use relume::plan::plan_for;
-use relume::progress::{Progress, unreported};
-use relume::render::SceneRenderer;
-use relume::scene::{Camera, Mix, positions};
-use relume::spectrum::Light;
+use crate::annotate::{Frame, Overlay};
+use crate::measure::{Stopwatch, Timing, peak_mb};
+use crate::plan::plan_for;
+use crate::progress::{Progress, unreported};
+use crate::render::SceneRenderer;
+use crate::scene::{Camera, Mix, positions};
+use crate::spectrum::Light;
 
 use super::super::files;
 use super::super::frames::{self, Form, Frames};

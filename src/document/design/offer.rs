@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 
-use crate::number::count;
-use crate::palette::{self, Cell, LAMP, LARGEST, Member, NATURAL, Palette, PaletteError, SMOOTHNESS, Target};
-use crate::progress::Progress;
-use crate::scene::Scene;
-use crate::spectrum::Spectrum;
-use crate::spectrum::colour::{Lab, Xyz, d65_white, lab_from_xyz, xyz};
+use relume_base::number::count;
+use relume_base::progress::Progress;
+use relume_colour::palette::{self, Cell, LAMP, LARGEST, Member, NATURAL, Palette, PaletteError, SMOOTHNESS, Target};
+use relume_colour::spectrum::Spectrum;
+use relume_colour::spectrum::colour::{Lab, Xyz, d65_white, lab_from_xyz, xyz};
+use relume_scene::Scene;
 
 /// Weight of a target that keeps a hue; a target to look alike has weight 1.
 const APART: f64 = 0.2;
@@ -46,7 +46,7 @@ pub fn offer(scene: &Scene, progress: &dyn Progress) -> Result<Palette, PaletteE
 pub fn wished(scene: &Scene) -> Palette {
     let shown: Vec<_> = (0..scene.materials.len()).filter(|&index| scene.shows(index)).take(LARGEST).collect();
     let shown: Vec<_> = shown.into_iter().filter_map(|index| scene.materials.get(index)).collect();
-    let mut lights: Vec<&crate::scene::SceneLight> = Vec::new();
+    let mut lights: Vec<&relume_scene::SceneLight> = Vec::new();
     for light in &scene.lights {
         if lights.len() < 2 && lights.iter().all(|known| known.spectrum != light.spectrum) {
             lights.push(light);
@@ -59,7 +59,7 @@ pub fn wished(scene: &Scene) -> Palette {
         smoothness: SMOOTHNESS,
     };
     let mut cells = Vec::new();
-    let colour = |light: &crate::scene::SceneLight, material: &crate::scene::Material| {
+    let colour = |light: &relume_scene::SceneLight, material: &relume_scene::Material| {
         lab_from_xyz(xyz(&light.spectrum, &material.reflectance), d65_white()).0.map(in_tenths)
     };
     let lightness = lights.first().map_or(0.0, |light| shown.iter().map(|it| colour(light, it)[0]).sum::<f64>())

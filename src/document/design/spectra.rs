@@ -2,10 +2,10 @@
 
 use super::step::Step;
 use super::{BACKGROUND, Side};
-use crate::number::count;
-use crate::palette::{Member, Solution};
-use crate::scene::Scene;
-use crate::spectrum::{BANDS, Light, Reflectance, Spectrum, standard};
+use relume_base::number::count;
+use relume_colour::palette::{Member, Solution};
+use relume_colour::spectrum::{BANDS, Light, Reflectance, Spectrum, standard};
+use relume_scene::Scene;
 
 /// Number of handles of an editable curve: every 50 nm from 380 to 780 nm.
 pub const HANDLES: usize = 9;
@@ -130,7 +130,7 @@ impl Spectra {
     }
 
     /// Replaces the spectra of `scene`.
-    pub(in crate::document) fn put_into(&self, scene: &mut Scene) {
+    pub(crate) fn put_into(&self, scene: &mut Scene) {
         for (index, reflectance) in &self.materials {
             if let Some(material) = scene.materials.get_mut(*index) {
                 material.reflectance = reflectance.clone();

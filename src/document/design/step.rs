@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::{Side, spectrum};
-use crate::model::LARGEST_DIMENSION;
-use crate::palette::{Cell, Member, ModelTerm, Palette, SMOOTHNESSES, Target};
-use crate::scene::Scene;
+use relume_colour::model::LARGEST_DIMENSION;
+use relume_colour::palette::{Cell, Member, ModelTerm, Palette, SMOOTHNESSES, Target};
+use relume_scene::Scene;
 
 /// An edit of a palette. Edits of missing rows, columns and cells have no effect.
 #[derive(Clone, Debug, PartialEq)]

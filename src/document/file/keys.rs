@@ -9,17 +9,17 @@ use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer};
 use toml::{Spanned, Value};
 
-use crate::document::Mixing;
-use crate::model::ModelKind;
-use crate::palette::PaletteFile;
-use crate::scene::{
+use crate::Mixing;
+use relume_colour::model::ModelKind;
+use relume_colour::palette::PaletteFile;
+use relume_colour::spectrum::deficiency::Deficiency;
+use relume_colour::spectrum::observer::Observer;
+use relume_colour::spectrum::{FilmAngle, SpectrumSource};
+use relume_scene::{
     AccumulateAs, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup, Shading,
     ShadowMethod, StoreAs, VolumeAs,
 };
-use crate::spectrum::deficiency::Deficiency;
-use crate::spectrum::observer::Observer;
-use crate::spectrum::{FilmAngle, SpectrumSource};
-use crate::volume::ByteOrder;
+use relume_volume::ByteOrder;
 
 /// A value with its place in the file.
 pub(super) type At<T> = Spanned<T>;

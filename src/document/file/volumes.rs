@@ -1,7 +1,7 @@
 //! Reads the volume, the labels and the crop box of a scene file.
 
 use super::*;
-use crate::document::first_look::{Kind, Values};
+use crate::first_look::{Kind, Values};
 
 impl Text<'_> {
     pub(super) fn crop(&self, crop: &At<CropFile>, volume: &Volume) -> Result<[DVec3; 2], SceneError> {
@@ -39,7 +39,9 @@ impl Text<'_> {
         let is_read = read.is_some();
         let mut volume = match (read, path, &file.phantom) {
             (Some(volume), ..) => volume,
-            (None, Some(path), _) => volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?,
+            (None, Some(path), _) => {
+                relume_volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?
+            }
             (None, None, Some(phantom)) => {
                 let kind: Phantom =
                     phantom.get_ref().parse().map_err(|error| self.invalid(phantom, format!("{error}")))?;
@@ -137,7 +139,7 @@ impl Text<'_> {
             Ok(labels)
         };
         let mut labels = match options.labels.clone().or(stated) {
-            Some(path) => volume::open(&path, &Selection::default(), progress).map_err(fail)?,
+            Some(path) => relume_volume::open(&path, &Selection::default(), progress).map_err(fail)?,
             None if of_phantom.is_some() && options.volume.is_none() => {
                 Volume::frog_labels(file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
             }
@@ -248,7 +250,7 @@ fn whole_grid(stored: &Geometry, blocks: [usize; 3]) -> Geometry {
 impl VolumeFile {
     /// Table of the names of labels, or the name of a built-in one.
     fn label_names(&self, base: &Path, options: &SceneOptions) -> Option<PathBuf> {
-        let of_scene = |path: &PathBuf| if volume::is_built_in(path) { path.clone() } else { base.join(path) };
+        let of_scene = |path: &PathBuf| if relume_volume::is_built_in(path) { path.clone() } else { base.join(path) };
         options.label_names.clone().or_else(|| self.label_names.as_ref().map(of_scene))
     }
 

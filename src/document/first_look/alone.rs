@@ -1,9 +1,9 @@
 //! Removes tables and head rests from first looks.
 
 use super::values::{Kind, Values};
-use crate::number::count;
-use crate::progress::Progress;
-use crate::volume::{Modality, PartBox, Volume, VolumeError};
+use relume_base::number::count;
+use relume_base::progress::Progress;
+use relume_volume::{Modality, PartBox, Volume, VolumeError};
 
 /// Hounsfield units below water from which soft tissue begins, with the part of a voxel on its surface.
 const SOFT: f64 = 300.0;

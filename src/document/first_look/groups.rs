@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 
 use glam::{DMat3, DVec3};
 
-use crate::number::{count, whole};
-use crate::spectrum::colour::{LinearSrgb, decode_srgb, xyz_from_linear_srgb, xyz_of};
-use crate::spectrum::{BANDS, Spectrum, srgb_code, standard, wavelength_nm};
+use relume_base::number::{count, whole};
+use relume_colour::spectrum::colour::{LinearSrgb, decode_srgb, xyz_from_linear_srgb, xyz_of};
+use relume_colour::spectrum::{BANDS, Spectrum, srgb_code, standard, wavelength_nm};
 
 /// Most groups, each of which has a light of its own.
 pub(super) const MOST: usize = 3;

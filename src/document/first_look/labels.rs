@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use super::code;
-use crate::volume::{LabelPreset, MOST_LABELS, NoLabels, Volume, VolumeError, is_background};
+use relume_volume::{LabelPreset, MOST_LABELS, NoLabels, Volume, VolumeError, is_background};
 
 /// Opacity of labels of a label map, per voxel: a surface that shows what is in front of it.
 pub(super) const LABEL_OPACITY: f64 = 0.5;
@@ -145,7 +145,7 @@ pub(super) fn entries_text(labels: &[Named], opacities: &[f64]) -> String {
 /// # Errors
 ///
 /// [`VolumeError::Layout`] for a volume that is no label map, or has too many labels.
-pub(in crate::document) fn labels_text(map: &Volume, scene: &str) -> Result<Option<String>, VolumeError> {
+pub(crate) fn labels_text(map: &Volume, scene: &str) -> Result<Option<String>, VolumeError> {
     map.require_voxels("a label map")?;
     let counts = map.label_counts(MOST_LABELS + 1).map_err(|problem| map.no_labels(problem))?;
     let ids: Vec<i64> = counts.keys().copied().filter(|&label| !is_background(label, &counts)).collect();
@@ -172,7 +172,9 @@ pub(in crate::document) fn labels_text(map: &Volume, scene: &str) -> Result<Opti
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::spectrum::colour::{LinearSrgb, ciede2000, d65_white, decode_srgb, lab_from_xyz, xyz_from_linear_srgb};
+    use relume_colour::spectrum::colour::{
+        LinearSrgb, ciede2000, d65_white, decode_srgb, lab_from_xyz, xyz_from_linear_srgb,
+    };
 
     #[test]
     fn colours_of_labels_can_be_told_apart() {

@@ -26,12 +26,12 @@ use super::fit;
 use super::moves::Side;
 use super::silhouette::{Depths, Seen};
 use super::transfer_presets::TransferPreset;
-use crate::number::{brief, brief_in, count, from_label, in_range, nearest_label, whole};
-use crate::parallel;
-use crate::progress::Progress;
-use crate::scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term};
-use crate::volume::{Geometry, Presets, Statistics, Volume, VolumeError, Window};
-use crate::written::refused_name;
+use relume_base::number::{brief, brief_in, count, from_label, in_range, nearest_label, whole};
+use relume_base::parallel;
+use relume_base::progress::Progress;
+use relume_colour::written::refused_name;
+use relume_scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term};
+use relume_volume::{Geometry, Presets, Statistics, Volume, VolumeError, Window};
 
 /// Designed materials and lights of a first look.
 const DESIGN: &str = include_str!("../../../data/scenes/volume.toml");

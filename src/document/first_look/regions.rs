@@ -1,7 +1,7 @@
 //! Tells segmentations with many labels from scans with whole numbers, by voxels and their neighbours (docs/theory/first-look.md).
 
-use crate::number::{count, whole};
-use crate::volume::{LabelCounts, Volume};
+use relume_base::number::{count, whole};
+use relume_volume::{LabelCounts, Volume};
 
 /// Places that are examined.
 const PLACES: usize = 40_000;

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use crate::number::{count, unsigned, whole};
-use crate::parallel;
-use crate::volume::{Geometry, Volume, VolumeError, Voxels, with_voxels};
+use relume_base::number::{count, unsigned, whole};
+use relume_base::parallel;
+use relume_volume::{Geometry, Volume, VolumeError, Voxels, with_voxels};
 
 /// Most voxels of a thinned copy.
 const MOST: usize = 1_200_000;
@@ -208,7 +208,7 @@ fn bounded(sides: [usize; 3], mut stride: [usize; 3]) -> ([usize; 3], [usize; 3]
     }
 }
 
-fn to_f64<T: crate::volume::Voxel>(voxel: T) -> f64 {
+fn to_f64<T: relume_volume::Voxel>(voxel: T) -> f64 {
     voxel.to_f64()
 }
 

@@ -7,8 +7,8 @@ use super::super::otsu::otsu;
 use super::super::transfer_presets::hounsfield;
 use super::regions;
 use super::sample::Thinned;
-use crate::number::{brief, count, in_range, whole};
-use crate::volume::{LabelCounts, MOST_LABELS, Modality, Statistics, Unit, Volume, Window, is_background};
+use relume_base::number::{brief, count, in_range, whole};
+use relume_volume::{LabelCounts, MOST_LABELS, Modality, Statistics, Unit, Volume, Window, is_background};
 
 /// Bins of the histogram between the 0.05th and the 99.95th percentile.
 const BINS: usize = 256;

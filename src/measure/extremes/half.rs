@@ -4,10 +4,10 @@ use super::left::{Left, delta_e, worst};
 use super::slab::{GREEN, Picture, Slab};
 use super::spectra::{AMPLITUDES, black_slab, metameric_black};
 use super::{Bound, Extreme, ExtremeError, Group};
-use crate::measure::rungs::RungError;
-use crate::plan::PlanError;
-use crate::scene::{Scene, StoreAs};
-use crate::spectrum::Reflectance;
+use crate::rungs::RungError;
+use relume_colour::spectrum::Reflectance;
+use relume_scene::plan::PlanError;
+use relume_scene::{Scene, StoreAs};
 
 pub(super) fn extremes() -> Vec<Extreme> {
     let [surface, designed, largest] = AMPLITUDES;

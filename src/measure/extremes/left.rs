@@ -3,12 +3,14 @@
 use glam::{DMat3, DVec3};
 
 use super::{ExtremeError, Rung};
-use crate::film::{Film, RelightMatrices};
-use crate::measure::rungs::{RungError, Rungs};
-use crate::plan::Planned;
-use crate::progress::Progress;
-use crate::render::Renderer;
-use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
+use crate::rungs::{RungError, Rungs};
+use relume_base::progress::Progress;
+use relume_colour::spectrum::colour::{
+    LINEAR_SRGB_FROM_XYZ, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz,
+};
+use relume_render::Renderer;
+use relume_scene::film::{Film, RelightMatrices};
+use relume_scene::plan::Planned;
 
 /// Film and picture of a scene on one rung.
 pub(super) struct Left<'a> {

@@ -5,9 +5,9 @@ use glam::DVec3;
 use super::left::{delta_e, worst};
 use super::slab::{GREEN, Picture, Slab};
 use super::{Bound, Extreme, ExtremeError, Group};
-use crate::scene::{Placement, Scene, SceneLight, Shading};
-use crate::spectrum::colour::xyz_of;
-use crate::spectrum::{BANDS, Light, Spectrum, SpectrumError, standard};
+use relume_colour::spectrum::colour::xyz_of;
+use relume_colour::spectrum::{BANDS, Light, Spectrum, SpectrumError, standard};
+use relume_scene::{Placement, Scene, SceneLight, Shading};
 
 /// Constructor of a light.
 type Spectral = fn() -> Result<Light, SpectrumError>;

@@ -5,11 +5,11 @@ use glam::DVec3;
 use super::left::{delta_e, worst};
 use super::slab::{Picture, Slab};
 use super::{Bound, Extreme, ExtremeError, Group};
-use crate::number::count as number;
-use crate::plan::Accumulate;
-use crate::scene::Scene;
-use crate::spectrum::colour::xyz_of;
-use crate::spectrum::{Reflectance, Spectrum, standard};
+use relume_base::number::count as number;
+use relume_colour::spectrum::colour::xyz_of;
+use relume_colour::spectrum::{Reflectance, Spectrum, standard};
+use relume_scene::Scene;
+use relume_scene::plan::Accumulate;
 
 pub(super) fn extremes() -> Vec<Extreme> {
     vec![

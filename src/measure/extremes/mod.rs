@@ -23,11 +23,11 @@ use std::fmt;
 use serde::{Serialize, Serializer};
 
 use super::rungs::{RungError, Rungs};
-use crate::document::{SceneError, chain};
-use crate::progress::{Progress, unreported};
-use crate::render::{RenderError, Renderer};
-use crate::spectrum::SpectrumError;
-use crate::volume::VolumeError;
+use relume_base::progress::{Progress, unreported};
+use relume_colour::spectrum::SpectrumError;
+use relume_document::{SceneError, chain};
+use relume_render::{RenderError, Renderer};
+use relume_volume::VolumeError;
 
 pub use bound::{BLACK_DELTA_E, Bound, EQUAL_STEPS, LINEARITY, OPACITY, ROUNDING_UNIT, TERMINATION_DELTA_E};
 

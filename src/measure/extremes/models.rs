@@ -3,9 +3,9 @@
 use super::left::{Left, worst};
 use super::slab::{GREEN, Picture, Slab};
 use super::{Answer, Bound, Extreme, ExtremeError, Group, Rung};
-use crate::document::SceneError;
-use crate::model::{Amplification, LARGEST_DIMENSION};
-use crate::spectrum::Spectrum;
+use relume_colour::model::{Amplification, LARGEST_DIMENSION};
+use relume_colour::spectrum::Spectrum;
+use relume_document::SceneError;
 
 pub(super) fn extremes() -> Vec<Extreme> {
     let mut all: Vec<Extreme> = [1, 2, 3, 16, LARGEST_DIMENSION].map(|k| followed("nodes", k)).into();
@@ -62,7 +62,7 @@ fn by_step(slab: &Slab, left: &Left<'_>) -> f64 {
 /// them.
 fn unclamped() -> Extreme {
     const DEPTH: f64 = 5.0;
-    let ask = |_: Option<&_>, _: &dyn crate::progress::Progress| {
+    let ask = |_: Option<&_>, _: &dyn relume_base::progress::Progress| {
         let rungs = slab("sharpened-semigroup", 6).picture()?.rungs()?;
         let shape = rungs.scene.materials.first().and_then(|material| material.absorption.as_ref());
         let largest = rungs.planned.model.as_ref().zip(shape).map(|(model, shape)| {

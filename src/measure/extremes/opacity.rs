@@ -6,9 +6,9 @@ use super::bound::{OPACITY, TERMINATION_DELTA_E};
 use super::left::{delta_e, relative, worst};
 use super::slab::{GREEN, Picture, Slab, straight_on};
 use super::{Bound, Extreme, ExtremeError, Group};
-use crate::scene::{Placement, Scene, ShadowMethod, Shadows};
-use crate::spectrum::{Reflectance, Spectrum};
-use crate::tables::LARGEST_RISE;
+use relume_colour::spectrum::{Reflectance, Spectrum};
+use relume_scene::tables::LARGEST_RISE;
+use relume_scene::{Placement, Scene, ShadowMethod, Shadows};
 
 pub(super) fn extremes() -> Vec<Extreme> {
     let few = Bound::march(8.0);

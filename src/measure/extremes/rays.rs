@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::left::worst;
 use super::slab::{Picture, Slab};
 use super::{Bound, Extreme, ExtremeError, Group};
-use crate::number::count;
-use crate::scene::{Aim, Camera, Projection};
+use relume_base::number::count;
+use relume_scene::{Aim, Camera, Projection};
 
 pub(super) fn extremes() -> Vec<Extreme> {
     let mut all: Vec<Extreme> = [

@@ -8,7 +8,7 @@ use super::bound::ROUNDING_UNIT;
 use super::left::worst;
 use super::slab::{Picture, Slab, straight_on};
 use super::{Bound, Extreme, ExtremeError, Group};
-use crate::scene::{Projection, Scene};
+use relume_scene::{Projection, Scene};
 
 pub(super) fn extremes() -> Vec<Extreme> {
     let mut all: Vec<Extreme> = [1e-40, 1e-6, 1e6, 1e35].map(spacing).into();
@@ -53,7 +53,7 @@ fn flat_voxels() -> Extreme {
         with_spacing(&mut scene, DVec3::new(1.0, 1.0, 100.0));
         let mut across = scene.clone();
         let position = DVec3::new(-10.0, 2.0, 400.0);
-        across.camera.aim = crate::scene::Aim::LookAt { position, target: position + DVec3::X };
+        across.camera.aim = relume_scene::Aim::LookAt { position, target: position + DVec3::X };
         Ok(vec![Picture::of(scene), Picture::of(across)])
     };
     Extreme::shown(Group::Sizes, "a spacing of 1:1:100", Bound::march(800.0), scene, move |lefts| {

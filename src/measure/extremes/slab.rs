@@ -7,13 +7,13 @@ use glam::DVec3;
 
 use super::ExtremeError;
 use super::left::{Left, relative, worst};
-use crate::document::{SceneOptions, parse};
-use crate::measure::rungs::Rungs;
-use crate::number::count;
-use crate::plan::plan_full_spectrum;
-use crate::progress::Quiet;
-use crate::scene::{Aim, Camera, Projection, Scene};
-use crate::volume::{Geometry, Volume, Voxels};
+use crate::rungs::Rungs;
+use relume_base::number::count;
+use relume_base::progress::Quiet;
+use relume_document::{SceneOptions, parse};
+use relume_scene::plan::plan_full_spectrum;
+use relume_scene::{Aim, Camera, Projection, Scene};
+use relume_volume::{Geometry, Volume, Voxels};
 
 /// A scene and its picture size.
 pub(super) struct Picture {

@@ -6,9 +6,9 @@ use super::bound::BLACK_DELTA_E;
 use super::left::{delta_e, worst};
 use super::slab::{Picture, Slab};
 use super::{Bound, Extreme, ExtremeError, Group};
-use crate::scene::Scene;
-use crate::spectrum::colour::OBSERVER;
-use crate::spectrum::{Reflectance, Spectrum, standard};
+use relume_colour::spectrum::colour::OBSERVER;
+use relume_colour::spectrum::{Reflectance, Spectrum, standard};
+use relume_scene::Scene;
 
 /// Amplitudes of metameric blacks: of a surface, a designed one and a pseudo-inverse (docs/theory/numerics.md).
 pub(super) const AMPLITUDES: [f64; 3] = [0.7, 4.0, 270.0];

@@ -3,8 +3,8 @@
 use super::left::worst;
 use super::slab::{GREEN, Slab};
 use super::{Bound, Extreme, ExtremeError, Group, Rung};
-use crate::measure::rungs::RungError;
-use crate::reference::ReferenceError;
+use crate::rungs::RungError;
+use relume_scene::reference::ReferenceError;
 
 pub(super) fn extremes() -> Vec<Extreme> {
     let mut all: Vec<Extreme> = [

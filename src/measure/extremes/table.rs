@@ -138,7 +138,7 @@ pub fn to_csv(rows: &[Row]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::extremes::{Bound, Rung};
+    use crate::extremes::{Bound, Rung};
 
     fn rows() -> Vec<Row> {
         let row = |name: &str, measured: f64, said: Option<&str>| Row {

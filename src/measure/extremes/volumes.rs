@@ -5,9 +5,9 @@ use glam::DVec3;
 use super::left::{Left, worst};
 use super::slab::{Picture, Slab, scene_of, volume};
 use super::{Bound, Extreme, ExtremeError, Group};
-use crate::measure::rungs::RungError;
-use crate::scene::{Aim, Shading};
-use crate::volume::{VolumeError, Voxels};
+use crate::rungs::RungError;
+use relume_scene::{Aim, Shading};
+use relume_volume::{VolumeError, Voxels};
 
 /// Makes four voxels of two values.
 type Filled = fn([f64; 2]) -> Voxels;
@@ -182,7 +182,7 @@ fn broken(shading: &'static str) -> Extreme {
         let mut scene = scene_of(&text, volume(DIMS, Voxels::F32(voxels))?)?;
         let position = DVec3::new(-20.0, -11.0, -31.0);
         scene.camera.aim = Aim::LookAt { position, target: DVec3::splat(7.5) };
-        scene.camera.projection = crate::scene::Projection::Orthographic { height: Some(16.0) };
+        scene.camera.projection = relume_scene::Projection::Orthographic { height: Some(16.0) };
         Ok(Picture { size: [12, 9], ..Picture::of(scene) })
     };
     let both = move || Ok(vec![scene([f32::NAN, f32::INFINITY, f32::NEG_INFINITY])?, scene([0.0, 990.0, 0.0])?]);

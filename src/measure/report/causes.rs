@@ -2,11 +2,11 @@
 
 use super::drawing::{Drawing, Logarithmic, PARTS, Paint, escaped, tick};
 use super::entry::{Entry, LEAST, name, told_error};
-use crate::measure::findings::by_cause;
-use crate::measure::ladder::Cause;
-use crate::measure::measured::Measured;
-use crate::measure::setting::Setting;
-use crate::number::count;
+use crate::findings::by_cause;
+use crate::ladder::Cause;
+use crate::measured::Measured;
+use crate::setting::Setting;
+use relume_base::number::count;
 
 /// Largest number of lines.
 const MOST_LINES: usize = 60;

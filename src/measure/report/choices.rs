@@ -5,10 +5,10 @@ use std::fmt::Write as _;
 use super::drawing::escaped;
 use super::entry::{Entry, seen};
 use super::trust::Trust;
-use crate::measure::digits::short;
-use crate::measure::measured::Measured;
-use crate::measure::survey::Survey;
-use crate::number::readable;
+use crate::digits::short;
+use crate::measured::Measured;
+use crate::survey::Survey;
+use relume_base::number::readable;
 
 /// Purposes of pictures, each with its limit on p95 (ΔE00).
 const PURPOSES: [(&str, f64); 3] = [("dragging", 8.0), ("looking", 2.0), ("a figure", 0.5)];

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use super::STYLE;
 use super::drawing::{Drawing, Logarithmic, PARTS, escaped, tick};
-use crate::measure::digits::short;
-use crate::number::count;
+use crate::digits::short;
+use relume_base::number::count;
 
 /// A table of the page; its first row holds the column heads.
 #[derive(Clone, Debug, Default)]
@@ -91,7 +91,7 @@ fn drawing(curve: &CostCurve) -> Drawing {
     values.sort_by(f64::total_cmp);
     values.dedup();
     for value in values {
-        drawing.small([across.at(value), bottom + 16.0], "middle", &crate::number::readable(value));
+        drawing.small([across.at(value), bottom + 16.0], "middle", &relume_base::number::readable(value));
     }
     for (i, (name, points)) in curve.lines.iter().enumerate() {
         let colour = PARTS[i / 2 % PARTS.len()];
@@ -99,7 +99,7 @@ fn drawing(curve: &CostCurve) -> Drawing {
         let places: Vec<[f64; 2]> = points.iter().map(|&[x, y]| [across.at(x), up.at(y)]).collect();
         drawing.coloured_path(&places, colour, relight);
         for (&[x, y], place) in points.iter().zip(&places) {
-            let told = format!("{name}: {} ms at {}", short(y), crate::number::readable(x));
+            let told = format!("{name}: {} ms at {}", short(y), relume_base::number::readable(x));
             drawing.marker(*place, colour, relight, &told);
         }
         let row = 30.0 + 13.0 * count(i);

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::number::count;
+use relume_base::number::count;
 
 /// Colours of parts for all kinds of colour vision, on white and on black (after Okabe and Ito 2008).
 pub(super) const PARTS: [&str; 11] = [
@@ -23,7 +23,7 @@ pub(super) struct Drawing {
     height: f64,
 }
 
-pub(super) use crate::written::escaped;
+pub(super) use relume_colour::written::escaped;
 
 impl Drawing {
     pub(super) fn new(width: f64, height: f64) -> Self {

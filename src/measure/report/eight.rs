@@ -7,16 +7,16 @@ use super::entry::{OWN, seen, told_error};
 use super::pictures::Scale;
 use super::places::{Figure, mosaic};
 use super::trust::Trust;
-use crate::measure::digits::short;
-use crate::measure::findings::{by_cause, carried};
-use crate::measure::ladder::Cause;
-use crate::measure::measured::Measured;
-use crate::measure::setting::{Knob, Value};
-use crate::measure::survey::Survey;
-use crate::model::ModelKind;
-use crate::number::count;
-use crate::output::OutputError;
-use crate::scene::StoreAs;
+use crate::digits::short;
+use crate::findings::{by_cause, carried};
+use crate::ladder::Cause;
+use crate::measured::Measured;
+use crate::setting::{Knob, Value};
+use crate::survey::Survey;
+use relume_base::number::count;
+use relume_colour::model::ModelKind;
+use relume_document::output::OutputError;
+use relume_scene::StoreAs;
 
 /// Rows that change only the colour model and its dimension.
 pub(super) struct Carried<'a> {
@@ -112,7 +112,7 @@ pub(super) fn eight(
             "This scene uses k = {}: with it, the model alone changes no spectrum of the scene's materials by more than \
              ΔE00 {} (the scene's tolerance), and the picture by less",
             own.components,
-            crate::number::readable(scene.accuracy.tolerance)
+            relume_base::number::readable(scene.accuracy.tolerance)
         ),
     };
     let why = if own.components == 8 && !own.carrier.starts_with("weights") {

@@ -1,11 +1,11 @@
 //! Measured settings and their names on a page.
 
 use super::trust::Trust;
-use crate::measure::digits::short;
-use crate::measure::findings::span;
-use crate::measure::measured::Measured;
-use crate::measure::setting::Setting;
-use crate::model::ErrorSummary;
+use crate::digits::short;
+use crate::findings::span;
+use crate::measured::Measured;
+use crate::setting::Setting;
+use relume_colour::model::ErrorSummary;
 
 /// Name of the scene's own setting.
 pub(super) const OWN: &str = "the scene's own";

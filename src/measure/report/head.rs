@@ -7,13 +7,13 @@ use super::Findings;
 use super::drawing::escaped;
 use super::knobs::step_in_voxels;
 use super::trust::Trust;
-use crate::measure::findings::spread;
-use crate::measure::measured::Measured;
-use crate::measure::survey::Survey;
-use crate::measure::written::written;
-use crate::number::{brief, count, readable};
-use crate::scene::{Mix, Scene};
-use crate::spectrum::observer::Observer;
+use crate::findings::spread;
+use crate::measured::Measured;
+use crate::survey::Survey;
+use crate::written::written;
+use relume_base::number::{brief, count, readable};
+use relume_colour::spectrum::observer::Observer;
+use relume_scene::{Mix, Scene};
 
 /// Scene, light, pixels, times and the scene's own setting, one line each.
 pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -> String {

@@ -7,13 +7,13 @@ use super::entry::{CUBIC, Entry, INVISIBLE, name};
 use super::trade::{floored, p95};
 use super::trust::{Trust, is_as_close};
 use super::words::meaning;
-use crate::measure::digits::{megabytes, short};
-use crate::measure::findings::span;
-use crate::measure::measured::Measured;
-use crate::measure::setting::Knob;
-use crate::measure::written::written;
-use crate::number::{count, readable};
-use crate::scene::Scene;
+use crate::digits::{megabytes, short};
+use crate::findings::span;
+use crate::measured::Measured;
+use crate::setting::Knob;
+use crate::written::written;
+use relume_base::number::{count, readable};
+use relume_scene::Scene;
 
 /// Change of p95 from the scene's own below which a knob gets no chart.
 const MOVED: f64 = 0.05;

@@ -38,7 +38,7 @@ impl Labels {
 
     /// Finds a place for `name` near a dot of `radius` at `[x, y]`; `None` if there is none.
     pub(super) fn place(&mut self, [x, y]: [f64; 2], radius: f64, name: &str) -> Option<Place> {
-        let letters = crate::number::count(name.chars().count());
+        let letters = relume_base::number::count(name.chars().count());
         let [wide, high] = [letters * LETTER[0] / 2.0 + MARGIN, LETTER[1] / 2.0];
         let turns = (0..24).map(|i| f64::from(i) * std::f64::consts::TAU / 24.0 - 0.5);
         let found = [2.0, 14.0, 26.0, 40.0, 56.0, 74.0, 96.0, 120.0, 150.0].into_iter().flat_map(|away| {
@@ -75,7 +75,7 @@ impl Labels {
     /// Returns the left end of the baseline of `name` right or left of a dot of `radius` at `[x, y]`, if the name
     /// covers no dots, names or lines there.
     pub(super) fn beside(&mut self, [x, y]: [f64; 2], radius: f64, name: &str) -> Option<[f64; 2]> {
-        let wide = crate::number::count(name.chars().count()) * SMALL_LETTER + MARGIN;
+        let wide = relume_base::number::count(name.chars().count()) * SMALL_LETTER + MARGIN;
         let half = LETTER[1] / 2.0;
         let places = [x + radius, x - radius - wide].map(|left| [left, y - half, left + wide, y + half]);
         let fits = |place: &Rectangle| {

@@ -23,12 +23,12 @@ use std::fmt::Write as _;
 use super::measured::{CloseUp, Measured};
 use super::setting::Setting;
 use super::survey::Survey;
-use crate::output::OutputError;
 pub use costs::{CostCurve, CostTable, costs_html};
 use drawing::escaped;
 use eight::Carried;
 use entry::entries;
 use places::scale_for;
+use relume_document::output::OutputError;
 use trust::Trust;
 
 /// Contents of a report besides the survey.

@@ -7,9 +7,9 @@ use super::drawing::escaped;
 use super::entry::{Entry, LEAST, told_error};
 use super::trust::Trust;
 use super::words::meaning;
-use crate::measure::digits::{megabytes, short};
-use crate::measure::ladder::Cause;
-use crate::measure::setting::Knob;
+use crate::digits::{megabytes, short};
+use crate::ladder::Cause;
+use crate::setting::Knob;
 
 /// Table with a row per measurement, grouped by knob: time, memory and errors first, then the mean by cause, then the
 /// rest.

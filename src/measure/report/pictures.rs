@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use crate::output::{OutputError, ready_png};
-use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, encode_srgb};
+use relume_colour::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, encode_srgb};
+use relume_document::output::{OutputError, ready_png};
 
 /// A logarithmic scale of ΔE00.
 #[derive(Clone, Copy)]
@@ -73,9 +73,9 @@ impl Scale {
 
     /// Colour of a ΔE00.
     pub(super) fn heat(self, difference: f64) -> [u8; 3] {
-        let place = self.share(difference) * crate::number::count(INFERNO.len() - 1);
-        let before = crate::number::whole(place).min(INFERNO.len() - 2);
-        let rest = place - crate::number::count(before);
+        let place = self.share(difference) * relume_base::number::count(INFERNO.len() - 1);
+        let before = relume_base::number::whole(place).min(INFERNO.len() - 2);
+        let rest = place - relume_base::number::count(before);
         std::array::from_fn(|part| {
             let [one, two] = [INFERNO[before][part], INFERNO[before + 1][part]];
             level((two - one).mul_add(rest, one))

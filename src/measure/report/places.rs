@@ -7,11 +7,11 @@ use glam::DVec3;
 use super::drawing::{Drawing, Paint, escaped, middles, tick};
 use super::entry::INVISIBLE;
 use super::pictures::{Picture, Scale};
-use crate::measure::digits::short;
-use crate::measure::measured::{CloseUp, Measured};
-use crate::measure::survey::Survey;
-use crate::number::{count, whole};
-use crate::output::OutputError;
+use crate::digits::short;
+use crate::measured::{CloseUp, Measured};
+use crate::survey::Survey;
+use relume_base::number::{count, whole};
+use relume_document::output::OutputError;
 
 /// A picture of the page.
 pub(super) struct Figure {

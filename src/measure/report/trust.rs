@@ -1,8 +1,8 @@
 //! Whether times are reliable enough to choose by; one decision for the whole page.
 
-use crate::measure::digits::short;
-use crate::measure::findings::{ALIKE, cheapest_for_sure, closest, is_faster, scatter, span};
-use crate::measure::measured::Measured;
+use crate::digits::short;
+use crate::findings::{ALIKE, cheapest_for_sure, closest, is_faster, scatter, span};
+use crate::measured::Measured;
 
 /// Ratio between times of the same work above which times are rough.
 const SCATTERED: f64 = 1.4;

@@ -6,13 +6,13 @@ use super::eight::Carried;
 use super::entry::{INVISIBLE, LEAST, seen, told_error};
 use super::knobs::{step_in_voxels, worth};
 use super::trust::Trust;
-use crate::measure::digits::short;
-use crate::measure::findings::{by_cause, cheapest, closest};
-use crate::measure::ladder::Cause;
-use crate::measure::measured::Measured;
-use crate::measure::setting::{Knob, Value};
-use crate::number::{capital, readable};
-use crate::scene::Scene;
+use crate::digits::short;
+use crate::findings::{by_cause, cheapest, closest};
+use crate::ladder::Cause;
+use crate::measured::Measured;
+use crate::setting::{Knob, Value};
+use relume_base::number::{capital, readable};
+use relume_scene::Scene;
 
 /// ΔE00 that is just visible side by side.
 const SEEN: f64 = 1.0;

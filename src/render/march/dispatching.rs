@@ -1,7 +1,7 @@
 //! Division of a march into workgroups and dispatches, and the memory of its tables.
 
-use crate::render::pool::Residence;
-use crate::vulkan::{Device, DeviceKind};
+use crate::pool::Residence;
+use relume_vulkan::{Device, DeviceKind};
 
 /// Largest number of samples along a ray per dispatch.
 pub(crate) const SLICE: u32 = 16_384;
@@ -36,7 +36,7 @@ pub enum TableMemory {
 
 impl TableMemory {
     /// The memory with the fastest march on `device`.
-    pub(in crate::render) fn fastest(device: &Device) -> Self {
+    pub(crate) fn fastest(device: &Device) -> Self {
         if device.info().kind == DeviceKind::Software { Self::Uniform } else { Self::Storage }
     }
 }

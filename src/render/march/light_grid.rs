@@ -10,16 +10,16 @@ use glam::DVec3;
 
 use super::dispatching::TableMemory;
 use super::source::{Fill, Texel, light_grid_source, light_order_source, sky_source};
-use crate::number::{count, rounded, unsigned, whole};
-use crate::plan::{Planned, ScenePlan};
-use crate::render::pool::is_one_allocation;
-use crate::render::{RenderError, Renderer, Source, Uploaded};
-use crate::scene::{Interpolation, Lookup, Scene};
-use crate::tables::{
+use crate::pool::is_one_allocation;
+use crate::{RenderError, Renderer, Source, Uploaded};
+use relume_base::number::{count, rounded, unsigned, whole};
+use relume_scene::plan::{Planned, ScenePlan};
+use relume_scene::tables::{
     ExtinctionTable, GRID_LIGHTS, GradientTable, GridDepth, GridLight, LARGEST_RISE, LightGrid, PositionTable,
     SKY_SPACING, Sweep, Within, sky_direction, sky_reach,
 };
-use crate::vulkan::{Buffer, ComputePipeline, Filter, Format, HostUse, Image3d, Resource, ResourceSet, Sampler};
+use relume_scene::{Interpolation, Lookup, Scene};
+use relume_vulkan::{Buffer, ComputePipeline, Filter, Format, HostUse, Image3d, Resource, ResourceSet, Sampler};
 
 /// Pixels of a workgroup, across and down.
 const GROUP: [u32; 2] = [8, 8];

@@ -1,12 +1,12 @@
 //! The mean of several rays of a pixel, on the device.
 
 use super::source::formats;
-use crate::number::{count, rounded, unsigned};
-use crate::plan::ScenePlan;
-use crate::render::{RenderError, Renderer, Source};
-use crate::scene::StoreAs;
-use crate::shader::Constants;
-use crate::vulkan::{ComputePipeline, Format, Resource, ResourceSet, StorageImage};
+use crate::{RenderError, Renderer, Source};
+use relume_base::number::{count, rounded, unsigned};
+use relume_scene::StoreAs;
+use relume_scene::plan::ScenePlan;
+use relume_vulkan::shader::Constants;
+use relume_vulkan::{ComputePipeline, Format, Resource, ResourceSet, StorageImage};
 
 /// Width of a workgroup: long rows, as for a relight.
 const GROUP_WIDTH: u32 = 64;

@@ -6,11 +6,11 @@ use bytemuck::Pod;
 use half::f16;
 
 use super::DeviceFilm;
-use crate::film::Film;
-use crate::number::unsigned;
-use crate::plan::{LANE, Transmittance};
-use crate::render::{RenderError, Renderer};
-use crate::vulkan::{Buffer, Device, Format, HostUse, StorageImage};
+use crate::{RenderError, Renderer};
+use relume_base::number::unsigned;
+use relume_scene::film::Film;
+use relume_scene::plan::{LANE, Transmittance};
+use relume_vulkan::{Buffer, Device, Format, HostUse, StorageImage};
 
 impl Renderer {
     /// Copies a film to the host.
@@ -121,11 +121,7 @@ fn texels_of(image: &StorageImage, layers: usize) -> usize {
 }
 
 /// Reads the texels of a layer, rows from the top.
-pub(in crate::render) fn read_layer<T: Pod>(
-    device: &Device,
-    image: &StorageImage,
-    layer: u32,
-) -> Result<Vec<T>, RenderError> {
+pub(crate) fn read_layer<T: Pod>(device: &Device, image: &StorageImage, layer: u32) -> Result<Vec<T>, RenderError> {
     read_layer_rows(device, image, layer, 0..image.extent()[1])
 }
 

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-use crate::number::{count, whole};
-use crate::render::pool::{Held, Packed, Pool};
-use crate::render::{RenderError, Renderer, Uploaded};
-use crate::tables::{Occupancy, RayTable};
-use crate::vulkan::{Buffer, HostUse};
+use crate::pool::{Held, Packed, Pool};
+use crate::{RenderError, Renderer, Uploaded};
+use relume_base::number::{count, whole};
+use relume_scene::tables::{Occupancy, RayTable};
+use relume_vulkan::{Buffer, HostUse};
 
 /// Words before the bits of the wanted bricks, as in `shaders/rounds.wgsl`.
 const WANTED_BITS: usize = 3;
@@ -340,10 +340,10 @@ impl Rounds {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::scene::{Aim, Projection, Scene};
-    use crate::tables::BrickGrid;
-    use crate::volume::{Geometry, Volume, Voxels};
     use glam::DVec3;
+    use relume_scene::tables::BrickGrid;
+    use relume_scene::{Aim, Projection, Scene};
+    use relume_volume::{Geometry, Volume, Voxels};
 
     /// Along which parallel rays pass the bricks.
     const ALONG: [f64; 3] = [0.8, 0.5, -0.33];

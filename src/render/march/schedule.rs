@@ -6,9 +6,9 @@ use bytemuck::{Pod, Zeroable};
 
 use super::dispatching::{Dispatching, SLICE};
 use super::rounds::Round;
-use crate::number::{count, unsigned, whole};
-use crate::plan::{Accumulate, Integrate, ScenePlan, Transmittance};
-use crate::vulkan::DeviceKind;
+use relume_base::number::{count, unsigned, whole};
+use relume_scene::plan::{Accumulate, Integrate, ScenePlan, Transmittance};
+use relume_vulkan::DeviceKind;
 
 /// Target duration of a dispatch: short for responses to user input, and for the device's watchdog.
 const DISPATCH: Duration = Duration::from_millis(50);
@@ -50,7 +50,7 @@ pub struct Speed {
 
 impl Speed {
     /// Speed of an unknown device of this kind, for dispatches of about `dispatch`.
-    pub(in crate::render) fn unknown(dispatch: Duration, kind: DeviceKind) -> Self {
+    pub(crate) fn unknown(dispatch: Duration, kind: DeviceKind) -> Self {
         // Few enough samples for a slow device.
         let first = FIRST_SAMPLES / 32.0;
         // The speed of a software device in empty space does not predict its speed elsewhere; other devices adapt.

@@ -11,15 +11,15 @@ use super::rounds::Rounds;
 use super::schedule::{Schedule, Speed, longest_slice};
 use super::source::{UNIFORM_BYTES, VECTOR_BYTES, formats, source};
 use super::{DeviceFilm, March};
-use crate::number::{count, rounded, unsigned, whole};
-use crate::plan::{Integrate, LANE, Planned, Transmittance};
-use crate::render::{RenderError, Renderer, Uploaded};
-use crate::scene::{Interpolation, Scene, ShadowMethod, StoreAs};
-use crate::tables::{
+use crate::{RenderError, Renderer, Uploaded};
+use relume_base::number::{count, rounded, unsigned, whole};
+use relume_scene::plan::{Integrate, LANE, Planned, Transmittance};
+use relume_scene::tables::{
     BlockBox, CELL, FilmTable, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable,
     ShadingTable, Steps, TransferTable, ray_places,
 };
-use crate::vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
+use relume_scene::{Interpolation, Scene, ShadowMethod, StoreAs};
+use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
 /// Dimension of the largest matrices that are marched; larger ones would not stay in registers.
 const LARGEST_MATRIX: usize = 8;
@@ -206,7 +206,7 @@ impl Renderer {
     }
 
     /// [`Self::begin_march`], with a `coarse` light grid if no finer one is complete.
-    pub(in crate::render) fn begin(
+    pub(crate) fn begin(
         &self,
         scene: &Scene,
         planned: &Planned,
@@ -390,7 +390,7 @@ impl Renderer {
     }
 
     /// Memory and buffer of a single table, in the fastest memory that holds it.
-    pub(in crate::render) fn numbers(&self, name: &str, bytes: &[u8]) -> Result<(TableMemory, Buffer), RenderError> {
+    pub(crate) fn numbers(&self, name: &str, bytes: &[u8]) -> Result<(TableMemory, Buffer), RenderError> {
         let room = self.device.limits().max_uniform_buffer_bytes >= u64::from(UNIFORM_BYTES);
         let short = bytes.len() as u64 <= u64::from(UNIFORM_BYTES);
         let memory = if room && short { self.dispatching.tables } else { TableMemory::Storage };

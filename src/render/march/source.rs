@@ -1,14 +1,14 @@
 //! The march shader of a plan: its texts, constants and images.
 
 use super::dispatching::{Dispatching, TableMemory};
-use crate::number::{rounded, unsigned};
-use crate::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
-use crate::render::Source;
-use crate::render::pool::Residence;
-use crate::scene::{Interpolation, Lookup, StoreAs};
-use crate::shader::Constants;
-use crate::tables::{BRICK, CELL, FILM_ROWS, LARGEST_SKY_DEPTH, SECOND_DIFFERENCE, slot_edge};
-use crate::vulkan::Format;
+use crate::Source;
+use crate::pool::Residence;
+use relume_base::number::{rounded, unsigned};
+use relume_scene::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
+use relume_scene::tables::{BRICK, CELL, FILM_ROWS, LARGEST_SKY_DEPTH, SECOND_DIFFERENCE, slot_edge};
+use relume_scene::{Interpolation, Lookup, StoreAs};
+use relume_vulkan::Format;
+use relume_vulkan::shader::Constants;
 
 /// Bytes of a table in a uniform buffer, the limit of most devices.
 pub(super) const UNIFORM_BYTES: u32 = 65_536;
@@ -68,7 +68,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
 }
 
 /// Formats of accumulators and transmittance.
-pub(in crate::render) fn formats(plan: &ScenePlan, storage: StoreAs) -> [Format; 2] {
+pub(crate) fn formats(plan: &ScenePlan, storage: StoreAs) -> [Format; 2] {
     let vectors = match storage {
         StoreAs::Single => Format::Rgba32Float,
         StoreAs::Half => Format::Rgba16Float,
@@ -80,7 +80,7 @@ pub(in crate::render) fn formats(plan: &ScenePlan, storage: StoreAs) -> [Format;
 }
 
 /// WGSL types of the images of accumulators and transmittance.
-pub(in crate::render) fn images(plan: &ScenePlan, storage: StoreAs, access: &str) -> [String; 2] {
+pub(crate) fn images(plan: &ScenePlan, storage: StoreAs, access: &str) -> [String; 2] {
     formats(plan, storage).map(|format| {
         let format = match format {
             Format::R32Float => "r32float",
@@ -92,7 +92,7 @@ pub(in crate::render) fn images(plan: &ScenePlan, storage: StoreAs, access: &str
 }
 
 /// Constants of both the march and the relight shader.
-pub(in crate::render) fn common(plan: &ScenePlan) -> Constants {
+pub(crate) fn common(plan: &ScenePlan) -> Constants {
     Constants::new().u32("LAYERS", unsigned(plan.layers().max(1))).u32("LAYERS_USED", unsigned(plan.layers()))
 }
 
@@ -308,7 +308,7 @@ pub(super) fn light_order_source(group: [u32; 2], texel: Texel) -> Source {
 }
 
 /// Source of the march shader of `plan`.
-pub(in crate::render) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
+pub(crate) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
     let parts = parts(plan, dispatching);
     Source { name: "march", constants: constants(plan, dispatching), parts }
 }
@@ -316,9 +316,9 @@ pub(in crate::render) fn source(plan: &ScenePlan, dispatching: Dispatching) -> S
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::{FilmCounts, PositionCounts, ShadingTerms};
-    use crate::render::march::MarchUniform;
-    use crate::scene::{Gradients, VolumeAs};
+    use crate::march::MarchUniform;
+    use relume_scene::plan::{FilmCounts, PositionCounts, ShadingTerms};
+    use relume_scene::{Gradients, VolumeAs};
 
     fn plan_of(materials: usize) -> ScenePlan {
         ScenePlan {
@@ -385,7 +385,7 @@ mod tests {
             active_high
         );
         let Source { constants, parts, .. } = source(&plan_of(4), Dispatching::default());
-        let theirs = crate::shader::struct_layout(&parts, &constants, "March").ok();
+        let theirs = relume_vulkan::shader::struct_layout(&parts, &constants, "March").ok();
         let fields = theirs.as_ref().map(|layout| {
             layout.fields.iter().map(|field| (field.name.clone(), field.offset as usize)).collect::<Vec<_>>()
         });
@@ -410,7 +410,7 @@ mod tests {
         let cubic = ScenePlan { interpolation: Interpolation::Cubic, ..linear.clone() };
         let behind = ScenePlan { background: true, ..linear.clone() };
         let marched = |plan| source(plan, Dispatching::default());
-        let relit = |plan| crate::render::relight::source(plan, crate::render::relight::Target::Display);
+        let relit = |plan| crate::relight::source(plan, crate::relight::Target::Display);
         assert!(marched(&linear) != marched(&cubic) && relit(&linear) == relit(&cubic), "values between voxels");
         assert!(marched(&linear) == marched(&behind) && relit(&linear) != relit(&behind), "what is behind the volume");
         // Another memory of tables needs other bindings.

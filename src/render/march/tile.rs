@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use super::rounds::Round;
 use super::{DeviceFilm, March};
-use crate::film::Film;
-use crate::number::unsigned;
-use crate::plan::{LANE, ScenePlan, Transmittance};
-use crate::render::{RenderError, Renderer};
-use crate::vulkan::{Buffer, HostUse, StorageImage};
+use crate::{RenderError, Renderer};
+use relume_base::number::unsigned;
+use relume_scene::film::Film;
+use relume_scene::plan::{LANE, ScenePlan, Transmittance};
+use relume_vulkan::{Buffer, HostUse, StorageImage};
 
 /// The transmittance of no medium, lane by lane.
 fn all_light(plan: &ScenePlan) -> Vec<[f32; LANE]> {

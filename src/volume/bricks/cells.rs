@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use crate::parallel;
-use crate::volume::{Volume, Voxel, VoxelType, with_voxels};
+use crate::{Volume, Voxel, VoxelType, with_voxels};
+use relume_base::parallel;
 
 /// Voxels along an edge of a macrocell.
 pub const CELL: usize = 8;
@@ -244,7 +244,7 @@ fn higher<T: Voxel>(one: T, other: T) -> T {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::volume::{Geometry, Voxels};
+    use crate::{Geometry, Voxels};
 
     #[test]
     fn macrocells_have_the_range_of_the_voxels_around_them_and_know_of_nan() {

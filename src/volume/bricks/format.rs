@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 
 use super::cells::{self, CellRanges};
 use super::grid::{BrickGrid, slabs};
-use crate::volume::statistics::{BINS, Extent, Measured};
-use crate::volume::stream::count;
-use crate::volume::{Geometry, LabelPreset, Presets, Unit, Volume, VolumeError, VoxelType, Window};
+use crate::statistics::{BINS, Extent, Measured};
+use crate::stream::count;
+use crate::{Geometry, LabelPreset, Presets, Unit, Volume, VolumeError, VoxelType, Window};
 
 /// First bytes of a file of bricks.
 pub(super) const MAGIC: [u8; 8] = *b"RELUMEBK";

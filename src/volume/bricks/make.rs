@@ -10,16 +10,16 @@ use super::format::{Entry, FIXED, Fixed, LevelMade, Origin, Text, digest};
 use super::grid::{BRICK, BrickGrid};
 use super::slab::{Halves, Rows};
 use super::{BATCH, read_at, unpacked};
-use crate::progress::{Progress, Quiet};
-use crate::volume::data::{Data, Take, check_cancelled, report};
-use crate::volume::resample::of_blocks;
-use crate::volume::slabs::Slabs;
-use crate::volume::statistics::{Extent, Measured, Sums, measure_counted, occurrences};
-use crate::volume::stream::count;
-use crate::volume::streamed::Streamed;
-use crate::volume::voxels::{float_of_half, with_type};
-use crate::volume::{Selection, Volume, VolumeError, Voxel, VoxelType};
-use crate::{memory, parallel};
+use crate::data::{Data, Take, check_cancelled, report};
+use crate::resample::of_blocks;
+use crate::slabs::Slabs;
+use crate::statistics::{Extent, Measured, Sums, measure_counted, occurrences};
+use crate::stream::count;
+use crate::streamed::Streamed;
+use crate::voxels::{float_of_half, with_type};
+use crate::{Selection, Volume, VolumeError, Voxel, VoxelType};
+use relume_base::progress::{Progress, Quiet};
+use relume_base::{memory, parallel};
 
 const EDGE: usize = BRICK as usize;
 
@@ -54,7 +54,7 @@ pub struct BricksMade {
 }
 
 /// A volume before its voxels are read.
-pub(in crate::volume) enum Input {
+pub(crate) enum Input {
     /// Voxels in the order of their file.
     Stream(Streamed),
     /// Slices, some at a time, and the volume without voxels.
@@ -93,7 +93,7 @@ impl Source {
 }
 
 /// Makes a file of bricks of `input`, which `selection` chose of the file or folder `source`; as `volume::make_bricks`.
-pub(in crate::volume) fn make(
+pub(crate) fn make(
     source: &Path,
     input: Input,
     selection: &Selection,

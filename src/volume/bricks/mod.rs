@@ -29,11 +29,11 @@ use super::voxels::with_type;
 use super::{
     Finest, Geometry, Selection, Several, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, with_voxels,
 };
-use crate::memory;
-use crate::progress::Progress;
 use cells::CellRanges;
 use format::{Entry, FIXED, Fixed, LEVELS, Level, Text, damaged, digest};
 use grid::BrickGrid;
+use relume_base::memory;
+use relume_base::progress::Progress;
 
 /// Decoded bricks that a march needs at once: one and its neighbours.
 const LEAST_HELD: usize = 27;

@@ -6,8 +6,8 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::grid::{BRICK, BrickGrid};
-use crate::volume::Voxel;
-use crate::volume::stream::count;
+use crate::Voxel;
+use crate::stream::count;
 
 const EDGE: usize = BRICK as usize;
 

@@ -6,8 +6,8 @@ use jpegls::CodecError;
 
 use super::frame::Layout;
 use super::syntax::{Coding, MOST_BYTES};
-use crate::volume::guard::guarded;
-use crate::volume::stream::{PackBits, count};
+use crate::guard::guarded;
+use crate::stream::{PackBits, count};
 
 /// Numbers of a decoded frame.
 #[derive(Debug)]

@@ -17,8 +17,8 @@ use dicom_encoding::decode::implicit_le::ImplicitVRLittleEndianDecoder;
 use flate2::bufread::DeflateDecoder;
 
 use super::syntax::{Coding, Syntax};
-use crate::volume::stream::{self, count, failed, read_fully};
-use crate::volume::{ByteOrder, VolumeError};
+use crate::stream::{self, count, failed, read_fully};
+use crate::{ByteOrder, VolumeError};
 
 /// Largest number of bytes of a wanted value.
 const LONGEST_VALUE: u32 = 1 << 20;

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::keys::Mark;
-use crate::volume::VoxelType;
-use crate::volume::stream::count;
+use crate::VoxelType;
+use crate::stream::count;
 
 /// Layout of the stored numbers of a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -12,9 +12,9 @@ use super::frame::{Frame, Layout};
 use super::keys::{self, Mark};
 use super::mosaic::{self, Sheet};
 use super::syntax::{Coding, MOST_BYTES, Syntax};
-use crate::number::{brief, count as number_of, whole};
-use crate::volume::stream::{DEFLATE_LIMIT, count};
-use crate::volume::{VolumeError, VoxelType, Window};
+use crate::stream::{DEFLATE_LIMIT, count};
+use crate::{VolumeError, VoxelType, Window};
+use relume_base::number::{brief, count as number_of, whole};
 
 /// Largest number of frames of a file.
 const MOST_FRAMES: f64 = 1e6;

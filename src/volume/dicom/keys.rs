@@ -4,7 +4,7 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 
 use super::dataset::Item;
-use crate::number::brief;
+use relume_base::number::brief;
 
 /// Kind of the values of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -25,10 +25,10 @@ use super::resample::Grid;
 use super::stream::beginning;
 use super::unit::Unit;
 use super::{Selection, Volume, VolumeError, Voxel, Voxels, allocate, with_voxels};
-use crate::number::whole;
-use crate::progress::Progress;
 use image::{About, Image};
 use pixels::{Pixels, Slice, Values};
+use relume_base::number::whole;
+use relume_base::progress::Progress;
 use series::{Series, Stack};
 use steps::Steps;
 
@@ -131,7 +131,7 @@ impl Damaged<'_> {
     /// another series.
     fn series(&self, identifiers: &[&str]) -> Option<Option<usize>> {
         const LONGEST: u64 = 1 << 20;
-        let beginning = crate::input::read(self.file, LONGEST).ok()?;
+        let beginning = relume_base::input::read(self.file, LONGEST).ok()?;
         let has = |text: &[u8]| memchr::memmem::find(&beginning, text);
         let ends = |at: usize, text: &str| {
             beginning.get(at + text.len()).is_none_or(|&next| !matches!(next, b'0'..=b'9' | b'.'))

@@ -7,8 +7,8 @@ use glam::DVec3;
 
 use super::dataset::{CSA_IMAGE, Item, MOSAIC_IMAGES, named};
 use super::frame::{Frame, Layout};
-use crate::number::{count, whole};
-use crate::volume::VolumeError;
+use crate::VolumeError;
+use relume_base::number::{count, whole};
 
 /// Largest number of slices of a mosaic.
 const MOST: usize = 4096;

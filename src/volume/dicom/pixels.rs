@@ -15,11 +15,11 @@ use super::dataset::{self, Range};
 use super::frame::Layout;
 use super::image::{Image, Lut};
 use super::syntax::Coding;
-use crate::number::whole;
-use crate::progress::Progress;
-use crate::volume::stream::{self, count, failed, read_fully};
-use crate::volume::voxels::with_type;
-use crate::volume::{ByteOrder, VolumeError, Voxel, Voxels, allocate, data};
+use crate::stream::{self, count, failed, read_fully};
+use crate::voxels::with_type;
+use crate::{ByteOrder, VolumeError, Voxel, Voxels, allocate, data};
+use relume_base::number::whole;
+use relume_base::progress::Progress;
 
 /// A frame of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,10 +9,10 @@ use super::dataset::{self, Item};
 use super::image::{Image, text};
 use super::pixels::{Pixels, Slice, Values};
 use super::series::Series;
-use crate::number::whole;
-use crate::progress::Progress;
-use crate::volume::geometry::Lattice;
-use crate::volume::{LabelPreset, Selection, Volume, VolumeError, Voxel, Voxels, allocate, with_voxels};
+use crate::geometry::Lattice;
+use crate::{LabelPreset, Selection, Volume, VolumeError, Voxel, Voxels, allocate, with_voxels};
+use relume_base::number::whole;
+use relume_base::progress::Progress;
 
 /// Voxels between the frames of a file, whatever their number.
 const MOST_EMPTY: usize = 64 << 20;

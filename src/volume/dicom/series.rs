@@ -11,11 +11,11 @@ use super::frame::Frame;
 use super::image::Image;
 use super::pixels::Slice;
 use super::steps::{self, Steps};
-use crate::number;
-use crate::parallel;
-use crate::volume::VolumeError;
-use crate::volume::geometry::Lattice;
-use crate::volume::several::Series as Entry;
+use crate::VolumeError;
+use crate::geometry::Lattice;
+use crate::several::Series as Entry;
+use relume_base::number;
+use relume_base::parallel;
 
 /// Slices of one series, of one size, orientation and kind.
 #[derive(Debug)]
@@ -400,7 +400,7 @@ pub(super) fn without_copies(images: Vec<Image>) -> (Vec<Image>, Copies) {
 
 /// Interpolates the slices `voxels` of `pixels` voxels, which lie at `places` in steps of a lattice, linearly at its whole
 /// steps. Beside a number of the range `padding`, which stands for no value, it takes the nearer slice.
-pub(super) fn evened<T: crate::volume::Voxel>(
+pub(super) fn evened<T: crate::Voxel>(
     voxels: &[T],
     pixels: usize,
     places: &[f64],

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::image::Image;
 use super::keys::{self, COUNT, KEYS, Mark};
 use super::pixels::Slice;
-use crate::number::{brief, count};
+use relume_base::number::{brief, count};
 
 /// Volumes of one series.
 #[derive(Debug, Default)]

@@ -2,8 +2,8 @@
 
 use dicom_dictionary_std::uids;
 
-use crate::volume::ByteOrder;
-use crate::volume::stream::JPEG_LIMIT;
+use crate::ByteOrder;
+use crate::stream::JPEG_LIMIT;
 
 /// Largest number of bytes of a decoded frame.
 pub(super) const MOST_BYTES: u64 = 1 << 28;

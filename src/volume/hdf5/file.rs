@@ -16,11 +16,11 @@ use hdf5_reader::{
 };
 use netcdf_reader::{NcAttribute, NcFile, NcOpenOptions, NcReadable, NcSliceInfo, NcSliceInfoElem, NcType};
 
-use crate::volume::guard::guarded;
-use crate::volume::lengths::printable;
-use crate::volume::stream::{self, count};
-use crate::volume::voxels::with_type;
-use crate::volume::{VolumeError, Voxel, VoxelType};
+use crate::guard::guarded;
+use crate::lengths::printable;
+use crate::stream::{self, count};
+use crate::voxels::with_type;
+use crate::{VolumeError, Voxel, VoxelType};
 
 /// Most arrays and groups that are listed.
 const MOST: usize = 10_000;

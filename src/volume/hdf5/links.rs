@@ -9,9 +9,9 @@ use hdf5_reader::error::Error;
 use hdf5_reader::storage::DynStorage;
 use hdf5_reader::{ExternalLinkResolver, FileStorage, Hdf5File, OpenOptions};
 
-use crate::volume::data;
-use crate::volume::lengths::printable;
-use crate::volume::stream;
+use crate::data;
+use crate::lengths::printable;
+use crate::stream;
 
 /// Most files in a chain of links.
 const DEEPEST: usize = 3;

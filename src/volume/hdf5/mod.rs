@@ -16,11 +16,11 @@ use super::stream::{DEFLATE_LIMIT, count};
 use super::tiles::{self, Block, Grid};
 use super::voxels::{bytes_of_floats, with_type, with_voxels};
 use super::{Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, data};
-use crate::memory;
-use crate::number;
-use crate::progress::Progress;
 use file::{Array, File, Kind, LARGEST_CHUNK};
 use placing::Placed;
+use relume_base::memory;
+use relume_base::number;
+use relume_base::progress::Progress;
 
 /// Bytes of decoded blocks that wait for their place in the volume.
 const WAITING: usize = 16 << 20;

@@ -5,13 +5,13 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 
 use super::file::{Array, File, Kind};
-use crate::number;
-use crate::parallel;
-use crate::volume::axes::{self, Arranged, Axis};
-use crate::volume::geometry::Lattice;
-use crate::volume::lengths::{assumed_spacing, converted, printable, unit};
-use crate::volume::voxels::{with_type, with_voxels};
-use crate::volume::{Geometry, Unit, VolumeError, Voxel, VoxelType, Voxels, Window, allocate};
+use crate::axes::{self, Arranged, Axis};
+use crate::geometry::Lattice;
+use crate::lengths::{assumed_spacing, converted, printable, unit};
+use crate::voxels::{with_type, with_voxels};
+use crate::{Geometry, Unit, VolumeError, Voxel, VoxelType, Voxels, Window, allocate};
+use relume_base::number;
+use relume_base::parallel;
 
 /// Longest list of coordinates.
 const LONGEST: usize = 1 << 20;

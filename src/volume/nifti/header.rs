@@ -1,7 +1,7 @@
 //! The fixed header of `NIfTI`-1, `NIfTI`-2 and Analyze 7.5: numbers as stored.
 
-use crate::volume::ByteOrder;
-use crate::volume::binary::Numbers;
+use crate::ByteOrder;
+use crate::binary::Numbers;
 
 /// Bytes of the header of `NIfTI`-1 and Analyze, and of `NIfTI`-2.
 pub(super) const SIZES: [usize; 2] = [348, 540];

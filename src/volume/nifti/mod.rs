@@ -18,9 +18,9 @@ use super::stream::{self, Encoding, Skip, Start, count};
 use super::streamed::Streamed;
 use super::unit::Unit;
 use super::{Selection, Volume, VolumeError, VoxelType, Window, foreign};
-use crate::number;
-use crate::progress::Progress;
 use header::{Header, Kind, SIZES, Version};
+use relume_base::number;
+use relume_base::progress::Progress;
 
 /// Whether the first bytes of a file, perhaps compressed by gzip, identify a `NIfTI` or Analyze header.
 pub(super) fn recognises(beginning: &[u8]) -> bool {

@@ -5,8 +5,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::{Geometry, Volume, VolumeError, Voxels};
-use crate::memory;
-use crate::parallel;
+use relume_base::memory;
+use relume_base::parallel;
 
 pub mod engine;
 mod field;

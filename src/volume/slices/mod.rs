@@ -15,7 +15,7 @@ use super::several::{Series, Several};
 use super::tiff::{self, Picture, Sample, Stack};
 use super::voxels::with_type;
 use super::{Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels};
-use crate::progress::Progress;
+use relume_base::progress::Progress;
 
 /// Extensions of slices, in lower case.
 const EXTENSIONS: [&str; 10] = ["png", "jpg", "jpeg", "bmp", "pgm", "ppm", "pbm", "pnm", "tif", "tiff"];

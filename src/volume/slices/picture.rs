@@ -7,10 +7,10 @@ use std::path::Path;
 use image::codecs::{bmp::BmpDecoder, jpeg::JpegDecoder, pnm::PnmDecoder};
 use image::{ColorType, ImageDecoder};
 
-use crate::volume::guard::guarded;
-use crate::volume::stream::{self, DEFLATE_LIMIT, JPEG_LIMIT, count};
-use crate::volume::tiff::{Picture, Sample, unpack_bits};
-use crate::volume::{VolumeError, VoxelType};
+use crate::guard::guarded;
+use crate::stream::{self, DEFLATE_LIMIT, JPEG_LIMIT, count};
+use crate::tiff::{Picture, Sample, unpack_bits};
+use crate::{VolumeError, VoxelType};
 
 /// Code of colours of red, green and blue, as in TIFF.
 const RGB: u64 = 2;
@@ -83,7 +83,7 @@ pub(super) fn picture(path: &Path) -> Result<Picture, VolumeError> {
     });
     let picture = read.map_err(|source| damaged(path, format, source))?;
     let Picture { width, height, samples, sample, .. } = picture;
-    crate::volume::data::check_size(path.display(), &[width, height, samples])?;
+    crate::data::check_size(path.display(), &[width, height, samples])?;
     let expected = count(width * height * samples * sample.voxel_type().bytes());
     let limit = format.packing();
     if expected > length.saturating_mul(limit) {

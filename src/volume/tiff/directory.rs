@@ -6,8 +6,8 @@ use std::fs::File;
 use std::io::{self, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use crate::volume::stream;
-use crate::volume::{ByteOrder, VolumeError};
+use crate::stream;
+use crate::{ByteOrder, VolumeError};
 
 /// Largest number of directories; more are a mistake.
 pub(super) const MOST_PAGES: usize = 1_000_000;
@@ -364,7 +364,7 @@ impl Tiff {
 
 /// Whether the first bytes of a file identify TIFF or `BigTIFF`. A DICOM file may have a TIFF header before its mark, for
 /// readers of either format.
-pub(in crate::volume) fn recognises(beginning: &[u8]) -> bool {
+pub(crate) fn recognises(beginning: &[u8]) -> bool {
     beginning.get(128..132) != Some(b"DICM")
         && matches!(beginning, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..])
 }

@@ -4,8 +4,8 @@
 
 use super::directory::{Directory, Tiff, tag};
 use super::stated::Stated;
-use crate::volume::lengths::{printable, unit};
-use crate::volume::{Unit, VolumeError, Window};
+use crate::lengths::{printable, unit};
+use crate::{Unit, VolumeError, Window};
 
 /// Bytes of a description that are interpreted.
 const LONGEST: usize = 1 << 20;

@@ -18,12 +18,12 @@ use super::data;
 use super::several::{Series, Several};
 use super::stream::count;
 use super::{Geometry, Part, Selection, Volume, VolumeError};
-use crate::progress::{Progress, Quiet};
 pub(super) use directory::recognises;
 use directory::{Tiff, tag};
 use ome::Ome;
 use page::{Chunks, Compression, Reading};
 pub(super) use page::{Page, Picture, Sample};
+use relume_base::progress::{Progress, Quiet};
 use stated::Stated;
 pub(super) use strips::{Stack, unpack_bits};
 
@@ -113,7 +113,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let fine = picture;
     let picture = chosen.take_level(&source_name, &files.paths, &fine, selection)?;
     let steps = [[fine.width, picture.width], [fine.height, picture.height]];
-    let steps = steps.map(|[fine, coarse]| crate::number::count(fine) / crate::number::count(coarse));
+    let steps = steps.map(|[fine, coarse]| relume_base::number::count(fine) / relume_base::number::count(coarse));
     let origin = [0, 1].map(|axis| {
         let length = stated.spacing[axis].unwrap_or(1.0);
         if picture != fine {
@@ -226,7 +226,7 @@ fn volume(
         source_name,
         dims,
         spacing,
-        DVec3::new(left, top, crate::number::count(chosen.first) * spacing.z),
+        DVec3::new(left, top, relume_base::number::count(chosen.first) * spacing.z),
         DMat3::IDENTITY,
     )?;
     let stack = Stack { paths, pages: chosen.pages, sample: chosen.sample };
@@ -465,7 +465,7 @@ fn companion(path: &Path) -> Result<Option<Vec<u8>>, VolumeError> {
     if !recognises_companion(&super::stream::beginning(path)?) {
         return Ok(None);
     }
-    let read = crate::input::read(path, LONGEST_COMPANION);
+    let read = relume_base::input::read(path, LONGEST_COMPANION);
     let text = read.map_err(|source| VolumeError::Open { path: path.to_owned(), source })?;
     if count(text.len()) > LONGEST_COMPANION {
         let problem = format!("the description is longer than {LONGEST_COMPANION} bytes");

@@ -11,8 +11,8 @@ use quick_xml::{Reader, XmlVersion};
 
 use super::directory::MOST_PAGES;
 use super::stated::Stated;
-use crate::volume::lengths::{printable, unit};
-use crate::volume::several::Series;
+use crate::lengths::{printable, unit};
+use crate::several::Series;
 
 /// Whether a description is OME-XML.
 pub(super) fn recognises(description: &[u8]) -> bool {

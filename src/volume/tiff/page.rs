@@ -4,13 +4,13 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::directory::{Directory, Entry, Tiff, tag};
-use crate::volume::data;
-use crate::volume::stream::{DEFLATE_LIMIT, JPEG_LIMIT, count};
-use crate::volume::{VolumeError, VoxelType};
+use crate::data;
+use crate::stream::{DEFLATE_LIMIT, JPEG_LIMIT, count};
+use crate::{VolumeError, VoxelType};
 
 /// Type of the stored numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::volume) enum Sample {
+pub(crate) enum Sample {
     /// Numbers of whole bytes.
     Number(VoxelType),
     /// Floats of 16 bits.
@@ -21,7 +21,7 @@ pub(in crate::volume) enum Sample {
 
 impl Sample {
     /// Type of the voxels as they are decoded; floats of 16 bits are decoded as their bits.
-    pub(in crate::volume) fn voxel_type(self) -> VoxelType {
+    pub(crate) fn voxel_type(self) -> VoxelType {
         match self {
             Self::Number(voxel_type) => voxel_type,
             Self::Half => VoxelType::U16,
@@ -39,14 +39,14 @@ impl Sample {
 
 /// Size and type of a page. The pages of a volume are alike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::volume) struct Picture {
-    pub(in crate::volume) width: usize,
-    pub(in crate::volume) height: usize,
+pub(crate) struct Picture {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
     /// Numbers per voxel.
-    pub(in crate::volume) samples: usize,
-    pub(in crate::volume) sample: Sample,
+    pub(crate) samples: usize,
+    pub(crate) sample: Sample,
     /// Code of what the samples mean; 2 is RGB.
-    pub(in crate::volume) photometric: u64,
+    pub(crate) photometric: u64,
 }
 
 impl fmt::Display for Picture {
@@ -65,12 +65,12 @@ impl fmt::Display for Picture {
 
 impl Picture {
     /// Whether `other` has as many voxels of the same type.
-    pub(in crate::volume) fn is_like(&self, other: &Self) -> bool {
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
         Self { photometric: 0, ..*self } == Self { photometric: 0, ..*other }
     }
 
     /// Name of the components, for messages.
-    pub(in crate::volume) fn kind(&self) -> &'static str {
+    pub(crate) fn kind(&self) -> &'static str {
         match (self.photometric, self.samples) {
             (2 | 6, 3) => "RGB",
             (2, 4) => "RGBA",
@@ -239,9 +239,9 @@ pub(super) enum Chunks {
 
 /// A page that can be decoded.
 #[derive(Clone, Debug)]
-pub(in crate::volume) struct Page {
+pub(crate) struct Page {
     /// Index of its file among those of the volume.
-    pub(in crate::volume) file: usize,
+    pub(crate) file: usize,
     /// Number of the page in its file, from 1, for messages.
     pub(super) number: usize,
     pub(super) coding: Arc<Coding>,
@@ -253,7 +253,7 @@ pub(in crate::volume) struct Page {
 }
 
 impl Page {
-    pub(in crate::volume) fn picture(&self) -> &Picture {
+    pub(crate) fn picture(&self) -> &Picture {
         &self.coding.picture
     }
 }

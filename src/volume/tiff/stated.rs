@@ -1,7 +1,7 @@
 //! Description of the pages of a TIFF file: axes, names, spacing and unit.
 
-use crate::volume::lengths::converted;
-use crate::volume::{Unit, Window};
+use crate::lengths::converted;
+use crate::{Unit, Window};
 
 /// Axes, units and names of the pages.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -44,7 +44,7 @@ impl Stated {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::lengths::unit;
+    use crate::lengths::unit;
 
     #[test]
     fn all_axes_take_the_unit_of_x() {

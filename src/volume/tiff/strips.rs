@@ -12,23 +12,23 @@ use weezl::BitOrder;
 
 use super::directory::{Entry, Tiff};
 use super::page::{Chunks, Coding, Compression, GROUP, Page, Predictor, Sample};
-use crate::progress::Progress;
-use crate::volume::batches::{self, Decode, Kept, Part};
-use crate::volume::data::SLAB_BYTES;
-use crate::volume::guard::guarded;
-use crate::volume::stream::{PackBits, count, read_fully};
-use crate::volume::voxels::{float_of_half, with_type};
-use crate::volume::{ByteOrder, VolumeError, Voxel, Voxels};
+use crate::batches::{self, Decode, Kept, Part};
+use crate::data::SLAB_BYTES;
+use crate::guard::guarded;
+use crate::stream::{PackBits, count, read_fully};
+use crate::voxels::{float_of_half, with_type};
+use crate::{ByteOrder, VolumeError, Voxel, Voxels};
+use relume_base::progress::Progress;
 
 /// Compressed bytes of a strip beyond twice its voxels that are read at most; more are a mistake.
 const SLACK: usize = 1 << 20;
 
 /// Pages that are the slices of a volume, in order of z, and the sample of each voxel that is read.
 #[derive(Debug)]
-pub(in crate::volume) struct Stack {
-    pub(in crate::volume) paths: Vec<PathBuf>,
-    pub(in crate::volume) pages: Vec<Page>,
-    pub(in crate::volume) sample: usize,
+pub(crate) struct Stack {
+    pub(crate) paths: Vec<PathBuf>,
+    pub(crate) pages: Vec<Page>,
+    pub(crate) sample: usize,
 }
 
 /// Adjacent rows of strips or tiles of a page: adjacent rows of voxels.
@@ -61,7 +61,7 @@ impl Stack {
     /// Decodes the voxels. Floats of 16 bits become those of 32.
     ///
     /// Memory is bounded by what the lengths of the files justify: it grows as strips are decoded.
-    pub(in crate::volume) fn read(&self, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
+    pub(crate) fn read(&self, progress: &dyn Progress) -> Result<Voxels, VolumeError> {
         let Some(first) = self.pages.first() else { return Ok(Voxels::U8(Vec::new())) };
         match first.picture().sample {
             Sample::Half => {
@@ -622,7 +622,7 @@ fn accumulate<U: Copy>(row: &mut [U], step: usize, add: impl Fn(U, U) -> U) {
 }
 
 /// Unpacks one sample of every voxel from numbers of `bits` bits, the first one in the highest bits.
-pub(in crate::volume) fn unpack_bits(packed: &[u8], bits: u8, (sample, interleaved): (usize, usize), line: &mut [u8]) {
+pub(crate) fn unpack_bits(packed: &[u8], bits: u8, (sample, interleaved): (usize, usize), line: &mut [u8]) {
     let per_byte = usize::from(8 / bits);
     for (voxel, place) in line.iter_mut().zip((sample..).step_by(interleaved)) {
         let shift = 8 - usize::from(bits) * (place % per_byte + 1);

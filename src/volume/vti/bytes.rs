@@ -7,8 +7,8 @@ use base64::alphabet;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use flate2::{Decompress, FlushDecompress, Status};
 
-use crate::volume::layout::ByteOrder;
-use crate::volume::stream::{DEFLATE_LIMIT, count};
+use crate::layout::ByteOrder;
+use crate::stream::{DEFLATE_LIMIT, count};
 
 /// Compression method of the blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use glam::{DMat3, DVec3};
 
-use crate::volume::{Geometry, VolumeError};
+use crate::{Geometry, VolumeError};
 
 /// Owner of an array's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

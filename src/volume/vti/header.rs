@@ -11,10 +11,10 @@ use quick_xml::{Reader, XmlVersion};
 
 use super::bytes::Compressor;
 use super::grid::{Extent, Frame, Section};
-use crate::progress::Progress;
-use crate::volume::layout::ByteOrder;
-use crate::volume::stream::{self, count};
-use crate::volume::{VolumeError, VoxelType};
+use crate::layout::ByteOrder;
+use crate::stream::{self, count};
+use crate::{VolumeError, VoxelType};
+use relume_base::progress::Progress;
 
 /// Largest size of the tags in bytes, without the values between them. Nested tags take up to four times as much
 /// memory.

@@ -21,7 +21,7 @@ use super::layout::ByteOrder;
 use super::stream::{self, count};
 use super::voxels::{with_type, with_voxels};
 use super::{Selection, Volume, VolumeError, Voxel, VoxelType, Voxels};
-use crate::progress::{Progress, Quiet};
+use relume_base::progress::{Progress, Quiet};
 
 /// Largest ratio of the points in all pieces to those in the image. Neighbouring pieces share points: with pieces of
 /// one VTK cell, each axis has nearly twice as many points.

@@ -14,8 +14,8 @@ use super::select::Pick;
 use super::stream::{Encoding, Start};
 use super::voxels::Voxels;
 use super::{ByteOrder, Geometry, Selection, Volume, VolumeError, VoxelType};
-use crate::progress::Progress;
 use parser::Parser;
+use relume_base::progress::Progress;
 
 /// Whether the first bytes of a file identify a legacy VTK file.
 pub(super) fn recognises(beginning: &[u8]) -> bool {

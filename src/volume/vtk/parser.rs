@@ -8,10 +8,10 @@ use std::str::FromStr;
 use glam::DVec3;
 
 use super::{Array, Parsed, Section, Stored};
-use crate::progress::Quiet;
-use crate::volume::data::{self, Data, DataFile};
-use crate::volume::stream::{self, Encoding, Start, count};
-use crate::volume::{ByteOrder, VolumeError, VoxelType};
+use crate::data::{self, Data, DataFile};
+use crate::stream::{self, Encoding, Start, count};
+use crate::{ByteOrder, VolumeError, VoxelType};
+use relume_base::progress::Quiet;
 
 /// Largest deviation of a coordinate from an even axis, in steps.
 const EVEN: f64 = 1e-2;
@@ -219,10 +219,10 @@ impl<'a> Parser<'a> {
         self.skip(keyword, Some(Stored::Numbers(voxel_type)), points)?;
         let value = |index: usize| values.value(index).unwrap_or(0.0);
         let last = points.saturating_sub(1);
-        let step = if last == 0 { 1.0 } else { (value(last) - value(0)) / crate::number::count(last) };
+        let step = if last == 0 { 1.0 } else { (value(last) - value(0)) / relume_base::number::count(last) };
         let limit = EVEN.mul_add(step.abs(), ROUNDING * value(0).abs().max(value(last).abs()));
         for index in 0..points {
-            let even = crate::number::count(index).mul_add(step, value(0));
+            let even = relume_base::number::count(index).mul_add(step, value(0));
             let far = (value(index) - even).abs();
             if far.is_nan() || far > limit {
                 return Err(self.wrong(format!(

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::node::{Description, Node, V2, V3, wrong};
-use crate::volume::lengths::printable;
-use crate::volume::type_string::{self, Kind};
-use crate::volume::{ByteOrder, VolumeError, VoxelType};
+use crate::lengths::printable;
+use crate::type_string::{self, Kind};
+use crate::{ByteOrder, VolumeError, VoxelType};
 
 /// Largest number of bytes of a chunk, decoded.
 const LARGEST_CHUNK: usize = 1 << 30;

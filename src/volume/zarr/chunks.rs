@@ -13,13 +13,13 @@ use super::Met;
 use super::array::{Array, Keys};
 use super::codecs::{self, Decoder};
 use super::node::wrong;
-use crate::progress::Progress;
-use crate::volume::axes::Arranged;
-use crate::volume::stream::{self, DEFLATE_LIMIT, count};
-use crate::volume::tiles::{self, Block, Grid};
-use crate::volume::type_string::Kind;
-use crate::volume::voxels::{bytes_of_floats, with_type};
-use crate::volume::{VolumeError, Voxel, VoxelType, Voxels, allocate, data};
+use crate::axes::Arranged;
+use crate::stream::{self, DEFLATE_LIMIT, count};
+use crate::tiles::{self, Block, Grid};
+use crate::type_string::Kind;
+use crate::voxels::{bytes_of_floats, with_type};
+use crate::{VolumeError, Voxel, VoxelType, Voxels, allocate, data};
+use relume_base::progress::Progress;
 
 /// Bytes of decoded chunks that wait for their place in the volume.
 const WAITING: usize = 16 << 20;
@@ -257,7 +257,7 @@ impl Reading<'_> {
         };
         let at = if shard.index_is_first { 0 } else { at_end };
         let coded = part(&mut file, (at, bytes)).map_err(|source| stream::failed(path, source))?;
-        let entries = crate::volume::guard::guarded(|| codecs::index(shard, chunks, coded)).map_err(damaged)?;
+        let entries = crate::guard::guarded(|| codecs::index(shard, chunks, coded)).map_err(damaged)?;
         // The part of the shard that is read.
         let region: Vec<[usize; 2]> = self
             .region

@@ -14,8 +14,8 @@ use zarrs::array::{
 use zarrs::metadata_ext::codec::transpose::TransposeOrder;
 
 use super::array::{Coding, Packing, Shard};
-use crate::volume::guard::guarded;
-use crate::volume::{ByteOrder, VoxelType};
+use crate::guard::guarded;
+use crate::{ByteOrder, VoxelType};
 
 /// Decoder of chunks of one size.
 pub(super) struct Decoder {
@@ -61,7 +61,7 @@ impl Decoder {
 
     /// Most bytes that a chunk of this size has when it is coded, with a margin.
     pub(super) fn most_coded(&self) -> u64 {
-        crate::volume::stream::count(margin(self.bytes))
+        crate::stream::count(margin(self.bytes))
     }
 
     /// Names of the compressions, for messages.
@@ -101,7 +101,7 @@ impl Decoder {
 
     /// Undoes one compression or checksum; more than `most` bytes are an error.
     fn unpacked(&self, packing: Packing, bytes: Vec<u8>, most: usize) -> io::Result<Vec<u8>> {
-        let limit = crate::volume::stream::count(most) + 1;
+        let limit = crate::stream::count(most) + 1;
         let mut decoded = Vec::new();
         match packing {
             Packing::Gzip => drop(MultiGzDecoder::new(&bytes[..]).take(limit).read_to_end(&mut decoded)?),
@@ -131,7 +131,7 @@ impl Decoder {
 
 /// Decodes `bytes` by a codec of `zarrs`.
 fn through(codec: &dyn BytesToBytesCodecTraits, bytes: Vec<u8>, most: usize) -> io::Result<Vec<u8>> {
-    let size = BytesRepresentation::BoundedSize(crate::volume::stream::count(most));
+    let size = BytesRepresentation::BoundedSize(crate::stream::count(most));
     let decoded = codec.decode(Cow::Owned(bytes), &size, &CodecOptions::default());
     decoded.map(Cow::into_owned).map_err(|error| invalid(error.to_string()))
 }
@@ -139,7 +139,7 @@ fn through(codec: &dyn BytesToBytesCodecTraits, bytes: Vec<u8>, most: usize) -> 
 /// The size that compressed data state, compared with `most`: the decoder allocates by it.
 fn check(stated: Option<u64>, most: usize) -> io::Result<()> {
     match stated {
-        Some(stated) if stated <= crate::volume::stream::count(most) => Ok(()),
+        Some(stated) if stated <= crate::stream::count(most) => Ok(()),
         Some(stated) => Err(invalid(format!("it states {stated} bytes, but a chunk has {most}"))),
         None => Err(invalid("its header is damaged".to_owned())),
     }
@@ -166,7 +166,7 @@ fn endianness(order: ByteOrder) -> Endianness {
 }
 
 fn shape(lengths: &[usize]) -> io::Result<Vec<NonZeroU64>> {
-    let side = |&length: &usize| NonZeroU64::new(crate::volume::stream::count(length));
+    let side = |&length: &usize| NonZeroU64::new(crate::stream::count(length));
     lengths.iter().map(side).collect::<Option<_>>().ok_or_else(|| invalid("an axis of length 0".to_owned()))
 }
 
@@ -289,5 +289,5 @@ pub(super) fn index(shard: &Shard, chunks: usize, coded: Vec<u8>) -> io::Result<
 
 /// Bytes of the coded index of a shard of `chunks` chunks.
 pub(super) fn index_bytes(shard: &Shard, chunks: usize) -> u64 {
-    crate::volume::stream::count(16 * chunks + if shard.index_has_checksum { 4 } else { 0 })
+    crate::stream::count(16 * chunks + if shard.index_has_checksum { 4 } else { 0 })
 }

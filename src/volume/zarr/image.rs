@@ -6,9 +6,9 @@ use serde_json::{Map, Value};
 
 use super::array::Array;
 use super::node::Node;
-use crate::volume::axes::{self, Arranged, Axis};
-use crate::volume::lengths::{converted, printable, unit};
-use crate::volume::{LabelPreset, Unit, VolumeError, Window};
+use crate::axes::{self, Arranged, Axis};
+use crate::lengths::{converted, printable, unit};
+use crate::{LabelPreset, Unit, VolumeError, Window};
 
 /// Most levels of resolution, channels or labels that are listed.
 const MOST: usize = 1 << 16;
@@ -192,7 +192,7 @@ impl Image {
             let sides = fine.arranged.dims().into_iter().zip(level.arranged.dims());
             for (axis, (fine, own)) in sides.enumerate() {
                 if level.spacing[axis].is_none() && fine != own {
-                    let step = crate::number::count(fine) / crate::number::count(own);
+                    let step = relume_base::number::count(fine) / relume_base::number::count(own);
                     (level.spacing[axis], level.is_guessed[axis]) = (Some(step), true);
                     // A coarse voxel lies at the centre of the fine ones.
                     level.origin[axis] = (step - 1.0) / 2.0;

@@ -25,12 +25,12 @@ use super::several::{Asked, Series, Several};
 use super::stream::count;
 use super::type_string::Kind;
 use super::{Geometry, Selection, Volume, VolumeError, Voxels};
-use crate::memory;
-use crate::progress::Progress;
 use array::Array;
 use image::{Image, Level};
 use node::Node;
 pub(super) use node::{is_node, node_of};
+use relume_base::memory;
+use relume_base::progress::Progress;
 
 /// Most arrays or images of a group.
 const MOST: usize = 1000;

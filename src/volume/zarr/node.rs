@@ -5,9 +5,9 @@ use std::path::{Component, Path, PathBuf};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use crate::input;
-use crate::volume::VolumeError;
-use crate::volume::lengths::printable;
+use crate::VolumeError;
+use crate::lengths::printable;
+use relume_base::input;
 
 /// Longest file of metadata in bytes.
 const LONGEST: u64 = 64 << 20;
@@ -16,12 +16,12 @@ const LONGEST: u64 = 64 << 20;
 const FILES: [&str; 5] = ["zarr.json", ".zarray", ".zgroup", ".zattrs", ".zmetadata"];
 
 /// Whether the folder `path` has metadata of Zarr.
-pub(in crate::volume) fn is_node(path: &Path) -> bool {
+pub(crate) fn is_node(path: &Path) -> bool {
     FILES.iter().any(|name| path.join(name).is_file())
 }
 
 /// The node that the file `path` belongs to: a file of metadata, or a chunk of an array.
-pub(in crate::volume) fn node_of(path: &Path) -> Option<PathBuf> {
+pub(crate) fn node_of(path: &Path) -> Option<PathBuf> {
     /// Folders between a chunk and its array: one for each axis, and `c`.
     const DEEPEST: usize = 9;
     let name = path.file_name()?.to_str()?;

@@ -1,0 +1,52 @@
+//! Cost of results and their distance from the truth.
+#![forbid(unsafe_code)]
+
+mod bench;
+mod cache;
+pub mod candidates;
+mod choice;
+mod climb;
+mod clock;
+mod difference;
+mod digits;
+mod enlarge;
+mod equal_steps;
+mod error;
+pub mod extremes;
+mod findings;
+mod goal;
+mod image_error;
+mod ladder;
+mod measured;
+mod report;
+mod rungs;
+mod sample;
+mod setting;
+mod shown;
+mod skipping;
+mod survey;
+mod sweep;
+mod table;
+mod written;
+
+pub use bench::{Bench, Errors, Ready};
+pub use cache::Point;
+pub use choice::{Choice, Patience, Tried, choose, choose_within, curve};
+pub use clock::{Limit, Stopwatch, Summary, Timing, peak_mb, summary};
+pub use difference::Difference;
+pub use enlarge::Enlargement;
+pub use equal_steps::equal_steps;
+pub use error::MeasureError;
+pub use findings::{NodesBesideRgb, cheapest, main_cause, mark_pareto};
+pub use goal::{Goal, Pixels, Preset, Wanted};
+pub use image_error::{ComparisonError, ImageError, Spread};
+pub use ladder::{Cause, LadderError, Lattice};
+pub use measured::{CloseUp, Cost, Measured, Times};
+pub use report::{CostCurve, CostTable, Findings, costs_html, html, trade};
+pub use rungs::{RungError, Rungs};
+pub use sample::{Checked, check, check_within};
+pub use setting::{Knob, Setting, Value};
+pub use skipping::{Skipping, occupancy};
+pub use survey::{Survey, SurveyOptions};
+pub use sweep::{SweepError, settings};
+pub use table::{to_csv, to_markdown, to_text};

@@ -1,0 +1,930 @@
+//! Plans: the features and sizes that a scene needs at its accuracy settings.
+
+mod explain;
+mod fitted;
+mod half;
+mod integration;
+mod needs;
+mod shadows;
+mod stale;
+mod warning;
+
+use std::sync::Arc;
+
+use fitted::{Coefficients, RECENT, Wanted};
+pub use integration::{Narrow, narrow, read_ahead};
+pub use needs::PlannedFilm;
+pub use needs::is_constant;
+use needs::{exponents, longest_way, transmittance};
+pub use stale::Stale;
+pub use warning::PlanWarning;
+
+use crate::{
+    AccumulateAs, Accuracy, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup,
+    Placement, Position, Scene, Shading, ShadowMethod, StoreAs, VolumeAs, positions,
+};
+use relume_base::progress::Progress;
+use relume_colour::model::{ColourModel, ModelError, ModelKind, Order};
+use relume_colour::spectrum::Light;
+use relume_colour::spectrum::observer::Observer;
+
+/// Numbers in a shader's vector, the unit of accumulators and tables.
+pub const LANE: usize = 4;
+
+/// Largest number of parts of a segment.
+pub const MOST_PARTS: f32 = 4.0;
+
+/// Fraction of the tolerance allowed to coefficients that replace exact weights: exactness is given up only for a small
+/// error.
+const EXACTNESS: f64 = 0.5;
+
+/// Features and sizes of a frame. Contains discrete choices only, including an exponent that all highlights share;
+/// other numbers are passed separately. Plans with the same shader share its pipeline.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct ScenePlan {
+    /// Contents of pixels.
+    pub accumulate: Accumulate,
+    /// Kind of transmittance.
+    pub transmittance: Transmittance,
+    /// Light positions that shading can distinguish: one accumulator each.
+    pub positions: PositionCounts,
+    /// Positions with shadows; `None` without any.
+    pub shadows: Option<ShadowedPositions>,
+    /// Shading of directed lights; `None` if every light reaches every point equally.
+    pub shading: Option<ShadingTerms>,
+    /// Phase functions by which a step scatters directed light: with weights, one per material in use; otherwise, one per
+    /// distinct parameter, with its own part of a table entry. 0 if every material scatters evenly.
+    pub phases: usize,
+    /// Thin films that reflect directed light.
+    pub films: FilmCounts,
+    /// Points of the factor on the opacity by the gradient magnitude; 0 without such a factor.
+    pub gradient_opacity: usize,
+    /// Whether labels take precedence over the transfer function.
+    pub labels: bool,
+    /// Whether labels are interpolated between voxels.
+    pub smooth_labels: bool,
+    /// Whether the background is other than black.
+    pub background: bool,
+    /// Lookup in the transfer table.
+    pub lookup: Lookup,
+    /// Integration along a ray.
+    pub integration: Integrate,
+    /// Interpolation between voxels.
+    pub interpolation: Interpolation,
+    /// Storage of the volume.
+    pub volume: VolumeAs,
+    /// Source of gradients; [`Gradients::Packed`] if none are needed.
+    pub gradients: Gradients,
+    /// Whether empty macrocells are skipped.
+    pub skipping: bool,
+    /// Rays of a pixel, whose mean its accumulators are.
+    pub rays: usize,
+    /// Whether sums keep what rounding takes from them, because a ray may have more than [`MOST_PLAIN_STEPS`].
+    pub compensated: bool,
+    /// Storage of finished accumulators.
+    pub storage: StoreAs,
+}
+
+/// Largest number of steps of a ray whose sums in f32 are plain. Rounding may take up to 2⁻²⁶ of a sum in each step, always
+/// with the same sign where steps are equal (docs/theory/numerics.md): 2·10⁻⁵ after 1340 steps.
+pub const MOST_PLAIN_STEPS: f64 = 1340.0;
+
+/// Integration along a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Integrate {
+    /// The medium at the middle of each step.
+    Samples,
+    /// Means of the medium over the values between the ends of a segment.
+    Segments,
+}
+
+/// Contents of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Accumulate {
+    /// One weight per material in use (docs/theory/march.md): exact for every light, because opacity is grey and light
+    /// scatters once. Specular materials add a weight for white.
+    Weights {
+        /// Materials in use.
+        materials: usize,
+    },
+    /// A spectrum as the k coefficients of a colour model (docs/theory/colour-models.md).
+    Spectral {
+        /// Dimension k.
+        dimension: usize,
+        /// Spectra of the source in a table entry.
+        shares: Shares,
+        /// Number of distinct exponents of highlights; each has its own part of a table entry.
+        exponents: usize,
+    },
+}
+
+/// Comparison of the ambient and diffuse factors of the materials in use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Shares {
+    /// Equal for all materials: the source is one spectrum, shaded as a whole.
+    Equal,
+    /// Different: the ambient part of the source is one spectrum, the diffuse part another.
+    Own,
+}
+
+/// Kind of transmittance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Transmittance {
+    /// The sum of all absorption and scattering is equal at all wavelengths: one number.
+    Grey,
+    /// One number per component of the colour model.
+    Coloured,
+    /// A matrix, row by row: contribution of each component of the light behind to each transmitted component (Peercy
+    /// 1993).
+    Mixed,
+}
+
+/// Offsets of the parts of the source in a table entry, in vectors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Parts {
+    /// Source of ambient light; one number per material if weights are accumulated. With phase functions, the sum of the
+    /// parts of all of them, of which this is the first.
+    pub unshaded: usize,
+    /// Ambient part for a directed light.
+    pub ambient: usize,
+    /// Diffuse part, which follows |n·l| or max(n·l, 0).
+    pub diffuse: usize,
+    /// White of the highlights, one part per exponent.
+    pub highlights: usize,
+    /// White of the light that thin films reflect, one part per film.
+    pub films: usize,
+    /// Vectors per entry.
+    pub lanes: usize,
+}
+
+/// Number of light positions of each kind. Accumulators follow the order ambient, headlight, directional, point,
+/// three-point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct PositionCounts {
+    /// 0 or 1: all ambient lights share a position.
+    pub ambient: usize,
+    /// 0 to 2: without and with shadows.
+    pub headlight: usize,
+    /// Lights at infinity.
+    pub directional: usize,
+    /// Lights at a point.
+    pub point: usize,
+    /// 0 to 2: without and with shadows.
+    pub three_point: usize,
+}
+
+/// Positions with shadows: the last ones of their kinds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ShadowedPositions {
+    /// Whether the last headlight casts shadows: it shines along the rays of the eye, so they follow from the
+    /// transmittance.
+    pub headlight: bool,
+    /// Number of directional lights with shadows.
+    pub directional: usize,
+    /// Whether the last three-point light casts shadows.
+    pub three_point: bool,
+    /// Number of point lights with shadows.
+    pub point: usize,
+    /// The last ambient light casts shadows.
+    pub ambient: bool,
+    /// The medium dims the ambient shares of directed lights.
+    pub occluded: bool,
+    /// Method that finds their light.
+    pub method: ShadowMethod,
+    /// Materials with coloured absorption, through each of which light has a depth of its own; 0 if all absorption is grey.
+    pub absorbers: usize,
+}
+
+/// Largest number of depths per node of a light grid.
+pub const MOST_SHADOWED: usize = 16;
+
+impl ShadowedPositions {
+    /// Number of lights of the light grid: one per directional and point light, three of a three-point light, and one for
+    /// ambient light from all directions.
+    #[must_use]
+    pub fn grid_lights(&self) -> usize {
+        self.directional + if self.three_point { 3 } else { 0 } + self.point + usize::from(self.sky())
+    }
+
+    /// Number of depths per node of the light grid: of each light through all that is grey, and through each absorber.
+    #[must_use]
+    pub fn grid_depths(&self) -> usize {
+        self.grid_lights() * (1 + self.absorbers)
+    }
+
+    /// True if the medium dims ambient light.
+    #[must_use]
+    pub fn sky(&self) -> bool {
+        self.ambient || self.occluded
+    }
+}
+
+/// Numbers of thin films.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct FilmCounts {
+    /// Films in place of a diffuse reflectance.
+    pub facing: usize,
+    /// Films in place of white highlights.
+    pub lobe: usize,
+    /// With weights, terms of all films, each of which has a weight; otherwise 0.
+    pub terms: usize,
+    /// Bits of the largest exponent of their highlights.
+    pub exponent_bits: u32,
+}
+
+impl FilmCounts {
+    /// Number of films.
+    #[must_use]
+    pub fn total(&self) -> usize {
+        self.facing + self.lobe
+    }
+}
+
+/// Shading terms of directed lights. Without diffuse and specular parts, only the materials' ambient factors remain,
+/// and no gradient is needed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ShadingTerms {
+    /// Some material has a diffuse part.
+    pub diffuse: bool,
+    /// Some material has a specular part.
+    pub specular: Option<Specular>,
+    /// Only surfaces that face the light are lit by these parts.
+    pub one_sided: bool,
+}
+
+/// Parameters of highlights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Specular {
+    /// Exponent of all materials, compiled into the shader; `None` if there are several.
+    pub one_exponent: Option<u32>,
+    /// Bits of the largest exponent: the number of squarings per power.
+    pub exponent_bits: u32,
+}
+
+/// A plan with the materials and light positions of its components.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planned {
+    /// The plan.
+    pub plan: ScenePlan,
+    /// Materials in use: indices into [`Scene::materials`], in the order of the weights.
+    pub materials: Vec<usize>,
+    /// The light positions, in the order of the accumulators.
+    pub positions: Vec<Position>,
+    /// Colour model, if pixels keep no weights.
+    pub model: Option<Arc<ColourModel>>,
+    /// Properties that the user may want to change.
+    pub warnings: Vec<PlanWarning>,
+}
+
+impl PositionCounts {
+    /// Number of light positions.
+    #[must_use]
+    pub fn total(&self) -> usize {
+        self.ambient + self.headlight + self.directional + self.point + self.three_point
+    }
+
+    /// Indices of the directional lights, if the last `shadowed` of them are meant.
+    #[must_use]
+    pub fn last_directional(&self, shadowed: usize) -> std::ops::Range<usize> {
+        let end = self.ambient + self.headlight + self.directional;
+        end - shadowed.min(self.directional)..end
+    }
+
+    /// Indices of the point lights, if the last `shadowed` of them are meant.
+    #[must_use]
+    pub fn last_point(&self, shadowed: usize) -> std::ops::Range<usize> {
+        let end = self.total() - self.three_point;
+        end - shadowed.min(self.point)..end
+    }
+
+    /// Number of vectors of the positions: three for a three-point light, otherwise one.
+    #[must_use]
+    pub fn vectors(&self) -> usize {
+        self.total() + 2 * self.three_point
+    }
+
+    /// Index of the first vector of `position`.
+    #[must_use]
+    pub fn first_vector(&self, position: usize) -> usize {
+        position + 2 * position.saturating_sub(self.total() - self.three_point)
+    }
+}
+
+impl ScenePlan {
+    /// Indices of the directional positions with shadows.
+    #[must_use]
+    pub fn shadowed(&self) -> std::ops::Range<usize> {
+        self.positions.last_directional(self.shadows.map_or(0, |shadows| shadows.directional))
+    }
+
+    /// Indices of the point lights with shadows.
+    #[must_use]
+    pub fn shadowed_points(&self) -> std::ops::Range<usize> {
+        self.positions.last_point(self.shadows.map_or(0, |shadows| shadows.point))
+    }
+
+    /// Index of the headlight with shadows, if there is one.
+    #[must_use]
+    pub fn shadowed_headlight(&self) -> Option<usize> {
+        let last = (self.positions.ambient + self.positions.headlight).checked_sub(1);
+        last.filter(|_| self.shadows.is_some_and(|shadows| shadows.headlight))
+    }
+
+    /// Index of the three-point position with shadows, if there is one.
+    #[must_use]
+    pub fn shadowed_three_point(&self) -> Option<usize> {
+        let last = self.positions.total().checked_sub(1);
+        last.filter(|_| self.shadows.is_some_and(|shadows| shadows.three_point))
+    }
+
+    /// Index of the ambient position with shadows, if there is one.
+    #[must_use]
+    pub fn shadowed_ambient(&self) -> Option<usize> {
+        self.positions.ambient.checked_sub(1).filter(|_| self.shadows.is_some_and(|shadows| shadows.ambient))
+    }
+
+    /// Number of lights of the light grid: those of [`Self::shadow_vectors`], and ambient light if the medium dims it.
+    #[must_use]
+    pub fn grid_lights(&self) -> usize {
+        self.shadows.map_or(0, |shadows| shadows.grid_lights())
+    }
+
+    /// Number of depths per node of the light grid: [`Self::absorbers`] and one more for each light.
+    #[must_use]
+    pub fn grid_depths(&self) -> usize {
+        self.shadows.map_or(0, |shadows| shadows.grid_depths())
+    }
+
+    /// Number of coloured absorbers of shadows; 0 without shadows.
+    #[must_use]
+    pub fn absorbers(&self) -> usize {
+        self.shadows.map_or(0, |shadows| shadows.absorbers)
+    }
+
+    /// Number of ambient light among the lights of the light grid, if the medium dims it: the last.
+    #[must_use]
+    pub fn sky(&self) -> Option<usize> {
+        self.shadows.filter(ShadowedPositions::sky).map(|shadows| shadows.grid_lights() - 1)
+    }
+
+    /// Number of the first point light among the lights of the light grid.
+    #[must_use]
+    pub fn first_point(&self) -> usize {
+        self.shadowed().len() + if self.shadowed_three_point().is_some() { 3 } else { 0 }
+    }
+
+    /// Indices of the vectors of the positions along which the medium dims light: of directional lights, then of a
+    /// three-point light, then of point lights.
+    pub fn shadow_vectors(&self) -> impl Iterator<Item = usize> + use<> {
+        let of_three = self.shadowed_three_point().map(|position| self.positions.first_vector(position));
+        self.shadowed().chain(of_three.into_iter().flat_map(|first| first..first + 3)).chain(self.shadowed_points())
+    }
+
+    /// Number of positions without shadows.
+    #[must_use]
+    pub fn open_positions(&self) -> usize {
+        let shadowed_one = [self.shadowed_ambient(), self.shadowed_headlight(), self.shadowed_three_point()];
+        self.positions.total()
+            - self.shadowed().len()
+            - self.shadowed_points().len()
+            - shadowed_one.into_iter().flatten().count()
+    }
+
+    /// Whether the march reads a light grid.
+    #[must_use]
+    pub fn reads_light_grid(&self) -> bool {
+        self.shadows.is_some_and(|shadows| shadows.grid_lights() > 0 && shadows.method == ShadowMethod::Grid)
+    }
+
+    /// Components of an accumulator.
+    #[must_use]
+    pub fn components(&self) -> usize {
+        match self.accumulate {
+            Accumulate::Weights { materials } => materials + usize::from(self.specular().is_some()) + self.films.terms,
+            Accumulate::Spectral { dimension, .. } => dimension,
+        }
+    }
+
+    /// Numbers of the transmittance of a pixel.
+    #[must_use]
+    pub fn transmittance_numbers(&self) -> usize {
+        match self.transmittance {
+            Transmittance::Grey => 1,
+            Transmittance::Coloured => self.components(),
+            Transmittance::Mixed => self.components().pow(2),
+        }
+    }
+
+    /// Vectors that hold [`Self::components`].
+    #[must_use]
+    pub fn lanes(&self) -> usize {
+        self.components().div_ceil(LANE)
+    }
+
+    /// Vectors that hold [`Self::transmittance_numbers`].
+    #[must_use]
+    pub fn transmittance_lanes(&self) -> usize {
+        self.transmittance_numbers().div_ceil(LANE)
+    }
+
+    /// Vectors that hold the shading coefficients: one number per material, or one per exponent of highlights.
+    #[must_use]
+    pub fn shading_lanes(&self) -> usize {
+        let numbers = match self.accumulate {
+            Accumulate::Weights { materials } => materials,
+            Accumulate::Spectral { exponents, .. } => exponents,
+        };
+        numbers.div_ceil(LANE).max(1)
+    }
+
+    /// Vectors that hold the phase functions.
+    #[must_use]
+    pub fn phase_lanes(&self) -> usize {
+        self.phases.div_ceil(LANE).max(1)
+    }
+
+    /// Vectors that hold a number per thin film.
+    #[must_use]
+    pub fn film_lanes(&self) -> usize {
+        self.films.total().div_ceil(LANE).max(1)
+    }
+
+    /// Vectors of an accumulator that hold weights of terms of thin films; none without weights.
+    #[must_use]
+    pub fn film_vectors(&self) -> std::ops::Range<usize> {
+        let first = self.components() - self.films.terms.min(self.components());
+        if self.films.terms == 0 { self.lanes()..self.lanes() } else { first / LANE..self.lanes() }
+    }
+
+    /// Layout of the source in a table entry.
+    #[must_use]
+    pub fn parts(&self) -> Parts {
+        match self.accumulate {
+            Accumulate::Weights { materials } => {
+                Parts { unshaded: 0, ambient: 0, diffuse: 0, highlights: 0, films: 0, lanes: materials.div_ceil(LANE) }
+            }
+            Accumulate::Spectral { shares, exponents, .. } => {
+                let lanes = self.lanes();
+                let own = shares == Shares::Own;
+                let unshaded = if own { 2 * lanes } else { 0 };
+                let highlights = match (own, self.positions.ambient) {
+                    (false, _) => self.phases.max(1) * lanes,
+                    (true, 0) => 2 * lanes,
+                    (true, _) => 3 * lanes,
+                };
+                let white = |parts: usize| match self.transmittance {
+                    Transmittance::Grey => parts.div_ceil(LANE),
+                    Transmittance::Coloured | Transmittance::Mixed => parts * lanes,
+                };
+                let diffuse = if own { lanes } else { 0 };
+                let films = highlights + white(exponents);
+                Parts { unshaded, ambient: 0, diffuse, highlights, films, lanes: films + white(self.films.total()) }
+            }
+        }
+    }
+
+    /// Vectors of a pixel's accumulators: [`Self::lanes`] per position.
+    #[must_use]
+    pub fn layers(&self) -> usize {
+        self.positions.total() * self.lanes()
+    }
+
+    /// Bytes of a finished pixel on a device. Grey transmittance is never stored in 16 bits: alone in its texel, it
+    /// would save little.
+    #[must_use]
+    pub fn pixel_bytes(&self) -> u64 {
+        self.bytes_as(self.storage)
+    }
+
+    /// Bytes of a pixel on a device during the march: those of its ray, of the mean of several rays, and of its finished
+    /// form if that differs.
+    #[must_use]
+    pub fn marched_bytes(&self) -> u64 {
+        let finished = if self.storage == StoreAs::Single { 0 } else { self.pixel_bytes() };
+        let marched = self.bytes_as(StoreAs::Single);
+        // A mean has the layers of its ray.
+        let marched = marched * if self.compensated { 2 } else { 1 };
+        marched + if self.rays > 1 { marched } else { 0 } + finished
+    }
+
+    fn bytes_as(&self, storage: StoreAs) -> u64 {
+        let number = match storage {
+            StoreAs::Single => size_of::<f32>(),
+            StoreAs::Half => size_of::<::half::f16>(),
+        };
+        let transmittance = match self.transmittance {
+            Transmittance::Grey => size_of::<f32>(),
+            Transmittance::Coloured | Transmittance::Mixed => self.transmittance_lanes() * LANE * number,
+        };
+        (self.layers() * LANE * number + transmittance) as u64
+    }
+
+    /// Whether the gradient of the data is needed.
+    #[must_use]
+    pub fn gradient(&self) -> bool {
+        self.gradient_opacity > 0 || self.shades_by_gradient()
+    }
+
+    /// Whether shading needs the gradient of the data.
+    #[must_use]
+    pub fn shades_by_gradient(&self) -> bool {
+        self.films.total() > 0 || self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
+    }
+
+    /// Whether the gradient is stored with the values.
+    #[must_use]
+    pub fn stores_gradient(&self) -> bool {
+        self.gradient() && self.gradients == Gradients::Packed
+    }
+
+    /// Whether the march skips samples whose value is invisible before it looks up the tables. The picture is the same to
+    /// the bit. That is faster if the lookup of a sample takes longer than fetching its value: with one vector in
+    /// each of the two table entries, the additional loop costs a tenth of the march; with many vectors it saves up to
+    /// a fifth.
+    #[must_use]
+    pub fn skips_invisible(&self) -> bool {
+        let voxels = if self.interpolation == Interpolation::Cubic { 64 } else { 8 };
+        let opacity = if self.transmittance == Transmittance::Grey { 1 } else { self.transmittance_lanes() * LANE };
+        let entries = if self.lookup == Lookup::Nearest { 1 } else { 2 };
+        let differences = if self.gradient() && self.gradients == Gradients::Central { 6 * voxels } else { 0 };
+        // A fetch of four lights.
+        let light = if self.reads_light_grid() { 8 * LANE } else { 0 };
+        self.skipping && entries * (self.parts().lanes * LANE + opacity) + differences + light >= 2 * voxels
+    }
+
+    /// Whether a volume stored on a device for `other` suits this plan: same format, gradients, labels and filter.
+    #[must_use]
+    pub fn is_stored_as(&self, other: &Self) -> bool {
+        let kept = |plan: &Self| {
+            let labels = (plan.labels, plan.smooth_labels);
+            (plan.volume, plan.gradient(), plan.gradients, labels, plan.interpolation)
+        };
+        kept(self) == kept(other)
+    }
+
+    /// Parameters of highlights, if there are any.
+    #[must_use]
+    pub fn specular(&self) -> Option<Specular> {
+        self.shading.and_then(|terms| terms.specular)
+    }
+}
+
+/// Why a scene has no plan.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// Weights are requested, but are not exact.
+    #[error(
+        "accumulate = \"weights\" is not possible: the absorption of {materials} is coloured; use \"spectral\" or \"auto\""
+    )]
+    NotGrey {
+        /// The materials with coloured absorption.
+        materials: String,
+    },
+    /// Storing accumulators in 16 bits would exceed the tolerance.
+    #[error(
+        "storage = \"f16\" may change a colour by ΔE00 {error:.2}, and the tolerance is {tolerance}; use storage = \"f32\", or tolerance = {kept}"
+    )]
+    HalfPrecision {
+        /// The largest change of a colour, in ΔE00.
+        error: f64,
+        /// The tolerance.
+        tolerance: f64,
+        /// A sufficient tolerance.
+        kept: f64,
+    },
+    /// Accumulators are too large for 16 bits.
+    #[error(
+        "storage = \"f16\" is not possible: a pixel may hold numbers above 65504, the largest 16-bit float; use storage = \"f32\""
+    )]
+    HalfRange,
+    /// A matrix of transmittance has no power by a factor that is known from the matrix alone.
+    #[error(
+        "the model peercy keeps a transmittance matrix, which transfer.gradient_opacity cannot scale; take another model, or remove gradient_opacity"
+    )]
+    GradientMatrix,
+    /// A matrix of transmittance has no spectrum per component, by which a film could be multiplied.
+    #[error(
+        "the model peercy multiplies matrices, and the film of {materials} changes with the angle; take another model, or remove `film`"
+    )]
+    FilmMatrix {
+        /// Names of the materials.
+        materials: String,
+    },
+    /// The effect of 16-bit storage on matrices is not known.
+    #[error("the model peercy keeps a transmittance matrix, which is not stored in 16 bits; take storage = \"f32\"")]
+    HalfMatrix,
+    /// Segments are requested, but have no closed form.
+    #[error("integration = \"segments\" is not possible: {why}; use \"samples\" or \"auto\"")]
+    NoSegments {
+        /// The reason.
+        why: &'static str,
+    },
+    /// Shadows are requested where they cannot be computed.
+    #[error("{setting} is not possible: {why}")]
+    NoShadows {
+        /// The key and its value.
+        setting: String,
+        /// The reason.
+        why: String,
+    },
+    /// No colour model meets the request.
+    #[error("no colour model fits the scene")]
+    Model(#[from] ModelError),
+}
+
+impl PlanError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NotGrey { .. } => "weights-inexact",
+            Self::HalfPrecision { .. } => "half-imprecise",
+            Self::HalfRange => "half-overflow",
+            Self::GradientMatrix => "gradient-opacity-matrix",
+            Self::FilmMatrix { .. } => "film-matrix",
+            Self::HalfMatrix => "half-matrix",
+            Self::NoSegments { .. } => "segments-impossible",
+            Self::NoShadows { .. } => "shadows-impossible",
+            Self::Model(error) => error.code(),
+        }
+    }
+}
+
+/// Plans `scene` by its contents and its accuracy settings. Fits a colour model if one is needed.
+///
+/// # Errors
+///
+/// [`PlanError`].
+pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError> {
+    plan_for(scene, &[], progress)
+}
+
+/// [`plan`] with a colour model for additional lights, by name.
+///
+/// # Errors
+///
+/// [`PlanError`].
+pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
+    let mut planned = chosen(scene, lights, progress)?;
+    check(&planned, scene)?;
+    let observer = planned.be_seen_by(scene.display.observer, scene.accuracy.tolerance)?;
+    planned.warnings.extend(observer);
+    planned.warnings.extend(planned.unused(scene));
+    let sentences = planned.amplified(scene);
+    if !sentences.is_empty() {
+        planned.warnings.push(PlanWarning::Amplified { sentences });
+    }
+    Ok(planned)
+}
+
+/// Refuses matrices with a factor by the gradient magnitude, and 16-bit storage with an error above the tolerance.
+fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
+    if planned.plan.gradient_opacity > 0 && planned.plan.transmittance == Transmittance::Mixed {
+        return Err(PlanError::GradientMatrix);
+    }
+    if planned.plan.films.total() > 0 && planned.plan.transmittance == Transmittance::Mixed {
+        let materials: Vec<&str> = planned.films(scene).iter().map(|film| film.material.name.as_str()).collect();
+        return Err(PlanError::FilmMatrix { materials: materials.join(", ") });
+    }
+    if let (Integration::Segments, Some(why)) = (scene.accuracy.integration, planned.no_segments()) {
+        return Err(PlanError::NoSegments { why });
+    }
+    shadows::check(planned, scene)?;
+    half::check(planned, scene)
+}
+
+/// Names of the materials with coloured absorption.
+fn coloured(scene: &Scene) -> String {
+    let materials = scene.materials.iter().enumerate().filter(|&(index, material)| {
+        scene.absorbs(index)
+            && material.absorption.as_ref().is_some_and(|absorption| !is_constant(absorption.spectrum()))
+    });
+    materials.map(|(_, material)| material.name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+/// The plan of `scene`, before its [`check`].
+fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
+    let weights = planned(scene, None);
+    // Before a model is fitted in vain.
+    shadows::check(&weights, scene)?;
+    if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
+        return Err(PlanError::NotGrey { materials: coloured(scene) });
+    }
+    let exact = weights.plan.transmittance == Transmittance::Grey;
+    let Accuracy { model: kind, tolerance, dimension, accumulate, .. } = scene.accuracy;
+    let narrower = narrower(&weights.plan);
+    let mut warning = None;
+    let model_with = |coefficients| {
+        let mut ingredients = weights.ingredients(scene);
+        for (name, light) in lights {
+            if ingredients.lights.iter().all(|(_, known)| known != light) {
+                ingredients.lights.push((name.clone(), light.clone()));
+            }
+        }
+        RECENT.fitted(Wanted { ingredients, kind, coefficients }, progress)
+    };
+    let model = match (accumulate, dimension) {
+        (AccumulateAs::Weights, _) => None,
+        (AccumulateAs::Auto, Some(dimension)) if exact && dimension > narrower => None,
+        (AccumulateAs::Auto, None) if exact && narrower == 0 => None,
+        (AccumulateAs::Auto, None) if exact => {
+            match model_with(Coefficients::AtMost(narrower, EXACTNESS * tolerance)) {
+                Err(stopped @ ModelError::Cancelled) => return Err(stopped.into()),
+                // Without a fit, weights remain; also if the spectra of a film between its fitted angles do not.
+                found => found
+                    .ok()
+                    .and_then(|found| found.model)
+                    .filter(|model| weights.films(scene).iter().all(|film| film.error_in(model) <= tolerance)),
+            }
+        }
+        (AccumulateAs::Auto | AccumulateAs::Spectral, Some(dimension)) => {
+            let found = model_with(Coefficients::Stated(dimension))?;
+            warning = found.warning;
+            found.model
+        }
+        (AccumulateAs::Auto | AccumulateAs::Spectral, None) => model_with(Coefficients::Keeping(tolerance))?.model,
+    };
+    let mut chosen = model.map_or(weights, |model| planned(scene, Some(model)));
+    chosen.warnings.extend(warning);
+    Ok(chosen)
+}
+
+/// The largest number of coefficients in fewer vectors than the weights of `plan`.
+fn narrower(plan: &ScenePlan) -> usize {
+    plan.lanes().saturating_sub(1) * LANE
+}
+
+/// The plan with all 81 wavelengths, the reference for other plans.
+#[must_use]
+pub fn plan_full_spectrum(scene: &Scene) -> Planned {
+    let planned = planned(scene, Some(Arc::new(ColourModel::full_spectrum())));
+    Planned { plan: ScenePlan { storage: StoreAs::Single, ..planned.plan }, ..planned }
+}
+
+/// The plan of `scene` with coefficients of `model`, or with weights if there is no model.
+fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
+    let materials: Vec<usize> = (0..scene.materials.len()).filter(|&material| scene.shows(material)).collect();
+    let positions = positions(scene);
+    let count = |kind: fn(&Placement) -> bool| positions.iter().filter(|position| kind(&position.placement)).count();
+    let counts = PositionCounts {
+        ambient: count(|placement| matches!(placement, Placement::Ambient)),
+        headlight: count(|placement| matches!(placement, Placement::Headlight)),
+        directional: count(|placement| matches!(placement, Placement::Directional(_))),
+        point: count(|placement| matches!(placement, Placement::Point(_))),
+        three_point: count(|placement| matches!(placement, Placement::ThreePoint)),
+    };
+    let used = || materials.iter().filter_map(|&material| scene.materials.get(material));
+    let directed = scene.shading == Shading::Gradient && counts.total() > counts.ambient;
+    let diffuse = directed && used().any(|material| material.own_diffuse() > 0.0);
+    let exponents = if directed { exponents(used()) } else { Vec::new() };
+    let specular = exponents.last().map(|&largest| Specular {
+        one_exponent: Some(largest).filter(|_| exponents.len() == 1),
+        exponent_bits: u32::BITS - largest.leading_zeros(),
+    });
+    let accumulate = match &model {
+        None => Accumulate::Weights { materials: materials.len() },
+        Some(model) => {
+            let mut shares = used().map(|material| [material.ambient, material.own_diffuse()]);
+            let first = shares.next();
+            let equal = !directed || shares.all(|share| Some(share) == first);
+            Accumulate::Spectral {
+                dimension: model.dimension(),
+                shares: if equal { Shares::Equal } else { Shares::Own },
+                exponents: exponents.len(),
+            }
+        }
+    };
+    let transmittance = transmittance(scene);
+    let coloured = transmittance == Transmittance::Coloured;
+    let shadowed = |kind: fn(&Placement) -> bool| {
+        positions.iter().filter(|position| position.shadows && kind(&position.placement)).count()
+    };
+    let shadows = ShadowedPositions {
+        headlight: shadowed(|placement| matches!(placement, Placement::Headlight)) > 0,
+        directional: shadowed(|placement| matches!(placement, Placement::Directional(_))),
+        three_point: shadowed(|placement| matches!(placement, Placement::ThreePoint)) > 0,
+        point: shadowed(|placement| matches!(placement, Placement::Point(_))),
+        ambient: shadowed(|placement| matches!(placement, Placement::Ambient)) > 0,
+        occluded: directed
+            && scene.shadows.ambient == AmbientShares::Occluded
+            && used().any(|material| material.ambient > 0.0),
+        method: scene.shadows.method,
+        absorbers: if coloured { needs::absorbers(scene).count() } else { 0 },
+    };
+    let films = if directed {
+        needs::film_counts(used(), model.is_none().then_some(scene.accuracy.tolerance))
+    } else {
+        FilmCounts::default()
+    };
+    let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some() || films.total() > 0);
+    let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
+    let phases = match accumulate {
+        _ if !scene.has_phases() || counts.total() == counts.ambient => 0,
+        Accumulate::Weights { materials } => materials,
+        Accumulate::Spectral { .. } => needs::phases(used()).len(),
+    };
+    let labels = scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty());
+    let factors = &scene.transfer.gradient_opacity;
+    let mut plan = ScenePlan {
+        accumulate,
+        transmittance: match (transmittance, model.as_ref().map(|model| model.kind())) {
+            (Transmittance::Coloured, Some(ModelKind::Peercy)) => Transmittance::Mixed,
+            (transmittance, _) => transmittance,
+        },
+        positions: counts,
+        shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.grid_lights() > 0),
+        shading,
+        phases,
+        films,
+        // A factor of 1 at all magnitudes has no effect.
+        gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },
+        labels,
+        smooth_labels: labels && scene.accuracy.labels == LabelInterpolation::Smooth,
+        background: scene.background.is_some(),
+        lookup: scene.transfer.lookup,
+        integration: Integrate::Samples,
+        interpolation: scene.accuracy.interpolation,
+        volume: scene.accuracy.volume,
+        gradients: Gradients::Packed,
+        skipping: scene.accuracy.skipping,
+        rays: scene.accuracy.rays,
+        compensated: scene.most_steps() > MOST_PLAIN_STEPS,
+        storage: scene.accuracy.storage,
+    };
+    if plan.gradient() {
+        plan.gradients = scene.accuracy.gradients;
+    }
+    let wanted = match scene.accuracy.integration {
+        Integration::Samples => false,
+        Integration::Segments => true,
+        Integration::Auto => narrow(scene).is_some(),
+    };
+    if wanted && no_segments(&plan, model.as_deref()).is_none() {
+        plan.integration = Integrate::Segments;
+    }
+    Planned { plan, materials, positions, model, warnings: Vec::new() }
+}
+
+/// Why `plan` cannot integrate in segments, if it cannot: their closed form needs components that decay independently,
+/// and values that change continuously.
+fn no_segments(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static str> {
+    if plan.transmittance == Transmittance::Mixed {
+        Some("the model peercy multiplies matrices")
+    } else if plan.transmittance == Transmittance::Coloured
+        && model.is_some_and(|model| model.kind() == ModelKind::Sharpened(Order::Step))
+    {
+        Some("the model projects the transmittance of each step")
+    } else if plan.interpolation == Interpolation::Nearest {
+        Some("the values of nearest interpolation jump")
+    } else {
+        None
+    }
+}
+
+impl Planned {
+    /// Why this plan cannot integrate in segments, if it cannot.
+    #[must_use]
+    pub fn no_segments(&self) -> Option<&'static str> {
+        no_segments(&self.plan, self.model.as_deref())
+    }
+
+    /// Fits the colour model, if any, to `observer`; pixels are the same for every observer. Returns a warning if the
+    /// error exceeds the tolerance.
+    fn be_seen_by(&mut self, observer: Observer, tolerance: f64) -> Result<Option<PlanWarning>, ModelError> {
+        let Some(model) = self.model.as_mut().filter(|model| model.observer() != observer) else { return Ok(None) };
+        *model = Arc::new(model.seen_by(observer)?);
+        let error = model.worst().max;
+        Ok((error > tolerance).then_some(PlanWarning::Observer { observer, error, tolerance }))
+    }
+
+    /// The plan of a `scene` that differs from that of this plan only in camera, crop box and display.
+    #[must_use]
+    pub fn seen_otherwise(&self, scene: &Scene) -> Self {
+        planned(scene, self.model.clone())
+    }
+
+    /// The plan of `scene` if it needs the same colour model as `before`, the scene of this plan. Equal to the result
+    /// of [`plan`], but immediate. `None` if a model has to be fitted, or the plan is refused.
+    #[must_use]
+    pub fn changed_to(&self, before: &Scene, scene: &Scene) -> Option<Self> {
+        let [then, now] = [before, scene].map(|scene| planned(scene, None));
+        let asked = |scene: &Scene| {
+            let Accuracy { accumulate, model, tolerance, dimension, .. } = scene.accuracy;
+            (accumulate, model, tolerance.to_bits(), dimension)
+        };
+        let alike = then.plan == now.plan
+            && asked(before) == asked(scene)
+            && then.ingredients(before) == now.ingredients(scene);
+        alike.then(|| self.seen_otherwise(scene)).filter(|planned| check(planned, scene).is_ok())
+    }
+
+    /// The largest change, in ΔE00, that 16-bit storage of finished accumulators makes to a colour of at most white's
+    /// brightness under one of the scene's lights; `None` for storage in f32. Infinite if a number may be too large for
+    /// 16 bits.
+    #[must_use]
+    pub fn half_precision_error(&self, scene: &Scene) -> Option<f64> {
+        (self.plan.storage == StoreAs::Half).then(|| half::error(self, scene))
+    }
+}

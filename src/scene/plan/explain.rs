@@ -1,0 +1,443 @@
+//! Explains plans in sentences, for people who know volumes but not this program.
+
+use super::{Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower};
+use crate::{AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lookup, Scene, Shading, ShadowMethod};
+use relume_base::number::{brief, readable};
+use relume_colour::model::ModelKind;
+use relume_colour::spectrum::{FILM_ANGLES, FilmAngle, Layers};
+
+impl Planned {
+    /// Settings that this plan does not use.
+    #[must_use]
+    pub fn unused(&self, scene: &Scene) -> Vec<PlanWarning> {
+        let Accuracy { dimension, model, .. } = scene.accuracy;
+        let stated = [
+            dimension.map(|k| format!("k = {k}")),
+            (model != ModelKind::default()).then(|| format!("the model {model}")),
+        ];
+        let stated = stated.into_iter().flatten().filter(|_| self.model.is_none());
+        let phases = listed(scene.states_phases().map(|material| material.name.as_str()));
+        let without = scene.shading == Shading::Gradient && scene.states_phases().next().is_some();
+        let phases = without.then_some(PlanWarning::PhaseUnused { materials: phases });
+        let films = self.unused_films(scene).into_iter().chain(self.inexact_films(scene));
+        stated.map(|setting| PlanWarning::Unused { setting }).chain(phases).chain(films).collect()
+    }
+
+    /// Films without effect.
+    fn unused_films(&self, scene: &Scene) -> Vec<PlanWarning> {
+        let (mut unshaded, mut without, mut undirected) = (Vec::new(), Vec::new(), Vec::new());
+        for material in scene.states_films() {
+            if scene.shading == Shading::None {
+                unshaded.push(material.name.as_str());
+            } else if let Some(film) = material.film.as_ref().filter(|film| material.film_at(film.angle()).is_none()) {
+                without.push((material.name.as_str(), film.angle()));
+            } else if self.plan.positions.total() == self.plan.positions.ambient {
+                undirected.push(material.name.as_str());
+            }
+        }
+        let warning = |names: Vec<&str>, why| {
+            (!names.is_empty()).then(|| PlanWarning::FilmUnused { materials: names.join(", "), why })
+        };
+        let of = |angle: FilmAngle| without.iter().filter(|film| film.1 == angle).map(|film| film.0).collect();
+        let warnings = [
+            warning(unshaded, "without shading no surface has an angle; use shading = \"gradient\", or remove `film`"),
+            warning(
+                undirected,
+                "all lights are ambient, and light without direction meets no film; add a light with a direction, such as \
+                 kind = \"three_point\", or remove `film`",
+            ),
+            warning(of(FilmAngle::Facing), "the diffuse factor is 0; state `diffuse`, or angle = \"lobe\""),
+            warning(of(FilmAngle::Lobe), "the specular factor is 0; state `specular`, or angle = \"facing\""),
+        ];
+        warnings.into_iter().flatten().collect()
+    }
+
+    /// Films whose terms exceed the tolerance.
+    fn inexact_films(&self, scene: &Scene) -> Vec<PlanWarning> {
+        let tolerance = scene.accuracy.tolerance;
+        let films = self.films(scene).into_iter();
+        let warning = |film: PlannedFilm<'_>| {
+            let error = self.film_error(&film);
+            let material = film.material.name.clone();
+            (error > tolerance).then_some(PlanWarning::FilmInexact { material, error, tolerance })
+        };
+        films.filter_map(warning).collect()
+    }
+
+    /// Largest ΔE00 of a film.
+    fn film_error(&self, film: &PlannedFilm<'_>) -> f64 {
+        self.model.as_ref().map_or_else(|| film.film.terms().errors[film.terms], |model| film.error_in(model))
+    }
+
+    /// Sentences about thin films.
+    fn explain_films(&self, scene: &Scene) -> Vec<String> {
+        let films = self.films(scene);
+        if films.is_empty() {
+            return Vec::new();
+        }
+        let told = films.iter().map(|film| {
+            let Layers { index, thickness_nm, above, below } = film.film.layers();
+            let part = match film.film.angle() {
+                FilmAngle::Facing => "diffuse light, by the mean angle of light and eye to the surface",
+                FilmAngle::Lobe => "highlights, by the angle between light and eye",
+            };
+            let (n, nm) = (readable(index), readable(thickness_nm));
+            let around = format!("between {} and {}", readable(above), readable(below));
+            format!("{} ({nm} nm of index {n} {around}; {part})", film.material.name)
+        });
+        let told: Vec<String> = told.collect();
+        let mut sentences =
+            vec![format!("Thin films reflect by interference in {}.", listed(told.iter().map(String::as_str)))];
+        sentences.push(match &self.model {
+            None => {
+                let terms = films.iter().map(|film| {
+                    let (terms, error) = (film.terms, self.film_error(film));
+                    format!("{terms} for {} (colour error at most ΔE00 {error:.2})", film.material.name)
+                });
+                let terms: Vec<String> = terms.collect();
+                format!(
+                    "The spectrum of a film is a sum of terms, each with a weight by the angle and a spectrum of its own: {}.",
+                    listed(terms.iter().map(String::as_str))
+                )
+            }
+            Some(_) => {
+                let worst = films.iter().map(|film| self.film_error(film)).fold(0.0, f64::max);
+                format!(
+                    "The numbers of a film come from a table of {FILM_ANGLES} angles, with a colour error of at most ΔE00 {worst:.2}; the model was chosen with spectra of each film."
+                )
+            }
+        });
+        sentences
+    }
+
+    /// A sentence for each material whose absorption would amplify light in the colour model, and is clamped at 0.
+    #[must_use]
+    pub fn amplified(&self, scene: &Scene) -> Vec<String> {
+        let coloured = self.plan.transmittance == Transmittance::Coloured;
+        let Some(model) = self.model.as_ref().filter(|_| coloured) else { return Vec::new() };
+        let absorbing = scene.materials.iter().enumerate().filter(|&(m, _)| scene.absorbs(m));
+        let told = absorbing.filter_map(|(_, material)| {
+            let told = model.amplification(material.absorption.as_ref()?.spectrum())?;
+            Some(format!("For {}, {told}.", material.name))
+        });
+        told.collect()
+    }
+
+    /// Sentences about the representation of colours, the numbers per pixel, and the colour errors.
+    fn explain_colours(&self, scene: &Scene) -> Vec<String> {
+        let plan = &self.plan;
+        let name = |material: usize| scene.materials.get(material).map(|material| material.name.as_str());
+        let shown = || listed(self.materials.iter().filter_map(|&material| name(material)));
+        let absorbs = |material: &usize| scene.absorbs(*material);
+        let absorption = match plan.transmittance {
+            Transmittance::Grey => "All wavelengths are absorbed equally".to_owned(),
+            Transmittance::Coloured | Transmittance::Mixed => format!(
+                "Light changes its colour, as through stained glass, in {}",
+                listed((0..scene.materials.len()).filter(absorbs).filter_map(name))
+            ),
+        };
+        let each = if plan.positions.total() > 1 { " for each light position" } else { "" };
+        let kept = plan.components() * plan.positions.total() + plan.transmittance_numbers();
+        let mut sentences = Vec::new();
+        match &self.model {
+            None => {
+                let white = if plan.specular().is_some() { " and of white highlights" } else { "" };
+                let (exactly, films) = match plan.films.terms {
+                    0 => (" exactly", String::new()),
+                    terms => ("", format!(", {terms} weights of terms of thin films")),
+                };
+                sentences.push(format!(
+                    "{absorption}: the colour of a pixel under any light follows{exactly} from the weights of its materials."
+                ));
+                sentences.push(format!(
+                    "A pixel keeps the weights of {}{white}{films}{each}, and the transmittance: {kept} numbers in all.",
+                    shown()
+                ));
+            }
+            Some(model) => {
+                let followed = match model.nodes_nm() {
+                    Some(nodes) => format!(
+                        "Colours are computed at {} wavelengths ({} nm), chosen for this scene to represent all others",
+                        nodes.len(),
+                        nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
+                    ),
+                    None => format!("Colours are computed with {} instead of all wavelengths", model.description()),
+                };
+                sentences.push(format!("{absorption}. {followed}."));
+                sentences.extend(self.amplified(scene));
+                sentences.push(format!(
+                    "A pixel keeps {} numbers of the scattered light{each}, and {} of the transmittance: {kept} in all.",
+                    plan.components(),
+                    plan.transmittance_numbers()
+                ));
+            }
+        }
+        sentences.push(
+            "These numbers do not depend on the colours of the lights: lights can be exchanged later, without rendering the volume again."
+                .to_owned(),
+        );
+        sentences.extend(self.explain_choice(scene));
+        if let Some(model) = &self.model {
+            let errors = model.lights().iter().map(|(name, _, matrix)| {
+                let error = matrix.worst();
+                format!("{:.2} on average and {:.2} at most under {name}", error.mean, error.max)
+            });
+            let errors: Vec<String> = errors.collect();
+            if !errors.is_empty() {
+                sentences.push(format!(
+                    "Compared with all wavelengths, the colour error is {}, in units of the colour difference CIEDE2000 (ΔE00), where 1 is just visible side by side.",
+                    errors.join(", ")
+                ));
+                sentences.push(match scene.accuracy.dimension {
+                    Some(k) => format!("The {k} numbers were requested."),
+                    None => format!("With fewer numbers, some colour errors would exceed {}.", self.allowed(scene)),
+                });
+            }
+        }
+        if let Some(error) = self.half_precision_error(scene) {
+            sentences.push(format!(
+                "A finished pixel is stored with 16 bits per number, {} bytes in all; this changes colours by at most ΔE00 {error:.2}.",
+                plan.pixel_bytes()
+            ));
+        }
+        let hidden = || (0..scene.materials.len()).filter(|material| !self.materials.contains(material));
+        let (filters, unused): (Vec<usize>, Vec<usize>) = hidden().partition(absorbs);
+        if !filters.is_empty() {
+            let filters = listed(filters.into_iter().filter_map(name));
+            sentences.push(format!("Visible only by their absorption: {filters}."));
+        }
+        if !unused.is_empty() {
+            let unused = listed(unused.into_iter().filter_map(name));
+            sentences.push(format!("Unused materials are left out: {unused}."));
+        }
+        sentences
+    }
+
+    /// The plan in sentences, for people who know volumes but not this program.
+    #[must_use]
+    pub fn explain(&self, scene: &Scene) -> Vec<String> {
+        let plan = &self.plan;
+        let mut sentences = self.explain_colours(scene);
+        sentences.push(match plan.positions.total() {
+            0 => "There is no light: only the transmittance is computed.".to_owned(),
+            1 if scene.lights.len() == 1 => "There is one light.".to_owned(),
+            1 => {
+                format!("Shading does not distinguish the {} lights, so they share their numbers.", scene.lights.len())
+            }
+            total => format!(
+                "{} lights shine from {total} positions that shading distinguishes: {}.",
+                scene.lights.len(),
+                listed(self.positions.iter().map(|position| position.name.as_str()))
+            ),
+        });
+        sentences.push(match plan.shading.filter(|_| plan.shades_by_gradient()) {
+            None => "Shading does not depend on the direction of surfaces.".to_owned(),
+            Some(terms) => format!(
+                "Surfaces get their {} from the gradient of the values, which is {}{}.",
+                match (terms.diffuse, terms.specular) {
+                    (true, None) => "shading",
+                    (false, _) => "highlights",
+                    (true, Some(_)) => "shading and highlights",
+                },
+                gradients(plan.gradients),
+                if terms.one_sided { "; only the side towards lower values is lit" } else { "" }
+            ),
+        });
+        if plan.phases > 0 {
+            let phases = scene.states_phases().map(|material| {
+                let side = if material.phase > 0.0 { "forwards" } else { "backwards" };
+                format!("{} (phase = {}, mostly {side})", material.name, readable(material.phase))
+            });
+            let phases: Vec<String> = phases.collect();
+            sentences.push(format!(
+                "Light is scattered by phase functions in {}: its brightness depends on the angle between the light and the eye, so each direction has numbers of its own in a pixel. Ambient light comes from everywhere, and does not.",
+                listed(phases.iter().map(String::as_str))
+            ));
+        }
+        sentences.extend(self.explain_films(scene));
+        sentences.extend(self.explain_shadows(scene));
+        if plan.gradient_opacity > 0 {
+            sentences.push(format!(
+                "The opacity follows the magnitude of the gradient, which is {}; labels are unaffected.",
+                gradients(plan.gradients)
+            ));
+        }
+        if plan.labels {
+            sentences.push(
+                "Labels determine the materials of voxels; a voxel without a label follows the transfer function."
+                    .to_owned(),
+            );
+            if plan.smooth_labels {
+                sentences.push("Between voxels with different labels, each has its share of the material.".to_owned());
+            }
+        }
+        sentences.push(
+            if plan.background {
+                "The background is visible through the volume, and relit with everything else."
+            } else {
+                "The background is black and costs nothing."
+            }
+            .to_owned(),
+        );
+        let values = match plan.interpolation {
+            Interpolation::Linear => "values are interpolated linearly",
+            Interpolation::ExactLinear => "values are interpolated linearly in full precision",
+            Interpolation::Cubic => "values are interpolated by a cubic spline",
+            Interpolation::Nearest => "the value is that of the nearest voxel",
+        };
+        let entries = match plan.lookup {
+            Lookup::Linear => "the transfer function is interpolated linearly",
+            Lookup::Nearest => "the transfer function changes in small steps",
+        };
+        sentences.push(format!("Between voxels, {values}; {entries}."));
+        let termination = if scene.accuracy.termination > 0.0 {
+            format!("until the transmittance is below {} %", readable(100.0 * scene.accuracy.termination))
+        } else {
+            "to the end of the volume".to_owned()
+        };
+        let skipping = if plan.skipping { "skipped" } else { "sampled, too" };
+        if plan.integration == Integrate::Segments {
+            sentences.push(format!(
+                "Each step takes the mean of the medium over the values between its ends; it is divided, into {MOST_PARTS} parts at most, where opacity or shading change by more than {}.",
+                readable(scene.accuracy.variation)
+            ));
+            if let Some(narrow) = narrow(scene).filter(|_| scene.accuracy.integration == Integration::Auto) {
+                sentences.push(format!(
+                    "That is because values change by {} in a step, and an interval of the transfer function is {} wide: samples would miss it.",
+                    brief(narrow.change),
+                    brief(narrow.width)
+                ));
+            }
+        }
+        sentences.push(format!(
+            "Rays from the eye sample the volume in steps of {} (its own unit of length), {termination}; empty regions are {skipping}.",
+            brief(scene.accuracy.step_length)
+        ));
+        if plan.compensated {
+            sentences
+                .push("A ray may have so many steps that their sums keep what rounding takes from them.".to_owned());
+        }
+        if plan.rays > 1 {
+            sentences.push(format!(
+                "A pixel is the mean of {} rays, which takes that many marches and relights as exactly as one ray.",
+                plan.rays
+            ));
+        }
+        sentences
+    }
+
+    /// The lights that cast shadows, and the method.
+    fn explain_shadows(&self, scene: &Scene) -> Vec<String> {
+        let Some(shadows) = self.plan.shadows else { return Vec::new() };
+        let casting = self.positions.iter().filter(|position| position.shadows);
+        let lights = casting.flat_map(|position| &position.lights).filter_map(|&light| scene.lights.get(light));
+        let names: Vec<&str> = lights.map(|light| light.name.as_str()).collect();
+        let mut sentences = Vec::new();
+        if !names.is_empty() {
+            sentences.push(format!(
+                "Shadows of {}: the medium between a sample and the light dims it; X-ray materials cast none. The spectra of these lights can be exchanged later, too.",
+                listed(names.into_iter())
+            ));
+        }
+        if shadows.absorbers > 0 {
+            let absorbers = self.absorbers(scene);
+            let names = absorbers.iter().filter_map(|&m| scene.materials.get(m)).map(|material| material.name.as_str());
+            sentences.push(format!(
+                "Shadows through {} are coloured: light has a depth of its own through each, whatever its spectrum; an absorption spectrum can be exchanged without a new light grid.",
+                listed(names)
+            ));
+        }
+        if shadows.sky() {
+            let directions = scene.shadows.directions;
+            sentences.push(format!(
+                "Ambient light is the mean of {directions} directions of an evenly bright sky, each dimmed by the medium. The light grid is filled along each of them, at twice the spacing."
+            ));
+            if let Some(reach) = scene.shadows.reach {
+                sentences.push(format!(
+                    "What is farther than {} from a sample does not dim the sky (shadows.reach).",
+                    readable(reach)
+                ));
+            }
+        }
+        if shadows.occluded {
+            sentences.push("The ambient shares of directed lights are dimmed like it (shadows.ambient).".to_owned());
+        }
+        let apart = self.positions.iter().filter(|position| position.shadows).count();
+        if apart > 1 {
+            sentences.push(format!("Shadows keep {apart} positions apart; each has numbers of its own in a pixel."));
+        }
+        if shadows.headlight {
+            sentences.push("The headlight shines along the rays of the eye, so its shadows cost nothing.".to_owned());
+            if self.plan.shades_by_gradient() {
+                sentences.push(
+                    "With gradient shading its shadow takes about half of the light of dense surfaces; a directional light takes less (shadows.start).".to_owned(),
+                );
+            }
+        }
+        if shadows.three_point {
+            sentences.push(
+                "The three directions of a three-point light move with the camera: if it turns, their part of the light grid is filled again.".to_owned(),
+            );
+        }
+        if shadows.grid_lights() > 0 {
+            if shadows.method == ShadowMethod::Rays {
+                sentences.push(
+                    "A ray goes from each sample towards each of these lights, ambient light apart; only the reference does this."
+                        .to_owned(),
+                );
+            }
+            let start = scene.shadow_start();
+            if start > 0.0 {
+                sentences.push(format!(
+                    "Nothing within {} voxels (along the axis with the smallest spacing) of a sample shades it, so that surfaces do not shade themselves.",
+                    readable(start)
+                ));
+            }
+        }
+        sentences
+    }
+
+    /// The allowed error of a colour model, in words.
+    fn allowed(&self, scene: &Scene) -> String {
+        let Accuracy { accumulate, tolerance, .. } = scene.accuracy;
+        let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
+        format!("{}the tolerance of {}", if exact { "half of " } else { "" }, readable(tolerance))
+    }
+
+    /// Why coefficients replace exact weights, or why weights remain where fewer coefficients were tried.
+    fn explain_choice(&self, scene: &Scene) -> Option<String> {
+        let Accuracy { accumulate, dimension, .. } = scene.accuracy;
+        let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
+        match &self.model {
+            Some(_) if exact => {
+                let terms: usize =
+                    self.films(scene).iter().map(|film| film.film.terms_within(scene.accuracy.tolerance)).sum();
+                let weights = self.materials.len() + usize::from(self.plan.specular().is_some()) + terms;
+                let kept = self.plan.components();
+                let would = if terms == 0 { "would be exact" } else { "would depend on no light" };
+                Some(format!(
+                    "Weights of the materials (accumulate = \"weights\") {would}, but need {weights} numbers instead of {kept}, and more time."
+                ))
+            }
+            None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(
+                "A colour model with fewer numbers would be faster, but some colour errors would exceed {}, in ΔE00 (CIEDE2000), where 1 is just visible side by side.",
+                self.allowed(scene)
+            )),
+            _ => None,
+        }
+    }
+}
+
+/// Source of the gradients, in words.
+fn gradients(source: Gradients) -> &'static str {
+    match source {
+        Gradients::Packed => "stored with each value",
+        Gradients::Central => "computed from six values around each sample",
+    }
+}
+
+/// Joins names by commas.
+fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.collect();
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}

@@ -1,0 +1,243 @@
+//! Stages of rendering that a change of the scene makes obsolete.
+#![expect(clippy::float_cmp, reason = "a number is the same or another one")]
+
+use std::sync::Arc;
+
+use super::{Planned, ScenePlan, planned};
+use crate::{Accuracy, Display, LabelEntry, Labels, Material, Scene, SceneLight, Shadows};
+
+/// The earliest stage of rendering with an obsolete result. A stale stage makes all later stages stale.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stale {
+    /// The picture is up to date.
+    #[default]
+    Nothing,
+    /// The picture: relights the film.
+    Picture,
+    /// The matrices of the colour model: fits them again; pixels stay.
+    Matrices,
+    /// The accumulators: marches again with the same tables.
+    Accumulators,
+    /// The tables: plans again, with new tables and, if its spectra have changed, a new colour model.
+    Tables,
+    /// The volume: uploads it again.
+    Volume,
+}
+
+impl Stale {
+    /// The stage that the change from `before` to `after` makes stale; `planned` is the plan of `before`.
+    ///
+    /// Destructures every struct without `..`: a new field does not compile until its stage is decided here.
+    #[must_use]
+    pub fn between(before: &Scene, planned: &Planned, after: &Scene) -> Self {
+        let Scene {
+            name: _,
+            volume,
+            labels,
+            materials,
+            transfer,
+            lights,
+            // Compared in the plan.
+            shading: _,
+            lighting: _,
+            background,
+            camera,
+            crop,
+            block,
+            accuracy,
+            shadows,
+            display,
+        } = before;
+        // Weights do not depend on spectra; a colour model is fitted to them.
+        let spectra = if planned.model.is_some() { Self::Tables } else { Self::Picture };
+        let mut stale = Self::of_plans(before, after);
+        let mut add = |changed: bool, stage: Self| stale = stale.max(if changed { stage } else { Self::Nothing });
+        add(!Arc::ptr_eq(volume, &after.volume), Self::Volume);
+        add(true, of_labels(labels.as_ref(), after.labels.as_ref()));
+        let phases = match planned.plan.phases {
+            // A phase function that has an effect in one of the scenes changes the plan.
+            0 => Self::Nothing,
+            _ if planned.model.is_some() => Self::Tables,
+            _ => Self::Accumulators,
+        };
+        // As of phase functions. Of films, weights depend on the spectra.
+        let films = if planned.plan.films.total() > 0 { Self::Tables } else { Self::Nothing };
+        add(
+            true,
+            of_lists(materials, &after.materials, |before, after| {
+                of_materials(before, after, [spectra, phases, films])
+            }),
+        );
+        add(*transfer != after.transfer, Self::Tables);
+        add(true, of_lists(lights, &after.lights, |before, after| of_lights(before, after, spectra)));
+        add(*background != after.background, spectra);
+        // A march completes its light grid first: directions of three-point lights turn with the camera.
+        add(*camera != after.camera, Self::Accumulators);
+        add(*crop != after.crop || *block != after.block, Self::Accumulators);
+        // Only a light grid or rays depend on them, not the shadows of a headlight.
+        if planned.plan.grid_lights() > 0 {
+            // The method and the ambient shares are compared in the plan.
+            let Shadows { method: _, spacing, start: _, ambient: _, directions, reach } = *shadows;
+            let moved = before.shadow_start() != after.shadow_start();
+            let sky = (directions, reach) != (after.shadows.directions, after.shadows.reach);
+            let of_sky = planned.plan.sky().is_some() && sky;
+            add(spacing != after.shadows.spacing || moved || of_sky, Self::Accumulators);
+        }
+        add(true, of_accuracy(accuracy, &after.accuracy));
+        add(true, of_display(display, &after.display));
+        stale
+    }
+
+    /// The stage that a change of the plan makes stale, apart from spectra.
+    fn of_plans(before: &Scene, after: &Scene) -> Self {
+        let [before, after] = [before, after].map(|scene| planned(scene, None));
+        let Planned { plan, materials, positions, model: _, warnings: _ } = &before;
+        if !plan.is_stored_as(&after.plan) {
+            return Self::Volume;
+        }
+        // Interpolation, storage of the volume and labels are compared above.
+        let ScenePlan {
+            accumulate,
+            transmittance,
+            positions: counts,
+            shadows,
+            shading,
+            phases,
+            films,
+            gradient_opacity,
+            labels: _,
+            smooth_labels: _,
+            background,
+            lookup,
+            integration,
+            interpolation: _,
+            volume: _,
+            gradients: _,
+            skipping,
+            rays,
+            compensated,
+            storage,
+        } = *plan;
+        let later = &after.plan;
+        let tables = (
+            accumulate,
+            transmittance,
+            (counts, shadows),
+            (shading, phases, films),
+            gradient_opacity,
+            (lookup, integration),
+        ) != (
+            later.accumulate,
+            later.transmittance,
+            (later.positions, later.shadows),
+            (later.shading, later.phases, later.films),
+            later.gradient_opacity,
+            (later.lookup, later.integration),
+        );
+        if tables || *materials != after.materials || positions.len() != after.positions.len() {
+            return Self::Tables;
+        }
+        let march = (background, skipping, rays, compensated, storage)
+            != (later.background, later.skipping, later.rays, later.compensated, later.storage);
+        if march { Self::Accumulators } else { Self::Nothing }
+    }
+}
+
+/// The furthest-reaching stage over elements of equal index; `Tables` if the lengths differ.
+fn of_lists<T>(before: &[T], after: &[T], of: impl Fn(&T, &T) -> Stale) -> Stale {
+    if before.len() != after.len() {
+        return Stale::Tables;
+    }
+    before.iter().zip(after).map(|(before, after)| of(before, after)).max().unwrap_or_default()
+}
+
+fn of_labels(before: Option<&Labels>, after: Option<&Labels>) -> Stale {
+    let (Some(Labels { volume, declared }), Some(after)) = (before, after) else {
+        return if before.is_some() == after.is_some() { Stale::Nothing } else { Stale::Volume };
+    };
+    if !Arc::ptr_eq(volume, &after.volume) {
+        return Stale::Volume;
+    }
+    let of_entries = |before: &LabelEntry, after: &LabelEntry| {
+        let LabelEntry { label, name: _, material, opacity, absorption } = before;
+        let same = (label, material) == (&after.label, &after.material)
+            && (*opacity, *absorption) == (after.opacity, after.absorption);
+        if same { Stale::Nothing } else { Stale::Tables }
+    };
+    // The rows of the label map on the device follow the list.
+    let listed = |entries: &[LabelEntry]| entries.iter().map(|entry| entry.label).collect::<Vec<_>>();
+    if listed(declared) != listed(&after.declared) {
+        return Stale::Volume;
+    }
+    of_lists(declared, &after.declared, of_entries)
+}
+
+fn of_materials(before: &Material, after: &Material, [spectra, phases, films]: [Stale; 3]) -> Stale {
+    let Material { name: _, reflectance, absorption, ambient, diffuse, specular, exponent, xray, phase, film } = before;
+    let same_medium = *absorption == after.absorption
+        && (*ambient, *diffuse, *specular) == (after.ambient, after.diffuse, after.specular)
+        && (*exponent, *xray) == (after.exponent, after.xray);
+    if !same_medium {
+        return Stale::Tables;
+    }
+    let colour = if *reflectance == after.reflectance { Stale::Nothing } else { spectra };
+    let turned = if *phase == after.phase { Stale::Nothing } else { phases };
+    let reflected = if *film == after.film { Stale::Nothing } else { films };
+    colour.max(turned).max(reflected)
+}
+
+fn of_lights(before: &SceneLight, after: &SceneLight, spectra: Stale) -> Stale {
+    let SceneLight { name: _, spectrum, intensity, placement, shadows } = before;
+    if *placement != after.placement || *shadows != after.shadows {
+        Stale::Tables
+    } else if *spectrum != after.spectrum {
+        spectra
+    } else if *intensity != after.intensity {
+        Stale::Picture
+    } else {
+        Stale::Nothing
+    }
+}
+
+fn of_accuracy(before: &Accuracy, after: &Accuracy) -> Stale {
+    let Accuracy {
+        step_length,
+        termination,
+        variation,
+        accumulate,
+        model,
+        tolerance,
+        dimension,
+        // A level is taken before the scene is planned, by `Coarse::scene`.
+        voxel_pixels: _,
+        // Compared in the plan.
+        integration: _,
+        rays: _,
+        skipping: _,
+        interpolation: _,
+        labels: _,
+        volume: _,
+        gradients: _,
+        storage: _,
+    } = before;
+    let same_model = (accumulate, model, dimension) == (&after.accumulate, &after.model, &after.dimension)
+        && tolerance.to_bits() == after.tolerance.to_bits();
+    if !same_model || *step_length != after.step_length {
+        Stale::Tables
+    } else if (*termination, *variation) != (after.termination, after.variation) {
+        Stale::Accumulators
+    } else {
+        Stale::Nothing
+    }
+}
+
+fn of_display(before: &Display, after: &Display) -> Stale {
+    let Display { exposure, adapt, observer, deficiency } = before;
+    if *observer != after.observer {
+        Stale::Matrices
+    } else if (*exposure, *adapt, deficiency) != (after.exposure, after.adapt, &after.deficiency) {
+        Stale::Picture
+    } else {
+        Stale::Nothing
+    }
+}

@@ -1,0 +1,112 @@
+//! Factor on the opacity by the gradient magnitude, and opacities that a factor thins. Twin of `shaders/gradient_opacity.wgsl` and
+//! `shaders/thinning.wgsl`.
+
+use crate::plan::{LANE, ScenePlan, Transmittance};
+use crate::tables::GradientTable;
+use relume_base::number::{Real, dot};
+
+/// Evaluates `table` at a decoded gradient.
+pub(super) fn gradient_factor<R: Real>(table: &GradientTable, gradient: [R; 3]) -> R {
+    let number = |number: f32| R::from_f64(f64::from(number));
+    let length = dot(gradient, gradient).sqrt();
+    let mut factor = table.0.first().map_or(R::from_f64(1.0), |vector| number(vector[0]));
+    for &[start, steepness, rise, _] in table.0.iter().skip(1) {
+        let part = ((length - number(start)) * number(steepness)).max(R::default()).min(R::from_f64(1.0));
+        factor = part.mul_add(number(rise), factor);
+    }
+    factor
+}
+
+/// Multiplies extinction and scattering of a step, given by its source and opacity, by `factor`: each opacity becomes
+/// α·[`thinning`], and the source of its component is scaled alike. A matrix, whose power is no short formula, is multiplied by `factor` itself.
+pub(super) fn thin<R: Real>([source, opacity]: [&mut [R]; 2], plan: &ScenePlan, factor: R) {
+    if factor >= R::from_f64(1.0) {
+        return;
+    }
+    if plan.transmittance == Transmittance::Mixed {
+        source.iter_mut().chain(opacity).for_each(|number| *number = *number * factor);
+        return;
+    }
+    let ratios: Vec<R> = opacity.iter().map(|&opacity| thinning(opacity, factor)).collect();
+    let lanes = match plan.transmittance {
+        Transmittance::Grey => 1,
+        _ => plan.transmittance_lanes() * LANE,
+    };
+    for (i, number) in source.iter_mut().enumerate() {
+        // Numbers of a lane beyond the components are 0.
+        *number = *number * ratios.get(i % lanes).copied().unwrap_or_default();
+    }
+    for (opacity, ratio) in opacity.iter_mut().zip(ratios) {
+        *opacity = *opacity * ratio;
+    }
+}
+
+/// α'/α for α' = 1 − (1 − α)^f with f from 0 to below 1 (docs/theory/march.md); f if α is 0.
+pub(super) fn thinning<R: Real>(opacity: R, factor: R) -> R {
+    let zero = R::default();
+    if factor <= zero {
+        return zero;
+    }
+    if opacity > zero { -(factor * (-opacity).ln_1p()).exp_m1() / opacity } else { factor }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Twin of `thinning` in `shaders/thinning.wgsl`, operation by operation.
+    fn on_a_device(opacity: f32, factor: f32) -> f32 {
+        let bits = (1.0 - opacity).to_bits() + 0x4a_fb0d;
+        let exponent = f32::from(i16::try_from(bits >> 23).unwrap() - 127);
+        let mantissa = f32::from_bits((bits & 0x7f_ffff) + 0x3f35_04f3);
+        let part = if exponent == 0.0 { -opacity } else { mantissa - 1.0 };
+        let z = part / (2.0 + part);
+        let square = z * z;
+        let series = square.mul_add(square.mul_add(square.mul_add(1.0 / 9.0, 1.0 / 7.0), 0.2), 1.0 / 3.0);
+        let logarithm = (2.0 * z * square).mul_add(series, 2.0 * z);
+        let depth = exponent.mul_add(-std::f32::consts::LN_2, -logarithm);
+        let x = (factor * depth).clamp(-80.0, 80.0) * -std::f32::consts::LOG2_E;
+        let (whole, f) = (x.round(), x - x.round());
+        let series = [1.525_273_4e-5, 1.540_353e-4, 1.333_355_8e-3, 9.618_129e-3, 5.550_411e-2, 2.402_265_1e-1];
+        let series =
+            series.into_iter().chain([std::f32::consts::LN_2]).reduce(|sum, next| f.mul_add(sum, next)).unwrap();
+        let scale = whole.exp2();
+        (-scale).mul_add(f * series, 1.0 - scale) / opacity
+    }
+
+    #[test]
+    fn a_device_thins_as_the_power_at_every_opacity_and_factor() {
+        let mut worst = [0.0_f64; 2];
+        for exponent in 0..=960 {
+            let opacities = [10.0_f64.powf(-f64::from(exponent) / 32.0), -(-f64::from(exponent) / 64.0).exp_m1()];
+            for opacity in opacities.map(|opacity| f64::from(relume_base::number::rounded(opacity))) {
+                if opacity <= 1e-30 || opacity >= 1.0 {
+                    continue;
+                }
+                for factor in [1e-6, 0.003, 0.1, 0.5, 0.9, 0.999].map(|it| f64::from(relume_base::number::rounded(it)))
+                {
+                    let exact = thinning(opacity, factor);
+                    let single: f32 =
+                        thinning(relume_base::number::rounded(opacity), relume_base::number::rounded(factor));
+                    let device =
+                        on_a_device(relume_base::number::rounded(opacity), relume_base::number::rounded(factor));
+                    worst[0] = worst[0].max((f64::from(single) / exact - 1.0).abs());
+                    worst[1] = worst[1].max((f64::from(device) / exact - 1.0).abs());
+                }
+            }
+        }
+        // Three functions within two roundings each, a product and a quotient.
+        assert!(worst[0] <= 8.0 * 2.0_f64.powi(-24), "f32: {worst:?}");
+        // Four of the logarithm's quotient and series, three times as many where it nearly cancels the exponent, and six of the power.
+        assert!(worst[1] <= 18.0 * 2.0_f64.powi(-24), "device: {worst:?}");
+    }
+
+    #[test]
+    fn a_factor_of_0_hides_and_opaque_steps_stay_opaque() {
+        for opacity in [0.0, 0.3, 1.0] {
+            assert!(thinning(opacity, 0.0_f64) == 0.0, "opacity {opacity}");
+        }
+        assert!((thinning(1.0_f64, 0.1) - 1.0).abs() == 0.0 && (thinning(1.0_f32, 0.1) - 1.0).abs() == 0.0);
+        assert!((thinning(0.0_f32, 0.25) - 0.25).abs() == 0.0, "without loss the source follows the factor");
+    }
+}

@@ -1,0 +1,65 @@
+//! Reference renderer, written for readability: full spectra in f64, and the planned model in f64 and f32.
+
+mod gradient;
+mod kept;
+mod march;
+mod phase;
+mod samples;
+mod shadows;
+mod store;
+mod thin_film;
+
+pub use kept::{Keeping, KeptDepths};
+pub use march::{
+    RaySample, attenuate, attenuate_matrix, composite, composite_matrix, march, march_ray, render, render_pixels,
+};
+pub use samples::{End, Exact, Label, Samples, Step, Stored};
+pub use store::store;
+
+use relume_base::number::readable;
+
+/// Error of the reference renderer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// Cancelled by the caller.
+    #[error("the reference was cancelled")]
+    Cancelled,
+    /// A ray has more samples than the limit.
+    #[error("a ray has more than 8388608 samples of length {}; set a longer step", readable(*step_length))]
+    TooManySamples {
+        /// Δs in world units.
+        step_length: f64,
+    },
+    /// The camera has no view direction.
+    #[error(
+        "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight"
+    )]
+    Camera,
+    /// A light grid does not fit into the free memory.
+    #[error(
+        "a light grid with a node every {} voxels needs {needed_mb} MB of memory, and {free_mb} are free; set a larger shadows.spacing, or shadows.method = \"rays\"",
+        readable(*spacing)
+    )]
+    LightGrid {
+        /// Spacing of its nodes in voxels.
+        spacing: f64,
+        /// Size of its depths in MiB.
+        needed_mb: u64,
+        /// Free memory in MiB.
+        free_mb: u64,
+    },
+}
+
+impl ReferenceError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Cancelled => "cancelled",
+            Self::TooManySamples { .. } => "samples-too-many",
+            Self::Camera => "camera-without-direction",
+            Self::LightGrid { .. } => "light-grid-memory-exceeded",
+        }
+    }
+}

@@ -1,0 +1,694 @@
+//! Samples of the volume: exact, or with the device's tables and textures.
+
+use super::gradient::{gradient_factor, thin};
+use super::kept::{Keeping, KeptDepths};
+use crate::plan::{LANE, Planned};
+use crate::tables::{
+    self, ExtinctionTable, GradientTable, LabelMap, SegmentTable, Steps, Storage, StoredVolume, TransferTable,
+};
+use crate::{Interpolation, Lookup, Scene};
+use relume_base::number::{Real, count, unit};
+use relume_volume::Volume;
+
+/// Effect of one step at a sample, in the layout of a table entry.
+#[derive(Clone, Debug, Default)]
+pub struct Step<R> {
+    /// Light added by the step.
+    pub source: Vec<R>,
+    /// Light removed by the step: as many numbers as the plan's transmittance.
+    pub opacity: Vec<R>,
+    /// Unit gradient of the data in the volume's axes; 0 if it vanishes or the plan needs none.
+    pub normal: [R; 3],
+}
+
+impl<R: Real> Step<R> {
+    /// Adds `share` of the light and the opacity of `other`.
+    fn add(&mut self, share: R, other: &Self) {
+        let numbers = self.source.iter_mut().zip(&other.source).chain(self.opacity.iter_mut().zip(&other.opacity));
+        numbers.for_each(|(sum, &number)| *sum = share.mul_add(number, *sum));
+    }
+
+    /// Whether the step neither adds nor removes light.
+    pub(super) fn does_nothing(&self) -> bool {
+        let nothing = R::default();
+        self.opacity.iter().chain(&self.source).all(|&number| number == nothing)
+    }
+}
+
+/// The volume at an end of a segment.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct End<R> {
+    /// The value of the data, or its table coordinate.
+    pub value: R,
+    /// Gradient of the data in the volume's axes; 0 if the plan needs none.
+    pub gradient: [R; 3],
+    /// The labels around.
+    pub label: Label,
+}
+
+/// The labels around a place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Label {
+    /// None.
+    #[default]
+    None,
+    /// The one with this row in the label table.
+    Row(usize),
+    /// Several, or none for a part.
+    Mixed,
+}
+
+/// Rows in the label table (0 without a label) and their shares of a place: one row, or those of the eight voxels around.
+#[derive(Clone, Copy, Debug)]
+enum Shares<R> {
+    One(usize),
+    Mixed([(usize, R); 8]),
+}
+
+impl<R: Real> Shares<R> {
+    /// The labels at `place`, in texture coordinates. Twin of `share_of` in `shaders/whole.wgsl`.
+    fn at(map: Option<&LabelMap>, planned: &Planned, dims: [usize; 3], place: [R; 3]) -> Self {
+        let Some(map) = map else { return Self::One(0) };
+        if !planned.plan.smooth_labels {
+            return Self::One(usize::from(map.rows[nearest(place, dims)]));
+        }
+        let voxel: [R; 3] =
+            std::array::from_fn(|axis| place[axis].mul_add(R::from_f64(count(dims[axis])), R::from_f64(-0.5)));
+        let base = voxel.map(Real::floor);
+        let shares: [(usize, R); 8] = std::array::from_fn(|i| {
+            let side: [bool; 3] = std::array::from_fn(|axis| i >> axis & 1 == 1);
+            let [x, y, z] = std::array::from_fn(|axis| {
+                let fraction = voxel[axis] - base[axis];
+                if side[axis] { fraction } else { R::from_f64(1.0) - fraction }
+            });
+            let index = std::array::from_fn(|axis| whole(base[axis]) + i64::from(side[axis]));
+            (usize::from(map.rows[clamped(index, dims)]), x * y * z)
+        });
+        let first = shares[0].0;
+        if shares.iter().all(|share| share.0 == first) { Self::One(first) } else { Self::Mixed(shares) }
+    }
+
+    fn label(&self) -> Label {
+        match self {
+            Self::One(0) => Label::None,
+            Self::One(row) => Label::Row(*row),
+            Self::Mixed(_) => Label::Mixed,
+        }
+    }
+
+    /// Whether a part of the place has no label.
+    fn has_own(&self) -> bool {
+        match self {
+            Self::One(row) => *row == 0,
+            Self::Mixed(shares) => shares.iter().any(|share| share.0 == 0),
+        }
+    }
+
+    /// Sum of `own` and the numbers of the labels, `of_row(row)`, by their shares.
+    fn number(&self, own: impl FnOnce() -> R, of_row: impl Fn(usize) -> R) -> R {
+        match self {
+            Self::One(0) => own(),
+            Self::One(row) => of_row(*row),
+            Self::Mixed(shares) => {
+                let own_share = self.own_share();
+                let labelled = shares.iter().filter(|share| share.0 > 0);
+                let sum = labelled.fold(R::default(), |sum, &(row, share)| share.mul_add(of_row(row), sum));
+                if self.has_own() { own_share.mul_add(own(), sum) } else { sum }
+            }
+        }
+    }
+
+    fn own_share(&self) -> R {
+        match self {
+            Self::One(row) => R::from_f64(if *row == 0 { 1.0 } else { 0.0 }),
+            Self::Mixed(shares) => {
+                shares.iter().filter(|share| share.0 == 0).fold(R::default(), |sum, &(_, share)| sum + share)
+            }
+        }
+    }
+
+    /// Replaces `own`, the step or density without labels, by the sum of it and of those of the labels, by their shares.
+    /// `of_row` sets a step to that of a row. Twin of `shared_by_labels` in `shaders/march.wgsl`.
+    fn mix(&self, own: &mut Step<R>, of_row: impl Fn(usize, &mut Step<R>)) {
+        match self {
+            Self::One(0) => {}
+            Self::One(row) => of_row(*row, own),
+            Self::Mixed(shares) => {
+                let own_share = self.own_share();
+                let mut shared = Step { source: Vec::new(), opacity: Vec::new(), normal: own.normal };
+                let mut labelled = Step::default();
+                for &(row, share) in shares {
+                    of_row(row, &mut labelled);
+                    shared.source.resize(labelled.source.len(), R::default());
+                    shared.opacity.resize(labelled.opacity.len(), R::default());
+                    shared.add(share, &labelled);
+                }
+                shared.add(own_share, own);
+                *own = shared;
+            }
+        }
+    }
+}
+
+/// A source of samples.
+pub trait Samples<R: Real>: Sync {
+    /// Sets `step` to the effect of a step at `place`, in texture coordinates.
+    fn sample(&self, place: [R; 3], step: &mut Step<R>);
+
+    /// The end of a segment at `place`, in texture coordinates.
+    fn end(&self, place: [R; 3]) -> End<R>;
+
+    /// Sets `density` to the mean density between two ends: light scattered per step length, and optical depth per step
+    /// length as its opacity. The labels at `middle` have their shares. Returns the variation of the density: the largest
+    /// sum over its numbers of the differences between the mean and both ends; 1 where a label begins or ends.
+    fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R;
+
+    /// Optical depth per unit of length (the smallest spacing) at `place`, for shadows: `number` 0 is that of all that is grey,
+    /// the others are those of the plan's coloured absorbers.
+    fn extinction(&self, place: [R; 3], number: usize) -> R;
+
+    /// A depth as the light grid keeps it.
+    fn stored_depth(&self, depth: R) -> R {
+        depth
+    }
+
+    /// Store of depths of light grids for further marches, if there is one.
+    fn keeping(&self) -> Option<Keeping<'_, R>> {
+        None
+    }
+}
+
+/// The scene itself: transfer function without a table, volume without a texture.
+#[derive(Debug)]
+pub struct Exact<'a> {
+    scene: &'a Scene,
+    planned: &'a Planned,
+    storage: Storage,
+    labels: Option<&'a LabelMap>,
+    steps: Steps<'a>,
+    label_steps: Vec<tables::Step>,
+    label_densities: Vec<tables::Step>,
+    /// Of each depth of shadows.
+    label_extinctions: Vec<Vec<f64>>,
+    bends: Vec<f64>,
+    kept: Option<&'a KeptDepths<f64>>,
+}
+
+impl<'a> Exact<'a> {
+    /// Creates samples of `scene`. `storage` defines the values of NaN and ±∞.
+    #[must_use]
+    pub fn new(scene: &'a Scene, planned: &'a Planned, storage: Storage, labels: Option<&'a LabelMap>) -> Self {
+        let steps = Steps::new(scene, planned);
+        let label_steps = steps.of_labels();
+        let label_densities = steps.densities_of_labels();
+        let label_extinctions =
+            (0..=planned.plan.absorbers()).map(|number| steps.extinctions_of_labels(number)).collect();
+        let bends = scene.transfer.bends();
+        Self {
+            scene,
+            planned,
+            storage,
+            labels,
+            steps,
+            label_steps,
+            label_densities,
+            label_extinctions,
+            bends,
+            kept: None,
+        }
+    }
+
+    /// The same samples; their marches keep the depths of light grids in `kept`.
+    #[must_use]
+    pub fn keeping_depths(self, kept: &'a KeptDepths<f64>) -> Self {
+        Self { kept: Some(kept), ..self }
+    }
+
+    /// Returns the data value at `place`, in texture coordinates, and the label of the nearest voxel: its index among
+    /// the scene's declared labels.
+    #[must_use]
+    pub fn at(&self, place: [f64; 3]) -> (f64, Option<usize>) {
+        let row = self.labels.map_or(0, |labels| labels.rows[nearest(place, self.scene.volume.geometry.dims)]);
+        (self.value_at(place), usize::from(row).checked_sub(1))
+    }
+
+    /// The data value at `place`.
+    fn value_at(&self, place: [f64; 3]) -> f64 {
+        let (dims, interpolation) = (self.scene.volume.geometry.dims, self.scene.accuracy.interpolation);
+        let normalised = interpolate(place, dims, interpolation, |index| [self.voxel(index)])[0];
+        let [low, high] = self.storage.domain;
+        (high - low).mul_add(normalised, low)
+    }
+
+    fn shares(&self, place: [f64; 3]) -> Shares<f64> {
+        Shares::at(self.labels, self.planned, self.scene.volume.geometry.dims, place)
+    }
+
+    /// Sets `step` to `found`, with as many opacities as the plan's transmittance.
+    fn set(&self, step: &mut Step<f64>, found: &tables::Step) {
+        step.source.clone_from(&found.source);
+        step.opacity.clone_from(&found.opacity);
+        step.opacity.truncate(self.planned.plan.transmittance_numbers());
+    }
+
+    /// The factor on the medium at `place` by the gradient magnitude; 1 if the plan has none.
+    #[must_use]
+    pub fn gradient_factor(&self, place: [f64; 3]) -> f64 {
+        if self.planned.plan.gradient_opacity == 0 {
+            return 1.0;
+        }
+        let [low, high] = self.storage.domain;
+        let gradient = glam::DVec3::from_array(self.gradient_at(place));
+        self.scene.transfer.gradient_factor((high - low) * gradient.length())
+    }
+
+    /// Derivatives of the normalised value at `place`, per world unit.
+    fn gradient_at(&self, place: [f64; 3]) -> [f64; 3] {
+        let dims = self.scene.volume.geometry.dims;
+        interpolate(place, dims, self.scene.accuracy.interpolation, |index| self.gradient(index))
+    }
+
+    /// Normalised value of a voxel; indices are clamped to the grid.
+    fn voxel(&self, index: [i64; 3]) -> f64 {
+        let volume: &Volume = &self.scene.volume;
+        let place = clamped(index, volume.geometry.dims);
+        volume.voxels.value(place).map_or(0.0, |stored| self.storage.normalised(stored))
+    }
+
+    /// Derivatives of the normalised value at a voxel, per world unit: central, one-sided at faces, 0 along an axis of
+    /// one voxel.
+    fn gradient(&self, index: [i64; 3]) -> [f64; 3] {
+        let geometry = &self.scene.volume.geometry;
+        std::array::from_fn(|axis| {
+            let last = geometry.dims[axis] as i64 - 1;
+            let (mut before, mut after) = (index, index);
+            let here = index[axis].clamp(0, last);
+            before[axis] = (here - 1).max(0);
+            after[axis] = (here + 1).min(last);
+            let voxels = match after[axis] - before[axis] {
+                0 => return 0.0,
+                1 => 1.0,
+                _ => 2.0,
+            };
+            (self.voxel(after) - self.voxel(before)) / (voxels * geometry.spacing[axis])
+        })
+    }
+}
+
+impl Samples<f64> for Exact<'_> {
+    fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
+        let shares = self.shares(place);
+        if shares.has_own() {
+            self.set(step, &self.steps.of_value(self.value_at(place)));
+            thin([&mut step.source, &mut step.opacity], &self.planned.plan, self.gradient_factor(place));
+        } else {
+            self.set(step, &self.label_steps[0]);
+        }
+        shares.mix(step, |row, step| self.set(step, &self.label_steps[row]));
+        if self.planned.plan.gradient() {
+            step.normal = unit(self.gradient_at(place));
+        }
+    }
+
+    fn end(&self, place: [f64; 3]) -> End<f64> {
+        let gradient = if self.planned.plan.gradient() { self.gradient_at(place) } else { [0.0; 3] };
+        End { value: self.value_at(place), gradient, label: self.shares(place).label() }
+    }
+
+    fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
+        let shares = self.shares(middle);
+        let mean = tables::mean_density(&self.steps, &self.bends, ends.map(|end| end.value));
+        let variation = variation(ends, shares.label(), || {
+            let at = ends.map(|end| self.steps.density(end.value));
+            let of =
+                |numbers: fn(&tables::Step) -> &[f64]| largest_difference(numbers(&mean), at.each_ref().map(numbers));
+            of(|density| &density.source).max(of(|density| &density.opacity))
+        });
+        self.set(density, &mean);
+        if self.planned.plan.gradient_opacity > 0 {
+            let [low, high] = self.storage.domain;
+            let gradient = glam::DVec3::from_array(middle_of(ends));
+            scale(density, self.scene.transfer.gradient_factor((high - low) * gradient.length()));
+        }
+        shares.mix(density, |row, density| self.set(density, &self.label_densities[row]));
+        variation
+    }
+
+    fn extinction(&self, place: [f64; 3], number: usize) -> f64 {
+        let own = || self.steps.extinction(self.value_at(place), number) * self.gradient_factor(place);
+        self.shares(place).number(own, |row| self.label_extinctions[number][row])
+    }
+
+    fn keeping(&self) -> Option<Keeping<'_, f64>> {
+        let Planned { plan, .. } = self.planned;
+        let (interpolation, smooth_labels) = (self.scene.accuracy.interpolation, plan.smooth_labels);
+        self.kept.map(|depths| Keeping { depths, interpolation, smooth_labels })
+    }
+}
+
+/// The variation between two ends, with the label `between` in their middle: 1 if labels differ or are mixed, 0 within a
+/// label, else `of_values()`.
+fn variation<R: Real>([a, b]: [&End<R>; 2], between: Label, of_values: impl FnOnce() -> R) -> R {
+    match (a.label == b.label && between == a.label, a.label) {
+        (false, _) | (true, Label::Mixed) => R::from_f64(1.0),
+        (true, Label::None) => of_values(),
+        (true, Label::Row(_)) => R::default(),
+    }
+}
+
+/// The mean of the gradients at both ends.
+fn middle_of<R: Real>([a, b]: [&End<R>; 2]) -> [R; 3] {
+    std::array::from_fn(|axis| (a.gradient[axis] + b.gradient[axis]) * R::from_f64(0.5))
+}
+
+/// Multiplies all numbers of a density by `factor`.
+fn scale<R: Real>(density: &mut Step<R>, factor: R) {
+    density.source.iter_mut().chain(&mut density.opacity).for_each(|number| *number = *number * factor);
+}
+
+/// The largest sum of differences between `mean` and the numbers at both ends.
+fn largest_difference<R: Real>(mean: &[R], [a, b]: [&[R]; 2]) -> R {
+    let differences = mean.iter().zip(a).zip(b).map(|((&mean, &a), &b)| (mean - a).abs() + (b - mean).abs());
+    differences.fold(R::default(), Real::max)
+}
+
+/// Stored tables and volume, read as in the shader. Twin of `sample` in `shaders/samples.wgsl` and `mean_between` in
+/// `shaders/segments.wgsl`.
+#[derive(Debug)]
+pub struct Stored<'a, R> {
+    planned: &'a Planned,
+    volume: &'a StoredVolume,
+    table: &'a TransferTable,
+    labels: Option<(&'a LabelMap, &'a TransferTable)>,
+    gradients: GradientTable,
+    coordinate_scale: R,
+    coordinate_offset: R,
+    gradient_scale: [R; 3],
+    segments: Option<Segments<'a, R>>,
+    extinctions: &'a [ExtinctionTable],
+}
+
+/// Table of segments, and the scale and offset from texels to its coordinates.
+#[derive(Debug)]
+struct Segments<'a, R> {
+    table: &'a SegmentTable,
+    labels: Option<&'a TransferTable>,
+    scale: R,
+    offset: R,
+}
+
+impl<'a, R: Real> Stored<'a, R> {
+    /// Creates samples of stored tables and a stored volume.
+    #[must_use]
+    pub fn new(
+        planned: &'a Planned,
+        storage: &Storage,
+        volume: &'a StoredVolume,
+        table: &'a TransferTable,
+        labels: Option<(&'a LabelMap, &'a TransferTable)>,
+        gradients: GradientTable,
+    ) -> Self {
+        let [scale, offset] = table.coordinate_from_texel(storage);
+        Self {
+            planned,
+            volume,
+            table,
+            labels,
+            gradients,
+            coordinate_scale: R::from_f64(scale),
+            coordinate_offset: R::from_f64(offset),
+            gradient_scale: storage.gradient_scale().map(R::from_f64),
+            segments: None,
+            extinctions: &[],
+        }
+    }
+
+    /// The same with the extinctions of shadows.
+    #[must_use]
+    pub fn with_shadows(self, extinctions: &'a [ExtinctionTable]) -> Self {
+        Self { extinctions, ..self }
+    }
+
+    /// The same with the tables of segments: of values, and the densities of labels.
+    #[must_use]
+    pub fn with_segments(
+        mut self,
+        storage: &Storage,
+        table: &'a SegmentTable,
+        labels: Option<&'a TransferTable>,
+    ) -> Self {
+        let [scale, offset] = table.coordinate_from_texel(storage).map(R::from_f64);
+        self.segments = Some(Segments { table, labels, scale, offset });
+        self
+    }
+
+    /// The texel at `place`, and the gradient of the data; 0 if the plan needs none.
+    fn fetch(&self, place: [R; 3]) -> (R, [R; 3]) {
+        let volume = self.volume;
+        let parts = if volume.has_gradient { 4 } else { 1 };
+        let texel = |index| -> [R; 4] {
+            let first = clamped(index, volume.dims) * parts;
+            std::array::from_fn(|part| {
+                R::from_f64(volume.texels.get(first + part.min(parts - 1)).copied().map_or(0.0, f64::from))
+            })
+        };
+        let fetched = interpolate(place, volume.dims, self.planned.plan.interpolation, texel);
+        let value = fetched[if volume.has_gradient { 3 } else { 0 }];
+        let gradient = if volume.has_gradient {
+            std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis])
+        } else if self.planned.plan.gradient() {
+            let at = |place| interpolate(place, volume.dims, self.planned.plan.interpolation, texel)[0];
+            std::array::from_fn(|axis| {
+                let voxel = R::from_f64(1.0 / count(volume.dims[axis]));
+                let (mut before, mut after) = (place, place);
+                before[axis] = place[axis] - voxel;
+                after[axis] = place[axis] + voxel;
+                (at(after) - at(before)) * self.gradient_scale[axis]
+            })
+        } else {
+            [R::default(); 3]
+        };
+        (value, gradient)
+    }
+
+    fn shares(&self, place: [R; 3]) -> Shares<R> {
+        Shares::at(self.labels.map(|(labels, _)| labels), self.planned, self.volume.dims, place)
+    }
+}
+
+impl<R: Real> Samples<R> for Stored<'_, R> {
+    fn sample(&self, place: [R; 3], step: &mut Step<R>) {
+        let (value, gradient) = self.fetch(place);
+        step.normal = unit(gradient);
+        let last = R::from_f64(count(self.table.entries() - 1));
+        let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
+        self.look_up(coordinate, step);
+        if self.planned.plan.gradient_opacity > 0 {
+            thin([&mut step.source, &mut step.opacity], &self.planned.plan, gradient_factor(&self.gradients, gradient));
+        }
+        if let Some((_, table)) = self.labels {
+            self.shares(place).mix(step, |row, step| entry(table, row, step));
+        }
+        step.opacity.truncate(self.planned.plan.transmittance_numbers());
+    }
+
+    fn end(&self, place: [R; 3]) -> End<R> {
+        let (value, gradient) = self.fetch(place);
+        let value = self.segments.as_ref().map_or(value, |segments| {
+            let last = R::from_f64(count(segments.table.cells()));
+            value.mul_add(segments.scale, segments.offset).max(R::default()).min(last)
+        });
+        End { value, gradient, label: self.shares(place).label() }
+    }
+
+    // Twin of `mean_between` in `shaders/segments.wgsl`.
+    fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R {
+        let Some(Segments { table, labels, .. }) = &self.segments else { return R::default() };
+        let [a, b] = ends.map(|end| Integrals::at(table, end.value));
+        let between = ends[1].value - ends[0].value;
+        let unit = R::from_f64(table.unit);
+        let mut most = R::default();
+        let mut number = |from: i32, to: i32, slopes: [R; 2]| {
+            let mean = if between.abs() < R::from_f64(CLOSE) {
+                (slopes[0] + slopes[1]) * R::from_f64(0.5)
+            } else {
+                let whole = R::from_f64(f64::from(to.wrapping_sub(from)));
+                (whole + (b.fraction.mul_add(slopes[1], -(a.fraction * slopes[0])))) / between
+            };
+            most = most.max(((mean - slopes[0]).abs() + (slopes[1] - mean).abs()) * unit);
+            mean * unit
+        };
+        density.source.clear();
+        density.opacity.clear();
+        for lane in 0..table.lanes {
+            for part in 0..LANE {
+                let at = |integrals: &Integrals<R>| {
+                    let here = table.source[integrals.cell * table.lanes + lane][part];
+                    let next = table.source[(integrals.cell + 1) * table.lanes + lane][part];
+                    (here, R::from_f64(f64::from(next.wrapping_sub(here))))
+                };
+                let ((from, before), (to, after)) = (at(&a), at(&b));
+                density.source.push(number(from, to, [before, after]));
+            }
+        }
+        for i in 0..self.planned.plan.transmittance_numbers() {
+            let at = |integrals: &Integrals<R>| {
+                let here = table.depth[integrals.cell * table.opacity_numbers + i];
+                let next = table.depth[(integrals.cell + 1) * table.opacity_numbers + i];
+                (here, R::from_f64(f64::from(next.wrapping_sub(here))))
+            };
+            let ((from, before), (to, after)) = (at(&a), at(&b));
+            density.opacity.push(number(from, to, [before, after]));
+        }
+        if self.planned.plan.gradient_opacity > 0 {
+            scale(density, gradient_factor(&self.gradients, middle_of(ends)));
+        }
+        let shares = self.shares(middle);
+        if let Some(labels) = labels {
+            shares.mix(density, |row, density| {
+                entry(labels, row, density);
+                density.opacity.truncate(self.planned.plan.transmittance_numbers());
+            });
+        }
+        variation(ends, shares.label(), || most)
+    }
+
+    // Twin of `extinction_at` in `shaders/light_medium.wgsl`.
+    fn extinction(&self, place: [R; 3], number: usize) -> R {
+        let Some(table) = self.extinctions.get(number) else { return R::default() };
+        let number = |number: &f32| R::from_f64(f64::from(*number));
+        let own = || {
+            let (value, gradient) = self.fetch(place);
+            let last = R::from_f64(count(table.values.len() - 1));
+            let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
+            let extinction = match self.planned.plan.lookup {
+                Lookup::Nearest => number(&table.values[(coordinate + R::from_f64(0.5)).floor().index()]),
+                Lookup::Linear => {
+                    let before = coordinate.floor().index().min(table.values.len() - 2);
+                    let [here, next] = [before, before + 1].map(|entry| number(&table.values[entry]));
+                    (coordinate - R::from_f64(count(before))).mul_add(next - here, here)
+                }
+            };
+            if self.planned.plan.gradient_opacity > 0 {
+                extinction * gradient_factor(&self.gradients, gradient)
+            } else {
+                extinction
+            }
+        };
+        self.shares(place).number(own, |row| table.labels.get(row).map_or(R::default(), number))
+    }
+
+    fn stored_depth(&self, depth: R) -> R {
+        R::from_f64(half::f16::from_f64(depth.to_f64()).to_f64())
+    }
+}
+
+/// Distance of two table coordinates below which the mean between them is the mean of the densities at both: the
+/// difference of the integrals would lose its digits.
+const CLOSE: f64 = 0.0625;
+
+/// A place in a table of segments.
+#[derive(Clone, Copy, Debug)]
+struct Integrals<R> {
+    cell: usize,
+    fraction: R,
+}
+
+impl<R: Real> Integrals<R> {
+    fn at(table: &SegmentTable, coordinate: R) -> Self {
+        let cell = coordinate.floor().index().min(table.cells() - 1);
+        Self { cell, fraction: coordinate - R::from_f64(count(cell)) }
+    }
+}
+
+impl<R: Real> Stored<'_, R> {
+    /// Reads the table at `coordinate`. Twin of `look_up` in `shaders/samples.wgsl`.
+    fn look_up(&self, coordinate: R, step: &mut Step<R>) {
+        match self.planned.plan.lookup {
+            Lookup::Nearest => entry(self.table, (coordinate + R::from_f64(0.5)).floor().index(), step),
+            Lookup::Linear => {
+                let before = coordinate.floor().index().min(self.table.entries() - 2);
+                let fraction = coordinate - R::from_f64(count(before));
+                entry(self.table, before, step);
+                let mut after = Step::<R>::default();
+                entry(self.table, before + 1, &mut after);
+                let numbers = step.source.iter_mut().chain(&mut step.opacity);
+                for (number, after) in numbers.zip(after.source.into_iter().chain(after.opacity)) {
+                    *number = fraction.mul_add(after - *number, *number);
+                }
+            }
+        }
+    }
+}
+
+/// Sets `step` to entry `i` of a table.
+fn entry<R: Real>(table: &TransferTable, i: usize, step: &mut Step<R>) {
+    let number = |&number: &f32| R::from_f64(f64::from(number));
+    step.source.clear();
+    step.source.extend(table.source[i * table.lanes..][..table.lanes].iter().flatten().map(number));
+    step.opacity.clear();
+    step.opacity.extend(table.opacity[i * table.opacity_numbers..][..table.opacity_numbers].iter().map(number));
+}
+
+/// Interpolates `texel` at `place` (texture coordinates), x first, or returns the nearest texel.
+fn interpolate<R: Real, const N: usize>(
+    place: [R; 3],
+    dims: [usize; 3],
+    interpolation: Interpolation,
+    texel: impl Fn([i64; 3]) -> [R; N],
+) -> [R; N] {
+    let voxel: [R; 3] =
+        std::array::from_fn(|axis| place[axis].mul_add(R::from_f64(count(dims[axis])), R::from_f64(-0.5)));
+    if interpolation == Interpolation::Nearest {
+        return texel(voxel.map(|place| whole((place + R::from_f64(0.5)).floor())));
+    }
+    let base = voxel.map(Real::floor);
+    let fraction: [R; 3] = std::array::from_fn(|axis| voxel[axis] - base[axis]);
+    let base = base.map(whole);
+    if interpolation == Interpolation::Cubic {
+        let [x, y, z] = fraction.map(cubic_weights);
+        let mix = |weights: [R; 4], parts: [[R; N]; 4]| -> [R; N] {
+            std::array::from_fn(|i| {
+                let sum = |sum: R, (weight, part): (&R, &[R; N])| *weight * part[i] + sum;
+                weights.iter().zip(&parts).fold(R::default(), sum)
+            })
+        };
+        let around = |at: i64| [at - 1, at, at + 1, at + 2];
+        let line = |y, z| mix(x, around(base[0]).map(|x| texel([x, y, z])));
+        let plane = |z| mix(y, around(base[1]).map(|y| line(y, z)));
+        return mix(z, around(base[2]).map(plane));
+    }
+    let lerp = |a: [R; N], b: [R; N], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
+    let at = |x: i64, y: i64, z: i64| texel([base[0] + x, base[1] + y, base[2] + z]);
+    let line = |y, z| lerp(at(0, y, z), at(1, y, z), fraction[0]);
+    let plane = |z| lerp(line(0, z), line(1, z), fraction[1]);
+    lerp(plane(0), plane(1), fraction[2])
+}
+
+/// Weights of the four voxels around a position in a cubic B-spline.
+fn cubic_weights<R: Real>(f: R) -> [R; 4] {
+    let number = R::from_f64;
+    let rest = number(1.0) - f;
+    let first = rest * rest * rest / number(6.0);
+    let last = f * f * f / number(6.0);
+    let second = (number(3.0) * f - number(6.0)).mul_add(f * f, number(4.0)) / number(6.0);
+    [first, second, number(1.0) - first - second - last, last]
+}
+
+/// Converts a whole number to an integer.
+#[expect(clippy::cast_possible_truncation, reason = "voxel indices are small")]
+fn whole<R: Real>(value: R) -> i64 {
+    value.to_f64() as i64
+}
+
+/// Linear index of the voxel that contains `place`.
+fn nearest<R: Real>(place: [R; 3], dims: [usize; 3]) -> usize {
+    let index = std::array::from_fn(|axis| whole((place[axis] * R::from_f64(count(dims[axis]))).floor()));
+    clamped(index, dims)
+}
+
+/// Linear index of a voxel; indices are clamped to the grid.
+fn clamped(index: [i64; 3], dims: [usize; 3]) -> usize {
+    let on: [usize; 3] = std::array::from_fn(|axis| usize::try_from(index[axis]).unwrap_or(0).min(dims[axis] - 1));
+    on[0] + dims[0] * (on[1] + dims[1] * on[2])
+}

@@ -1,0 +1,140 @@
+//! Macrocells of the volume: value ranges and occupancy.
+
+use std::ops::RangeInclusive;
+
+use super::{LabelMap, Storage};
+use relume_base::number::{count, rounded, whole};
+use relume_base::parallel;
+use relume_volume::{BrickCache, Volume, VolumeError, cell_ranges, macrocells};
+
+pub use relume_volume::CELL;
+
+/// Lowest and highest stored value of each macrocell, x fastest.
+///
+/// Macrocell c spans [8c, 8c + 8] in voxel indices. Its range covers every voxel that interpolation in it can touch,
+/// and one more on each side for filters that round.
+#[derive(Clone, Debug)]
+pub struct Cells {
+    /// Number of macrocells along each axis.
+    pub dims: [usize; 3],
+    /// Ranges, normalised to 0–1 like the index of the transfer table.
+    ranges: Vec<[f32; 2]>,
+    /// Whether a macrocell has a voxel with a declared and visible label.
+    labelled: Vec<bool>,
+}
+
+/// Occupancy: one bit per macrocell, set if any sample in it can be visible; bit `i % 32` of word `i / 32`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Occupancy {
+    /// Number of macrocells along each axis.
+    pub dims: [usize; 3],
+    /// Bits.
+    pub words: Vec<u32>,
+    /// Number of set bits.
+    pub occupied: usize,
+}
+
+impl Cells {
+    /// Builds the macrocells of `volume` as normalised by `storage`; `labels` adds the positions of visible labels.
+    #[must_use]
+    pub fn new(volume: &Volume, storage: &Storage, labels: Option<&LabelMap>) -> Self {
+        let grid = volume.geometry.dims;
+        let ranges = cell_ranges(volume).into_iter().map(|(ends, has_nan)| normalised(ends, has_nan, storage));
+        Self { dims: macrocells(grid), ranges: ranges.collect(), labelled: labelled(grid, labels) }
+    }
+
+    /// The macrocells of the volume in `cache`, as of its voxels: their ranges are in the file.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Read`], [`VolumeError::Bricks`].
+    pub fn of_cache(
+        grid: [usize; 3],
+        cache: &BrickCache,
+        storage: &Storage,
+        labels: Option<&LabelMap>,
+    ) -> Result<Self, VolumeError> {
+        let dims = macrocells(grid);
+        let mut ranges = Vec::with_capacity(dims.iter().product());
+        cache.each_cell(|ends, has_nan| ranges.push(normalised(ends, has_nan, storage)))?;
+        Ok(Self { dims, ranges, labelled: labelled(grid, labels) })
+    }
+
+    /// Returns the occupancy under a table whose entries, from the lowest value to the highest, are `active`.
+    #[must_use]
+    pub fn occupancy(&self, active: &[bool]) -> Occupancy {
+        let mut active_before = Vec::with_capacity(active.len() + 1);
+        active_before.push(0_u32);
+        for (entry, &active) in active.iter().enumerate() {
+            active_before.push(active_before[entry] + u32::from(active));
+        }
+        let last = active.len() - 1;
+        let mut words = vec![0_u32; self.ranges.len().div_ceil(32)];
+        let mut occupied = 0;
+        for (cell, range) in self.ranges.iter().enumerate() {
+            // The entries on both sides of a value, and one more for coordinates that round.
+            let scaled = range.map(|normalised| f64::from(normalised) * count(last));
+            let first = whole(scaled[0].floor() - 1.0);
+            let end = whole(scaled[1].ceil() + 1.0).min(last);
+            let by_value = active_before[end + 1] > active_before[first.min(end)];
+            if by_value || self.labelled.get(cell).is_some_and(|&labelled| labelled) {
+                words[cell / 32] |= 1 << (cell % 32);
+                occupied += 1;
+            }
+        }
+        Occupancy { dims: self.dims, words, occupied }
+    }
+}
+
+impl Occupancy {
+    /// The occupancy grown by `reach` macrocells along every axis.
+    #[must_use]
+    pub fn within(&self, reach: usize) -> Self {
+        let [width, height, depth] = self.dims;
+        let is_set = |i: usize| self.words.get(i / 32).is_some_and(|word| word >> (i % 32) & 1 == 1);
+        let mut near: Vec<bool> = (0..width * height * depth).map(is_set).collect();
+        // Axis by axis: a search of the whole box would take minutes for steps of hundreds of voxels.
+        for (stride, n) in [(1, width), (width, height), (width * height, depth)] {
+            let is_near = |i: usize| {
+                let at = i / stride % n;
+                let mut places = at.saturating_sub(reach)..(at + reach + 1).min(n);
+                places.any(|place| near[i - at * stride + place * stride])
+            };
+            near = (0..near.len()).map(is_near).collect();
+        }
+        let mut grown = Self { dims: self.dims, words: vec![0; self.words.len()], occupied: 0 };
+        for (i, _) in near.iter().enumerate().filter(|(_, near)| **near) {
+            grown.words[i / 32] |= 1 << (i % 32);
+            grown.occupied += 1;
+        }
+        grown
+    }
+}
+
+/// The range of stored numbers of a macrocell as normalised by `storage`.
+fn normalised(ends: [f64; 2], has_nan: bool, storage: &Storage) -> [f32; 2] {
+    // Without a finite number all voxels are NaN, which `storage` normalises to 0.
+    let ends = if ends[0] > ends[1] { [0.0; 2] } else { ends.map(|end| storage.normalised(end)) };
+    let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+    // NaN becomes the low end, since `storage` normalises it like the smallest value.
+    [rounded(if has_nan { 0.0 } else { low }), rounded(high)]
+}
+
+/// Whether each macrocell of a volume of `grid` voxels has one with a visible label; none of them without `labels`.
+fn labelled(grid: [usize; 3], labels: Option<&LabelMap>) -> Vec<bool> {
+    let dims = macrocells(grid);
+    let Some(map) = labels else { return Vec::new() };
+    parallel::map(dims.iter().product(), &|cell| {
+        let [xs, ys, zs] = touched(cell, dims, grid);
+        zs.into_iter().any(|z| ys.clone().any(|y| xs.clone().any(|x| map.is_visible(x + grid[0] * (y + grid[1] * z)))))
+    })
+}
+
+/// Voxels that samples in a macrocell can touch, and one more on each side.
+fn touched(cell: usize, dims: [usize; 3], grid: [usize; 3]) -> [RangeInclusive<usize>; 3] {
+    let index = [cell % dims[0], cell / dims[0] % dims[1], cell / (dims[0] * dims[1])];
+    std::array::from_fn(|axis| {
+        let first = index[axis] * CELL;
+        first.saturating_sub(1)..=(first + CELL + 1).min(grid[axis] - 1)
+    })
+}
