@@ -230,7 +230,6 @@ fn alternatives(there: &Several) -> (Vec<String>, Value) {
             let lines = all.iter().enumerate().map(|(level, dims)| format!("{:<10} {level} {}", "level", by(dims)));
             (lines.collect(), json!({"levels": all}))
         }
-        other => (vec![other.to_string()], json!({})),
     }
 }
 

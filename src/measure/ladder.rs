@@ -8,13 +8,12 @@ use serde::Serialize;
 
 use super::clock::{Limit, Stopwatch};
 use super::skipping::{Skipping, occupancy};
-use relume_base::number::Real;
 use relume_base::number::{count, whole};
 use relume_base::progress::Progress;
 use relume_colour::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use relume_scene::film::RelightMatrices;
 use relume_scene::plan::{Integrate, Planned, ScenePlan, plan_full_spectrum};
-use relume_scene::reference::{Exact, KeptDepths, ReferenceError, Stored, render_pixels};
+use relume_scene::reference::{Exact, KeptDepths, Marching, ReferenceError, Stored, render_pixels};
 use relume_scene::tables::{
     ExtinctionTable, GradientTable, LabelMap, Occupancy, SegmentTable, Storage, StoredVolume, TransferTable,
 };
@@ -363,7 +362,7 @@ impl<'a> Ladder<'a> {
     }
 
     /// XYZ under the plan `planned` from the stored tables and volume of a device.
-    pub(super) fn stored<R: Real>(
+    pub(super) fn stored<R: Marching>(
         &mut self,
         scene: &Scene,
         planned: &Planned,

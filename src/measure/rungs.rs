@@ -5,7 +5,7 @@ use relume_base::progress::{Progress, Quiet};
 use relume_render::{DeviceFilm, RenderError, Renderer, SceneRenderer};
 use relume_scene::film::{Film, RelightMatrices};
 use relume_scene::plan::{Integrate, PlanError, Planned, plan, plan_full_spectrum};
-use relume_scene::reference::{self, Exact, ReferenceError, Samples, Stored};
+use relume_scene::reference::{self, Exact, Marching, ReferenceError, Samples, Stored};
 use relume_scene::tables::{
     ExtinctionTable, GradientTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable,
 };
@@ -145,7 +145,7 @@ impl Rungs {
     /// # Errors
     ///
     /// [`RungError::Reference`].
-    pub fn march<R: Real>(&self, samples: &impl Samples<R>, progress: &dyn Progress) -> Result<Film<R>, RungError> {
+    pub fn march<R: Marching>(&self, samples: &dyn Samples<R>, progress: &dyn Progress) -> Result<Film<R>, RungError> {
         Ok(reference::march(&self.scene, &self.planned, samples, self.size, progress)?)
     }
 

@@ -255,6 +255,10 @@ impl Renderer {
     }
 
     /// Refuses a volume that the device holds neither whole nor one brick of it, from the description of [`Self::holds_whole`].
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`], with the size and the limit.
     pub fn check_room(&self, scene: &Scene, planned: &Planned, statistics: &Statistics) -> Result<(), RenderError> {
         if self.holds_whole(scene, planned, statistics) {
             return Ok(());

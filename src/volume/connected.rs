@@ -18,6 +18,7 @@ const LANES: usize = 32;
 type Run = [u32; 2];
 
 /// The runs of a slice.
+#[derive(Debug)]
 struct Slice {
     runs: Vec<Run>,
     /// Number of the first run of each row, and of all runs.
@@ -82,6 +83,7 @@ pub struct PartBox {
 }
 
 /// The connected parts of the voxels above a value.
+#[derive(Debug)]
 pub struct Parts {
     slices: Vec<Slice>,
     /// The part of each run; those inside the largest part belong to it.
@@ -177,7 +179,11 @@ impl Volume {
         Ok(parts.sizes[1])
     }
 
-    /// The connected parts of the voxels above `value`. Errors are those of [`Self::keep_largest_part_above`].
+    /// The connected parts of the voxels above `value`.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::keep_largest_part_above`].
     pub fn parts_above(&self, value: f64, progress: &dyn Progress) -> Result<Parts, VolumeError> {
         self.require_voxels("volume.largest_part_above")?;
         let slices = self.runs_above(value, progress)?;

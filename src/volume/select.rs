@@ -247,6 +247,10 @@ impl Selection {
     }
 
     /// Refuses any choice but the only scalar volume of `source`.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError`] for the choice that it does not have.
     pub fn only(&self, source: &str) -> Result<(), VolumeError> {
         self.component(source, 1, "")?;
         self.time(source, 1)?;

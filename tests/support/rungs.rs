@@ -8,7 +8,7 @@ use relume::measure;
 use relume::number::Real;
 use relume::plan::Planned;
 use relume::progress::Quiet;
-use relume::reference::{self, Samples};
+use relume::reference::{self, Marching, Samples};
 use relume::render::{DeviceFilm, Renderer};
 use relume::scene::{Interpolation, Mix, Scene};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
@@ -43,7 +43,7 @@ impl Rungs {
         Self(measure::Rungs::planned(scene, planned, size).unwrap())
     }
 
-    pub fn march<R: Real>(&self, samples: &impl Samples<R>) -> Film<R> {
+    pub fn march<R: Marching>(&self, samples: &dyn Samples<R>) -> Film<R> {
         self.0.march(samples, &Quiet).unwrap()
     }
 
@@ -53,7 +53,7 @@ impl Rungs {
     }
 
     /// XYZ and opacity of the scene, sampled by `samples`.
-    pub fn lit(&self, samples: &impl Samples<f64>) -> Vec<(DVec3, f64)> {
+    pub fn lit(&self, samples: &dyn Samples<f64>) -> Vec<(DVec3, f64)> {
         let matrices = self.xyz_matrices();
         reference::render(&self.scene, &self.planned, samples, &matrices, self.size, &Quiet).unwrap()
     }

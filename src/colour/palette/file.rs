@@ -90,8 +90,11 @@ struct ModelFile {
 /// Error with its byte offset in the text.
 #[derive(Debug)]
 pub struct Misplaced {
+    /// Where in the text.
     pub byte: usize,
+    /// What is wrong there.
     pub message: String,
+    /// Error of a file that it names.
     pub cause: Option<SpectrumError>,
 }
 
@@ -194,6 +197,10 @@ impl PaletteFile {
     }
 
     /// Builds the palette, with relative paths from `base`. Rows and columns keep the order of the file.
+    ///
+    /// # Errors
+    ///
+    /// [`Misplaced`] for a value that no palette has, with its place in the text.
     pub fn resolve(&self, source: &str, base: &Path) -> Result<Palette, Misplaced> {
         let mut inputs = Vec::new();
         let mut materials = Vec::new();

@@ -214,6 +214,10 @@ impl Palette {
     }
 
     /// Refuses palettes that cannot be solved at all. [`Solution`] reports targets that are only missed.
+    ///
+    /// # Errors
+    ///
+    /// [`PaletteError::Unsolvable`], with what is missing or contradicts itself.
     pub fn check(&self) -> Result<(), PaletteError> {
         let wrong = |message: String| Err(PaletteError::Unsolvable { palette: self.source.clone(), message });
         let sides = [

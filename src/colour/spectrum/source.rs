@@ -175,6 +175,10 @@ fn sum_of_gaussians(bands: &[Gaussian], base: f64) -> Result<Spectrum, SpectrumE
 }
 
 /// Parses `#rrggbb` into red, green and blue.
+///
+/// # Errors
+///
+/// [`SpectrumError::ColourCode`] for any other text.
 pub fn srgb_code(text: &str) -> Result<[u8; 3], SpectrumError> {
     let wrong = || SpectrumError::ColourCode { text: text.to_owned() };
     let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii()).ok_or_else(wrong)?;

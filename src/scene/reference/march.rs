@@ -18,6 +18,23 @@ use relume_base::number::{Real, count, dot, power, unit};
 use relume_base::parallel;
 use relume_base::progress::Progress;
 
+/// What is marched.
+#[doc(hidden)]
+#[derive(Clone, Copy)]
+pub struct Marched<'a, R> {
+    pub scene: &'a Scene,
+    pub planned: &'a Planned,
+    pub samples: &'a dyn Samples<R>,
+    pub size: [usize; 2],
+    pub progress: &'a dyn Progress,
+}
+
+impl<R> std::fmt::Debug for Marched<'_, R> {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.debug_struct("Marched").field("scene", &self.scene.name).field("size", &self.size).finish_non_exhaustive()
+    }
+}
+
 /// A ray through a pixel.
 #[derive(Clone, Copy, Debug)]
 struct Ray<R> {
@@ -86,14 +103,9 @@ struct Frame<'a, R> {
 }
 
 impl<'a, R: Real> Frame<'a, R> {
-    fn new(
-        scene: &'a Scene,
-        planned: &'a Planned,
-        samples: &impl Samples<R>,
-        size: [usize; 2],
-        pixels: usize,
-        progress: &dyn Progress,
-    ) -> Result<Self, ReferenceError> {
+    /// The frame of a march of `pixels` pixels.
+    fn new(of: &Marched<'a, R>, pixels: usize) -> Result<Self, ReferenceError> {
+        let Marched { scene, planned, samples, size, progress } = *of;
         let aspect = count(size[0]) / count(size[1]);
         let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(ReferenceError::Camera)?;
         let step_length = scene.accuracy.step_length;
@@ -205,7 +217,7 @@ impl<'a, R: Real> Frame<'a, R> {
     /// `seen` for each sample before compositing it; `seen` returns whether to continue.
     fn march_along(
         &self,
-        samples: &impl Samples<R>,
+        samples: &dyn Samples<R>,
         ray: &Ray<R>,
         sums: &mut [R],
         mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
@@ -258,7 +270,7 @@ impl<'a, R: Real> Frame<'a, R> {
     /// where the medium or the normal changes. A segment depends on the ray and the volume alone.
     fn march_segments(
         &self,
-        samples: &impl Samples<R>,
+        samples: &dyn Samples<R>,
         ray: &Ray<R>,
         sums: &mut [R],
         mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
@@ -352,7 +364,7 @@ impl<'a, R: Real> Frame<'a, R> {
     }
 
     /// Marches and stores pixel `[x, y]`, the mean of its rays, and returns `finish(sums, transmittance)`.
-    fn finished<T>(&self, samples: &impl Samples<R>, pixel: [usize; 2], finish: impl Fn(&[R], &[R]) -> T) -> T {
+    fn finished<T>(&self, samples: &dyn Samples<R>, pixel: [usize; 2], finish: impl Fn(&[R], &[R]) -> T) -> T {
         let (mut sums, mut transmittance) = (Vec::new(), Vec::new());
         for (i, &place) in self.places.iter().enumerate() {
             let mut of_ray = vec![R::default(); self.planned.plan.components() * self.planned.positions.len()];
@@ -372,7 +384,7 @@ impl<'a, R: Real> Frame<'a, R> {
     }
 
     /// Fraction of the light of the sky that reaches `place`; 1 if the medium does not dim it.
-    fn sky_light(&self, place: [R; 3], samples: &impl Samples<R>) -> R {
+    fn sky_light(&self, place: [R; 3], samples: &dyn Samples<R>) -> R {
         let sky = self.reaching.as_ref().zip(self.planned.plan.sky());
         let mut reached = [R::from_f64(1.0)];
         if let Some((reaching, number)) = sky {
@@ -387,7 +399,7 @@ impl<'a, R: Real> Frame<'a, R> {
         &self,
         position: usize,
         place: [R; 3],
-        samples: &impl Samples<R>,
+        samples: &dyn Samples<R>,
         (transmittance, step, sky): (&[R], &Step<R>, R),
         reached: &mut Reached<R>,
     ) {
@@ -795,21 +807,11 @@ pub fn attenuate_matrix<R: Real>(transmittance: &[R], opacity: &[R], dimension: 
     left
 }
 
-/// Marches every pixel of a picture of `size` (width, height) as planned.
-///
-/// # Errors
-///
-/// [`ReferenceError`].
-pub fn march<R: Real>(
-    scene: &Scene,
-    planned: &Planned,
-    samples: &impl Samples<R>,
-    size: [usize; 2],
-    progress: &dyn Progress,
-) -> Result<Film<R>, ReferenceError> {
+/// [`super::march`], of any numbers.
+pub(super) fn march<R: Real>(of: &Marched<'_, R>) -> Result<Film<R>, ReferenceError> {
+    let planned = of.planned;
     let kept = planned.plan.components() * planned.positions.len();
-    let marched =
-        pixels(scene, planned, samples, size, progress, |sums, transmittance| [sums, transmittance].concat())?;
+    let marched = pixels(of, |sums, transmittance| [sums, transmittance].concat())?;
     let numbers = kept + planned.plan.transmittance_numbers();
     let mut planes = vec![R::default(); numbers * marched.len()];
     for (i, pixel) in marched.iter().enumerate() {
@@ -818,76 +820,51 @@ pub fn march<R: Real>(
         }
     }
     let transmittance = planes.split_off(kept * marched.len());
-    Ok(Film { size, components: planned.plan.components(), accumulators: planes, transmittance })
+    Ok(Film { size: of.size, components: planned.plan.components(), accumulators: planes, transmittance })
 }
 
-/// Marches and relights pixel by pixel: linear sRGB and opacity, rows from the top. Never holds the accumulators of a
-/// whole picture. With [`plan_full_spectrum`](crate::plan::plan_full_spectrum) the result is the full-spectrum
-/// reference.
-///
-/// # Errors
-///
-/// [`ReferenceError`].
-pub fn render<R: Real>(
-    scene: &Scene,
-    planned: &Planned,
-    samples: &impl Samples<R>,
+/// [`super::render`], of any numbers.
+pub(super) fn render<R: Real>(
+    of: &Marched<'_, R>,
     matrices: &RelightMatrices,
-    size: [usize; 2],
-    progress: &dyn Progress,
 ) -> Result<Vec<(DVec3, f64)>, ReferenceError> {
-    pixels(scene, planned, samples, size, progress, |sums, transmittance| relit_pixel(sums, transmittance, matrices))
+    pixels(of, |sums, transmittance| relit_pixel(sums, transmittance, matrices))
 }
 
-/// [`render`] for the pixels `wanted`, `[x, y]` with y down: linear sRGB and opacity of each, in the same order.
-///
-/// # Errors
-///
-/// [`ReferenceError`].
-pub fn render_pixels<R: Real>(
-    scene: &Scene,
-    planned: &Planned,
-    samples: &impl Samples<R>,
+/// [`super::render_pixels`], of any numbers.
+pub(super) fn render_pixels<R: Real>(
+    of: &Marched<'_, R>,
     matrices: &RelightMatrices,
-    size: [usize; 2],
     wanted: &[[usize; 2]],
-    progress: &dyn Progress,
 ) -> Result<Vec<(DVec3, f64)>, ReferenceError> {
     /// Pixels between two checks for cancellation.
     const AT_ONCE: usize = 32;
-    let frame = Frame::<R>::new(scene, planned, samples, size, wanted.len(), progress)?;
+    let frame = Frame::<R>::new(of, wanted.len())?;
     let chunks = wanted.len().div_ceil(AT_ONCE);
-    let found: Vec<Vec<_>> = in_parallel(chunks, progress, |chunk| {
+    let found: Vec<Vec<_>> = in_parallel(chunks, of.progress, |chunk| {
         let pixels = wanted.iter().skip(chunk * AT_ONCE).take(AT_ONCE);
         pixels
             .map(|&pixel| {
-                frame.finished(samples, pixel, |sums, transmittance| relit_pixel(sums, transmittance, matrices))
+                frame.finished(of.samples, pixel, |sums, transmittance| relit_pixel(sums, transmittance, matrices))
             })
             .collect()
     })?;
     Ok(found.concat())
 }
 
-/// [`march`] for the ray through the centre of pixel `[x, y]`, y down; the film has one pixel. Calls `seen` for each
-/// sample, front to back.
-///
-/// # Errors
-///
-/// [`ReferenceError`].
-pub fn march_ray<R: Real>(
-    scene: &Scene,
-    planned: &Planned,
-    samples: &impl Samples<R>,
-    [size, pixel]: [[usize; 2]; 2],
-    progress: &dyn Progress,
-    mut seen: impl FnMut(&RaySample<'_, R>),
+/// [`super::march_ray`], of any numbers.
+pub(super) fn march_ray<R: Real>(
+    of: &Marched<'_, R>,
+    pixel: [usize; 2],
+    seen: &mut dyn FnMut(&RaySample<'_, R>),
 ) -> Result<Film<R>, ReferenceError> {
     /// Samples between two checks for cancellation.
     const AT_ONCE: usize = 1024;
-    let frame = Frame::<R>::new(scene, planned, samples, size, 1, progress)?;
+    let Marched { planned, progress, .. } = *of;
+    let frame = Frame::<R>::new(of, 1)?;
     let mut accumulators = vec![R::default(); planned.plan.components() * planned.positions.len()];
     let ray = frame.ray_through(pixel, [0.5; 2]);
-    let mut transmittance = frame.march_along(samples, &ray, &mut accumulators, |sample| {
+    let mut transmittance = frame.march_along(of.samples, &ray, &mut accumulators, |sample| {
         seen(sample);
         sample.index % AT_ONCE > 0 || !progress.cancelled()
     });
@@ -900,14 +877,11 @@ pub fn march_ray<R: Real>(
 
 /// Marches every pixel and returns `finish(sums, transmittance)` of each.
 fn pixels<R: Real, T: Send>(
-    scene: &Scene,
-    planned: &Planned,
-    samples: &impl Samples<R>,
-    size: [usize; 2],
-    progress: &dyn Progress,
+    of: &Marched<'_, R>,
     finish: impl Fn(&[R], &[R]) -> T + Sync,
 ) -> Result<Vec<T>, ReferenceError> {
-    let frame = Frame::<R>::new(scene, planned, samples, size, size[0] * size[1], progress)?;
+    let Marched { samples, size, progress, .. } = *of;
+    let frame = Frame::<R>::new(of, size[0] * size[1])?;
     let rows = in_parallel(size[1], progress, |y| -> Vec<T> {
         (0..size[0]).map(|x| frame.finished(samples, [x, y], &finish)).collect()
     })?;

@@ -3,6 +3,7 @@
 mod gradient;
 mod kept;
 mod march;
+mod marching;
 mod phase;
 mod samples;
 mod shadows;
@@ -10,9 +11,8 @@ mod store;
 mod thin_film;
 
 pub use kept::{Keeping, KeptDepths};
-pub use march::{
-    RaySample, attenuate, attenuate_matrix, composite, composite_matrix, march, march_ray, render, render_pixels,
-};
+pub use march::{Marched, RaySample, attenuate, attenuate_matrix, composite, composite_matrix};
+pub use marching::{Marching, march, march_ray, render, render_pixels};
 pub use samples::{End, Exact, Label, Samples, Step, Stored};
 pub use store::store;
 

@@ -60,7 +60,7 @@ impl<R: Real> Reaching<R> {
     pub(super) fn new(
         scene: &Scene,
         planned: &Planned,
-        samples: &impl Samples<R>,
+        samples: &dyn Samples<R>,
         local_scale: glam::DVec3,
         pixels: usize,
         progress: &dyn Progress,
@@ -137,7 +137,7 @@ impl<R: Real> Reaching<R> {
 
     /// Sets `reached` to the fractions of the light number `index` that reach `place`: one per component with coloured
     /// absorbers, otherwise one for all.
-    pub(super) fn light(&self, index: usize, place: [R; 3], samples: &impl Samples<R>, reached: &mut [R]) {
+    pub(super) fn light(&self, index: usize, place: [R; 3], samples: &dyn Samples<R>, reached: &mut [R]) {
         if let Some(Dimming::Rays(directions, reach)) = self.lights.get(index) {
             let light = |&along| reaching(self.along(along, *reach, place, R::from_f64(1.0), samples, 0));
             let sum = directions.iter().map(light).fold(R::default(), |sum, light| sum + light);
@@ -155,7 +155,7 @@ impl<R: Real> Reaching<R> {
     }
 
     /// Optical depth `number` from `place` to the light number `index`.
-    fn depth(&self, index: usize, number: usize, place: [R; 3], samples: &impl Samples<R>) -> R {
+    fn depth(&self, index: usize, number: usize, place: [R; 3], samples: &dyn Samples<R>) -> R {
         let (step, far) = (self.step_length, R::from_f64(FAR));
         match self.lights.get(index) {
             Some(Dimming::Grid(grid, depths)) => {
@@ -171,7 +171,7 @@ impl<R: Real> Reaching<R> {
     }
 
     /// Optical depth from `place` in a direction, for this `distance` or to the face of the crop box, in steps of at most `step`.
-    fn along(&self, along: [R; 3], distance: R, place: [R; 3], step: R, samples: &impl Samples<R>, number: usize) -> R {
+    fn along(&self, along: [R; 3], distance: R, place: [R; 3], step: R, samples: &dyn Samples<R>, number: usize) -> R {
         let way = (distance.min(to_face(along, place, &self.crop)) - self.start).max(R::default());
         let steps = (way / step).ceil();
         let length = way / steps.max(R::from_f64(1.0));
@@ -246,7 +246,7 @@ fn read<R: Real>(grid: &LightGrid, depths: &[R], place: [R; 3]) -> R {
 fn fill<R: Real>(
     grid: &LightGrid,
     sweep: &Sweep,
-    samples: &impl Samples<R>,
+    samples: &dyn Samples<R>,
     number: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<R>, ReferenceError> {
@@ -318,7 +318,7 @@ fn depth_to<R: Real>(
     to: &PointRays,
     grid: &LightGrid,
     sweep: &Sweep,
-    (samples, number): (&impl Samples<R>, usize),
+    (samples, number): (&dyn Samples<R>, usize),
     [i, j, slice]: [usize; 3],
 ) -> R {
     let from = |vector: glam::DVec3| vector.to_array().map(R::from_f64);
@@ -349,7 +349,7 @@ fn sky_depths<R: Real>(
     grid: &LightGrid,
     directions: usize,
     [start, reach]: [f64; 2],
-    samples: &impl Samples<R>,
+    samples: &dyn Samples<R>,
     progress: &dyn Progress,
 ) -> Result<Vec<R>, ReferenceError> {
     let mut sums = vec![R::default(); grid.dims.iter().product()];
@@ -365,7 +365,7 @@ fn sky_depths<R: Real>(
 }
 
 /// The `depths` of `from` at the nodes of `to`, which divides the same box: a cubic between 64 nodes.
-fn resampled<R: Real>(from: &LightGrid, depths: &[R], to: &LightGrid, samples: &impl Samples<R>) -> Vec<R> {
+fn resampled<R: Real>(from: &LightGrid, depths: &[R], to: &LightGrid, samples: &dyn Samples<R>) -> Vec<R> {
     // Along each axis, the four nodes around each node of `to`, and their weights.
     let along = |axis: usize| -> Vec<([usize; 4], [R; 4])> {
         let last = from.dims[axis] - 1;
@@ -456,7 +456,7 @@ fn weighted<R: Real>([a, b, c, d]: [R; 4], [first, second, third, fourth]: [R; 4
 fn rise<R: Real>(
     grid: &LightGrid,
     sweep: &Sweep,
-    (samples, number): (&impl Samples<R>, usize),
+    (samples, number): (&dyn Samples<R>, usize),
     slice: usize,
     column: [usize; 2],
 ) -> R {
