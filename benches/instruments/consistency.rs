@@ -116,7 +116,7 @@ pub(crate) fn relit_against_rendered(progress: &dyn Progress) -> Result<Vec<Reli
 }
 
 /// Marches the stored volume and tables.
-fn march<R: Real>(
+fn march<R: reference::Marching>(
     scene: &Scene,
     planned: &Planned,
     size: [usize; 2],
@@ -131,7 +131,7 @@ fn march<R: Real>(
 }
 
 /// XYZ of every pixel under `mix`.
-fn xyz<R: Real>(scene: &Scene, planned: &Planned, mix: &Mix, kept: &Film<R>) -> Vec<Xyz> {
+fn xyz<R: reference::Marching>(scene: &Scene, planned: &Planned, mix: &Mix, kept: &Film<R>) -> Vec<Xyz> {
     let matrices = RelightMatrices::of_scene(scene, planned, mix);
     let picture = kept.relight(&matrices);
     picture.into_iter().map(|colour| Xyz((*XYZ_FROM_LINEAR_SRGB * colour).to_array())).collect()

@@ -15,6 +15,23 @@ pub fn map<T: Send>(parts: usize, part: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> 
     found.into_iter().flatten().collect()
 }
 
+/// Returns `part(scratch, 0)`, `part(scratch, 1)`, … of `parts` parts, with a scratch for each thread.
+pub fn map_with<S: Send, T: Send>(
+    parts: usize,
+    scratch: &(dyn Fn() -> S + Sync),
+    part: &(dyn Fn(&mut S, usize) -> T + Sync),
+) -> Vec<T> {
+    let free: Mutex<Vec<S>> = Mutex::new(Vec::new());
+    let lock = || free.lock().unwrap_or_else(PoisonError::into_inner);
+    map(parts, &|number| {
+        let taken = lock().pop();
+        let mut scratch = taken.unwrap_or_else(scratch);
+        let found = part(&mut scratch, number);
+        lock().push(scratch);
+        found
+    })
+}
+
 /// Calls `each` with the number of every row of `row` elements, and the row; the last may be shorter.
 pub fn rows_mut<T: Send>(elements: &mut [T], row: usize, each: &(dyn Fn(usize, &mut [T]) + Sync)) {
     let rows = elements.len().div_ceil(row).div_ceil(TASKS).max(1);

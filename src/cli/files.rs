@@ -154,10 +154,15 @@ impl AnnotateArgs {
             );
         }
         if saved.materials.is_empty() && legend {
-            tracing::warn!("the film stores a colour model and no materials, so the legend lists lights alone");
+            tracing::warn!(
+                "the film stores a colour model and no materials, so the legend lists lights alone; {KEEPS}"
+            );
         }
     }
 }
+
+/// What keeps the materials of a film.
+pub(crate) const KEEPS: &str = "render it with --accumulate weights to keep them";
 
 impl DressArgs {
     /// Bits per channel of PNG files.

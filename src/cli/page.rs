@@ -150,6 +150,9 @@ fn saved(args: &Args, path: &Path) -> Result<Films, CliError> {
     let clock = Stopwatch::start();
     let mut header = FilmFile::read(path)?;
     files::warn_of_part(path, &header);
+    if header.materials().is_empty() {
+        tracing::warn!("the film stores a colour model and no materials, so the page names none; {}", files::KEEPS);
+    }
     let film = header.take_film();
     let numbers = (film.accumulators.len() + film.transmittance.len()) / film.pixels().max(1);
     page::check_memory(1, film.size, numbers, true, memory::available_bytes())

@@ -454,6 +454,12 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let refused = |why: String| CliError::Failed(format!("--accumulators {}: {why}", path.display()));
         let header = film_file(pixels).map_err(|error| refused(error.to_string()))?;
         header.check_header().map_err(|error| refused(format!("{error}; rename a light or a material")))?;
+        if header.materials().is_empty() && planned.plan.labels {
+            tracing::warn!(
+                "the film stores a colour model and no materials, so it has no names of labels; {}",
+                files::KEEPS
+            );
+        }
     }
     let mut loaded = read;
     loaded += clock.read();

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::file::{parse_around, volume_alone};
-use super::first_look::{LookError, NoCt, Shown, Subject, first_look, labels_text};
+use super::look::first_look::{LookError, NoCt, Shown, Subject, first_look, is_speckled, labels_text};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded, parse};
 use relume_base::input;
 use relume_base::number::readable;
@@ -365,6 +365,13 @@ fn looked(
         }
     }
     let (mut text, mut guess) = (look.text, look.guess);
+    if let (Some(labels), Shown::AsMap) = (&options.labels, look.labels) {
+        let problem = format!(
+            "its values are labels, so it takes no others ({}); name the scan as the volume, and these as its labels",
+            labels.display()
+        );
+        return Err(VolumeError::Layout { source_name: path.display().to_string(), problem }.into());
+    }
     // A label map that cannot be read is an error of the scene.
     if let Some(mut labels) =
         options.labels.as_ref().and_then(|labels| relume_volume::open(labels, &Selection::default(), progress).ok())
@@ -373,6 +380,11 @@ fn looked(
             labels.name_labels(names)?;
         }
         let declared = labels_text(&labels, &text)?;
+        if is_speckled(&labels) {
+            volume
+                .notes
+                .push(format!("{}: its values change from voxel to voxel, as those of no label map", labels.source));
+        }
         guess.push_str(match &declared {
             Some(_) => " Voxels with a label are shown as materials of their own, and all others by their values.",
             None => " The labels are not used: the label map has no label.",

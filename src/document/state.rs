@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use super::design::{self, Spectra, Step};
-use super::moves::{self, Move};
+use super::look::moves::{self, Move};
 use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, along};
 use relume_base::number::count;
 use relume_colour::model::LARGEST_DIMENSION;

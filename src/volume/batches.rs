@@ -2,19 +2,16 @@
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-
-use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 use super::data::{self, SLAB_BYTES};
 use super::stream::count;
 use super::{VolumeError, Voxel, allocate};
+use relume_base::parallel;
 use relume_base::progress::Progress;
 
 /// Bytes of voxels that are allocated before anything is decoded. Later, as many as have been decoded.
 const BATCH: usize = 32 << 20;
-
-/// Most divisions of the parts of a batch for each thread: parts take different times.
-const DIVISIONS: usize = 8;
 
 /// How files keep voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +37,7 @@ pub(super) struct Part<'a, P> {
 pub(super) trait Decode<P>: Sync {
     type Voxel: Voxel;
     /// State of a thread, kept from part to part.
-    type Scratch;
+    type Scratch: Send;
 
     fn scratch(&self) -> Self::Scratch;
 
@@ -96,20 +93,21 @@ pub(super) fn read<'a, P: Send, D: Decode<P>>(
             (place, rest) = rest.split_at_mut(part.voxels);
             places.push((part, place));
         }
-        let one = |scratch: &mut D::Scratch, (part, place): (Part<'_, P>, &mut [D::Voxel])| {
+        let one = |scratch: &mut D::Scratch, (part, place): &mut (Part<'_, P>, &mut [D::Voxel])| {
             data::check_cancelled(part.path, progress)?;
             decode.decode(scratch, &part.part, place)?;
-            done.add(part.path, size_of_val(place))
+            done.add(part.path, size_of_val(*place))
         };
         if kept == Kept::AsTheyAre {
             // Several threads would share the bandwidth of the memory, and take more CPU time.
             let mut scratch = decode.scratch();
-            places.into_iter().try_for_each(|place| one(&mut scratch, place))?;
+            places.iter_mut().try_for_each(|place| one(&mut scratch, place))?;
         } else {
-            // Every division has a scratch of its own, which may open a file.
-            let least = places.len() / (DIVISIONS * rayon::current_num_threads());
-            let places = places.into_par_iter().with_min_len(least.max(1));
-            let results: Vec<Result<(), VolumeError>> = places.map_init(|| decode.scratch(), one).collect();
+            // Every thread has a scratch of its own, which may open a file.
+            let places: Vec<Mutex<_>> = places.into_iter().map(Mutex::new).collect();
+            let results = parallel::map_with(places.len(), &|| decode.scratch(), &|scratch, index| {
+                one(scratch, &mut places[index].lock().unwrap_or_else(PoisonError::into_inner))
+            });
             results.into_iter().collect::<Result<(), _>>()?;
         }
         there += more;

@@ -23,7 +23,12 @@ const CHANNELS: [[&str; 3]; 3] = [["r", "red", "color_r"], ["g", "green", "color
 /// Whether `path` is the name of a built-in table.
 #[must_use]
 pub fn is_built_in(path: &Path) -> bool {
-    BUILT_IN_NAMES.iter().any(|name| Path::new(name) == path)
+    BUILT_IN_NAMES.iter().any(|name| is_called(path, name))
+}
+
+/// Whether `path` is this name, in letters of any case.
+fn is_called(path: &Path, name: &str) -> bool {
+    path.to_str().is_some_and(|path| path.eq_ignore_ascii_case(name))
 }
 
 /// Names and colours of labels of the table `path`, or of a built-in one of this name, ascending by their numbers.
@@ -32,7 +37,7 @@ pub fn is_built_in(path: &Path) -> bool {
 ///
 /// [`VolumeError::Open`]; [`VolumeError::Layout`] without such a table; [`VolumeError::Header`] with the line.
 pub fn label_names(path: &Path) -> Result<Vec<LabelPreset>, VolumeError> {
-    let built_in = BUILT_IN_NAMES.iter().zip(TABLES).find(|(name, _)| Path::new(name) == path);
+    let built_in = BUILT_IN_NAMES.iter().zip(TABLES).find(|(name, _)| is_called(path, name));
     if let Some((_, text)) = built_in {
         return parse(path, text);
     }

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
 
 use super::allocate;
 use super::geometry::Lattice;
@@ -68,10 +67,11 @@ impl Volume {
         }
         #[expect(clippy::cast_possible_truncation, reason = "saturates; a shift beyond the grid leaves no voxel")]
         let offset = offset.to_array().map(|voxels| voxels as i64);
-        let (voxels, lost) = with_voxels!(&self.voxels, stored => {
+        let (voxels, lost, all) = with_voxels!(&self.voxels, stored => {
             let mut laid = allocate::zeroed(Path::new(&self.source), grid.voxels())?;
             let lost = lay(stored, own.dims, offset, &mut laid, grid.dims);
-            (Voxel::into_voxels(laid), lost)
+            let all = laid.iter().all(|voxel| voxel.to_f64() == 0.0);
+            (Voxel::into_voxels(laid), lost, all)
         });
         let mut laid = Self { voxels, geometry: *grid, ..self.clone() };
         let ([x, y, z], [a, b, c], [i, j, k]) = (own.dims, grid.dims, offset);
@@ -79,7 +79,12 @@ impl Volume {
             "{}: the labels of {x}×{y}×{z} voxels are laid into the {a}×{b}×{c} voxels of the volume, from voxel {i}, {j}, {k} on",
             self.source
         ));
-        if lost > 0 {
+        if lost > 0 && all {
+            laid.notes.push(format!(
+                "{}: all {lost} labelled voxels lie outside the volume, so no label is shown",
+                self.source
+            ));
+        } else if lost > 0 {
             laid.notes.push(format!("{}: {lost} labelled voxels lie outside the volume, and are dropped", self.source));
         }
         Ok(Some(laid))
@@ -178,41 +183,39 @@ fn reduce<T: Voxel>(
 ) -> Vec<T> {
     let [width, height, depth] = coarse;
     let mut voxels = vec![T::zeroed(); width * height * depth];
-    voxels.par_chunks_mut(width).enumerate().for_each_init(
-        || Vec::with_capacity(bx * by * bz),
-        |values, (row, out)| {
-            if progress.cancelled() {
-                return;
+    parallel::rows_mut(&mut voxels, width, &|row, out| {
+        if progress.cancelled() {
+            return;
+        }
+        let mut values = Vec::with_capacity(bx * by * bz);
+        let (first_y, first_z) = (row % height * by, row / height * bz);
+        // Most blocks are eight voxels. The compiler knows their number, so that no division is left.
+        let is_eight = [bx, by, bz] == [2; 3] && first_y + 2 <= ny && first_z + 2 <= nz;
+        let eights = if is_eight { (nx / 2).min(out.len()) } else { 0 };
+        let (of_eight, others) = out.split_at_mut(eights);
+        if is_eight {
+            let lines = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[y, z]| {
+                let line = &stored[nx * (first_y + y + ny * (first_z + z))..][..2 * eights];
+                line.as_chunks::<2>().0
+            });
+            let [line, below, behind, below_behind] = lines;
+            let pairs = line.iter().zip(below).zip(behind.iter().zip(below_behind));
+            for (voxel, ((&[a, b], &[c, d]), (&[e, f], &[g, h]))) in of_eight.iter_mut().zip(pairs) {
+                *voxel = of_block(&mut [a, b, c, d, e, f, g, h], labels);
             }
-            let (first_y, first_z) = (row % height * by, row / height * bz);
-            // Most blocks are eight voxels. The compiler knows their number, so that no division is left.
-            let is_eight = [bx, by, bz] == [2; 3] && first_y + 2 <= ny && first_z + 2 <= nz;
-            let eights = if is_eight { (nx / 2).min(out.len()) } else { 0 };
-            let (of_eight, others) = out.split_at_mut(eights);
-            if is_eight {
-                let lines = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[y, z]| {
-                    let line = &stored[nx * (first_y + y + ny * (first_z + z))..][..2 * eights];
-                    line.as_chunks::<2>().0
-                });
-                let [line, below, behind, below_behind] = lines;
-                let pairs = line.iter().zip(below).zip(behind.iter().zip(below_behind));
-                for (voxel, ((&[a, b], &[c, d]), (&[e, f], &[g, h]))) in of_eight.iter_mut().zip(pairs) {
-                    *voxel = of_block(&mut [a, b, c, d, e, f, g, h], labels);
+        }
+        for (block, voxel) in (eights..).zip(others) {
+            let first_x = bx * block;
+            values.clear();
+            for z in first_z..(first_z + bz).min(nz) {
+                for y in first_y..(first_y + by).min(ny) {
+                    let row = nx * (y + ny * z);
+                    values.extend_from_slice(&stored[row + first_x..row + (first_x + bx).min(nx)]);
                 }
             }
-            for (block, voxel) in (eights..).zip(others) {
-                let first_x = bx * block;
-                values.clear();
-                for z in first_z..(first_z + bz).min(nz) {
-                    for y in first_y..(first_y + by).min(ny) {
-                        let row = nx * (y + ny * z);
-                        values.extend_from_slice(&stored[row + first_x..row + (first_x + bx).min(nx)]);
-                    }
-                }
-                *voxel = of_block(values, labels);
-            }
-        },
-    );
+            *voxel = of_block(&mut values, labels);
+        }
+    });
     voxels
 }
 

@@ -300,13 +300,11 @@ fn wider_bounds_of_a_light_are_never_worse() {
     }
 }
 
-/// Random bounds of each spectrum; the seeds are those where a search without these promises fails, and some others.
+/// Random bounds of each spectrum, of a seed where a search without these promises fails. Others: the instrument `nested`.
 #[test]
 fn neither_wider_bounds_than_the_defaults_nor_a_known_start_are_ever_worse() {
-    for seed in [28, 29, 30] {
-        let row = nested_row(seed, |name| Some(standard::light(name).ok()?.spectrum().clone()), &Quiet).unwrap();
-        assert!(row.holds(), "{row:?}");
-    }
+    let row = nested_row(28, |name| Some(standard::light(name).ok()?.spectrum().clone()), &Quiet).unwrap();
+    assert!(row.holds(), "{row:?}");
 }
 
 /// Targets out of reach, for which the least squares within wider bounds may have a larger maximum: without the search that

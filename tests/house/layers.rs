@@ -13,7 +13,7 @@ const HOUSE: &[(&str, &str, &[&str])] = &[
     ("scene", "scene", &["film", "plan", "reference", "tables"]),
     ("vulkan", "vulkan", &["present", "shader"]),
     ("render", "render", &[]),
-    ("document", "document", &["annotate", "output"]),
+    ("document", "document", &["annotate", "look", "output"]),
     ("measure", "measure", &[]),
 ];
 
@@ -44,11 +44,12 @@ const ARROWS: &[(&str, &[&str])] = &[
         &["vulkan", "film", "shader", "tables", "plan", "scene", "model", "volume", "memory", "progress", "number"],
     ),
     ("output", &["annotate", "film", "plan", "scene", "input", "model", "spectrum", "volume", "progress", "number"]),
+    ("look", &["scene", "spectrum", "volume", "written", "progress", "number", "parallel"]),
     (
         "document",
         &[
-            "input", "output", "palette", "scene", "model", "spectrum", "volume", "progress", "number", "parallel",
-            "written",
+            "input", "look", "output", "palette", "scene", "model", "spectrum", "volume", "progress", "number",
+            "parallel", "written",
         ],
     ),
     (

@@ -322,6 +322,47 @@ fn a_map_that_is_none_is_refused_with_its_own_name() {
 }
 
 #[test]
+fn files_in_the_wrong_place_are_refused_or_told() {
+    const DIMS: [usize; 3] = [30, 25, 20];
+    let placed = |origin: f64| {
+        format!(
+            "space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: ({origin},0,0)\n"
+        )
+    };
+    let number = |place: [usize; 3]| block(place, DIMS, 5).map_or(0, |number| 1 + number % 40);
+    let label = move |place: [usize; 3]| f64::from(u32::try_from(number(place)).unwrap());
+    let scan = |[x, y, z]: [usize; 3]| f64::from(u32::try_from((x * 7919 + y * 104_729 + z * 1301) % 997).unwrap());
+    let folder = Folder::new()
+        .with("scan.nrrd", nrrd("int16", DIMS, &placed(0.0), scan))
+        .with("organs.nrrd", nrrd("uint8", DIMS, &placed(0.0), label))
+        .with("far.nrrd", nrrd("uint8", DIMS, &placed(700.0), label));
+    let over = |volume: &str, labels: &str| {
+        let options = SceneOptions { labels: Some(folder.path(labels)), ..SceneOptions::default() };
+        Source { path: Some(folder.path(volume)), options }.read(&Quiet).map(|(file, _)| file)
+    };
+    let notes = |file: &SceneFile| {
+        let labels = file.scene.labels.iter().flat_map(|labels| &labels.volume.notes);
+        file.scene.volume.notes.iter().chain(labels).cloned().collect::<Vec<_>>().join("\n")
+    };
+    // The label map and the scan in each other's place.
+    let problem = over("organs.nrrd", "scan.nrrd").unwrap_err().to_string();
+    assert!(problem.contains("organs.nrrd: its values are labels") && problem.contains("name the scan"), "{problem}");
+    let twice = notes(&over("scan.nrrd", "scan.nrrd").unwrap());
+    assert!(twice.contains("scan.nrrd: its values change from voxel to voxel"), "{twice}");
+    let right = notes(&over("scan.nrrd", "organs.nrrd").unwrap());
+    assert!(!right.contains("voxel to voxel") && !right.contains("outside"), "{right}");
+    let outside = notes(&over("scan.nrrd", "far.nrrd").unwrap());
+    assert!(outside.contains("labelled voxels lie outside the volume, so no label is shown"), "{outside}");
+    // A film of k numbers has no names.
+    let film =
+        ["render", "scan.nrrd", "--labels", "organs.nrrd", "--label-names", "TotalSegmentator", "--size", "16x16"];
+    let k = folder.done(&[&film[..], &["--accumulators", "k.exr", "--accumulate", "spectral"]].concat()).err;
+    assert!(k.contains("no names of labels") && k.contains("--accumulate weights"), "{k}");
+    let page = folder.done(&["page", "k.exr", "-o", "k.html"]).err;
+    assert!(page.contains("the page names none"), "{page}");
+}
+
+#[test]
 fn a_label_of_one_slice_has_short_steps_and_a_thick_one_has_not() {
     let map = |slices: usize| nrrd("uint16", [14, 12, 9], "", move |[_, _, z]| if z < slices { 7.0 } else { 0.0 });
     let folder = Folder::new().with("thin.nrrd", map(1)).with("thick.nrrd", map(4));

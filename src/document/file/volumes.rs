@@ -1,7 +1,7 @@
 //! Reads the volume, the labels and the crop box of a scene file.
 
 use super::*;
-use crate::first_look::{Kind, Values};
+use crate::look::first_look::{Kind, Values};
 
 impl Text<'_> {
     pub(super) fn crop(&self, crop: &At<CropFile>, volume: &Volume) -> Result<[DVec3; 2], SceneError> {

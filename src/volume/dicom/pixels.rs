@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use dicom_dictionary_std::tags;
-use rayon::prelude::*;
 
 use super::codec::{self, Failure, Numbers};
 use super::dataset::{self, Range};
@@ -19,6 +18,7 @@ use crate::stream::{self, count, failed, read_fully};
 use crate::voxels::with_type;
 use crate::{ByteOrder, VolumeError, Voxel, Voxels, allocate, data};
 use relume_base::number::whole;
+use relume_base::parallel;
 use relume_base::progress::Progress;
 
 /// A frame of an image.
@@ -240,17 +240,14 @@ impl Pixels<'_> {
                 allocate::reserve(&mut voxels, (end - start) * pixels, wanted, self.source)?;
                 voxels.resize(end * pixels, T::zeroed());
             }
-            let results: Vec<Result<(), VolumeError>> = voxels[start * pixels..]
-                .par_chunks_mut(pixels)
-                .enumerate()
-                .map_init(Buffer::new, |buffer, (index, out)| {
-                    let before = done.load(Ordering::Relaxed);
-                    data::report(self.source, before, bytes(wanted), progress)?;
-                    fill(start + index, buffer, out)?;
-                    done.fetch_add(bytes(pixels), Ordering::Relaxed);
-                    Ok(())
-                })
-                .collect();
+            let frames: Vec<Mutex<&mut [T]>> = voxels[start * pixels..].chunks_mut(pixels).map(Mutex::new).collect();
+            let results = parallel::map_with(frames.len(), &Buffer::new, &|buffer, index| {
+                let before = done.load(Ordering::Relaxed);
+                data::report(self.source, before, bytes(wanted), progress)?;
+                fill(start + index, buffer, &mut frames[index].lock().unwrap_or_else(PoisonError::into_inner))?;
+                done.fetch_add(bytes(pixels), Ordering::Relaxed);
+                Ok(())
+            });
             results.into_iter().collect::<Result<(), VolumeError>>()?;
             start = end;
         }

@@ -7,8 +7,6 @@ mod placing;
 use std::ops::Range;
 use std::path::Path;
 
-use rayon::prelude::*;
-
 use super::axes::{self, Arranged, Axis};
 use super::lengths::printable;
 use super::several::Several;
@@ -20,6 +18,7 @@ use file::{Array, File, Kind, LARGEST_CHUNK};
 use placing::Placed;
 use relume_base::memory;
 use relume_base::number;
+use relume_base::parallel;
 use relume_base::progress::Progress;
 
 /// Bytes of decoded blocks that wait for their place in the volume.
@@ -325,7 +324,8 @@ impl Reading<'_> {
         while next < grid.len() {
             let end = grid.len().min(next + at_once);
             let one = |number: u64| self.block(array, region, unit, &grid.indices(number));
-            let blocks: Vec<Result<Block, VolumeError>> = (next..end).into_par_iter().map(one).collect();
+            let blocks =
+                parallel::map(usize::try_from(end - next).unwrap_or(usize::MAX), &|index| one(next + count(index)));
             take(&blocks.into_iter().collect::<Result<Vec<_>, _>>()?)?;
             next = end;
         }
@@ -384,16 +384,22 @@ fn cleared(mut voxels: Voxels, empty: &[f64], is_float: bool, path: &Path) -> Re
         (is_float, not_a_number): (bool, F),
         path: &Path,
     ) -> Result<Option<(Vec<F>, usize)>, VolumeError> {
+        /// Voxels of a task.
+        const AT_ONCE: usize = 1 << 16;
         // Numbers that the type does not hold are those of no voxel.
         let is_held = |empty: &f64| T::nearest(*empty).to_f64().total_cmp(empty).is_eq();
         let empty: Vec<T> = empty.iter().filter(|empty| is_held(empty)).map(|&empty| T::nearest(empty)).collect();
-        let cleared = stored.par_iter().filter(|voxel| empty.contains(voxel)).count();
+        let is_empty = |voxels: &&[T]| voxels.iter().filter(|voxel| empty.contains(voxel)).count();
+        let parts: Vec<&[T]> = stored.chunks(AT_ONCE).collect();
+        let cleared: usize = parallel::map(parts.len(), &|part| is_empty(&parts[part])).into_iter().sum();
         if cleared == 0 && !is_float {
             return Ok(None);
         }
         let mut floats = allocate::zeroed::<F>(path, stored.len())?;
-        floats.par_iter_mut().zip(stored.par_iter()).for_each(|(float, voxel)| {
-            *float = if empty.contains(voxel) { not_a_number } else { F::nearest(voxel.to_f64()) };
+        parallel::rows_mut(&mut floats, AT_ONCE, &|part, floats| {
+            for (float, voxel) in floats.iter_mut().zip(parts[part]) {
+                *float = if empty.contains(voxel) { not_a_number } else { F::nearest(voxel.to_f64()) };
+            }
         });
         Ok(Some((floats, cleared)))
     }

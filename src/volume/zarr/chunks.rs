@@ -7,8 +7,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use rayon::prelude::*;
-
 use super::Met;
 use super::array::{Array, Keys};
 use super::codecs::{self, Decoder};
@@ -19,6 +17,7 @@ use crate::tiles::{self, Block, Grid};
 use crate::type_string::Kind;
 use crate::voxels::{bytes_of_floats, with_type};
 use crate::{VolumeError, Voxel, VoxelType, Voxels, allocate, data};
+use relume_base::parallel;
 use relume_base::progress::Progress;
 
 /// Bytes of decoded chunks that wait for their place in the volume.
@@ -195,7 +194,10 @@ impl Reading<'_> {
                 metadata.len().saturating_mul(if self.array.coding.packed.is_empty() { 1 } else { DEFLATE_LIMIT });
             Some(Ok((number, held.min(most))))
         };
-        (0..all).into_par_iter().filter_map(one).collect()
+        parallel::map(usize::try_from(all).unwrap_or(usize::MAX), &|number| one(count(number)))
+            .into_iter()
+            .flatten()
+            .collect()
     }
 
     /// Decodes the chunks `there`, some at a time, and hands them on. Returns the number of chunks that are not in their
@@ -209,7 +211,7 @@ impl Reading<'_> {
         let at_once = rayon::current_num_threads().max(WAITING / self.decoder.bytes().max(1)).max(1);
         let (mut waiting, mut missing) = (Vec::new(), 0);
         let mut decode = |waiting: &mut Vec<Coded>| {
-            let blocks: Vec<Result<Block, VolumeError>> = waiting.par_iter().map(|coded| self.decoded(coded)).collect();
+            let blocks = parallel::map(waiting.len(), &|index| self.decoded(&waiting[index]));
             take(&blocks.into_iter().collect::<Result<Vec<_>, _>>()?)?;
             waiting.clear();
             data::check_cancelled(self.source, self.progress)

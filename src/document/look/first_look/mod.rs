@@ -16,7 +16,7 @@ use toml_edit::{DocumentMut, Item, TableLike};
 use values::are_intervals;
 pub use values::{Kind, Peak, Values};
 
-pub(super) use self::labels::labels_text;
+pub(crate) use self::labels::{is_speckled, labels_text};
 
 use self::alone::{Alone, alone};
 use self::groups::Groups;
@@ -34,7 +34,7 @@ use relume_scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term}
 use relume_volume::{Geometry, Presets, Statistics, Volume, VolumeError, Window};
 
 /// Designed materials and lights of a first look.
-const DESIGN: &str = include_str!("../../../data/scenes/volume.toml");
+const DESIGN: &str = include_str!("../../../../data/scenes/volume.toml");
 /// Names of its materials, from the faintest to the most solid.
 const DESIGNED: [&str; 3] = ["faint", "middle", "solid"];
 
@@ -115,29 +115,29 @@ impl Wish {
 
 /// What a first look is at.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Subject {
+pub(crate) struct Subject {
     /// Parts of the volume are chosen already.
-    pub(super) has_parts: bool,
+    pub(crate) has_parts: bool,
     /// The values are the largest ones of several times.
-    pub(super) is_of_times: bool,
+    pub(crate) is_of_times: bool,
 }
 
 /// A first look.
 #[derive(Clone, Debug)]
-pub(super) struct FirstLook {
+pub(crate) struct FirstLook {
     /// Text of its scene, without the volume's file.
-    pub(super) text: String,
+    pub(crate) text: String,
     /// The guess, in a sentence.
-    pub(super) guess: String,
+    pub(crate) guess: String,
     /// Other parts than the body were removed from the volume.
-    pub(super) is_alone: bool,
+    pub(crate) is_alone: bool,
     /// How it shows labels.
-    pub(super) labels: Shown,
+    pub(crate) labels: Shown,
 }
 
 /// How a first look shows the labels of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shown {
+pub(crate) enum Shown {
     /// The values are no labels, or taken as values.
     Not,
     /// By intervals of the transfer function.
@@ -659,7 +659,7 @@ pub enum LookError {
 /// # Errors
 ///
 /// [`LookError`].
-pub(super) fn first_look(
+pub(crate) fn first_look(
     name: &str,
     volume: &mut Volume,
     statistics: &Statistics,

@@ -2,9 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::sync::LazyLock;
 
 use super::code;
-use relume_volume::{LabelPreset, MOST_LABELS, NoLabels, Volume, VolumeError, is_background};
+use relume_base::number::count;
+use relume_volume::{LabelPreset, MOST_LABELS, NoLabels, Volume, VolumeError, Voxel, is_background, with_voxels};
 
 /// Opacity of labels of a label map, per voxel: a surface that shows what is in front of it.
 pub(super) const LABEL_OPACITY: f64 = 0.5;
@@ -17,17 +19,17 @@ const MOST_STATED: usize = 2000;
 /// Names of the materials of the colours that labels take in turn begin so.
 const IN_TURN: &str = "label colour";
 
-/// Colours of labels that can be told apart: 16 after Kelly (1965), in an order in which neighbours differ most, and 16
-/// that are farthest from all before them. Any two differ by ΔE00 11 or more.
-const LABEL_COLOURS: [&str; 32] = [
-    "#e2d8bc", "#c03a2b", "#2f6fb7", "#e0a030", "#3f9b4f", "#8e5ba6", "#3fb8b0", "#e07ba0", "#a8c83c", "#8a5a34",
-    "#6f86d6", "#f2c58a", "#5f7f5a", "#b0508a", "#9fd0e8", "#7a7a7a", "#e3d4f2", "#1f4c4c", "#f2886a", "#5b3d4c",
-    "#88f2b6", "#4c4c1f", "#88791f", "#3d3d88", "#c598f2", "#3d8898", "#98a798", "#b6a7a7", "#986a6a", "#981f3d",
-    "#1fa7f2", "#a7886a",
-];
+/// Colours that more labels than [`MOST_MATERIALS`] take in turn.
+const SHARED: usize = 32;
 
-/// Colour of the label of this `index`; they repeat after [`LABEL_COLOURS`].
-pub(super) const fn label_colour(index: usize) -> &'static str {
+/// Colours of labels that can be told apart: any two of the first [`SHARED`] differ by ΔE00 11 or more, any two of all by 7.
+static LABEL_COLOURS: LazyLock<Vec<&str>> = LazyLock::new(|| {
+    let text = include_str!("../../../../data/labels/colours.txt");
+    text.lines().filter(|line| line.len() == "#rrggbb".len()).collect()
+});
+
+/// Colour of the label of this `index`.
+pub(super) fn label_colour(index: usize) -> &'static str {
     LABEL_COLOURS[index % LABEL_COLOURS.len()]
 }
 
@@ -98,7 +100,7 @@ pub(super) fn materials_text(labels: &[Named]) -> String {
     let stated = labels.iter().filter(|label| are_own || keeps && label.is_stated);
     let mut all: BTreeMap<String, &str> = stated.map(|label| (material(label, are_own), label.code.as_str())).collect();
     let in_turn: Vec<(String, &str)> =
-        LABEL_COLOURS.iter().enumerate().map(|(index, code)| (format!("{IN_TURN} {}", index + 1), *code)).collect();
+        (0..SHARED).map(|index| (format!("{IN_TURN} {}", index + 1), label_colour(index))).collect();
     if !are_own && labels.iter().any(|label| !(keeps && label.is_stated)) {
         all.extend(in_turn);
     }
@@ -129,7 +131,7 @@ pub(super) fn entries_text(labels: &[Named], opacities: &[f64]) -> String {
         let _ = writeln!(text, "[labels.{}]\nname = {name}\nmaterial = {material}\nopacity = {opacity:?}", label.label);
     }
     if let Some(opacity) = others {
-        let names: Vec<String> = (1..=LABEL_COLOURS.len()).map(|index| quoted(&format!("{IN_TURN} {index}"))).collect();
+        let names: Vec<String> = (1..=SHARED).map(|index| quoted(&format!("{IN_TURN} {index}"))).collect();
         let _ = writeln!(
             text,
             "# All other labels take these materials in turn.\n[labels.others]\nmaterials = [{}]\nopacity = {opacity:?}",
@@ -168,6 +170,18 @@ pub(crate) fn labels_text(map: &Volume, scene: &str) -> Result<Option<String>, V
     Ok((!labels.is_empty()).then_some(text))
 }
 
+/// Whether hardly a labelled voxel has the label of the next along x: a scan in place of a label map.
+pub(crate) fn is_speckled(map: &Volume) -> bool {
+    /// Labels in regions have 0.5 and more, noisy scans 0.1 and less.
+    const FEWEST_ALIKE: f64 = 0.25;
+    let [nx, ..] = map.geometry.dims;
+    let [alike, all] = with_voxels!(&map.voxels, stored => {
+        let pairs = stored.chunks(nx).flat_map(|row| row.windows(2)).filter(|pair| pair[0].to_f64() > 0.0);
+        pairs.fold([0, 0], |[alike, all], pair| [alike + usize::from(pair[0].to_f64().total_cmp(&pair[1].to_f64()).is_eq()), all + 1])
+    });
+    count(alike) < FEWEST_ALIKE * count(all)
+}
+
 #[cfg(test)]
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
@@ -183,9 +197,11 @@ mod tests {
             let linear = [1, 3, 5].map(|at| decode_srgb(f64::from(part(at)) / 255.0));
             lab_from_xyz(xyz_from_linear_srgb(LinearSrgb(linear)), d65_white())
         };
+        assert_eq!(LABEL_COLOURS.len(), MOST_MATERIALS);
         for (index, one) in LABEL_COLOURS.iter().enumerate() {
             for other in &LABEL_COLOURS[..index] {
-                assert!(ciede2000(lab(one), lab(other)) >= 11.0, "{one} and {other}");
+                let least = if index < SHARED { 11.0 } else { 7.0 };
+                assert!(ciede2000(lab(one), lab(other)) >= least, "{one} and {other}");
             }
         }
     }
