@@ -61,10 +61,10 @@ fn shade_three_point(position: u32, ray: Ray, step: Step) -> array<vec4f, LANES>
             }
         }
     }
-    if (FILMS > 0u) {
+    if (THIN_FILMS > 0u) {
         for (var i = 0u; i < 3u; i += 1u) {
             let light = shading.lights[position + i];
-            add_films(light.xyz, ray, step, light.w, &source);
+            add_thin_films(light.xyz, ray, step, light.w, &source);
         }
     }
     return source;
@@ -112,8 +112,8 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
             highlight(step, abs(dot(step.normal, halfway)), &source);
         }
     }
-    if (FILMS > 0u) {
-        add_films(light, ray, step, 1.0, &source);
+    if (THIN_FILMS > 0u) {
+        add_thin_films(light, ray, step, 1.0, &source);
     }
     return source;
 }

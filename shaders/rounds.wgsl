@@ -22,8 +22,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (PHASES > 0u) {
         read_phases();
     }
-    if (FILMS > 0u) {
-        read_films();
+    if (THIN_FILMS > 0u) {
+        read_thin_films();
     }
     if (GRID_LIGHTS > 0u) {
         light_place = light_uniform;

@@ -52,8 +52,8 @@ fn shade_from(light: vec3f, ray: Ray, step: Step, reached: f32) -> array<vec4f, 
             source[lane] = fma(vec4f(reached), white[lane], source[lane]);
         }
     }
-    if (FILMS > 0u) {
-        add_films(light, ray, step, reached, &source);
+    if (THIN_FILMS > 0u) {
+        add_thin_films(light, ray, step, reached, &source);
     }
     return source;
 }
@@ -111,10 +111,10 @@ fn shade_three_shadowed(ray: Ray, step: Step, reached: vec3f) -> array<vec4f, LA
         shine_of_three(fill, ray, step, reached.y, &source);
         shine_of_three(rim, ray, step, reached.z, &source);
     }
-    if (FILMS > 0u) {
-        add_films(key.xyz, ray, step, key.w * reached.x, &source);
-        add_films(fill.xyz, ray, step, fill.w * reached.y, &source);
-        add_films(rim.xyz, ray, step, rim.w * reached.z, &source);
+    if (THIN_FILMS > 0u) {
+        add_thin_films(key.xyz, ray, step, key.w * reached.x, &source);
+        add_thin_films(fill.xyz, ray, step, fill.w * reached.y, &source);
+        add_thin_films(rim.xyz, ray, step, rim.w * reached.z, &source);
     }
     return source;
 }

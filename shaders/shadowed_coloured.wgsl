@@ -75,7 +75,7 @@ fn add_shine(
 }
 
 // Adds what thin films reflect from the direction `light`, times these factors.
-fn add_films_by(
+fn add_thin_films_by(
     light: vec3f,
     ray: Ray,
     step: Step,
@@ -83,7 +83,7 @@ fn add_films_by(
     source: ptr<function, array<vec4f, LANES>>,
 ) {
     var reflected: array<vec4f, LANES>;
-    add_films(light, ray, step, 1.0, &reflected);
+    add_thin_films(light, ray, step, 1.0, &reflected);
     for (var lane = 0u; lane < LANES; lane += 1u) {
         (*source)[lane] = fma(factor[lane], reflected[lane], (*source)[lane]);
     }
@@ -107,8 +107,8 @@ fn shade_from(light: vec3f, ray: Ray, step: Step, reached: array<vec4f, LANES>) 
     if (SPECULAR) {
         add_shine(light, ray, step, reached, &source);
     }
-    if (FILMS > 0u) {
-        add_films_by(light, ray, step, reached, &source);
+    if (THIN_FILMS > 0u) {
+        add_thin_films_by(light, ray, step, reached, &source);
     }
     return source;
 }
@@ -128,7 +128,7 @@ fn shade_three_shadowed(ray: Ray, step: Step, place: vec3f) -> array<vec4f, LANE
             for (var lane = 0u; lane < LANES; lane += 1u) {
                 facing[lane] = fma(reached[lane], vec4f(shade), facing[lane]);
             }
-            if (SPECULAR || FILMS > 0u) {
+            if (SPECULAR || THIN_FILMS > 0u) {
                 var factor = reached;
                 for (var lane = 0u; lane < LANES; lane += 1u) {
                     factor[lane] *= light.w;
@@ -136,8 +136,8 @@ fn shade_three_shadowed(ray: Ray, step: Step, place: vec3f) -> array<vec4f, LANE
                 if (SPECULAR) {
                     add_shine(light.xyz, ray, step, factor, &shine);
                 }
-                if (FILMS > 0u) {
-                    add_films_by(light.xyz, ray, step, factor, &shine);
+                if (THIN_FILMS > 0u) {
+                    add_thin_films_by(light.xyz, ray, step, factor, &shine);
                 }
             }
         } else {
@@ -150,7 +150,7 @@ fn shade_three_shadowed(ray: Ray, step: Step, place: vec3f) -> array<vec4f, LANE
     }
     if (SHADED) {
         source = reflect_by(step, facing);
-        if (SPECULAR || FILMS > 0u) {
+        if (SPECULAR || THIN_FILMS > 0u) {
             for (var lane = 0u; lane < LANES; lane += 1u) {
                 source[lane] += shine[lane];
             }

@@ -1,7 +1,7 @@
 // Light that thin films reflect. Part of `march.wgsl`; only plans with thin films call it. Twin of `reference::thin_film`.
 
-// Thin films in lanes (`tables::FilmTable`).
-struct Films {
+// Thin films in lanes (`tables::ThinFilmTable`).
+struct ThinFilms {
     factor: array<vec4f, FILM_LANES>,
     exponent: array<vec4u, FILM_LANES>,
     weight: array<vec4u, FILM_LANES>,
@@ -9,16 +9,16 @@ struct Films {
     film: array<vec4u, FILM_VECTORS>,
 }
 
-@group(0) @binding(23) var<uniform> films_uniform: Films;
-// Components of the light that each film reflects at each of FILM_ANGLES. With weights, those of all films in one row.
-@group(0) @binding(24) var<storage, read> film_angles: array<vec4f>;
+@group(0) @binding(23) var<uniform> thin_films_uniform: ThinFilms;
+// Components of the light that each film reflects at each of THIN_FILM_ANGLES. With weights, those of all films in one row.
+@group(0) @binding(24) var<storage, read> thin_film_angles: array<vec4f>;
 
 // Copy of the uniform, as for `march`.
-var<private> films: Films;
+var<private> thin_films: ThinFilms;
 
 // Copies the uniform, once per invocation.
-fn read_films() {
-    films = films_uniform;
+fn read_thin_films() {
+    thin_films = thin_films_uniform;
 }
 
 // A place in the table of angles.
@@ -28,23 +28,23 @@ struct Angle {
 }
 
 fn angle_at(cosine: f32) -> Angle {
-    let place = clamp(cosine, 0.0, 1.0) * f32(FILM_ANGLES - 1u);
-    let low = min(u32(place), FILM_ANGLES - 2u);
+    let place = clamp(cosine, 0.0, 1.0) * f32(THIN_FILM_ANGLES - 1u);
+    let low = min(u32(place), THIN_FILM_ANGLES - 2u);
     return Angle(low, place - f32(low));
 }
 
 // Adds what film `i` reflects at an angle, with this shade, to coefficients.
-fn add_film(i: u32, angle: Angle, shade: f32, step: Step, source: ptr<function, array<vec4f, LANES>>) {
-    let first = (i * FILM_ANGLES + angle.low) * LANES;
-    let factor = films.factor[i / 4u][i % 4u] * shade;
+fn add_thin_film(i: u32, angle: Angle, shade: f32, step: Step, source: ptr<function, array<vec4f, LANES>>) {
+    let first = (i * THIN_FILM_ANGLES + angle.low) * LANES;
+    let factor = thin_films.factor[i / 4u][i % 4u] * shade;
     var white = 0.0;
     if (!COLOURED) {
-        white = step.source[FILM_PARTS + i / 4u][i % 4u] * factor;
+        white = step.source[THIN_FILM_PARTS + i / 4u][i % 4u] * factor;
     }
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        let reflected = mix_angles(film_angles[first + lane], film_angles[first + LANES + lane], angle.part);
+        let reflected = mix_angles(thin_film_angles[first + lane], thin_film_angles[first + LANES + lane], angle.part);
         if (COLOURED) {
-            (*source)[lane] = fma(reflected, step.source[FILM_PARTS + i * LANES + lane] * factor, (*source)[lane]);
+            (*source)[lane] = fma(reflected, step.source[THIN_FILM_PARTS + i * LANES + lane] * factor, (*source)[lane]);
         } else {
             (*source)[lane] = fma(reflected, vec4f(white), (*source)[lane]);
         }
@@ -53,10 +53,10 @@ fn add_film(i: u32, angle: Angle, shade: f32, step: Step, source: ptr<function, 
 
 // Sets the white of the components of film `i`, with this shade.
 fn set_white(i: u32, shade: f32, step: Step, white: ptr<function, array<vec4f, FILM_VECTORS>>) {
-    let weight = films.weight[i / 4u][i % 4u];
-    let own = step.source[weight / 4u][weight % 4u] * (films.factor[i / 4u][i % 4u] * shade);
+    let weight = thin_films.weight[i / 4u][i % 4u];
+    let own = step.source[weight / 4u][weight % 4u] * (thin_films.factor[i / 4u][i % 4u] * shade);
     for (var vector = 0u; vector < FILM_VECTORS; vector += 1u) {
-        (*white)[vector] = select((*white)[vector], vec4f(own), films.film[vector] == vec4u(i));
+        (*white)[vector] = select((*white)[vector], vec4f(own), thin_films.film[vector] == vec4u(i));
     }
 }
 
@@ -65,7 +65,7 @@ fn add_terms(angle: Angle, white: array<vec4f, FILM_VECTORS>, source: ptr<functi
     let first = angle.low * FILM_VECTORS;
     for (var vector = 0u; vector < FILM_VECTORS; vector += 1u) {
         let lane = FIRST_FILM_VECTOR + vector;
-        let reflected = mix_angles(film_angles[first + vector], film_angles[first + FILM_VECTORS + vector], angle.part);
+        let reflected = mix_angles(thin_film_angles[first + vector], thin_film_angles[first + FILM_VECTORS + vector], angle.part);
         (*source)[lane] = fma(reflected, white[vector], (*source)[lane]);
     }
 }
@@ -75,24 +75,24 @@ fn mix_angles(low: vec4f, high: vec4f, part: f32) -> vec4f {
 }
 
 // Adds the light that all films reflect towards the eye from the direction `light`, of which the fraction `reached` arrives.
-fn add_films(light: vec3f, ray: Ray, step: Step, reached: f32, source: ptr<function, array<vec4f, LANES>>) {
+fn add_thin_films(light: vec3f, ray: Ray, step: Step, reached: f32, source: ptr<function, array<vec4f, LANES>>) {
     let along = dot(step.normal, light);
     let facing = lit(along);
-    if (FACING_FILMS > 0u) {
+    if (FACING_THIN_FILMS > 0u) {
         let angle = angle_at(0.5 * (abs(along) + abs(dot(step.normal, ray.view))));
         if (FILM_WEIGHTS) {
             var white: array<vec4f, FILM_VECTORS>;
-            for (var i = 0u; i < FACING_FILMS; i += 1u) {
+            for (var i = 0u; i < FACING_THIN_FILMS; i += 1u) {
                 set_white(i, facing * reached, step, &white);
             }
             add_terms(angle, white, source);
         } else {
-            for (var i = 0u; i < FACING_FILMS; i += 1u) {
-                add_film(i, angle, facing * reached, step, source);
+            for (var i = 0u; i < FACING_THIN_FILMS; i += 1u) {
+                add_thin_film(i, angle, facing * reached, step, source);
             }
         }
     }
-    if (FILMS > FACING_FILMS) {
+    if (THIN_FILMS > FACING_THIN_FILMS) {
         let halfway = unit(light + ray.view);
         var shine = lit(dot(step.normal, halfway));
         if (ONE_SIDED) {
@@ -102,13 +102,13 @@ fn add_films(light: vec3f, ray: Ray, step: Step, reached: f32, source: ptr<funct
         let angle = angle_at(cosine);
         if (FILM_WEIGHTS) {
             var white: array<vec4f, FILM_VECTORS>;
-            for (var i = FACING_FILMS; i < FILMS; i += 1u) {
-                set_white(i, power(shine, films.exponent[i / 4u][i % 4u]) * reached, step, &white);
+            for (var i = FACING_THIN_FILMS; i < THIN_FILMS; i += 1u) {
+                set_white(i, power(shine, thin_films.exponent[i / 4u][i % 4u]) * reached, step, &white);
             }
             add_terms(angle, white, source);
         } else {
-            for (var i = FACING_FILMS; i < FILMS; i += 1u) {
-                add_film(i, angle, power(shine, films.exponent[i / 4u][i % 4u]) * reached, step, source);
+            for (var i = FACING_THIN_FILMS; i < THIN_FILMS; i += 1u) {
+                add_thin_film(i, angle, power(shine, thin_films.exponent[i / 4u][i % 4u]) * reached, step, source);
             }
         }
     }

@@ -7,7 +7,6 @@ use serde::Serialize;
 
 use relume::document::{SceneOptions, parse};
 use relume::film::{Film, RelightMatrices};
-use relume::number::Real;
 use relume::plan::{Planned, plan, plan_for};
 use relume::progress::Progress;
 use relume::reference::{self, Stored};

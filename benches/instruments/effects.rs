@@ -10,7 +10,7 @@ use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::render::Renderer;
 use relume::scene::{AccumulateAs, Scene, Shading};
-use relume::spectrum::{Absorption, FilmAngle, Layers, Spectrum, ThinFilm};
+use relume::spectrum::{Absorption, Layers, Spectrum, ThinFilm, ThinFilmAngle};
 
 use super::shadows::{frog, times};
 
@@ -54,11 +54,11 @@ fn stained(mut scene: Scene) -> Result<Scene, Box<dyn Error>> {
 }
 
 /// `scene` with a film on its first materials.
-fn filmed(mut scene: Scene, films: usize, angle: FilmAngle) -> Result<Scene, Box<dyn Error>> {
+fn filmed(mut scene: Scene, films: usize, angle: ThinFilmAngle) -> Result<Scene, Box<dyn Error>> {
     for (i, material) in scene.materials.iter_mut().enumerate().take(films) {
         let thickness_nm = [400.0, 300.0, 200.0, 100.0][i % 4];
         material.film = Some(ThinFilm::new(Layers { index: 1.33, thickness_nm, above: 1.0, below: 1.0 }, angle)?);
-        if angle == FilmAngle::Lobe {
+        if angle == ThinFilmAngle::Lobe {
             material.specular = 0.5;
         }
     }
@@ -82,9 +82,11 @@ pub(crate) fn effect_rows(renderer: &Renderer, volume: Option<&Path>) -> Result<
     for (accumulate, kind) in [(AccumulateAs::Weights, "weights"), (AccumulateAs::Spectral, "k coefficients")] {
         let mut open = shaded.clone();
         open.accuracy.accumulate = accumulate;
-        for (films, angle, part) in
-            [(1, FilmAngle::Facing, "diffuse"), (1, FilmAngle::Lobe, "highlight"), (4, FilmAngle::Facing, "diffuse")]
-        {
+        for (films, angle, part) in [
+            (1, ThinFilmAngle::Facing, "diffuse"),
+            (1, ThinFilmAngle::Lobe, "highlight"),
+            (4, ThinFilmAngle::Facing, "diffuse"),
+        ] {
             let name = format!("films of materials: {films}, {part}, {kind}");
             rows.push(row(renderer, &name, &open, &filmed(open.clone(), films, angle)?)?);
         }

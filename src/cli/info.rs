@@ -750,7 +750,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "diffuse": plan.shading.is_some_and(|terms| terms.diffuse),
         "specular": plan.specular().is_some(),
         "phase_functions": plan.phases > 0,
-        "thin_films": plan.films.total(),
+        "thin_films": plan.thin_films.total(),
         "one_sided": plan.shading.is_some_and(|terms| terms.one_sided),
         "gradient_opacity": plan.gradient_opacity > 0,
         "labels": plan.labels,

@@ -14,7 +14,7 @@ use super::{Definition, Dial, LightState, Mixing, SceneFile, Source, State};
 use crate::output::{OutputError, write_atomically};
 use relume_colour::palette::{Palette, Solution};
 use relume_colour::spectrum::observer::Observer;
-use relume_colour::spectrum::{FilmAngle, Layers, Spectrum, ThinFilm};
+use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
 use relume_scene::{
     AccumulateAs, Accuracy, Aim, AmbientShares, Camera, Integration, Interval, LabelInterpolation, Lighting,
     Projection, Scene,
@@ -407,8 +407,8 @@ fn film(film: &ThinFilm) -> Item {
         table.insert(key, number.into());
     }
     let angle = match film.angle() {
-        FilmAngle::Facing => "facing",
-        FilmAngle::Lobe => "lobe",
+        ThinFilmAngle::Facing => "facing",
+        ThinFilmAngle::Lobe => "lobe",
     };
     table.insert("angle", angle.into());
     value(table)

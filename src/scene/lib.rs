@@ -28,7 +28,7 @@ pub use transfer::{GRADIENT_POINTS, Interval, Lookup, MaterialCurve, Medium, OPA
 use relume_colour::model::ModelKind;
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
-use relume_colour::spectrum::{Absorption, FilmAngle, Light, Reflectance, ThinFilm};
+use relume_colour::spectrum::{Absorption, Light, Reflectance, ThinFilm, ThinFilmAngle};
 use relume_volume::Volume;
 
 /// Everything that affects a picture, resolved: no names to look up, no files to read.
@@ -156,7 +156,7 @@ impl Scene {
     }
 
     /// Visible materials with a film.
-    pub(crate) fn states_films(&self) -> impl Iterator<Item = &Material> {
+    pub(crate) fn states_thin_films(&self) -> impl Iterator<Item = &Material> {
         let shown = self.materials.iter().enumerate().filter(|&(index, _)| self.shows(index));
         shown.map(|(_, material)| material).filter(|material| material.film.is_some())
     }
@@ -253,26 +253,26 @@ impl Material {
     }
 
     /// The film, if it reflects at this angle and its part of the light is not 0.
-    pub(crate) fn film_at(&self, angle: FilmAngle) -> Option<&ThinFilm> {
-        self.film.as_ref().filter(|film| film.angle() == angle && self.film_factor(angle) > 0.0)
+    pub(crate) fn thin_film_at(&self, angle: ThinFilmAngle) -> Option<&ThinFilm> {
+        self.film.as_ref().filter(|film| film.angle() == angle && self.thin_film_factor(angle) > 0.0)
     }
 
     /// Factor of the light that a film at this angle reflects.
-    pub(crate) fn film_factor(&self, angle: FilmAngle) -> f64 {
+    pub(crate) fn thin_film_factor(&self, angle: ThinFilmAngle) -> f64 {
         match angle {
-            FilmAngle::Facing => self.diffuse,
-            FilmAngle::Lobe => self.specular,
+            ThinFilmAngle::Facing => self.diffuse,
+            ThinFilmAngle::Lobe => self.specular,
         }
     }
 
     /// Diffuse factor of the material's own reflectance: 0 if a film takes its place.
     pub(crate) fn own_diffuse(&self) -> f64 {
-        if self.film_at(FilmAngle::Facing).is_some() { 0.0 } else { self.diffuse }
+        if self.thin_film_at(ThinFilmAngle::Facing).is_some() { 0.0 } else { self.diffuse }
     }
 
     /// Specular factor of white highlights: 0 if a film takes their place.
     pub(crate) fn white_specular(&self) -> f64 {
-        if self.film_at(FilmAngle::Lobe).is_some() { 0.0 } else { self.specular }
+        if self.thin_film_at(ThinFilmAngle::Lobe).is_some() { 0.0 } else { self.specular }
     }
 
     /// `opacity` clamped to the range of this material; an X-ray material never has opacity 1.

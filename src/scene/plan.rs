@@ -56,7 +56,7 @@ pub struct ScenePlan {
     /// distinct parameter, with its own part of a table entry. 0 if every material scatters evenly.
     pub phases: usize,
     /// Thin films that reflect directed light.
-    pub films: FilmCounts,
+    pub thin_films: FilmCounts,
     /// Points of the factor on the opacity by the gradient magnitude; 0 without such a factor.
     pub gradient_opacity: usize,
     /// Whether labels take precedence over the transfer function.
@@ -153,7 +153,7 @@ pub struct Parts {
     /// White of the highlights, one part per exponent.
     pub highlights: usize,
     /// White of the light that thin films reflect, one part per film.
-    pub films: usize,
+    pub thin_films: usize,
     /// Vectors per entry.
     pub lanes: usize,
 }
@@ -401,7 +401,9 @@ impl ScenePlan {
     #[must_use]
     pub fn components(&self) -> usize {
         match self.accumulate {
-            Accumulate::Weights { materials } => materials + usize::from(self.specular().is_some()) + self.films.terms,
+            Accumulate::Weights { materials } => {
+                materials + usize::from(self.specular().is_some()) + self.thin_films.terms
+            }
             Accumulate::Spectral { dimension, .. } => dimension,
         }
     }
@@ -446,24 +448,29 @@ impl ScenePlan {
 
     /// Vectors that hold a number per thin film.
     #[must_use]
-    pub fn film_lanes(&self) -> usize {
-        self.films.total().div_ceil(LANE).max(1)
+    pub fn thin_film_lanes(&self) -> usize {
+        self.thin_films.total().div_ceil(LANE).max(1)
     }
 
     /// Vectors of an accumulator that hold weights of terms of thin films; none without weights.
     #[must_use]
-    pub fn film_vectors(&self) -> std::ops::Range<usize> {
-        let first = self.components() - self.films.terms.min(self.components());
-        if self.films.terms == 0 { self.lanes()..self.lanes() } else { first / LANE..self.lanes() }
+    pub fn thin_film_vectors(&self) -> std::ops::Range<usize> {
+        let first = self.components() - self.thin_films.terms.min(self.components());
+        if self.thin_films.terms == 0 { self.lanes()..self.lanes() } else { first / LANE..self.lanes() }
     }
 
     /// Layout of the source in a table entry.
     #[must_use]
     pub fn parts(&self) -> Parts {
         match self.accumulate {
-            Accumulate::Weights { materials } => {
-                Parts { unshaded: 0, ambient: 0, diffuse: 0, highlights: 0, films: 0, lanes: materials.div_ceil(LANE) }
-            }
+            Accumulate::Weights { materials } => Parts {
+                unshaded: 0,
+                ambient: 0,
+                diffuse: 0,
+                highlights: 0,
+                thin_films: 0,
+                lanes: materials.div_ceil(LANE),
+            },
             Accumulate::Spectral { shares, exponents, .. } => {
                 let lanes = self.lanes();
                 let own = shares == Shares::Own;
@@ -478,8 +485,15 @@ impl ScenePlan {
                     Transmittance::Coloured | Transmittance::Mixed => parts * lanes,
                 };
                 let diffuse = if own { lanes } else { 0 };
-                let films = highlights + white(exponents);
-                Parts { unshaded, ambient: 0, diffuse, highlights, films, lanes: films + white(self.films.total()) }
+                let thin_films = highlights + white(exponents);
+                Parts {
+                    unshaded,
+                    ambient: 0,
+                    diffuse,
+                    highlights,
+                    thin_films,
+                    lanes: thin_films + white(self.thin_films.total()),
+                }
             }
         }
     }
@@ -529,7 +543,7 @@ impl ScenePlan {
     /// Whether shading needs the gradient of the data.
     #[must_use]
     pub fn shades_by_gradient(&self) -> bool {
-        self.films.total() > 0 || self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
+        self.thin_films.total() > 0 || self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
     }
 
     /// Whether the gradient is stored with the values.
@@ -684,8 +698,8 @@ fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     if planned.plan.gradient_opacity > 0 && planned.plan.transmittance == Transmittance::Mixed {
         return Err(PlanError::GradientMatrix);
     }
-    if planned.plan.films.total() > 0 && planned.plan.transmittance == Transmittance::Mixed {
-        let materials: Vec<&str> = planned.films(scene).iter().map(|film| film.material.name.as_str()).collect();
+    if planned.plan.thin_films.total() > 0 && planned.plan.transmittance == Transmittance::Mixed {
+        let materials: Vec<&str> = planned.thin_films(scene).iter().map(|film| film.material.name.as_str()).collect();
         return Err(PlanError::FilmMatrix { materials: materials.join(", ") });
     }
     if let (Integration::Segments, Some(why)) = (scene.accuracy.integration, planned.no_segments()) {
@@ -736,7 +750,7 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
                 found => found
                     .ok()
                     .and_then(|found| found.model)
-                    .filter(|model| weights.films(scene).iter().all(|film| film.error_in(model) <= tolerance)),
+                    .filter(|model| weights.thin_films(scene).iter().all(|film| film.error_in(model) <= tolerance)),
             }
         }
         (AccumulateAs::Auto | AccumulateAs::Spectral, Some(dimension)) => {
@@ -813,12 +827,12 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         method: scene.shadows.method,
         absorbers: if coloured { needs::absorbers(scene).count() } else { 0 },
     };
-    let films = if directed {
-        needs::film_counts(used(), model.is_none().then_some(scene.accuracy.tolerance))
+    let thin_films = if directed {
+        needs::thin_film_counts(used(), model.is_none().then_some(scene.accuracy.tolerance))
     } else {
         FilmCounts::default()
     };
-    let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some() || films.total() > 0);
+    let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some() || thin_films.total() > 0);
     let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
     let phases = match accumulate {
         _ if !scene.has_phases() || counts.total() == counts.ambient => 0,
@@ -837,7 +851,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.grid_lights() > 0),
         shading,
         phases,
-        films,
+        thin_films,
         // A factor of 1 at all magnitudes has no effect.
         gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },
         labels,

@@ -294,7 +294,7 @@ fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices, ray: Option<
             shares.push(share(name, seen, weight, here(&mut sent.iter().copied())));
         }
         // The first term has nearly all of a film's light; those that follow correct its colour.
-        for film in planned.films(scene) {
+        for film in planned.thin_films(scene) {
             let of = |numbers: &[f64], terms: usize| -> f64 {
                 let of_position = |numbers: &[f64]| numbers.iter().skip(film.first).take(terms).sum::<f64>();
                 numbers.chunks(parts.max(1)).map(of_position).sum()

@@ -11,7 +11,7 @@ use relume::document::Document;
 use relume::document::SceneOptions;
 use relume::progress::Quiet;
 use relume::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, display_code, linear_srgb_from_xyz};
-use relume::spectrum::{FilmAngle, Spectrum};
+use relume::spectrum::{Spectrum, ThinFilmAngle};
 
 use crate::app::{App, document};
 use crate::support::program::SCENE;
@@ -116,7 +116,7 @@ fn a_film_is_chosen_where_surfaces_have_an_angle() {
     window.get_by_label("in the diffuse light").click();
     window.run();
     let added = film(&window).unwrap();
-    assert_eq!(added.angle(), FilmAngle::Facing);
+    assert_eq!(added.angle(), ThinFilmAngle::Facing);
     window.state_mut().document.as_mut().unwrap().rest();
     let field = window.get_by_label("flesh: film, nm").rect().center();
     let press = |pos, pressed| {

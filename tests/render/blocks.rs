@@ -7,7 +7,7 @@ use relume::progress::Quiet;
 use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{Aim, Block, Blocks, Camera, Interpolation, Node, Placement, Projection, Scene, low_leaves};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
-use relume::spectrum::{FilmAngle, Layers, ThinFilm};
+use relume::spectrum::{Layers, ThinFilm, ThinFilmAngle};
 
 use crate::support::rungs::{Rungs, with_renderer};
 use crate::support::scenes::{self, SIZE};
@@ -83,7 +83,7 @@ fn cases() -> Vec<(&'static str, Scene, [usize; 2])> {
     };
     let filmed = |mut scene: Scene| {
         let soap = Layers { index: 1.33, thickness_nm: 400.0, above: 1.0, below: 1.0 };
-        scene.materials[0].film = Some(ThinFilm::new(soap, FilmAngle::Facing).unwrap());
+        scene.materials[0].film = Some(ThinFilm::new(soap, ThinFilmAngle::Facing).unwrap());
         scene
     };
     let odd = [SIZE[0] + 1, SIZE[1] + 1];

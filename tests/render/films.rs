@@ -13,7 +13,7 @@ use relume::plan::{Accumulate, FilmCounts, PlanWarning, Stale, Transmittance, pl
 use relume::progress::Quiet;
 use relume::scene::{AccumulateAs, Integration, Lighting, Placement, Scene, SceneLight, StoreAs};
 use relume::spectrum::colour::xyz_of;
-use relume::spectrum::{FilmAngle, Layers, Spectrum, ThinFilm, standard, wavelength_nm};
+use relume::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle, standard, wavelength_nm};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, float, of, sampled};
 
@@ -154,7 +154,7 @@ fn approached(film: &ThinFilm, terms: usize) -> [f64; 2] {
 #[test]
 fn terms_and_angles_of_a_film_keep_the_tolerance_at_all_angles() {
     for (layers, expected) in [(SOAP, 7), (OIL, 5), (FLAKE, 7)] {
-        let film = ThinFilm::new(layers, FilmAngle::Facing).unwrap();
+        let film = ThinFilm::new(layers, ThinFilmAngle::Facing).unwrap();
         let terms = film.terms_within(1.0);
         assert!(terms <= expected, "{layers:?} needs {terms} terms");
         assert!(terms <= film.terms_within(0.3), "a smaller error needs no fewer terms");
@@ -168,10 +168,10 @@ fn terms_and_angles_of_a_film_keep_the_tolerance_at_all_angles() {
 }
 
 /// `scene` with these films in the parts that they replace.
-fn with_film(mut scene: Scene, index: usize, layers: Layers, angle: FilmAngle) -> Scene {
+fn with_film(mut scene: Scene, index: usize, layers: Layers, angle: ThinFilmAngle) -> Scene {
     if let Some(material) = scene.materials.get_mut(index) {
         material.film = Some(ThinFilm::new(layers, angle).unwrap());
-        if angle == FilmAngle::Lobe {
+        if angle == ThinFilmAngle::Lobe {
             (material.specular, material.exponent) = (0.7, 9);
         }
     }
@@ -180,8 +180,8 @@ fn with_film(mut scene: Scene, index: usize, layers: Layers, angle: FilmAngle) -
 
 /// `scene` with a soap film, an oil film in highlights, and a flake.
 fn filmed(scene: Scene) -> Scene {
-    let scene = with_film(scene, 0, SOAP, FilmAngle::Facing);
-    with_film(with_film(scene, 1, OIL, FilmAngle::Lobe), 2, FLAKE, FilmAngle::Facing)
+    let scene = with_film(scene, 0, SOAP, ThinFilmAngle::Facing);
+    with_film(with_film(scene, 1, OIL, ThinFilmAngle::Lobe), 2, FLAKE, ThinFilmAngle::Facing)
 }
 
 /// A ramp along z of a white material, seen along a slanted line, lit from `light`; normals are ±z.
@@ -282,7 +282,7 @@ fn of_every_kind() -> Vec<(&'static str, Scene)> {
         shadows,
         ..scene.lights[0].clone()
     };
-    let mut every = with_film(beside_three_point("gradient", 2), 0, OIL, FilmAngle::Lobe);
+    let mut every = with_film(beside_three_point("gradient", 2), 0, OIL, ThinFilmAngle::Lobe);
     let more = [
         light("open three", Placement::ThreePoint, false, &every),
         light("shadowed head", Placement::Headlight, true, &every),
@@ -298,7 +298,7 @@ fn of_every_kind() -> Vec<(&'static str, Scene)> {
         ("three kinds of lights", filmed(scenes::named("diffuse_three"))),
         ("highlights, one-sided", sided),
         ("labels", filmed(scenes::named("labels"))),
-        ("shadows", with_film(occluded("gradient"), 0, SOAP, FilmAngle::Facing)),
+        ("shadows", with_film(occluded("gradient"), 0, SOAP, ThinFilmAngle::Facing)),
         ("every light", every),
     ]
 }
@@ -319,7 +319,7 @@ fn weights_of_films_on_the_device_equal_81_bands_within_the_tolerance() {
             scene.accuracy.accumulate = AccumulateAs::Weights;
             let rungs = Rungs::new(exposed(scene), SIZE);
             let planned = &rungs.planned;
-            assert!(planned.plan.films.terms > 0 && planned.model.is_none(), "{name} has films");
+            assert!(planned.plan.thin_films.terms > 0 && planned.model.is_none(), "{name} has films");
             let matrices = rungs.xyz_matrices();
             let double = rungs.march::<f64>(&rungs.stored()).relight(&matrices);
             let error = largest_difference(&double, &rungs.stored_truth());
@@ -341,12 +341,12 @@ fn k_numbers_of_films_on_the_device_equal_the_reference_and_81_bands_within_the_
             scene.accuracy.dimension = Some(6);
             scene
         };
-        let mut shadowed = with_film(scenes::named("coloured_three"), 1, OIL, FilmAngle::Lobe);
+        let mut shadowed = with_film(scenes::named("coloured_three"), 1, OIL, ThinFilmAngle::Lobe);
         // As many directions as a light grid has depths for.
         shadowed.lights.truncate(1);
         shadowed.lights[0].placement = Placement::ThreePoint;
         shadowed.lights[0].shadows = true;
-        let mut segments = stated(with_film(scenes::named("coloured_three"), 0, SOAP, FilmAngle::Facing));
+        let mut segments = stated(with_film(scenes::named("coloured_three"), 0, SOAP, ThinFilmAngle::Facing));
         segments.accuracy.integration = Integration::Segments;
         for (name, scene) in [
             ("grey highlights", stated(filmed(scenes::named("specular_three")))),
@@ -356,7 +356,7 @@ fn k_numbers_of_films_on_the_device_equal_the_reference_and_81_bands_within_the_
             let within_tolerance = scene.accuracy.dimension.is_none();
             let rungs = Rungs::new(exposed(scene), SIZE);
             let plan = &rungs.planned.plan;
-            assert!(plan.films.total() > 0 && rungs.planned.model.is_some(), "{name} has films");
+            assert!(plan.thin_films.total() > 0 && rungs.planned.model.is_some(), "{name} has films");
             assert_eq!(plan.transmittance == Transmittance::Grey, name.starts_with("grey"), "{name}");
             let matrices = rungs.xyz_matrices();
             let expected = rungs.march::<f64>(&rungs.stored()).relight(&matrices);
@@ -373,11 +373,11 @@ fn k_numbers_of_films_on_the_device_equal_the_reference_and_81_bands_within_the_
 #[test]
 fn accumulators_of_films_relight_as_they_render() {
     with_renderer(|renderer| {
-        let mut scene = with_film(occluded("gradient"), 0, OIL, FilmAngle::Facing);
+        let mut scene = with_film(occluded("gradient"), 0, OIL, ThinFilmAngle::Facing);
         scene.accuracy.accumulate = AccumulateAs::Weights;
         let marched = |scene: &Scene| Rungs::new(scene.clone(), SIZE).gpu(renderer);
         let film = marched(&scene);
-        assert!(Rungs::new(scene.clone(), SIZE).planned.plan.films.terms > 0);
+        assert!(Rungs::new(scene.clone(), SIZE).planned.plan.thin_films.terms > 0);
         for name in ["A", "FL11", "LED-RGB1"] {
             let mut other = scene.clone();
             for light in &mut other.lights {
@@ -396,13 +396,13 @@ fn films_without_an_effect_leave_every_byte() {
         (rungs.planned.plan.clone(), numbers(&rungs.march(&rungs.stored::<f32>())))
     };
     let unshaded = scenes::named("unshaded_three");
-    assert!(marched(&unshaded) == marched(&with_film(unshaded.clone(), 0, SOAP, FilmAngle::Facing)), "unshaded");
+    assert!(marched(&unshaded) == marched(&with_film(unshaded.clone(), 0, SOAP, ThinFilmAngle::Facing)), "unshaded");
     let flat = scenes::named("diffuse_three");
     let mut lobe = flat.clone();
-    lobe.materials[0].film = Some(ThinFilm::new(SOAP, FilmAngle::Lobe).unwrap());
+    lobe.materials[0].film = Some(ThinFilm::new(SOAP, ThinFilmAngle::Lobe).unwrap());
     assert!(marched(&flat) == marched(&lobe), "highlights of nothing");
     let mut ambient = scenes::named("ambient_only");
-    ambient.materials[0].film = Some(ThinFilm::new(SOAP, FilmAngle::Facing).unwrap());
+    ambient.materials[0].film = Some(ThinFilm::new(SOAP, ThinFilmAngle::Facing).unwrap());
     assert!(marched(&scenes::named("ambient_only")) == marched(&ambient), "ambient light");
 }
 
@@ -410,11 +410,11 @@ fn films_without_an_effect_leave_every_byte() {
 #[test]
 fn films_that_reflect_nothing_take_no_weights() {
     for name in ["diffuse_one", "diffuse_three", "specular_three"] {
-        for angle in [FilmAngle::Facing, FilmAngle::Lobe] {
+        for angle in [ThinFilmAngle::Facing, ThinFilmAngle::Lobe] {
             let mut scene = with_film(scenes::named(name), 0, Layers { thickness_nm: 0.0, ..SOAP }, angle);
             scene.accuracy.accumulate = AccumulateAs::Weights;
             let rungs = Rungs::new(scene.clone(), SIZE);
-            assert_eq!(rungs.planned.plan.films, FilmCounts::default(), "{name}, {angle:?}");
+            assert_eq!(rungs.planned.plan.thin_films, FilmCounts::default(), "{name}, {angle:?}");
             let matrices = rungs.xyz_matrices();
             let reference = rungs.march(&rungs.stored::<f32>()).relight(&matrices);
             with_renderer(|renderer| {
@@ -422,9 +422,9 @@ fn films_that_reflect_nothing_take_no_weights() {
                 assert!(difference <= SAME_GRID, "{name}, {angle:?}: {difference}");
             });
             // Beside one that does.
-            let both = Rungs::new(with_film(scene, 1, OIL, FilmAngle::Facing), SIZE);
+            let both = Rungs::new(with_film(scene, 1, OIL, ThinFilmAngle::Facing), SIZE);
             if name != "diffuse_one" {
-                assert_eq!(both.planned.plan.films.total(), 1, "{name}, {angle:?}");
+                assert_eq!(both.planned.plan.thin_films.total(), 1, "{name}, {angle:?}");
                 with_renderer(|renderer| both.gpu(renderer));
             }
         }
@@ -436,13 +436,13 @@ fn plans_have_the_terms_of_films_or_a_model_that_is_narrower() {
     let mut scene = filmed(scenes::named("diffuse_three"));
     scene.accuracy.accumulate = AccumulateAs::Weights;
     let weights = plan(&scene, &Quiet).unwrap();
-    let terms = |layers| ThinFilm::new(layers, FilmAngle::Facing).unwrap().terms_within(scene.accuracy.tolerance);
+    let terms = |layers| ThinFilm::new(layers, ThinFilmAngle::Facing).unwrap().terms_within(scene.accuracy.tolerance);
     let counts = FilmCounts { facing: 2, lobe: 1, terms: terms(SOAP) + terms(OIL) + terms(FLAKE), exponent_bits: 4 };
-    assert_eq!(weights.plan.films, counts);
+    assert_eq!(weights.plan.thin_films, counts);
     assert_eq!(weights.plan.components(), 3 + counts.terms, "no white: the only highlight is a film's");
     // A smaller tolerance needs more terms; light spectra change nothing.
     scene.accuracy.tolerance = 0.4;
-    assert!(plan(&scene, &Quiet).unwrap().plan.films.terms > counts.terms);
+    assert!(plan(&scene, &Quiet).unwrap().plan.thin_films.terms > counts.terms);
     scene.accuracy.tolerance = 1.0;
     let mut relit = scene.clone();
     relit.lights[0].spectrum = standard::light("LED-RGB1").unwrap();
@@ -453,11 +453,12 @@ fn plans_have_the_terms_of_films_or_a_model_that_is_narrower() {
     let chosen = plan(&scene, &Quiet).unwrap();
     let Accumulate::Spectral { dimension, .. } = chosen.plan.accumulate else { panic!("{:?}", chosen.plan) };
     assert!(dimension.div_ceil(4) < weights.plan.lanes(), "{dimension} against {}", weights.plan.components());
-    assert_eq!(chosen.plan.films, FilmCounts { terms: 0, ..counts });
+    assert_eq!(chosen.plan.thin_films, FilmCounts { terms: 0, ..counts });
     let told = chosen.explain(&scene).join("\n");
     assert!(told.contains("128 angles") && told.contains("Thin films"), "{told}");
     // One thin film: weights are as narrow.
-    let mut one = with_film(scenes::named("diffuse_one"), 0, Layers { thickness_nm: 100.0, ..SOAP }, FilmAngle::Facing);
+    let mut one =
+        with_film(scenes::named("diffuse_one"), 0, Layers { thickness_nm: 100.0, ..SOAP }, ThinFilmAngle::Facing);
     one.materials.truncate(1);
     one.transfer.terms.retain(|term| term.material.0.iter().all(|point| point.1 == 0));
     let kept = plan(&one, &Quiet).unwrap();
@@ -475,9 +476,9 @@ fn a_film_marches_again_only_where_it_has_an_effect() {
     };
     let thicker = |scene: &mut Scene| {
         scene.materials[0].film =
-            Some(ThinFilm::new(Layers { thickness_nm: 410.0, ..SOAP }, FilmAngle::Facing).unwrap());
+            Some(ThinFilm::new(Layers { thickness_nm: 410.0, ..SOAP }, ThinFilmAngle::Facing).unwrap());
     };
-    let with = with_film(occluded("gradient"), 0, SOAP, FilmAngle::Facing);
+    let with = with_film(occluded("gradient"), 0, SOAP, ThinFilmAngle::Facing);
     assert_eq!(stale(&with, thicker), Stale::Tables);
     assert_eq!(stale(&with, |scene| scene.materials[0].film = None), Stale::Tables);
     assert_eq!(stale(&occluded("gradient"), thicker), Stale::Tables);
@@ -490,11 +491,11 @@ fn the_key_of_a_film_is_read_and_checked() {
     let of = |film: &str| opened(film, "gradient").unwrap().scene.materials[0].film.clone();
     assert_eq!(of(""), None);
     let film = of("film = { index = 1.33, thickness = 400 }").unwrap();
-    assert_eq!((film.layers(), film.angle()), (SOAP, FilmAngle::Facing));
+    assert_eq!((film.layers(), film.angle()), (SOAP, ThinFilmAngle::Facing));
     let film =
         of("specular = 1\nfilm = { index = 1.47, thickness = 0, above = 1.1, below = 2, angle = \"lobe\" }").unwrap();
     let layers = Layers { index: 1.47, thickness_nm: 0.0, above: 1.1, below: 2.0 };
-    assert_eq!((film.layers(), film.angle()), (layers, FilmAngle::Lobe));
+    assert_eq!((film.layers(), film.angle()), (layers, ThinFilmAngle::Lobe));
     for (wrong, words) in [
         ("index = 0, thickness = 400", "materials.wing.film.index = 0; it must be a number from 1 to 5"),
         ("index = nan, thickness = 400", "film.index = NaN; it must be a number from 1 to 5"),
@@ -511,7 +512,7 @@ fn the_key_of_a_film_is_read_and_checked() {
         let told = format!("{error:?} {error}");
         assert!(told.contains(words), "{wrong}: {told}");
     }
-    let error = ThinFilm::new(Layers { index: f64::NAN, ..SOAP }, FilmAngle::Lobe).unwrap_err();
+    let error = ThinFilm::new(Layers { index: f64::NAN, ..SOAP }, ThinFilmAngle::Lobe).unwrap_err();
     assert!(error.to_string().contains("film.index = NaN; it must be a number from 1 to 5"), "{error}");
 }
 
@@ -546,7 +547,8 @@ fn a_film_without_an_effect_or_a_model_is_told() {
     assert!(matches!(&told[..], [PlanWarning::FilmInexact { .. }]), "{told:?}");
     assert_eq!(told[0].code(), "film-over-tolerance");
     // Coefficients are measured between the angles that they are fitted to.
-    thick.materials[0].film = Some(ThinFilm::new(Layers { thickness_nm: 5000.0, ..FLAKE }, FilmAngle::Facing).unwrap());
+    thick.materials[0].film =
+        Some(ThinFilm::new(Layers { thickness_nm: 5000.0, ..FLAKE }, ThinFilmAngle::Facing).unwrap());
     (thick.accuracy.accumulate, thick.accuracy.dimension) = (AccumulateAs::Spectral, Some(5));
     let told = plan(&thick, &Quiet).unwrap().warnings;
     assert!(told.iter().any(|warning| warning.code() == "film-over-tolerance"), "{told:?}");
@@ -560,7 +562,7 @@ fn a_film_without_an_effect_or_a_model_is_told() {
 #[test]
 fn films_in_16_bits_change_colours_by_no_more_than_stated() {
     let scene = |storage| {
-        let mut scene = with_film(scenes::named("diffuse_one"), 0, SOAP, FilmAngle::Facing);
+        let mut scene = with_film(scenes::named("diffuse_one"), 0, SOAP, ThinFilmAngle::Facing);
         (scene.accuracy.storage, scene.accuracy.accumulate, scene.accuracy.tolerance) =
             (storage, AccumulateAs::Weights, 5.0);
         scene
@@ -584,7 +586,7 @@ fn a_material_keeps_its_film_in_a_session_and_in_the_history() {
         let text = document::session::text(path, &Source::default(), edited.opened(), edited.state()).unwrap();
         document::parse("again", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap().scene
     };
-    let oil = ThinFilm::new(OIL, FilmAngle::Facing).unwrap();
+    let oil = ThinFilm::new(OIL, ThinFilmAngle::Facing).unwrap();
     edited.edit(&Edit::Film(0, Some(oil.clone())));
     assert_eq!(of(&edited), Some(oil.clone()));
     assert!(!edited.is_saved());

@@ -176,7 +176,7 @@ pub fn bounds<R: Real>(
         positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
         shading: None,
         phases: 0,
-        films: FilmCounts::default(),
+        thin_films: FilmCounts::default(),
         ..planned.plan.clone()
     };
     let everywhere =

@@ -24,7 +24,7 @@ pub use source::{Gaussian, SpectrumSource};
 pub use standard::nearest;
 pub use table::Column;
 pub use thin_film::{
-    FILM_ANGLES, FINE_ANGLES, FilmAngle, FilmTerms, INDICES, Layers, THICKNESSES, ThinFilm, ThinFilmError,
+    FINE_ANGLES, INDICES, Layers, THICKNESSES, THIN_FILM_ANGLES, ThinFilm, ThinFilmAngle, ThinFilmError, ThinFilmTerms,
 };
 
 /// Number of wavelengths of the grid.

@@ -19,7 +19,7 @@ pub const INDICES: RangeInclusive<f64> = 1.0..=5.0;
 pub const THICKNESSES: RangeInclusive<f64> = 0.0..=5000.0;
 
 /// Angles at which tables of a march hold the reflectance of a film: cosines from 0 to 1, evenly spaced.
-pub const FILM_ANGLES: usize = 128;
+pub const THIN_FILM_ANGLES: usize = 128;
 
 /// Angles of the tables for all 81 wavelengths, the reference.
 pub const FINE_ANGLES: usize = 1025;
@@ -54,7 +54,7 @@ pub struct Layers {
 /// Angle at which a film reflects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum FilmAngle {
+pub enum ThinFilmAngle {
     /// The cosine is the mean of |n·l| and |n·v|: the film is the reflectance of the diffuse part.
     #[default]
     Facing,
@@ -80,7 +80,7 @@ pub struct ThinFilmError {
 #[derive(Clone)]
 pub struct ThinFilm {
     layers: Layers,
-    angle: FilmAngle,
+    angle: ThinFilmAngle,
     spectra: Arc<Spectra>,
 }
 
@@ -90,16 +90,16 @@ struct Spectra {
     checked: OnceLock<Vec<Spectrum>>,
     coarse: OnceLock<Vec<Spectrum>>,
     fine: OnceLock<Vec<Spectrum>>,
-    terms: OnceLock<FilmTerms>,
+    terms: OnceLock<ThinFilmTerms>,
 }
 
 /// A film's reflectance as a sum of products, `R(c, λ) ≈ Σ_j f_j(c) r_j(λ)`: its singular value decomposition, with weights
 /// by the observer.
 #[derive(Clone, Debug)]
-pub struct FilmTerms {
+pub struct ThinFilmTerms {
     /// `r_j`, the most important first; its samples may be negative.
     pub spectra: Vec<Spectrum>,
-    /// `f_j` at each of [`FILM_ANGLES`], at most 1 in magnitude.
+    /// `f_j` at each of [`THIN_FILM_ANGLES`], at most 1 in magnitude.
     pub factors: Vec<Vec<f64>>,
     /// Largest ΔE00 of the first 0, 1, … terms, interpolated between angles, under D65, A, FL11 and LED-RGB1, where each angle is
     /// shown as bright as white, or ten times as bright as it is.
@@ -112,7 +112,7 @@ impl ThinFilm {
     /// # Errors
     ///
     /// [`ThinFilmError`] for an index outside [`INDICES`], or a thickness outside [`THICKNESSES`].
-    pub fn new(layers: Layers, angle: FilmAngle) -> Result<Self, ThinFilmError> {
+    pub fn new(layers: Layers, angle: ThinFilmAngle) -> Result<Self, ThinFilmError> {
         let Layers { index, thickness_nm, above, below } = layers;
         let numbers = [
             ("index", index, INDICES),
@@ -136,14 +136,14 @@ impl ThinFilm {
 
     /// The angle at which it reflects.
     #[must_use]
-    pub const fn angle(&self) -> FilmAngle {
+    pub const fn angle(&self) -> ThinFilmAngle {
         self.angle
     }
 
-    /// Reflectance at [`FILM_ANGLES`].
+    /// Reflectance at [`THIN_FILM_ANGLES`].
     #[must_use]
     pub fn at_angles(&self) -> &[Spectrum] {
-        self.spectra.coarse.get_or_init(|| evenly(self.layers, FILM_ANGLES))
+        self.spectra.coarse.get_or_init(|| evenly(self.layers, THIN_FILM_ANGLES))
     }
 
     /// Reflectance at [`FINE_ANGLES`].
@@ -160,7 +160,7 @@ impl ThinFilm {
         (1..=CHECKED).map(|i| count(i) / 100.0).zip(spectra)
     }
 
-    /// Largest ΔE00 of k coefficients, which `projected` gives for a spectrum, interpolated between [`FILM_ANGLES`] and shown
+    /// Largest ΔE00 of k coefficients, which `projected` gives for a spectrum, interpolated between [`THIN_FILM_ANGLES`] and shown
     /// by the colours of `matrix` to `observer` under `light`.
     #[must_use]
     pub fn error_of_coefficients(
@@ -186,8 +186,8 @@ impl ThinFilm {
 
     /// Its terms.
     #[must_use]
-    pub fn terms(&self) -> &FilmTerms {
-        self.spectra.terms.get_or_init(|| FilmTerms::new(self))
+    pub fn terms(&self) -> &ThinFilmTerms {
+        self.spectra.terms.get_or_init(|| ThinFilmTerms::new(self))
     }
 
     /// The least number of terms with an error of at most `tolerance`, in ΔE00, or with the least error of all.
@@ -278,14 +278,14 @@ impl Waves {
     }
 }
 
-impl FilmTerms {
+impl ThinFilmTerms {
     fn new(film: &ThinFilm) -> Self {
         let (cosines, spectra): (Vec<f64>, Vec<&Spectrum>) = film.checked().unzip();
         let weights: [f64; BANDS] =
             std::array::from_fn(|band| OBSERVER.each_ref().map(|it| it.samples()[band]).iter().sum::<f64>().sqrt());
         let weighted = DMatrix::from_fn(CHECKED, BANDS, |row, band| spectra[row].samples()[band] * weights[band]);
         let rows = weighted.svd(false, true).v_t.unwrap_or_else(|| DMatrix::zeros(0, BANDS));
-        let (mut terms, mut factors) = (Vec::new(), vec![Vec::new(); FILM_ANGLES]);
+        let (mut terms, mut factors) = (Vec::new(), vec![Vec::new(); THIN_FILM_ANGLES]);
         for row in rows.row_iter().take(MOST_TERMS) {
             let along = |spectrum: &Spectrum| {
                 (0..BANDS).map(|band| spectrum.samples()[band] * weights[band] * row[band]).sum::<f64>()
@@ -331,8 +331,8 @@ impl FilmTerms {
 
 /// Numbers of `rows`, one per angle, at a cosine from 0 to 1, interpolated between two angles.
 fn between_angles(rows: &[Vec<f64>], cosine: f64) -> impl Iterator<Item = f64> {
-    let place = cosine * count(FILM_ANGLES - 1);
-    let low = whole(place).min(FILM_ANGLES - 2);
+    let place = cosine * count(THIN_FILM_ANGLES - 1);
+    let low = whole(place).min(THIN_FILM_ANGLES - 2);
     let part = place - count(low);
     rows[low].iter().zip(&rows[low + 1]).map(move |(low, high)| part.mul_add(high - low, *low))
 }

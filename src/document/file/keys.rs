@@ -14,7 +14,7 @@ use relume_colour::model::ModelKind;
 use relume_colour::palette::PaletteFile;
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
-use relume_colour::spectrum::{FilmAngle, SpectrumSource};
+use relume_colour::spectrum::{SpectrumSource, ThinFilmAngle};
 use relume_scene::{
     AccumulateAs, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup, Shading,
     ShadowMethod, StoreAs, VolumeAs,
@@ -139,7 +139,7 @@ pub(super) struct ThinFilmFile {
     pub(super) above: Option<At<f64>>,
     pub(super) below: Option<At<f64>>,
     #[serde(default)]
-    pub(super) angle: FilmAngle,
+    pub(super) angle: ThinFilmAngle,
 }
 
 #[derive(Default, Deserialize)]

@@ -94,8 +94,8 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     // Loops over phase functions with the lanes of their light, for each direction.
     let phases = plan.phases * (1 + lanes) * (plan.positions.total() + 2 * plan.positions.three_point);
     // Loops over films with the lanes of their light, for each direction, and over the lanes twice more.
-    let films = if plan.films.total() > 0 {
-        (plan.films.total() * (1 + lanes) + 2 * lanes) * (plan.positions.total() + 3 * plan.positions.three_point)
+    let thin_films = if plan.thin_films.total() > 0 {
+        (plan.thin_films.total() * (1 + lanes) + 2 * lanes) * (plan.positions.total() + 3 * plan.positions.three_point)
     } else {
         0
     };
@@ -112,7 +112,7 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
     let once = shadowed
         + absorbed
         + phases
-        + films
+        + thin_films
         + labels
         + three_point
         + 2 * parts

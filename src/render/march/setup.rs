@@ -15,8 +15,8 @@ use crate::{RenderError, Renderer, Uploaded};
 use relume_base::number::{count, rounded, unsigned, whole};
 use relume_scene::plan::{Integrate, LANE, Planned, Transmittance};
 use relume_scene::tables::{
-    BlockBox, CELL, FilmTable, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable,
-    ShadingTable, Steps, TransferTable, ray_places,
+    BlockBox, CELL, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
+    ThinFilmTable, TransferTable, ray_places,
 };
 use relume_scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
@@ -251,9 +251,9 @@ impl Renderer {
         let shading = uniform("shading", &shading_bytes(scene, planned))?;
         let absorbers = uniform("absorbers", &absorber_bytes(scene, planned))?;
         let phases = uniform("phases", &phase_bytes(scene, planned))?;
-        let film_table = FilmTable::new(scene, planned);
-        let films = uniform("films", &film_bytes(&film_table))?;
-        let film_angles = storage("film angles", bytemuck::cast_slice(&film_table.angles))?;
+        let film_table = ThinFilmTable::new(scene, planned);
+        let thin_films = uniform("thin films", &film_bytes(&film_table))?;
+        let thin_film_angles = storage("film angles", bytemuck::cast_slice(&film_table.angles))?;
         let gradients = GradientTable::new(scene, &uploaded.storage).0;
         let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
@@ -307,8 +307,8 @@ impl Renderer {
                     "block" => Resource::Uniform(&block),
                     "shading_uniform" => Resource::Uniform(&shading),
                     "phases_uniform" => Resource::Uniform(&phases),
-                    "films_uniform" => Resource::Uniform(&films),
-                    "film_angles" => Resource::Storage(&film_angles),
+                    "thin_films_uniform" => Resource::Uniform(&thin_films),
+                    "thin_film_angles" => Resource::Storage(&thin_film_angles),
                     "absorbers" => Resource::Uniform(&absorbers),
                     "segments_uniform" => Resource::Uniform(&segments),
                     "gradient_table" => Resource::Uniform(&gradients),
@@ -437,7 +437,7 @@ fn absorber_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
 }
 
 /// Bytes of the shader's struct `Films`.
-fn film_bytes(FilmTable { factor, exponent, weight, film, angles: _ }: &FilmTable) -> Vec<u8> {
+fn film_bytes(ThinFilmTable { factor, exponent, weight, film, angles: _ }: &ThinFilmTable) -> Vec<u8> {
     let bytes: [&[u8]; 4] = [
         bytemuck::cast_slice(factor),
         bytemuck::cast_slice(exponent),

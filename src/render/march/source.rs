@@ -63,7 +63,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         (_, Accumulate::Weights { .. }) => vec![text!("phase_weights.wgsl"), text!("phase.wgsl")],
         (_, Accumulate::Spectral { .. }) => vec![text!("phase_spectral.wgsl"), text!("phase.wgsl")],
     });
-    parts.push(if plan.films.total() > 0 { text!("thin_film.wgsl") } else { text!("no_thin_film.wgsl") });
+    parts.push(if plan.thin_films.total() > 0 { text!("thin_film.wgsl") } else { text!("no_thin_film.wgsl") });
     parts
 }
 
@@ -108,17 +108,17 @@ fn bricked(constants: Constants, residence: Residence) -> Constants {
 
 /// Adds the constants of `thin_film.wgsl`. Constants are in a module even where nothing reads them.
 fn filmed(constants: Constants, plan: &ScenePlan) -> Constants {
-    if plan.films.total() == 0 {
+    if plan.thin_films.total() == 0 {
         return constants;
     }
     constants
-        .u32("FACING_FILMS", unsigned(plan.films.facing))
-        .u32("FILM_LANES", unsigned(plan.film_lanes()))
-        .u32("FILM_ANGLES", unsigned(FILM_ROWS))
-        .u32("FILM_PARTS", unsigned(plan.parts().films))
+        .u32("FACING_THIN_FILMS", unsigned(plan.thin_films.facing))
+        .u32("FILM_LANES", unsigned(plan.thin_film_lanes()))
+        .u32("THIN_FILM_ANGLES", unsigned(FILM_ROWS))
+        .u32("THIN_FILM_PARTS", unsigned(plan.parts().thin_films))
         // With weights, the vectors of their terms, which are the last ones.
-        .u32("FILM_VECTORS", unsigned(plan.film_vectors().len().max(1)))
-        .u32("FIRST_FILM_VECTOR", unsigned(plan.film_vectors().start))
+        .u32("FILM_VECTORS", unsigned(plan.thin_film_vectors().len().max(1)))
+        .u32("FIRST_FILM_VECTOR", unsigned(plan.thin_film_vectors().start))
         .bool("FILM_WEIGHTS", matches!(plan.accumulate, Accumulate::Weights { .. }))
 }
 
@@ -185,7 +185,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .bool("SHADED", plan.shading.is_some())
         .u32("PHASES", unsigned(if plan.layers() == 0 { 0 } else { plan.phases }))
         .u32("PHASE_LANES", unsigned(plan.phase_lanes()))
-        .u32("FILMS", unsigned(if plan.layers() == 0 { 0 } else { plan.films.total() }))
+        .u32("THIN_FILMS", unsigned(if plan.layers() == 0 { 0 } else { plan.thin_films.total() }))
         .bool("GRADIENT", plan.gradient())
         .bool("STORED_GRADIENT", plan.stores_gradient())
         .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
@@ -194,7 +194,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .bool("SPECULAR", specular.is_some())
         .bool("ONE_EXPONENT", one_exponent.is_some())
         .u32("ONE_EXPONENT_VALUE", one_exponent.unwrap_or(0))
-        .u32("EXPONENT_BITS", specular.map_or(0, |specular| specular.exponent_bits).max(plan.films.exponent_bits))
+        .u32("EXPONENT_BITS", specular.map_or(0, |specular| specular.exponent_bits).max(plan.thin_films.exponent_bits))
         // Position of the weight of white after those of the materials, if there is one.
         .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| materials / LANE)))
         .u32("WHITE_PART", unsigned(specular.map_or(0, |_| materials % LANE)))
@@ -328,7 +328,7 @@ mod tests {
             shadows: None,
             shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
             phases: 0,
-            films: FilmCounts::default(),
+            thin_films: FilmCounts::default(),
             gradient_opacity: 0,
             labels: false,
             smooth_labels: false,

@@ -31,7 +31,7 @@ impl Components {
         }
         let materials = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
         let white = planned.plan.specular().map(|_| Spectrum::constant(1.0));
-        let films = planned.films(scene).into_iter();
+        let films = planned.thin_films(scene).into_iter();
         let terms = films.flat_map(|film| film.film.terms().spectra.iter().take(film.terms).cloned());
         let own = materials.map(|material| material.reflectance.spectrum().clone());
         Self::Surfaces(own.chain(white).chain(terms).collect())

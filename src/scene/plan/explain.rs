@@ -4,7 +4,7 @@ use super::{Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmitta
 use crate::{AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lookup, Scene, Shading, ShadowMethod};
 use relume_base::number::{brief, readable};
 use relume_colour::model::ModelKind;
-use relume_colour::spectrum::{FILM_ANGLES, FilmAngle, Layers};
+use relume_colour::spectrum::{Layers, THIN_FILM_ANGLES, ThinFilmAngle};
 
 impl Planned {
     /// Settings that this plan does not use.
@@ -19,17 +19,19 @@ impl Planned {
         let phases = listed(scene.states_phases().map(|material| material.name.as_str()));
         let without = scene.shading == Shading::Gradient && scene.states_phases().next().is_some();
         let phases = without.then_some(PlanWarning::PhaseUnused { materials: phases });
-        let films = self.unused_films(scene).into_iter().chain(self.inexact_films(scene));
-        stated.map(|setting| PlanWarning::Unused { setting }).chain(phases).chain(films).collect()
+        let thin_films = self.unused_thin_films(scene).into_iter().chain(self.inexact_thin_films(scene));
+        stated.map(|setting| PlanWarning::Unused { setting }).chain(phases).chain(thin_films).collect()
     }
 
     /// Films without effect.
-    fn unused_films(&self, scene: &Scene) -> Vec<PlanWarning> {
+    fn unused_thin_films(&self, scene: &Scene) -> Vec<PlanWarning> {
         let (mut unshaded, mut without, mut undirected) = (Vec::new(), Vec::new(), Vec::new());
-        for material in scene.states_films() {
+        for material in scene.states_thin_films() {
             if scene.shading == Shading::None {
                 unshaded.push(material.name.as_str());
-            } else if let Some(film) = material.film.as_ref().filter(|film| material.film_at(film.angle()).is_none()) {
+            } else if let Some(film) =
+                material.film.as_ref().filter(|film| material.thin_film_at(film.angle()).is_none())
+            {
                 without.push((material.name.as_str(), film.angle()));
             } else if self.plan.positions.total() == self.plan.positions.ambient {
                 undirected.push(material.name.as_str());
@@ -38,7 +40,7 @@ impl Planned {
         let warning = |names: Vec<&str>, why| {
             (!names.is_empty()).then(|| PlanWarning::FilmUnused { materials: names.join(", "), why })
         };
-        let of = |angle: FilmAngle| without.iter().filter(|film| film.1 == angle).map(|film| film.0).collect();
+        let of = |angle: ThinFilmAngle| without.iter().filter(|film| film.1 == angle).map(|film| film.0).collect();
         let warnings = [
             warning(unshaded, "without shading no surface has an angle; use shading = \"gradient\", or remove `film`"),
             warning(
@@ -46,40 +48,40 @@ impl Planned {
                 "all lights are ambient, and light without direction meets no film; add a light with a direction, such as \
                  kind = \"three_point\", or remove `film`",
             ),
-            warning(of(FilmAngle::Facing), "the diffuse factor is 0; state `diffuse`, or angle = \"lobe\""),
-            warning(of(FilmAngle::Lobe), "the specular factor is 0; state `specular`, or angle = \"facing\""),
+            warning(of(ThinFilmAngle::Facing), "the diffuse factor is 0; state `diffuse`, or angle = \"lobe\""),
+            warning(of(ThinFilmAngle::Lobe), "the specular factor is 0; state `specular`, or angle = \"facing\""),
         ];
         warnings.into_iter().flatten().collect()
     }
 
     /// Films whose terms exceed the tolerance.
-    fn inexact_films(&self, scene: &Scene) -> Vec<PlanWarning> {
+    fn inexact_thin_films(&self, scene: &Scene) -> Vec<PlanWarning> {
         let tolerance = scene.accuracy.tolerance;
-        let films = self.films(scene).into_iter();
+        let thin_films = self.thin_films(scene).into_iter();
         let warning = |film: PlannedFilm<'_>| {
-            let error = self.film_error(&film);
+            let error = self.thin_film_error(&film);
             let material = film.material.name.clone();
             (error > tolerance).then_some(PlanWarning::FilmInexact { material, error, tolerance })
         };
-        films.filter_map(warning).collect()
+        thin_films.filter_map(warning).collect()
     }
 
     /// Largest ΔE00 of a film.
-    fn film_error(&self, film: &PlannedFilm<'_>) -> f64 {
+    fn thin_film_error(&self, film: &PlannedFilm<'_>) -> f64 {
         self.model.as_ref().map_or_else(|| film.film.terms().errors[film.terms], |model| film.error_in(model))
     }
 
     /// Sentences about thin films.
-    fn explain_films(&self, scene: &Scene) -> Vec<String> {
-        let films = self.films(scene);
-        if films.is_empty() {
+    fn explain_thin_films(&self, scene: &Scene) -> Vec<String> {
+        let thin_films = self.thin_films(scene);
+        if thin_films.is_empty() {
             return Vec::new();
         }
-        let told = films.iter().map(|film| {
+        let told = thin_films.iter().map(|film| {
             let Layers { index, thickness_nm, above, below } = film.film.layers();
             let part = match film.film.angle() {
-                FilmAngle::Facing => "diffuse light, by the mean angle of light and eye to the surface",
-                FilmAngle::Lobe => "highlights, by the angle between light and eye",
+                ThinFilmAngle::Facing => "diffuse light, by the mean angle of light and eye to the surface",
+                ThinFilmAngle::Lobe => "highlights, by the angle between light and eye",
             };
             let (n, nm) = (readable(index), readable(thickness_nm));
             let around = format!("between {} and {}", readable(above), readable(below));
@@ -90,8 +92,8 @@ impl Planned {
             vec![format!("Thin films reflect by interference in {}.", listed(told.iter().map(String::as_str)))];
         sentences.push(match &self.model {
             None => {
-                let terms = films.iter().map(|film| {
-                    let (terms, error) = (film.terms, self.film_error(film));
+                let terms = thin_films.iter().map(|film| {
+                    let (terms, error) = (film.terms, self.thin_film_error(film));
                     format!("{terms} for {} (colour error at most ΔE00 {error:.2})", film.material.name)
                 });
                 let terms: Vec<String> = terms.collect();
@@ -101,9 +103,9 @@ impl Planned {
                 )
             }
             Some(_) => {
-                let worst = films.iter().map(|film| self.film_error(film)).fold(0.0, f64::max);
+                let worst = thin_films.iter().map(|film| self.thin_film_error(film)).fold(0.0, f64::max);
                 format!(
-                    "The numbers of a film come from a table of {FILM_ANGLES} angles, with a colour error of at most ΔE00 {worst:.2}; the model was chosen with spectra of each film."
+                    "The numbers of a film come from a table of {THIN_FILM_ANGLES} angles, with a colour error of at most ΔE00 {worst:.2}; the model was chosen with spectra of each film."
                 )
             }
         });
@@ -142,7 +144,7 @@ impl Planned {
         match &self.model {
             None => {
                 let white = if plan.specular().is_some() { " and of white highlights" } else { "" };
-                let (exactly, films) = match plan.films.terms {
+                let (exactly, thin_films) = match plan.thin_films.terms {
                     0 => (" exactly", String::new()),
                     terms => ("", format!(", {terms} weights of terms of thin films")),
                 };
@@ -150,7 +152,7 @@ impl Planned {
                     "{absorption}: the colour of a pixel under any light follows{exactly} from the weights of its materials."
                 ));
                 sentences.push(format!(
-                    "A pixel keeps the weights of {}{white}{films}{each}, and the transmittance: {kept} numbers in all.",
+                    "A pixel keeps the weights of {}{white}{thin_films}{each}, and the transmittance: {kept} numbers in all.",
                     shown()
                 ));
             }
@@ -254,7 +256,7 @@ impl Planned {
                 listed(phases.iter().map(String::as_str))
             ));
         }
-        sentences.extend(self.explain_films(scene));
+        sentences.extend(self.explain_thin_films(scene));
         sentences.extend(self.explain_shadows(scene));
         if plan.gradient_opacity > 0 {
             sentences.push(format!(
@@ -411,7 +413,7 @@ impl Planned {
         match &self.model {
             Some(_) if exact => {
                 let terms: usize =
-                    self.films(scene).iter().map(|film| film.film.terms_within(scene.accuracy.tolerance)).sum();
+                    self.thin_films(scene).iter().map(|film| film.film.terms_within(scene.accuracy.tolerance)).sum();
                 let weights = self.materials.len() + usize::from(self.plan.specular().is_some()) + terms;
                 let kept = self.plan.components();
                 let would = if terms == 0 { "would be exact" } else { "would depend on no light" };

@@ -119,7 +119,7 @@ fn of_weights(planned: &Planned, scene: &Scene) -> f64 {
             }
         }
         // Terms of a film are positive or negative. The negative ones count most at some angle, and a sum over angles has no more.
-        for film in planned.films(scene) {
+        for film in planned.thin_films(scene) {
             let terms = film.film.terms().spectra.iter().take(film.terms);
             let colours: Vec<[f64; 3]> = terms.map(|term| xyz_of(&(light.spectrum.spectrum() * term)).0).collect();
             for axis in 0..3 {

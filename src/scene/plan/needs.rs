@@ -4,7 +4,7 @@ use super::{Accumulate, FilmCounts, Planned, Transmittance};
 use crate::{Material, Scene};
 use relume_base::number::count;
 use relume_colour::model::{ColourModel, Ingredients, LightMatrix};
-use relume_colour::spectrum::{FilmAngle, Light, Spectrum, ThinFilm};
+use relume_colour::spectrum::{Light, Spectrum, ThinFilm, ThinFilmAngle};
 
 /// Distinct exponents of the highlights of `materials`, ascending.
 pub(super) fn exponents<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<u32> {
@@ -39,11 +39,14 @@ fn terms(film: &ThinFilm, tolerance: Option<f64>) -> Option<usize> {
 
 /// Numbers of the films of `materials`; of their terms within a tolerance, if pixels keep weights. Films without terms, which
 /// reflect nothing, are not counted then.
-pub(super) fn film_counts<'a>(materials: impl Iterator<Item = &'a Material>, tolerance: Option<f64>) -> FilmCounts {
+pub(super) fn thin_film_counts<'a>(
+    materials: impl Iterator<Item = &'a Material>,
+    tolerance: Option<f64>,
+) -> FilmCounts {
     let mut counts = FilmCounts::default();
     for material in materials {
-        let at = |angle| Some(terms(material.film_at(angle)?, tolerance)).flatten();
-        let (facing, lobe) = (at(FilmAngle::Facing), at(FilmAngle::Lobe));
+        let at = |angle| Some(terms(material.thin_film_at(angle)?, tolerance)).flatten();
+        let (facing, lobe) = (at(ThinFilmAngle::Facing), at(ThinFilmAngle::Lobe));
         counts.facing += usize::from(facing.is_some());
         counts.lobe += usize::from(lobe.is_some());
         if lobe.is_some() {
@@ -145,11 +148,11 @@ impl Planned {
         let absorptions = absorbing.iter().filter_map(|&m| scene.materials[m].absorption.as_ref());
         let own = self.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().clone());
         // A film has a spectrum per angle.
-        let films = self.films(scene).into_iter().flat_map(|film| {
+        let thin_films = self.thin_films(scene).into_iter().flat_map(|film| {
             (0..FITTED_ANGLES).map(move |i| film.film.layers().reflectance((count(i) + 0.5) / count(FITTED_ANGLES)))
         });
         Ingredients {
-            reflectances: own.chain(films).collect(),
+            reflectances: own.chain(thin_films).collect(),
             absorptions: absorptions.map(|absorption| absorption.spectrum().clone()).collect(),
             background: scene.background.as_ref().map(|surface| surface.spectrum().clone()),
             highlights: self.plan.specular().is_some(),
@@ -169,23 +172,23 @@ impl Planned {
 
     /// Thin films of the plan: those of the diffuse part first. With weights, those that reflect nothing are left out.
     #[must_use]
-    pub fn films<'a>(&self, scene: &'a Scene) -> Vec<PlannedFilm<'a>> {
-        if self.plan.films.total() == 0 {
+    pub fn thin_films<'a>(&self, scene: &'a Scene) -> Vec<PlannedFilm<'a>> {
+        if self.plan.thin_films.total() == 0 {
             return Vec::new();
         }
-        let mut first = self.plan.components() - self.plan.films.terms;
-        let mut films = Vec::new();
-        for angle in [FilmAngle::Facing, FilmAngle::Lobe] {
+        let mut first = self.plan.components() - self.plan.thin_films.terms;
+        let mut thin_films = Vec::new();
+        for angle in [ThinFilmAngle::Facing, ThinFilmAngle::Lobe] {
             for (weight, &material) in self.materials.iter().enumerate() {
                 let Some(material) = scene.materials.get(material) else { continue };
-                let Some(film) = material.film_at(angle) else { continue };
+                let Some(film) = material.thin_film_at(angle) else { continue };
                 let tolerance = self.model.is_none().then_some(scene.accuracy.tolerance);
                 let Some(terms) = terms(film, tolerance) else { continue };
-                films.push(PlannedFilm { film, material, weight, first, terms });
+                thin_films.push(PlannedFilm { film, material, weight, first, terms });
                 first += terms;
             }
         }
-        films
+        thin_films
     }
 
     /// The coloured absorbers of shadows: indices into [`Scene::materials`].

@@ -61,11 +61,11 @@ impl Stale {
             _ => Self::Accumulators,
         };
         // As of phase functions. Of films, weights depend on the spectra.
-        let films = if planned.plan.films.total() > 0 { Self::Tables } else { Self::Nothing };
+        let thin_films = if planned.plan.thin_films.total() > 0 { Self::Tables } else { Self::Nothing };
         add(
             true,
             of_lists(materials, &after.materials, |before, after| {
-                of_materials(before, after, [spectra, phases, films])
+                of_materials(before, after, [spectra, phases, thin_films])
             }),
         );
         add(*transfer != after.transfer, Self::Tables);
@@ -103,7 +103,7 @@ impl Stale {
             shadows,
             shading,
             phases,
-            films,
+            thin_films,
             gradient_opacity,
             labels: _,
             smooth_labels: _,
@@ -123,14 +123,14 @@ impl Stale {
             accumulate,
             transmittance,
             (counts, shadows),
-            (shading, phases, films),
+            (shading, phases, thin_films),
             gradient_opacity,
             (lookup, integration),
         ) != (
             later.accumulate,
             later.transmittance,
             (later.positions, later.shadows),
-            (later.shading, later.phases, later.films),
+            (later.shading, later.phases, later.thin_films),
             later.gradient_opacity,
             (later.lookup, later.integration),
         );
@@ -172,7 +172,7 @@ fn of_labels(before: Option<&Labels>, after: Option<&Labels>) -> Stale {
     of_lists(declared, &after.declared, of_entries)
 }
 
-fn of_materials(before: &Material, after: &Material, [spectra, phases, films]: [Stale; 3]) -> Stale {
+fn of_materials(before: &Material, after: &Material, [spectra, phases, thin_films]: [Stale; 3]) -> Stale {
     let Material { name: _, reflectance, absorption, ambient, diffuse, specular, exponent, xray, phase, film } = before;
     let same_medium = *absorption == after.absorption
         && (*ambient, *diffuse, *specular) == (after.ambient, after.diffuse, after.specular)
@@ -182,7 +182,7 @@ fn of_materials(before: &Material, after: &Material, [spectra, phases, films]: [
     }
     let colour = if *reflectance == after.reflectance { Stale::Nothing } else { spectra };
     let turned = if *phase == after.phase { Stale::Nothing } else { phases };
-    let reflected = if *film == after.film { Stale::Nothing } else { films };
+    let reflected = if *film == after.film { Stale::Nothing } else { thin_films };
     colour.max(turned).max(reflected)
 }
 

@@ -51,6 +51,7 @@ pub(super) fn thinning<R: Real>(opacity: R, factor: R) -> R {
 }
 
 #[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
 
@@ -67,7 +68,7 @@ mod tests {
         let depth = exponent.mul_add(-std::f32::consts::LN_2, -logarithm);
         let x = (factor * depth).clamp(-80.0, 80.0) * -std::f32::consts::LOG2_E;
         let (whole, f) = (x.round(), x - x.round());
-        let series = [1.525_273_4e-5, 1.540_353e-4, 1.333_355_8e-3, 9.618_129e-3, 5.550_411e-2, 2.402_265_1e-1];
+        let series = [1.525_273_4e-5, 1.540_353e-4, 1.333_355_8e-3, 9.618_129e-3, 5.550_411e-2, 2.402_265e-1];
         let series =
             series.into_iter().chain([std::f32::consts::LN_2]).reduce(|sum, next| f.mul_add(sum, next)).unwrap();
         let scale = whole.exp2();

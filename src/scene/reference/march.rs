@@ -94,7 +94,7 @@ struct Frame<'a, R> {
     /// Phase functions of the components.
     phases: Vec<Phase<R>>,
     /// Thin films, those of the diffuse part first.
-    films: Vec<ThinFilm<R>>,
+    thin_films: Vec<ThinFilm<R>>,
     /// Light that reaches a sample, if the medium dims light other than a headlight's.
     reaching: Option<Reaching<R>>,
     size: [usize; 2],
@@ -129,7 +129,7 @@ impl<'a, R: Real> Frame<'a, R> {
             variation: R::from_f64(scene.accuracy.variation),
             exponents: planned.exponents(scene),
             phases: tables::Phase::of_plan(scene, planned).iter().map(Phase::new).collect(),
-            films: tables::FilmRows::of_plan(scene, planned).iter().map(ThinFilm::new).collect(),
+            thin_films: tables::ThinFilmRows::of_plan(scene, planned).iter().map(ThinFilm::new).collect(),
             reaching,
             size,
             places: ray_places(planned.plan.rays),
@@ -488,14 +488,21 @@ impl<'a, R: Real> Frame<'a, R> {
                 self.highlight(step, shine, source);
             }
         }
-        self.add_films(light, ray, step, |component| reached.of(0, component), source);
+        self.add_thin_films(light, ray, step, |component| reached.of(0, component), source);
     }
 
     /// Adds to `source` what thin films reflect from the direction `light`, of which these fractions of the components have
     /// `reached` the step.
-    fn add_films(&self, light: [R; 3], ray: &Ray<R>, step: &Step<R>, reached: impl Fn(usize) -> R, source: &mut [R]) {
+    fn add_thin_films(
+        &self,
+        light: [R; 3],
+        ray: &Ray<R>,
+        step: &Step<R>,
+        reached: impl Fn(usize) -> R,
+        source: &mut [R],
+    ) {
         let plan = &self.planned.plan;
-        if self.films.is_empty() {
+        if self.thin_films.is_empty() {
             return;
         }
         let along = dot(step.normal, light);
@@ -503,8 +510,8 @@ impl<'a, R: Real> Frame<'a, R> {
         let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
         let shine = self.facing(dot(step.normal, halfway));
         let shine = if facing > R::default() || !self.one_sided() { shine } else { R::default() };
-        for (i, film) in self.films.iter().enumerate() {
-            let (cosine, shade) = if i < plan.films.facing {
+        for (i, film) in self.thin_films.iter().enumerate() {
+            let (cosine, shade) = if i < plan.thin_films.facing {
                 (R::from_f64(0.5) * (along.abs() + dot(step.normal, ray.view).abs()), facing)
             } else {
                 (dot(light, halfway).abs(), power(shine, film.exponent))
@@ -581,7 +588,7 @@ impl<'a, R: Real> Frame<'a, R> {
             }
         }
         for (i, &(light, weight)) in lights.iter().enumerate() {
-            self.add_films(light, ray, step, |component| weight * reached.of(i, component), source);
+            self.add_thin_films(light, ray, step, |component| weight * reached.of(i, component), source);
         }
     }
 

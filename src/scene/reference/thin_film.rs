@@ -5,7 +5,7 @@ use crate::plan::{Accumulate, LANE, ScenePlan, Transmittance};
 use crate::tables;
 use relume_base::number::{Real, count};
 
-/// A thin film, [`tables::FilmRows`].
+/// A thin film, [`tables::ThinFilmRows`].
 #[derive(Clone, Debug)]
 pub(super) struct ThinFilm<R> {
     factor: R,
@@ -15,7 +15,7 @@ pub(super) struct ThinFilm<R> {
 }
 
 impl<R: Real> ThinFilm<R> {
-    pub(super) fn new(rows: &tables::FilmRows) -> Self {
+    pub(super) fn new(rows: &tables::ThinFilmRows) -> Self {
         let row = |row: &Vec<f64>| row.iter().copied().map(R::from_f64).collect();
         Self {
             factor: R::from_f64(rows.factor),
@@ -38,7 +38,7 @@ impl<R: Real> ThinFilm<R> {
         let place = cosine.max(R::default()).min(R::from_f64(1.0)) * R::from_f64(count(self.angles.len() - 1));
         let low = place.index().min(self.angles.len() - 2);
         let part = place - R::from_f64(count(low));
-        let first = plan.parts().films * LANE;
+        let first = plan.parts().thin_films * LANE;
         // Light of white: one number, or one per component.
         let white = |component: usize| match (plan.accumulate, plan.transmittance) {
             (Accumulate::Weights { .. }, _) => step.source[self.weight],

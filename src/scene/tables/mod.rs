@@ -30,5 +30,5 @@ pub use shadows::{
     SKY_SPACING, Sweep, Within,
 };
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
-pub use thin_film::{FILM_ROWS, FilmRows, FilmTable};
+pub use thin_film::{FILM_ROWS, ThinFilmRows, ThinFilmTable};
 pub use transfer::{LARGEST_DEPTH, Step, Steps, TransferTable};

@@ -3,14 +3,14 @@
 use crate::Scene;
 use crate::plan::{LANE, Planned};
 use relume_base::number::{rounded, unsigned};
-use relume_colour::spectrum::{BANDS, FILM_ANGLES};
+use relume_colour::spectrum::{BANDS, THIN_FILM_ANGLES};
 
-/// Number of angles of a [`FilmTable`].
-pub const FILM_ROWS: usize = FILM_ANGLES;
+/// Number of angles of a [`ThinFilmTable`].
+pub const FILM_ROWS: usize = THIN_FILM_ANGLES;
 
 /// A thin film as numbers of the plan's components.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FilmRows {
+pub struct ThinFilmRows {
     /// Factor of the light that it reflects.
     pub factor: f64,
     /// Exponent of its highlight.
@@ -21,13 +21,13 @@ pub struct FilmRows {
     pub angles: Vec<Vec<f64>>,
 }
 
-impl FilmRows {
+impl ThinFilmRows {
     /// The films of `planned`, those of the diffuse part first. All 81 wavelengths have more angles, as the reference of
     /// other plans.
     #[must_use]
     pub fn of_plan(scene: &Scene, planned: &Planned) -> Vec<Self> {
         let components = planned.plan.components();
-        let rows = planned.films(scene).into_iter().map(|planned_film| {
+        let rows = planned.thin_films(scene).into_iter().map(|planned_film| {
             let (film, material) = (planned_film.film, planned_film.material);
             let angles = match &planned.model {
                 None => {
@@ -45,7 +45,7 @@ impl FilmRows {
                 Some(model) => film.at_angles().iter().map(|spectrum| model.coefficients(spectrum)).collect(),
             };
             Self {
-                factor: material.film_factor(film.angle()),
+                factor: material.thin_film_factor(film.angle()),
                 exponent: material.exponent,
                 weight: planned_film.weight,
                 angles,
@@ -57,16 +57,16 @@ impl FilmRows {
 
 /// Thin films in lanes; unused numbers are 0.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FilmTable {
-    /// [`FilmRows::factor`] of each film.
+pub struct ThinFilmTable {
+    /// [`ThinFilmRows::factor`] of each film.
     pub factor: Vec<[f32; LANE]>,
-    /// [`FilmRows::exponent`] of each film.
+    /// [`ThinFilmRows::exponent`] of each film.
     pub exponent: Vec<[u32; LANE]>,
-    /// [`FilmRows::weight`] of each film.
+    /// [`ThinFilmRows::weight`] of each film.
     pub weight: Vec<[u32; LANE]>,
-    /// With weights, the film of each component of [`ScenePlan::film_vectors`](crate::plan::ScenePlan::film_vectors).
+    /// With weights, the film of each component of [`ScenePlan::thin_film_vectors`](crate::plan::ScenePlan::thin_film_vectors).
     pub film: Vec<[u32; LANE]>,
-    /// [`FilmRows::angles`] of each film, one after another. With weights, those of all films in one row per angle: each component
+    /// [`ThinFilmRows::angles`] of each film, one after another. With weights, those of all films in one row per angle: each component
     /// belongs to one film.
     pub angles: Vec<[f32; LANE]>,
 }
@@ -74,20 +74,20 @@ pub struct FilmTable {
 /// No film.
 const NONE: u32 = u32::MAX;
 
-impl FilmTable {
+impl ThinFilmTable {
     /// Builds the table of `planned`.
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned) -> Self {
-        let films = FilmRows::of_plan(scene, planned);
-        let lanes = planned.plan.film_lanes();
+        let thin_films = ThinFilmRows::of_plan(scene, planned);
+        let lanes = planned.plan.thin_film_lanes();
         let mut table = Self {
             factor: vec![[0.0; LANE]; lanes],
             exponent: vec![[0; LANE]; lanes],
             weight: vec![[0; LANE]; lanes],
-            film: vec![[NONE; LANE]; planned.plan.film_vectors().len().max(1)],
+            film: vec![[NONE; LANE]; planned.plan.thin_film_vectors().len().max(1)],
             angles: Vec::new(),
         };
-        for (i, film) in films.iter().enumerate() {
+        for (i, film) in thin_films.iter().enumerate() {
             let (lane, part) = (i / LANE, i % LANE);
             table.factor[lane][part] = rounded(film.factor);
             table.exponent[lane][part] = film.exponent;
@@ -95,18 +95,18 @@ impl FilmTable {
         }
         let vector = |lane: &[f64]| std::array::from_fn(|part| lane.get(part).copied().map_or(0.0, rounded));
         if planned.model.is_some() {
-            let rows = films.iter().flat_map(|film| &film.angles);
+            let rows = thin_films.iter().flat_map(|film| &film.angles);
             table.angles = rows.flat_map(|row| row.chunks(LANE)).map(vector).collect();
             return table;
         }
-        let first = planned.plan.film_vectors().start * LANE;
-        for (i, film) in planned.films(scene).iter().enumerate() {
+        let first = planned.plan.thin_film_vectors().start * LANE;
+        for (i, film) in planned.thin_films(scene).iter().enumerate() {
             for component in film.first - first..film.first + film.terms - first {
                 table.film[component / LANE][component % LANE] = unsigned(i);
             }
         }
-        for angle in 0..films.first().map_or(0, |film| film.angles.len()) {
-            let component = |component| films.iter().map(|film| film.angles[angle][component]).sum();
+        for angle in 0..thin_films.first().map_or(0, |film| film.angles.len()) {
+            let component = |component| thin_films.iter().map(|film| film.angles[angle][component]).sum();
             let row: Vec<f64> = (first..planned.plan.components()).map(component).collect();
             table.angles.extend(row.chunks(LANE).map(vector));
         }

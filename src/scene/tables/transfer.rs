@@ -139,7 +139,7 @@ pub struct Steps<'a> {
     /// Phase functions with components of their own.
     phases: Vec<f64>,
     /// Numbers of the films of materials, if entries have parts for them.
-    films: Vec<Option<usize>>,
+    thin_films: Vec<Option<usize>>,
     /// Coloured absorbers of shadows.
     absorbers: Vec<usize>,
     /// Model that projects the transmittance of each step (the paper's order).
@@ -171,7 +171,7 @@ impl<'a> Steps<'a> {
             absorptions: scene.materials.iter().map(absorptions).collect(),
             exponents: planned.exponents(scene),
             phases: planned.phases(scene),
-            films: film_numbers(scene, planned),
+            thin_films: thin_film_numbers(scene, planned),
             absorbers: planned.absorbers(scene),
             by_step: model.filter(|model| {
                 model.kind() == ModelKind::Sharpened(Order::Step)
@@ -385,8 +385,8 @@ impl<'a> Steps<'a> {
             {
                 add_white(parts.highlights, highlight, material.specular * depth, &mut source);
             }
-            if let Some(film) = self.films[m] {
-                add_white(parts.films, film, depth, &mut source);
+            if let Some(film) = self.thin_films[m] {
+                add_white(parts.thin_films, film, depth, &mut source);
             }
         }
         source
@@ -394,10 +394,10 @@ impl<'a> Steps<'a> {
 }
 
 /// Number of the film of each material, if entries of `planned` have parts for them.
-fn film_numbers(scene: &Scene, planned: &Planned) -> Vec<Option<usize>> {
+fn thin_film_numbers(scene: &Scene, planned: &Planned) -> Vec<Option<usize>> {
     let mut numbers = vec![None; scene.materials.len()];
     if planned.model.is_some() {
-        for (number, film) in planned.films(scene).iter().enumerate() {
+        for (number, film) in planned.thin_films(scene).iter().enumerate() {
             if let Some(of_material) = planned.materials.get(film.weight).and_then(|&m| numbers.get_mut(m)) {
                 *of_material = Some(number);
             }

@@ -14,7 +14,7 @@ use crate::number::count;
 use crate::plan::Stale;
 use crate::scene::{Material, PHASES, Scene, Shading};
 use crate::spectrum::{
-    Absorption, BANDS, FilmAngle, INDICES, Kind, Layers, Spectrum, THICKNESSES, ThinFilm, standard, wavelength_nm,
+    Absorption, BANDS, INDICES, Kind, Layers, Spectrum, THICKNESSES, ThinFilm, ThinFilmAngle, standard, wavelength_nm,
 };
 use crate::view::action::Action;
 
@@ -117,8 +117,11 @@ fn phase(ui: &mut Ui, index: usize, material: &Material, asked: &mut Vec<Action>
 }
 
 /// Part of the light that a film reflects, in words; `None` is no film.
-const FILMS: [(Option<FilmAngle>, &str); 3] =
-    [(None, "none"), (Some(FilmAngle::Facing), "in the diffuse light"), (Some(FilmAngle::Lobe), "in the highlights")];
+const FILMS: [(Option<ThinFilmAngle>, &str); 3] = [
+    (None, "none"),
+    (Some(ThinFilmAngle::Facing), "in the diffuse light"),
+    (Some(ThinFilmAngle::Lobe), "in the highlights"),
+];
 
 /// Layers of a film that is added: soapy water in air.
 const ADDED: Layers = Layers { index: 1.33, thickness_nm: 400.0, above: 1.0, below: 1.0 };
@@ -134,8 +137,8 @@ fn film(ui: &mut Ui, index: usize, material: &Material, asked: &mut Vec<Action>)
         let shown = FILMS.iter().find(|film| film.0 == angle).map_or("", |film| film.1);
         let possible = FILMS.iter().filter(|film| match film.0 {
             None => true,
-            Some(FilmAngle::Facing) => material.diffuse > 0.0,
-            Some(FilmAngle::Lobe) => material.specular > 0.0,
+            Some(ThinFilmAngle::Facing) => material.diffuse > 0.0,
+            Some(ThinFilmAngle::Lobe) => material.specular > 0.0,
         });
         let response = ComboBox::from_id_salt(&name)
             .selected_text(RichText::new(shown).small())

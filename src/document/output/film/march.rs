@@ -102,7 +102,7 @@ fn named(scene: &Scene, planned: &Planned, surfaces: &[Spectrum]) -> Vec<Compone
     if planned.plan.specular().is_some() {
         add("white".to_owned());
     }
-    for film in planned.films(scene) {
+    for film in planned.thin_films(scene) {
         (1..=film.terms).for_each(|term| add(format!("{} film {term}", film.material.name)));
     }
     let named = surfaces.iter().zip(names);
