@@ -49,7 +49,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "document",
         &[
             "input", "look", "output", "palette", "scene", "model", "spectrum", "volume", "progress", "number",
-            "parallel", "written",
+            "written",
         ],
     ),
     (

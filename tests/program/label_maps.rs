@@ -323,13 +323,13 @@ fn a_map_that_is_none_is_refused_with_its_own_name() {
 
 #[test]
 fn files_in_the_wrong_place_are_refused_or_told() {
-    const DIMS: [usize; 3] = [30, 25, 20];
+    const DIMS: [usize; 3] = [42, 36, 33];
     let placed = |origin: f64| {
         format!(
             "space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: ({origin},0,0)\n"
         )
     };
-    let number = |place: [usize; 3]| block(place, DIMS, 5).map_or(0, |number| 1 + number % 40);
+    let number = |place: [usize; 3]| block(place, DIMS, 3).map_or(0, |number| 1 + number % 60);
     let label = move |place: [usize; 3]| f64::from(u32::try_from(number(place)).unwrap());
     let scan = |[x, y, z]: [usize; 3]| f64::from(u32::try_from((x * 7919 + y * 104_729 + z * 1301) % 997).unwrap());
     let folder = Folder::new()

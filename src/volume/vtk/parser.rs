@@ -55,8 +55,15 @@ impl<'a> Parser<'a> {
     /// Reads the rest of the line, without its end; `None` at the end of the file.
     fn rest_of_line(&mut self) -> Result<Option<String>, VolumeError> {
         let mut bytes = Vec::new();
+        let is_there = self.take_line(&mut bytes)?;
+        Ok(is_there.then(|| String::from_utf8_lossy(&bytes).trim().to_owned()))
+    }
+
+    /// Reads the rest of the line into `bytes`, with its end; false at the end of the file.
+    fn take_line(&mut self, bytes: &mut Vec<u8>) -> Result<bool, VolumeError> {
+        bytes.clear();
         let limit = count(LONGEST);
-        let read = (&mut self.stream).take(limit).read_until(b'\n', &mut bytes);
+        let read = (&mut self.stream).take(limit).read_until(b'\n', bytes);
         let read = count(read.map_err(|source| stream::failed(self.path, source))?);
         self.line = self.next_line;
         self.at += read;
@@ -64,7 +71,7 @@ impl<'a> Parser<'a> {
             return Err(self.wrong(format!("the line has more than {LONGEST} bytes")));
         }
         self.next_line += usize::from(bytes.ends_with(b"\n"));
-        Ok((read > 0).then(|| String::from_utf8_lossy(&bytes).trim().to_owned()))
+        Ok(read > 0)
     }
 
     /// Reads the next word between white space; `None` at the end of the file. The byte behind it is not read.
@@ -72,11 +79,10 @@ impl<'a> Parser<'a> {
         let mut word = Vec::new();
         loop {
             let buffer = self.stream.fill_buf().map_err(|source| stream::failed(self.path, source))?;
-            let blank =
-                if word.is_empty() { buffer.iter().take_while(|byte| byte.is_ascii_whitespace()).count() } else { 0 };
+            let blank = if word.is_empty() { first(buffer, false) } else { 0 };
             self.next_line += memchr::memchr_iter(b'\n', &buffer[..blank]).count();
             let rest = &buffer[blank..];
-            let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+            let length = first(rest, true);
             if length > 0 {
                 self.line = self.next_line;
             }
@@ -88,7 +94,11 @@ impl<'a> Parser<'a> {
             self.stream.consume(blank + length);
             self.at += count(blank + length);
             if ended {
-                return Ok((!word.is_empty()).then(|| String::from_utf8_lossy(&word).into_owned()));
+                let text = |word| {
+                    String::from_utf8(word)
+                        .unwrap_or_else(|wrong| String::from_utf8_lossy(wrong.as_bytes()).into_owned())
+                };
+                return Ok((!word.is_empty()).then(|| text(word)));
             }
         }
     }
@@ -145,7 +155,8 @@ impl<'a> Parser<'a> {
         let mut section = (Section::Field, 0);
         let mut is_rectilinear = false;
         while let Some(word) = self.word()? {
-            let keyword = word.to_ascii_uppercase();
+            let mut keyword = word;
+            keyword.make_ascii_uppercase();
             match keyword.as_str() {
                 "DATASET" => {
                     let kind = self.word()?.unwrap_or_default().to_ascii_uppercase();
@@ -190,8 +201,9 @@ impl<'a> Parser<'a> {
 
     /// Skips the lines after `METADATA`, up to a blank one.
     fn metadata(&mut self) -> Result<(), VolumeError> {
-        self.rest_of_line()?;
-        while self.rest_of_line()?.is_some_and(|line| !line.is_empty()) {}
+        let mut line = Vec::new();
+        self.take_line(&mut line)?;
+        while self.take_line(&mut line)? && !line.trim_ascii().is_empty() {}
         Ok(())
     }
 
@@ -387,6 +399,15 @@ impl<'a> Parser<'a> {
         self.at = at;
         Ok(())
     }
+}
+
+/// Number of bytes before the first one that is white space, or is none. Words are short, so the loop is a plain one.
+fn first(bytes: &[u8], blank: bool) -> usize {
+    let mut at = 0;
+    while at < bytes.len() && matches!(bytes[at], b' ' | b'\t' | b'\n' | b'\x0c' | b'\r') != blank {
+        at += 1;
+    }
+    at
 }
 
 /// The type of values of this name, whose sizes are VTK's: `long` has eight bytes.
