@@ -180,13 +180,19 @@ impl Overlay<'_> {
             self.materials.iter().chain(&self.lights).map(|entry| shortened(&entry.name).chars().count()).max();
         let end = (LETTER_WIDTH * letter).mul_add(count(longest.unwrap_or(0)), indent);
         let column = end + letter;
-        let columns = if is_long { relume_base::number::whole(COLUMNS * width / column).max(1) } else { 1 };
+        // Beside the letters in the middle of the left edge, if lines extend as far.
+        let needed = (LINE * letter * count(self.materials.len() + self.lights.len() + 1)).min(room_from(top));
+        let edge_letter = (width.min(height) * LETTER).max(SMALLEST);
+        let is_beside = frame.edges.is_some() && top + needed > height / 2.0 - 1.5 * edge_letter;
+        let left = if is_beside { 1.5 * edge_letter } else { 0.0 };
+        let columns = if is_long { relume_base::number::whole((COLUMNS * width - left) / column).max(1) } else { 1 };
         // Below the letters in the middle of the upper edge, if names extend as far.
-        if frame.edges.is_some() && column.mul_add(count(columns - 1), end) > width / 2.0 - 1.5 * letter {
+        if frame.edges.is_some() && column.mul_add(count(columns - 1), end) + left > width / 2.0 - 1.5 * letter {
             top += 1.5 * letter;
         }
         // Writing to a string cannot fail.
-        write!(out, "<g font-size=\"{letter}\" stroke-width=\"{}\">", EDGE * letter).ok();
+        let moved = if is_beside { format!(" transform=\"translate({left} 0)\"") } else { String::new() };
+        write!(out, "<g font-size=\"{letter}\" stroke-width=\"{}\"{moved}>", EDGE * letter).ok();
         self.legend(&mut out, [top, indent], [letter, room_from(top), column], columns, has_curves);
         out + "</g></svg>"
     }
@@ -339,6 +345,33 @@ mod tests {
         let reversed = entries(11, "label").into_iter().rev().chain(entries(2, "bone")).collect();
         let sorted: Vec<String> = by_name(reversed).into_iter().map(|entry| entry.name).collect();
         assert_eq!((&*sorted[1], &*sorted[4], &*sorted[12]), ("bone_1", "label_2", "label_10"));
+    }
+
+    #[test]
+    fn a_legend_down_to_the_middle_stands_beside_the_letter_there() {
+        let entry = |index: usize| Entry {
+            name: format!("label_{index}"),
+            colour: LinearSrgb([1.0; 3]),
+            spectrum: Spectrum::constant(0.5),
+        };
+        let [left, right, top, bottom] = ["R", "L", "S", "I"].map(str::to_owned);
+        let frame = Frame { edges: Some(Edges { left, right, top, bottom }), pixel: None, unit: None };
+        for (entries, is_moved) in [(3, false), (118, true)] {
+            let overlay = Overlay {
+                materials: (0..entries).map(entry).collect(),
+                lights: vec![entry(0)],
+                title: None,
+                bright: false,
+            };
+            for side in [200, 400, 1200] {
+                let svg = overlay.svg(&frame, [side; 2]);
+                assert_eq!(svg.contains("translate("), is_moved, "{entries} entries in {side} pixels");
+                let moved =
+                    svg.split("translate(").nth(1).map_or(0.0, |it| it.split(' ').next().unwrap().parse().unwrap());
+                let letter: f64 = svg.split("font-size=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
+                assert!(!is_moved || moved > 1.3 * letter, "{moved}, letters of {letter}");
+            }
+        }
     }
 
     #[test]
