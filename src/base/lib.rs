@@ -1,4 +1,4 @@
-//! What the crates of Relume share: conversions of numbers, parallel loops, progress and cancellation, available memory, and
+//! Utilities of all crates of Relume: conversions of numbers, parallel loops, progress and cancellation, available memory, and
 //! the safe opening of input files.
 
 pub mod input;

@@ -52,6 +52,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn every_part_has_a_scratch_that_no_other_thread_uses() {
+        let made = std::sync::atomic::AtomicUsize::new(0);
+        let scratch = || made.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let found = map_with(1000, &scratch, &|scratch, part| [*scratch, part]);
+        assert!(found.iter().enumerate().all(|(part, it)| it[1] == part), "in order");
+        let made = made.into_inner();
+        assert!((1..=rayon::current_num_threads() + 1).contains(&made), "{made} for all parts");
+        assert!(found.iter().all(|it| it[0] < made), "one of those made");
+    }
+
+    #[test]
     fn every_row_is_visited_once_with_its_number() {
         for (length, row) in [(0, 3), (1, 1), (7, 3), (TASKS, 1), (3 * TASKS + 5, 1), (10 * TASKS - 1, 4)] {
             let mut elements = vec![0; length];

@@ -161,7 +161,7 @@ impl AnnotateArgs {
     }
 }
 
-/// What keeps the materials of a film.
+/// Hint for films without materials.
 pub(crate) const KEEPS: &str = "render it with --accumulate weights to keep them";
 
 impl DressArgs {

@@ -367,7 +367,7 @@ fn looked(
     let (mut text, mut guess) = (look.text, look.guess);
     if let (Some(labels), Shown::AsMap) = (&options.labels, look.labels) {
         let problem = format!(
-            "its values are labels, so it takes no others ({}); name the scan as the volume, and these as its labels",
+            "its values are labels, so it takes no others ({}); name the scan as the volume, and this file as its labels",
             labels.display()
         );
         return Err(VolumeError::Layout { source_name: path.display().to_string(), problem }.into());

@@ -26,7 +26,7 @@ pub fn is_built_in(path: &Path) -> bool {
     BUILT_IN_NAMES.iter().any(|name| is_called(path, name))
 }
 
-/// Whether `path` is this name, in letters of any case.
+/// Comparison of `path` with a name, in letters of any case.
 fn is_called(path: &Path, name: &str) -> bool {
     path.to_str().is_some_and(|path| path.eq_ignore_ascii_case(name))
 }

@@ -70,7 +70,7 @@ impl Volume {
         let (voxels, lost, all) = with_voxels!(&self.voxels, stored => {
             let mut laid = allocate::zeroed(Path::new(&self.source), grid.voxels())?;
             let lost = lay(stored, own.dims, offset, &mut laid, grid.dims);
-            let all = laid.iter().all(|voxel| voxel.to_f64() == 0.0);
+            let all = lost > 0 && laid.iter().all(|voxel| voxel.to_f64() == 0.0);
             (Voxel::into_voxels(laid), lost, all)
         });
         let mut laid = Self { voxels, geometry: *grid, ..self.clone() };
@@ -79,7 +79,7 @@ impl Volume {
             "{}: the labels of {x}×{y}×{z} voxels are laid into the {a}×{b}×{c} voxels of the volume, from voxel {i}, {j}, {k} on",
             self.source
         ));
-        if lost > 0 && all {
+        if all {
             laid.notes.push(format!(
                 "{}: all {lost} labelled voxels lie outside the volume, so no label is shown",
                 self.source

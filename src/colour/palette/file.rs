@@ -90,9 +90,9 @@ struct ModelFile {
 /// Error with its byte offset in the text.
 #[derive(Debug)]
 pub struct Misplaced {
-    /// Where in the text.
+    /// Offset in the text.
     pub byte: usize,
-    /// What is wrong there.
+    /// Message without the position.
     pub message: String,
     /// Error of a file that it names.
     pub cause: Option<SpectrumError>,

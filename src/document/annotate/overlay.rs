@@ -172,6 +172,7 @@ impl Overlay<'_> {
         let lines = relume_base::number::whole(room_from(top) / (LINE * letter)).max(1);
         // A long legend has small letters, no curves, and columns.
         let is_long = self.materials.len() + self.lights.len() + 1 > lines;
+        let at_edges = letter;
         let letter = if is_long { (SMALL * letter).max(SMALLEST) } else { letter };
         let has_curves = !is_long && width >= WITH_CURVES * letter;
         // Names begin behind the swatches and the curves.
@@ -182,9 +183,8 @@ impl Overlay<'_> {
         let column = end + letter;
         // Beside the letters in the middle of the left edge, if lines extend as far.
         let needed = (LINE * letter * count(self.materials.len() + self.lights.len() + 1)).min(room_from(top));
-        let edge_letter = (width.min(height) * LETTER).max(SMALLEST);
-        let is_beside = frame.edges.is_some() && top + needed > height / 2.0 - 1.5 * edge_letter;
-        let left = if is_beside { 1.5 * edge_letter } else { 0.0 };
+        let is_beside = frame.edges.is_some() && top + needed > height / 2.0 - 1.5 * at_edges;
+        let left = if is_beside { 1.5 * at_edges } else { 0.0 };
         let columns = if is_long { relume_base::number::whole((COLUMNS * width - left) / column).max(1) } else { 1 };
         // Below the letters in the middle of the upper edge, if names extend as far.
         if frame.edges.is_some() && column.mul_add(count(columns - 1), end) + left > width / 2.0 - 1.5 * letter {

@@ -1,5 +1,5 @@
-//! What a volume is shown as before anybody has said so: its first look, the camera that fits what is visible, moves of the
-//! camera, and transfer functions by name.
+//! Defaults for volumes without a scene: first looks, cameras that fit the visible voxels, camera moves, transfer functions
+//! by name.
 
 pub mod first_look;
 mod fit;

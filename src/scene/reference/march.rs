@@ -18,7 +18,7 @@ use relume_base::number::{Real, count, dot, power, unit};
 use relume_base::parallel;
 use relume_base::progress::Progress;
 
-/// What is marched.
+/// Arguments of a march.
 #[doc(hidden)]
 #[derive(Clone, Copy)]
 pub struct Marched<'a, R> {

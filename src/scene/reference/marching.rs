@@ -13,7 +13,7 @@ use relume_base::progress::Progress;
 /// Linear sRGB and opacity of pixels.
 type Lit = Vec<(DVec3, f64)>;
 
-/// What each sample of a ray is shown to.
+/// Observer of the samples of a ray.
 type Seen<'a, R> = &'a mut dyn FnMut(&RaySample<'_, R>);
 
 /// The numbers that the reference marches in: f32 and f64.

@@ -170,7 +170,7 @@ pub(crate) fn labels_text(map: &Volume, scene: &str) -> Result<Option<String>, V
     Ok((!labels.is_empty()).then_some(text))
 }
 
-/// Whether hardly a labelled voxel has the label of the next along x: a scan in place of a label map.
+/// True for a scan in place of a label map: hardly a labelled voxel has the label of its neighbour along x.
 pub(crate) fn is_speckled(map: &Volume) -> bool {
     /// Labels in regions have 0.5 and more, noisy scans 0.1 and less.
     const FEWEST_ALIKE: f64 = 0.25;
