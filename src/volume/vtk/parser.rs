@@ -76,11 +76,23 @@ impl<'a> Parser<'a> {
 
     /// Reads the next word between white space; `None` at the end of the file. The byte behind it is not read.
     fn word(&mut self) -> Result<Option<String>, VolumeError> {
+        // Most words lie in the buffer whole, and so do the blanks before them.
+        let buffer = self.stream.buffer();
+        let blank = first(buffer, false);
+        let end = blank + first(&buffer[blank..], true);
+        if blank < end && end < buffer.len() && end - blank <= LONGEST {
+            let word = text(buffer[blank..end].to_vec());
+            self.next_line += lines(&buffer[..blank]);
+            self.line = self.next_line;
+            self.stream.consume(end);
+            self.at += count(end);
+            return Ok(Some(word));
+        }
         let mut word = Vec::new();
         loop {
             let buffer = self.stream.fill_buf().map_err(|source| stream::failed(self.path, source))?;
             let blank = if word.is_empty() { first(buffer, false) } else { 0 };
-            self.next_line += memchr::memchr_iter(b'\n', &buffer[..blank]).count();
+            self.next_line += lines(&buffer[..blank]);
             let rest = &buffer[blank..];
             let length = first(rest, true);
             if length > 0 {
@@ -94,10 +106,6 @@ impl<'a> Parser<'a> {
             self.stream.consume(blank + length);
             self.at += count(blank + length);
             if ended {
-                let text = |word| {
-                    String::from_utf8(word)
-                        .unwrap_or_else(|wrong| String::from_utf8_lossy(wrong.as_bytes()).into_owned())
-                };
                 return Ok((!word.is_empty()).then(|| text(word)));
             }
         }
@@ -201,10 +209,27 @@ impl<'a> Parser<'a> {
 
     /// Skips the lines after `METADATA`, up to a blank one.
     fn metadata(&mut self) -> Result<(), VolumeError> {
-        let mut line = Vec::new();
-        self.take_line(&mut line)?;
-        while self.take_line(&mut line)? && !line.trim_ascii().is_empty() {}
-        Ok(())
+        // The keyword's own line is not blank.
+        let mut is_blank = false;
+        loop {
+            let buffer = self.stream.fill_buf().map_err(|source| stream::failed(self.path, source))?;
+            let (mut at, mut has_ended) = (0, buffer.is_empty());
+            while at < buffer.len() && !has_ended {
+                let byte = buffer[at];
+                at += 1;
+                if byte == b'\n' {
+                    self.next_line += 1;
+                    has_ended = is_blank;
+                }
+                is_blank = byte == b'\n' || is_blank && is_space(byte);
+            }
+            self.stream.consume(at);
+            self.at += count(at);
+            if has_ended {
+                self.line = self.next_line;
+                return Ok(());
+            }
+        }
     }
 
     /// First coordinate and step of the points along one axis. There must be `stated` points, evenly spaced.
@@ -401,10 +426,32 @@ impl<'a> Parser<'a> {
     }
 }
 
+/// The word as text.
+fn text(word: Vec<u8>) -> String {
+    String::from_utf8(word).unwrap_or_else(|wrong| String::from_utf8_lossy(wrong.as_bytes()).into_owned())
+}
+
+/// Whether the byte is white space.
+const fn is_space(byte: u8) -> bool {
+    matches!(byte, b' ' | b'\t' | b'\n' | b'\x0c' | b'\r')
+}
+
+/// Number of ends of lines in `blanks`, which are few.
+fn lines(blanks: &[u8]) -> usize {
+    if blanks.len() < 16 {
+        let mut lines = 0;
+        for &byte in blanks {
+            lines += usize::from(byte == b'\n');
+        }
+        return lines;
+    }
+    memchr::memchr_iter(b'\n', blanks).count()
+}
+
 /// Number of bytes before the first one that is white space, or is none. Words are short, so the loop is a plain one.
 fn first(bytes: &[u8], blank: bool) -> usize {
     let mut at = 0;
-    while at < bytes.len() && matches!(bytes[at], b' ' | b'\t' | b'\n' | b'\x0c' | b'\r') != blank {
+    while at < bytes.len() && is_space(bytes[at]) != blank {
         at += 1;
     }
     at
