@@ -86,19 +86,14 @@ fn is_mixed(label: u32) -> bool {
     return SMOOTH_LABELS && (label & 1u) == 1u;
 }
 
-// Number of voxels that have a share in the labels at a place with this `label`.
-fn sharing(label: u32) -> u32 {
-    return select(1u, 8u, is_mixed(label));
-}
-
 // A voxel's row in the label table, and its share.
-struct Share {
+struct LabelShare {
     row: u32,
     share: f32,
 }
 
 // Voxel number `i` of those that have a share in the labels at `place`, where the label is `label`.
-fn share_of(place: vec3f, label: u32, i: u32) -> Share {
+fn share_of(place: vec3f, label: u32, i: u32) -> LabelShare {
     let voxel = fma(place, volume_dims(), vec3f(-0.5));
     let base = floor(voxel);
     let fraction = voxel - base;
@@ -106,5 +101,5 @@ fn share_of(place: vec3f, label: u32, i: u32) -> Share {
     let weights = select(1.0 - fraction, fraction, side > vec3f());
     let mixed = is_mixed(label);
     let row = select(row_of(label), row_of(label_texel(base + side)), mixed);
-    return Share(row, select(1.0, weights.x * weights.y * weights.z, mixed));
+    return LabelShare(row, select(1.0, weights.x * weights.y * weights.z, mixed));
 }

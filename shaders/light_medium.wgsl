@@ -103,7 +103,7 @@ fn extinction_at(place: vec3f) -> f32 {
     }
     if (LABELS) {
         let label = label_at(place);
-        let voxels = sharing(label);
+        let voxels = select(1u, 8u, is_mixed(label));
         var own = 0.0;
         var blend = 0.0;
         for (var i = 0u; i < voxels; i += 1u) {

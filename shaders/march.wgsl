@@ -1,13 +1,12 @@
 // Marches rays through the volume front to back, and writes accumulators and transmittance. No light spectrum enters
 // them.
 // The reflected light of a step is in `weights.wgsl` or `spectral.wgsl`, its transmittance in `grey.wgsl`,
-// `coloured.wgsl` or `mixed.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, the
+// `coloured.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, the
 // factor on its opacity by the gradient magnitude in `gradient_opacity.wgsl`, and the integration of a run of steps in
 // `samples.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or `segments_coloured.wgsl`. The rays are in
-// `rays.wgsl`, the values between voxels in `fetch.wgsl`, the light of positions with shadows in `shadowed.wgsl`, that of
-// phase functions in `phase.wgsl`, with `phase_weights.wgsl` or `phase_spectral.wgsl`, that of thin films in `thin_film.wgsl`, and
-// the entry point in `slices.wgsl`
-// for a whole volume or in `rounds.wgsl` for one in bricks.
+// `rays.wgsl`, the values between voxels in `fetch.wgsl`, the light in `light.wgsl`, its part that arrives in `share_grey.wgsl`
+// or `share_coloured.wgsl`, that of phase functions in `phase.wgsl`, with `phase_weights.wgsl` or `phase_spectral.wgsl`, that of
+// thin films in `thin_film.wgsl`, and the entry point in `slices.wgsl` for a whole volume or in `rounds.wgsl` for one in bricks.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
 // resolved before the shader is compiled.
 
@@ -28,94 +27,6 @@ fn power(base: f32, exponent: u32) -> f32 {
     if (EXPONENT_BITS > 9u) { result *= select(1.0, square, (exponent & 512u) != 0u); square *= square; }
     if (EXPONENT_BITS > 10u) { result *= select(1.0, square, (exponent & 1024u) != 0u); }
     return result;
-}
-
-// |n·l|, or max(n·l, 0) with one-sided lighting, of a part ∇v·l/|∇v|.
-fn lit(part: f32) -> f32 {
-    var facing = abs(part);
-    if (ONE_SIDED) {
-        facing = max(-part, 0.0);
-    }
-    return facing;
-}
-
-// Light of a step towards the eye for the three directions of the light at `position`, and their weights.
-fn shade_three_point(position: u32, ray: Ray, step: Step) -> array<vec4f, LANES> {
-    var facing = 0.0;
-    for (var i = 0u; i < 3u; i += 1u) {
-        let light = shading.lights[position + i];
-        facing = fma(light.w, lit(dot(step.normal, light.xyz)), facing);
-    }
-    var source = reflect_light(step, facing);
-    if (SPECULAR) {
-        for (var i = 0u; i < 3u; i += 1u) {
-            let light = shading.lights[position + i];
-            var shine = lit(dot(step.normal, unit(light.xyz + ray.view)));
-            if (ONE_SIDED) {
-                shine = select(0.0, shine, dot(step.normal, light.xyz) < 0.0);
-            }
-            var white: array<vec4f, LANES>;
-            highlight(step, shine, &white);
-            for (var lane = 0u; lane < LANES; lane += 1u) {
-                source[lane] = fma(vec4f(light.w), white[lane], source[lane]);
-            }
-        }
-    }
-    if (THIN_FILMS > 0u) {
-        for (var i = 0u; i < 3u; i += 1u) {
-            let light = shading.lights[position + i];
-            add_thin_films(light.xyz, ray, step, light.w, &source);
-        }
-    }
-    return source;
-}
-
-// Light of a step towards the eye for light from `position`.
-fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANES> {
-    if (position < AMBIENT) {
-        return unshaded(step);
-    }
-    if (THREE_POINT > 0u) {
-        if (position >= AMBIENT + HEADLIGHT + DIRECTIONAL + POINT) {
-            if (PHASES > 0u) {
-                return scattered_from_three(position, ray, step, vec3f(1.0));
-            }
-            return shade_three_point(position, ray, step);
-        }
-    }
-    var light = ray.view;
-    if (DIRECTIONAL > 0u) {
-        if (position >= AMBIENT + HEADLIGHT) {
-            light = shading.lights[position].xyz;
-        }
-    }
-    if (POINT > 0u) {
-        if (position >= AMBIENT + HEADLIGHT + DIRECTIONAL) {
-            light = unit(shading.lights[position].xyz - place * march.local_scale);
-        }
-    }
-    if (PHASES > 0u) {
-        return scattered_from(light, ray, step, 1.0);
-    }
-    var facing = 0.0;
-    if (ONE_SIDED) {
-        facing = max(-dot(step.normal, light), 0.0);
-    } else if (GRADIENT) {
-        facing = abs(dot(step.normal, light));
-    }
-    var source = reflect_light(step, facing);
-    if (SPECULAR) {
-        let halfway = unit(light + ray.view);
-        if (ONE_SIDED) {
-            highlight(step, select(0.0, max(-dot(step.normal, halfway), 0.0), facing > 0.0), &source);
-        } else {
-            highlight(step, abs(dot(step.normal, halfway)), &source);
-        }
-    }
-    if (THIN_FILMS > 0u) {
-        add_thin_films(light, ray, step, 1.0, &source);
-    }
-    return source;
 }
 
 // What rounding took from the sums and the transmittance so far, if the plan compensates for it.
@@ -178,7 +89,7 @@ fn shared_by_labels(place: vec3f, label: u32, step: Step) -> Step {
     blend.opacity = Transmittance();
     blend.source = array<vec4f, TABLE_LANES>();
     // A software device branches at the ends of loops only: one turn, where all labels agree.
-    let voxels = sharing(label);
+    let voxels = select(1u, 8u, is_mixed(label));
     for (var i = 0u; i < voxels; i += 1u) {
         let voxel = share_of(place, label, i);
         own += select(0.0, voxel.share, voxel.row == 0u);

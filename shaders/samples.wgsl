@@ -98,13 +98,7 @@ fn add_sample(
 ) -> Transmittance {
     let part = part_of(ray, n);
     let step = thin(sample(place, key), part.y - part.x);
-    if (SHADOWS) {
-        add_shadowed(ray, place, step, transmittance, sums);
-    } else {
-        for (var position = 0u; position < POSITIONS_USED; position += 1u) {
-            composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
-        }
-    }
+    add_light(ray, place, step, transmittance, sums);
     return attenuate(transmittance, step.opacity);
 }
 

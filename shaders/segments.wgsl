@@ -240,13 +240,7 @@ fn march_run(
         if (GRADIENT) {
             step.normal = unit((gradient + next_gradient) * 0.5);
         }
-        if (SHADOWS) {
-            add_shadowed(ray, middle, step, transmittance, sums);
-        } else {
-            for (var position = 0u; position < POSITIONS_USED; position += 1u) {
-                composite(sums, position * LANES, shade(position, ray, middle, step), transmittance);
-            }
-        }
+        add_light(ray, middle, step, transmittance, sums);
         transmittance = attenuate(transmittance, step.opacity);
         if (brightest(transmittance) < march.termination) { break; }
         if (wanted > 1.0) {

@@ -3,18 +3,7 @@
 @compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     march = march_uniform;
-    if (SHADED) {
-        shading = shading_uniform;
-    }
-    if (PHASES > 0u) {
-        read_phases();
-    }
-    if (THIN_FILMS > 0u) {
-        read_thin_films();
-    }
-    if (GRID_LIGHTS > 0u) {
-        light_place = light_uniform;
-    }
+    read_light();
     let pixel = vec2u(id.x, id.y + band.first_row);
     if (pixel.x >= march.width || pixel.y >= march.height) {
         return;

@@ -13,32 +13,22 @@ fn unshaded(step: Step) -> array<vec4f, LANES> {
     return source;
 }
 
-fn reflect_light(step: Step, facing: f32) -> array<vec4f, LANES> {
+// Diffuse light by this shade, and the ambient share, of which the fraction `open` arrives.
+fn reflect_light(step: Step, facing: Share, open: f32) -> array<vec4f, LANES> {
     var source: array<vec4f, LANES>;
-    if (OPEN_SHARES < TABLE_LANES) {
-        let open = fma(shading.diffuse[0].x, facing, shading.ambient[0].x * ambient_light);
-        for (var lane = 0u; lane < LANES; lane += 1u) {
-            if (EQUAL_SHARES) {
-                source[lane] = step.source[lane] * open;
-            } else {
-                source[lane] = fma(step.source[DIFFUSE + lane], vec4f(facing), step.source[lane] * ambient_light);
-            }
-        }
-        return source;
-    }
-    let shade = fma(shading.diffuse[0].x, facing, shading.ambient[0].x);
     for (var lane = 0u; lane < LANES; lane += 1u) {
         if (EQUAL_SHARES) {
-            source[lane] = step.source[lane] * shade;
+            let ambient = vec4f(shading.ambient[0].x * open);
+            source[lane] = step.source[lane] * fma(vec4f(shading.diffuse[0].x), share_in(facing, lane), ambient);
         } else {
-            source[lane] = fma(step.source[DIFFUSE + lane], vec4f(facing), step.source[lane]);
+            source[lane] = fma(step.source[DIFFUSE + lane], share_in(facing, lane), step.source[lane] * open);
         }
     }
     return source;
 }
 
-// Adds the highlights of each exponent. White is 1 in every coefficient.
-fn highlight(step: Step, facing: f32, source: ptr<function, array<vec4f, LANES>>) {
+// Adds the highlights of each exponent, by this share. White is 1 in every coefficient.
+fn highlight(step: Step, facing: f32, share: Share, source: ptr<function, array<vec4f, LANES>>) {
     for (var i = 0u; i < EXPONENTS; i += 1u) {
         var shine = 0.0;
         if (ONE_EXPONENT) {
@@ -48,9 +38,11 @@ fn highlight(step: Step, facing: f32, source: ptr<function, array<vec4f, LANES>>
         }
         for (var lane = 0u; lane < LANES; lane += 1u) {
             if (COLOURED) {
-                (*source)[lane] += step.source[HIGHLIGHTS + i * LANES + lane] * shine;
+                let white = step.source[HIGHLIGHTS + i * LANES + lane] * shine;
+                (*source)[lane] = fma(share_in(share, lane), white, (*source)[lane]);
             } else {
-                (*source)[lane] += all_components(lane) * (step.source[HIGHLIGHTS + i / 4u][i % 4u] * shine);
+                let white = all_components(lane) * (step.source[HIGHLIGHTS + i / 4u][i % 4u] * shine);
+                (*source)[lane] = fma(share_in(share, lane), white, (*source)[lane]);
             }
         }
     }

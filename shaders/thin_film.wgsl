@@ -16,11 +16,6 @@ struct ThinFilms {
 // Copy of the uniform, as for `march`.
 var<private> thin_films: ThinFilms;
 
-// Copies the uniform, once per invocation.
-fn read_thin_films() {
-    thin_films = thin_films_uniform;
-}
-
 // A place in the table of angles.
 struct Angle {
     low: u32,
@@ -33,8 +28,8 @@ fn angle_at(cosine: f32) -> Angle {
     return Angle(low, place - f32(low));
 }
 
-// Adds what film `i` reflects at an angle, with this shade, to coefficients.
-fn add_thin_film(i: u32, angle: Angle, shade: f32, step: Step, source: ptr<function, array<vec4f, LANES>>) {
+// Adds what film `i` reflects at an angle, with this shade, to coefficients, by this share.
+fn add_thin_film(i: u32, angle: Angle, shade: f32, step: Step, share: Share, source: ptr<function, array<vec4f, LANES>>) {
     let first = (i * THIN_FILM_ANGLES + angle.low) * LANES;
     let factor = thin_films.factor[i / 4u][i % 4u] * shade;
     var white = 0.0;
@@ -44,19 +39,22 @@ fn add_thin_film(i: u32, angle: Angle, shade: f32, step: Step, source: ptr<funct
     for (var lane = 0u; lane < LANES; lane += 1u) {
         let reflected = mix_angles(thin_film_angles[first + lane], thin_film_angles[first + LANES + lane], angle.part);
         if (COLOURED) {
-            (*source)[lane] = fma(reflected, step.source[THIN_FILM_PARTS + i * LANES + lane] * factor, (*source)[lane]);
+            let white = step.source[THIN_FILM_PARTS + i * LANES + lane] * factor;
+            (*source)[lane] = fma(reflected, white * share_in(share, lane), (*source)[lane]);
         } else {
-            (*source)[lane] = fma(reflected, vec4f(white), (*source)[lane]);
+            (*source)[lane] = fma(reflected, white * share_in(share, lane), (*source)[lane]);
         }
     }
 }
 
-// Sets the white of the components of film `i`, with this shade.
-fn set_white(i: u32, shade: f32, step: Step, white: ptr<function, array<vec4f, FILM_VECTORS>>) {
+// Sets the white of the components of film `i`, with this shade, by this share.
+fn set_white(i: u32, shade: f32, step: Step, share: Share, white: ptr<function, array<vec4f, FILM_VECTORS>>) {
     let weight = thin_films.weight[i / 4u][i % 4u];
     let own = step.source[weight / 4u][weight % 4u] * (thin_films.factor[i / 4u][i % 4u] * shade);
     for (var vector = 0u; vector < FILM_VECTORS; vector += 1u) {
-        (*white)[vector] = select((*white)[vector], vec4f(own), thin_films.film[vector] == vec4u(i));
+        // Weights are exact for grey absorption only, where a share is one number.
+        let arriving = own * share_in(share, 0u);
+        (*white)[vector] = select((*white)[vector], arriving, thin_films.film[vector] == vec4u(i));
     }
 }
 
@@ -74,8 +72,8 @@ fn mix_angles(low: vec4f, high: vec4f, part: f32) -> vec4f {
     return fma(vec4f(part), high - low, low);
 }
 
-// Adds the light that all films reflect towards the eye from the direction `light`, of which the fraction `reached` arrives.
-fn add_thin_films(light: vec3f, ray: Ray, step: Step, reached: f32, source: ptr<function, array<vec4f, LANES>>) {
+// Adds the light that all films reflect towards the eye from the direction `light`, of which this share arrives.
+fn add_thin_films(light: vec3f, ray: Ray, step: Step, share: Share, source: ptr<function, array<vec4f, LANES>>) {
     let along = dot(step.normal, light);
     let facing = lit(along);
     if (FACING_THIN_FILMS > 0u) {
@@ -83,12 +81,12 @@ fn add_thin_films(light: vec3f, ray: Ray, step: Step, reached: f32, source: ptr<
         if (FILM_WEIGHTS) {
             var white: array<vec4f, FILM_VECTORS>;
             for (var i = 0u; i < FACING_THIN_FILMS; i += 1u) {
-                set_white(i, facing * reached, step, &white);
+                set_white(i, facing, step, share, &white);
             }
             add_terms(angle, white, source);
         } else {
             for (var i = 0u; i < FACING_THIN_FILMS; i += 1u) {
-                add_thin_film(i, angle, facing * reached, step, source);
+                add_thin_film(i, angle, facing, step, share, source);
             }
         }
     }
@@ -103,12 +101,12 @@ fn add_thin_films(light: vec3f, ray: Ray, step: Step, reached: f32, source: ptr<
         if (FILM_WEIGHTS) {
             var white: array<vec4f, FILM_VECTORS>;
             for (var i = FACING_THIN_FILMS; i < THIN_FILMS; i += 1u) {
-                set_white(i, power(shine, thin_films.exponent[i / 4u][i % 4u]) * reached, step, &white);
+                set_white(i, power(shine, thin_films.exponent[i / 4u][i % 4u]), step, share, &white);
             }
             add_terms(angle, white, source);
         } else {
             for (var i = FACING_THIN_FILMS; i < THIN_FILMS; i += 1u) {
-                add_thin_film(i, angle, power(shine, thin_films.exponent[i / 4u][i % 4u]) * reached, step, source);
+                add_thin_film(i, angle, power(shine, thin_films.exponent[i / 4u][i % 4u]), step, share, source);
             }
         }
     }

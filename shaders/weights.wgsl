@@ -8,21 +8,18 @@ fn unshaded(step: Step) -> array<vec4f, LANES> {
     return source;
 }
 
-fn reflect_light(step: Step, facing: f32) -> array<vec4f, LANES> {
+// Diffuse light by this shade, and the ambient share, of which the fraction `open` arrives.
+fn reflect_light(step: Step, facing: Share, open: f32) -> array<vec4f, LANES> {
     var source: array<vec4f, LANES>;
     for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-        if (OPEN_SHARES < TABLE_LANES) {
-            let ambient = shading.ambient[lane] * ambient_light;
-            source[lane] = step.source[lane] * fma(shading.diffuse[lane], vec4f(facing), ambient);
-        } else {
-            source[lane] = step.source[lane] * fma(shading.diffuse[lane], vec4f(facing), shading.ambient[lane]);
-        }
+        let ambient = shading.ambient[lane] * open;
+        source[lane] = step.source[lane] * fma(shading.diffuse[lane], share_in(facing, lane), ambient);
     }
     return source;
 }
 
-// Adds white: Σ weight · specular · facing^exponent over the materials.
-fn highlight(step: Step, facing: f32, source: ptr<function, array<vec4f, LANES>>) {
+// Adds white: Σ weight · specular · facing^exponent over the materials, by this share.
+fn highlight(step: Step, facing: f32, share: Share, source: ptr<function, array<vec4f, LANES>>) {
     var white = 0.0;
     if (ONE_EXPONENT) {
         for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
@@ -40,5 +37,5 @@ fn highlight(step: Step, facing: f32, source: ptr<function, array<vec4f, LANES>>
             white += dot(step.source[lane] * shading.specular[lane], powers);
         }
     }
-    (*source)[WHITE_LANE][WHITE_PART] = white;
+    (*source)[WHITE_LANE][WHITE_PART] = fma(share_in(share, WHITE_LANE)[WHITE_PART], white, (*source)[WHITE_LANE][WHITE_PART]);
 }

@@ -12,14 +12,14 @@ use std::io::Write as _;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use glam::DVec3;
 use hostile::{Counting, Place, Reader, most_held};
 use relume::document;
 use relume::model::{ColourModel, ErrorSummary, LightMatrix, ModelKind};
 use relume::output::FilmFile;
-use relume::output::film::{
-    Component, Components, Dial, DialPreset, Frame, Light, Node, Position, PositionKind, Stored,
-};
+use relume::output::film::{Component, Components, Dial, DialPreset, Frame, Light, Node, Position, Stored};
 use relume::progress::{Progress, Quiet};
+use relume::scene::Placement;
 use relume::spectrum::{self, Spectrum};
 use relume::volume::{self, Selection, Volume, VolumeError};
 use rustix::time::{ClockId, clock_gettime};
@@ -387,7 +387,7 @@ fn accumulators_to_damage() {
     let point = FilmFile {
         positions: vec![Position {
             name: "key".to_owned(),
-            kind: PositionKind::Point([1.0, 2.0, 3.0]),
+            placement: Placement::Point(DVec3::from_array([1.0, 2.0, 3.0])),
             shadows: false,
         }],
         lights: vec![Light { name: "day".to_owned(), position: 0, weight: 2.0, shown: None, spectrum: ramp }],

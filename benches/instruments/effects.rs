@@ -31,7 +31,7 @@ pub(crate) struct EffectRow {
 fn row(renderer: &Renderer, name: &str, open: &Scene, with: &Scene) -> Result<EffectRow, Box<dyn Error>> {
     let numbers = |scene: &Scene| -> Result<usize, Box<dyn Error>> {
         let plan = plan(scene, &Quiet)?.plan;
-        Ok(plan.components() * plan.positions.total() + plan.transmittance_numbers())
+        Ok(plan.components() * plan.light.accumulators() + plan.transmittance_numbers())
     };
     let ([_, open_ms], [fill_ms, with_ms]) = (times(renderer, open)?, times(renderer, with)?);
     Ok(EffectRow {

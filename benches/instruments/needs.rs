@@ -9,13 +9,13 @@ use serde::Serialize;
 
 use relume::document::{SceneError, SceneOptions, parse};
 use relume::measure::{RungError, Rungs, Skipping, occupancy};
-use relume::plan::{Accumulate, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
+use relume::plan::{Accumulate, LightPlan, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
 use relume::progress::{Progress, Quiet};
 use relume::reference::{End, Samples, Step, march};
 use relume::render::{RenderError, Renderer, SceneRenderer, shaders_of};
 use relume::scene::{
-    AccumulateAs, Gradients, Interpolation, LabelEntry, LabelInterpolation, Labels, Lookup, Placement, Scene,
-    SceneLight, Shading, StoreAs, VolumeAs,
+    AccumulateAs, Direction, Gradients, Interpolation, LabelEntry, LabelInterpolation, Labels, Lookup, Placement,
+    Scene, SceneLight, Shading, StoreAs, VolumeAs,
 };
 use relume::spectrum::{Absorption, Reflectance, Spectrum, SpectrumError};
 use relume::volume::{VolumeError, phantom};
@@ -305,25 +305,25 @@ fn needs() -> Vec<Need> {
         ),
         need("a directional light, shaded", as_it_is, shaded, |plan| {
             plan.shading = Some(ShadingTerms { diffuse: true, specular: None, one_sided: false });
-            (plan.positions.ambient, plan.positions.directional) = (0, 1);
+            plan.light = LightPlan::open(&[Direction::Infinity]);
         }),
         need(
             "a second light position",
             shaded,
             |scene| light(scene, "second", Placement::Directional(DVec3::X), 1.0),
-            |plan| plan.positions.directional = 2,
+            |plan| plan.light = LightPlan::open(&[Direction::Infinity; 2]),
         ),
         need(
             "a point light",
             shaded,
             |scene| light(scene, "lamp", Placement::Point(DVec3::new(-50.0, 0.0, 0.0)), 1.0),
-            |plan| plan.positions.point = 1,
+            |plan| plan.light = LightPlan::open(&[Direction::Infinity, Direction::Place]),
         ),
         need(
             "an ambient light in addition",
             shaded,
             |scene| light(scene, "sky", Placement::Ambient, 0.5),
-            |plan| plan.positions.ambient = 1,
+            |plan| plan.light = LightPlan::open(&[Direction::Everywhere, Direction::Infinity]),
         ),
         need("highlights", shaded, shine, |plan| {
             plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(ONE_EXPONENT), one_sided: false });

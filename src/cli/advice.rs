@@ -232,7 +232,7 @@ fn chosen(asked: &Asked) -> String {
 fn of_render(error: &RenderError) -> Option<String> {
     match error {
         RenderError::Volume(error) => of_volume(error),
-        RenderError::Matrix { largest, .. } => Some(format!(": take --k {largest} or less, or --reference")),
+        RenderError::Matrix => Some(": take another model, or --reference".to_owned()),
         RenderError::Slot { .. } => {
             Some(": take a larger --device-memory, or --downsample to average blocks of voxels".to_owned())
         }

@@ -653,14 +653,8 @@ fn of_scene(
             .lights
             .iter()
             .map(|light| {
-                let (kind, place) = match light.placement {
-                    Placement::Ambient => ("ambient", None),
-                    Placement::Headlight => ("headlight", None),
-                    Placement::Directional(direction) => ("directional", Some(direction)),
-                    Placement::Point(point) => ("point", Some(point)),
-                    Placement::ThreePoint => ("three_point", None),
-                };
-                let place = place.map(|place| place.to_array());
+                let kind = light.placement.kind();
+                let place = light.placement.vector().map(|place| place.to_array());
                 let on = is_on(file, &light.name);
                 json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity, "on": on, "shadows": light.shadows})
             })
@@ -718,9 +712,9 @@ fn bars(bins: &[u64]) -> String {
 fn explanation(scene: &Scene, planned: &Planned, storage: &Storage) -> Vec<String> {
     let mut sentences = planned.explain(scene);
     sentences.push(storage.explain(scene.volume.geometry.dims));
-    if planned.plan.reads_light_grid() {
+    if planned.plan.light.reads_grid() {
         let grid = LightGrid::new(scene, scene.shadows.spacing);
-        sentences.push(grid.explain(planned.plan.grid_lights(), planned.plan.absorbers()));
+        sentences.push(grid.explain(planned.plan.light.grid_lights(), planned.plan.light.absorbers));
     }
     sentences
 }

@@ -216,7 +216,7 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
             }
             // The scene refuses this setting; all others are measured.
             Err(MeasureError::Plan(error)) => outcome.refused.push((setting.clone(), sentence(&error))),
-            Err(MeasureError::Render(error @ RenderError::Matrix { .. })) => {
+            Err(MeasureError::Render(error @ RenderError::Matrix)) => {
                 outcome.refused.push((setting.clone(), sentence(&error)));
             }
             Err(error) => return Err(error.into()),

@@ -17,7 +17,7 @@ use crate::output::page::{self, PackedPage, Page, PageError, Summary, escaped};
 use crate::plan::{PlanError, Planned, plan_for};
 use crate::progress::{Progress, unreported};
 use crate::render::{Renderer, SceneRenderer};
-use crate::scene::{AccumulateAs, Aim, Camera, Mix, Projection, Scene, positions};
+use crate::scene::{AccumulateAs, Aim, Camera, Mix, Placement, Projection, Scene, positions};
 use crate::spectrum::{Light, Reflectance};
 use crate::volume::{HostMemory, Statistics};
 use crate::vulkan::{Device, DeviceChoice, Validation};
@@ -202,7 +202,7 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let cameras = if cameras.len() == 1 { vec![scene.camera.clone()] } else { cameras };
     let (scene, planned) = planned(&scene, &mix, progress)?;
     let plan = &planned.plan;
-    let numbers = plan.components() * plan.positions.total() + plan.transmittance_numbers();
+    let numbers = plan.components() * plan.light.accumulators() + plan.transmittance_numbers();
     page::check_memory(cameras.len(), size, numbers, false, memory::available_bytes())?;
     let mut times = vec![("load", clock.read())];
     let clock = Stopwatch::start();
@@ -365,7 +365,7 @@ pub(super) fn patches_page(
         spectrum: *light.spectrum().samples(),
     };
     let header = FilmFile {
-        positions: vec![film::Position { name: "light".to_owned(), kind: film::PositionKind::Ambient, shadows: false }],
+        positions: vec![film::Position { name: "light".to_owned(), placement: Placement::Ambient, shadows: false }],
         lights: lights.iter().enumerate().map(light).collect(),
         ..FilmFile::empty([width, height], film::Components::Surfaces(materials.iter().map(component).collect()))
     };

@@ -481,7 +481,7 @@ struct Own {
 
 /// Numbers of all accumulators of a pixel, and of its transmittance.
 fn numbers(planned: &Planned) -> [usize; 2] {
-    [planned.plan.positions.total() * planned.plan.components(), planned.plan.transmittance_numbers()]
+    [planned.plan.light.accumulators() * planned.plan.components(), planned.plan.transmittance_numbers()]
 }
 
 /// The film of rays that meet no medium.

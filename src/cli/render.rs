@@ -253,7 +253,7 @@ fn check_blocks(flag: &str, blocks: usize, is_relay: bool, scene: &Scene, planne
             "the scene has {rays} rays a pixel, and means of rays do not composite; add -D accuracy.rays=1"
         ));
     }
-    if planned.plan.shadowed_headlight().is_some() && !is_relay {
+    if planned.plan.light.is_dimmed_along_rays() && !is_relay {
         return refused(
             "the headlight casts shadows, which come from the blocks in front; set shadows = false for it".to_owned(),
         );

@@ -386,7 +386,7 @@ impl<'a> Ladder<'a> {
         if let Some((table, densities)) = &segments {
             stored = stored.with_segments(storage, table, Some(densities));
         }
-        let shadowed = planned.plan.grid_lights() > 0;
+        let shadowed = planned.plan.light.grid_lights() > 0;
         let extinctions = if shadowed { ExtinctionTable::of_plan(scene, planned, storage.domain) } else { Vec::new() };
         stored = stored.with_shadows(&extinctions);
         let matrices = self.matrices(scene, planned);

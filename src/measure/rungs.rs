@@ -98,7 +98,7 @@ impl Rungs {
                 let table = SegmentTable::new(&scene, &planned, storage.domain);
                 (table, TransferTable::densities_of_labels(&scene, &planned))
             }),
-            extinctions: if planned.plan.grid_lights() > 0 {
+            extinctions: if planned.plan.light.grid_lights() > 0 {
                 ExtinctionTable::of_plan(&scene, &planned, storage.domain)
             } else {
                 Vec::new()

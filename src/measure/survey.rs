@@ -121,7 +121,7 @@ fn lower(
     (scene, planned, table): (&Scene, &Planned, &TransferTable),
     progress: &dyn Progress,
 ) -> Result<(), MeasureError> {
-    if planned.plan.reads_light_grid() {
+    if planned.plan.light.reads_grid() {
         climb.to(Cause::LightGrid, ladder.full(&scene.accuracy, &scene.shadows, progress)?.to_vec());
     }
     climb.to(Cause::Basis, ladder.model(scene, planned, progress)?);
@@ -373,7 +373,7 @@ impl<'a> Survey<'a> {
         let planned = plan(&scene, progress)?;
         let on_device = self.upload(scene, level, planned, 0, progress)?;
         let size = setting.marched_size(self.options.size);
-        if on_device.planned().plan.reads_light_grid() {
+        if on_device.planned().plan.light.reads_grid() {
             // Settings share a volume, and so one light grid; that of another setting may have replaced it.
             on_device.march(size, progress)?;
         }

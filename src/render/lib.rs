@@ -29,7 +29,7 @@ use relume_base::number::readable;
 use relume_scene::plan::{PlanError, ScenePlan};
 use relume_scene::tables::VolumeFormat;
 use relume_volume::VolumeError;
-use relume_vulkan::shader::{Constants, Shader, ShaderError, compile};
+use relume_vulkan::shader::{Constants, Iterations, Shader, ShaderError, compile};
 use relume_vulkan::{ComputePipeline, Device, Format, Resource, ResourceSet, VulkanError};
 
 /// Why a frame could not be rendered.
@@ -57,16 +57,9 @@ pub enum RenderError {
     /// A thread in the background ended without a result.
     #[error("a thread in the background panicked, which is a bug of Relume; its message is in the terminal")]
     Panicked,
-    /// The matrices of a colour model are too large for the device.
-    #[error(
-        "the model peercy needs a transmittance matrix of {dimension}×{dimension} numbers, and a device has room for {largest}×{largest}"
-    )]
-    Matrix {
-        /// Dimension of the model.
-        dimension: usize,
-        /// Largest dimension that fits.
-        largest: usize,
-    },
+    /// The transmittance of a colour model is a matrix.
+    #[error("the model peercy multiplies matrices, which only the reference marches")]
+    Matrix,
     /// The camera has no line of sight.
     #[error(
         "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight"
@@ -162,7 +155,7 @@ impl RenderError {
             Self::Volume(error) | Self::Labels(error) => error.code(),
             Self::Cancelled => "cancelled",
             Self::Panicked => "thread-panicked",
-            Self::Matrix { .. } => "matrix-too-large",
+            Self::Matrix => "matrix-on-a-device",
             Self::Camera => "camera-without-direction",
             Self::TooManySamples { .. } => "samples-too-many",
             Self::Slot { .. } => "volume-memory-exceeded",
@@ -212,13 +205,20 @@ struct Shared {
 struct Source {
     name: &'static str,
     constants: Constants,
-    /// Texts by file name.
-    parts: Vec<(&'static str, &'static str)>,
+    parts: Vec<Part>,
 }
+
+/// Name of a text, mostly that of its file, and the text.
+type Part = (&'static str, std::borrow::Cow<'static, str>);
 
 impl Source {
     fn compile(&self) -> Result<Shader, ShaderError> {
-        compile(&self.parts, &self.constants)
+        compile(&self.texts(), &self.constants)
+    }
+
+    /// Names and texts.
+    fn texts(&self) -> Vec<(&str, &str)> {
+        self.parts.iter().map(|(name, text)| (*name, text.as_ref())).collect()
     }
 }
 
@@ -227,6 +227,7 @@ impl Source {
 struct Made {
     pipeline: ComputePipeline,
     resources: Vec<String>,
+    iterations: Iterations,
 }
 
 impl Renderer {
@@ -339,15 +340,14 @@ impl Renderer {
         Ok(())
     }
 
-    /// Returns the pipeline of `source`, and the `named` resources that its shader uses, bound to it. Makes the
-    /// pipeline if it is not cached, without blocking threads that need another.
+    /// Returns the pipeline of `source`, and the `named` resources that its shader uses, bound to it.
     fn bind<'a>(
         &self,
         source: Source,
         named: impl Fn(&str) -> Option<Resource<'a>>,
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
-        let pipelines = || self.shared.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let name = source.name;
+        let made = self.made(source)?;
         let bound = |resources: &[String]| -> Result<Vec<Resource<'a>>, RenderError> {
             resources
                 .iter()
@@ -359,17 +359,21 @@ impl Renderer {
                 })
                 .collect()
         };
-        let kept = pipelines().get(&source);
-        let made = match kept {
-            Some(made) => made,
-            None => {
-                let shader = source.compile()?;
-                let pipeline = ComputePipeline::new(&self.device, name, &shader)?;
-                pipelines().keep(source, Made { pipeline, resources: shader.resources().to_vec() })
-            }
-        };
         let set = ResourceSet::new(&self.device, name, &made.pipeline, &bound(&made.resources)?)?;
         Ok((made.pipeline, set))
+    }
+
+    /// Returns the pipeline of `source`. Makes it if it is not cached, without blocking threads that need another.
+    fn made(&self, source: Source) -> Result<Made, RenderError> {
+        let pipelines = || self.shared.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = pipelines().get(&source);
+        if let Some(made) = kept {
+            return Ok(made);
+        }
+        let shader = source.compile()?;
+        let pipeline = ComputePipeline::new(&self.device, source.name, &shader)?;
+        let (resources, iterations) = (shader.resources().to_vec(), shader.iterations());
+        Ok(pipelines().keep(source, Made { pipeline, resources, iterations }))
     }
 }
 

@@ -1,6 +1,7 @@
 //! The march on the device, in bands of rows and slices of rays, so that every dispatch is short.
 
 mod dispatching;
+mod light;
 mod light_grid;
 mod mean;
 mod read;

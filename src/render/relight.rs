@@ -65,7 +65,7 @@ pub(super) fn source(plan: &ScenePlan, target: Target) -> Source {
         .u32("ROWS", ROWS)
         .u32("GROUP_WIDTH", GROUP[0])
         .u32("GROUP_HEIGHT", GROUP[1]);
-    let parts = vec![("shaders/relight.wgsl", include_str!("../../shaders/relight.wgsl"))];
+    let parts = vec![("shaders/relight.wgsl", include_str!("../../shaders/relight.wgsl").into())];
     Source { name: "relight", constants, parts }
 }
 

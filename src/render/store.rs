@@ -11,7 +11,7 @@ const GROUP_WIDTH: u32 = 64;
 
 fn source() -> Source {
     let constants = Constants::new().u32("GROUP_WIDTH", GROUP_WIDTH);
-    let parts = vec![("shaders/store.wgsl", include_str!("../../shaders/store.wgsl"))];
+    let parts = vec![("shaders/store.wgsl", include_str!("../../shaders/store.wgsl").into())];
     Source { name: "store", constants, parts }
 }
 

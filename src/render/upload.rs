@@ -91,7 +91,7 @@ impl Uploaded {
     }
 
     fn has_light(&self, plan: &ScenePlan) -> bool {
-        self.pool.is_none() || self.level.is_some() || !plan.reads_light_grid()
+        self.pool.is_none() || self.level.is_some() || !plan.light.reads_grid()
     }
 
     /// The voxels of which light grids are filled, those of a coarse level of a volume in bricks, and the factors from texture
@@ -188,7 +188,7 @@ impl Renderer {
             let pool_of = |budget: u64| PoolSize::new(&self.device, grid, apron, (format, voxel_bytes), budget, limit);
             // Before a level is made.
             pool_of(self.pool_budget(0))?;
-            let is_dimmed = planned.plan.reads_light_grid();
+            let is_dimmed = planned.plan.light.reads_grid();
             let stored = (format, voxel_bytes);
             let level = is_dimmed.then(|| self.light_level(scene, planned, stored, progress)).transpose()?;
             let beside = level.as_ref().map_or(0, |level| level.uploaded.bytes());

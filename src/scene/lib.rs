@@ -20,8 +20,8 @@ pub use blocks::{Block, Blocks, MOST_BLOCKS, Node, low_leaves};
 pub use camera::{Aim, Camera, Fill, Projection, View};
 pub use camera::{centre, unit};
 pub use coarse::{Coarse, LabelLeft, Level};
-pub use lights::{INTENSITY, THREE_POINT_PARTS, THREE_POINT_SUM};
-pub use lights::{Mix, MixLight, Placement, Position, positions, three_point};
+pub use lights::INTENSITY;
+pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
 pub use transfer::depth_from_opacity;
 pub use transfer::{GRADIENT_POINTS, Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 

@@ -29,14 +29,6 @@ pub enum Placement {
 /// their weights: key, fill and rim (docs/decisions/rendering.md).
 const THREE_POINT: [([f64; 3], f64); 3] = [([-0.5, 0.6, 1.0], 0.9), ([0.8, 0.1, 0.5], 0.1), ([0.4, 0.8, -0.3], 0.15)];
 
-/// Sum of the weights of a three-point light: its largest diffuse and specular shade.
-pub const THREE_POINT_SUM: f64 = THREE_POINT[0].1 + THREE_POINT[1].1 + THREE_POINT[2].1;
-
-/// Weights of key, fill and rim as parts of their sum (shaders/shadowed.wgsl repeats them), for scenes without shading:
-/// there, a light that nothing dims has the shade 1.
-pub const THREE_POINT_PARTS: [f64; 3] =
-    [THREE_POINT[0].1 / THREE_POINT_SUM, THREE_POINT[1].1 / THREE_POINT_SUM, THREE_POINT[2].1 / THREE_POINT_SUM];
-
 /// Unit vectors in world space towards the key, the fill and the rim of a three-point light seen in `view`, and their
 /// weights.
 #[must_use]
@@ -44,6 +36,140 @@ pub fn three_point(view: &View) -> [(DVec3, f64); 3] {
     THREE_POINT.map(|([right, up, back], weight)| {
         ((right * view.right + up * view.up - back * view.forward).normalize_or_zero(), weight)
     })
+}
+
+/// Name of a kind of light in files: `"ambient"`, `"headlight"`, `"directional"`, `"point"` or `"three_point"`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(transparent)]
+pub struct LightKind(&'static str);
+
+impl LightKind {
+    /// The names of all kinds, and the key of the vector that a kind has.
+    const ALL: [(&'static str, Option<&'static str>); 5] = [
+        ("ambient", None),
+        ("headlight", None),
+        ("directional", Some("direction")),
+        ("point", Some("position")),
+        ("three_point", None),
+    ];
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        self.0
+    }
+
+    /// Key of its vector in a scene file: `direction`, a unit vector towards the light, or `position`. `None` if it has none.
+    #[must_use]
+    pub fn vector(self) -> Option<&'static str> {
+        Self::ALL.iter().find(|(name, _)| *name == self.0).and_then(|(_, vector)| *vector)
+    }
+
+    /// Name of the first kind with a vector of this key.
+    #[must_use]
+    pub fn with_vector(key: &str) -> Option<&'static str> {
+        Self::ALL.iter().find(|(_, vector)| *vector == Some(key)).map(|(name, _)| *name)
+    }
+}
+
+impl Default for LightKind {
+    fn default() -> Self {
+        Placement::Headlight.kind()
+    }
+}
+
+impl<'de> serde::Deserialize<'de> for LightKind {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        const NAMES: [&str; LightKind::ALL.len()] =
+            [LightKind::ALL[0].0, LightKind::ALL[1].0, LightKind::ALL[2].0, LightKind::ALL[3].0, LightKind::ALL[4].0];
+        let stated = <std::borrow::Cow<'de, str>>::deserialize(from)?;
+        let known = NAMES.iter().find(|name| **name == stated);
+        known.map(|name| Self(name)).ok_or_else(|| serde::de::Error::unknown_variant(&stated, &NAMES))
+    }
+}
+
+/// Where light arrives from at a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Direction {
+    /// All directions evenly.
+    Everywhere,
+    /// The eye.
+    Eye,
+    /// Infinity: one direction everywhere.
+    Infinity,
+    /// A place.
+    Place,
+}
+
+impl Placement {
+    /// Its kind.
+    #[must_use]
+    pub const fn kind(self) -> LightKind {
+        LightKind(match self {
+            Self::Ambient => "ambient",
+            Self::Headlight => "headlight",
+            Self::Directional(_) => "directional",
+            Self::Point(_) => "point",
+            Self::ThreePoint => "three_point",
+        })
+    }
+
+    /// Its direction or point.
+    #[must_use]
+    pub const fn vector(self) -> Option<DVec3> {
+        match self {
+            Self::Directional(vector) | Self::Point(vector) => Some(vector),
+            Self::Ambient | Self::Headlight | Self::ThreePoint => None,
+        }
+    }
+
+    /// The placement of a `kind` with this direction or point; `None` if the kind has another number of vectors.
+    #[must_use]
+    pub fn of(kind: LightKind, vector: Option<DVec3>) -> Option<Self> {
+        let at = vector.unwrap_or_default();
+        let all = [Self::Ambient, Self::Headlight, Self::Directional(at), Self::Point(at), Self::ThreePoint];
+        let of_kind = |placement: &Self| placement.kind() == kind && placement.vector().is_some() == vector.is_some();
+        all.into_iter().find(of_kind)
+    }
+
+    /// Where light from here arrives from: one accumulator has them all.
+    #[must_use]
+    pub const fn directions(self) -> &'static [Direction] {
+        match self {
+            Self::Ambient => &[Direction::Everywhere],
+            Self::Headlight => &[Direction::Eye],
+            Self::Directional(_) => &[Direction::Infinity],
+            Self::Point(_) => &[Direction::Place],
+            Self::ThreePoint => &[Direction::Infinity; THREE_POINT.len()],
+        }
+    }
+
+    /// World vectors of [`Self::directions`], unit vectors towards infinity or places, and their weights, as seen in `view`.
+    /// Without a view, three-point light comes from nowhere.
+    #[must_use]
+    pub fn vectors(self, view: Option<&View>) -> Vec<(DVec3, f64)> {
+        match self {
+            Self::Ambient | Self::Headlight => vec![(DVec3::ZERO, 1.0)],
+            Self::Directional(vector) | Self::Point(vector) => vec![(vector, 1.0)],
+            Self::ThreePoint => view.map_or([(DVec3::ZERO, 0.0); THREE_POINT.len()], three_point).to_vec(),
+        }
+    }
+
+    /// Whether its directions, several of them, turn with the camera.
+    #[must_use]
+    pub const fn turns(self) -> bool {
+        matches!(self, Self::ThreePoint)
+    }
+
+    /// Sum of the weights: the largest diffuse and specular shade. Where nothing shades, a light has the shade 1, and each
+    /// of its directions its part of this sum.
+    #[must_use]
+    pub fn largest_shade(self) -> f64 {
+        match self {
+            Self::ThreePoint => THREE_POINT.iter().map(|(_, weight)| weight).sum(),
+            Self::Ambient | Self::Headlight | Self::Directional(_) | Self::Point(_) => 1.0,
+        }
+    }
 }
 
 /// A light position that shading can distinguish from the others; it has an accumulator of its own.

@@ -4,6 +4,7 @@ mod explain;
 mod fitted;
 mod half;
 mod integration;
+mod light;
 mod needs;
 mod shadows;
 mod stale;
@@ -13,6 +14,7 @@ use std::sync::Arc;
 
 use fitted::{Coefficients, RECENT, Wanted};
 pub use integration::{Narrow, narrow, read_ahead};
+pub use light::{Arrival, LightPlan, MOST_SHADOWED, Share};
 pub use needs::PlannedFilm;
 pub use needs::is_constant;
 use needs::{exponents, longest_way, transmittance};
@@ -21,7 +23,7 @@ pub use warning::PlanWarning;
 
 use crate::{
     AccumulateAs, Accuracy, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup,
-    Placement, Position, Scene, Shading, ShadowMethod, StoreAs, VolumeAs, positions,
+    Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
 };
 use relume_base::progress::Progress;
 use relume_colour::model::{ColourModel, ModelError, ModelKind, Order};
@@ -46,10 +48,8 @@ pub struct ScenePlan {
     pub accumulate: Accumulate,
     /// Kind of transmittance.
     pub transmittance: Transmittance,
-    /// Light positions that shading can distinguish: one accumulator each.
-    pub positions: PositionCounts,
-    /// Positions with shadows; `None` without any.
-    pub shadows: Option<ShadowedPositions>,
+    /// The light of each accumulator: one for each position that shading can distinguish.
+    pub light: LightPlan,
     /// Shading of directed lights; `None` if every light reaches every point equally.
     pub shading: Option<ShadingTerms>,
     /// Phase functions by which a step scatters directed light: with weights, one per material in use; otherwise, one per
@@ -158,68 +158,6 @@ pub struct Parts {
     pub lanes: usize,
 }
 
-/// Number of light positions of each kind. Accumulators follow the order ambient, headlight, directional, point,
-/// three-point.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct PositionCounts {
-    /// 0 or 1: all ambient lights share a position.
-    pub ambient: usize,
-    /// 0 to 2: without and with shadows.
-    pub headlight: usize,
-    /// Lights at infinity.
-    pub directional: usize,
-    /// Lights at a point.
-    pub point: usize,
-    /// 0 to 2: without and with shadows.
-    pub three_point: usize,
-}
-
-/// Positions with shadows: the last ones of their kinds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct ShadowedPositions {
-    /// Whether the last headlight casts shadows: it shines along the rays of the eye, so they follow from the
-    /// transmittance.
-    pub headlight: bool,
-    /// Number of directional lights with shadows.
-    pub directional: usize,
-    /// Whether the last three-point light casts shadows.
-    pub three_point: bool,
-    /// Number of point lights with shadows.
-    pub point: usize,
-    /// The last ambient light casts shadows.
-    pub ambient: bool,
-    /// The medium dims the ambient shares of directed lights.
-    pub occluded: bool,
-    /// Method that finds their light.
-    pub method: ShadowMethod,
-    /// Materials with coloured absorption, through each of which light has a depth of its own; 0 if all absorption is grey.
-    pub absorbers: usize,
-}
-
-/// Largest number of depths per node of a light grid.
-pub const MOST_SHADOWED: usize = 16;
-
-impl ShadowedPositions {
-    /// Number of lights of the light grid: one per directional and point light, three of a three-point light, and one for
-    /// ambient light from all directions.
-    #[must_use]
-    pub fn grid_lights(&self) -> usize {
-        self.directional + if self.three_point { 3 } else { 0 } + self.point + usize::from(self.sky())
-    }
-
-    /// Number of depths per node of the light grid: of each light through all that is grey, and through each absorber.
-    #[must_use]
-    pub fn grid_depths(&self) -> usize {
-        self.grid_lights() * (1 + self.absorbers)
-    }
-
-    /// True if the medium dims ambient light.
-    #[must_use]
-    pub fn sky(&self) -> bool {
-        self.ambient || self.occluded
-    }
-}
-
 /// Numbers of thin films.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct FilmCounts {
@@ -277,126 +215,7 @@ pub struct Planned {
     pub warnings: Vec<PlanWarning>,
 }
 
-impl PositionCounts {
-    /// Number of light positions.
-    #[must_use]
-    pub fn total(&self) -> usize {
-        self.ambient + self.headlight + self.directional + self.point + self.three_point
-    }
-
-    /// Indices of the directional lights, if the last `shadowed` of them are meant.
-    #[must_use]
-    pub fn last_directional(&self, shadowed: usize) -> std::ops::Range<usize> {
-        let end = self.ambient + self.headlight + self.directional;
-        end - shadowed.min(self.directional)..end
-    }
-
-    /// Indices of the point lights, if the last `shadowed` of them are meant.
-    #[must_use]
-    pub fn last_point(&self, shadowed: usize) -> std::ops::Range<usize> {
-        let end = self.total() - self.three_point;
-        end - shadowed.min(self.point)..end
-    }
-
-    /// Number of vectors of the positions: three for a three-point light, otherwise one.
-    #[must_use]
-    pub fn vectors(&self) -> usize {
-        self.total() + 2 * self.three_point
-    }
-
-    /// Index of the first vector of `position`.
-    #[must_use]
-    pub fn first_vector(&self, position: usize) -> usize {
-        position + 2 * position.saturating_sub(self.total() - self.three_point)
-    }
-}
-
 impl ScenePlan {
-    /// Indices of the directional positions with shadows.
-    #[must_use]
-    pub fn shadowed(&self) -> std::ops::Range<usize> {
-        self.positions.last_directional(self.shadows.map_or(0, |shadows| shadows.directional))
-    }
-
-    /// Indices of the point lights with shadows.
-    #[must_use]
-    pub fn shadowed_points(&self) -> std::ops::Range<usize> {
-        self.positions.last_point(self.shadows.map_or(0, |shadows| shadows.point))
-    }
-
-    /// Index of the headlight with shadows, if there is one.
-    #[must_use]
-    pub fn shadowed_headlight(&self) -> Option<usize> {
-        let last = (self.positions.ambient + self.positions.headlight).checked_sub(1);
-        last.filter(|_| self.shadows.is_some_and(|shadows| shadows.headlight))
-    }
-
-    /// Index of the three-point position with shadows, if there is one.
-    #[must_use]
-    pub fn shadowed_three_point(&self) -> Option<usize> {
-        let last = self.positions.total().checked_sub(1);
-        last.filter(|_| self.shadows.is_some_and(|shadows| shadows.three_point))
-    }
-
-    /// Index of the ambient position with shadows, if there is one.
-    #[must_use]
-    pub fn shadowed_ambient(&self) -> Option<usize> {
-        self.positions.ambient.checked_sub(1).filter(|_| self.shadows.is_some_and(|shadows| shadows.ambient))
-    }
-
-    /// Number of lights of the light grid: those of [`Self::shadow_vectors`], and ambient light if the medium dims it.
-    #[must_use]
-    pub fn grid_lights(&self) -> usize {
-        self.shadows.map_or(0, |shadows| shadows.grid_lights())
-    }
-
-    /// Number of depths per node of the light grid: [`Self::absorbers`] and one more for each light.
-    #[must_use]
-    pub fn grid_depths(&self) -> usize {
-        self.shadows.map_or(0, |shadows| shadows.grid_depths())
-    }
-
-    /// Number of coloured absorbers of shadows; 0 without shadows.
-    #[must_use]
-    pub fn absorbers(&self) -> usize {
-        self.shadows.map_or(0, |shadows| shadows.absorbers)
-    }
-
-    /// Number of ambient light among the lights of the light grid, if the medium dims it: the last.
-    #[must_use]
-    pub fn sky(&self) -> Option<usize> {
-        self.shadows.filter(ShadowedPositions::sky).map(|shadows| shadows.grid_lights() - 1)
-    }
-
-    /// Number of the first point light among the lights of the light grid.
-    #[must_use]
-    pub fn first_point(&self) -> usize {
-        self.shadowed().len() + if self.shadowed_three_point().is_some() { 3 } else { 0 }
-    }
-
-    /// Indices of the vectors of the positions along which the medium dims light: of directional lights, then of a
-    /// three-point light, then of point lights.
-    pub fn shadow_vectors(&self) -> impl Iterator<Item = usize> + use<> {
-        let of_three = self.shadowed_three_point().map(|position| self.positions.first_vector(position));
-        self.shadowed().chain(of_three.into_iter().flat_map(|first| first..first + 3)).chain(self.shadowed_points())
-    }
-
-    /// Number of positions without shadows.
-    #[must_use]
-    pub fn open_positions(&self) -> usize {
-        let shadowed_one = [self.shadowed_ambient(), self.shadowed_headlight(), self.shadowed_three_point()];
-        self.positions.total()
-            - self.shadowed().len()
-            - self.shadowed_points().len()
-            - shadowed_one.into_iter().flatten().count()
-    }
-
-    /// Whether the march reads a light grid.
-    #[must_use]
-    pub fn reads_light_grid(&self) -> bool {
-        self.shadows.is_some_and(|shadows| shadows.grid_lights() > 0 && shadows.method == ShadowMethod::Grid)
-    }
-
     /// Components of an accumulator.
     #[must_use]
     pub fn components(&self) -> usize {
@@ -475,10 +294,10 @@ impl ScenePlan {
                 let lanes = self.lanes();
                 let own = shares == Shares::Own;
                 let unshaded = if own { 2 * lanes } else { 0 };
-                let highlights = match (own, self.positions.ambient) {
+                let highlights = match (own, self.light.is_ambient()) {
                     (false, _) => self.phases.max(1) * lanes,
-                    (true, 0) => 2 * lanes,
-                    (true, _) => 3 * lanes,
+                    (true, false) => 2 * lanes,
+                    (true, true) => 3 * lanes,
                 };
                 let white = |parts: usize| match self.transmittance {
                     Transmittance::Grey => parts.div_ceil(LANE),
@@ -501,7 +320,7 @@ impl ScenePlan {
     /// Vectors of a pixel's accumulators: [`Self::lanes`] per position.
     #[must_use]
     pub fn layers(&self) -> usize {
-        self.positions.total() * self.lanes()
+        self.light.accumulators() * self.lanes()
     }
 
     /// Bytes of a finished pixel on a device. Grey transmittance is never stored in 16 bits: alone in its texel, it
@@ -563,7 +382,7 @@ impl ScenePlan {
         let entries = if self.lookup == Lookup::Nearest { 1 } else { 2 };
         let differences = if self.gradient() && self.gradients == Gradients::Central { 6 * voxels } else { 0 };
         // A fetch of four lights.
-        let light = if self.reads_light_grid() { 8 * LANE } else { 0 };
+        let light = if self.light.reads_grid() { 8 * LANE } else { 0 };
         self.skipping && entries * (self.parts().lanes * LANE + opacity) + differences + light >= 2 * voxels
     }
 
@@ -781,16 +600,9 @@ pub fn plan_full_spectrum(scene: &Scene) -> Planned {
 fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let materials: Vec<usize> = (0..scene.materials.len()).filter(|&material| scene.shows(material)).collect();
     let positions = positions(scene);
-    let count = |kind: fn(&Placement) -> bool| positions.iter().filter(|position| kind(&position.placement)).count();
-    let counts = PositionCounts {
-        ambient: count(|placement| matches!(placement, Placement::Ambient)),
-        headlight: count(|placement| matches!(placement, Placement::Headlight)),
-        directional: count(|placement| matches!(placement, Placement::Directional(_))),
-        point: count(|placement| matches!(placement, Placement::Point(_))),
-        three_point: count(|placement| matches!(placement, Placement::ThreePoint)),
-    };
+    let is_directed = positions.iter().any(|position| position.placement != Placement::Ambient);
     let used = || materials.iter().filter_map(|&material| scene.materials.get(material));
-    let directed = scene.shading == Shading::Gradient && counts.total() > counts.ambient;
+    let directed = scene.shading == Shading::Gradient && is_directed;
     let diffuse = directed && used().any(|material| material.own_diffuse() > 0.0);
     let exponents = if directed { exponents(used()) } else { Vec::new() };
     let specular = exponents.last().map(|&largest| Specular {
@@ -812,21 +624,9 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     };
     let transmittance = transmittance(scene);
     let coloured = transmittance == Transmittance::Coloured;
-    let shadowed = |kind: fn(&Placement) -> bool| {
-        positions.iter().filter(|position| position.shadows && kind(&position.placement)).count()
-    };
-    let shadows = ShadowedPositions {
-        headlight: shadowed(|placement| matches!(placement, Placement::Headlight)) > 0,
-        directional: shadowed(|placement| matches!(placement, Placement::Directional(_))),
-        three_point: shadowed(|placement| matches!(placement, Placement::ThreePoint)) > 0,
-        point: shadowed(|placement| matches!(placement, Placement::Point(_))),
-        ambient: shadowed(|placement| matches!(placement, Placement::Ambient)) > 0,
-        occluded: directed
-            && scene.shadows.ambient == AmbientShares::Occluded
-            && used().any(|material| material.ambient > 0.0),
-        method: scene.shadows.method,
-        absorbers: if coloured { needs::absorbers(scene).count() } else { 0 },
-    };
+    let occluded =
+        directed && scene.shadows.ambient == AmbientShares::Occluded && used().any(|material| material.ambient > 0.0);
+    let absorbers = if coloured { needs::absorbers(scene).count() } else { 0 };
     let thin_films = if directed {
         needs::thin_film_counts(used(), model.is_none().then_some(scene.accuracy.tolerance))
     } else {
@@ -835,7 +635,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let one_sided = scene.lighting == Lighting::OneSided && (diffuse || specular.is_some() || thin_films.total() > 0);
     let shading = directed.then_some(ShadingTerms { diffuse, specular, one_sided });
     let phases = match accumulate {
-        _ if !scene.has_phases() || counts.total() == counts.ambient => 0,
+        _ if !scene.has_phases() || !is_directed => 0,
         Accumulate::Weights { materials } => materials,
         Accumulate::Spectral { .. } => needs::phases(used()).len(),
     };
@@ -847,8 +647,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             (Transmittance::Coloured, Some(ModelKind::Peercy)) => Transmittance::Mixed,
             (transmittance, _) => transmittance,
         },
-        positions: counts,
-        shadows: Some(shadows).filter(|shadows| shadows.headlight || shadows.grid_lights() > 0),
+        light: LightPlan::new(&positions, occluded, scene.shadows.method, absorbers),
         shading,
         phases,
         thin_films,

@@ -52,7 +52,7 @@ fn control(error: &(dyn Error + 'static)) -> Option<&'static str> {
     }
     match error.downcast_ref() {
         Some(RenderError::Volume(error)) => return control(error),
-        Some(RenderError::Matrix { .. }) => return Some("; set a smaller k, or choose another model"),
+        Some(RenderError::Matrix) => return Some("; choose another model"),
         Some(RenderError::Slot { .. }) => return Some("; start relume view with more --device-memory"),
         Some(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }) => {
             return Some("; make the window smaller, or use fewer light positions");

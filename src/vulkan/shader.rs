@@ -3,6 +3,8 @@
 //! A shader's text has several parts (a common part and the stage itself); its constants come from Rust. WGSL allows a
 //! use before the declaration, so the generated constants *follow* the text, and an `enable` line stays first.
 
+mod iterations;
+
 use std::{error::Error as _, fmt::Write as _, ops::Range};
 
 use codespan_reporting::{
@@ -17,6 +19,9 @@ use naga::{
     proc::Layouter,
     valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
 };
+
+pub use iterations::Iterations;
+use iterations::iterations;
 
 /// Entry point of every compute shader.
 pub const ENTRY_POINT: &str = "main";
@@ -155,6 +160,7 @@ pub struct Shader {
     resources: Vec<String>,
     bindings: Vec<BindingKind>,
     push_constant_bytes: u32,
+    iterations: Iterations,
 }
 
 impl Shader {
@@ -180,6 +186,12 @@ impl Shader {
     #[must_use]
     pub fn push_constant_bytes(&self) -> u32 {
         self.push_constant_bytes
+    }
+
+    /// Iterations of its loops.
+    #[must_use]
+    pub fn iterations(&self) -> Iterations {
+        self.iterations
     }
 
     /// Number of instructions in its functions, without regard to loop counts.
@@ -229,7 +241,8 @@ pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Shader, 
     let entry = spv::PipelineOptions { shader_stage: ShaderStage::Compute, entry_point: ENTRY_POINT.to_owned() };
     let words = spv::write_vec(&module, &info, &options, Some(&entry))
         .map_err(|source| ShaderError::Write { name: text.name(), source })?;
-    Ok(Shader { words, resources, bindings, push_constant_bytes: push_constant_bytes(&module) })
+    let iterations = iterations(&module);
+    Ok(Shader { words, resources, bindings, push_constant_bytes: push_constant_bytes(&module), iterations })
 }
 
 /// Replaces each `if` with a constant condition by the branch that is taken.

@@ -11,10 +11,11 @@ use exr::prelude::{
 };
 use glam::DVec3;
 use relume::model::{Ingredients, ModelKind, Order, fit, unseen};
-use relume::output::film::{Components, Light, Position, PositionKind, Stored};
+use relume::output::film::{Components, Light, Position, Stored};
 use relume::output::{BANDS, FilmFile};
 use relume::progress::Quiet;
 use relume::scene::Mix;
+use relume::scene::Placement;
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, xyz_of};
 use relume::spectrum::{Spectrum, standard};
 
@@ -58,8 +59,12 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> FilmFile {
     };
     FilmFile {
         positions: vec![
-            Position { name: "transmittance".to_owned(), kind: PositionKind::Ambient, shadows: false },
-            Position { name: "key.0".to_owned(), kind: PositionKind::Point([1.0, 2.0, 3.0]), shadows: false },
+            Position { name: "transmittance".to_owned(), placement: Placement::Ambient, shadows: false },
+            Position {
+                name: "key.0".to_owned(),
+                placement: Placement::Point(DVec3::from_array([1.0, 2.0, 3.0])),
+                shadows: false,
+            },
         ],
         lights: lights.iter().enumerate().map(light).collect(),
         background: Some([0.25; BANDS]),

@@ -9,11 +9,13 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
 
 use exr::prelude::*;
-use relume::output::film::{Component, Components, Dial, DialPreset, Frame, Light, Node, Position, PositionKind};
+use glam::DVec3;
+use relume::output::film::{Component, Components, Dial, DialPreset, Frame, Light, Node, Position};
 use relume::output::{
     Alpha, BANDS, Depth, FilmFile, OutputError, Picture, write_atomically, write_exr, write_png, write_ready_png,
     write_spectral,
 };
+use relume::scene::Placement;
 use relume::spectrum::observer::Observer;
 use support::exr::damage;
 
@@ -342,9 +344,17 @@ fn example() -> FilmFile {
             Component { name: "white".to_owned(), spectrum: [1.0; BANDS] },
         ]),
         positions: vec![
-            Position { name: "key".to_owned(), kind: PositionKind::Directional([0.3, -1.0, 2.5]), shadows: true },
-            Position { name: "all around".to_owned(), kind: PositionKind::Ambient, shadows: false },
-            Position { name: "lamp".to_owned(), kind: PositionKind::Point([1e-9, 1e9, 0.0]), shadows: false },
+            Position {
+                name: "key".to_owned(),
+                placement: Placement::Directional(DVec3::from_array([0.3, -1.0, 2.5])),
+                shadows: true,
+            },
+            Position { name: "all around".to_owned(), placement: Placement::Ambient, shadows: false },
+            Position {
+                name: "lamp".to_owned(),
+                placement: Placement::Point(DVec3::from_array([1e-9, 1e9, 0.0])),
+                shadows: false,
+            },
         ],
         lights: vec![
             Light { name: "D65".to_owned(), position: 2, weight: 0.7, shown: Some(0.25), spectrum: ramp(1e-3) },
@@ -446,7 +456,7 @@ fn a_file_of_another_program_is_read() {
     let found = FilmFile::read(&path).unwrap();
     let bone = Component { name: "bone".to_owned(), spectrum: [0.5; BANDS] };
     let expected = FilmFile {
-        positions: vec![Position { name: "key".to_owned(), kind: PositionKind::Headlight, shadows: false }],
+        positions: vec![Position { name: "key".to_owned(), placement: Placement::Headlight, shadows: false }],
         lights: vec![Light { name: "E".to_owned(), position: 0, weight: 2.0, shown: None, spectrum: [1.0; BANDS] }],
         accumulators: weights.to_vec(),
         transmittance: transmittance.to_vec(),

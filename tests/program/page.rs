@@ -16,9 +16,10 @@ use markup5ever_rcdom::RcDom;
 use relume::document::{self, SceneOptions};
 use relume::film::Film;
 use relume::output::FilmFile;
-use relume::output::film::{Component, Components, Frame, Light, Position, PositionKind};
+use relume::output::film::{Component, Components, Frame, Light, Position};
 use relume::output::page::{Page, PageError, SCRIPT, STYLE};
 use relume::progress::Quiet;
+use relume::scene::Placement;
 use relume::scene::{Mix, MixLight};
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::observer::Observer;
@@ -73,7 +74,7 @@ fn film(
     };
     let header = FilmFile {
         positions: (0..positions)
-            .map(|index| Position { name: format!("p{index}"), kind: PositionKind::Ambient, shadows: false })
+            .map(|index| Position { name: format!("p{index}"), placement: Placement::Ambient, shadows: false })
             .collect(),
         lights: (0..positions).map(light).collect(),
         ..FilmFile::empty(size, Components::Surfaces(components.iter().enumerate().map(component).collect()))

@@ -200,7 +200,7 @@ fn coloured_shadows_on_the_device_equal_the_reference_and_81_bands_within_the_to
             let rungs = Rungs::new(scene, SIZE);
             let plan = &rungs.planned.plan;
             assert!(
-                plan.absorbers() > 0 && plan.transmittance == Transmittance::Coloured,
+                plan.light.absorbers > 0 && plan.transmittance == Transmittance::Coloured,
                 "{name} has coloured shadows"
             );
             let matrices = rungs.xyz_matrices();

@@ -11,11 +11,11 @@ use std::path::Path;
 
 use glam::DVec3;
 use relume::document::{self, Document, Edit, SceneFile, SceneOptions, Source};
-use relume::plan::{Accumulate, PlanWarning, PositionCounts, Stale, Transmittance, plan};
+use relume::plan::{Accumulate, LightPlan, PlanWarning, Stale, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::reference;
 use relume::scene::{
-    AccumulateAs, Integration, Interpolation, Material, Placement, Scene, SceneLight, Shading, StoreAs,
+    AccumulateAs, Direction, Integration, Interpolation, Material, Placement, Scene, SceneLight, Shading, StoreAs,
 };
 use relume::tables::sky_direction;
 use support::rungs::{Rungs, with_renderer};
@@ -148,18 +148,18 @@ fn unshaded(name: &str) -> Scene {
 #[test]
 fn plans_keep_directions_apart_only_where_a_phase_function_does() {
     let least = plan(&unshaded("diffuse_three"), &Quiet).unwrap().plan;
-    assert_eq!((least.phases, least.positions.total()), (0, 1));
+    assert_eq!((least.phases, least.light.accumulators()), (0, 1));
     let scene = with_phases(unshaded("diffuse_three"));
     let by_phase = plan(&scene, &Quiet).unwrap();
     assert_eq!(by_phase.plan.phases, 3, "one per weight");
-    assert_eq!(by_phase.plan.positions, plan(&scenes::named("diffuse_three"), &Quiet).unwrap().plan.positions);
+    assert_eq!(by_phase.plan.light, plan(&scenes::named("diffuse_three"), &Quiet).unwrap().plan.light);
     // Opposite directions are two positions.
     let mut opposite = with_phases(unshaded("diffuse_one"));
     let Placement::Directional(direction) = opposite.lights[0].placement else { panic!("a directional light") };
     let other = SceneLight { placement: Placement::Directional(-direction), ..opposite.lights[0].clone() };
     opposite.lights.push(other);
-    let positions = PositionCounts { directional: 2, ..PositionCounts::default() };
-    assert_eq!(plan(&opposite, &Quiet).unwrap().plan.positions, positions);
+    let light = LightPlan::open(&[Direction::Infinity, Direction::Infinity]);
+    assert_eq!(plan(&opposite, &Quiet).unwrap().plan.light, light);
     // Equal parameters share a part of a table entry in k numbers.
     let mut alike = with_phases(unshaded("coloured_three"));
     let apart = plan(&alike, &Quiet).unwrap().plan;
@@ -312,8 +312,6 @@ fn k_numbers_by_phase_functions_on_the_device_equal_the_reference() {
         grey.accuracy.accumulate = AccumulateAs::Spectral;
         let mut shadowed = with_phases(beside_three_point("none", 2));
         shadowed.accuracy.accumulate = AccumulateAs::Spectral;
-        let mut matrix = with_phases(unshaded("coloured_one"));
-        (matrix.accuracy.model, matrix.accuracy.dimension) = (relume::model::ModelKind::Peercy, Some(4));
         let mut segments = with_phases(unshaded("coloured_three"));
         segments.accuracy.integration = Integration::Segments;
         let mut grey_segments = with_phases(occluded("none"));
@@ -328,7 +326,6 @@ fn k_numbers_by_phase_functions_on_the_device_equal_the_reference() {
             ("coloured X-ray", with_phases(scenes::named("coloured_xray"))),
             ("one phase function", scattering(unshaded("coloured_three"), 0.4)),
             ("sharpened", with_phases(unshaded("sharpened"))),
-            ("matrix", matrix),
             ("segments", segments),
             ("grey segments", grey_segments),
             ("gradient opacity", thinned),

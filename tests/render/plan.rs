@@ -4,12 +4,13 @@ use crate::support;
 
 use glam::DVec3;
 use relume::plan::{
-    Accumulate, FilmCounts, Integrate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan,
+    Accumulate, Arrival, FilmCounts, Integrate, LightPlan, ScenePlan, ShadingTerms, Share, Specular, Transmittance,
+    plan,
 };
 use relume::progress::Quiet;
 use relume::scene::{
-    AccumulateAs, Gradients, Interpolation, LabelInterpolation, Lighting, Lookup, Placement, Scene, Shading, StoreAs,
-    VolumeAs,
+    AccumulateAs, Direction, Gradients, Interpolation, LabelInterpolation, Lighting, Lookup, Placement, Scene, Shading,
+    StoreAs, VolumeAs,
 };
 use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
@@ -20,8 +21,7 @@ fn least() -> ScenePlan {
     ScenePlan {
         accumulate: Accumulate::Weights { materials: 3 },
         transmittance: Transmittance::Grey,
-        positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
-        shadows: None,
+        light: LightPlan::open(&[Direction::Everywhere]),
         shading: None,
         phases: 0,
         thin_films: FilmCounts::default(),
@@ -45,12 +45,12 @@ fn least() -> ScenePlan {
 const FLAT: Option<ShadingTerms> = Some(ShadingTerms { diffuse: false, specular: None, one_sided: false });
 const DIFFUSE: Option<ShadingTerms> = Some(ShadingTerms { diffuse: true, specular: None, one_sided: false });
 
-fn directional() -> PositionCounts {
-    PositionCounts { directional: 1, ..PositionCounts::default() }
+fn directional() -> LightPlan {
+    LightPlan::open(&[Direction::Infinity])
 }
 
-fn headlight() -> PositionCounts {
-    PositionCounts { headlight: 1, ..PositionCounts::default() }
+fn headlight() -> LightPlan {
+    LightPlan::open(&[Direction::Eye])
 }
 
 /// Plan of the scene `name` after `change`.
@@ -80,18 +80,18 @@ fn sixteen_bits_are_stored_where_they_are_asked_for() {
 
 #[test]
 fn a_directional_light_has_a_position_and_a_gradient() {
-    assert_eq!(changed("diffuse_one", |_| {}), ScenePlan { positions: directional(), shading: DIFFUSE, ..least() });
+    assert_eq!(changed("diffuse_one", |_| {}), ScenePlan { light: directional(), shading: DIFFUSE, ..least() });
 }
 
 #[test]
 fn three_lights_have_three_positions() {
-    let positions = PositionCounts { headlight: 1, directional: 1, point: 1, ..PositionCounts::default() };
-    assert_eq!(changed("diffuse_three", |_| {}), ScenePlan { positions, shading: DIFFUSE, ..least() });
+    let light = LightPlan::open(&[Direction::Eye, Direction::Infinity, Direction::Place]);
+    assert_eq!(changed("diffuse_three", |_| {}), ScenePlan { light, shading: DIFFUSE, ..least() });
 }
 
 #[test]
 fn lights_that_shading_cannot_tell_apart_share_a_position() {
-    let expected = ScenePlan { positions: directional(), shading: DIFFUSE, ..least() };
+    let expected = ScenePlan { light: directional(), shading: DIFFUSE, ..least() };
     let second = |scene: &mut Scene, placement: Placement| {
         let mut light = scene.lights[0].clone();
         light.name = "second".into();
@@ -108,7 +108,7 @@ fn lights_that_shading_cannot_tell_apart_share_a_position() {
         second(scene, Placement::Directional(-direction));
         scene.materials[0].specular = 0.5;
     });
-    assert_eq!(two.positions, PositionCounts { directional: 2, ..PositionCounts::default() });
+    assert_eq!(two.light, LightPlan::open(&[Direction::Infinity, Direction::Infinity]));
 }
 
 #[test]
@@ -116,7 +116,7 @@ fn materials_without_a_diffuse_part_need_no_gradient() {
     let flat = changed("diffuse_three", |scene| {
         scene.materials.iter_mut().for_each(|material| material.diffuse = 0.0);
     });
-    assert_eq!(flat, ScenePlan { positions: headlight(), shading: FLAT, ..least() });
+    assert_eq!(flat, ScenePlan { light: headlight(), shading: FLAT, ..least() });
     assert!(!flat.gradient());
     let white = changed("diffuse_three", |scene| {
         scene.materials.iter_mut().for_each(|material| (material.ambient, material.diffuse) = (1.0, 0.0));
@@ -132,22 +132,22 @@ fn ambient_light_alone_needs_no_gradient() {
 
 #[test]
 fn highlights_of_one_exponent_and_of_several() {
-    let positions = PositionCounts { point: 1, ..PositionCounts::default() };
+    let light = LightPlan::open(&[Direction::Place]);
     let specular = Some(Specular { one_exponent: Some(20), exponent_bits: 5 });
     let shading = Some(ShadingTerms { diffuse: true, specular, one_sided: false });
-    assert_eq!(changed("specular_one", |_| {}), ScenePlan { positions, shading, ..least() });
+    assert_eq!(changed("specular_one", |_| {}), ScenePlan { light: light.clone(), shading, ..least() });
     // A single exponent is compiled in: a pipeline for 20 does not serve 21.
     let other = changed("specular_one", |scene| scene.materials.iter_mut().for_each(|material| material.exponent = 21));
     let specular = Some(Specular { one_exponent: Some(21), exponent_bits: 5 });
     assert_eq!(
         other,
-        ScenePlan { positions, shading: Some(ShadingTerms { diffuse: true, specular, one_sided: false }), ..least() }
+        ScenePlan { light, shading: Some(ShadingTerms { diffuse: true, specular, one_sided: false }), ..least() }
     );
 
     let specular = Some(Specular { one_exponent: None, exponent_bits: 6 });
     let expected = ScenePlan {
         accumulate: Accumulate::Weights { materials: 4 },
-        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1, ..PositionCounts::default() },
+        light: LightPlan::open(&[Direction::Everywhere, Direction::Eye, Direction::Infinity, Direction::Place]),
         shading: Some(ShadingTerms { diffuse: true, specular, one_sided: false }),
         ..least()
     };
@@ -216,7 +216,7 @@ fn weights_are_kept_where_narrower_numbers_miss_the_tolerance() {
 
 #[test]
 fn labels_and_a_background_are_planned_where_they_are() {
-    let labels = ScenePlan { positions: directional(), shading: DIFFUSE, labels: true, smooth_labels: true, ..least() };
+    let labels = ScenePlan { light: directional(), shading: DIFFUSE, labels: true, smooth_labels: true, ..least() };
     assert_eq!(changed("labels", |_| {}), labels);
     let nearest = changed("labels", |scene| scene.accuracy.labels = LabelInterpolation::Nearest);
     assert_eq!(nearest, ScenePlan { smooth_labels: false, ..labels.clone() });
@@ -228,11 +228,11 @@ fn labels_and_a_background_are_planned_where_they_are() {
 
 #[test]
 fn the_camera_and_the_box_plan_nothing() {
-    let shaded = ScenePlan { positions: directional(), shading: DIFFUSE, ..least() };
+    let shaded = ScenePlan { light: directional(), shading: DIFFUSE, ..least() };
     for name in ["inside", "cropped", "negative"] {
         assert_eq!(changed(name, |_| {}), shaded, "{name}");
     }
-    assert_eq!(changed("orthographic", |_| {}), ScenePlan { positions: headlight(), shading: DIFFUSE, ..least() });
+    assert_eq!(changed("orthographic", |_| {}), ScenePlan { light: headlight(), shading: DIFFUSE, ..least() });
     assert_eq!(changed("xray", |_| {}), least());
 }
 
@@ -254,7 +254,7 @@ fn knobs_are_planned_as_they_are_set() {
 fn gradients_are_taken_from_samples_only_where_there_are_any() {
     let central = |scene: &mut Scene| scene.accuracy.gradients = Gradients::Central;
     assert_eq!(changed("unshaded_one", central), least());
-    let shaded = ScenePlan { positions: directional(), shading: DIFFUSE, ..least() };
+    let shaded = ScenePlan { light: directional(), shading: DIFFUSE, ..least() };
     assert_eq!(changed("diffuse_one", central), ScenePlan { gradients: Gradients::Central, ..shaded });
 }
 
@@ -286,7 +286,7 @@ fn what_nothing_shows_is_left_out() {
     assert_eq!(nothing.components(), 0);
     assert_eq!(nothing.shading, None);
     let dark = changed("diffuse_one", |scene| scene.lights.clear());
-    assert_eq!(dark, ScenePlan { positions: PositionCounts::default(), ..least() });
+    assert_eq!(dark, ScenePlan { light: LightPlan::default(), ..least() });
 }
 
 #[test]
@@ -298,7 +298,7 @@ fn a_material_that_nothing_shows_splits_no_position() {
         scene.transfer.terms.remove(1);
     });
     let two = Accumulate::Weights { materials: 2 };
-    assert_eq!(flat, ScenePlan { accumulate: two, positions: headlight(), shading: FLAT, ..least() });
+    assert_eq!(flat, ScenePlan { accumulate: two, light: headlight(), shading: FLAT, ..least() });
 }
 
 /// The smallest plan of a scene and the largest, with every feature enabled but without effect, give one picture.
@@ -332,10 +332,9 @@ fn the_least_plan_and_the_fullest_show_the_same() {
     scene.labels = Some(relume::scene::Labels { volume: std::sync::Arc::new(zeros), declared: vec![entry] });
     let fullest = Rungs::new(scene, SIZE);
     let expected = ScenePlan {
-        shadows: None,
         accumulate: Accumulate::Weights { materials: 3 },
         transmittance: Transmittance::Grey,
-        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1, ..PositionCounts::default() },
+        light: LightPlan::open(&[Direction::Everywhere, Direction::Eye, Direction::Infinity, Direction::Place]),
         shading: Some(ShadingTerms {
             diffuse: true,
             specular: Some(Specular { one_exponent: None, exponent_bits: 7 }),
@@ -412,7 +411,7 @@ fn a_factor_by_the_gradient_is_refused_with_a_matrix_of_transmittance() {
 fn one_sided_lighting_is_planned_where_a_material_shades() {
     let one_sided = |scene: &mut Scene| scene.lighting = Lighting::OneSided;
     let shading = Some(ShadingTerms { diffuse: true, specular: None, one_sided: true });
-    assert_eq!(changed("diffuse_one", one_sided), ScenePlan { positions: directional(), shading, ..least() });
+    assert_eq!(changed("diffuse_one", one_sided), ScenePlan { light: directional(), shading, ..least() });
     assert_eq!(changed("unshaded_one", one_sided), least());
     // Opposite directions shade alike on two sides only.
     let opposite = |lighting| {
@@ -425,8 +424,8 @@ fn one_sided_lighting_is_planned_where_a_material_shades() {
             scene.lights.push(other);
         })
     };
-    assert_eq!(opposite(Lighting::TwoSided).positions.total(), 1);
-    assert_eq!(opposite(Lighting::OneSided).positions.total(), 2);
+    assert_eq!(opposite(Lighting::TwoSided).light.accumulators(), 1);
+    assert_eq!(opposite(Lighting::OneSided).light.accumulators(), 2);
 }
 
 #[test]
@@ -436,9 +435,12 @@ fn all_three_point_lights_share_one_position_with_three_vectors() {
         let other = scene.lights[0].clone();
         scene.lights.push(other);
     });
-    let positions = PositionCounts { three_point: 1, ..PositionCounts::default() };
-    assert_eq!(counts, ScenePlan { positions, shading: DIFFUSE, ..least() });
-    assert_eq!((positions.total(), positions.vectors()), (1, 3));
+    let light = LightPlan {
+        arrivals: vec![Arrival { accumulator: 0, direction: Direction::Infinity, share: Share::Open }; 3],
+        ..LightPlan::default()
+    };
+    assert_eq!(counts, ScenePlan { light, shading: DIFFUSE, ..least() });
+    assert_eq!(counts.light.accumulators(), 1);
     let flat = changed("unshaded_one", |scene| scene.lights[0].placement = Placement::ThreePoint);
     assert_eq!(flat, least(), "unshaded");
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use relume::film::{Components, Film, RelightMatrices};
-use relume::output::film::{Component, Components as FileComponents, FilmFile, Position, PositionKind};
+use relume::output::film::{Component, Components as FileComponents, FilmFile, Position};
 use relume::render::{Dispatching, Renderer, TableMemory};
 use relume::scene::{Mix, Placement, Scene, SceneLight};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
@@ -197,13 +197,7 @@ fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
     let component = |(i, spectrum): (usize, &Spectrum)| Component { name: name(i), spectrum: *spectrum.samples() };
     let position = |place: &relume::scene::Position| Position {
         name: place.name.clone(),
-        kind: match place.placement {
-            Placement::Ambient => PositionKind::Ambient,
-            Placement::Headlight => PositionKind::Headlight,
-            Placement::Directional(direction) => PositionKind::Directional(direction.to_array()),
-            Placement::Point(point) => PositionKind::Point(point.to_array()),
-            Placement::ThreePoint => PositionKind::ThreePoint,
-        },
+        placement: place.placement,
         shadows: place.shadows,
     };
     FilmFile {

@@ -139,7 +139,7 @@ fn the_chest_has_one_colour_in_daylight_and_shows_only_its_skeleton_under_the_la
 /// Accumulators, transmittance and light positions in the plan of a scene.
 fn planned(rungs: &Rungs) -> (Accumulate, Transmittance, usize) {
     let plan = &rungs.planned.plan;
-    (plan.accumulate, plan.transmittance, plan.positions.total())
+    (plan.accumulate, plan.transmittance, plan.light.accumulators())
 }
 
 /// Asserts that the device's picture matches all 81 bands in every pixel: within the scene's tolerance, or up to

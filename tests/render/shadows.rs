@@ -12,13 +12,13 @@ use relume::document::{self, Document, Edit, SceneFile, SceneOptions, Source};
 use relume::film::Film;
 use relume::model::{ModelKind, Order};
 use relume::number::Real;
-use relume::plan::{Integrate, PositionCounts, ShadowedPositions, Stale, plan};
+use relume::plan::{Arrival, Integrate, LightPlan, Share, Stale, plan};
 use relume::progress::Quiet;
 use relume::reference::{self, End, Exact, Keeping, KeptDepths, Samples, Step};
 use relume::render::{Dispatching, Renderer, SceneRenderer};
 use relume::scene::{
-    Aim, AmbientShares, Integration, Interpolation, Lighting, Lookup, Placement, Projection, Scene, SceneLight,
-    Shading, ShadowMethod,
+    Aim, AmbientShares, Direction, Integration, Interpolation, Lighting, Lookup, Placement, Projection, Scene,
+    SceneLight, Shading, ShadowMethod,
 };
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::tables::sky_direction;
@@ -436,47 +436,49 @@ fn an_xray_material_casts_no_shadow_and_is_lit_through_that_of_others() {
 fn shadows_keep_positions_apart_that_share_a_shade_without_them() {
     let mut scene = occluded("none");
     scene.lights[1].placement = Placement::Directional(DVec3::new(-0.1, 0.4, -1.0).normalize());
-    let shadows = |scene: &Scene| {
-        let plan = plan(scene, &Quiet).unwrap().plan;
-        (plan.positions, plan.shadows)
+    let light = |scene: &Scene| plan(scene, &Quiet).unwrap().plan.light;
+    // Directions of each accumulator in turn, and the parts of them that arrive.
+    let of = |accumulators: &[&[(Direction, Share)]]| {
+        let arrivals = accumulators.iter().enumerate().flat_map(|(accumulator, ways)| {
+            ways.iter().map(move |&(direction, share)| Arrival { accumulator, direction, share })
+        });
+        LightPlan { arrivals: arrivals.collect(), ..LightPlan::default() }
     };
-    let two = PositionCounts { directional: 2, ..PositionCounts::default() };
-    let none = ShadowedPositions {
-        headlight: false,
-        directional: 0,
-        three_point: false,
-        point: 0,
-        ambient: false,
-        occluded: false,
-        method: ShadowMethod::Grid,
-        absorbers: 0,
-    };
-    let grid = |directional, three_point| Some(ShadowedPositions { directional, three_point, ..none });
-    assert_eq!(shadows(&scene), (two, grid(2, false)), "opposite directions, unshaded");
+    let behind = |number| (Direction::Infinity, Share::Behind(number));
+    let sky = (Direction::Everywhere, Share::Open);
+    assert_eq!(light(&scene), of(&[&[behind(0)], &[behind(1)]]), "opposite directions, unshaded");
     scene.lights[0].shadows = false;
-    let mixed = PositionCounts { ambient: 1, directional: 1, ..PositionCounts::default() };
-    assert_eq!(shadows(&scene), (mixed, grid(1, false)), "the light without shadows folds");
+    assert_eq!(light(&scene), of(&[&[sky], &[behind(0)]]), "the light without shadows folds");
     scene.lights[1].placement = Placement::ThreePoint;
-    let three = PositionCounts { ambient: 1, three_point: 1, ..PositionCounts::default() };
-    assert_eq!(shadows(&scene), (three, grid(0, true)), "three directions of one position");
+    let three = of(&[&[sky], &[behind(0), behind(1), behind(2)]]);
+    assert_eq!(light(&scene), three, "three directions of one position");
+    assert_eq!((three.grid_lights(), three.behind().collect::<Vec<_>>()), (3, vec![1, 2, 3]));
     scene.shading = Shading::Gradient;
     scene.materials.iter_mut().for_each(|material| (material.diffuse, material.specular) = (0.0, 0.0));
-    assert_eq!(shadows(&scene).1, None, "nothing but ambient parts, which shadows leave");
+    assert!(!light(&scene).is_dimmed(), "nothing but ambient parts, which shadows leave");
     scene.shadows.ambient = AmbientShares::Occluded;
-    assert_eq!(shadows(&scene).1, Some(ShadowedPositions { occluded: true, ..none }), "unless they are occluded");
+    let occluded = light(&scene);
+    assert_eq!(
+        (occluded.occluded, occluded.sky(), occluded.grid_lights()),
+        (true, Some(0), 1),
+        "unless they are occluded"
+    );
     scene.materials.iter_mut().for_each(|material| material.ambient = 0.0);
-    assert_eq!(shadows(&scene).1, None, "no ambient parts");
+    assert!(!light(&scene).is_dimmed(), "no ambient parts");
     scene.lights[0].placement = Placement::Ambient;
     scene.lights[1].placement = Placement::Ambient;
     scene.lights[1].shadows = true;
-    let two = PositionCounts { ambient: 2, ..PositionCounts::default() };
-    assert_eq!(shadows(&scene), (two, Some(ShadowedPositions { ambient: true, ..none })), "with and without shadows");
+    let dimmed = |number| (Direction::Everywhere, Share::Behind(number));
+    assert_eq!(light(&scene), of(&[&[sky], &[dimmed(0)]]), "with and without shadows");
     scene.lights[0].placement = Placement::Point(DVec3::ONE);
     scene.lights[0].shadows = true;
     scene.shading = Shading::None;
-    let (counts, shadowed) = shadows(&scene);
-    assert_eq!((counts.ambient, counts.point), (1, 1));
-    assert_eq!(shadowed, Some(ShadowedPositions { ambient: true, point: 1, ..none }), "a point light, unshaded");
+    let point = (Direction::Place, Share::Behind(0));
+    assert_eq!(
+        light(&scene),
+        of(&[&[dimmed(1)], &[point]]),
+        "a point light, unshaded: the sky is the last of the grid"
+    );
 }
 
 #[test]
@@ -1013,7 +1015,7 @@ fn shadowed_weights_on_the_device_equal_81_bands_on_the_same_grid() {
     with_renderer(|renderer| {
         for (name, scene) in shadowed_of_every_kind() {
             let rungs = Rungs::new(scene, SIZE);
-            assert!(rungs.planned.plan.shadows.is_some(), "{name} has shadows");
+            assert!(rungs.planned.plan.light.is_dimmed(), "{name} has shadows");
             let matrices = rungs.xyz_matrices();
             let device = rungs.gpu(renderer).relight(&matrices);
             if rungs.planned.plan.integration == Integrate::Segments {
@@ -1392,7 +1394,7 @@ fn a_switched_shadow_marches_and_a_light_spectrum_relights() {
     after.shadows.spacing = 4.0;
     after.shadows.start = Some(7.0);
     let of_eye = plan(&eye, &Quiet).unwrap();
-    assert!(of_eye.plan.shadows.is_some());
+    assert!(of_eye.plan.light.is_dimmed());
     assert_eq!(Stale::between(&eye, &of_eye, &after), Stale::Nothing, "a headlight has no light grid");
     let mut open = scene.clone();
     open.lights.iter_mut().for_each(|light| light.shadows = false);

@@ -16,9 +16,9 @@
 use glam::DVec3;
 use relume::film::Film;
 use relume::number::Real;
-use relume::plan::{Accumulate, FilmCounts, Planned, PositionCounts, ScenePlan, Shares, Transmittance};
+use relume::plan::{Accumulate, FilmCounts, LightPlan, Planned, ScenePlan, Shares, Transmittance};
 use relume::reference::{End, Samples, Step};
-use relume::scene::{Lookup, Material, Placement, Position, View};
+use relume::scene::{Direction, Lookup, Material, Placement, Position, View};
 use relume::tables::{RayTable, Steps, StoredVolume};
 
 use super::rungs::Rungs;
@@ -133,7 +133,7 @@ impl<F> Bounding<'_, F> {
         };
         let component = |i: usize| {
             let mut bound: f64 = 0.0;
-            if plan.positions.ambient > 0 || !directed {
+            if plan.light.is_ambient() || !directed {
                 bound = of(first(parts.unshaded) + i, 1.0, 0.0);
             }
             if !directed {
@@ -173,7 +173,7 @@ pub fn bounds<R: Real>(
     let plan = ScenePlan {
         accumulate: Accumulate::Spectral { dimension: components + numbers, shares: Shares::Equal, exponents: 0 },
         transmittance: Transmittance::Coloured,
-        positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
+        light: LightPlan::open(&[Direction::Everywhere]),
         shading: None,
         phases: 0,
         thin_films: FilmCounts::default(),

@@ -201,15 +201,10 @@ pub(super) fn scaling(size: Option<[usize; 2]>, largest: u32) -> Vec<Case> {
     let coloured = ("coloured, k = 8", K8, true);
     let all = [grey, ("grey, k = 8", K8, false), coloured];
     let mut cases = Vec::new();
-    for (line, dyed, model) in [
-        ("grey", false, ModelKind::Nodes),
-        ("coloured", true, ModelKind::Nodes),
-        ("coloured, matrices", true, ModelKind::Peercy),
-    ] {
-        // Matrices of 8 × 8 take minutes on a software device (`relume measure --sweep model=peercy` has them).
-        let is_marched = |k: &u8| model != ModelKind::Peercy || [2, 4].contains(k);
-        let of = |k: u8| Case::on("k", (line, Keeping::Model(model, k.into()), dyed), usual).varied("k", k.into());
-        cases.extend(DIMENSIONS.into_iter().filter(is_marched).map(of));
+    for (line, dyed) in [("grey", false), ("coloured", true)] {
+        let keeping = |k: u8| Keeping::Model(ModelKind::Nodes, k.into());
+        let of = |k: u8| Case::on("k", (line, keeping(k), dyed), usual).varied("k", k.into());
+        cases.extend(DIMENSIONS.into_iter().map(of));
     }
     for line in all {
         let of = |positions| Case { positions: Some(positions), ..Case::on("positions", line, usual) };

@@ -16,8 +16,8 @@ use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
 use relume_colour::spectrum::{SpectrumSource, ThinFilmAngle};
 use relume_scene::{
-    AccumulateAs, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup, Shading,
-    ShadowMethod, StoreAs, VolumeAs,
+    AccumulateAs, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, LightKind, Lighting,
+    Lookup, Shading, ShadowMethod, StoreAs, VolumeAs,
 };
 use relume_volume::ByteOrder;
 
@@ -202,17 +202,6 @@ pub(super) struct ShadowsFile {
     pub(super) ambient: AmbientShares,
     pub(super) directions: Option<At<i64>>,
     pub(super) reach: Option<At<f64>>,
-}
-
-#[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum LightKind {
-    Ambient,
-    #[default]
-    Headlight,
-    Directional,
-    Point,
-    ThreePoint,
 }
 
 #[derive(Default, Deserialize)]

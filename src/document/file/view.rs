@@ -4,16 +4,11 @@ use super::*;
 
 /// Problem of a light of `kind` with or without a direction and a position, if they do not fit it.
 fn misplaced(kind: LightKind, has_direction: bool, has_position: bool) -> String {
-    let (name, needed) = match kind {
-        LightKind::Ambient => ("ambient", None),
-        LightKind::Headlight => ("headlight", None),
-        LightKind::ThreePoint => ("three_point", None),
-        LightKind::Directional => ("directional", Some("direction")),
-        LightKind::Point => ("point", Some("position")),
-    };
-    let given = [("direction", has_direction, "directional"), ("position", has_position, "point")];
-    let problem = match given.into_iter().find(|&(key, given, _)| given && needed != Some(key)) {
-        Some((key, _, other)) => {
+    let (name, needed) = (kind.name(), kind.vector());
+    let given = [("direction", has_direction), ("position", has_position)];
+    let problem = match given.into_iter().find(|&(key, given)| given && needed != Some(key)) {
+        Some((key, _)) => {
+            let other = LightKind::with_vector(key).unwrap_or_default();
             let default = if kind == LightKind::default() { " (the default)" } else { "" };
             format!(
                 "has a `{key}`, but its kind is {name}{default}, which has none; add kind = \"{other}\", or remove `{key}`"
@@ -55,21 +50,21 @@ impl Text<'_> {
                 } else {
                     intensity
                 };
-                let placement = match (file.kind, &file.direction, &file.position) {
-                    (LightKind::Ambient, None, None) => Placement::Ambient,
-                    (LightKind::Headlight, None, None) => Placement::Headlight,
-                    (LightKind::ThreePoint, None, None) => Placement::ThreePoint,
-                    (LightKind::Directional, Some(direction), None) => {
-                        Placement::Directional(self.direction(&format!("lights.{name}.direction"), direction)?)
+                let vector = match (&file.direction, &file.position) {
+                    (Some(direction), None) if file.kind.vector() == Some("direction") => {
+                        Some(self.direction(&format!("lights.{name}.direction"), direction)?)
                     }
-                    (LightKind::Point, None, Some(position)) => {
-                        Placement::Point(self.vector(&format!("lights.{name}.position"), position)?)
+                    (None, Some(position)) if file.kind.vector() == Some("position") => {
+                        Some(self.vector(&format!("lights.{name}.position"), position)?)
                     }
-                    (kind, direction, position) => {
-                        let problem = misplaced(kind, direction.is_some(), position.is_some());
-                        return Err(self.invalid(stated, format!("lights.{name} {problem}")));
-                    }
+                    _ => None,
                 };
+                let given = usize::from(file.direction.is_some()) + usize::from(file.position.is_some());
+                let fits = given == usize::from(vector.is_some());
+                let placement = Placement::of(file.kind, vector).filter(|_| fits).ok_or_else(|| {
+                    let problem = misplaced(file.kind, file.direction.is_some(), file.position.is_some());
+                    self.invalid(stated, format!("lights.{name} {problem}"))
+                })?;
                 Ok(SceneLight { name: name.clone(), spectrum, intensity, placement, shadows: file.shadows })
             })
             .collect::<Result<_, _>>()?;

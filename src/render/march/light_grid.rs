@@ -118,7 +118,7 @@ struct Reach {
     unused: u32,
 }
 
-/// Uniform of a march that reads the grid, in the layout of `shaders/shadowed.wgsl`.
+/// Uniform of a march that reads the grid, in the layout of `shaders/light.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Place {
@@ -205,9 +205,9 @@ impl Renderer {
         let room = room.min(count(usize::try_from(limits.max_allocation_bytes).unwrap_or(usize::MAX)));
         let storage = usize::try_from(limits.max_storage_buffer_bytes).unwrap_or(usize::MAX);
         let most_columns = room.min(count(storage));
-        let format = self.texel_format(plan.grid_depths());
+        let format = self.texel_format(plan.light.grid_depths());
         let extent = limits.max_extent_3d(format);
-        let (depths, reach) = (plan.grid_depths(), plan.sky().and_then(|_| sky_reach(scene)));
+        let (depths, reach) = (plan.light.grid_depths(), plan.light.sky().and_then(|_| sky_reach(scene)));
         let fits = |spacing: f64| {
             let grid = LightGrid::new(scene, spacing);
             let texels = depths.div_ceil(GRID_LIGHTS);
@@ -223,10 +223,10 @@ impl Renderer {
         let of_level = uploaded.light_block().map_or(0.0, |block| block.into_iter().map(count).fold(0.0, f64::max));
         let mut spacing = scene.shadows.spacing.max(0.5).max(of_level);
         // A grid of two nodes along each axis always fits.
-        while plan.reads_light_grid() && !fits(spacing) {
+        while plan.light.reads_grid() && !fits(spacing) {
             spacing *= 1.02;
         }
-        plan.reads_light_grid().then_some(spacing)
+        plan.light.reads_grid().then_some(spacing)
     }
 
     /// Format of the texels of a light grid with so many `depths` per node: one number for one depth, if the device filters
@@ -250,7 +250,7 @@ impl Renderer {
     ) -> Result<Option<Arc<DeviceGrid>>, RenderError> {
         let plan = &planned.plan;
         let Some(spacing) = self.light_spacing(scene, plan, uploaded) else { return Ok(None) };
-        let depths = PositionTable::new(scene, planned).grid_depths(scene, plan);
+        let depths = PositionTable::new(scene, planned).grid_depths(scene, planned);
         let grids = |spacing: f64| [spacing, SKY_SPACING * spacing].map(|spacing| LightGrid::new(scene, spacing));
         let [grid, sky] = grids(spacing);
         let (medium, _) = uploaded.medium();

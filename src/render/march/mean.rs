@@ -26,7 +26,7 @@ fn source(format: Format) -> Source {
     let constants = Constants::new()
         .u32("GROUP_WIDTH", GROUP_WIDTH)
         .alias("FilmImage", &format!("texture_storage_2d_array<{format}, read_write>"));
-    let parts = vec![("shaders/mean.wgsl", include_str!("../../../shaders/mean.wgsl"))];
+    let parts = vec![("shaders/mean.wgsl", include_str!("../../../shaders/mean.wgsl").into())];
     Source { name: "mean", constants, parts }
 }
 

@@ -31,8 +31,8 @@ impl Renderer {
         let plan = &film.planned.plan;
         let (size, components) = ([film.size[0], rows.len()], plan.components());
         let rows = unsigned(rows.start)..unsigned(rows.end);
-        let mut accumulators = Vec::with_capacity(components * plan.positions.total() * size[0] * size[1]);
-        for position in 0..plan.positions.total() {
+        let mut accumulators = Vec::with_capacity(components * plan.light.accumulators() * size[0] * size[1]);
+        for position in 0..plan.light.accumulators() {
             let first = position * plan.lanes();
             accumulators.extend(self.read_numbers(&film.accumulators, first, components, rows.clone())?);
         }

@@ -7,8 +7,9 @@ use bytemuck::{Pod, Zeroable};
 use super::dispatching::{Dispatching, SLICE};
 use super::rounds::Round;
 use relume_base::number::{count, unsigned, whole};
-use relume_scene::plan::{Accumulate, Integrate, ScenePlan, Transmittance};
+use relume_scene::plan::{Integrate, MOST_PARTS};
 use relume_vulkan::DeviceKind;
+use relume_vulkan::shader::Iterations;
 
 /// Target duration of a dispatch: short for responses to user input, and for the device's watchdog.
 const DISPATCH: Duration = Duration::from_millis(50);
@@ -71,60 +72,16 @@ impl Default for Speed {
     }
 }
 
-/// Largest number of samples along a ray per dispatch under `plan`, from the number of iterations without unrolled
-/// loops. Per sample, counts the loops over macrocells, samples and visible samples, over the lanes of the tables (of
-/// values and of labels), and over the positions with their lanes; per dispatch, the loops that load and store.
-pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
-    let (lanes, parts) = (plan.lanes(), plan.parts().lanes);
-    let (coloured, exponents) = match (plan.transmittance, plan.accumulate) {
-        (Transmittance::Grey, Accumulate::Spectral { exponents, .. }) => (0, exponents),
-        (Transmittance::Coloured, Accumulate::Spectral { exponents, .. }) => (4 * lanes, exponents),
-        // Loops that read, test and multiply matrices.
-        (Transmittance::Mixed, Accumulate::Spectral { dimension, exponents, .. }) => {
-            (dimension.pow(3) + 4 * dimension.pow(2), exponents)
-        }
-        (_, Accumulate::Weights { .. }) => (0, 0),
+/// Largest number of samples along a ray per dispatch of a march with these `iterations`. Each loop along the ray, over
+/// macrocells, samples and visible samples, goes on by at least one sample a turn, or by a part of one in segments.
+pub(super) fn longest_slice(iterations: Iterations, integration: Integrate) -> u32 {
+    let turns = match integration {
+        Integrate::Samples => 1,
+        // The most parts, and the segment as a whole.
+        Integrate::Segments => 1 + whole(f64::from(MOST_PARTS)),
     };
-    let through = if plan.transmittance == Transmittance::Mixed { plan.transmittance_numbers() } else { 0 };
-    let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes) + through;
-    // Loops over the numbers of a cut step, and again with a factor by the gradient magnitude, over whose points there is one too.
-    let thin = parts + if plan.transmittance == Transmittance::Mixed { plan.transmittance_numbers() } else { lanes };
-    let thinning = thin + if plan.gradient_opacity > 0 { plan.gradient_opacity + thin } else { 0 };
-    let three_point = plan.positions.three_point * (3 + 3 * (1 + 2 * lanes + exponents * (1 + lanes)));
-    // Loops over phase functions with the lanes of their light, for each direction.
-    let phases = plan.phases * (1 + lanes) * (plan.positions.total() + 2 * plan.positions.three_point);
-    // Loops over films with the lanes of their light, for each direction, and over the lanes twice more.
-    let thin_films = if plan.thin_films.total() > 0 {
-        (plan.thin_films.total() * (1 + lanes) + 2 * lanes) * (plan.positions.total() + 3 * plan.positions.three_point)
-    } else {
-        0
-    };
-    // Loops over positions without and with shadows, over the lanes of their light, and over a highlight's.
-    let shadowed = if plan.shadows.is_some() { plan.positions.total() * (2 + 3 * lanes + 2 * parts) } else { 0 };
-    // Of each depth of coloured shadows, over the lanes of its absorber; of each light, over those of its shades.
-    let absorbed = if plan.absorbers() > 0 {
-        2 * plan.grid_depths() * (1 + lanes) + plan.positions.total() * 12 * lanes
-    } else {
-        0
-    };
-    // Loops over the voxels around, over the parts of their steps, and over the numbers of their opacities.
-    let labels = if plan.smooth_labels { 8 * (1 + parts + 2 * plan.transmittance_numbers()) } else { 0 };
-    let once = shadowed
-        + absorbed
-        + phases
-        + thin_films
-        + labels
-        + three_point
-        + 2 * parts
-        + coloured
-        + thinning
-        + plan.positions.total() * per_position;
-    let per_sample = match plan.integration {
-        Integrate::Samples => 4 + once,
-        // The most parts, each with a mean and a density more than a sample; and the same for the segment as a whole.
-        Integrate::Segments => 4 + 5 * (1 + once + 4 * parts + 2 * coloured),
-    };
-    unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
+    let per_sample = (turns * iterations.per_turn).max(1);
+    unsigned(ITERATIONS.saturating_sub(iterations.once) / per_sample).clamp(1, SLICE)
 }
 
 /// Divides a march into dispatches: rows of the picture, and slices of long rays. A dispatch has the samples that fit

@@ -21,9 +21,6 @@ use relume_scene::tables::{
 use relume_scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
-/// Dimension of the largest matrices that are marched; larger ones would not stay in registers.
-const LARGEST_MATRIX: usize = 8;
-
 /// Uniform of a frame, in the layout of `shaders/march.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
@@ -218,10 +215,10 @@ impl Renderer {
         let plan = &planned.plan;
         let device = &self.device;
         self.check_picture(plan, size, uploaded.bytes() + self.beside_bytes)?;
-        if plan.transmittance == Transmittance::Mixed && plan.components() > LARGEST_MATRIX {
-            return Err(RenderError::Matrix { dimension: plan.components(), largest: LARGEST_MATRIX });
+        if plan.transmittance == Transmittance::Mixed {
+            return Err(RenderError::Matrix);
         }
-        if plan.shadows.is_some_and(|shadows| shadows.grid_lights() > 0 && shadows.method == ShadowMethod::Rays) {
+        if plan.light.grid_lights() > 0 && plan.light.method == ShadowMethod::Rays {
             return Err(RenderError::LightRays);
         }
         uploaded.check_march(scene, plan)?;
@@ -296,44 +293,43 @@ impl Renderer {
             .transpose()?;
 
         let residence = uploaded.residence();
-        let (pipeline, set) = self.bind(
-            source(plan, Dispatching { tables, block: rays.block.is_some(), residence, ..self.dispatching }),
-            |name| {
-                if let Some(resource) = grid.as_ref().and_then(|grid| grid.resource(name)) {
-                    return Some(resource);
-                }
-                Some(match name {
-                    "march_uniform" => Resource::Uniform(&march),
-                    "block" => Resource::Uniform(&block),
-                    "shading_uniform" => Resource::Uniform(&shading),
-                    "phases_uniform" => Resource::Uniform(&phases),
-                    "thin_films_uniform" => Resource::Uniform(&thin_films),
-                    "thin_film_angles" => Resource::Storage(&thin_film_angles),
-                    "absorbers" => Resource::Uniform(&absorbers),
-                    "segments_uniform" => Resource::Uniform(&segments),
-                    "gradient_table" => Resource::Uniform(&gradients),
-                    "volume" => Resource::Texture(&uploaded.volume),
-                    "volume_sampler" => Resource::Sampler(&sampler),
-                    "occupancy" => Resource::Storage(&occupied),
-                    "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
-                    "bricks_uniform" => Resource::Uniform(&uploaded.pool.as_ref()?.uniform),
-                    "pages" => Resource::Storage(&uploaded.pool.as_ref()?.pages),
-                    "next_samples" => Resource::Storage(&rounds.as_ref()?.next),
-                    "wanted" => Resource::Storage(&rounds.as_ref()?.wanted),
-                    "accumulators" => Resource::StorageImage(&accumulators),
-                    "transmittances" => Resource::StorageImage(&transmittance),
-                    _ => {
-                        let (_, buffer) = tabled.iter().find(|(table, _)| *table == name)?;
-                        match tables {
-                            TableMemory::Storage => Resource::Storage(buffer),
-                            TableMemory::Uniform => Resource::Uniform(buffer),
-                        }
+        let source = source(plan, Dispatching { tables, block: rays.block.is_some(), residence, ..self.dispatching });
+        let iterations = self.made(source.clone())?.iterations;
+        let (pipeline, set) = self.bind(source, |name| {
+            if let Some(resource) = grid.as_ref().and_then(|grid| grid.resource(name)) {
+                return Some(resource);
+            }
+            Some(match name {
+                "march_uniform" => Resource::Uniform(&march),
+                "block" => Resource::Uniform(&block),
+                "shading_uniform" => Resource::Uniform(&shading),
+                "phases_uniform" => Resource::Uniform(&phases),
+                "thin_films_uniform" => Resource::Uniform(&thin_films),
+                "thin_film_angles" => Resource::Storage(&thin_film_angles),
+                "absorbers" => Resource::Uniform(&absorbers),
+                "segments_uniform" => Resource::Uniform(&segments),
+                "gradient_table" => Resource::Uniform(&gradients),
+                "volume" => Resource::Texture(&uploaded.volume),
+                "volume_sampler" => Resource::Sampler(&sampler),
+                "occupancy" => Resource::Storage(&occupied),
+                "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
+                "bricks_uniform" => Resource::Uniform(&uploaded.pool.as_ref()?.uniform),
+                "pages" => Resource::Storage(&uploaded.pool.as_ref()?.pages),
+                "next_samples" => Resource::Storage(&rounds.as_ref()?.next),
+                "wanted" => Resource::Storage(&rounds.as_ref()?.wanted),
+                "accumulators" => Resource::StorageImage(&accumulators),
+                "transmittances" => Resource::StorageImage(&transmittance),
+                _ => {
+                    let (_, buffer) = tabled.iter().find(|(table, _)| *table == name)?;
+                    match tables {
+                        TableMemory::Storage => Resource::Storage(buffer),
+                        TableMemory::Uniform => Resource::Uniform(buffer),
                     }
-                })
-            },
-        )?;
+                }
+            })
+        })?;
 
-        let slice = self.dispatching.slice.min(longest_slice(plan));
+        let slice = self.dispatching.slice.min(longest_slice(iterations, plan.integration));
         let dispatching = Dispatching { slice, ..self.dispatching };
         let mut schedule = Schedule::new(extent, rays.samples, dispatching, plan.layers(), speed);
         if let Some(place) = places.pop() {
@@ -347,7 +343,7 @@ impl Renderer {
             device_time: Some(Duration::ZERO),
             occupied,
             light_spacing: self.light_spacing(scene, plan, uploaded),
-            light_block: uploaded.light_block().filter(|_| plan.reads_light_grid()),
+            light_block: uploaded.light_block().filter(|_| plan.light.reads_grid()),
             bricks: None,
             accumulators,
             transmittance,
@@ -425,7 +421,7 @@ fn phase_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
 fn absorber_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
     let lanes = planned.plan.lanes();
     let mut vectors = Vec::new();
-    if planned.plan.absorbers() > 0 {
+    if planned.plan.light.absorbers > 0 {
         for coefficients in Steps::new(scene, planned).absorber_coefficients() {
             let number = |i: usize| coefficients.get(i).map_or(0.0, |&number| rounded(number));
             vectors

@@ -1,8 +1,11 @@
 //! The march shader of a plan: its texts, constants and images.
 
+use std::borrow::Cow;
+
 use super::dispatching::{Dispatching, TableMemory};
-use crate::Source;
+use super::light;
 use crate::pool::Residence;
+use crate::{Part, Source};
 use relume_base::number::{rounded, unsigned};
 use relume_scene::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
 use relume_scene::tables::{BRICK, CELL, FILM_ROWS, LARGEST_SKY_DEPTH, SECOND_DIFFERENCE, slot_edge};
@@ -18,13 +21,13 @@ pub(super) const VECTOR_BYTES: u32 = 16;
 /// A shader text by its name.
 macro_rules! text {
     ($name:literal) => {
-        (concat!("shaders/", $name), include_str!(concat!("../../../shaders/", $name)))
+        (concat!("shaders/", $name), Cow::Borrowed(include_str!(concat!("../../../shaders/", $name))))
     };
 }
 
 /// Shader texts by name: source, transmittance, memory of tables, factor on the opacity, the march through a whole volume
 /// or through bricks, and its integration.
-fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -> Vec<(&'static str, &'static str)> {
+fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -> Vec<Part> {
     let mut parts = vec![
         match plan.accumulate {
             Accumulate::Weights { .. } => text!("weights.wgsl"),
@@ -32,8 +35,8 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         },
         match plan.transmittance {
             Transmittance::Grey => text!("grey.wgsl"),
-            Transmittance::Coloured => text!("coloured.wgsl"),
-            Transmittance::Mixed => text!("mixed.wgsl"),
+            // The reference alone marches matrices; `Renderer::begin_march` refuses them.
+            Transmittance::Coloured | Transmittance::Mixed => text!("coloured.wgsl"),
         },
         match tables {
             TableMemory::Storage => text!("tables_storage.wgsl"),
@@ -53,17 +56,22 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         (Integrate::Segments, Transmittance::Grey) => vec![text!("segments_grey.wgsl"), text!("segments.wgsl")],
         (Integrate::Segments, _) => vec![text!("segments_coloured.wgsl"), text!("segments.wgsl")],
     });
-    parts.push(text!("light_depths.wgsl"));
-    parts.push(match plan.absorbers() {
-        0 => text!("shadowed.wgsl"),
-        _ => text!("shadowed_coloured.wgsl"),
+    parts.push(match plan.light.absorbers {
+        0 => text!("share_grey.wgsl"),
+        _ => text!("share_coloured.wgsl"),
     });
-    parts.extend(match (plan.phases, plan.accumulate) {
-        (0, _) => vec![text!("no_phase.wgsl")],
-        (_, Accumulate::Weights { .. }) => vec![text!("phase_weights.wgsl"), text!("phase.wgsl")],
-        (_, Accumulate::Spectral { .. }) => vec![text!("phase_spectral.wgsl"), text!("phase.wgsl")],
-    });
-    parts.push(if plan.thin_films.total() > 0 { text!("thin_film.wgsl") } else { text!("no_thin_film.wgsl") });
+    parts.push(text!("light.wgsl"));
+    if plan.phases > 0 {
+        parts.push(match plan.accumulate {
+            Accumulate::Weights { .. } => text!("phase_weights.wgsl"),
+            Accumulate::Spectral { .. } => text!("phase_spectral.wgsl"),
+        });
+        parts.push(text!("phase.wgsl"));
+    }
+    if plan.thin_films.total() > 0 {
+        parts.push(text!("thin_film.wgsl"));
+    }
+    parts.push(("the light of the plan", light::text(plan).into()));
     parts
 }
 
@@ -145,44 +153,11 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .u32("EXPONENTS", unsigned(exponents))
         .bool("EQUAL_SHARES", shares == Shares::Equal)
         .bool("COLOURED", plan.transmittance != Transmittance::Grey)
-        .u32("TRANSMITTANCE_NUMBERS", unsigned(plan.transmittance_numbers()))
         .u32("TRANSMITTANCE_LANES", unsigned(plan.transmittance_lanes()))
         .alias("TransmittanceImage", &transmittance)
-        .u32("POSITIONS_USED", unsigned(if plan.layers() == 0 { 0 } else { plan.positions.total() }))
-        .u32("AMBIENT", unsigned(plan.positions.ambient))
-        .u32("HEADLIGHT", unsigned(plan.positions.headlight))
-        .u32("DIRECTIONAL", unsigned(plan.positions.directional))
-        .u32("POINT", unsigned(plan.positions.point))
-        .u32("THREE_POINT", unsigned(plan.positions.three_point))
-        .u32("LIGHT_VECTORS", unsigned(plan.positions.vectors().max(1)))
-        .bool("SHADOWS", plan.shadows.is_some())
-        .u32("SHADOWED", unsigned(if plan.layers() == 0 { 0 } else { plan.shadowed().len() }))
-        .u32("FIRST_SHADOWED", unsigned(plan.shadowed().start))
-        .bool("SHADOWED_HEADLIGHT", plan.layers() > 0 && plan.shadowed_headlight().is_some())
-        .u32("LAST_HEADLIGHT", unsigned(plan.shadowed_headlight().unwrap_or(0)))
-        .bool("SHADOWED_THREE_POINT", plan.layers() > 0 && plan.shadowed_three_point().is_some())
-        .u32("LAST_THREE_POINT", unsigned(plan.shadowed_three_point().unwrap_or(0)))
-        .u32(
-            "THREE_VECTORS",
-            unsigned(plan.shadowed_three_point().map_or(0, |position| plan.positions.first_vector(position))),
-        )
-        .u32("SHADOWED_POINTS", unsigned(if plan.layers() == 0 { 0 } else { plan.shadowed_points().len() }))
-        .u32("FIRST_SHADOWED_POINT", unsigned(plan.shadowed_points().start))
-        .u32("FIRST_POINT_NUMBER", unsigned(plan.first_point()))
-        .bool("SHADOWED_AMBIENT", plan.layers() > 0 && plan.shadowed_ambient().is_some())
-        .u32("LAST_AMBIENT", unsigned(plan.shadowed_ambient().unwrap_or(0)))
-        // Lanes of ambient shares that the medium does not dim. In this form no plan without shadows has another module.
-        .u32("OPEN_SHARES", if plan.shadows.is_some_and(|shadows| shadows.occluded) { 0 } else { table_lanes })
-        .u32("GRID_LIGHTS", unsigned(if plan.layers() == 0 { 0 } else { plan.grid_lights() }))
-        .u32("GRID_DEPTHS", unsigned(if plan.layers() == 0 { 0 } else { plan.grid_depths() }))
-        .u32("ABSORBERS", unsigned(plan.absorbers()))
-        .u32("ABSORBER_VECTORS", unsigned((plan.absorbers() * plan.lanes()).max(1)))
-        .bool("SKY_DIMMED", plan.layers() > 0 && plan.sky().is_some())
-        // Number of ambient light in the light grid.
-        .u32("SKY", unsigned(plan.sky().unwrap_or(0)))
-        // Positions without shadows.
-        .u32("OPEN", unsigned(if plan.layers() == 0 { 0 } else { plan.open_positions() }))
-        .bool("SHADED", plan.shading.is_some())
+        .u32("LIGHT_VECTORS", unsigned(plan.light.arrivals.len().max(1)))
+        .u32("GRID_DEPTHS", unsigned(plan.light.grid_depths()))
+        .u32("ABSORBER_VECTORS", unsigned((plan.light.absorbers * plan.lanes()).max(1)))
         .u32("PHASES", unsigned(if plan.layers() == 0 { 0 } else { plan.phases }))
         .u32("PHASE_LANES", unsigned(plan.phase_lanes()))
         .u32("THIN_FILMS", unsigned(if plan.layers() == 0 { 0 } else { plan.thin_films.total() }))
@@ -234,7 +209,7 @@ pub(super) enum Texel {
 }
 
 impl Texel {
-    fn text(self) -> (&'static str, &'static str) {
+    fn text(self) -> Part {
         match self {
             Self::One => text!("light_texel_one.wgsl"),
             Self::Four => text!("light_texel_four.wgsl"),
@@ -317,15 +292,14 @@ pub(crate) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
 mod tests {
     use super::*;
     use crate::march::MarchUniform;
-    use relume_scene::plan::{FilmCounts, PositionCounts, ShadingTerms};
-    use relume_scene::{Gradients, VolumeAs};
+    use relume_scene::plan::{FilmCounts, LightPlan, ShadingTerms};
+    use relume_scene::{Direction, Gradients, VolumeAs};
 
     fn plan_of(materials: usize) -> ScenePlan {
         ScenePlan {
             accumulate: Accumulate::Weights { materials },
             transmittance: Transmittance::Grey,
-            positions: PositionCounts { directional: 1, ..PositionCounts::default() },
-            shadows: None,
+            light: LightPlan::open(&[Direction::Infinity]),
             shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
             phases: 0,
             thin_films: FilmCounts::default(),
@@ -384,8 +358,8 @@ mod tests {
             crop_high,
             active_high
         );
-        let Source { constants, parts, .. } = source(&plan_of(4), Dispatching::default());
-        let theirs = relume_vulkan::shader::struct_layout(&parts, &constants, "March").ok();
+        let source = source(&plan_of(4), Dispatching::default());
+        let theirs = relume_vulkan::shader::struct_layout(&source.texts(), &source.constants, "March").ok();
         let fields = theirs.as_ref().map(|layout| {
             layout.fields.iter().map(|field| (field.name.clone(), field.offset as usize)).collect::<Vec<_>>()
         });

@@ -12,11 +12,7 @@ use relume_vulkan::{Buffer, HostUse, StorageImage};
 
 /// The transmittance of no medium, lane by lane.
 fn all_light(plan: &ScenePlan) -> Vec<[f32; LANE]> {
-    let components = plan.components();
-    let is_one = |n: usize| match plan.transmittance {
-        Transmittance::Grey | Transmittance::Coloured => n < plan.transmittance_numbers(),
-        Transmittance::Mixed => n / components == n % components && n < plan.transmittance_numbers(),
-    };
+    let is_one = |n: usize| n < plan.transmittance_numbers();
     let lane = |lane: usize| std::array::from_fn(|part| if is_one(lane * LANE + part) { 1.0 } else { 0.0 });
     (0..plan.transmittance_lanes().max(1)).map(lane).collect()
 }
@@ -55,7 +51,7 @@ impl Renderer {
         };
         let mut layers: Vec<(&StorageImage, u32, Vec<u8>)> = Vec::new();
         let components = plan.components();
-        for position in 0..plan.positions.total() {
+        for position in 0..plan.light.accumulators() {
             let planes = &state.accumulators[position * components * pixels..];
             for lane in 0..plan.lanes() {
                 let bytes = bytemuck::cast_slice(&texels(planes, components, lane)).to_vec();

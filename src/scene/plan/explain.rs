@@ -33,7 +33,7 @@ impl Planned {
                 material.film.as_ref().filter(|film| material.thin_film_at(film.angle()).is_none())
             {
                 without.push((material.name.as_str(), film.angle()));
-            } else if self.plan.positions.total() == self.plan.positions.ambient {
+            } else if !self.plan.light.is_directed() {
                 undirected.push(material.name.as_str());
             }
         }
@@ -138,8 +138,8 @@ impl Planned {
                 listed((0..scene.materials.len()).filter(absorbs).filter_map(name))
             ),
         };
-        let each = if plan.positions.total() > 1 { " for each light position" } else { "" };
-        let kept = plan.components() * plan.positions.total() + plan.transmittance_numbers();
+        let each = if plan.light.accumulators() > 1 { " for each light position" } else { "" };
+        let kept = plan.components() * plan.light.accumulators() + plan.transmittance_numbers();
         let mut sentences = Vec::new();
         match &self.model {
             None => {
@@ -220,7 +220,7 @@ impl Planned {
     pub fn explain(&self, scene: &Scene) -> Vec<String> {
         let plan = &self.plan;
         let mut sentences = self.explain_colours(scene);
-        sentences.push(match plan.positions.total() {
+        sentences.push(match plan.light.accumulators() {
             0 => "There is no light: only the transmittance is computed.".to_owned(),
             1 if scene.lights.len() == 1 => "There is one light.".to_owned(),
             1 => {
@@ -330,7 +330,10 @@ impl Planned {
 
     /// The lights that cast shadows, and the method.
     fn explain_shadows(&self, scene: &Scene) -> Vec<String> {
-        let Some(shadows) = self.plan.shadows else { return Vec::new() };
+        let light = &self.plan.light;
+        if !light.is_dimmed() {
+            return Vec::new();
+        }
         let casting = self.positions.iter().filter(|position| position.shadows);
         let lights = casting.flat_map(|position| &position.lights).filter_map(|&light| scene.lights.get(light));
         let names: Vec<&str> = lights.map(|light| light.name.as_str()).collect();
@@ -341,7 +344,7 @@ impl Planned {
                 listed(names.into_iter())
             ));
         }
-        if shadows.absorbers > 0 {
+        if light.absorbers > 0 {
             let absorbers = self.absorbers(scene);
             let names = absorbers.iter().filter_map(|&m| scene.materials.get(m)).map(|material| material.name.as_str());
             sentences.push(format!(
@@ -349,7 +352,7 @@ impl Planned {
                 listed(names)
             ));
         }
-        if shadows.sky() {
+        if light.sky().is_some() {
             let directions = scene.shadows.directions;
             sentences.push(format!(
                 "Ambient light is the mean of {directions} directions of an evenly bright sky, each dimmed by the medium. The light grid is filled along each of them, at twice the spacing."
@@ -361,14 +364,14 @@ impl Planned {
                 ));
             }
         }
-        if shadows.occluded {
+        if light.occluded {
             sentences.push("The ambient shares of directed lights are dimmed like it (shadows.ambient).".to_owned());
         }
         let apart = self.positions.iter().filter(|position| position.shadows).count();
         if apart > 1 {
             sentences.push(format!("Shadows keep {apart} positions apart; each has numbers of its own in a pixel."));
         }
-        if shadows.headlight {
+        if light.is_dimmed_along_rays() {
             sentences.push("The headlight shines along the rays of the eye, so its shadows cost nothing.".to_owned());
             if self.plan.shades_by_gradient() {
                 sentences.push(
@@ -376,13 +379,13 @@ impl Planned {
                 );
             }
         }
-        if shadows.three_point {
+        if self.positions.iter().any(|position| position.shadows && position.placement.turns()) {
             sentences.push(
                 "The three directions of a three-point light move with the camera: if it turns, their part of the light grid is filled again.".to_owned(),
             );
         }
-        if shadows.grid_lights() > 0 {
-            if shadows.method == ShadowMethod::Rays {
+        if light.grid_lights() > 0 {
+            if light.method == ShadowMethod::Rays {
                 sentences.push(
                     "A ray goes from each sample towards each of these lights, ambient light apart; only the reference does this."
                         .to_owned(),

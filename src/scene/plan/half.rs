@@ -1,7 +1,7 @@
 //! Colour errors of finished accumulators in 16-bit floats (docs/theory/numerics.md).
 
 use super::{PlanError, Planned, Transmittance, longest_way};
-use crate::{Material, Scene, SceneLight, StoreAs, THREE_POINT_SUM, depth_from_opacity};
+use crate::{Material, Scene, SceneLight, StoreAs, depth_from_opacity};
 use relume_colour::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 
 /// Largest relative rounding error: half of the last of 11 bits.
@@ -55,7 +55,7 @@ fn brightness(scene: &Scene, light: &SceneLight) -> f64 {
 
 /// Largest number in a pixel that shows only `material`.
 fn largest_number(planned: &Planned, material: &Material) -> f64 {
-    let most = if planned.plan.positions.three_point > 0 { THREE_POINT_SUM } else { 1.0 };
+    let most = planned.positions.iter().map(|position| position.placement.largest_shade()).fold(1.0, f64::max);
     let shares = if planned.plan.shading.is_some() {
         material.ambient + material.diffuse * most
     } else {

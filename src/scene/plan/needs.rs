@@ -159,7 +159,7 @@ impl Planned {
             lights: scene.lights.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect(),
             mixed: self.positions.len() > 1,
             largest_depth: if coloured { largest_depth(scene) } else { 0.0 },
-            two_ways: self.plan.absorbers() > 0,
+            two_ways: self.plan.light.absorbers > 0,
         }
     }
 
@@ -194,7 +194,7 @@ impl Planned {
     /// The coloured absorbers of shadows: indices into [`Scene::materials`].
     #[must_use]
     pub fn absorbers(&self, scene: &Scene) -> Vec<usize> {
-        absorbers(scene).take(self.plan.absorbers()).collect()
+        absorbers(scene).take(self.plan.light.absorbers).collect()
     }
 
     /// The phase functions of [`ScenePlan::phases`](super::ScenePlan::phases), in the order of the weights or ascending;

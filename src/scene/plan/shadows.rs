@@ -8,7 +8,10 @@ use relume_colour::model::{ModelKind, Order};
 /// Refuses shadows of an evenly bright sky in coloured media or within a space of the light grid, models without a depth per
 /// component, and too many depths.
 pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
-    let Some(shadows) = planned.plan.shadows else { return Ok(()) };
+    let light = &planned.plan.light;
+    if !light.is_dimmed() {
+        return Ok(());
+    }
     let of_light = |light: &SceneLight| format!("lights.{}.shadows = true", light.name);
     let of_shares = || "shadows.ambient = \"occluded\"".to_owned();
     let mut casting = scene.lights.iter().filter(|light| light.shadows);
@@ -16,7 +19,7 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let refused = |setting: String, why: String| Err(PlanError::NoShadows { setting, why });
     if planned.plan.transmittance != Transmittance::Grey {
         let coloured = coloured(scene);
-        if shadows.sky() {
+        if light.sky().is_some() {
             let sky = casting.find(|light| light.placement == Placement::Ambient);
             let why = format!(
                 "the absorption of {coloured} is coloured, and the light of a sky is dimmed in grey media only"
@@ -32,7 +35,7 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
         }
     }
     // The number that is told is rounded.
-    let is_short = |&reach: &f64| shadows.sky() && reach < (1.0 - 1e-6) * scene.least_reach();
+    let is_short = |&reach: &f64| light.sky().is_some() && reach < (1.0 - 1e-6) * scene.least_reach();
     if let Some(reach) = scene.shadows.reach.filter(is_short) {
         let why = format!(
             "shadows start {} voxels from a sample, and the light grid has a node every {} voxels, so that it holds no shade nearer than {}; set at least this, or a smaller shadows.start or shadows.spacing",
@@ -42,9 +45,9 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
         );
         return refused(format!("shadows.reach = {}", readable(reach)), why);
     }
-    let (directions, depths) = (shadows.grid_lights(), shadows.grid_depths());
+    let (directions, depths) = (light.grid_lights(), light.grid_depths());
     if depths > MOST_SHADOWED {
-        let why = match shadows.absorbers {
+        let why = match light.absorbers {
             0 => format!(
                 "light with shadows comes from {directions} directions, and at most {MOST_SHADOWED} are possible"
             ),

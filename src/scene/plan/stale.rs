@@ -75,12 +75,12 @@ impl Stale {
         add(*camera != after.camera, Self::Accumulators);
         add(*crop != after.crop || *block != after.block, Self::Accumulators);
         // Only a light grid or rays depend on them, not the shadows of a headlight.
-        if planned.plan.grid_lights() > 0 {
+        if planned.plan.light.grid_lights() > 0 {
             // The method and the ambient shares are compared in the plan.
             let Shadows { method: _, spacing, start: _, ambient: _, directions, reach } = *shadows;
             let moved = before.shadow_start() != after.shadow_start();
             let sky = (directions, reach) != (after.shadows.directions, after.shadows.reach);
-            let of_sky = planned.plan.sky().is_some() && sky;
+            let of_sky = planned.plan.light.sky().is_some() && sky;
             add(spacing != after.shadows.spacing || moved || of_sky, Self::Accumulators);
         }
         add(true, of_accuracy(accuracy, &after.accuracy));
@@ -99,8 +99,7 @@ impl Stale {
         let ScenePlan {
             accumulate,
             transmittance,
-            positions: counts,
-            shadows,
+            ref light,
             shading,
             phases,
             thin_films,
@@ -119,21 +118,16 @@ impl Stale {
             storage,
         } = *plan;
         let later = &after.plan;
-        let tables = (
-            accumulate,
-            transmittance,
-            (counts, shadows),
-            (shading, phases, thin_films),
-            gradient_opacity,
-            (lookup, integration),
-        ) != (
-            later.accumulate,
-            later.transmittance,
-            (later.positions, later.shadows),
-            (later.shading, later.phases, later.thin_films),
-            later.gradient_opacity,
-            (later.lookup, later.integration),
-        );
+        let tables =
+            (accumulate, transmittance, light, (shading, phases, thin_films), gradient_opacity, (lookup, integration))
+                != (
+                    later.accumulate,
+                    later.transmittance,
+                    &later.light,
+                    (later.shading, later.phases, later.thin_films),
+                    later.gradient_opacity,
+                    (later.lookup, later.integration),
+                );
         if tables || *materials != after.materials || positions.len() != after.positions.len() {
             return Self::Tables;
         }

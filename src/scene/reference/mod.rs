@@ -1,7 +1,9 @@
 //! Reference renderer, written for readability: full spectra in f64, and the planned model in f64 and f32.
 
+mod composite;
 mod gradient;
 mod kept;
+mod light;
 mod march;
 mod marching;
 mod phase;
@@ -10,8 +12,9 @@ mod shadows;
 mod store;
 mod thin_film;
 
+pub use composite::{attenuate, attenuate_matrix, composite, composite_matrix};
 pub use kept::{Keeping, KeptDepths};
-pub use march::{Marched, RaySample, attenuate, attenuate_matrix, composite, composite_matrix};
+pub use march::{Marched, RaySample};
 pub use marching::{Marching, march, march_ray, render, render_pixels};
 pub use samples::{End, Exact, Label, Samples, Step, Stored};
 pub use store::store;

@@ -202,7 +202,7 @@ impl<'a> Exact<'a> {
         let label_steps = steps.of_labels();
         let label_densities = steps.densities_of_labels();
         let label_extinctions =
-            (0..=planned.plan.absorbers()).map(|number| steps.extinctions_of_labels(number)).collect();
+            (0..=planned.plan.light.absorbers).map(|number| steps.extinctions_of_labels(number)).collect();
         let bends = scene.transfer.bends();
         Self {
             scene,

@@ -1,5 +1,5 @@
 //! Light that reaches a sample. Twin of `shaders/light_grid.wgsl`, its parts `light_medium.wgsl`, `columns.wgsl` and
-//! `columns_within.wgsl`, and `shadowed.wgsl`.
+//! `columns_within.wgsl`, and of the reading of a grid in `light.wgsl`.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -65,7 +65,7 @@ impl<R: Real> Reaching<R> {
         pixels: usize,
         progress: &dyn Progress,
     ) -> Result<Self, ReferenceError> {
-        let lights = PositionTable::new(scene, planned).grid_lights(scene, &planned.plan);
+        let lights = PositionTable::new(scene, planned).grid_lights(scene, planned);
         let from = |vector: glam::DVec3| vector.to_array().map(R::from_f64);
         let (Shadows { method, spacing, .. }, start) = (scene.shadows, scene.shadow_start());
         let grid = LightGrid::new(scene, spacing);
@@ -73,7 +73,7 @@ impl<R: Real> Reaching<R> {
         if method == ShadowMethod::Grid {
             let sky = LightGrid::new(scene, SKY_SPACING * spacing);
             let columns = lights.iter().map(|light| kept_columns(&sky, *light)).fold(0.0, f64::max);
-            let depths = planned.plan.grid_depths();
+            let depths = planned.plan.light.grid_depths();
             check_memory(spacing, count(grid.dims.iter().product()) * count(depths) + columns, size_of::<R>(), free)?;
         }
         let kept = |(light, grid, number): (GridLight, LightGrid, usize),
@@ -90,7 +90,7 @@ impl<R: Real> Reaching<R> {
                     Ok(depths.into_iter().map(|depth| samples.stored_depth(depth)).collect())
                 })
             };
-            Ok(Dimming::Grid(grid, (0..=planned.plan.absorbers()).map(depths).collect::<Result<_, _>>()?))
+            Ok(Dimming::Grid(grid, (0..=planned.plan.light.absorbers).map(depths).collect::<Result<_, _>>()?))
         };
         let dimming = |light| match (light, method) {
             (GridLight::From(direction), ShadowMethod::Rays) => Ok(Dimming::Ray(from(direction / local_scale))),

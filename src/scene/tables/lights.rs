@@ -3,68 +3,71 @@
 use glam::{DVec3, DVec4};
 
 use super::rays::{crop_box, unit_length};
-use crate::plan::{Accumulate, LANE, Planned, ScenePlan};
-use crate::{Material, Placement, Scene, three_point};
+use crate::plan::{Accumulate, LANE, Planned};
+use crate::{Direction, Material, Scene};
 use relume_base::number::{count, rounded};
 
 /// Reciprocal of the smallest turn of a three-point light that changes its light grid.
 const FINEST_TURN: f64 = 1e9;
 
-/// Vectors of the light positions, in the order of the plan and along the volume's own axes: unit vectors towards
-/// directional lights, coordinates of point lights (in units of length, from the texture's corner), zero for ambient
-/// lights and headlights. A three-point light has three unit vectors. The fourth number is a weight.
+/// A vector for each arrival of the plan, in their order and along the volume's own axes: unit vectors towards infinity,
+/// coordinates of places (in units of length, from the texture's corner), zero for light from everywhere and from the eye.
+/// The fourth number is the weight of the arrival; where nothing shades, the weights of an accumulator add up to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PositionTable(pub Vec<DVec4>);
 
 impl PositionTable {
-    /// Builds the positions of `planned` relative to the volume of `scene`.
+    /// Builds the vectors of `planned` relative to the volume of `scene`.
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned) -> Self {
         let geometry = &scene.volume.geometry;
         let local_from_world = geometry.direction.inverse();
-        let one = |vector: DVec3| vec![vector.extend(1.0)];
-        let vectors = |placement: Placement| match placement {
-            Placement::Ambient | Placement::Headlight => one(DVec3::ZERO),
-            Placement::Directional(direction) => one(local_from_world * direction),
-            Placement::Point(world) => {
-                one((local_from_world * (world - geometry.origin) + geometry.spacing / 2.0) / unit_length(geometry))
-            }
-            Placement::ThreePoint => {
-                // The direction of the picture does not depend on its shape. A march needs a line of sight.
-                let lights =
-                    scene.camera.view(geometry, 1.0).map_or([(DVec3::ZERO, 0.0); 3], |view| three_point(&view));
-                lights.map(|(direction, weight)| (local_from_world * direction).extend(weight)).to_vec()
-            }
-        };
-        Self(planned.positions.iter().flat_map(|position| vectors(position.placement)).collect())
+        // The direction of the picture does not depend on its shape. A march needs a line of sight.
+        let view = scene.camera.view(geometry, 1.0);
+        let is_shaded = planned.plan.shading.is_some() && planned.plan.phases == 0;
+        let vectors = planned.positions.iter().flat_map(|position| {
+            let placement = position.placement;
+            let whole = if is_shaded { 1.0 } else { placement.largest_shade() };
+            let directions = placement.directions().iter().zip(placement.vectors(view.as_ref()));
+            directions.map(move |(direction, (vector, weight))| {
+                let vector = match direction {
+                    Direction::Everywhere | Direction::Eye => DVec3::ZERO,
+                    Direction::Infinity => local_from_world * vector,
+                    Direction::Place => {
+                        (local_from_world * (vector - geometry.origin) + geometry.spacing / 2.0) / unit_length(geometry)
+                    }
+                };
+                vector.extend(weight / whole)
+            })
+        });
+        Self(vectors.collect())
     }
 
-    /// The lights of the light grid of `scene`: those of [`ScenePlan::shadow_vectors`], in their order, and ambient light
-    /// if the medium dims it. Directions of a three-point light are rounded, so that its light grid is kept when the camera
-    /// moves without a turn.
+    /// The lights of the light grid of `scene`, in the order of their numbers. Directions that turn with the camera are
+    /// rounded, so that their depths are kept when the camera moves without a turn.
     #[must_use]
-    pub fn grid_lights(&self, scene: &Scene, plan: &ScenePlan) -> Vec<GridLight> {
-        let (directional, points) = (plan.shadowed().len(), plan.first_point());
-        let light = |(number, vector): (usize, &DVec4)| {
-            let vector = vector.truncate();
-            if number < directional {
-                GridLight::From(vector)
-            } else if number < points {
-                GridLight::From(((vector * FINEST_TURN).round() / FINEST_TURN).normalize_or_zero())
-            } else {
-                GridLight::At(vector)
-            }
+    pub fn grid_lights(&self, scene: &Scene, planned: &Planned) -> Vec<GridLight> {
+        let light = &planned.plan.light;
+        let of_vector = |i: usize| {
+            let (arrival, vector) = (light.arrivals.get(i)?, self.0.get(i)?.truncate());
+            let turns = planned.positions.get(arrival.accumulator)?.placement.turns();
+            Some(match arrival.direction {
+                Direction::Place => GridLight::At(vector),
+                _ if turns => GridLight::From(((vector * FINEST_TURN).round() / FINEST_TURN).normalize_or_zero()),
+                _ => GridLight::From(vector),
+            })
         };
         let sky = GridLight::Sky { directions: scene.shadows.directions, reach: sky_reach(scene) };
-        let placed = plan.shadow_vectors().filter_map(|vector| self.0.get(vector)).enumerate().map(light);
-        placed.chain(plan.sky().map(|_| sky)).collect()
+        light.behind().filter_map(of_vector).chain(light.sky().map(|_| sky)).collect()
     }
 
     /// The depths of [`Self::grid_lights`]: of each light in turn, that of all that is grey, and one per coloured absorber.
     #[must_use]
-    pub fn grid_depths(&self, scene: &Scene, plan: &ScenePlan) -> Vec<GridDepth> {
-        let lights = self.grid_lights(scene, plan).into_iter();
-        lights.flat_map(|light| (0..=plan.absorbers()).map(move |number| GridDepth { light, number })).collect()
+    pub fn grid_depths(&self, scene: &Scene, planned: &Planned) -> Vec<GridDepth> {
+        let lights = self.grid_lights(scene, planned).into_iter();
+        lights
+            .flat_map(|light| (0..=planned.plan.light.absorbers).map(move |number| GridDepth { light, number }))
+            .collect()
     }
 }
 

@@ -46,7 +46,7 @@ impl ExtinctionTable {
                 .collect(),
             labels: steps.extinctions_of_labels(number).into_iter().map(rounded).collect(),
         };
-        (0..=planned.plan.absorbers()).map(table).collect()
+        (0..=planned.plan.light.absorbers).map(table).collect()
     }
 
     /// Scale and offset from a texel's value to a coordinate, 0 to `values.len() − 1`.

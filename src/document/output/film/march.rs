@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use super::{Component, Components, Dial, FilmFile, FilmPart, Frame, Light, Position, PositionKind, Stored};
+use super::{Component, Components, Dial, FilmFile, FilmPart, Frame, Light, Position, Stored};
 use crate::annotate::{self, Edges};
 use crate::output::OutputError;
 use relume_colour::spectrum::Spectrum;
 use relume_scene::film;
 use relume_scene::film::Film;
 use relume_scene::plan::{Planned, Transmittance};
-use relume_scene::{Mix, MixLight, Placement, Scene};
+use relume_scene::{Mix, MixLight, Scene};
 
 impl FilmFile {
     /// Builds the film file of a march of `scene` under `planned`, with all that relighting needs.
@@ -37,13 +37,7 @@ impl FilmFile {
         };
         let positions = planned.positions.iter().map(|position| Position {
             name: position.name.clone(),
-            kind: match position.placement {
-                Placement::Ambient => PositionKind::Ambient,
-                Placement::Headlight => PositionKind::Headlight,
-                Placement::Directional(direction) => PositionKind::Directional(direction.to_array()),
-                Placement::Point(point) => PositionKind::Point(point.to_array()),
-                Placement::ThreePoint => PositionKind::ThreePoint,
-            },
+            placement: position.placement,
             shadows: position.shadows,
         });
         let stated = Mix::of_scene(scene);

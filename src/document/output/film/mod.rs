@@ -122,6 +122,7 @@ use serde::{Deserialize, Serialize};
 
 use relume_colour::model::{ColourModel, ModelKind};
 use relume_colour::spectrum::observer::Observer;
+use relume_scene::Placement;
 
 /// Name of the attribute with the TOML text.
 const ATTRIBUTE: &str = "relume";
@@ -284,26 +285,10 @@ pub struct Component {
 pub struct Position {
     /// Unique among the positions.
     pub name: String,
-    /// Kind of the position.
-    pub kind: PositionKind,
+    /// Where the light comes from; determines its shading. If no material is specular, a direction may be the opposite one.
+    pub placement: Placement,
     /// Whether the medium between a sample and the light dims it.
     pub shadows: bool,
-}
-
-/// Kind of a light position; determines its shading.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PositionKind {
-    /// From everywhere, with shading 1.
-    Ambient,
-    /// From the camera.
-    Headlight,
-    /// From infinitely far away: direction towards the light in world space, or its opposite if no material is
-    /// specular.
-    Directional([f64; 3]),
-    /// From this point in world space.
-    Point([f64; 3]),
-    /// From three directions that move with the camera.
-    ThreePoint,
 }
 
 /// Light of a picture.

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::{Components, FilmFile, LARGEST_CLOUD, PositionKind, Stored};
+use super::{Components, FilmFile, LARGEST_CLOUD, Stored};
 use relume_colour::model::LARGEST_DIMENSION;
 
 impl FilmFile {
@@ -63,8 +63,8 @@ impl FilmFile {
             }
         }
         for position in &self.positions {
-            if let PositionKind::Directional(vector) | PositionKind::Point(vector) = position.kind {
-                check_finite("the position ", &position.name, &vector)?;
+            if let Some(vector) = position.placement.vector() {
+                check_finite("the position ", &position.name, &vector.to_array())?;
             }
         }
         for light in &self.lights {

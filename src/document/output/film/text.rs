@@ -1,14 +1,14 @@
 //! TOML text of a film file.
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::rules::{check_dimension, check_finite};
-use super::{
-    BANDS, Component, Components, Dial, FRAME, FilmFile, FilmPart, Frame, Light, Position, PositionKind, Stored,
-};
+use super::{BANDS, Component, Components, Dial, FRAME, FilmFile, FilmPart, Frame, Light, Position, Stored};
 use relume_colour::model::{ErrorSummary, LightMatrix, ModelKind};
 use relume_colour::spectrum::observer::Observer;
 use relume_colour::spectrum::{Light as LightSpectrum, Spectrum};
+use relume_scene::{LightKind, Placement};
 use relume_volume::Unit;
 
 /// Version of files with material weights.
@@ -90,21 +90,11 @@ struct ComponentEntry {
 #[serde(deny_unknown_fields)]
 struct PositionEntry {
     name: String,
-    kind: Kind,
+    kind: LightKind,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     vector: Option<[f64; 3]>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     shadows: bool,
-}
-
-#[derive(Clone, Copy, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum Kind {
-    Ambient,
-    Headlight,
-    Directional,
-    Point,
-    ThreePoint,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -178,15 +168,11 @@ impl From<&FilmFile> for Document {
             name: component.name.clone(),
             spectrum: component.spectrum.to_vec(),
         };
-        let position = |position: &Position| {
-            let (kind, vector) = match position.kind {
-                PositionKind::Ambient => (Kind::Ambient, None),
-                PositionKind::Headlight => (Kind::Headlight, None),
-                PositionKind::Directional(vector) => (Kind::Directional, Some(vector)),
-                PositionKind::Point(vector) => (Kind::Point, Some(vector)),
-                PositionKind::ThreePoint => (Kind::ThreePoint, None),
-            };
-            PositionEntry { name: position.name.clone(), kind, vector, shadows: position.shadows }
+        let position = |Position { name, placement, shadows }: &Position| PositionEntry {
+            name: name.clone(),
+            kind: placement.kind(),
+            vector: placement.vector().map(|vector| vector.to_array()),
+            shadows: *shadows,
         };
         let light = |light: &Light| {
             let spectrum = Spectrum::from_samples(light.spectrum);
@@ -330,20 +316,14 @@ fn bands(owner: &str, spectrum: Vec<f64>) -> Result<[f64; BANDS], String> {
 }
 
 fn position(entry: PositionEntry) -> Result<Position, String> {
-    let kind = match (entry.kind, entry.vector) {
-        (Kind::Ambient, None) => PositionKind::Ambient,
-        (Kind::Headlight, None) => PositionKind::Headlight,
-        (Kind::Directional, Some(vector)) => PositionKind::Directional(vector),
-        (Kind::Point, Some(vector)) => PositionKind::Point(vector),
-        (Kind::ThreePoint, None) => PositionKind::ThreePoint,
-        (Kind::Ambient | Kind::Headlight | Kind::ThreePoint, Some(_)) => {
-            return Err(format!("the position {:?} has a `vector`, but its kind has none", entry.name));
+    let placement = Placement::of(entry.kind, entry.vector.map(DVec3::from_array)).ok_or_else(|| {
+        let name = &entry.name;
+        match entry.vector {
+            Some(_) => format!("the position {name:?} has a `vector`, but its kind has none"),
+            None => format!("the position {name:?} needs a `vector` of three numbers"),
         }
-        (Kind::Directional | Kind::Point, None) => {
-            return Err(format!("the position {:?} needs a `vector` of three numbers", entry.name));
-        }
-    };
-    Ok(Position { name: entry.name, kind, shadows: entry.shadows })
+    })?;
+    Ok(Position { name: entry.name, placement, shadows: entry.shadows })
 }
 
 /// Builds the model of `entry` with the matrices of `lights`; `has_unseen` adds spectra outside the fit.

@@ -1,5 +1,6 @@
-// Optical depths of the light grid. Part of `march.wgsl`, with `shadowed.wgsl` or `shadowed_coloured.wgsl`. Twin of
-// `reference::shadows`.
+// Light of a step towards the eye. Part of `march.wgsl`, with `share_grey.wgsl` or `share_coloured.wgsl`. `render::march::light`
+// writes the lines that call these functions, for each way by which light arrives: `add_light`. Twin of `reference::light`, and
+// of the reading of a grid in `reference::shadows`.
 
 // Place of the light grid.
 struct LightPlace {
@@ -20,8 +21,6 @@ struct LightPlace {
 
 // Copy of the uniform, as for `march`.
 var<private> light_place: LightPlace;
-// Fraction of the ambient shares of directed lights that reaches the step.
-var<private> ambient_light: f32;
 
 fn light_line(base: vec3i, x: f32) -> vec4f {
     let before = textureLoad(light_grid, base, 0);
@@ -57,18 +56,37 @@ fn depths_from(place: vec3f, texel: u32) -> vec4f {
     return depths;
 }
 
-// Position number `open` of those without shadows.
-fn open_position(open: u32) -> u32 {
-    var position = open;
-    if (SHADOWED_AMBIENT) {
-        position += select(0u, 1u, position >= LAST_AMBIENT);
+// Direction towards a place, in units of length.
+fn towards(point: vec3f, place: vec3f) -> vec3f {
+    return unit(point - place * march.local_scale);
+}
+
+// |n·l|, or max(n·l, 0) with one-sided lighting, of a part ∇v·l/|∇v|.
+fn lit(part: f32) -> f32 {
+    if (!GRADIENT) {
+        return 0.0;
     }
-    if (SHADOWED_HEADLIGHT) {
-        position += select(0u, 1u, position >= LAST_HEADLIGHT);
+    var facing = abs(part);
+    if (ONE_SIDED) {
+        facing = max(-part, 0.0);
     }
-    position += select(0u, SHADOWED, position >= FIRST_SHADOWED);
-    if (SHADOWED_POINTS > 0u) {
-        position += select(0u, SHADOWED_POINTS, position >= FIRST_SHADOWED_POINT);
+    return facing;
+}
+
+// Light from everywhere, of which this share arrives, and all light without shading.
+fn unshaded_part(step: Step, share: Share) -> array<vec4f, LANES> {
+    var source = unshaded(step);
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        source[lane] *= share_in(share, lane);
     }
-    return position;
+    return source;
+}
+
+// Adds the highlights of light from the direction `light`.
+fn add_highlights(light: vec3f, ray: Ray, step: Step, share: Share, source: ptr<function, array<vec4f, LANES>>) {
+    var shine = lit(dot(step.normal, unit(light + ray.view)));
+    if (ONE_SIDED) {
+        shine = select(0.0, shine, dot(step.normal, light) < 0.0);
+    }
+    highlight(step, shine, share, source);
 }
