@@ -6,7 +6,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 
 use relume::document::{SceneOptions, load_peer};
-use relume::film::{Components, Film, RelightMatrices};
+use relume::film::{Film, Relightable};
 use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::scene::Mix;
@@ -29,14 +29,14 @@ fn host(criterion: &mut Criterion) {
         bencher.iter(|| TransferTable::new(&scene, &planned, black_box(storage.domain)));
     });
 
-    let (size, spectra, mix) = ([400, 400], Components::new(&scene, &planned), Mix::of_scene(&scene));
+    let (size, means, mix) = ([400, 400], Relightable::new(&scene, &planned), Mix::of_scene(&scene));
     let pixels = size[0] * size[1];
-    let (components, accumulators) = (spectra.len(), vec![0.1_f32; spectra.len() * pixels]);
+    let (components, accumulators) = (means.components.len(), vec![0.1_f32; means.components.len() * pixels]);
     let film = Film { size, components, accumulators, transmittance: vec![0.5; pixels] };
     group.bench_function("relight matrices", |bencher| {
-        bencher.iter(|| RelightMatrices::new(&spectra, 1, None, black_box(&mix), &scene.display));
+        bencher.iter(|| means.under(black_box(&mix)));
     });
-    let matrices = RelightMatrices::new(&spectra, 1, None, &mix, &scene.display);
+    let matrices = means.under(&mix);
     group.bench_function("relight 400×400", |bencher| bencher.iter(|| black_box(&film).relight(&matrices)));
     group.finish();
 }

@@ -12,16 +12,16 @@ use serde_json::Value;
 
 use crate::annotate::{Frame, Overlay};
 use crate::document::{Dial, DialNode, DialPreset};
-use crate::film::{Components, Film, RelightMatrices};
+use crate::film::{Components, Film, RelightMatrices, Relightable};
 use crate::memory;
 use crate::number::count;
 use crate::output::film::{
     Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
 };
 use crate::output::{Alpha, Depth, FilmFile, Picture, PictureKind, check_writable, draw_over, write_exr, write_png};
-use crate::scene::{Display, Mix};
+use crate::scene::Mix;
 use crate::spectrum::colour::decode_srgb;
-use crate::spectrum::{BANDS, Reflectance, Spectrum};
+use crate::spectrum::{BANDS, Spectrum};
 use crate::tables::Reflected;
 
 use super::CliError;
@@ -315,14 +315,12 @@ pub(crate) fn rgba(pixels: impl Iterator<Item = (DVec3, f64)>) -> Vec<f32> {
 
 /// A film file, ready to be relit.
 pub(crate) struct Saved {
-    pub(crate) components: Components,
+    pub(crate) means: Relightable,
     pub(crate) positions: Vec<String>,
     /// All lights with their intensities in the file.
     pub(crate) mix: Mix,
     /// Lights of the saved picture, with their weights in it.
     pub(crate) shown: Mix,
-    pub(crate) background: Option<Reflectance>,
-    pub(crate) display: Display,
     pub(crate) dial: Dial,
     /// Scale and orientation, if the file states them.
     pub(crate) frame: Option<Frame>,
@@ -336,8 +334,7 @@ pub(crate) struct Saved {
 impl Saved {
     /// The relight matrices under `mix`.
     pub(crate) fn matrices(&self, mix: &Mix) -> RelightMatrices {
-        let (positions, background) = (self.positions.len(), self.background.as_ref());
-        RelightMatrices::new(&self.components, positions, background, mix, &self.display)
+        self.means.under(mix)
     }
 
     /// The film of some evenly spread pixels that show the volume.
@@ -409,12 +406,10 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     Ok(Saved {
         frame,
         materials,
-        components: file.spectra(),
+        means: file.relightable()?,
         positions: file.positions.iter().map(|position| position.name.clone()).collect(),
         mix: file.stated()?,
         shown: file.opening()?,
-        background: file.behind()?,
-        display: file.display(),
         dial,
         accumulation: file.take_film(),
         tolerance,
@@ -425,18 +420,16 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
 #[expect(clippy::cast_possible_truncation, reason = "spectra are stored in f32")]
 pub(crate) fn write_spectra(
     path: &Path,
-    components: &Components,
-    positions: usize,
-    background: Option<&Reflectance>,
+    means: &Relightable,
     mix: &Mix,
     accumulation: &Film<f32>,
     preview: &[f32],
 ) -> Result<Option<Value>, CliError> {
-    let reflected = Reflected::new(components, background);
-    let [parts, behind] = reflected.under(mix, positions);
+    let reflected = Reflected::new(&means.components, means.background.as_ref());
+    let [parts, behind] = reflected.under(mix, means.positions);
     let [width, height] = accumulation.size;
     let pixels = width * height;
-    let quality = match (components, &reflected.reconstruction) {
+    let quality = match (&means.components, &reflected.reconstruction) {
         (Components::Model(model, _), Some(made)) => Some(reconstruction_json(model, made)),
         _ => None,
     };

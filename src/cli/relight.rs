@@ -119,9 +119,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let film = if args.dial.pictures().is_some() { files::digest_of(&args.accumulators)? } else { 0 };
     let read = clock.read();
     if let Some(observer) = args.observer {
-        saved.display.observer = observer;
+        saved.means.display.observer = observer;
     }
-    saved.display.exposure = args.exposure.unwrap_or(saved.display.exposure);
+    saved.means.display.exposure = args.exposure.unwrap_or(saved.means.display.exposure);
     let frame = args.dress.annotate.frame(saved.frame.clone().unwrap_or_default());
     args.dress.annotate.warn(&saved);
     let Requested { mix: given, placed } = args.lights.mix(&saved.mix, &saved.shown, &saved.positions)?;
@@ -129,18 +129,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 
     let mut text = String::new();
     let mut model_json = json!(null);
-    if let (Components::Surfaces(_), Some(_)) = (&saved.components, args.tolerance) {
+    if let (Components::Surfaces(_), Some(_)) = (&saved.means.components, args.tolerance) {
         let file = args.accumulators.display();
         return Err(CliError::Usage(format!(
             "--tolerance has no effect: {file} stores material weights, which are exact for every light"
         )));
     }
     let clock = Stopwatch::start();
-    if let Components::Model(model, _) = &mut saved.components {
+    if let Components::Model(model, _) = &mut saved.means.components {
         // The dial mixes lights of the file.
         let mix = if on_dial { &saved.mix } else { &given };
         if args.observer.is_some_and(|observer| observer != model.observer()) {
-            *model = Arc::new(model.seen_by(saved.display.observer)?);
+            *model = Arc::new(model.seen_by(saved.means.display.observer)?);
         }
         let model = Arc::make_mut(model);
         let tolerance = args.tolerance.unwrap_or(saved.tolerance);
@@ -154,14 +154,15 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let whole = Stopwatch::start();
     let mut relighting = Timing::default();
     let form = Form { size: saved.accumulation.size, bits: args.dress.bits(), backdrop: args.dress.background };
-    let inputs_of = |frame: usize| digest(film, &format!("{:?} {:?} {:?}", mixes[frame], saved.display, args.dress));
+    let inputs_of =
+        |frame: usize| digest(film, &format!("{:?} {:?} {:?}", mixes[frame], saved.means.display, args.dress));
     let made = pictures.write(form, ("relighting", progress), inputs_of, |index| {
         let clock = Stopwatch::start();
         let linear = saved.relight(&mixes[index]);
         relighting += clock.read();
-        let overlay = args
-            .dress
-            .overlay(|| Overlay::of_surfaces(&saved.materials, saved.positions.len(), &mixes[index], &saved.display));
+        let overlay = args.dress.overlay(|| {
+            Overlay::of_surfaces(&saved.materials, saved.positions.len(), &mixes[index], &saved.means.display)
+        });
         let overlay = overlay.as_ref().map(|overlay| (overlay, &frame));
         let shown = files::dressed(&linear, form.size, form.backdrop, overlay)?;
         Ok(Frame { linear, shown })

@@ -11,7 +11,7 @@ use serde_json::{Map, json};
 
 use crate::annotate::{Frame, Overlay};
 use crate::document::{Requested, SceneFile, Source, State, is_no_scene, session};
-use crate::film::{Components, Film, RelightMatrices};
+use crate::film::{Film, RelightMatrices, Relightable};
 use crate::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use crate::number::{brief, count, readable};
 use crate::output::{FilmFile, Picture, PictureKind, write_atomically, write_ready_png};
@@ -565,9 +565,8 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         None => (&planned, marched.accumulation.as_ref()),
     };
     if let (Some(path), Some(accumulation), Some(linear)) = (&args.spectral, kept, &marched.linear) {
-        let (components, background) = (Components::new(&scene, of_spectra), scene.background.as_ref());
-        reconstruction =
-            files::write_spectra(path, &components, positions.len(), background, &mix, accumulation, linear)?;
+        let means = Relightable::new(&scene, of_spectra);
+        reconstruction = files::write_spectra(path, &means, &mix, accumulation, linear)?;
     }
     if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
         film_file(accumulation)?.write(path)?;

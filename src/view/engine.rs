@@ -14,7 +14,7 @@ use super::job::Job;
 use super::load::{Loaded, warn_of_plan};
 use super::probe::Pixel;
 use crate::document::State;
-use crate::film::{Components, RelightMatrices};
+use crate::film::{Components, RelightMatrices, Relightable};
 use crate::memory::give_back_freed;
 use crate::model::{ColourModel, ModelError};
 use crate::number::{count, whole};
@@ -205,7 +205,7 @@ struct Lit {
     /// Window size for which the picture was marched, in pixels.
     size: [usize; 2],
     accumulators: DeviceFilm,
-    components: Components,
+    means: Relightable,
 }
 
 impl Lit {
@@ -217,11 +217,11 @@ impl Lit {
         // pending
         // march will have as many positions as the mix.
         (positions(scene).len() == count).then(|| {
-            let (background, mut display) = (scene.background.as_ref(), scene.display.clone());
-            if let Components::Model(model, _) = &self.components {
-                display.observer = model.observer();
+            let mut means = self.means.shown_in(scene);
+            if let Components::Model(model, _) = &means.components {
+                means.display.observer = model.observer();
             }
-            RelightMatrices::new(&self.components, count, background, &state.mix(), &display)
+            means.under(&state.mix())
         })
     }
 }
@@ -342,7 +342,7 @@ impl Engine {
             bricks.change(scene);
         }
         if let Some(lit) = &mut self.lit
-            && let Components::Surfaces(spectra) = &mut lit.components
+            && let Components::Surfaces(spectra) = &mut lit.means.components
             && let Components::Surfaces(now) = Components::new(scene, &lit.accumulators.planned)
             && *spectra != now
         {
@@ -437,7 +437,7 @@ impl Engine {
                     }
                 }
                 if let Some(lit) = &mut self.lit
-                    && let Components::Model(model, _) = &mut lit.components
+                    && let Components::Model(model, _) = &mut lit.means.components
                     && Arc::ptr_eq(model, &of)
                 {
                     *model = Arc::clone(&fitted);
@@ -628,9 +628,9 @@ impl Engine {
         // Spectra that leave the film valid may have changed, too. Before a coarse march ends, `bricks` may have a scene of
         // other materials, which waits for its plan.
         let scene = bricks.map_or_else(|| self.on_device.scene(), |bricks| &bricks.scene);
-        let components = Components::new(scene, &accumulators.planned);
+        let means = Relightable::new(scene, &accumulators.planned);
         self.pictures += 1;
-        self.lit = Some(Lit { relight, by: None, level, of_bricks, size: self.size, accumulators, components });
+        self.lit = Some(Lit { relight, by: None, level, of_bricks, size: self.size, accumulators, means });
         self.unlit = true;
         if self.wanted.is_none() && self.planning.is_none() {
             let complete = self.lit.as_ref().is_some_and(|lit| self.is_complete(lit));
@@ -725,14 +725,13 @@ impl Engine {
     ///
     /// [`RenderError::Vulkan`].
     pub fn pixel(&self, place: DVec2) -> Result<Option<Pixel>, RenderError> {
-        let Some(Lit { accumulators, components, .. }) = &self.lit else { return Ok(None) };
+        let Some(Lit { accumulators, means, .. }) = &self.lit else { return Ok(None) };
         let size = accumulators.size;
         let [across, down] = place.to_array();
         let at = |part: f64, pixels: usize| whole((part * count(pixels)).max(0.0)).min(pixels - 1);
         let place = [at(across, size[0]), at(down, size[1])];
         let numbers = self.renderer().read_pixel(accumulators, place)?;
-        let (planned, components) = (accumulators.planned.clone(), components.clone());
-        Ok(Some(Pixel { place, size, numbers, planned, components }))
+        Ok(Some(Pixel { place, size, numbers, planned: accumulators.planned.clone(), means: means.clone() }))
     }
 
     /// Number of finished pictures, coarse ones included; identifies a picture.

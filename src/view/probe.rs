@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use crate::film::{Components, Film, RelightMatrices};
+use crate::film::{Components, Film, RelightMatrices, Relightable};
 use crate::number::count;
 use crate::plan::{Planned, Transmittance, plan_full_spectrum};
 use crate::progress::Progress;
@@ -32,8 +32,8 @@ pub struct Pixel {
     pub numbers: Film<f32>,
     /// Plan of the film.
     pub planned: Planned,
-    /// Components of the accumulators.
-    pub components: Components,
+    /// Meaning of the film; the background and the display are those of the scene that a probe is made with.
+    pub means: Relightable,
 }
 
 /// Displayed colour, with exposure and adaptation.
@@ -151,8 +151,8 @@ impl Probe {
     #[must_use]
     pub fn new(pixel: &Pixel, scene: &Scene, mix: &Mix, reflected: Option<&Reflected>, ray: Option<&Ray>) -> Self {
         let (numbers, positions) = (&pixel.numbers, pixel.planned.positions.len());
-        let background = scene.background.as_ref();
-        let matrices = |mix: &Mix| RelightMatrices::new(&pixel.components, positions, background, mix, &scene.display);
+        let means = pixel.means.shown_in(scene);
+        let matrices = |mix: &Mix| means.under(mix);
         let lit = |name: &str, mix: &Mix| {
             let shown = Shown(only(numbers.relight(&matrices(mix))));
             let error = ray.filter(|ray| ray.level.is_none()).map(|ray| {
@@ -283,7 +283,7 @@ fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices, ray: Option<
         light: of(light),
     };
     let mut shares = Vec::new();
-    if let Components::Surfaces(_) = pixel.components {
+    if let Components::Surfaces(_) = pixel.means.components {
         let seen = |material: usize| ray.and_then(|ray| ray.seen.get(material)).copied();
         let named = |&material: &usize| Some((scene.materials.get(material)?.name.as_str(), seen(material)));
         let matter = planned.materials.iter().filter_map(named);
@@ -341,8 +341,7 @@ pub struct Stretch {
 /// Ray marched with full spectra: its segments and its true radiance.
 #[derive(Clone, Debug)]
 pub struct Ray {
-    components: Components,
-    positions: usize,
+    means: Relightable,
     /// Films with an eighth of the picture's step length, and with the picture's own.
     marched: [Film<f64>; 2],
     /// Segments, from the eye on.
@@ -417,17 +416,9 @@ impl Ray {
             Err(ReferenceError::TooManySamples { .. }) => own.clone(),
             marched => marched?,
         };
-        let components = Components::new(scene, &planned);
+        let means = Relightable::new(scene, &planned);
         let Profile { stretches, seen, absorbed, .. } = profile;
-        Ok(Self {
-            components,
-            positions: planned.positions.len(),
-            marched: [truth, own],
-            stretches,
-            level: None,
-            seen,
-            absorbed,
-        })
+        Ok(Self { means, marched: [truth, own], stretches, level: None, seen, absorbed })
     }
 
     /// The ray of a volume of which a coarse level of blocks of `block` voxels was marched, with its places in voxel indices
@@ -443,8 +434,7 @@ impl Ray {
     /// Colours under `mix`: with an eighth of the picture's step length, and with its own.
     #[must_use]
     pub fn colours(&self, scene: &Scene, mix: &Mix) -> [Shown; 2] {
-        let background = scene.background.as_ref();
-        let matrices = RelightMatrices::new(&self.components, self.positions, background, mix, &scene.display);
+        let matrices = self.means.shown_in(scene).under(mix);
         self.marched.each_ref().map(|marched| Shown(only(marched.relight(&matrices))))
     }
 }

@@ -99,7 +99,7 @@ impl Prober {
             self.followed |= engine.is_finest();
             return Ok(false);
         };
-        let model = match &pixel.components {
+        let model = match &pixel.means.components {
             Components::Model(model, _) => Some(Arc::clone(model)),
             Components::Surfaces(_) => None,
         };
@@ -114,7 +114,7 @@ impl Prober {
             self.ray = Some(behind.ray?);
         } else if self.job.is_none() && !self.followed && engine.is_finest() {
             let ((scene, block), statistics) = (engine.scene_at_hand(), engine.statistics().clone());
-            let (which, components) = ([pixel.size, pixel.place], pixel.components.clone());
+            let (which, components) = ([pixel.size, pixel.place], pixel.means.components.clone());
             self.job = Some(Job::start(wake, move |progress| {
                 let background = scene.background.as_ref();
                 let reflected = lacks_spectra.then(|| Reflected::new(&components, background));
@@ -127,7 +127,7 @@ impl Prober {
         // If light positions have merged or separated, the pending picture has the right ones.
         if new && is_seen && positions(&state.scene).len() == pixel.planned.positions.len() {
             self.light = engine.lights();
-            let exact = || Reflected::new(&pixel.components, state.scene.background.as_ref());
+            let exact = || Reflected::new(&pixel.means.components, state.scene.background.as_ref());
             let reflected = match &model {
                 None => Some(exact()),
                 Some(_) => self.reflected.as_ref().filter(|one| known(one)).map(|(_, reflected)| reflected.clone()),

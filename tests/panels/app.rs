@@ -180,10 +180,10 @@ pub(crate) fn probed_of(document: &Document) -> Probe {
         accumulators: of(&marched.accumulators),
         transmittance: of(&marched.transmittance),
     };
-    let components = relume::film::Components::new(&scene, &planned);
-    let reflected = relume::tables::Reflected::new(&components, None);
+    let means = relume::film::Relightable::new(&scene, &planned);
+    let reflected = relume::tables::Reflected::new(&means.components, None);
     let ray = Ray::march(&scene, &scene.volume.statistics().unwrap(), [size, [0, 0]], &Quiet).unwrap();
-    let pixel = Pixel { place: [0, 0], size, numbers, planned, components };
+    let pixel = Pixel { place: [0, 0], size, numbers, planned, means };
     Probe::new(&pixel, &scene, &Mix::of_scene(&scene), Some(&reflected), Some(&ray))
 }
 

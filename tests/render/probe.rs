@@ -3,7 +3,7 @@
 use crate::support;
 
 use glam::{DMat3, DVec3};
-use relume::film::{Components, Film, display_from_xyz};
+use relume::film::{Film, Relightable, display_from_xyz};
 use relume::plan::{Planned, ScenePlan};
 use relume::progress::Quiet;
 use relume::reference::march_ray;
@@ -69,14 +69,14 @@ fn pixel(rungs: &Rungs) -> Pixel {
         size: [1, 1],
         numbers,
         planned: rungs.planned.clone(),
-        components: Components::new(&rungs.scene, &rungs.planned),
+        means: Relightable::new(&rungs.scene, &rungs.planned),
     }
 }
 
 fn probe(rungs: &Rungs) -> Probe {
     let scene = &rungs.scene;
     let pixel = pixel(rungs);
-    let reflected = Reflected::new(&pixel.components, scene.background.as_ref());
+    let reflected = Reflected::new(&pixel.means.components, scene.background.as_ref());
     let ray = Ray::march(scene, &scene.volume.statistics().unwrap(), [[1, 1], [0, 0]], &Quiet).unwrap();
     Probe::new(&pixel, scene, &Mix::of_scene(scene), Some(&reflected), Some(&ray))
 }

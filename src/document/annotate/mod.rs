@@ -9,7 +9,7 @@ use glam::DVec3;
 use relume_base::number::{count, readable};
 use relume_colour::spectrum::colour::LinearSrgb;
 use relume_colour::spectrum::{Absorption, Spectrum};
-use relume_scene::film::{Components, RelightMatrices};
+use relume_scene::film::{Components, Relightable};
 use relume_scene::plan::is_constant;
 use relume_scene::{Camera, Display, Material, Mix, Scene, View, positions};
 use relume_volume::{Geometry, Unit, Volume};
@@ -159,7 +159,8 @@ pub fn material_colours(scene: &Scene, mix: &Mix) -> Vec<LinearSrgb> {
 /// Display colours of surfaces of these `spectra` under `mix`, lit from all of so many positions.
 fn colours(spectra: Vec<Spectrum>, positions: usize, mix: &Mix, display: &Display) -> Vec<LinearSrgb> {
     let materials = spectra.len();
-    let matrices = RelightMatrices::new(&Components::Surfaces(spectra), positions, None, mix, display);
+    let components = Components::Surfaces(spectra);
+    let matrices = Relightable { components, positions, background: None, display: display.clone() }.under(mix);
     let of = |material: usize| -> DVec3 { matrices.colours.iter().skip(material).step_by(materials.max(1)).sum() };
     (0..materials).map(|material| LinearSrgb(of(material).to_array())).collect()
 }

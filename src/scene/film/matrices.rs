@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
+use super::Film;
 use crate::plan::{LANE, Planned, Transmittance};
 use crate::{Display, Mix, MixLight, Scene};
-use relume_base::number::{count as count_f64, rounded};
+use relume_base::number::{Real, count as count_f64, rounded};
 use relume_colour::model::ColourModel;
 use relume_colour::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, Xyz, bradford, d65_white};
 use relume_colour::spectrum::deficiency::Deficiency;
@@ -76,22 +77,51 @@ impl RelightMatrices {
     /// The matrices of `scene` as `planned`, under `mix`.
     #[must_use]
     pub fn of_scene(scene: &Scene, planned: &Planned, mix: &Mix) -> Self {
-        let components = Components::new(scene, planned);
-        Self::new(&components, planned.positions.len(), scene.background.as_ref(), mix, &scene.display)
+        Relightable::new(scene, planned).under(mix)
+    }
+}
+
+/// What the numbers of a film mean: all that a picture of them needs beside a mix of lights.
+#[derive(Clone, Debug)]
+pub struct Relightable {
+    /// Spectra of the components of an accumulator.
+    pub components: Components,
+    /// Number of light positions, each of which has an accumulator.
+    pub positions: usize,
+    /// Reflectance behind the volume; black if there is none.
+    pub background: Option<Reflectance>,
+    /// Exposure, adaptation and observer.
+    pub display: Display,
+}
+
+impl Relightable {
+    /// The meaning of a film of `scene` as `planned`.
+    #[must_use]
+    pub fn new(scene: &Scene, planned: &Planned) -> Self {
+        let (components, positions) = (Components::new(scene, planned), planned.positions.len());
+        Self { components, positions, background: scene.background.clone(), display: scene.display.clone() }
     }
 
-    /// Colours of `components` at each of `positions` positions under `mix`, in front of `background`, all sums in f64.
+    /// The same numbers in front of the background and on the display of `scene`.
     #[must_use]
-    pub fn new(
-        components: &Components,
-        positions: usize,
-        background: Option<&Reflectance>,
-        mix: &Mix,
-        display: &Display,
-    ) -> Self {
+    pub fn shown_in(&self, scene: &Scene) -> Self {
+        Self { background: scene.background.clone(), display: scene.display.clone(), ..self.clone() }
+    }
+
+    /// Linear sRGB of every pixel of `film` under `mix`, without a march.
+    #[must_use]
+    pub fn relight<R: Real>(&self, film: &Film<R>, mix: &Mix) -> Vec<DVec3> {
+        film.relight(&self.under(mix))
+    }
+
+    /// The colours of the components under `mix`, all sums in f64.
+    #[must_use]
+    pub fn under(&self, mix: &Mix) -> RelightMatrices {
+        let Self { components, positions, background, display } = self;
+        let background = background.as_ref();
         let display_from_xyz = display_from_xyz(mix, display);
         let count = components.len();
-        let mut colours = vec![DVec3::ZERO; positions * count];
+        let mut colours = vec![DVec3::ZERO; *positions * count];
         let mut everywhere = vec![DVec3::ZERO; count];
         for light in &mix.0 {
             let colours_of_light = components.colours(&light.spectrum, display.observer);
@@ -129,9 +159,11 @@ impl RelightMatrices {
             }
         };
         let shown = |colours: Vec<DVec3>| colours.into_iter().map(|colour| display_from_xyz * colour).collect();
-        Self { colours: shown(colours), background: shown(background), transmittance_weights }
+        RelightMatrices { colours: shown(colours), background: shown(background), transmittance_weights }
     }
+}
 
+impl RelightMatrices {
     /// Background and weights in the layout of the relight shader: for each vector of the transmittance, red, green and
     /// blue of the background, and the weights.
     #[must_use]

@@ -5,7 +5,7 @@ mod relight;
 mod rows;
 mod tree;
 
-pub use matrices::{Components, RelightMatrices, display_from_xyz};
+pub use matrices::{Components, RelightMatrices, Relightable, display_from_xyz};
 pub(crate) use relight::relit_pixel;
 pub use rows::Rectangle;
 pub use tree::composited;

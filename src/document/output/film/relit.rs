@@ -12,6 +12,20 @@ use relume_scene::{Display, Mix, MixLight};
 use relume_volume::Unit;
 
 impl FilmFile {
+    /// What the numbers of the pixels mean.
+    ///
+    /// # Errors
+    ///
+    /// [`OutputError::Inconsistent`] if the background is not finite.
+    pub fn relightable(&self) -> Result<film::Relightable, OutputError> {
+        Ok(film::Relightable {
+            components: self.spectra(),
+            positions: self.positions.len(),
+            background: self.behind()?,
+            display: self.display(),
+        })
+    }
+
     /// Spectra of the components.
     #[must_use]
     pub fn spectra(&self) -> film::Components {

@@ -9,21 +9,17 @@ use crate::output::{FilmFile, OutputError};
 use relume_colour::model::{ColourModel, ModelError};
 use relume_colour::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use relume_colour::spectrum::observer::Observer;
-use relume_colour::spectrum::{Kind, Light, Reflectance, standard};
-use relume_scene::film::{Components, RelightMatrices};
+use relume_colour::spectrum::{Kind, Light, standard};
+use relume_scene::film::{Components, RelightMatrices, Relightable};
 use relume_scene::plan::Transmittance;
 use relume_scene::{Display, Mix, MixLight};
 
 /// Everything that the colours of a page depend on.
 pub(super) struct Lights {
-    /// Components, for each observer of [`Observer::ALL`].
-    pub(super) components: Vec<Components>,
-    /// Number of light positions.
-    pub(super) positions: usize,
-    /// Reflectance behind the volume.
-    pub(super) background: Option<Reflectance>,
-    /// Display of the picture as it opens.
-    pub(super) display: Display,
+    /// The meaning of the film for each observer of [`Observer::ALL`].
+    pub(super) observed: Vec<Relightable>,
+    /// The meaning of the film for the observer of the picture as it opens.
+    pub(super) opened: Relightable,
     /// Lights of the film with their weights in the scene; a weight of 0 is 1 here.
     pub(super) stated: Mix,
     /// Mix of the picture as it opens.
@@ -42,8 +38,9 @@ impl Lights {
             names.filter_map(|name| Some((*name, standard::light(name).ok()?))).collect();
         let mut stated = film.stated()?;
         let unfit = |error: ModelError| OutputError::Inconsistent { detail: error.to_string() };
-        let components =
-            match film.spectra() {
+        let opened = film.relightable()?;
+        let components: Vec<Components> =
+            match opened.components.clone() {
                 surfaces @ Components::Surfaces(_) => vec![surfaces.clone(), surfaces],
                 Components::Model(model, transmittance) => {
                     let lights = stated.0.iter().map(|light| (light.name.as_str(), &light.spectrum));
@@ -60,11 +57,13 @@ impl Lights {
         for light in stated.0.iter_mut().filter(|light| light.weight == 0.0) {
             light.weight = 1.0;
         }
+        let observed = components.into_iter().zip(Observer::ALL).map(|(components, observer)| {
+            let display = Display { observer, ..opened.display.clone() };
+            Relightable { components, display, ..opened.clone() }
+        });
         Ok(Self {
-            components,
-            positions: film.positions.len(),
-            background: film.behind()?,
-            display: film.display(),
+            observed: observed.collect(),
+            opened,
             stated,
             opening: film.opening()?,
             dial: film.dial.clone(),
@@ -74,17 +73,17 @@ impl Lights {
 
     /// Number of planes of a page: accumulators, and the transmittance unless it is in front of black.
     pub(super) fn planes(&self) -> usize {
-        self.of_position() * self.positions + self.behind()
+        self.of_position() * self.opened.positions + self.behind()
     }
 
     /// Planes of a position.
     pub(super) fn of_position(&self) -> usize {
-        self.components[0].len()
+        self.opened.components.len()
     }
 
     /// Planes of the transmittance.
     pub(super) fn behind(&self) -> usize {
-        match (&self.components[0], &self.background) {
+        match (&self.opened.components, &self.opened.background) {
             (_, None) => 0,
             (Components::Model(model, Transmittance::Coloured), _) => model.dimension(),
             _ => 1,
@@ -93,7 +92,7 @@ impl Lights {
 
     /// Colour model for the observer of index `seen`.
     pub(super) fn model(&self, seen: usize) -> Option<&ColourModel> {
-        match &self.components[seen] {
+        match &self.observed[seen].components {
             Components::Model(model, _) => Some(model),
             Components::Surfaces(_) => None,
         }
@@ -101,13 +100,12 @@ impl Lights {
 
     /// Relight matrices under `mix` for the observer of index `seen`.
     pub(super) fn matrices(&self, mix: &Mix, seen: usize) -> RelightMatrices {
-        let display = Display { observer: Observer::ALL[seen], ..self.display.clone() };
-        RelightMatrices::new(&self.components[seen], self.positions, self.background.as_ref(), mix, &display)
+        self.observed[seen].under(mix)
     }
 
     /// Index in [`Observer::ALL`] of the observer of the picture as it opens.
     pub(super) fn seen(&self) -> usize {
-        Observer::ALL.iter().position(|observer| *observer == self.display.observer).unwrap_or(0)
+        Observer::ALL.iter().position(|observer| *observer == self.opened.display.observer).unwrap_or(0)
     }
 
     /// Mixes under which packing keeps its tolerance: the picture as it opens, the presets of the dial, each standard

@@ -261,7 +261,7 @@ impl Page<'_> {
         if self.columns == 0 || !self.views.len().is_multiple_of(self.columns) {
             return wrong(format!("{} views are no rows of {}", self.views.len(), self.columns));
         }
-        let accumulators = lights.of_position() * lights.positions;
+        let accumulators = lights.of_position() * lights.opened.positions;
         for (index, view) in self.views.iter().enumerate() {
             let numbers = [view.accumulators.len(), view.transmittance.len()];
             let expected = [accumulators * first.pixels(), lights.behind() * first.pixels()];
@@ -358,7 +358,7 @@ impl Page<'_> {
     pub fn shown(&self, progress: &dyn Progress) -> Result<Vec<Film<f32>>, PageError> {
         let lights = self.checked()?;
         let Planes { channels, kept, found, views, large } = self.planes(&lights, progress)?;
-        let accumulators = lights.of_position() * lights.positions;
+        let accumulators = lights.of_position() * lights.opened.positions;
         let view = |((bytes, &large), film): ((&Vec<u8>, &usize), &Film<f32>)| {
             let codes = packing::unpacked(bytes, &kept, large, film.size);
             let codes = codes.map_err(|error| OutputError::Inconsistent { detail: error.to_string() })?;

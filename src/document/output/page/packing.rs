@@ -73,7 +73,7 @@ impl Channels {
     /// The channels of `films` under `lights`; `gains` are the square roots of the brightness of each plane.
     pub(super) fn new(films: &[Film<f32>], lights: &Lights, gains: Vec<f64>) -> Self {
         let mut channels = Self { gains, groups: Vec::new(), ranges: Vec::new() };
-        if let Components::Model(model, _) = &lights.components[0] {
+        if let Components::Model(model, _) = &lights.observed[0].components {
             let k = model.dimension();
             let first = (0..lights.planes()).step_by(k.max(1)).filter(|first| first + k <= lights.planes());
             channels.groups = first.map(|first| channels.group(films, lights, first, k)).collect();

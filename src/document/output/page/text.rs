@@ -84,7 +84,8 @@ fn legend(page: &Page<'_>, lights: &Lights) -> String {
     if materials.is_empty() {
         return String::new();
     }
-    let entries = Overlay::of_surfaces(&materials, lights.positions, &lights.opening, &lights.display).materials;
+    let entries =
+        Overlay::of_surfaces(&materials, lights.opened.positions, &lights.opening, &lights.opened.display).materials;
     let entry = |entry: &Entry| {
         format!(
             "<p><svg width=\"14\" height=\"14\" aria-hidden=\"true\"><rect width=\"14\" height=\"14\" rx=\"3\" fill=\"{}\"/></svg> \
@@ -235,7 +236,7 @@ fn json_of(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String {
             "matrix": group.rows,
         })).collect::<Vec<_>>(),
     });
-    match (&film.components, &lights.components[0]) {
+    match (&film.components, &lights.observed[0].components) {
         (FileComponents::Surfaces(surfaces), _) => {
             written["components"] = surfaces
                 .iter()
@@ -252,7 +253,7 @@ fn json_of(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String {
                 "spectra": reconstruction.spectra.iter().map(spectrum).collect::<Vec<_>>(),
                 "error": (errors * 1e3).round() / 1e3,
             });
-            if let Some(background) = &lights.background {
+            if let Some(background) = &lights.opened.background {
                 written["background"] = spectrum(background.spectrum());
                 if lights.behind() > 1 {
                     written["behind"] = list(&model.coefficients(background.spectrum()));
