@@ -45,7 +45,7 @@ pub struct LightKind(&'static str);
 
 impl LightKind {
     /// The names of all kinds, and the key of the vector that a kind has.
-    const ALL: [(&'static str, Option<&'static str>); 5] = [
+    const ALL: &'static [(&'static str, Option<&'static str>)] = &[
         ("ambient", None),
         ("headlight", None),
         ("directional", Some("direction")),
@@ -80,8 +80,15 @@ impl Default for LightKind {
 
 impl<'de> serde::Deserialize<'de> for LightKind {
     fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        const NAMES: [&str; LightKind::ALL.len()] =
-            [LightKind::ALL[0].0, LightKind::ALL[1].0, LightKind::ALL[2].0, LightKind::ALL[3].0, LightKind::ALL[4].0];
+        const NAMES: [&str; LightKind::ALL.len()] = {
+            let mut names = [""; LightKind::ALL.len()];
+            let mut i = 0;
+            while i < names.len() {
+                names[i] = LightKind::ALL[i].0;
+                i += 1;
+            }
+            names
+        };
         let stated = <std::borrow::Cow<'de, str>>::deserialize(from)?;
         let known = NAMES.iter().find(|name| **name == stated);
         known.map(|name| Self(name)).ok_or_else(|| serde::de::Error::unknown_variant(&stated, &NAMES))
