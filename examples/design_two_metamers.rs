@@ -4,8 +4,8 @@
 use std::error::Error;
 use std::path::Path;
 
-use relume::palette::{parse, solve};
-use relume::progress::Quiet;
+use relume_base::progress::Quiet;
+use relume_colour::palette::{parse, solve};
 
 const PALETTE: &str = r##"
 version = 1

@@ -11,7 +11,7 @@ struct Absorbers {
 @group(0) @binding(18) var<uniform> absorbers: Absorbers;
 
 fn whole_share() -> Share {
-    return grey_depth(1.0);
+    return even_share(1.0);
 }
 
 // The numbers of a lane.
@@ -36,11 +36,11 @@ fn plus_shade(sum: Share, share: Share, shade: f32) -> Share {
     return total;
 }
 
-// Optical depth through all that is grey.
-fn grey_depth(depth: f32) -> Share {
+// This number in every component: the optical depth of all that is grey.
+fn even_share(number: f32) -> Share {
     var all: Share;
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        all[lane] = vec4f(depth);
+        all[lane] = vec4f(number);
     }
     return all;
 }

@@ -20,9 +20,9 @@ fn plus_shade(sum: Share, share: Share, shade: f32) -> Share {
     return fma(share, shade, sum);
 }
 
-// Optical depth through all that is grey.
-fn grey_depth(depth: f32) -> Share {
-    return depth;
+// This number in every component: the optical depth of all that is grey.
+fn even_share(number: f32) -> Share {
+    return number;
 }
 
 // What arrives behind an optical depth.

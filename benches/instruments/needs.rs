@@ -83,6 +83,8 @@ pub(crate) struct FrameCounts {
     pub(crate) pixel_bytes: u64,
     /// Bytes of the volume on the device.
     pub(crate) volume_bytes: u64,
+    /// Bytes of the source of a table entry, which a sample reads twice.
+    pub(crate) entry_bytes: u64,
     /// Bytes read and written by a relight.
     pub(crate) relight_bytes: u64,
     /// Instructions of the march shader.
@@ -93,12 +95,13 @@ pub(crate) struct FrameCounts {
 
 impl FrameCounts {
     /// The counts with their names.
-    pub(crate) fn named(&self) -> [(&'static str, u64); 7] {
+    pub(crate) fn named(&self) -> [(&'static str, u64); 8] {
         [
             ("samples", self.samples),
             ("dispatches", self.dispatches),
             ("bytes a pixel", self.pixel_bytes),
             ("bytes of the volume", self.volume_bytes),
+            ("bytes of a table entry", self.entry_bytes),
             ("bytes of a relight", self.relight_bytes),
             ("instructions of the march", self.march_instructions as u64),
             ("instructions of the relight", self.relight_instructions as u64),
@@ -527,6 +530,7 @@ fn counted(renderer: &Renderer, scene: Scene) -> Result<Counted, NeedError> {
         dispatches: renderer.device().dispatches() - before,
         pixel_bytes: plan.pixel_bytes(),
         volume_bytes: on_device.uploaded().bytes(),
+        entry_bytes: (plan.parts().lanes * size_of::<[f32; 4]>()) as u64,
         relight_bytes: relight.bytes(),
         march_instructions: march_shader.instructions(),
         relight_instructions: relight_shader.instructions(),

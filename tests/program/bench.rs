@@ -126,9 +126,6 @@ fn cost_is_measured_over_k_positions_pixels_and_voxels() {
     let by_k = [1, 2, 3, 4, 6, 8, 12, 16];
     assert_eq!(bytes("k", "grey", "pixel_bytes"), by_k.map(|k: u64| [k, 16 * k.div_ceil(4) + 4]));
     assert_eq!(bytes("k", "coloured", "pixel_bytes"), by_k.map(|k: u64| [k, 32 * k.div_ceil(4)]));
-    // A matrix transmittance has k² numbers.
-    let matrices: Vec<[u64; 2]> = [2, 4].map(|k: u64| [k, 16 * k.div_ceil(4) + 16 * (k * k).div_ceil(4)]).to_vec();
-    assert_eq!(bytes("k", "coloured, matrices", "pixel_bytes"), matrices);
     // Each position has its own accumulators; the transmittance is shared.
     let by_position = [1, 2, 4, 8].map(|positions: u64| [positions, 16 * positions + 4]);
     assert_eq!(bytes("positions", "grey, 4 weights", "pixel_bytes"), by_position);

@@ -3,6 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use relume::progress::Quiet;
+use relume::volume::Selection;
+
+use crate::support::dicom;
+
 /// `cargo test` builds the examples next to the program.
 fn example(name: &str) -> PathBuf {
     let program = Path::new(env!("CARGO_BIN_EXE_relume"));
@@ -37,6 +42,20 @@ fn two_metamers_are_designed() {
     let luminance = |line: &&str| line.split("Y = ").nth(1).unwrap()[..5].parse::<f64>().unwrap();
     let day: Vec<f64> = text.lines().filter(|line| line.contains("under  day")).map(|line| luminance(&line)).collect();
     assert!(day.len() == 2 && (day[0] - day[1]).abs() < 0.002, "{text}");
+}
+
+#[test]
+fn dicom_slices_become_an_array_with_its_frame() {
+    let slices = tempfile::tempdir().unwrap();
+    for (name, z, first) in [("b", 2.0, 12), ("a", 0.0, 0)] {
+        let bytes = dicom::file(&dicom::slice(z, first), dicom::EXPLICIT);
+        std::fs::write(slices.path().join(name), bytes).unwrap();
+    }
+    let (_, text) = run("dicom_to_array", &[slices.path()]);
+    let volume = relume::volume::open(slices.path(), &Selection::default(), &Quiet).unwrap();
+    let [first, second] = [0, volume.voxels.len() - 1].map(|i| volume.voxels.value(i).unwrap());
+    assert!(text.starts_with(&format!("{:?} voxels from {first} to {second}", volume.geometry.dims)), "{text}");
+    assert!(text.contains(&format!("origin {}", volume.geometry.origin)), "{text}");
 }
 
 #[test]

@@ -18,7 +18,7 @@ fn numbered(name: &str, n: usize) -> String {
 /// The share of light number `number` of the light grid.
 fn share_behind(plan: &ScenePlan, number: usize) -> String {
     let first = number * (1 + plan.light.absorbers);
-    let grey = format!("grey_depth({})", numbered("depths", first));
+    let grey = format!("even_share({})", numbered("depths", first));
     let depth = (0..plan.light.absorbers)
         .fold(grey, |depth, i| format!("absorbed({depth}, {}, {i}u)", numbered("depths", first + 1 + i)));
     format!("behind({depth})")
