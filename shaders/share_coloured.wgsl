@@ -54,7 +54,7 @@ fn absorbed(depth: Share, through: f32, absorber: u32) -> Share {
     return sum;
 }
 
-// What arrives behind an optical depth.
+// The share behind an optical depth.
 fn behind(depth: Share) -> Share {
     var share: Share;
     for (var lane = 0u; lane < LANES; lane += 1u) {
@@ -63,7 +63,7 @@ fn behind(depth: Share) -> Share {
     return share;
 }
 
-// What arrives along the ray of the eye: its mean over the step.
+// The share of light along the ray of the eye: its mean over the step.
 fn share_of_ray(transmittance: Transmittance, opacity: Transmittance) -> Share {
     var share: Share;
     for (var lane = 0u; lane < LANES; lane += 1u) {

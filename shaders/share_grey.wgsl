@@ -25,12 +25,12 @@ fn even_share(number: f32) -> Share {
     return number;
 }
 
-// What arrives behind an optical depth.
+// The share behind an optical depth.
 fn behind(depth: Share) -> Share {
     return exp(-depth);
 }
 
-// What arrives along the ray of the eye: its mean over the step.
+// The share of light along the ray of the eye: its mean over the step.
 fn share_of_ray(transmittance: Transmittance, opacity: Transmittance) -> Share {
     let left = brightest(transmittance);
     return fma(-0.5 * left, brightest(opacity), left);

@@ -14,7 +14,7 @@ use crate::number::{brief, brief_in, readable};
 use crate::output::film::{Components, FilmFile, Light, Stored};
 use crate::plan::{Accumulate, Planned, Transmittance, plan};
 use crate::progress::Progress;
-use crate::scene::{Placement, Scene};
+use crate::scene::Scene;
 use crate::tables::{LightGrid, Storage};
 use crate::volume::{
     self, HostMemory, LabelPreset, Offered, RawLayout, Selection, Series, Several, Volume, VolumeError, Window,
@@ -608,13 +608,8 @@ fn of_scene(
         .lights
         .iter()
         .map(|light| {
-            let place = match light.placement {
-                Placement::Ambient => "from everywhere".to_owned(),
-                Placement::Headlight => "from the eye".to_owned(),
-                Placement::Directional(direction) => format!("from the direction {}", list(direction)),
-                Placement::Point(point) => format!("from {}", list(point)),
-                Placement::ThreePoint => "from three points around the eye".to_owned(),
-            };
+            let vector = light.placement.vector().map_or_else(String::new, |vector| format!(" {}", list(vector)));
+            let place = light.placement.kind().origin().to_owned() + &vector;
             let off = if is_on(file, &light.name) { "" } else { ", off initially" };
             let shadows = if light.shadows { ", with shadows" } else { "" };
             format!("{} ({place}, intensity {}{shadows}{off})", light.name, light.intensity)

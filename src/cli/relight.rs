@@ -148,7 +148,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (text, model_json) = (learnt.text(model), learnt.json(model));
     }
     let visible = LazyCell::new(|| saved.visible());
-    let hand = args.dial.hand(&saved.dial, &saved.mix, |mix| visible.relight(&saved.matrices(mix)))?;
+    let hand = args.dial.hand(&saved.dial, &saved.mix, |mix| saved.means.relight(&visible, mix))?;
     let mixes = hand.as_ref().map_or_else(|| vec![given], |hand| hand.mixes(&saved.mix));
     let mut relit = clock.read();
     let whole = Stopwatch::start();

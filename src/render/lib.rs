@@ -347,7 +347,16 @@ impl Renderer {
         named: impl Fn(&str) -> Option<Resource<'a>>,
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
         let name = source.name;
-        let made = self.made(source)?;
+        self.bound(name, self.made(source)?, named)
+    }
+
+    /// [`Self::bind`], of a pipeline that is `made`.
+    fn bound<'a>(
+        &self,
+        name: &str,
+        made: Made,
+        named: impl Fn(&str) -> Option<Resource<'a>>,
+    ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
         let bound = |resources: &[String]| -> Result<Vec<Resource<'a>>, RenderError> {
             resources
                 .iter()

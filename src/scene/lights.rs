@@ -44,13 +44,13 @@ pub fn three_point(view: &View) -> [(DVec3, f64); 3] {
 pub struct LightKind(&'static str);
 
 impl LightKind {
-    /// The names of all kinds, and the key of the vector that a kind has.
-    const ALL: &'static [(&'static str, Option<&'static str>)] = &[
-        ("ambient", None),
-        ("headlight", None),
-        ("directional", Some("direction")),
-        ("point", Some("position")),
-        ("three_point", None),
+    /// The names of all kinds, the key of the vector that a kind has, and its origin in words, which the vector follows.
+    const ALL: &'static [(&'static str, Option<&'static str>, &'static str)] = &[
+        ("ambient", None, "from everywhere"),
+        ("headlight", None, "from the eye"),
+        ("directional", Some("direction"), "from the direction"),
+        ("point", Some("position"), "from"),
+        ("three_point", None, "from three points around the eye"),
     ];
 
     /// Its name.
@@ -62,13 +62,19 @@ impl LightKind {
     /// Key of its vector in a scene file: `direction`, a unit vector towards the light, or `position`. `None` if it has none.
     #[must_use]
     pub fn vector(self) -> Option<&'static str> {
-        Self::ALL.iter().find(|(name, _)| *name == self.0).and_then(|(_, vector)| *vector)
+        Self::ALL.iter().find(|(name, ..)| *name == self.0).and_then(|(_, vector, _)| *vector)
+    }
+
+    /// Its origin in words; the direction or the place, if it has one, follows them.
+    #[must_use]
+    pub fn origin(self) -> &'static str {
+        Self::ALL.iter().find(|(name, ..)| *name == self.0).map_or("", |(.., origin)| *origin)
     }
 
     /// Name of the first kind with a vector of this key.
     #[must_use]
     pub fn with_vector(key: &str) -> Option<&'static str> {
-        Self::ALL.iter().find(|(_, vector)| *vector == Some(key)).map(|(name, _)| *name)
+        Self::ALL.iter().find(|(_, vector, _)| *vector == Some(key)).map(|(name, ..)| *name)
     }
 }
 
@@ -95,7 +101,7 @@ impl<'de> serde::Deserialize<'de> for LightKind {
     }
 }
 
-/// Where light arrives from at a step.
+/// Origin of light that arrives at a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Direction {
     /// All directions evenly.
@@ -139,7 +145,7 @@ impl Placement {
         all.into_iter().find(of_kind)
     }
 
-    /// Where light from here arrives from: one accumulator has them all.
+    /// The directions of light from here: one accumulator has them all.
     #[must_use]
     pub const fn directions(self) -> &'static [Direction] {
         match self {
@@ -162,7 +168,7 @@ impl Placement {
         }
     }
 
-    /// Whether its directions, several of them, turn with the camera.
+    /// True if its directions, several of them, turn with the camera.
     #[must_use]
     pub const fn turns(self) -> bool {
         matches!(self, Self::ThreePoint)

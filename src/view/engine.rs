@@ -217,11 +217,11 @@ impl Lit {
         // pending
         // march will have as many positions as the mix.
         (positions(scene).len() == count).then(|| {
-            let mut means = self.means.shown_in(scene);
-            if let Components::Model(model, _) = &means.components {
-                means.display.observer = model.observer();
+            let mut display = scene.display.clone();
+            if let Components::Model(model, _) = &self.means.components {
+                display.observer = model.observer();
             }
-            means.under(&state.mix())
+            self.means.under_on(&state.mix(), scene.background.as_ref(), &display)
         })
     }
 }

@@ -151,8 +151,8 @@ impl Probe {
     #[must_use]
     pub fn new(pixel: &Pixel, scene: &Scene, mix: &Mix, reflected: Option<&Reflected>, ray: Option<&Ray>) -> Self {
         let (numbers, positions) = (&pixel.numbers, pixel.planned.positions.len());
-        let means = pixel.means.shown_in(scene);
-        let matrices = |mix: &Mix| means.under(mix);
+        let background = scene.background.as_ref();
+        let matrices = |mix: &Mix| pixel.means.under_on(mix, background, &scene.display);
         let lit = |name: &str, mix: &Mix| {
             let shown = Shown(only(numbers.relight(&matrices(mix))));
             let error = ray.filter(|ray| ray.level.is_none()).map(|ray| {
@@ -434,7 +434,7 @@ impl Ray {
     /// Colours under `mix`: with an eighth of the picture's step length, and with its own.
     #[must_use]
     pub fn colours(&self, scene: &Scene, mix: &Mix) -> [Shown; 2] {
-        let matrices = self.means.shown_in(scene).under(mix);
+        let matrices = self.means.under_on(mix, scene.background.as_ref(), &scene.display);
         self.marched.each_ref().map(|marched| Shown(only(marched.relight(&matrices))))
     }
 }

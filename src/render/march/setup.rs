@@ -294,8 +294,9 @@ impl Renderer {
 
         let residence = uploaded.residence();
         let source = source(plan, Dispatching { tables, block: rays.block.is_some(), residence, ..self.dispatching });
-        let iterations = self.made(source.clone())?.iterations;
-        let (pipeline, set) = self.bind(source, |name| {
+        let made = self.made(source)?;
+        let iterations = made.iterations;
+        let (pipeline, set) = self.bound("march", made, |name| {
             if let Some(resource) = grid.as_ref().and_then(|grid| grid.resource(name)) {
                 return Some(resource);
             }

@@ -81,7 +81,7 @@ impl RelightMatrices {
     }
 }
 
-/// What the numbers of a film mean: all that a picture of them needs beside a mix of lights.
+/// The meaning of a film's numbers: all that a picture of them needs beside a mix of lights.
 #[derive(Clone, Debug)]
 pub struct Relightable {
     /// Spectra of the components of an accumulator.
@@ -102,12 +102,6 @@ impl Relightable {
         Self { components, positions, background: scene.background.clone(), display: scene.display.clone() }
     }
 
-    /// The same numbers in front of the background and on the display of `scene`.
-    #[must_use]
-    pub fn shown_in(&self, scene: &Scene) -> Self {
-        Self { background: scene.background.clone(), display: scene.display.clone(), ..self.clone() }
-    }
-
     /// Linear sRGB of every pixel of `film` under `mix`, without a march.
     #[must_use]
     pub fn relight<R: Real>(&self, film: &Film<R>, mix: &Mix) -> Vec<DVec3> {
@@ -117,8 +111,13 @@ impl Relightable {
     /// The colours of the components under `mix`, all sums in f64.
     #[must_use]
     pub fn under(&self, mix: &Mix) -> RelightMatrices {
-        let Self { components, positions, background, display } = self;
-        let background = background.as_ref();
+        self.under_on(mix, self.background.as_ref(), &self.display)
+    }
+
+    /// [`Self::under`] in front of another `background`, on another `display`.
+    #[must_use]
+    pub fn under_on(&self, mix: &Mix, background: Option<&Reflectance>, display: &Display) -> RelightMatrices {
+        let Self { components, positions, .. } = self;
         let display_from_xyz = display_from_xyz(mix, display);
         let count = components.len();
         let mut colours = vec![DVec3::ZERO; *positions * count];

@@ -8,7 +8,7 @@ pub struct LightPlan {
     /// All arrivals. Those of one accumulator follow one another, in the order of the accumulators, and each accumulator
     /// has at least one. The i-th has vector i of [`PositionTable`](crate::tables::PositionTable).
     pub arrivals: Vec<Arrival>,
-    /// Whether the medium dims the ambient shares of directed lights, as it does the light of a sky.
+    /// True if the medium dims the ambient shares of directed lights, as it does the light of a sky.
     pub occluded: bool,
     /// Method that finds the light behind the medium; the default if none is.
     pub method: ShadowMethod,
@@ -22,7 +22,7 @@ pub struct LightPlan {
 pub struct Arrival {
     /// The accumulator of its position.
     pub accumulator: usize,
-    /// Where it comes from.
+    /// Its origin.
     pub direction: Direction,
     /// The part of it that arrives.
     pub share: Share,
@@ -33,9 +33,9 @@ pub struct Arrival {
 pub enum Share {
     /// All of it.
     Open,
-    /// What the medium in front of the step lets through: light along the ray of the eye.
+    /// The part that the medium in front of the step lets through, of light along the ray of the eye.
     OfRay,
-    /// What the medium lets through by light number n of the light grid, or by a ray to it.
+    /// The part that the medium lets through of light number n of the light grid.
     Behind(usize),
 }
 
@@ -97,25 +97,25 @@ impl LightPlan {
         own.enumerate().map(move |(i, &arrival)| (first + i, arrival))
     }
 
-    /// Whether some light has no direction.
+    /// True if some light has no direction.
     #[must_use]
     pub fn is_ambient(&self) -> bool {
         self.arrivals.iter().any(|arrival| arrival.direction == Direction::Everywhere)
     }
 
-    /// Whether some light has a direction.
+    /// True if some light has a direction.
     #[must_use]
     pub fn is_directed(&self) -> bool {
         self.arrivals.iter().any(|arrival| arrival.direction != Direction::Everywhere)
     }
 
-    /// Whether the medium dims some light.
+    /// True if the medium dims some light.
     #[must_use]
     pub fn is_dimmed(&self) -> bool {
         self.occluded || self.arrivals.iter().any(|arrival| arrival.share != Share::Open)
     }
 
-    /// Whether a light shines along the rays of the eye through the medium, so that its shadows follow from the transmittance.
+    /// True if a light shines along the rays of the eye through the medium, so that its shadows follow from the transmittance.
     #[must_use]
     pub fn is_dimmed_along_rays(&self) -> bool {
         self.arrivals.iter().any(|arrival| arrival.share == Share::OfRay)
@@ -147,7 +147,7 @@ impl LightPlan {
         self.grid_lights() * (1 + self.absorbers)
     }
 
-    /// Whether the march reads a light grid.
+    /// True if the march reads a light grid.
     #[must_use]
     pub fn reads_grid(&self) -> bool {
         self.grid_lights() > 0 && self.method == ShadowMethod::Grid

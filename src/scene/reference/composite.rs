@@ -11,7 +11,7 @@ pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[
     }
 }
 
-/// What rounding took from the sums and the transmittance of a ray so far (Kahan 1965).
+/// The loss by rounding of the sums and the transmittance of a ray so far (Kahan 1965).
 #[derive(Debug)]
 pub(super) struct Lost<R> {
     pub(super) sums: Vec<R>,

@@ -235,7 +235,7 @@ impl<'a, R: Real> Light<'a, R> {
         }
     }
 
-    /// Whether only the side towards lower values is lit.
+    /// True if only the side towards lower values is lit.
     fn one_sided(&self) -> bool {
         self.planned.plan.shading.is_some_and(|terms| terms.one_sided)
     }

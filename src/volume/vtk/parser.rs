@@ -431,7 +431,7 @@ fn text(word: Vec<u8>) -> String {
     String::from_utf8(word).unwrap_or_else(|wrong| String::from_utf8_lossy(wrong.as_bytes()).into_owned())
 }
 
-/// Whether the byte is white space.
+/// True for white space.
 const fn is_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | b'\n' | b'\x0c' | b'\r')
 }

@@ -285,7 +285,7 @@ pub struct Component {
 pub struct Position {
     /// Unique among the positions.
     pub name: String,
-    /// Where the light comes from; determines its shading. If no material is specular, a direction may be the opposite one.
+    /// The origin of the light; determines its shading. If no material is specular, a direction may be the opposite one.
     pub placement: Placement,
     /// Whether the medium between a sample and the light dims it.
     pub shadows: bool,

@@ -12,7 +12,7 @@ use relume_scene::{Display, Mix, MixLight};
 use relume_volume::Unit;
 
 impl FilmFile {
-    /// What the numbers of the pixels mean.
+    /// The meaning of the numbers of the pixels.
     ///
     /// # Errors
     ///
