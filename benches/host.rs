@@ -15,15 +15,15 @@ use relume::tables::{Cells, Storage, TransferTable};
 fn host(criterion: &mut Criterion) {
     let scene = load_peer(&SceneOptions::default(), &Quiet).expect("the embedded scene").scene;
     let planned = plan(&scene, &Quiet).expect("weights need no fit");
-    let statistics = scene.volume.statistics().expect("the phantom has values");
-    let storage = Storage::new(&planned.plan, &scene.volume, &statistics);
+    let statistics = scene.volume().statistics().expect("the phantom has values");
+    let storage = Storage::new(&planned.plan, scene.volume(), &statistics);
     let table = TransferTable::new(&scene, &planned, storage.domain);
-    let cells = Cells::new(&scene.volume, &storage, None);
+    let cells = Cells::new(scene.volume(), &storage, None);
     let mut group = criterion.benchmark_group("host");
     group.sample_size(10);
-    group.bench_function("statistics", |bencher| bencher.iter(|| scene.volume.statistics()));
-    group.bench_function("store 16 slices", |bencher| bencher.iter(|| storage.slab(&scene.volume, black_box(60..76))));
-    group.bench_function("cells", |bencher| bencher.iter(|| Cells::new(&scene.volume, &storage, None)));
+    group.bench_function("statistics", |bencher| bencher.iter(|| scene.volume().statistics()));
+    group.bench_function("store 16 slices", |bencher| bencher.iter(|| storage.slab(scene.volume(), black_box(60..76))));
+    group.bench_function("cells", |bencher| bencher.iter(|| Cells::new(scene.volume(), &storage, None)));
     group.bench_function("occupancy", |bencher| bencher.iter(|| cells.occupancy(&black_box(&table).active_entries())));
     group.bench_function("transfer table", |bencher| {
         bencher.iter(|| TransferTable::new(&scene, &planned, black_box(storage.domain)));

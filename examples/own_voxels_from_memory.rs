@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // Full-spectrum reference: all 81 bands in f64.
     let planned = plan_full_spectrum(&scene);
-    let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
+    let storage = Storage::new(&planned.plan, scene.volume(), &scene.volume().statistics()?);
     let samples = Exact::new(&scene, &planned, storage, None);
     let matrices = RelightMatrices::of_scene(&scene, &planned, &Mix::of_scene(&scene));
     let size = [96, 96];

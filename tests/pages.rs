@@ -31,7 +31,7 @@ fn marches_after_the_first_need_no_more_memory_of_the_system() {
             println!("NOT RUN: only a software device takes its memory from the system page by page");
             return;
         }
-        let statistics = rungs.scene.volume.statistics().unwrap();
+        let statistics = rungs.scene.volume().statistics().unwrap();
         let uploaded = renderer.upload(&rungs.scene, &rungs.planned, &statistics, &Quiet).unwrap();
         let counted = [(); 3].map(|()| {
             let before = faults();

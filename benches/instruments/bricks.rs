@@ -57,7 +57,7 @@ fn median(mut times: Vec<f64>) -> f64 {
 /// Measures the phantom frog of `edge` voxels along each axis.
 pub(crate) fn brick_rows(renderer: &Renderer, edge: usize) -> Result<Vec<BrickRow>, Box<dyn Error>> {
     let mut scene = load_peer(&SceneOptions::default(), &Quiet)?.scene;
-    scene.volume = Arc::new(Volume::phantom(Phantom::Frog, Some([edge; 3]))?);
+    scene.set_volume(Arc::new(Volume::phantom(Phantom::Frog, Some([edge; 3]))?));
     let mut rows = Vec::new();
     for (shading, interpolation, name) in [
         (Shading::None, Interpolation::Linear, "unshaded"),

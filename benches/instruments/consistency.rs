@@ -121,8 +121,8 @@ fn march<R: reference::Marching>(
     size: [usize; 2],
     progress: &dyn Progress,
 ) -> Result<Film<R>, ModelTableError> {
-    let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
-    let volume = StoredVolume::new(&scene.volume, &storage);
+    let storage = Storage::new(&planned.plan, scene.volume(), &scene.volume().statistics()?);
+    let volume = StoredVolume::new(scene.volume(), &storage);
     let table = TransferTable::new(scene, planned, storage.domain);
     let gradients = GradientTable::new(scene, &storage);
     let samples = Stored::<R>::new(planned, &storage, &volume, &table, None, gradients);

@@ -78,7 +78,7 @@ fn of_scene(
         let (delta_e, lighter) = difference(found, &expected);
         LightLevelRow { scene: file.display().to_string(), shading, shadows, delta_e, lighter }
     };
-    let dims = scene.volume.geometry.dims;
+    let dims = scene.frame.geometry.dims;
     if whole.uploaded().residence() != Residence::Whole {
         return Err("the device must hold the volume whole: its shadows are those of the voxels".into());
     }

@@ -76,7 +76,7 @@ fn measured(on_device: &SceneRenderer, blocks: usize) -> Result<Measured, Box<dy
 /// Measures and simulates the phantom frog of `edge` voxels along each axis.
 pub(crate) fn machine_rows(renderer: &Renderer, edge: usize) -> Result<Vec<MachineRow>, Box<dyn Error>> {
     let mut scene = load_peer(&SceneOptions::default(), &Quiet)?.scene;
-    scene.volume = Arc::new(Volume::phantom(Phantom::Frog, Some([edge; 3]))?);
+    scene.set_volume(Arc::new(Volume::phantom(Phantom::Frog, Some([edge; 3]))?));
     let on_device = SceneRenderer::new(renderer, scene, &Quiet)?;
     let mut rows = Vec::new();
     for machines in MACHINES {

@@ -517,7 +517,7 @@ fn counted(renderer: &Renderer, scene: Scene) -> Result<Counted, NeedError> {
     } else {
         march(&rungs.scene, &rungs.planned, &counting, SIZE, &Quiet).map_err(RungError::Reference)?;
     }
-    let statistics = rungs.scene.volume.statistics()?;
+    let statistics = rungs.scene.volume().statistics()?;
     let (scene, planned) = (rungs.scene.clone(), rungs.planned.clone());
     let on_device = SceneRenderer::with_plan(renderer, scene, planned, statistics, &Quiet)?;
     let before = renderer.device().dispatches();

@@ -66,7 +66,7 @@ fn pixels(scene: &Scene, method: ShadowMethod, spacing: f64) -> Result<Vec<DVec3
     let mut scene = scene.clone();
     (scene.shadows.method, scene.shadows.spacing) = (method, spacing);
     let planned = plan(&scene, &Quiet)?;
-    let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
+    let storage = Storage::new(&planned.plan, scene.volume(), &scene.volume().statistics()?);
     let exact = Exact::new(&scene, &planned, storage, None);
     let matrices = RelightMatrices::of_scene(&scene, &planned, &Mix::of_scene(&scene));
     let at: Vec<usize> = (STRIDE / 2..SIDE).step_by(STRIDE).collect();
@@ -91,7 +91,7 @@ fn sky_pixels(peer: &Scene, directions: usize) -> Result<[Vec<DVec3>; 2], Box<dy
     let mut rays = scene.clone();
     (rays.shadows.method, rays.shadows.directions) = (ShadowMethod::Rays, directions);
     let planned = plan(&scene, &Quiet)?;
-    let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
+    let storage = Storage::new(&planned.plan, scene.volume(), &scene.volume().statistics()?);
     let exact = Exact::new(&scene, &planned, storage, None);
     let matrices = RelightMatrices::of_scene(&scene, &planned, &Mix::of_scene(&scene));
     let at: Vec<usize> = (SKY_STRIDE / 2..SIDE).step_by(SKY_STRIDE).collect();

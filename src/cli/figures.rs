@@ -125,7 +125,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let _ = writeln!(
             text,
             "     one march of {} in {:.0} ms for {} pictures",
-            scene.volume.source,
+            scene.volume().source,
             marched.wall_ms,
             names.len()
         );

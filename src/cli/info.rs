@@ -571,10 +571,10 @@ fn of_scene(
     progress: &dyn Progress,
 ) -> Result<Report, CliError> {
     let scene = &file.scene;
-    let statistics = scene.volume.statistics()?;
-    let storage = Storage::of(&planned.plan, &scene.volume, &statistics, progress)?;
-    let sampled = sampled(&scene.volume, voxels)?;
-    let (volume, geometry) = (&scene.volume, &scene.volume.geometry);
+    let statistics = scene.volume().statistics()?;
+    let storage = Storage::of(&planned.plan, scene.volume(), &statistics, progress)?;
+    let sampled = sampled(scene.volume(), voxels)?;
+    let (volume, geometry) = (scene.volume(), &scene.frame.geometry);
     let mut text = format!("{}\n", scene.name);
     let mut line = |name: &str, value: &str| {
         let _ = writeln!(text, "  {name:<10} {value}");
@@ -706,7 +706,7 @@ fn bars(bins: &[u64]) -> String {
 /// Describes the plan and the storage of the volume in sentences.
 fn explanation(scene: &Scene, planned: &Planned, storage: &Storage) -> Vec<String> {
     let mut sentences = planned.explain(scene);
-    sentences.push(storage.explain(scene.volume.geometry.dims));
+    sentences.push(storage.explain(scene.frame.geometry.dims));
     if planned.plan.light.reads_grid() {
         let grid = LightGrid::new(scene, scene.shadows.spacing);
         sentences.push(grid.explain(planned.plan.light.grid_lights(), planned.plan.light.absorbers));
@@ -754,7 +754,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "pixel_bytes": plan.pixel_bytes(),
         "texture": {
             "format": format!("{:?}", storage.format).to_lowercase(),
-            "bytes": storage.bytes(scene.volume.geometry.dims),
+            "bytes": storage.bytes(scene.frame.geometry.dims),
             "domain": storage.domain,
             "loss": storage.loss,
         },

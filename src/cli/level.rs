@@ -33,7 +33,7 @@ pub(crate) fn taken(
     let level = scene.level_of(cameras, size);
     let mut text = level.sentence();
     let has_size = level.pixels > 0.0 && level.pixels.is_finite();
-    if level.coarsest == 0 && has_size && scene.volume.bricks.is_some() {
+    if level.coarsest == 0 && has_size && scene.fields.first().bricks().is_some() {
         text.push_str(" in its file of bricks; make it anew with `relume bricks`");
     }
     let mut json = json!(level);

@@ -183,7 +183,7 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let inputs: Vec<&Path> = file.inputs.iter().map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
     warn_of_odd_values(&statistics);
-    if file.scene.volume.anatomical {
+    if file.scene.frame.anatomical {
         tracing::info!("a page of a head shows a face: send it only where the person agrees");
     }
     let names: Vec<String> = positions(&file.scene).into_iter().map(|position| position.name).collect();
@@ -214,7 +214,7 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let mut header = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, empty)?;
     if let (Some(frame), [camera, _, ..]) = (&mut header.frame, &cameras[..]) {
         // Cameras of a turntable are equally far, and the letters turn.
-        let pixel = pixel_length(camera, &scene.volume.geometry, size.map(count));
+        let pixel = pixel_length(camera, &scene.frame.geometry, size.map(count));
         (frame.pixel, frame.edges) = (pixel.map(|it| it.units), None);
     }
     let placed = light(args, &mut header)?;
@@ -323,7 +323,7 @@ pub(super) fn small_page(
 ) -> Result<PackedPage, CliError> {
     let (scene, planned) = planned(&file.scene, &Mix::of_scene(&file.scene), progress)?;
     let (size, cameras) = ([SMALL; 2], [file.scene.camera.clone()]);
-    let statistics = scene.volume.statistics()?;
+    let statistics = scene.volume().statistics()?;
     let views = marched(renderer, &scene, &planned, &statistics, (&cameras, size), progress)?;
     let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
     let dial = file.light.dial_of_film(&file.dial);

@@ -146,7 +146,7 @@ impl Processes {
     pub(crate) fn blocks(&self, scene: &Scene) -> usize {
         match self.sharing {
             Sharing::Relay | Sharing::Off => self.count(),
-            Sharing::Over(blocks) => blocks.unwrap_or_else(|| Blocks::usual(&scene.volume.geometry)),
+            Sharing::Over(blocks) => blocks.unwrap_or_else(|| Blocks::usual(&scene.frame.geometry)),
         }
     }
 
@@ -165,7 +165,7 @@ impl Processes {
             .hash(&mut hasher);
         // Senders and receivers of rows follow from them, and their last bits may differ between machines.
         let cut = self.cut(scene, size)?;
-        let rows = |block: usize| cut.tree.rows(block, &scene.volume.geometry, &cut.view, size[1]);
+        let rows = |block: usize| cut.tree.rows(block, &scene.frame.geometry, &cut.view, size[1]);
         (&cut.low_first, (0..=cut.low_first.len()).map(rows).collect::<Vec<_>>()).hash(&mut hasher);
         let lights = planned.model.iter().flat_map(|model| model.lights());
         lights.for_each(|(name, _, matrix)| format!("{name} {matrix:?}").hash(&mut hasher));
@@ -334,7 +334,7 @@ impl Processes {
 
     /// The blocks of the picture.
     fn cut(&self, scene: &Scene, size: [usize; 2]) -> Result<Cut, CliError> {
-        let (geometry, blocks) = (&scene.volume.geometry, self.blocks(scene));
+        let (geometry, blocks) = (&scene.frame.geometry, self.blocks(scene));
         let view = scene.camera.view(geometry, count(size[0]) / count(size[1])).ok_or(RenderError::Camera)?;
         let tree = Blocks::new(geometry, blocks).ok_or_else(|| CliError::Failed(format!("no {blocks} blocks")))?;
         let low_first = tree.low_first(geometry, &view);
@@ -371,7 +371,7 @@ impl Processes {
         progress: &dyn Progress,
     ) -> Result<(Own, Vec<Range<usize>>, serde_json::Value), CliError> {
         let (scene, planned, renderer) = (on_device.scene(), on_device.planned(), on_device.renderer());
-        let geometry = &scene.volume.geometry;
+        let geometry = &scene.frame.geometry;
         let relay = Relay {
             order: Node::top(self.count()).front_to_back(low_first),
             rows: (0..self.count()).map(|rank| tree.rows(rank, geometry, view, size[1])).collect(),
@@ -403,7 +403,7 @@ impl Processes {
         progress: &dyn Progress,
     ) -> Result<(Own, Vec<Range<usize>>, serde_json::Value), CliError> {
         let (renderer, planned) = (on_device.renderer(), on_device.planned());
-        let (geometry, group) = (&on_device.scene().volume.geometry, renderer.group_rows());
+        let (geometry, group) = (&on_device.scene().frame.geometry, renderer.group_rows());
         let blocks = low_first.len() + 1;
         let (mut last, mut speed, mut done) = (None, renderer.speed(), 0);
         let (mut dispatches, mut bricks) = (0, None::<BrickCounts>);

@@ -258,8 +258,8 @@ fn check_blocks(flag: &str, blocks: usize, is_relay: bool, scene: &Scene, planne
             "the headlight casts shadows, which come from the blocks in front; set shadows = false for it".to_owned(),
         );
     }
-    if Blocks::new(&scene.volume.geometry, blocks).is_none() {
-        let [x, y, z] = scene.volume.geometry.dims;
+    if Blocks::new(&scene.frame.geometry, blocks).is_none() {
+        let [x, y, z] = scene.frame.geometry.dims;
         return refused(format!(
             "a volume of {x}×{y}×{z} voxels has no {blocks} blocks; write at most {MOST_BLOCKS}, and fewer than it has voxels"
         ));
@@ -372,7 +372,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     let scene = file.scene.clone();
     for (given, what) in [(args.reference, "--reference"), (args.goal.goal().is_some(), "a search for settings")] {
         if given {
-            scene.volume.require_voxels(what)?;
+            scene.volume().require_voxels(what)?;
         }
     }
     let lights = args.lights.files();
@@ -398,7 +398,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     let enlargement = Enlargement::new(marched_size, args.size);
     if args.turntable.is_some() {
         // The cameras follow the visible voxels.
-        scene.volume.prepare_coarse(progress)?;
+        scene.volume().prepare_coarse(progress)?;
     }
     let cameras = match args.turntable {
         Some(count) => turntable::cameras(&scene, args.size, count)?,
@@ -438,7 +438,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let is_relay = processes.sharing() == Sharing::Relay;
         check_blocks("several processes", processes.blocks(&scene), is_relay, &scene, &planned)?;
     }
-    let frame = args.dress.annotate.frame(Frame::of(&scene.camera, &scene.volume, args.size));
+    let frame = args.dress.annotate.frame(Frame::of(&scene.camera, &scene.frame, args.size));
     // A film has the lights of its scene alone, so it opens with another light's place in their mix.
     let is_mixed = !args.lights.lights.is_empty() && mix.is_of(&stated);
     let opening = if is_mixed { &mix } else { &shown };
@@ -470,10 +470,10 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
         spent.join(", ")
     };
-    if args.dress.annotate.has_scale() && scene.volume.unit.is_none() {
+    if args.dress.annotate.has_scale() && scene.frame.unit.is_none() {
         // Of the file: --spacing is that of voxels before they are averaged.
         let averaged = DVec3::from_array(args.scene.downsample.unwrap_or([1; 3]).map(count));
-        let [x, y, z] = (scene.volume.geometry.spacing / averaged).to_array().map(brief);
+        let [x, y, z] = (scene.frame.geometry.spacing / averaged).to_array().map(brief);
         let by_flag = match source.bare_volume() {
             Some(_) => format!("with --spacing, such as --spacing {x}x{y}x{z}mm, or "),
             None => String::new(),
@@ -493,7 +493,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
             turntable::Look { mix: &mix, size: args.size, dress: &args.dress, overlay, cameras: &cameras, inputs };
         let mut on_device = ready.on_device;
         let written = turntable::write(&mut on_device, &look, &frames, progress)?;
-        let read = scene.volume.bricks.as_ref().map(|cache| cache.counts());
+        let read = scene.fields.first().reads();
         times.extend(written.times);
         save_scene()?;
         let bricks = told_of(written.bricks, read) + &written.shadows;
@@ -589,7 +589,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         _ => String::new(),
     };
     let kept = checked.as_ref().map_or("", |(text, _)| text);
-    let bricks = told_of(marched.bricks, scene.volume.bricks.as_ref().map(|cache| cache.counts()));
+    let bricks = told_of(marched.bricks, scene.fields.first().reads());
     let bricks = bricks + &marched.shadows;
     let lights = told_of_placed(&placed);
     let text = format!(
@@ -722,7 +722,7 @@ fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option
     } else if occupied == Some(0) {
         tracing::warn!(
             "nothing in {} is visible: the transfer function or the window is 0 over all its values (`relume info` prints their range)",
-            scene.volume.source
+            scene.volume().source
         );
     }
     if mix.0.iter().all(|light| light.weight <= 0.0) {
@@ -732,7 +732,7 @@ fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option
 
 /// Warns of a volume that lies between the rays of a picture of this size, whose pixels are thicker.
 fn warn_of_thin(scene: &Scene, size: [usize; 2]) {
-    let geometry = &scene.volume.geometry;
+    let geometry = &scene.frame.geometry;
     let [width, height] = size.map(count);
     let Some(view) = scene.camera.view(geometry, width / height) else { return };
     let half = DVec3::splat(0.5);
@@ -795,7 +795,7 @@ fn ready_device(
     let clock = Stopwatch::start();
     let on_device = SceneRenderer::with_plan(&renderer, scene.clone(), planned.clone(), statistics.clone(), progress)?;
     let uploaded = on_device.uploaded();
-    let whole = !matches!(scene.volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
+    let whole = !matches!(scene.volume().voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
     warn_of_storage(&uploaded.storage, whole);
     warn_of_undeclared(uploaded.labels.as_deref());
     Ok(Ready { on_device, times: [("device", opened), ("upload", clock.read())] })
@@ -849,7 +849,7 @@ fn on_device(
         "pixel_bytes": planned.plan.pixel_bytes(),
         "light_grid": light_grid::json(accumulators),
         "bricks": accumulators.bricks,
-        "host_bricks": scene.volume.bricks.as_ref().map(|cache| cache.counts()),
+        "host_bricks": scene.fields.first().reads(),
     });
     if processes.is_some() {
         details["processes"] = made.details;
@@ -916,7 +916,7 @@ fn on_cpu(
     progress: &dyn Progress,
 ) -> Result<Marched, CliError> {
     let clock = Stopwatch::start();
-    let storage = Storage::new(&planned.plan, &scene.volume, statistics);
+    let storage = Storage::new(&planned.plan, scene.volume(), statistics);
     let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
     warn_of_undeclared(labels.as_ref());
     warn_of_nothing(scene, planned, mix, None);

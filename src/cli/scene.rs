@@ -406,7 +406,7 @@ impl SceneArgs {
     ) -> Result<(SceneFile, Statistics), CliError> {
         let (file, statistics) = self.read(wish, memory, progress)?;
         if let Some(guess) = &file.guess {
-            let time = file.scene.volume.selection.time;
+            let time = file.scene.volume().selection.time;
             tracing::info!("{guess}{}", time.map_or_else(String::new, of_time));
             tracing::info!(
                 "To change it, use --look (tissue, bone, vessel, grey, fluorescence or a transfer preset: see --help), use \
@@ -428,7 +428,7 @@ impl SceneArgs {
         let (file, statistics) = source.read(progress)?;
         let scene = &file.scene;
         let labels = scene.labels.iter().flat_map(|labels| &labels.volume.notes);
-        for note in scene.volume.notes.iter().chain(labels) {
+        for note in scene.volume().notes.iter().chain(labels) {
             tracing::warn!("{note}");
         }
         if let Some(unlike) = design::unlike(&file) {

@@ -207,7 +207,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     super::scene::warn_of_odd_values(&statistics);
     let state = State::new(&file);
     let SceneFile { scene, .. } = &file;
-    let (volume, geometry) = (&scene.volume, &scene.volume.geometry);
+    let (volume, geometry) = (scene.volume(), &scene.frame.geometry);
     if args.over.contains(&Over::Labels) && scene.labels.as_ref().is_none_or(|labels| labels.declared.is_empty()) {
         return Err(CliError::Usage(
             "--over labels: the scene declares no labels; give a label map with --labels FILE".to_owned(),

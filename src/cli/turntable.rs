@@ -73,7 +73,7 @@ pub(crate) fn write(
         relight.run(&matrices)?;
         let linear = relight.read::<f32>()?;
         relighting += clock.read();
-        let frame = annotate::Frame::of(&cameras[index], &on_device.scene().volume, [width, height]);
+        let frame = annotate::Frame::of(&cameras[index], &on_device.scene().frame, [width, height]);
         let frame = dress.annotate.frame(frame);
         let shown =
             files::dressed(&linear, [width, height], backdrop, overlay.as_ref().map(|overlay| (overlay, &frame)))?;

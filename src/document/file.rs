@@ -34,9 +34,9 @@ use relume_colour::spectrum::{
 };
 use relume_colour::written::{place, with_suggestion};
 use relume_scene::{
-    Accuracy, Aim, Camera, Display, Fill, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, LightKind, MOST_RAYS,
-    MOST_VOXEL_PIXELS, Material, MaterialCurve, OPAQUE_DEPTH, PHASES, Placement, Projection, Scene, SceneLight,
-    Shadows, Term, Transfer, unit,
+    Accuracy, Aim, Camera, Display, Fields, Fill, Frame, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, LightKind,
+    MOST_RAYS, MOST_VOXEL_PIXELS, Material, MaterialCurve, OPAQUE_DEPTH, PHASES, Placement, Projection, Scene,
+    SceneLight, Shadows, Term, Transfer, unit,
 };
 use relume_volume::{
     self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,
@@ -606,7 +606,8 @@ impl Text<'_> {
         };
         let scene = Scene {
             name,
-            volume: Arc::new(volume),
+            frame: Frame::of(&volume),
+            fields: Fields::of(Arc::new(volume)),
             labels,
             materials,
             transfer,

@@ -1,7 +1,6 @@
 //! The open document: its state, the state last saved, and the undo history.
 
 use std::mem::Discriminant;
-use std::sync::Arc;
 
 use super::{DialPreset, Edit, Mixing, SceneFile, State};
 use relume_scene::{Labels, Scene};
@@ -62,7 +61,7 @@ impl Document {
     /// Whether the volume of `scene` has the same grid.
     #[must_use]
     pub fn has_grid_of(&self, scene: &Scene) -> bool {
-        scene.volume.geometry == self.opened.scene.volume.geometry
+        scene.frame.geometry == self.opened.scene.frame.geometry
     }
 
     /// Switches to another volume of the same file on the same grid, with which `file` opens. State and undo history
@@ -80,7 +79,8 @@ impl Document {
             let keeps = alike || now.transfer != before.transfer;
             let scene = Scene {
                 name: scene.name.clone(),
-                volume: Arc::clone(&scene.volume),
+                frame: scene.frame,
+                fields: scene.fields.clone(),
                 labels,
                 transfer: if keeps { now.transfer } else { scene.transfer.clone() },
                 ..now

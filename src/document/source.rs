@@ -198,7 +198,7 @@ impl Source {
             (None, None) => load_embedded(&self.options, progress)?,
             (Some(path), None) => load(path, &self.options, progress).map_err(|error| no_scene(path, error))?,
         };
-        let statistics = file.scene.volume.statistics()?;
+        let statistics = file.scene.volume().statistics()?;
         Ok((file, statistics))
     }
 
@@ -214,7 +214,7 @@ impl Source {
         let file = read.map_err(of_volume)?;
         // Labels may be values by their ranks.
         let own = file.scene.labels.is_some() && options.labels.is_none();
-        let statistics = if own { file.scene.volume.statistics()? } else { statistics };
+        let statistics = if own { file.scene.volume().statistics()? } else { statistics };
         Ok((SceneFile { guess: Some(guess), ..file }, statistics))
     }
 
@@ -313,7 +313,7 @@ impl Series {
         let (Some((text, guess)), Some(path)) = (&self.look, self.source.alone()) else { return source.read(progress) };
         let options = SceneOptions { volume: Some(path.to_owned()), ..source.options };
         let file = parse(&path.display().to_string(), text, Path::new(""), &options, progress).map_err(of_volume)?;
-        let statistics = file.scene.volume.statistics()?;
+        let statistics = file.scene.volume().statistics()?;
         Ok((SceneFile { guess: Some(guess.clone()), ..file }, statistics))
     }
 }

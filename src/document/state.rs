@@ -264,7 +264,7 @@ impl State {
     /// Opposite corners of the crop box in fractions of the volume, from 0 to 1; `None` is the whole volume.
     #[must_use]
     pub fn crop(&self) -> Option<[DVec3; 2]> {
-        let last = DVec3::from_array(self.scene.volume.geometry.dims.map(count)) - 1.0;
+        let last = DVec3::from_array(self.scene.frame.geometry.dims.map(count)) - 1.0;
         // An axis of one voxel is always complete.
         let part =
             |corner: DVec3, of_one: f64| DVec3::select(last.cmpgt(DVec3::ZERO), corner / last, DVec3::splat(of_one));
@@ -325,7 +325,8 @@ impl State {
         // it.
         let Scene {
             name: _,
-            volume: _,
+            frame: _,
+            fields: _,
             labels: _,
             materials,
             transfer,
@@ -471,7 +472,7 @@ impl State {
             Edit::Observer(observer) => scene.display.observer = observer,
             Edit::Deficiency(deficiency) => scene.display.deficiency = deficiency,
             Edit::Crop(parts) => {
-                scene.crop = parts.map(|parts| crop_from_parts(parts, scene.volume.geometry.dims));
+                scene.crop = parts.map(|parts| crop_from_parts(parts, scene.frame.geometry.dims));
             }
             Edit::ResetCrop => scene.crop = opened.scene.crop,
             Edit::Intervals(ref intervals) => {
@@ -523,7 +524,7 @@ impl State {
                 spectra.step.iter().for_each(|step| redesign(&mut self.palette, step, scene));
             }
             Edit::Accuracy(ref accuracy) => {
-                let voxel = scene.volume.geometry.spacing.min_element();
+                let voxel = scene.frame.geometry.spacing.min_element();
                 scene.accuracy = allowed(accuracy, voxel);
             }
         }

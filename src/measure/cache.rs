@@ -114,7 +114,7 @@ mod tests {
         one_sided.lighting = relume_scene::Lighting::OneSided;
         assert_eq!(known(&one_sided, "device", [3, 4]), None);
         let mut other = scene.clone();
-        other.volume = std::sync::Arc::new(scene.volume.downsample([2, 2, 2]).unwrap());
+        other.set_volume(std::sync::Arc::new(scene.volume().downsample([2, 2, 2]).unwrap()));
         assert_eq!(known(&other, "device", [3, 4]), None);
         for entry in std::fs::read_dir(&cache).unwrap() {
             std::fs::write(entry.unwrap().path(), "{").unwrap();

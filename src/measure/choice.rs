@@ -357,7 +357,7 @@ impl<'a> Curve<'a> {
 
     /// Step number `n`, in world units.
     fn world(&self, n: i32) -> f64 {
-        step(n) * self.scene.volume.geometry.spacing.min_element()
+        step(n) * self.scene.frame.geometry.spacing.min_element()
     }
 
     /// Cost by which settings are compared. On a software device it is the CPU time, which other programs disturb

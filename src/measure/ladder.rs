@@ -218,11 +218,11 @@ impl<'a> Ladder<'a> {
         size: [usize; 2],
         (finest, rays): (f64, usize),
     ) -> Result<Self, LadderError> {
-        let statistics = scene.volume.statistics()?;
+        let statistics = scene.volume().statistics()?;
         let labels = scene.labels.as_ref().filter(|labels| !labels.declared.is_empty());
         let labels = labels.map(LabelMap::new).transpose()?;
         let truth = plan_full_spectrum(scene);
-        let storage = Storage::new(&truth.plan, &scene.volume, &statistics);
+        let storage = Storage::new(&truth.plan, scene.volume(), &statistics);
         let mut ladder = Self {
             occupancy: occupancy(scene, &storage, labels.as_ref()),
             scene,
@@ -341,7 +341,7 @@ impl<'a> Ladder<'a> {
         pixels: &[[usize; 2]],
         progress: &dyn Progress,
     ) -> Result<Vec<(DVec3, f64)>, LadderError> {
-        let storage = Storage::new(&planned.plan, &scene.volume, &self.statistics);
+        let storage = Storage::new(&planned.plan, scene.volume(), &self.statistics);
         let labels = self.labels.as_ref().filter(|_| planned.plan.labels);
         let exact = Exact::new(scene, planned, storage, labels).keeping_depths(&self.depths);
         let skipping = Skipping::new(exact, &self.occupancy, scene, planned);
@@ -370,8 +370,8 @@ impl<'a> Ladder<'a> {
         progress: &dyn Progress,
     ) -> Result<Vec<DVec3>, LadderError> {
         if self.kept.as_ref().is_none_or(|kept| !kept.plan.is_stored_as(&planned.plan)) {
-            let storage = Storage::new(&planned.plan, &scene.volume, &self.statistics);
-            let volume = StoredVolume::new(&scene.volume, &storage);
+            let storage = Storage::new(&planned.plan, scene.volume(), &self.statistics);
+            let volume = StoredVolume::new(scene.volume(), &storage);
             self.kept = Some(Kept { plan: planned.plan.clone(), storage, volume });
         }
         let Some(Kept { storage, volume, .. }) = &self.kept else { return Ok(Vec::new()) };

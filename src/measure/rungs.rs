@@ -87,11 +87,11 @@ impl Rungs {
     ///
     /// [`RungError::Volume`].
     pub fn planned(scene: Scene, planned: Planned, size: [usize; 2]) -> Result<Self, RungError> {
-        let statistics = scene.volume.statistics()?;
-        let storage = Storage::new(&planned.plan, &scene.volume, &statistics);
+        let statistics = scene.volume().statistics()?;
+        let storage = Storage::new(&planned.plan, scene.volume(), &statistics);
         let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
         Ok(Self {
-            volume: StoredVolume::new(&scene.volume, &storage),
+            volume: StoredVolume::new(scene.volume(), &storage),
             table: TransferTable::new(&scene, &planned, storage.domain),
             label_table: TransferTable::of_labels(&scene, &planned),
             segments: (planned.plan.integration == Integrate::Segments).then(|| {
@@ -155,7 +155,7 @@ impl Rungs {
     ///
     /// [`RungError::Volume`], [`RungError::Render`].
     pub fn render(&self, renderer: &Renderer, progress: &dyn Progress) -> Result<DeviceFilm, RungError> {
-        let statistics = self.scene.volume.statistics()?;
+        let statistics = self.scene.volume().statistics()?;
         let (scene, planned) = (self.scene.clone(), self.planned.clone());
         let on_device = SceneRenderer::with_plan(renderer, scene, planned, statistics, progress)?;
         Ok(on_device.march(self.size, progress)?)

@@ -213,7 +213,7 @@ impl Knob {
                 accuracy.storage = if name == "f16" { StoreAs::Half } else { StoreAs::Single };
             }
             (Self::Step, Value::Number(voxels)) => {
-                accuracy.step_length = voxels * scene.volume.geometry.spacing.min_element();
+                accuracy.step_length = voxels * scene.frame.geometry.spacing.min_element();
             }
             (Self::Termination, Value::Number(share)) => accuracy.termination = share,
             (Self::Rays, Value::Number(rays)) => accuracy.rays = whole(rays),

@@ -30,7 +30,7 @@ impl<'a, S> Skipping<'a, S> {
         Self {
             inner,
             occupancy,
-            cells_from_texture: DVec3::from_array(scene.volume.geometry.dims.map(count)) / count(CELL),
+            cells_from_texture: DVec3::from_array(scene.frame.geometry.dims.map(count)) / count(CELL),
             source: planned.plan.parts().lanes * LANE,
             opacity_numbers: planned.plan.transmittance_numbers(),
         }
@@ -83,7 +83,7 @@ impl<S: Samples<f64>> Samples<f64> for Skipping<'_, S> {
 /// Occupancy of the macrocells of `scene`: whether its transfer function or a label scatters or absorbs there.
 #[must_use]
 pub fn occupancy(scene: &Scene, storage: &Storage, labels: Option<&LabelMap>) -> Occupancy {
-    Cells::new(&scene.volume, storage, labels).occupancy(&visible(scene, storage.domain))
+    Cells::new(scene.volume(), storage, labels).occupancy(&visible(scene, storage.domain))
 }
 
 /// Whether `scene` scatters or absorbs, at values from the lowest to the highest; also at both values around a bend, if

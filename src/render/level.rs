@@ -18,12 +18,13 @@ pub fn finest_level(
     fits: impl Fn([usize; 3]) -> bool,
     progress: &dyn Progress,
 ) -> Result<Coarse, RenderError> {
-    scene.volume.prepare_coarse(progress).map_err(RenderError::Volume)?;
-    let at_hand = scene.volume.at_hand();
+    let field = scene.fields.first();
+    field.volume.prepare_coarse(progress).map_err(RenderError::Volume)?;
+    let (at_hand, at_hand_block) = field.at_hand();
     let dims = at_hand.geometry.dims;
     let sides = |side: usize| dims.map(|n| side.min(n.next_power_of_two()));
     let of_blocks = |side: usize| std::array::from_fn(|axis| dims[axis].div_ceil(sides(side)[axis]));
-    let first = if scene.volume.bricks.is_some() { 1 } else { 2 };
+    let first = if field.bricks().is_some() { 1 } else { 2 };
     let mut all = std::iter::successors(Some(first), |side: &usize| side.checked_mul(2));
     // The level of a single voxel always fits.
     let side = all.find(|&side| of_blocks(side) == [1; 3] || fits(of_blocks(side)));
@@ -32,16 +33,16 @@ pub fn finest_level(
     if progress.cancelled() {
         return Err(RenderError::Cancelled);
     }
-    let block = std::array::from_fn(|axis| scene.volume.block_of(at_hand)[axis] * further[axis]);
+    let block = std::array::from_fn(|axis| at_hand_block[axis] * further[axis]);
     let failed = |error: fn(VolumeError) -> RenderError| {
         move |cause| if progress.cancelled() { RenderError::Cancelled } else { error(cause) }
     };
-    let made = match scene.volume.coarse_in_file().filter(|_| further == [1; 3]) {
+    let made = match field.volume.coarse_in_file().filter(|_| further == [1; 3]) {
         Some(coarse) => Arc::clone(coarse),
         None => Arc::new(at_hand.coarse_level(further, progress).map_err(failed(RenderError::Volume))?),
     };
     // The scene may state another grid than the file.
-    let geometry = made.grid_over(&scene.volume, block).map_err(RenderError::Volume)?;
+    let geometry = made.grid_over(&field.volume, block).map_err(RenderError::Volume)?;
     let volume = if made.geometry == geometry { made } else { Arc::new(Volume { geometry, ..(*made).clone() }) };
     let labels = scene.labels.as_ref().map(|labels| labels.volume.coarse_level_of_labels(block, progress)).transpose();
     let labels = labels.map_err(failed(RenderError::Labels))?.map(Arc::new);

@@ -33,7 +33,7 @@ impl SceneRenderer {
     ///
     /// [`RenderError`].
     pub fn new(renderer: &Renderer, scene: Scene, progress: &dyn Progress) -> Result<Self, RenderError> {
-        let statistics = scene.volume.statistics().map_err(RenderError::Volume)?;
+        let statistics = scene.fields.first().volume.statistics().map_err(RenderError::Volume)?;
         Self::with_statistics(renderer, scene, statistics, progress)
     }
 
@@ -71,7 +71,7 @@ impl SceneRenderer {
     /// Whether the uploaded volume is the one of `scene`, stored as `planned` needs it.
     #[must_use]
     pub fn holds(&self, scene: &Scene, planned: &Planned) -> bool {
-        Arc::ptr_eq(&self.scene.volume, &scene.volume)
+        self.scene.fields.are(&scene.fields)
             && self.planned.plan.is_stored_as(&planned.plan)
             && self.uploaded.reaches(scene, &planned.plan)
     }
@@ -85,10 +85,10 @@ impl SceneRenderer {
         if self.holds(&scene, &planned) {
             return Ok(Self { scene, planned, ..self.clone() });
         }
-        let statistics = if Arc::ptr_eq(&self.scene.volume, &scene.volume) {
+        let statistics = if self.scene.fields.are(&scene.fields) {
             self.statistics.clone()
         } else {
-            scene.volume.statistics().map_err(RenderError::Volume)?
+            scene.fields.first().volume.statistics().map_err(RenderError::Volume)?
         };
         Self::with_plan(&self.renderer, scene, planned, statistics, progress)
     }

@@ -123,7 +123,7 @@ impl Uploaded {
 /// Texture format of the volume of `scene`, whose values have `statistics`, as `planned` stores it, and bytes of a voxel and its
 /// label.
 fn stored_as(scene: &Scene, planned: &Planned, statistics: &Statistics) -> (Format, u64) {
-    let format = Storage::format_of(&planned.plan, &scene.volume, statistics);
+    let format = Storage::format_of(&planned.plan, &scene.fields.first().volume, statistics);
     let declared = scene.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| labels.declared.len());
     let label_bytes = declared.map_or(0, |declared| LabelMap::bytes_of(declared, planned.plan.smooth_labels));
     (texels(format), format.bytes() as u64 + label_bytes as u64)
@@ -153,13 +153,13 @@ impl Renderer {
         statistics: &Statistics,
         progress: &dyn Progress,
     ) -> Result<Uploaded, RenderError> {
-        let in_file = scene.volume.bricks.is_some();
+        let field = scene.fields.first();
         // Before the bricks are read.
         if let Some(labels) = &scene.labels {
             labels.volume.require_voxels("a label map").map_err(RenderError::Labels)?;
         }
-        let storage = Storage::of(&planned.plan, &scene.volume, statistics, progress).map_err(RenderError::Volume)?;
-        let dims = scene.volume.geometry.dims;
+        let storage = Storage::of(&planned.plan, &field.volume, statistics, progress).map_err(RenderError::Volume)?;
+        let dims = field.volume.geometry.dims;
         let format = texels(storage.format);
         self.check_filter(planned, &storage)?;
         let labels = match &scene.labels {
@@ -174,12 +174,15 @@ impl Renderer {
         });
         let voxel_bytes = voxel_bytes(&storage, labels.as_deref(), smooth);
         let limit = self.largest_texture(format);
-        if in_file || self.always_bricked || !self.has_room(dims, format, voxel_bytes, self.volume_budget()) {
-            let cells = match &scene.volume.bricks {
+        if field.bricks().is_some()
+            || self.always_bricked
+            || !self.has_room(dims, format, voxel_bytes, self.volume_budget())
+        {
+            let cells = match field.bricks() {
                 Some(cache) => {
                     Cells::of_cache(dims, cache, &storage, labels.as_deref()).map_err(RenderError::Volume)?
                 }
-                None => Cells::new(&scene.volume, &storage, labels.as_deref()),
+                None => Cells::new(&field.volume, &storage, labels.as_deref()),
             };
             if progress.cancelled() {
                 return Err(RenderError::Cancelled);
@@ -197,17 +200,17 @@ impl Renderer {
             let label_image = label_format
                 .map(|format| Image3d::new(&self.device, "bricks of labels", format, size.extent()))
                 .transpose()?;
-            let (source, labelled) = ((&scene.volume, &storage), (labels.as_ref(), smooth));
+            let (source, labelled) = ((&field.volume, &storage), (labels.as_ref(), smooth));
             let pool = Some(Pool::new(&self.device, size, grid, source, labelled)?);
             return Ok(Uploaded { storage, cells, labels, volume, label_image, pool, level, kept: Kept::default() });
         }
-        let volume = self.fill("volume", format, dims, progress, |slices| storage.slab(&scene.volume, slices))?;
+        let volume = self.fill("volume", format, dims, progress, |slices| storage.slab(&field.volume, slices))?;
         let label_image = labels
             .as_ref()
             .zip(label_format)
             .map(|(map, format)| self.fill("labels", format, dims, progress, |slices| map.texels(dims, slices, smooth)))
             .transpose()?;
-        let cells = Cells::new(&scene.volume, &storage, labels.as_deref());
+        let cells = Cells::new(&field.volume, &storage, labels.as_deref());
         Ok(Uploaded { storage, cells, labels, volume, label_image, pool: None, level: None, kept: Kept::default() })
     }
 
@@ -226,9 +229,9 @@ impl Renderer {
         let fits = |dims: [usize; 3]| self.has_room(dims, format, voxel_bytes, budget);
         let coarse = finest_level(scene, fits, progress)?;
         let (block, level) = (coarse.block(), coarse.scene(scene));
-        let statistics = level.volume.statistics().map_err(RenderError::Volume)?;
-        let covered = |axis: usize| count(block[axis] * level.volume.geometry.dims[axis]);
-        let scale = std::array::from_fn(|axis| count(scene.volume.geometry.dims[axis]) / covered(axis));
+        let statistics = level.volume().statistics().map_err(RenderError::Volume)?;
+        let covered = |axis: usize| count(block[axis] * level.frame.geometry.dims[axis]);
+        let scale = std::array::from_fn(|axis| count(scene.frame.geometry.dims[axis]) / covered(axis));
         let whole = Self { always_bricked: false, taken_bytes: 0, ..self.clone() };
         let uploaded = Box::new(whole.upload(&level, planned, &statistics, progress)?);
         Ok(LightLevel { uploaded, block, scale: DVec3::from_array(scale) })
@@ -247,11 +250,11 @@ impl Renderer {
     /// Whether the device holds the volume of `scene`, whose values have `statistics`, whole, as `planned` stores it.
     #[must_use]
     pub fn holds_whole(&self, scene: &Scene, planned: &Planned, statistics: &Statistics) -> bool {
-        if scene.volume.bricks.is_some() || self.always_bricked {
+        if scene.fields.first().bricks().is_some() || self.always_bricked {
             return false;
         }
         let (format, voxel_bytes) = stored_as(scene, planned, statistics);
-        self.has_room(scene.volume.geometry.dims, format, voxel_bytes, self.volume_budget())
+        self.has_room(scene.frame.geometry.dims, format, voxel_bytes, self.volume_budget())
     }
 
     /// Refuses a volume that the device holds neither whole nor one brick of it, from the description of [`Self::holds_whole`].
@@ -264,7 +267,7 @@ impl Renderer {
             return Ok(());
         }
         let stored = stored_as(scene, planned, statistics);
-        let grid = BrickGrid::new(macrocells(scene.volume.geometry.dims));
+        let grid = BrickGrid::new(macrocells(scene.frame.geometry.dims));
         let (apron, limit) = (apron(scene, &planned.plan), self.largest_texture(stored.0));
         PoolSize::new(&self.device, grid, apron, stored, self.pool_budget(0), limit).map(drop)
     }

@@ -1,5 +1,6 @@
 //! Levels of resolution: a coarse volume in place of the volume of a scene.
 
+use std::fmt;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -41,6 +42,16 @@ impl LabelLeft {
     }
 }
 
+impl fmt::Display for LabelLeft {
+    /// `3 (nerve), 1 voxel of the level (for 8) of its 41 voxels`.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { label, name, voxels, left, stands_for } = self;
+        let plural = |number: u64| if number == 1 { "" } else { "s" };
+        let (of_level, of_volume) = (plural(*left), plural(*voxels));
+        write!(out, "{label} ({name}), {left} voxel{of_level} of the level (for {stands_for}) of its {voxels} voxel{of_volume}")
+    }
+}
+
 impl Coarse {
     /// The level of blocks of `block` voxels, which are the voxels of `volume` and of `labels`.
     pub fn new(volume: Arc<Volume>, labels: Option<Arc<Volume>>, block: [usize; 3]) -> Self {
@@ -53,9 +64,10 @@ impl Coarse {
     ///
     /// [`VolumeError`].
     pub fn of_level(scene: &Scene, level: u32, progress: &dyn Progress) -> Result<Self, VolumeError> {
-        let volume = scene.volume.coarser_by(level, scene.volume.has_labels, progress)?;
+        let of = scene.volume();
+        let volume = of.coarser_by(level, of.has_labels, progress)?;
         let labels = scene.labels.as_ref().map(|labels| labels.volume.coarser_by(level, true, progress)).transpose()?;
-        let block = scene.volume.block_of(&volume);
+        let block = of.block_of(&volume);
         Ok(Self::new(Arc::new(volume), labels.map(Arc::new), block))
     }
 
@@ -64,7 +76,7 @@ impl Coarse {
     #[must_use]
     pub fn scene(&self, scene: &Scene) -> Scene {
         let mut coarse = scene.clone();
-        coarse.volume = Arc::clone(&self.volume);
+        coarse.set_volume(Arc::clone(&self.volume));
         coarse.labels = scene
             .labels
             .as_ref()
@@ -72,14 +84,14 @@ impl Coarse {
             .map(|(labels, volume)| Labels { volume: Arc::clone(volume), declared: labels.declared.clone() });
         coarse.crop = scene.crop.map(|corners| corners.map(|index| coarse_index(index, self.block)));
         // Steps as long in voxels.
-        let longer = self.volume.geometry.spacing.min_element() / scene.volume.geometry.spacing.min_element();
+        let longer = self.volume.geometry.spacing.min_element() / scene.frame.geometry.spacing.min_element();
         coarse.accuracy.step_length *= longer;
         coarse.accuracy.voxel_pixels = 0.0;
         // So are the spaces of a light grid, and one lies within the reach of shadows.
         coarse.shadows.reach = coarse.shadows.reach.map(|reach| reach.max(coarse.least_reach()));
         // A camera that fits the whole volume fits the box of the finest voxels, which incomplete blocks exceed.
         if let Aim::Orbit { around: around @ None, .. } = &mut coarse.camera.aim {
-            *around = scene.volume.geometry.world_box();
+            *around = scene.frame.geometry.world_box();
         }
         coarse
     }
@@ -89,7 +101,7 @@ impl Coarse {
     pub fn scene_in(&self, scene: &Scene, [width, height]: [usize; 2]) -> Scene {
         let mut coarse = self.scene(scene);
         if let Aim::Orbit { around: None, .. } = coarse.camera.aim
-            && let Some(placed) = scene.camera.placed(&scene.volume.geometry, count(width) / count(height))
+            && let Some(placed) = scene.camera.placed(&scene.frame.geometry, count(width) / count(height))
         {
             coarse.camera = placed;
         }
@@ -191,18 +203,18 @@ impl Scene {
     /// [`Self::level`] of pictures by several `cameras`: the finest one of them.
     #[must_use]
     pub fn level_of(&self, cameras: &[Camera], size: [usize; 2]) -> Level {
-        let Self { volume, accuracy, .. } = self;
+        let geometry = &self.frame.geometry;
         // Along an axis of one voxel there is nothing to average.
-        let single = volume.geometry.dims.map(|n| n == 1);
-        let spacing = DVec3::select(single.into(), DVec3::ZERO, volume.geometry.spacing);
+        let single = geometry.dims.map(|n| n == 1);
+        let spacing = DVec3::select(single.into(), DVec3::ZERO, geometry.spacing);
         let unit = cameras.iter().map(|camera| self.pixels_of_unit(camera, size)).fold(0.0, f64::max);
-        let block = |level: u32| volume.geometry.dims.map(|n| n.next_power_of_two().min(1 << level));
+        let block = |level: u32| geometry.dims.map(|n| n.next_power_of_two().min(1 << level));
         let pixels = |level: u32| {
             let edges = spacing * DVec3::from_array(block(level).map(count));
             if unit > 0.0 && unit.is_finite() { unit * edges.max_element() } else { unit }
         };
-        let allowed = accuracy.voxel_pixels;
-        let coarsest = volume.coarser_levels();
+        let allowed = self.accuracy.voxel_pixels;
+        let coarsest = self.volume().coarser_levels();
         let is_allowed = |level: &u32| unit > 0.0 && pixels(*level) <= allowed;
         let level = (1..=coarsest).take_while(is_allowed).last().unwrap_or(0);
         let [pixels, next_pixels] = [level, (level + 1).min(coarsest)].map(pixels);
@@ -211,16 +223,16 @@ impl Scene {
 
     /// Pixels of a world unit across the line of sight, at the nearest place of the crop box in the picture.
     fn pixels_of_unit(&self, camera: &Camera, size: [usize; 2]) -> f64 {
-        let geometry = &self.volume.geometry;
+        let geometry = &self.frame.geometry;
         let [width, height] = size.map(count);
         let Some(view) = camera.view(geometry, width / height) else { return 0.0 };
         let at_unit_depth = height / (2.0 * view.half[1]);
         if view.parallel {
             return at_unit_depth;
         }
-        let [low, high] = self.crop.unwrap_or_else(|| self.volume.whole_box());
+        let [low, high] = self.crop.unwrap_or_else(|| self.frame.whole_box());
         // An axis of one voxel is a voxel thick.
-        let thick = DVec3::select(self.volume.thin_axes().into(), DVec3::splat(0.5), DVec3::ZERO);
+        let thick = DVec3::select(self.frame.thin_axes().into(), DVec3::splat(0.5), DVec3::ZERO);
         let [low, high] = [low - thick, high + thick];
         let eye = geometry.direction.transpose() * (view.eye - geometry.origin) / geometry.spacing;
         if eye.cmpge(low).all() && eye.cmple(high).all() {
@@ -328,16 +340,17 @@ mod tests {
         let mut scene = scene(30.0, DVec3::new(0.0, 0.0, -9.0), DVec3::ZERO);
         scene.camera.projection = Projection::Orthographic { height: Some(50.0) };
         assert!((level(&mut scene, 4.0).pixels - 4.0).abs() < 1e-12, "two pixels for a voxel, four at level 1");
-        let mut volume = (*scene.volume).clone();
+        let mut volume = (**scene.volume()).clone();
         volume.geometry.spacing.z = 3.0;
-        scene.volume = Arc::new(volume);
+        scene.set_volume(Arc::new(volume));
         assert_eq!([5.9, 12.0].map(|allowed| level(&mut scene, allowed).level), [0, 1]);
         // A single slice has no edge along z to average.
-        scene.volume = Arc::new(Volume {
-            geometry: Geometry { dims: [64, 64, 1], ..scene.volume.geometry },
+        let slice = Volume {
+            geometry: Geometry { dims: [64, 64, 1], ..scene.frame.geometry },
             voxels: Voxels::U8(vec![0; 1 << 12]),
-            ..(*scene.volume).clone()
-        });
+            ..(**scene.volume()).clone()
+        };
+        scene.set_volume(Arc::new(slice));
         assert_eq!(level(&mut scene, 4.0).level, 1);
     }
 
@@ -351,7 +364,7 @@ mod tests {
             let mut scene = Scene::new("test", Arc::new(volume.clone()));
             scene.camera.projection = projection;
             let coarse = Coarse::of_level(&scene, 1, &relume_base::progress::Quiet).unwrap().scene_in(&scene, [30, 20]);
-            let [view, of_level] = [&scene, &coarse].map(|it| it.camera.view(&it.volume.geometry, 1.5).unwrap());
+            let [view, of_level] = [&scene, &coarse].map(|it| it.camera.view(&it.frame.geometry, 1.5).unwrap());
             let apart = [view.eye - of_level.eye, view.forward - of_level.forward].map(DVec3::length);
             assert!(apart[0].max(apart[1]) < 1e-9 && (view.half[1] - of_level.half[1]).abs() < 1e-9, "{apart:?}");
         }

@@ -13,7 +13,8 @@ impl Scene {
         // Complete on purpose: a new field does not compile until somebody decides.
         let Self {
             name: _,
-            volume,
+            frame,
+            fields,
             labels,
             materials,
             transfer,
@@ -34,7 +35,10 @@ impl Scene {
         if let Some(block) = block {
             block.hash(&mut hasher);
         }
-        hash_voxels(volume, &mut hasher);
+        format!("{frame:?}").hash(&mut hasher);
+        for field in fields.iter() {
+            hash_voxels(&field.volume, &mut hasher);
+        }
         if let Some(labels) = labels {
             format!("{:?}", labels.declared).hash(&mut hasher);
             hash_voxels(&labels.volume, &mut hasher);
@@ -45,11 +49,6 @@ impl Scene {
 
 fn hash_voxels(volume: &Volume, hasher: &mut impl Hasher) {
     format!("{:?} {:?} {:?}", volume.geometry, volume.slope, volume.intercept).hash(hasher);
-    if let Some(finest) = volume.finest {
-        finest.hash(hasher);
-    }
-    // Annotations of a picture show them.
-    format!("{:?} {:?}", volume.unit, volume.anatomical).hash(hasher);
     std::mem::discriminant(&volume.voxels).hash(hasher);
     volume.voxels.bytes().hash(hasher);
     volume.bricks.as_ref().map(|cache| cache.digest()).hash(hasher);

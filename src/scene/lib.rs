@@ -5,7 +5,9 @@ mod blocks;
 mod camera;
 mod coarse;
 mod digest;
+mod fields;
 pub mod film;
+mod frame;
 mod lights;
 pub mod plan;
 pub mod reference;
@@ -20,6 +22,8 @@ pub use blocks::{Block, Blocks, MOST_BLOCKS, Node, low_leaves};
 pub use camera::{Aim, Camera, Fill, Projection, View};
 pub use camera::{centre, unit};
 pub use coarse::{Coarse, LabelLeft, Level};
+pub use fields::{Field, Fields};
+pub use frame::Frame;
 pub use lights::INTENSITY;
 pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
 pub use transfer::depth_from_opacity;
@@ -36,9 +40,11 @@ use relume_volume::Volume;
 pub struct Scene {
     /// Name, for messages and reports.
     pub name: String,
-    /// Voxel values.
-    pub volume: Arc<Volume>,
-    /// Label map on the same grid, if any.
+    /// World, unit and box: where all the following are.
+    pub frame: Frame,
+    /// What has a value at each place of the frame.
+    pub fields: Fields,
+    /// Label map on the grid of the frame, if any.
     pub labels: Option<Labels>,
     /// Materials in the order of their names, which is also the order of a pixel's weights.
     pub materials: Vec<Material>,
@@ -71,7 +77,7 @@ impl Scene {
     /// would tell nothing of the part inside.
     #[must_use]
     pub fn step_length(&self) -> f64 {
-        let geometry = &self.volume.geometry;
+        let geometry = &self.frame.geometry;
         let longest = (geometry.spacing * DVec3::from_array(geometry.dims.map(relume_base::number::count))).length();
         self.accuracy.step_length.min(longest)
     }
@@ -79,14 +85,14 @@ impl Scene {
     /// Number of steps, the cut ones included, of the longest ray in the volume.
     #[must_use]
     pub fn most_steps(&self) -> f64 {
-        self.steps_across(self.volume.whole_box())
+        self.steps_across(self.frame.whole_box())
     }
 
     /// Number of steps, the cut ones included, along the diagonal between two corners in voxel indices.
     pub(crate) fn steps_across(&self, [first, last]: [DVec3; 2]) -> f64 {
         // An axis with a single voxel is one voxel thick.
-        let thickness = DVec3::select(self.volume.thin_axes().into(), DVec3::ONE, last - first);
-        ((thickness * self.volume.geometry.spacing).length() / self.step_length()).ceil() + 1.0
+        let thickness = DVec3::select(self.frame.thin_axes().into(), DVec3::ONE, last - first);
+        ((thickness * self.frame.geometry.spacing).length() / self.step_length()).ceil() + 1.0
     }
 
     /// A scene of `volume` without materials and lights. The step and the opacity length are the smallest spacing; all
@@ -96,7 +102,8 @@ impl Scene {
         let spacing = volume.geometry.spacing.min_element();
         Self {
             name: name.to_owned(),
-            volume,
+            frame: Frame::of(&volume),
+            fields: Fields::of(volume),
             labels: None,
             materials: Vec::new(),
             transfer: Transfer {
@@ -117,6 +124,25 @@ impl Scene {
             shadows: Shadows::default(),
             display: Display::default(),
         }
+    }
+
+    /// Volume of the first field, whose grid is that of the frame: the one that texts, slices and histograms are about.
+    #[must_use]
+    pub const fn volume(&self) -> &Arc<Volume> {
+        &self.fields.first().volume
+    }
+
+    /// Puts `volume` in place of all fields, with its frame. All else stays, the step length and labels too.
+    pub fn set_volume(&mut self, volume: Arc<Volume>) {
+        self.frame = Frame::of(&volume);
+        self.fields = Fields::of(volume);
+    }
+
+    /// The scene with `volume` in place of all its fields ([`Self::set_volume`]).
+    #[must_use]
+    pub fn with_volume(mut self, volume: Arc<Volume>) -> Self {
+        self.set_volume(volume);
+        self
     }
 
     /// Whether the material `index` is visible, through a value of the transfer function or a label.
@@ -179,7 +205,7 @@ impl Scene {
     /// of the grid along the axis with the largest spacing.
     #[must_use]
     pub fn least_reach(&self) -> f64 {
-        let voxel = self.volume.geometry.spacing;
+        let voxel = self.frame.geometry.spacing;
         self.shadow_start().mul_add(voxel.min_element(), self.shadows.spacing * voxel.max_element())
     }
 

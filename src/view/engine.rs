@@ -757,7 +757,7 @@ impl Engine {
     #[must_use]
     pub fn scene_at_hand(&self) -> (Scene, Option<[usize; 3]>) {
         match &self.bricks {
-            Some(bricks) if bricks.scene.volume.bricks.is_some() => {
+            Some(bricks) if bricks.scene.fields.first().bricks().is_some() => {
                 (bricks.coarse.scene(&bricks.scene), Some(bricks.coarse.block()))
             }
             _ => (self.scene().clone(), None),

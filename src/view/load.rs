@@ -159,7 +159,7 @@ impl Loaded {
     ) -> Result<Self, LoadError> {
         let scene = file.scene.clone();
         let planned = |scene: &Scene| plan(scene, progress).map_err(RenderError::from);
-        let whole = if scene.volume.bricks.is_some() { None } else { Some(planned(&scene)?) };
+        let whole = if scene.fields.first().bricks().is_some() { None } else { Some(planned(&scene)?) };
         let (scene, planned, coarse) = match whole {
             Some(planned) if renderer.holds_whole(&scene, &planned, &statistics) => (scene, planned, None),
             _ => {

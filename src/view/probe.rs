@@ -399,10 +399,10 @@ impl Ray {
         let scene = &rays;
         let planned = plan_full_spectrum(scene);
         let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
-        let storage = || Storage::new(&planned.plan, &scene.volume, statistics);
+        let storage = || Storage::new(&planned.plan, scene.volume(), statistics);
         let exact = Exact::new(scene, &planned, storage(), labels.as_ref());
         let mut profile = Profile::new(scene);
-        let dims = DVec3::from_array(scene.volume.geometry.dims.map(count));
+        let dims = DVec3::from_array(scene.frame.geometry.dims.map(count));
         let own = march_ray(scene, &planned, &exact, [size, place], progress, |sample: &RaySample<'_, f64>| {
             let place = DVec3::from_array(sample.place) * dims - 0.5;
             let factor = exact.gradient_factor(sample.place);

@@ -215,7 +215,7 @@ impl Overlay {
     pub fn new(scene: &Scene, statistics: &Statistics, colours: &[[f64; 3]]) -> Self {
         let Statistics { min, max, .. } = *statistics;
         let span = max - min;
-        let by_one = matches!(scene.volume.slope, 1.0) && scene.volume.voxels.voxel_type().bytes() <= 2;
+        let by_one = matches!(scene.volume().slope, 1.0) && scene.volume().voxels.voxel_type().bytes() <= 2;
         let entries = if by_one && span < count(MOST_ENTRIES) { whole(span) + 1 } else { ENTRIES };
         let step = if entries > 1 { span / count(entries - 1) } else { 1.0 };
         let at = |entry: usize| {

@@ -140,13 +140,13 @@ impl Viewer {
             .opened
             .document
             .as_ref()
-            .and_then(|document| self.panels.layout.slices.json(&document.state().scene.volume));
+            .and_then(|document| self.panels.layout.slices.json(document.state().scene.volume()));
         if let Some(engine) = &self.engine {
             self.record.report.volume_level =
                 engine.shown_level().map(|shown| serde_json::json!({ "level": shown.level, "voxels": shown.voxels }));
             self.record.report.light_block = engine.light_block();
             self.record.report.bricks = engine.brick_counts();
-            self.record.report.host_bricks = engine.scene().volume.bricks.as_ref().map(|cache| cache.counts());
+            self.record.report.host_bricks = engine.scene().fields.first().reads();
         }
         self.picture.prober.end();
         if let Some(measuring) = self.tasks.measuring.take() {

@@ -85,21 +85,6 @@ impl Volume {
         self.geometry.dims.map(|n| n.next_power_of_two().ilog2()).into_iter().max().unwrap_or(0)
     }
 
-    /// Opposite corners of the box from the centre of the first voxel to that of the last one, in voxel indices. Of a coarse
-    /// level, this is the box of the finest voxels, up to half a block larger than that of its own.
-    #[must_use]
-    pub fn whole_box(&self) -> [DVec3; 2] {
-        let Finest { dims, block } = self.finest.unwrap_or(Finest { dims: self.geometry.dims, block: [1; 3] });
-        let last = DVec3::from_array(dims.map(count)) - 1.0;
-        [DVec3::ZERO, last].map(|index| coarse_index(index, block))
-    }
-
-    /// Axes along which the volume, or the one of which it is a coarse level, has one voxel.
-    #[must_use]
-    pub fn thin_axes(&self) -> [bool; 3] {
-        self.finest.map_or(self.geometry.dims, |finest| finest.dims).map(|n| n == 1)
-    }
-
     /// The coarse level of this volume with these `voxels`.
     pub(super) fn of_coarse_voxels(&self, voxels: Voxels, block: [usize; 3]) -> Result<Self, VolumeError> {
         let dims = std::array::from_fn(|axis| self.geometry.dims[axis].div_ceil(block[axis]));

@@ -12,16 +12,17 @@ use relume::document::{Document, Edit, Source};
 use relume::view::layout::{Arrange, Note};
 use relume::view::script::Command;
 use relume::view::{Action, Script};
-use relume::volume::Unit;
+use relume::volume::{Unit, Volume};
 
 use crate::app::{App, click_at, document, is_painted};
 
 /// A window with an anatomical volume in millimetres.
 fn opened() -> Harness<'static, App> {
     let mut scene = document().opened().clone();
-    let volume = Arc::make_mut(&mut scene.scene.volume);
-    (volume.anatomical, volume.unit) = (true, Some(Unit::Millimetre));
-    let statistics = scene.scene.volume.statistics().unwrap();
+    let volume = (**scene.scene.volume()).clone();
+    let volume = Volume { anatomical: true, unit: Some(Unit::Millimetre), ..volume };
+    scene.scene.set_volume(Arc::new(volume));
+    let statistics = scene.scene.volume().statistics().unwrap();
     let mut window = App::open(Vec2::new(1280.0, 720.0), Some(Document::new(scene).with_statistics(statistics)));
     window.run();
     window

@@ -149,7 +149,7 @@ pub(crate) fn light_names(mix: &Mix) -> Vec<&str> {
 /// Opens a document with statistics in a window tall enough for all panels.
 pub(crate) fn with_histogram() -> Harness<'static, App> {
     let document = document();
-    let statistics = document.opened().scene.volume.statistics().unwrap();
+    let statistics = document.opened().scene.volume().statistics().unwrap();
     App::open(Vec2::new(1000.0, 2000.0), Some(document.with_statistics(statistics)))
 }
 
@@ -182,7 +182,7 @@ pub(crate) fn probed_of(document: &Document) -> Probe {
     };
     let means = relume::film::Relightable::new(&scene, &planned);
     let reflected = relume::tables::Reflected::new(&means.components, None);
-    let ray = Ray::march(&scene, &scene.volume.statistics().unwrap(), [size, [0, 0]], &Quiet).unwrap();
+    let ray = Ray::march(&scene, &scene.volume().statistics().unwrap(), [size, [0, 0]], &Quiet).unwrap();
     let pixel = Pixel { place: [0, 0], size, numbers, planned, means };
     Probe::new(&pixel, &scene, &Mix::of_scene(&scene), Some(&reflected), Some(&ray))
 }

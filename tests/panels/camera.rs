@@ -8,6 +8,7 @@ use egui_kittest::kittest::Queryable;
 use relume::document::moves::{Move, Side};
 use relume::document::{Document, Edit};
 use relume::view::Action;
+use relume::volume::Volume;
 
 use crate::app::{App, document, wide};
 
@@ -48,7 +49,8 @@ fn plus_goes_nearer_with_shift_and_without() {
 fn the_sides_of_a_patient_are_called_so() {
     for (anatomical, names) in [(false, ["Left", "Front", "Top"]), (true, ["Right", "Anterior", "Superior"])] {
         let mut scene = document().opened().clone();
-        Arc::make_mut(&mut scene.scene.volume).anatomical = anatomical;
+        let volume = Volume { anatomical, ..(**scene.scene.volume()).clone() };
+        scene.scene.set_volume(Arc::new(volume));
         let mut window = App::open(Vec2::new(1000.0, 2000.0), Some(Document::new(scene)));
         window.run();
         for (name, side) in names.into_iter().zip([Side::Left, Side::Front, Side::Top]) {

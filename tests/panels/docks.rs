@@ -13,7 +13,7 @@ use crate::app::{App, click_at, document, drag_along};
 
 fn with_values() -> Document {
     let document = document();
-    let statistics = document.opened().scene.volume.statistics().unwrap();
+    let statistics = document.opened().scene.volume().statistics().unwrap();
     document.with_statistics(statistics)
 }
 

@@ -37,7 +37,7 @@ fn numbers_out_of_range_are_brought_into_it() {
             document.edit(&edit);
             let state = document.state();
             assert!(state.mix().0.iter().all(|light| light.weight.is_finite() && light.weight >= 0.0), "{edit:?}");
-            assert!(state.scene.camera.view(&state.scene.volume.geometry, 1.0).is_some(), "{edit:?}");
+            assert!(state.scene.camera.view(&state.scene.frame.geometry, 1.0).is_some(), "{edit:?}");
         }
     }
 }

@@ -28,7 +28,7 @@ fn an_empty_window_of_any_size_shows_what_to_do() {
 #[test]
 fn the_bar_of_the_panels_lies_over_no_control() {
     let document = document();
-    let statistics = document.opened().scene.volume.statistics().unwrap();
+    let statistics = document.opened().scene.volume().statistics().unwrap();
     let mut window = App::open(Vec2::new(1000.0, 720.0), Some(document.with_statistics(statistics)));
     window.run();
     let solo = window.get_all_by_label("solo").next().unwrap().rect();

@@ -112,7 +112,7 @@ fn ambient_occlusion_is_switched_in_the_light_panel_undone_and_kept_by_sessions(
     window.get_by_label("occlusion ends after").click();
     window.run();
     let scene = &document().state().scene.clone();
-    let tenth = 0.1 * scene.volume.geometry.extent().length();
+    let tenth = 0.1 * scene.frame.geometry.extent().length();
     assert_eq!(reach(&window), Some(tenth.max(scene.least_reach())));
     window.get_by_label("Undo").click();
     window.run();

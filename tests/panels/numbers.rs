@@ -191,7 +191,7 @@ fn values_of_three_hundred_digits_leave_the_panels_as_they_are() {
         let mut document = document();
         let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
         document.edit(&Edit::Interval(0, Interval { range: [1.234_567_89 * scale, 2.0 * scale], ..stated }));
-        let mut statistics = document.opened().scene.volume.statistics().unwrap();
+        let mut statistics = document.opened().scene.volume().statistics().unwrap();
         (statistics.min, statistics.max) = (-3.0 * scale, 3.0 * scale);
         let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document.with_statistics(statistics)));
         window.run();
@@ -215,7 +215,7 @@ fn values_that_differ_in_their_last_digits_alone_can_be_typed() {
         let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
         let interval = Interval { range: [low + 0.3 * span, low + 0.6 * span], ramp: 0.0, ..stated };
         document.edit(&Edit::Interval(0, interval));
-        let mut statistics = document.opened().scene.volume.statistics().unwrap();
+        let mut statistics = document.opened().scene.volume().statistics().unwrap();
         (statistics.min, statistics.max) = (low, low + span);
         let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document.with_statistics(statistics)));
         window.run();
@@ -271,7 +271,7 @@ fn fields_show_seven_digits_at_most_and_do_not_lie_over_each_other() {
         let mut document = document();
         let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
         document.edit(&Edit::Interval(0, Interval { range: [low, high], ..stated }));
-        let mut statistics = document.opened().scene.volume.statistics().unwrap();
+        let mut statistics = document.opened().scene.volume().statistics().unwrap();
         (statistics.min, statistics.max) = (low, high);
         let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(document.with_statistics(statistics)));
         window.run();

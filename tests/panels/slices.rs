@@ -10,6 +10,7 @@ use relume::document::{Document, Edit};
 use relume::view::layout::Arrange;
 use relume::view::script::Command;
 use relume::view::{Action, Script};
+use relume::volume::Volume;
 
 use crate::app::{App, click_at, document, drag_along, is_painted};
 
@@ -18,8 +19,9 @@ const NAMES: [&str; 3] = ["slice: XY", "slice: XZ", "slice: YZ"];
 /// A window with slices of the document, whose axes are anatomical if `anatomical`.
 fn opened(anatomical: bool) -> Harness<'static, App> {
     let mut scene = document().opened().clone();
-    Arc::make_mut(&mut scene.scene.volume).anatomical = anatomical;
-    let statistics = scene.scene.volume.statistics().unwrap();
+    let volume = Volume { anatomical, ..(**scene.scene.volume()).clone() };
+    scene.scene.set_volume(Arc::new(volume));
+    let statistics = scene.scene.volume().statistics().unwrap();
     let mut window = App::open(Vec2::new(1280.0, 720.0), Some(Document::new(scene).with_statistics(statistics)));
     window.run();
     window.key_press(Key::S);
@@ -29,7 +31,7 @@ fn opened(anatomical: bool) -> Harness<'static, App> {
 }
 
 fn dims(window: &Harness<'_, App>) -> [usize; 3] {
-    window.state().document.as_ref().unwrap().state().scene.volume.geometry.dims
+    window.state().document.as_ref().unwrap().state().scene.frame.geometry.dims
 }
 
 fn centre(window: &Harness<'_, App>, label: &str) -> Pos2 {
@@ -43,7 +45,7 @@ fn last_at(window: &Harness<'_, App>) -> DVec3 {
 #[test]
 fn a_key_shows_three_slices_around_the_picture_and_hides_them_without_a_trace() {
     let mut window = App::open(Vec2::new(1280.0, 720.0), Some(document()));
-    let statistics = document().opened().scene.volume.statistics().unwrap();
+    let statistics = document().opened().scene.volume().statistics().unwrap();
     window.state_mut().document = Some(document().with_statistics(statistics));
     window.run();
     let textures = |window: &Harness<'_, App>| window.ctx.tex_manager().read().num_allocated();

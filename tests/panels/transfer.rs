@@ -133,7 +133,7 @@ fn a_transfer_function_that_shows_no_value_says_so() {
     window.run();
     assert!(window.query_by_label_contains("Nothing of the volume is visible").is_none());
     let mut document = document();
-    let statistics = document.opened().scene.volume.statistics().unwrap();
+    let statistics = document.opened().scene.volume().statistics().unwrap();
     for index in [0, 1] {
         let stated = Interval::of(&document.state().scene.transfer.terms[index]).unwrap();
         document.edit(&Edit::Interval(index, Interval { range: [1e4, 2e4], ..stated }));

@@ -48,7 +48,7 @@ fn a_relight_is_one_dispatch_and_costs_the_same_whatever_was_marched() {
     let others: [(&str, Scene); 4] = [
         (
             "a volume of other dimensions",
-            changed(|scene| scene.volume = Arc::new(phantom::slab([9, 7, 5], 200).unwrap())),
+            changed(|scene| scene.set_volume(Arc::new(phantom::slab([9, 7, 5], 200).unwrap()))),
         ),
         ("a shorter step", changed(|scene| scene.accuracy.step_length /= 3.0)),
         (

@@ -91,8 +91,8 @@ fn numbers_of_any_size_and_type_are_labels_and_no_ct() {
     let materials: std::collections::BTreeSet<usize> = declared(&file).iter().map(|entry| entry.material).collect();
     assert_eq!(materials.len(), 4);
     // Shading has four values in place of three billion.
-    assert!((file.scene.volume.statistics().unwrap().max - 4.0).abs() < 1e-9);
-    assert!(file.scene.volume.notes.iter().any(|note| note.contains("ranks")), "{:?}", file.scene.volume.notes);
+    assert!((file.scene.volume().statistics().unwrap().max - 4.0).abs() < 1e-9);
+    assert!(file.scene.volume().notes.iter().any(|note| note.contains("ranks")), "{:?}", file.scene.volume().notes);
 }
 
 #[test]
@@ -256,9 +256,9 @@ fn tables_name_and_colour_labels_and_say_what_they_lack() {
     let names = SceneOptions { label_names: Some("freesurfer".into()), ..SceneOptions::default() };
     let grey = looked_at(folder.path("grey.nrrd"), names);
     assert!(
-        grey.scene.volume.notes.iter().any(|note| note.contains("freesurfer are not used")),
+        grey.scene.volume().notes.iter().any(|note| note.contains("freesurfer are not used")),
         "{:?}",
-        grey.scene.volume.notes
+        grey.scene.volume().notes
     );
 }
 
@@ -306,9 +306,13 @@ fn blocks_of_labels_have_a_label_and_no_mean() {
     // Blocks of three voxels lie across the labels.
     let folder = Folder::new().with("map.nrrd", nrrd("int16", DIMS, "", id));
     let file = looked_at(folder.path("map.nrrd"), SceneOptions { downsample: Some([3; 3]), ..SceneOptions::default() });
-    let counts = file.scene.volume.label_counts(9).unwrap();
+    let counts = file.scene.volume().label_counts(9).unwrap();
     assert_eq!(counts.keys().copied().collect::<Vec<_>>(), [0, 3, 7, 90]);
-    assert!(file.scene.volume.notes.iter().any(|note| note.contains("most frequent")), "{:?}", file.scene.volume.notes);
+    assert!(
+        file.scene.volume().notes.iter().any(|note| note.contains("most frequent")),
+        "{:?}",
+        file.scene.volume().notes
+    );
 }
 
 #[test]
@@ -342,7 +346,7 @@ fn files_in_the_wrong_place_are_refused_or_told() {
     };
     let notes = |file: &SceneFile| {
         let labels = file.scene.labels.iter().flat_map(|labels| &labels.volume.notes);
-        file.scene.volume.notes.iter().chain(labels).cloned().collect::<Vec<_>>().join("\n")
+        file.scene.volume().notes.iter().chain(labels).cloned().collect::<Vec<_>>().join("\n")
     };
     // The label map and the scan in each other's place.
     let problem = over("organs.nrrd", "scan.nrrd").unwrap_err().to_string();

@@ -696,7 +696,7 @@ fn straight_on(is_inside: impl Fn([f64; 3]) -> bool) -> Scene {
     let centre = |at: usize| f64::from(u8::try_from(at).unwrap()) - 8.0;
     let place = |i: usize| [i % 17, i / 17 % 17, i / 289].map(centre);
     let voxels = Voxels::U8((0..4913).map(|i| if is_inside(place(i)) { 200 } else { 0 }).collect());
-    scene.volume = Arc::new(Volume::new("block", voxels, Geometry::unit("block", [17; 3]).unwrap()).unwrap());
+    scene.set_volume(Arc::new(Volume::new("block", voxels, Geometry::unit("block", [17; 3]).unwrap()).unwrap()));
     scene
 }
 
@@ -705,7 +705,7 @@ fn a_row_whose_integration_is_not_that_of_the_scene_says_so() {
     let mut scene = straight_on(|_| true);
     let values = (0..4913).map(|i: usize| u8::try_from(i % 17 * 12).unwrap()).collect();
     let grid = Geometry::unit("ramp", [17; 3]).unwrap();
-    scene.volume = Arc::new(Volume::new("ramp", Voxels::U8(values), grid).unwrap());
+    scene.set_volume(Arc::new(Volume::new("ramp", Voxels::U8(values), grid).unwrap()));
     scene.accuracy.integration = Integration::Auto;
     // 16 wide: more than the values change in a step of one voxel on average over the axes, and less than in one of four.
     scene.transfer.terms = vec![Term::interval(0, [90.0, 102.0], [2.0; 2], 0.3, 0.0)];

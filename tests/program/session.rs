@@ -114,7 +114,7 @@ fn a_session_opens_as_it_was_saved_to_the_bit() {
         let (text, file) = saved(&document);
         let (state, opened) = (document.state(), Document::new(file));
         let (ours, theirs) = (&state.scene, opened.state());
-        let view = |scene: &Scene| scene.camera.view(&scene.volume.geometry, 1.5).unwrap();
+        let view = |scene: &Scene| scene.camera.view(&scene.frame.geometry, 1.5).unwrap();
         assert_eq!(view(&theirs.scene), view(ours), "{edit:?}: {text}");
         assert_eq!(theirs.scene.transfer, ours.transfer, "{edit:?}: {text}");
         let labels = |scene: &Scene| scene.labels.as_ref().unwrap().declared.clone();
@@ -321,8 +321,8 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
     assert_eq!(error.question(), None, "{error}");
     source.options.selection.time = Some(1);
     let (opened, again) = saved_of(&source);
-    assert_eq!((opened.volume.value([0; 3]), again.volume.value([0; 3])), (Some(64.0), Some(64.0)));
-    let view = opened.camera.view(&opened.volume.geometry, 1.0).unwrap();
+    assert_eq!((opened.volume().value([0; 3]), again.volume().value([0; 3])), (Some(64.0), Some(64.0)));
+    let view = opened.camera.view(&opened.volume().geometry, 1.0).unwrap();
     assert_eq!((view.forward, view.up), (DVec3::Y, DVec3::Z), "a patient is looked at from the front");
 
     let mut source = Source::of(&folder.path("foot_8x4x2.raw"));
@@ -331,7 +331,7 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
     assert_eq!(guess.dims, [8, 4, 2]);
     source.options.raw = Some(*guess);
     let (opened, again) = saved_of(&source);
-    assert_eq!(opened.volume.voxels, again.volume.voxels);
+    assert_eq!(opened.volume().voxels, again.volume().voxels);
 
     // A layout describes a volume, not the scene that names it.
     let mut scene = Source::of(&folder.path("scene.toml"));
@@ -372,8 +372,8 @@ fn another_time_step_than_a_session_states_is_asked_for_and_saved() {
     let stated = Source::of(&folder.path("steps.toml"));
     let (scene, _) = stated.read(&Quiet).unwrap();
     let time = |time| Selection { time: Some(time), ..Selection::default() };
-    assert_eq!(scene.scene.volume.selection, time(1));
-    assert_eq!(parse(SCENE).scene.volume.selection, Selection::default());
+    assert_eq!(scene.scene.volume().selection, time(1));
+    assert_eq!(parse(SCENE).scene.volume().selection, Selection::default());
     let mut other = stated.reselected();
     let question = other.read(&Quiet).unwrap_err().question();
     assert_eq!(question.map(|question| question.unknown), Some(Unknown::Which(Several::Times(2))));
@@ -381,7 +381,7 @@ fn another_time_step_than_a_session_states_is_asked_for_and_saved() {
     assert!(other.is_another_of(&stated) && !stated.is_another_of(&other));
     let (first, statistics) = other.read(&Quiet).unwrap();
     assert!(statistics.min.abs() < 1e-9 && (statistics.max - 63.0).abs() < 1e-9, "the first half: {statistics:?}");
-    assert_eq!(first.scene.volume.selection, time(0));
+    assert_eq!(first.scene.volume().selection, time(0));
     let document = Document::new(scene).with_file(first, true);
     let text = session::text(&folder.path("session.toml"), &other, document.opened(), document.state()).unwrap();
     assert!(text.contains("time = 0") && !text.contains("time = 1"), "{text}");
@@ -415,7 +415,7 @@ fn a_volume_that_was_moved_is_read_as_the_scene_says_and_keeps_its_labels() {
     let (_, is_named) = error.scene_without_volume().unwrap();
     assert!(is_named, "{error}");
     let (scene, _) = source.with_volume(&folder.path("moved.raw"), is_named).read(&Quiet).unwrap();
-    assert_eq!(scene.scene.volume.geometry.dims, [4; 3]);
+    assert_eq!(scene.scene.frame.geometry.dims, [4; 3]);
     assert!(scene.scene.labels.is_some());
     assert!(scene.text.contains("moved.raw"), "{}", scene.text);
 }

@@ -522,7 +522,7 @@ fn a_scene_and_a_session_can_ask_for_resampling() {
     let loaded = |selection, definition: &str| {
         let definitions = vec![Definition::new("volume.phantom_labels=false"), Definition::new(definition)];
         let options = SceneOptions { volume: Some(volume.clone()), selection, definitions, ..SceneOptions::default() };
-        document::load_embedded(&options, &Quiet).map(|file| file.scene.volume.geometry.dims)
+        document::load_embedded(&options, &Quiet).map(|file| file.scene.frame.geometry.dims)
     };
     let resample = Selection { resample: true, ..Selection::default() };
     assert_eq!(loaded(resample, "background=0.5").unwrap(), [4, 5, 5]);

@@ -569,7 +569,7 @@ fn a_world_is_a_patients_where_the_space_says_so() {
         let scene = relume::document::load(&files.folder.path().join("scene.toml"), &SceneOptions::default(), &Quiet)
             .unwrap()
             .scene;
-        assert_eq!(scene.volume.anatomical, anatomical, "what a scene says of its axes is not said by the file");
+        assert_eq!(scene.frame.anatomical, anatomical, "what a scene says of its axes is not said by the file");
     }
 }
 

@@ -37,7 +37,7 @@ fn difference<R: Real>(one: &Film<R>, other: &Film<R>) -> f64 {
 
 /// Blocks of `scene` as scenes, and the order of the cuts.
 fn parts(scene: &Scene, size: [usize; 2], leaves: usize) -> (Vec<Scene>, Vec<bool>) {
-    let geometry = &scene.volume.geometry;
+    let geometry = &scene.frame.geometry;
     let aspect = f64::from(u32::try_from(size[0]).unwrap()) / f64::from(u32::try_from(size[1]).unwrap());
     let view = scene.camera.view(geometry, aspect).unwrap();
     let low_first = Blocks::new(geometry, leaves).unwrap().low_first(geometry, &view);
@@ -47,7 +47,7 @@ fn parts(scene: &Scene, size: [usize; 2], leaves: usize) -> (Vec<Scene>, Vec<boo
 
 /// A camera at `eye`, relative to the centre in halves of the volume, that looks along `forward`.
 fn looking(scene: &Scene, eye: DVec3, forward: DVec3, parallel: bool) -> Camera {
-    let geometry = &scene.volume.geometry;
+    let geometry = &scene.frame.geometry;
     let half = (DVec3::from_array(geometry.dims.map(|n| f64::from(u32::try_from(n).unwrap()))) - 1.0) / 2.0;
     let world = |place: DVec3| geometry.origin + geometry.direction * (geometry.spacing * half * (place + 1.0));
     let (eye, target) = (world(eye), world(eye + forward));
@@ -71,7 +71,7 @@ fn cases() -> Vec<(&'static str, Scene, [usize; 2])> {
         scene
     };
     let cropped = |mut scene: Scene| {
-        let last = DVec3::from_array(scene.volume.geometry.dims.map(|n| f64::from(u32::try_from(n - 1).unwrap())));
+        let last = DVec3::from_array(scene.frame.geometry.dims.map(|n| f64::from(u32::try_from(n - 1).unwrap())));
         scene.crop = Some([last * DVec3::new(0.13, 0.3, 0.0), last * DVec3::new(0.9, 1.0, 0.6)]);
         scene
     };
@@ -165,7 +165,7 @@ fn early_termination_leaves_out_as_much_light_as_in_one_march() {
 fn relayed(rungs: &Rungs, renderer: &Renderer, leaves: usize, rows: usize) -> Film<f32> {
     let (scenes, low_first) = parts(&rungs.scene, rungs.size, leaves);
     let on_device = |scene: &Scene| {
-        let statistics = scene.volume.statistics().unwrap();
+        let statistics = scene.volume().statistics().unwrap();
         SceneRenderer::with_plan(renderer, scene.clone(), rungs.planned.clone(), statistics, &Quiet).unwrap()
     };
     let first = on_device(&scenes[0]);

@@ -54,7 +54,7 @@ fn large(mut scene: Scene) -> Scene {
         let ripple = u16::try_from((7 * x + 13 * y + 29 * z) % 17).unwrap();
         if stored > 300 { stored + 10 * ripple } else { stored }
     };
-    scene.volume = Arc::new(enlarged(&scene.volume, rippled));
+    scene.set_volume(Arc::new(enlarged(scene.volume(), rippled)));
     if let Some(labels) = &mut scene.labels {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "labels are small whole numbers")]
         let as_stored = |stored: f64, _: [usize; 3]| stored as u16;
@@ -226,7 +226,7 @@ fn the_filter_of_the_device_moves_colours_by_little() {
 fn bricks_behind_an_opaque_skin_are_not_loaded() {
     with_renderer(|renderer| {
         let mut scene = scenes::named("orthographic");
-        scene.volume = Arc::new(scenes::slab([200, 190, 180], 40_000));
+        scene.set_volume(Arc::new(scenes::slab([200, 190, 180], 40_000)));
         scene.accuracy.interpolation = Interpolation::ExactLinear;
         scene.accuracy.termination = 1e-3;
         for term in &mut scene.transfer.terms {
@@ -246,9 +246,9 @@ fn an_axis_longer_than_the_textures_of_the_device_is_rendered() {
     with_renderer(|renderer| {
         let dims = [2000, 12, 14];
         let mut scene = scenes::named("diffuse_one");
-        scene.volume = Arc::new(scenes::sampled(dims, |p| {
+        scene.set_volume(Arc::new(scenes::sampled(dims, |p| {
             60000.0 * (-(p.y * p.y + p.z * p.z)).exp() * (0.5 + 0.5 * (40.0 * p.x).sin())
-        }));
+        })));
         scene.accuracy.interpolation = Interpolation::ExactLinear;
         let rungs = Rungs::new(scene, SIZE);
         let whole = bits(&rungs.gpu(renderer));
@@ -271,7 +271,7 @@ fn twenty_thousand_slices_are_rendered_on_a_device_with_two_thousand_texels_an_a
         });
         let geometry = Geometry::unit("long", dims).unwrap();
         let mut scene = scenes::named("unshaded_one");
-        scene.volume = Arc::new(Volume::new("long", Voxels::U8(voxels.collect()), geometry).unwrap());
+        scene.set_volume(Arc::new(Volume::new("long", Voxels::U8(voxels.collect()), geometry).unwrap()));
         for term in &mut scene.transfer.terms {
             term.opacity = vec![(0.0, 0.0), (255.0, 0.01)];
         }
@@ -442,7 +442,7 @@ fn films_of_bricks_in_a_file_are_films_of_voxels_in_memory_to_the_bit() {
                 }
             }
             (scene.accuracy.interpolation, scene.accuracy.gradients) = (interpolation, gradients);
-            let mut volume = Arc::unwrap_or_clone(scene.volume);
+            let mut volume = (**scene.volume()).clone();
             (volume.slope, volume.intercept) = (slope, if slope < 0.0 { 33_000.0 } else { 0.0 });
             if let (Voxels::U16(stored), "floats") = (&volume.voxels, name) {
                 // A part without numbers is as empty as in memory.
@@ -452,10 +452,10 @@ fn films_of_bricks_in_a_file_are_films_of_voxels_in_memory_to_the_bit() {
                 };
                 volume.voxels = Voxels::F32(stored.iter().enumerate().map(value).collect());
             }
-            scene.volume = Arc::new(volume);
-            let stored = Arc::new(in_file(&scene.volume, folder.path()));
-            let [one, other] = [Arc::clone(&scene.volume), Arc::clone(&stored)].map(|volume| {
-                let scene = Scene { volume, ..scene.clone() };
+            scene.set_volume(Arc::new(volume));
+            let stored = Arc::new(in_file(scene.volume(), folder.path()));
+            let [one, other] = [Arc::clone(scene.volume()), Arc::clone(&stored)].map(|volume| {
+                let scene = scene.clone().with_volume(volume);
                 let planned = plan(&scene, &Quiet).unwrap().plan;
                 assert!(name != "narrow" || planned.integration == Integrate::Segments, "{planned:?}");
                 let renderer = renderer.clone().always_in_bricks().with_memory(12_000_000);
@@ -477,8 +477,8 @@ fn bricks_stay_between_the_cameras_of_a_turntable_and_films_are_those_of_single_
     with_renderer(|renderer| {
         let folder = tempfile::tempdir().unwrap();
         let mut scene = large(scenes::named("diffuse_one"));
-        scene.volume = Arc::new(in_file(&scene.volume, folder.path()));
-        scene.volume.prepare_coarse(&Quiet).unwrap();
+        scene.set_volume(Arc::new(in_file(scene.volume(), folder.path())));
+        scene.volume().prepare_coarse(&Quiet).unwrap();
         let cameras = turntable(&scene, &scene.camera, 1.2, 3).unwrap();
         for memory in [4_000_000, 100_000_000] {
             let renderer = renderer.clone().with_memory(memory);

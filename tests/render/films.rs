@@ -258,7 +258,7 @@ fn a_three_point_light_on_films_equals_three_directional_lights() {
     scene.materials.iter_mut().for_each(|material| material.ambient = 0.0);
     for shadows in [false, true] {
         scene.lights[0].shadows = shadows;
-        let view = scene.camera.view(&scene.volume.geometry, float(SIZE[0]) / float(SIZE[1])).unwrap();
+        let view = scene.camera.view(&scene.frame.geometry, float(SIZE[0]) / float(SIZE[1])).unwrap();
         let lit = |placement: Placement| {
             let mut scene = scene.clone();
             scene.lights[0].placement = placement;

@@ -119,7 +119,7 @@ fn reach_of_device(rungs: &Rungs, renderer: &Renderer) -> [f64; 3] {
     } else {
         0.5_f64.powi(i32::try_from(renderer.device().limits().sub_texel_precision_bits).unwrap())
     };
-    rungs.scene.volume.geometry.dims.map(|n| error + texel / float(n))
+    rungs.scene.frame.geometry.dims.map(|n| error + texel / float(n))
 }
 
 /// Compares all rungs for one scene.
@@ -479,15 +479,15 @@ fn shifted(pixels: f64) -> Worst {
     let places = places(&rungs);
     let bound = of_places(&rungs, &expected, [places.error; 3], ROUNDINGS_PER_STEP_OF_TWO);
     let aspect = float(SIZE[0]) / float(SIZE[1]);
-    let view = rungs.scene.camera.view(&rungs.scene.volume.geometry, aspect).unwrap();
-    let mut volume = (*rungs.scene.volume).clone();
+    let view = rungs.scene.camera.view(&rungs.scene.frame.geometry, aspect).unwrap();
+    let mut volume = (**rungs.scene.volume()).clone();
     volume.geometry.origin += view.right * (pixels * 2.0 * view.half[0] / float(SIZE[0]));
     rungs.scene.camera = relume::scene::Camera {
         aim: relume::scene::Aim::LookAt { position: view.eye, target: view.eye + view.forward },
         projection: relume::scene::Projection::Orthographic { height: Some(2.0 * view.half[1]) },
         ..rungs.scene.camera
     };
-    rungs.scene.volume = std::sync::Arc::new(volume);
+    rungs.scene.set_volume(std::sync::Arc::new(volume));
     let moved = rungs.march::<f32>(&rungs.stored::<f32>());
     accumulators(&moved, &expected, &bound, &places.undecided)
 }
@@ -676,7 +676,7 @@ fn a_three_point_light_shades_a_ramp_by_its_three_directions() {
     let light = "[lights.studio]\nspectrum = \"D65\"\nkind = \"three_point\"\n";
     let material = "ambient = 0.2\ndiffuse = 0.5\nspecular = 0.25\nexponent = 3";
     let two_sided = ramp(material, light, "");
-    let view = two_sided.scene.camera.view(&two_sided.scene.volume.geometry, 1.0).unwrap();
+    let view = two_sided.scene.camera.view(&two_sided.scene.frame.geometry, 1.0).unwrap();
     // Parts towards the right, the top and the eye, and weights (docs/theory/first-look.md).
     let lights = [([-0.5, 0.6, 1.0], 0.9), ([0.8, 0.1, 0.5], 0.1), ([0.4, 0.8, -0.3], 0.15)];
     let shade = |part: &dyn Fn(f64) -> f64| {

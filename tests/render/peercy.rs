@@ -121,7 +121,7 @@ fn matrices_are_refused_where_they_cannot_be() {
     assert!(matches!(plan(&half, &Quiet), Err(PlanError::HalfMatrix)));
     let rungs = Rungs::new(glass(4), [2, 2]);
     with_renderer(|renderer| {
-        let statistics = rungs.scene.volume.statistics().unwrap();
+        let statistics = rungs.scene.volume().statistics().unwrap();
         let uploaded = renderer.upload(&rungs.scene, &rungs.planned, &statistics, &Quiet).unwrap();
         let refused = renderer.march(&rungs.scene, &rungs.planned, &uploaded, [2, 2], &Quiet).unwrap_err();
         assert!(matches!(refused, RenderError::Matrix), "{refused}");

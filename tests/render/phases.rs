@@ -185,7 +185,7 @@ fn a_three_point_light_by_phase_functions_equals_three_directional_lights() {
         let mut scene = with_phases(occluded("none"));
         scene.lights.truncate(1);
         scene.lights[0].shadows = shadows;
-        let view = scene.camera.view(&scene.volume.geometry, 1.0).unwrap();
+        let view = scene.camera.view(&scene.frame.geometry, 1.0).unwrap();
         let lights = relume::scene::three_point(&view);
         let sum: f64 = lights.iter().map(|light| light.1).sum();
         let lit = |placement: Placement| {
@@ -271,7 +271,7 @@ fn of_every_kind() -> Vec<(&'static str, Scene)> {
 
 /// Line of sight through the middle of the picture.
 fn forward(scene: &Scene) -> DVec3 {
-    scene.camera.view(&scene.volume.geometry, 1.0).unwrap().forward
+    scene.camera.view(&scene.frame.geometry, 1.0).unwrap().forward
 }
 
 /// Divides intensities so that the brightest pixel is a little brighter than white, where colours are compared.

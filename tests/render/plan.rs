@@ -325,7 +325,7 @@ fn the_least_plan_and_the_fullest_show_the_same() {
         (material.specular, material.exponent) = (0.5, exponent);
     }
     scene.background = Some(Reflectance::new(Spectrum::constant(1e-30)).unwrap());
-    let dims = scene.volume.geometry.dims;
+    let dims = scene.frame.geometry.dims;
     let zeros = relume::volume::phantom::slab(dims, 0).unwrap();
     let entry =
         relume::scene::LabelEntry { label: 9, name: "nowhere".into(), material: 0, opacity: 0.5, absorption: 0.0 };

@@ -77,7 +77,7 @@ fn probe(rungs: &Rungs) -> Probe {
     let scene = &rungs.scene;
     let pixel = pixel(rungs);
     let reflected = Reflected::new(&pixel.means.components, scene.background.as_ref());
-    let ray = Ray::march(scene, &scene.volume.statistics().unwrap(), [[1, 1], [0, 0]], &Quiet).unwrap();
+    let ray = Ray::march(scene, &scene.volume().statistics().unwrap(), [[1, 1], [0, 0]], &Quiet).unwrap();
     Probe::new(&pixel, scene, &Mix::of_scene(scene), Some(&reflected), Some(&ray))
 }
 
@@ -192,7 +192,7 @@ fn what_is_exact_errs_by_its_rounding_alone_and_a_colour_model_by_what_it_says()
 fn light_that_passes_falls_along_the_ray_as_its_closed_form() {
     for absorption in [0.0, 0.04] {
         let scene = slab(absorption, "step = 0.0625");
-        let statistics = scene.volume.statistics().unwrap();
+        let statistics = scene.volume().statistics().unwrap();
         let ray = Ray::march(&scene, &statistics, [[1, 1], [0, 0]], &Quiet).unwrap();
         assert!((100..=240).contains(&ray.stretches.len()), "{}", ray.stretches.len());
         let grey: f64 = scattering().iter().sum();
@@ -215,7 +215,7 @@ fn light_that_passes_falls_along_the_ray_as_its_closed_form() {
         for (number, stretch) in ray.stretches.iter().enumerate() {
             let begins = long * f64::from(u32::try_from(number).unwrap());
             near("distance", stretch.distance, begins + long / 2.0, 1e-9);
-            let world = |place| scene.volume.geometry.world_from_index(place);
+            let world = |place| scene.frame.geometry.world_from_index(place);
             let along = (world(stretch.place) - world(ray.stretches[0].place)).length();
             near("the place", along, begins, 1e-9);
             near("transmittance", stretch.transmittance, transmittance_at(begins), 1e-9);
@@ -262,7 +262,7 @@ fn a_pixel_of_a_device_is_that_of_the_whole_picture() {
 #[test]
 fn the_probe_of_a_medium_thinned_by_its_gradient_is_that_of_a_thinner_medium() {
     let probed = |scene: &Scene| {
-        let statistics = scene.volume.statistics().unwrap();
+        let statistics = scene.volume().statistics().unwrap();
         Ray::march(scene, &statistics, [[1, 1], [0, 0]], &Quiet).unwrap()
     };
     let mut thinned = slab(0.04, "step = 0.0625");

@@ -272,9 +272,9 @@ fn empty_space_skipping_changes_no_byte() {
         }
         // A small object in a large void, so that much is skipped, off the macrocells' borders.
         let mut scene = scenes::named("rotated");
-        scene.volume = Arc::new(scenes::sampled([61, 53, 47], |p| {
+        scene.set_volume(Arc::new(scenes::sampled([61, 53, 47], |p| {
             60000.0 * (-(p - DVec3::new(0.4, -0.3, 0.2)).length_squared() / 0.01).exp()
-        }));
+        })));
         let skipping = Rungs::new(scene.clone(), SIZE);
         let accumulators = skipping.gpu_accumulators(renderer);
         let [occupied, cells] = accumulators.occupied;
@@ -346,7 +346,7 @@ fn a_march_cut_anywhere_is_the_front_part_over_the_back_part() {
     ];
     for (name, scene) in scenes {
         let whole = Rungs::new(scene.clone(), SIZE);
-        let geometry = &scene.volume.geometry;
+        let geometry = &scene.frame.geometry;
         let forward = geometry.direction.inverse() * scene.camera.view(geometry, 1.0).unwrap().forward;
         let axis = forward.abs().max_position();
         let last = DVec3::from_array(geometry.dims.map(|n| f64::from(u32::try_from(n).unwrap()))) - 1.0;

@@ -179,7 +179,7 @@ fn skipping_keeps_what_a_segment_reaches_beyond_its_macrocell() {
                 let at = (place + 1.0) * float(n - 1) / 2.0;
                 if (at - 12.0).length() < 3.5 { 40000.0 } else { 0.0 }
             });
-            scene.volume = std::sync::Arc::new(ball);
+            scene.set_volume(std::sync::Arc::new(ball));
             scene.accuracy.step_length = step;
             scene.accuracy.variation = 1.0;
             let mut everywhere = scene.clone();
@@ -197,8 +197,10 @@ fn regions_of_the_largest_and_the_smallest_value_are_not_taken_for_invisible() {
     with_renderer(|renderer| {
         for [low, high] in [[60_000.0, 70_000.0], [-70_000.0, 5000.0]] {
             let mut scene = in_segments(scenes::named("diffuse_one"));
-            scene.volume =
-                std::sync::Arc::new(sampled([17, 17, 17], |place| if place.x > 0.0 { 65_535.0 } else { 0.0 }));
+            scene.set_volume(std::sync::Arc::new(sampled(
+                [17, 17, 17],
+                |place| if place.x > 0.0 { 65_535.0 } else { 0.0 },
+            )));
             scene.transfer.terms = vec![Term::interval(0, [low, high], [1000.0; 2], 0.3, 0.0)];
             // Seven fetches of a sample: the plan looks for the next visible one first.
             scene.accuracy.gradients = Gradients::Central;

@@ -61,7 +61,7 @@ pub(super) fn block(extent: DVec3, depth: f64, light: &str, step: f64, height: f
     "#
     );
     let mut scene = of(&text, Volume::new("block", Voxels::U8(vec![100; 8]), geometry).unwrap());
-    scene.volume = Volume::new("block", Voxels::U8(vec![100; 8]), geometry).unwrap().into();
+    scene.set_volume(Volume::new("block", Voxels::U8(vec![100; 8]), geometry).unwrap().into());
     scene
 }
 
@@ -165,7 +165,7 @@ fn a_three_point_light_with_shadows_equals_three_directional_lights() {
         scene.lighting = lighting;
         scene.materials.iter_mut().for_each(|material| (material.ambient, material.specular) = (0.0, 0.5));
         scene.shadows.start = Some(1.0);
-        let view = scene.camera.view(&scene.volume.geometry, 1.0).unwrap();
+        let view = scene.camera.view(&scene.frame.geometry, 1.0).unwrap();
         let lights = relume::scene::three_point(&view);
         let sum = if shading == "none" { lights.iter().map(|light| light.1).sum() } else { 1.0 };
         let apart = lights.map(|(direction, weight)| (of_one_light(&scene, Placement::Directional(direction)), weight));
@@ -381,15 +381,12 @@ fn a_cropped_occluder_casts_no_shadow() {
         let crop = Some([DVec3::ZERO, DVec3::new(last.x, last.y, high)]);
         Scene { crop, ..scene.clone() }
     };
-    let removed = Scene {
-        volume: scenes::sampled([25, 25, 40], |p| {
-            let centre = DVec3::new(0.0, 0.0, -0.4);
-            let large = (-(p - centre).length_squared() / (2.0 * 0.4 * 0.4)).exp();
-            60000.0 * large * f64::from(p.z < 0.3)
-        })
-        .into(),
-        ..cropped(25.0)
-    };
+    let large = scenes::sampled([25, 25, 40], |p| {
+        let centre = DVec3::new(0.0, 0.0, -0.4);
+        let large = (-(p - centre).length_squared() / (2.0 * 0.4 * 0.4)).exp();
+        60000.0 * large * f64::from(p.z < 0.3)
+    });
+    let removed = cropped(25.0).with_volume(large.into());
     for (with, without) in both_methods(&cropped(25.0)).into_iter().zip(both_methods(&removed)) {
         assert!(with == without, "the ball that is cropped away changes the picture");
     }
@@ -571,9 +568,9 @@ fn shadows_that_cannot_be_computed_are_refused_with_their_light() {
 
 /// [`occluded`] with voxels of these sides, of which the picture shows the same part.
 fn with_sides(mut scene: Scene, sides: DVec3) -> Scene {
-    let Volume { voxels, geometry, .. } = &*scene.volume;
+    let Volume { voxels, geometry, .. } = &**scene.volume();
     let geometry = Geometry::new("sides", geometry.dims, sides, geometry.origin, geometry.direction).unwrap();
-    scene.volume = Volume::new("sides", voxels.clone(), geometry).unwrap().into();
+    scene.set_volume(Volume::new("sides", voxels.clone(), geometry).unwrap().into());
     scene
 }
 
@@ -1061,7 +1058,7 @@ fn a_light_grid_is_filled_again_only_where_its_depths_change() {
     with_renderer(|renderer| {
         let first = SceneRenderer::new(renderer, occluded("none"), &Quiet).unwrap();
         let fills = |scene: &Scene| {
-            let scene = &Scene { volume: std::sync::Arc::clone(&first.scene().volume), ..scene.clone() };
+            let scene = &scene.clone().with_volume(std::sync::Arc::clone(first.scene().volume()));
             let before = renderer.light_fills();
             let planned = plan(scene, &Quiet).unwrap();
             let film = first.with_scene(scene.clone(), planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
@@ -1195,7 +1192,7 @@ fn a_light_whose_shadow_is_switched_leaves_the_depths_of_the_others() {
     with_renderer(|renderer| {
         let first = SceneRenderer::new(renderer, lit_from(&[0.0]), &Quiet).unwrap();
         let fills = |directions: &[f64]| {
-            let scene = Scene { volume: std::sync::Arc::clone(&first.scene().volume), ..lit_from(directions) };
+            let scene = lit_from(directions).with_volume(std::sync::Arc::clone(first.scene().volume()));
             let before = renderer.light_fills();
             let planned = plan(&scene, &Quiet).unwrap();
             let film = first.with_scene(scene, planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();

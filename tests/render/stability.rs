@@ -158,7 +158,7 @@ fn a_camera_in_a_corner_of_the_volume_sees_it() {
 fn a_camera_a_million_lengths_away_is_as_sharp_as_parallel_rays() {
     // The whole volume at an angle so small that rays are parallel to 1e-6.
     let mut near = scenes::named("orthographic");
-    let volume = near.volume.clone();
+    let volume = near.volume().clone();
     let view = near.camera.view(&volume.geometry, 1.0).unwrap();
     let centre = volume.geometry.world_from_index(0.5 * (DVec3::from_array(volume.geometry.dims.map(float)) - 1.0));
     let (height, distance) = (24.0, 3e7);
@@ -208,9 +208,9 @@ fn the_loss_that_is_stated_covers_what_64_bits_lose() {
     let volume = |voxels| Volume::new("whole", voxels, Geometry::unit("whole", [64, 1, 1]).unwrap()).unwrap();
     let loss = |voxels| {
         let mut scene = scenes::named("unshaded_one");
-        scene.volume = Arc::new(volume(voxels));
-        let statistics = scene.volume.statistics().unwrap();
-        Storage::new(&plan(&scene, &Quiet).unwrap().plan, &scene.volume, &statistics).loss
+        scene.set_volume(Arc::new(volume(voxels)));
+        let statistics = scene.volume().statistics().unwrap();
+        Storage::new(&plan(&scene, &Quiet).unwrap().plan, scene.volume(), &statistics).loss
     };
     // From 2^62 on, f64 values are 1024 apart: all 64 values become the first, and the last moves by 63.
     let offset = 1_i64 << 62;
@@ -419,9 +419,9 @@ fn many_positions_and_many_materials_take_every_sample() {
 fn a_volume_of_any_size_is_the_same_picture() {
     let picture = |spacing: f64| {
         let mut scene = scenes::named("unshaded_one");
-        let mut volume = (*scene.volume).clone();
+        let mut volume = (**scene.volume()).clone();
         volume.geometry.spacing *= spacing;
-        scene.volume = Arc::new(volume);
+        scene.set_volume(Arc::new(volume));
         scene.accuracy.step_length *= spacing;
         scene.transfer.opacity_length *= spacing;
         Rungs::new(scene, [12, 9])
@@ -450,7 +450,7 @@ fn normals_of_a_sphere_in_flat_voxels_point_out_of_it() {
     let mut scene = scenes::named("diffuse_one");
     let mut volume = scenes::sampled(dims, |p| 60000.0 - 1200.0 * (p * half).length());
     volume.geometry = Geometry::new("ball", dims, spacing, DVec3::ZERO, glam::DMat3::IDENTITY).unwrap();
-    scene.volume = Arc::new(volume);
+    scene.set_volume(Arc::new(volume));
     let rungs = Rungs::new(scene, SIZE);
     let mut off = 0.0_f64;
     for i in 0..1000 {

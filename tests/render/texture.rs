@@ -139,11 +139,11 @@ fn volumes_in_32_bits_show_what_those_in_16_do() {
 #[test]
 fn fractions_in_16_bits_lose_half_a_code_at_most_and_say_so() {
     let mut scene = scenes::named("unshaded_one");
-    let geometry = scene.volume.geometry;
+    let geometry = scene.frame.geometry;
     let voxels = geometry.dims.iter().product::<usize>();
     let values: Vec<f32> = (0..voxels).map(|i| f32::from(u16::try_from(i % 977).unwrap()) * 61.7).collect();
     let largest = 976.0 * 61.7;
-    scene.volume = Arc::new(Volume::new("fractions", Voxels::F32(values.clone()), geometry).unwrap());
+    scene.set_volume(Arc::new(Volume::new("fractions", Voxels::F32(values.clone()), geometry).unwrap()));
     let with = |volume: VolumeAs| {
         let mut scene = scene.clone();
         scene.accuracy.volume = volume;

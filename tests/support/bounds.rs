@@ -339,7 +339,7 @@ pub fn longest(rungs: &Rungs) -> f64 {
 
 fn rays(rungs: &Rungs) -> (RayTable, View) {
     let aspect = float(rungs.size[0]) / float(rungs.size[1]);
-    let view = rungs.scene.camera.view(&rungs.scene.volume.geometry, aspect).unwrap();
+    let view = rungs.scene.camera.view(&rungs.scene.frame.geometry, aspect).unwrap();
     (RayTable::new(&rungs.scene, &view).unwrap(), view)
 }
 

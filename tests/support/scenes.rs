@@ -169,7 +169,7 @@ pub fn parsed(text: &str) -> Scene {
 pub fn of(text: &str, volume: Volume) -> Scene {
     // A crop box is checked against the dimensions of the file's own volume, which are therefore the same.
     let text = format!("version = 1\n{text}\n[volume]\nphantom = \"slab\"\ndims = {:?}\n", volume.geometry.dims);
-    Scene { volume: Arc::new(volume), ..parsed(&text) }
+    parsed(&text).with_volume(Arc::new(volume))
 }
 
 /// Slab with one value, 24 units thick, seen along its normal by parallel rays: equal steps with
@@ -355,7 +355,7 @@ pub fn named(name: &str) -> Scene {
             volume.geometry =
                 Geometry::new("rotated", volume.geometry.dims, DVec3::new(0.8, 1.0, 1.7), DVec3::splat(5.0), direction)
                     .unwrap();
-            scene.volume = Arc::new(volume);
+            scene.set_volume(Arc::new(volume));
             scene
         }
         "nearest" => {

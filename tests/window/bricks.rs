@@ -178,7 +178,7 @@ fn a_first_look_at_voxels_in_a_file_finds_the_layers_of_voxels_in_memory() {
     let [in_file, whole] = [HostMemory::InFile, HostMemory::Whole].map(look);
     let names = |scene: &Scene| scene.materials.iter().map(|material| material.name.clone()).collect::<Vec<_>>();
     assert_eq!(names(&in_file), names(&whole));
-    assert_eq!((in_file.volume.geometry, in_file.transfer.opacity_length), (whole.volume.geometry, 1.0));
+    assert_eq!((in_file.frame.geometry, in_file.transfer.opacity_length), (whole.frame.geometry, 1.0));
     // Outside, in the middle of the shell's values, and of the core's.
     let shown = |scene: &Scene| {
         [5.0, 83.0, 188.0].map(|value| {
@@ -377,7 +377,7 @@ fn a_plan_of_voxels_in_a_file_is_cancelled_while_it_reads_them() {
         let mut scene = file.scene;
         // Floats: packed gradients are scaled to the largest difference of all voxels.
         scene.accuracy.volume = VolumeAs::Single;
-        let read = || scene.volume.bricks.as_ref().unwrap().counts().loaded;
+        let read = || scene.fields.first().reads().unwrap().loaded;
         read_ahead(&scene, &Cancelled);
         assert_eq!(read(), 0);
         read_ahead(&scene, &Quiet);

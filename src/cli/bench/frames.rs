@@ -189,7 +189,7 @@ impl<'a> Bench<'a> {
                         .to_owned(),
                 ));
             }
-            let statistics = scene.volume.statistics()?;
+            let statistics = scene.volume().statistics()?;
             self.loaded = Some(Loaded { key, scene, statistics });
         }
         let Some(Loaded { scene, statistics, .. }) = &self.loaded else { return Err(CliError::Cancelled) };
@@ -275,7 +275,7 @@ impl Running<'_> {
             workload: case.workload.clone(),
             line: case.line,
             varied: case.varied,
-            volume: scene.volume.source.clone(),
+            volume: scene.volume().source.clone(),
             size: case.size,
             shading,
             accumulate: match planned.plan.accumulate {

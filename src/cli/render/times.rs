@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let (first, statistics) = series.at(0, progress)?;
     let inputs: Vec<&Path> = first.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
-    for note in &first.scene.volume.notes {
+    for note in &first.scene.volume().notes {
         tracing::warn!("{note}");
     }
     warn_of_odd_values(&statistics);
@@ -86,7 +86,7 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let Requested { mix, placed } = args.lights.mix(&Mix::of_scene(&first.scene), &first.opening_mix(), &names)?;
     let cameras: Vec<Camera> = match args.turntable {
         Some(frames) => {
-            first.scene.volume.prepare_coarse(progress)?;
+            first.scene.volume().prepare_coarse(progress)?;
             turntable::cameras(&first.scene, args.size, frames)?
         }
         None => vec![first.scene.camera.clone(); count],
@@ -135,7 +135,7 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         relight.run(&matrices)?;
         let linear = relight.read::<f32>()?;
         let frame =
-            args.dress.annotate.frame(Frame::of(&on_device.scene().camera, &on_device.scene().volume, args.size));
+            args.dress.annotate.frame(Frame::of(&on_device.scene().camera, &on_device.scene().frame, args.size));
         let shown =
             files::dressed(&linear, args.size, form.backdrop, overlay.as_ref().map(|overlay| (overlay, &frame)))?;
         Ok(frames::Frame { linear, shown })

@@ -12,7 +12,7 @@ use relume_colour::spectrum::{Absorption, Spectrum};
 use relume_scene::film::{Components, Relightable};
 use relume_scene::plan::is_constant;
 use relume_scene::{Camera, Display, Material, Mix, Scene, View, positions};
-use relume_volume::{Geometry, Unit, Volume};
+use relume_volume::{Geometry, Unit};
 
 /// Letters of the negative and positive ends of x, y and z in an anatomical world (left-posterior-superior).
 pub const PATIENT: [[&str; 2]; 3] = [["R", "L"], ["A", "P"], ["I", "S"]];
@@ -135,14 +135,14 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// That of a picture of `size` (width, height) in pixels that `camera` takes of `volume`.
+    /// That of a picture of `size` (width, height) in pixels that `camera` takes in the `frame` of a scene.
     #[must_use]
-    pub fn of(camera: &Camera, volume: &Volume, size: [usize; 2]) -> Self {
+    pub fn of(camera: &Camera, frame: &relume_scene::Frame, size: [usize; 2]) -> Self {
         let [width, height] = size.map(count);
-        let view = camera.view(&volume.geometry, width / height).filter(|_| volume.anatomical);
+        let view = camera.view(&frame.geometry, width / height).filter(|_| frame.anatomical);
         Self {
-            pixel: pixel_length(camera, &volume.geometry, [width, height]),
-            unit: volume.unit,
+            pixel: pixel_length(camera, &frame.geometry, [width, height]),
+            unit: frame.unit,
             edges: view.as_ref().map(Edges::of),
         }
     }

@@ -86,8 +86,7 @@ fn outermost(points: impl Iterator<Item = DVec2>, outward: f64) -> Vec<DVec2> {
 /// World points whose hull is that of the voxels of `scene` that its crop box, transfer function and labels show.
 pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
     // Of voxels that stay in a file, those of a coarse level.
-    let volume = scene.volume.at_hand();
-    let block = scene.volume.block_of(volume);
+    let (volume, block) = scene.fields.first().at_hand();
     let [nx, ny, nz] = volume.geometry.dims;
     // Voxels around a crop box between them.
     let crop = scene.crop.map(|[low, high]| {
@@ -127,7 +126,7 @@ pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
 fn ranges(scene: &Scene) -> Vec<[f64; 2]> {
     const PART: f64 = 0.3;
     const HARDLY: f64 = 0.05;
-    let lengths = scene.volume.geometry.extent().length() / scene.transfer.opacity_length;
+    let lengths = scene.frame.geometry.extent().length() / scene.transfer.opacity_length;
     let mut ranges = Vec::new();
     for curve in scene.transfer.terms.iter().flat_map(|term| [&term.opacity, &term.absorption]) {
         let most = curve.iter().map(|point| point.1).fold(0.0, f64::max);

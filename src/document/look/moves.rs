@@ -85,7 +85,7 @@ struct Placed {
 /// and replaces a result that has no line of sight.
 #[must_use]
 pub fn moved(scene: &Scene, opened: &Camera, aspect: f64, step: Move) -> Camera {
-    let (camera, geometry) = (&scene.camera, &scene.volume.geometry);
+    let (camera, geometry) = (&scene.camera, &scene.frame.geometry);
     let stated = match step {
         Move::Reset => None,
         Move::Axis(side) => {
@@ -110,7 +110,7 @@ pub fn moved(scene: &Scene, opened: &Camera, aspect: f64, step: Move) -> Camera 
 /// or a first look does. A stated height of parallel rays is kept. `None` if `camera` has no line of sight.
 #[must_use]
 pub fn turntable(scene: &Scene, camera: &Camera, aspect: f64, frames: u16) -> Option<Vec<Camera>> {
-    let geometry = &scene.volume.geometry;
+    let geometry = &scene.frame.geometry;
     let target = camera.aim.target(geometry);
     let axis = camera.up.try_normalize()?;
     let turned = |frame: u16| {
@@ -272,7 +272,7 @@ mod tests {
                     Aim::Orbit { azimuth: 0.0, elevation: 15.0, fill: Fill::of(0.9), front: DVec3::NEG_Y, around };
                 scene.camera = Camera { projection, aim, up: DVec3::Z };
                 let camera = moved(&scene, &scene.camera, aspect, Move::Axis(side));
-                let view = camera.view(&scene.volume.geometry, aspect).expect("it has a line of sight");
+                let view = camera.view(&scene.frame.geometry, aspect).expect("it has a line of sight");
                 let spans = ends(&view).map(|[low, high]| (high - low) / 2.0);
                 let (span, wanted) = (spans[0].max(spans[1]), 0.9);
                 assert!((span / wanted - 1.0).abs() <= 0.02, "{side:?}, {projection:?}, {aspect}: {spans:?}");
@@ -285,7 +285,7 @@ mod tests {
     #[test]
     fn a_turntable_keeps_its_distance_and_its_widest_view_fits() {
         let scene = block();
-        let geometry = &scene.volume.geometry;
+        let geometry = &scene.frame.geometry;
         for (projection, aspect) in
             PROJECTIONS.into_iter().flat_map(|projection| [0.7, 1.0, 1.5].map(|aspect| (projection, aspect)))
         {
@@ -325,7 +325,7 @@ mod tests {
     #[test]
     fn objects_that_are_deep_along_the_line_of_sight_fill_pictures_of_every_shape() {
         let scene = block();
-        let geometry = &scene.volume.geometry;
+        let geometry = &scene.frame.geometry;
         for (projection, half) in PROJECTIONS.into_iter().flat_map(|projection| {
             [[1.0, 1.0, 10.0], [10.0, 2.0, 1.0], [3.0, 18.0, 5.0]].map(|half| (projection, half))
         }) {
@@ -362,7 +362,7 @@ mod tests {
     #[test]
     fn a_turntable_of_a_detail_keeps_its_camera() {
         let scene = block();
-        let geometry = &scene.volume.geometry;
+        let geometry = &scene.frame.geometry;
         let camera = Camera {
             projection: PROJECTIONS[0],
             aim: Aim::LookAt { position: DVec3::new(33.0, -2.0, 4.0), target: DVec3::new(33.0, 15.0, 4.0) },

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use relume_base::number::{count, unsigned, whole};
-use relume_scene::{Term, View};
+use relume_scene::{Frame, Term, View};
 use relume_volume::{CELL, Geometry, Volume, Voxel, cell_maxima, macrocells, with_voxels};
 
 /// Optical depth from which a pixel is visible: it is brighter than about 12 of 255 in a first look.
@@ -483,11 +483,12 @@ impl<'a> Picture<'a> {
             (0..3).fold([near, f64::INFINITY], |[near, far], axis| [near.max(enter[axis]), far.min(leave[axis])])
         };
         // Samples are numbered from the box of the volume; the crop box selects some of them.
-        let thin = volume.thin_axes().into();
+        let frame = Frame::of(volume);
+        let thin = frame.thin_axes().into();
         let around = |[low, high]: [DVec3; 2]| {
             [DVec3::select(thin, DVec3::splat(-0.5), low), DVec3::select(thin, DVec3::splat(0.5), high)]
         };
-        let whole_box = volume.whole_box();
+        let whole_box = frame.whole_box();
         let [start, _] = clip(around(whole_box));
         let crop = self.seen.crop.map_or(whole_box, |corners| corners.map(|it| DVec3::from_array(it.map(count))));
         let [enter, leave] = clip(around(crop));

@@ -113,10 +113,10 @@ fn one_sample(opacity: f64) -> Extreme {
 
 /// Enlarges a scene's voxels; the camera still looks at the middle, from outside.
 fn set_spacing(scene: &mut Scene, spacing: f64) {
-    let mut volume = (*scene.volume).clone();
+    let mut volume = (**scene.volume()).clone();
     volume.geometry.spacing = DVec3::splat(spacing);
     scene.camera = straight_on(&volume.geometry);
-    scene.volume = std::sync::Arc::new(volume);
+    scene.set_volume(std::sync::Arc::new(volume));
 }
 
 /// Transmittance far below the smallest normal f32.

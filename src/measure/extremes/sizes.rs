@@ -22,10 +22,10 @@ pub(super) fn extremes() -> Vec<Extreme> {
 }
 
 fn with_spacing(scene: &mut Scene, spacing: DVec3) {
-    let mut volume = (*scene.volume).clone();
+    let mut volume = (**scene.volume()).clone();
     volume.geometry.spacing = spacing;
     scene.camera = straight_on(&volume.geometry);
-    scene.volume = Arc::new(volume);
+    scene.set_volume(Arc::new(volume));
 }
 
 /// All lengths scale with the voxels, which leaves the picture unchanged.

@@ -196,7 +196,7 @@ pub(super) fn scene_of(text: &str, volume: Volume) -> Result<Scene, ExtremeError
     let text = format!("version = 1\n{text}\n[volume]\nphantom = \"slab\"\ndims = [2, 2, 2]\n");
     let mut scene = parse("an extreme", &text, Path::new(""), &SceneOptions::default(), &Quiet)?.scene;
     scene.camera = straight_on(&volume.geometry);
-    scene.volume = Arc::new(volume);
+    scene.set_volume(Arc::new(volume));
     Ok(scene)
 }
 

@@ -205,7 +205,7 @@ fn nothing_finite() -> Extreme {
     let scene = || {
         let slab = Slab { dims: [2, 2, 2], ..Slab::default() };
         let mut scene = slab.scene()?;
-        scene.volume = std::sync::Arc::new(volume([2, 2, 2], Voxels::F32(vec![f32::NAN; 8]))?);
+        scene.set_volume(std::sync::Arc::new(volume([2, 2, 2], Voxels::F32(vec![f32::NAN; 8]))?));
         Ok(Picture::of(scene))
     };
     Extreme::refused(Group::Volumes, "voxels: only NaN", scene, |error| {

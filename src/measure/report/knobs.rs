@@ -47,7 +47,7 @@ fn stands(knob: Knob, scene: &Scene, own: &Measured) -> String {
 
 /// Step length of a scene in voxels.
 pub(super) fn step_in_voxels(scene: &Scene) -> f64 {
-    scene.accuracy.step_length / scene.volume.geometry.spacing.min_element()
+    scene.accuracy.step_length / scene.frame.geometry.spacing.min_element()
 }
 
 /// Settings that change only `knob`, together with the scene's own.

@@ -128,7 +128,7 @@ fn occupancy_of(scene: &Scene, uploaded: &Uploaded, values: &Values) -> Occupanc
         Values::Steps(table) => uploaded.cells.occupancy(&table.active_entries()),
         Values::Segments(table) => {
             let occupancy = uploaded.cells.occupancy(&table.active_entries());
-            let half = scene.step_length() / 2.0 / scene.volume.geometry.spacing.min_element();
+            let half = scene.step_length() / 2.0 / scene.frame.geometry.spacing.min_element();
             // The range of a macrocell includes one voxel more on each side, of which the cubic filter reads one.
             let spare = if scene.accuracy.interpolation == Interpolation::Cubic { 0.0 } else { 1.0 };
             let reach = whole(((half - spare).max(0.0) / count(CELL)).ceil());
@@ -224,7 +224,7 @@ impl Renderer {
         uploaded.check_march(scene, plan)?;
         self.shared.marches.fetch_add(1, Ordering::Relaxed);
         let aspect = count(size[0]) / count(size[1]);
-        let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(RenderError::Camera)?;
+        let view = scene.camera.view(&scene.frame.geometry, aspect).ok_or(RenderError::Camera)?;
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(RenderError::TooManySamples { step_length })?;
         let (values, label_table) = Values::new(scene, planned, uploaded.storage.domain);

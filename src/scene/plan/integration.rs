@@ -51,7 +51,7 @@ fn supports(term: &Term) -> impl Iterator<Item = [f64; 2]> {
 
 /// Lower and higher value at the ends of steps along the axes, from voxels spread over the volume.
 fn pairs(scene: &Scene) -> Vec<[f64; 2]> {
-    let volume = &scene.volume;
+    let volume = &scene.fields.first().volume;
     let pair = |(i, ends): (usize, &Option<[f64; 2]>)| {
         let [from, to] = (*ends)?;
         let change = (to - from) * scene.accuracy.step_length / volume.geometry.spacing[i % 3];
@@ -64,5 +64,5 @@ fn pairs(scene: &Scene) -> Vec<[f64; 2]> {
 /// Reads the voxels that plans of a scene need of a file of bricks, which takes up to seconds the first time. `progress` can
 /// cancel it: then the next plan reads them.
 pub fn read_ahead(scene: &Scene, progress: &dyn Progress) {
-    scene.volume.read_neighbours_ahead(progress);
+    scene.fields.first().volume.read_neighbours_ahead(progress);
 }

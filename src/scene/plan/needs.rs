@@ -105,7 +105,7 @@ pub(super) fn largest_depth(scene: &Scene) -> f64 {
 
 /// Longest path through the volume (its diagonal), in opacity lengths.
 pub(super) fn longest_way(scene: &Scene) -> f64 {
-    let geometry = &scene.volume.geometry;
+    let geometry = &scene.frame.geometry;
     let diagonal = (geometry.spacing * glam::DVec3::from_array(geometry.dims.map(count))).length();
     diagonal / scene.transfer.opacity_length
 }

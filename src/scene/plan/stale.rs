@@ -32,7 +32,8 @@ impl Stale {
     pub fn between(before: &Scene, planned: &Planned, after: &Scene) -> Self {
         let Scene {
             name: _,
-            volume,
+            frame,
+            fields,
             labels,
             materials,
             transfer,
@@ -52,7 +53,7 @@ impl Stale {
         let spectra = if planned.model.is_some() { Self::Tables } else { Self::Picture };
         let mut stale = Self::of_plans(before, after);
         let mut add = |changed: bool, stage: Self| stale = stale.max(if changed { stage } else { Self::Nothing });
-        add(!Arc::ptr_eq(volume, &after.volume), Self::Volume);
+        add(!fields.are(&after.fields) || *frame != after.frame, Self::Volume);
         add(true, of_labels(labels.as_ref(), after.labels.as_ref()));
         let phases = match planned.plan.phases {
             // A phase function that has an effect in one of the scenes changes the plan.

@@ -96,7 +96,7 @@ impl<'a, R: Real> Frame<'a, R> {
     fn new(of: &Marched<'a, R>, pixels: usize) -> Result<Self, ReferenceError> {
         let Marched { scene, planned, samples, size, progress } = *of;
         let aspect = count(size[0]) / count(size[1]);
-        let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(ReferenceError::Camera)?;
+        let view = scene.camera.view(&scene.frame.geometry, aspect).ok_or(ReferenceError::Camera)?;
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(ReferenceError::TooManySamples { step_length })?;
         let light = Light::new(scene, planned, samples, rays.local_scale, pixels, progress)?;

@@ -182,6 +182,8 @@ pub trait Samples<R: Real>: Sync {
 #[derive(Debug)]
 pub struct Exact<'a> {
     scene: &'a Scene,
+    /// Of the field.
+    volume: &'a Volume,
     planned: &'a Planned,
     storage: Storage,
     labels: Option<&'a LabelMap>,
@@ -206,6 +208,7 @@ impl<'a> Exact<'a> {
         let bends = scene.transfer.bends();
         Self {
             scene,
+            volume: scene.volume(),
             planned,
             storage,
             labels,
@@ -228,20 +231,20 @@ impl<'a> Exact<'a> {
     /// the scene's declared labels.
     #[must_use]
     pub fn at(&self, place: [f64; 3]) -> (f64, Option<usize>) {
-        let row = self.labels.map_or(0, |labels| labels.rows[nearest(place, self.scene.volume.geometry.dims)]);
+        let row = self.labels.map_or(0, |labels| labels.rows[nearest(place, self.scene.frame.geometry.dims)]);
         (self.value_at(place), usize::from(row).checked_sub(1))
     }
 
     /// The data value at `place`.
     fn value_at(&self, place: [f64; 3]) -> f64 {
-        let (dims, interpolation) = (self.scene.volume.geometry.dims, self.scene.accuracy.interpolation);
+        let (dims, interpolation) = (self.volume.geometry.dims, self.scene.accuracy.interpolation);
         let normalised = interpolate(place, dims, interpolation, |index| [self.voxel(index)])[0];
         let [low, high] = self.storage.domain;
         (high - low).mul_add(normalised, low)
     }
 
     fn shares(&self, place: [f64; 3]) -> Shares<f64> {
-        Shares::at(self.labels, self.planned, self.scene.volume.geometry.dims, place)
+        Shares::at(self.labels, self.planned, self.scene.frame.geometry.dims, place)
     }
 
     /// Sets `step` to `found`, with as many opacities as the plan's transmittance.
@@ -264,21 +267,19 @@ impl<'a> Exact<'a> {
 
     /// Derivatives of the normalised value at `place`, per world unit.
     fn gradient_at(&self, place: [f64; 3]) -> [f64; 3] {
-        let dims = self.scene.volume.geometry.dims;
-        interpolate(place, dims, self.scene.accuracy.interpolation, |index| self.gradient(index))
+        interpolate(place, self.volume.geometry.dims, self.scene.accuracy.interpolation, |index| self.gradient(index))
     }
 
     /// Normalised value of a voxel; indices are clamped to the grid.
     fn voxel(&self, index: [i64; 3]) -> f64 {
-        let volume: &Volume = &self.scene.volume;
-        let place = clamped(index, volume.geometry.dims);
-        volume.voxels.value(place).map_or(0.0, |stored| self.storage.normalised(stored))
+        let place = clamped(index, self.volume.geometry.dims);
+        self.volume.voxels.value(place).map_or(0.0, |stored| self.storage.normalised(stored))
     }
 
     /// Derivatives of the normalised value at a voxel, per world unit: central, one-sided at faces, 0 along an axis of
     /// one voxel.
     fn gradient(&self, index: [i64; 3]) -> [f64; 3] {
-        let geometry = &self.scene.volume.geometry;
+        let geometry = &self.volume.geometry;
         std::array::from_fn(|axis| {
             let last = geometry.dims[axis] as i64 - 1;
             let (mut before, mut after) = (index, index);

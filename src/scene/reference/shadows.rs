@@ -130,7 +130,7 @@ impl<R: Real> Reaching<R> {
             crop: grid.crop.map(from),
             start: R::from_f64(start),
             step_length: R::from_f64(
-                (scene.accuracy.step_length / scene.volume.geometry.spacing.min_element()).min(LONGEST_STEP),
+                (scene.accuracy.step_length / scene.frame.geometry.spacing.min_element()).min(LONGEST_STEP),
             ),
         })
     }

@@ -29,7 +29,7 @@ pub fn apron(scene: &Scene, plan: &ScenePlan) -> u32 {
         Integrate::Samples => 1,
         // A segment reaches half a step beyond the macrocell of its middle; a little more for rounding.
         Integrate::Segments => {
-            let half = scene.step_length() / 2.0 / scene.volume.geometry.spacing.min_element();
+            let half = scene.step_length() / 2.0 / scene.frame.geometry.spacing.min_element();
             unsigned(whole((half + 0.01).ceil())).max(1)
         }
     };

@@ -20,7 +20,7 @@ impl PositionTable {
     /// Builds the vectors of `planned` relative to the volume of `scene`.
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned) -> Self {
-        let geometry = &scene.volume.geometry;
+        let geometry = &scene.frame.geometry;
         let local_from_world = geometry.direction.inverse();
         // The direction of the picture does not depend on its shape. A march needs a line of sight.
         let view = scene.camera.view(geometry, 1.0);
@@ -99,7 +99,7 @@ pub enum GridLight {
 /// Distance in units of length beyond which nothing dims the sky of `scene`; `None` if it is longer than the crop box.
 #[must_use]
 pub fn sky_reach(scene: &Scene) -> Option<f64> {
-    let geometry = &scene.volume.geometry;
+    let geometry = &scene.frame.geometry;
     let unit = unit_length(geometry);
     let [low, high] = crop_box(scene);
     let longest = ((high - low) * DVec3::from_array(geometry.dims.map(count)) * geometry.spacing).length() / unit;

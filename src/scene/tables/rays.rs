@@ -3,9 +3,9 @@
 use glam::{DMat3, DVec3};
 
 use super::CELL;
-use crate::{Blocks, Scene, View};
+use crate::{Blocks, Frame, Scene, View};
 use relume_base::number::{count, unsigned, whole};
-use relume_volume::{Geometry, Volume};
+use relume_volume::Geometry;
 
 /// Parameters of all pixels' rays, in texture coordinates of the volume (0 to 1 along each axis).
 ///
@@ -97,16 +97,16 @@ pub fn ray_places(count: usize) -> Vec<[f64; 2]> {
 }
 
 /// Texture coordinates of opposite corners in voxel indices.
-fn texture_box(volume: &Volume, [first, last]: [DVec3; 2]) -> [DVec3; 2] {
-    let dims = DVec3::from_array(volume.geometry.dims.map(count));
+fn texture_box(frame: &Frame, [first, last]: [DVec3; 2]) -> [DVec3; 2] {
+    let dims = DVec3::from_array(frame.geometry.dims.map(count));
     // An axis with a single voxel is one voxel thick.
-    let thin = volume.thin_axes().into();
+    let thin = frame.thin_axes().into();
     [(first, DVec3::ZERO), (last, DVec3::ONE)].map(|(at, of_thin)| DVec3::select(thin, of_thin, (at + 0.5) / dims))
 }
 
 /// Opposite corners of the crop box of `scene` in texture coordinates.
 pub(super) fn crop_box(scene: &Scene) -> [DVec3; 2] {
-    texture_box(&scene.volume, scene.crop.unwrap_or_else(|| scene.volume.whole_box()))
+    texture_box(&scene.frame, scene.crop.unwrap_or_else(|| scene.frame.whole_box()))
 }
 
 impl BlockBox {
@@ -115,7 +115,7 @@ impl BlockBox {
 
     /// The box of the block of `scene`. `None` without a block, or if the volume has no such block.
     fn of_scene(scene: &Scene) -> Option<Self> {
-        let (block, geometry) = (scene.block?, &scene.volume.geometry);
+        let (block, geometry) = (scene.block?, &scene.frame.geometry);
         let [first, end] = Blocks::new(geometry, block.count)?.voxels(block.index)?;
         let mut it = Self { low: DVec3::splat(-Self::FAR), high: DVec3::splat(Self::FAR), open: [false; 3] };
         for (axis, &voxels) in geometry.dims.iter().enumerate() {
@@ -144,7 +144,7 @@ impl RayTable {
     /// Builds the rays of `view` through the volume of `scene`. `None` if a ray has more than [`MOST_SAMPLES`].
     #[must_use]
     pub fn new(scene: &Scene, view: &View) -> Option<Self> {
-        let geometry = &scene.volume.geometry;
+        let geometry = &scene.frame.geometry;
         let dims = DVec3::from_array(geometry.dims.map(count));
         // Texture coordinate of a world point: (index + ½)/n, index = direction⁻¹(point − origin)/spacing.
         let local_from_world = geometry.direction.inverse();
@@ -166,7 +166,7 @@ impl RayTable {
         };
 
         let ([low, high], [crop_low, crop_high]) =
-            (texture_box(&scene.volume, scene.volume.whole_box()), crop_box(scene));
+            (texture_box(&scene.frame, scene.frame.whole_box()), crop_box(scene));
         let block = BlockBox::of_scene(scene);
         if scene.block.is_some() && block.is_none() {
             return None;
@@ -174,7 +174,7 @@ impl RayTable {
         if scene.most_steps() > MOST_SAMPLES {
             return None;
         }
-        let samples = scene.steps_across(scene.crop.unwrap_or_else(|| scene.volume.whole_box()));
+        let samples = scene.steps_across(scene.crop.unwrap_or_else(|| scene.frame.whole_box()));
         let unit = unit_length(geometry);
         let cell = count(CELL);
         Some(Self {

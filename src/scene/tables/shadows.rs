@@ -134,7 +134,7 @@ impl LightGrid {
     /// The grid of `scene` with a `spacing` in voxels.
     #[must_use]
     pub fn new(scene: &Scene, spacing: f64) -> Self {
-        let geometry = &scene.volume.geometry;
+        let geometry = &scene.frame.geometry;
         let dims = DVec3::from_array(geometry.dims.map(count));
         let crop = crop_box(scene);
         let extent = (crop[1] - crop[0]).max(DVec3::splat(1e-12));

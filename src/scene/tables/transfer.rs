@@ -208,7 +208,7 @@ impl<'a> Steps<'a> {
     }
 
     fn extinction_of(&self, medium: &Medium, number: usize) -> f64 {
-        let lengths = self.scene.volume.geometry.spacing.min_element() / self.scene.transfer.opacity_length;
+        let lengths = self.scene.frame.geometry.spacing.min_element() / self.scene.transfer.opacity_length;
         if let Some(&absorber) = number.checked_sub(1).and_then(|absorber| self.absorbers.get(absorber)) {
             return medium.absorption.get(absorber).copied().unwrap_or(0.0) * lengths;
         }

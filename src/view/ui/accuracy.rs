@@ -47,7 +47,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
                 }
             });
         }
-        let voxel = scene.volume.geometry.spacing.min_element();
+        let voxel = scene.frame.geometry.spacing.min_element();
         let mut step = scene.accuracy.step_length / voxel;
         ui.horizontal(|ui| {
             ui.label("Step");

@@ -94,16 +94,16 @@ pub(super) fn screen(view: &View, rect: Rect, world: DVec3) -> Option<Pos2> {
 pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
     let (Some(document), None) = (shown.document, shown.loading) else { return };
     let (scene, layout, painter) = (&document.state().scene, shown.layout, ui.painter_at(rect));
-    let volume = &scene.volume;
+    let frame = &scene.frame;
     let size = [f64::from(rect.width()), f64::from(rect.height().max(1.0))];
-    let Some(view) = scene.camera.view(&volume.geometry, shown.aspect) else { return };
-    if shown.panels && layout.has(Note::Letters) && volume.anatomical {
+    let Some(view) = scene.camera.view(&frame.geometry, shown.aspect) else { return };
+    if shown.panels && layout.has(Note::Letters) && frame.anatomical {
         letters(&painter, rect, &Edges::of(&view));
     }
     if let (true, Some(point)) =
-        (shown.panels && layout.has(Note::Scale), pixel_length(&scene.camera, &volume.geometry, size))
+        (shown.panels && layout.has(Note::Scale), pixel_length(&scene.camera, &frame.geometry, size))
     {
-        scale_bar(&painter, rect, point, volume.unit);
+        scale_bar(&painter, rect, point, frame.unit);
     }
     if layout.has(Note::Title) {
         let title = shown.title.trim_end_matches(" — Relume");
@@ -116,7 +116,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
     }
     let ruler = layout.ruler;
     let ends = ruler.ends.map(|end| screen(&view, rect, end?));
-    line(&painter, ends, ruler.length().map(|length| (length, volume.unit)), true);
+    line(&painter, ends, ruler.length().map(|length| (length, frame.unit)), true);
     if ruler.on {
         let told = match ruler.ends {
             [Some(_), None] => "Click the other end of the line",

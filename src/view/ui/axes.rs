@@ -46,9 +46,9 @@ pub(super) fn patient_end(outward: DVec3) -> &'static str {
 /// Draws the axes at the bottom left of the picture in `rect`, with anatomical labels for an anatomical volume.
 pub(super) fn show(ui: &Ui, document: &Document, aspect: f64, rect: Rect) {
     let scene = &document.state().scene;
-    let Some(view) = scene.camera.view(&scene.volume.geometry, aspect) else { return };
+    let Some(view) = scene.camera.view(&scene.frame.geometry, aspect) else { return };
     let middle = rect.left_bottom() + vec2(ROOM + 6.0, -ROOM - 6.0);
-    let names = if scene.volume.anatomical { PATIENT } else { ENDS };
+    let names = if scene.frame.anatomical { PATIENT } else { ENDS };
     let mut ends: Vec<(f64, DVec3, &str, Color32)> = Vec::new();
     for ((axis, names), colour) in DVec3::AXES.into_iter().zip(names).zip(COLOURS) {
         for (end, name) in [-axis, axis].into_iter().zip(names) {

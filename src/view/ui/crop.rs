@@ -33,13 +33,13 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Text of a fraction of the volume along an axis, with its voxel index.
 fn part_text(document: &Document, axis: usize, part: f64) -> String {
-    let last = count(document.state().scene.volume.geometry.dims[axis]) - 1.0;
+    let last = count(document.state().scene.frame.geometry.dims[axis]) - 1.0;
     format!("{part:.4} of the volume, voxel {:.1} of 0 to {last}", part * last)
 }
 
 /// Anatomical side at an end of a volume axis, after a space; empty if the file has no anatomical orientation.
 fn side(document: &Document, axis: usize, end: usize) -> String {
-    let volume = &document.state().scene.volume;
+    let volume = document.state().scene.volume();
     let outward = volume.geometry.direction.col(axis) * [-1.0, 1.0][end];
     if volume.anatomical { format!(" {}", patient_end(outward)) } else { String::new() }
 }
@@ -167,7 +167,7 @@ impl Map<'_> {
 /// away, or its cropped part is seen edge-on.
 pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Option<(&'static str, &'static str, Move)> {
     let scene = &document.state().scene;
-    let geometry = &scene.volume.geometry;
+    let geometry = &scene.frame.geometry;
     let map = Map { view: scene.camera.view(geometry, aspect)?, geometry, rect };
     let shown = document.state().crop().unwrap_or([DVec3::ZERO, DVec3::ONE]);
     let corners = (0..8_usize).map(|bits| DVec3::from_array(std::array::from_fn(|axis| shown[bits >> axis & 1][axis])));
@@ -209,7 +209,7 @@ pub(super) fn thin_crop(document: &Document) -> Option<(String, Edit)> {
     if scene.crop == document.opened().scene.crop {
         return None;
     }
-    let geometry = &scene.volume.geometry;
+    let geometry = &scene.frame.geometry;
     let parts = crop[1] - crop[0];
     let lengths = parts * geometry.spacing * (DVec3::from_array(geometry.dims.map(count)) - 1.0);
     let is_thin =
@@ -230,7 +230,7 @@ pub(super) fn in_slice(
 ) {
     let state = document.state();
     let (Some(crop), false) = (state.crop(), ui.data(|data| data.get_temp(hidden())).unwrap_or(false)) else { return };
-    let geometry = &state.scene.volume.geometry;
+    let geometry = &state.scene.frame.geometry;
     let last = DVec3::from_array(geometry.dims.map(count)) - 1.0;
     let place = |parts: DVec3| {
         let place = plane.place_of(geometry, parts * last);
@@ -291,7 +291,7 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
     let Some(document) = shown.document.filter(|_| shown.loading.is_none()) else { return };
     let state = document.state();
     let (Some(crop), false) = (state.crop(), ui.data(|data| data.get_temp(hidden())).unwrap_or(false)) else { return };
-    let geometry = &state.scene.volume.geometry;
+    let geometry = &state.scene.frame.geometry;
     let aspect = f64::from(rect.width() / rect.height().max(1.0));
     let Some(view) = state.scene.camera.view(geometry, aspect) else { return };
     let map = Map { view, geometry, rect };

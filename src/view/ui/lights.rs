@@ -145,7 +145,7 @@ const FIRST_REACH: f64 = 0.1;
 /// Shows the distance beyond which nothing dims the sky.
 fn reach(ui: &mut Ui, scene: &Scene, asked: &mut Vec<Action>) {
     let help = "Distance from a sample, in world units, beyond which nothing takes its ambient light: with a short one only creases and narrow gaps are dark; without one, wide hollows too. A change marches the volume again, and sums the light of a sky first.";
-    let (least, longest) = (scene.least_reach(), scene.volume.geometry.extent().length());
+    let (least, longest) = (scene.least_reach(), scene.frame.geometry.extent().length());
     ui.horizontal(|ui| {
         let mut limited = scene.shadows.reach.is_some();
         if ui.checkbox(&mut limited, "occlusion ends after").on_hover_text(help).changed() {

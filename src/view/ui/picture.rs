@@ -168,7 +168,7 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
             for (number, side) in (1..).zip(Side::ALL) {
                 let sign = if side.outward().element_sum() < 0.0 { '−' } else { '+' };
                 let axis = ['x', 'y', 'z'][side.outward().abs().max_position()];
-                let volume = &document.state().scene.volume;
+                let volume = document.state().scene.volume();
                 let help = format!("View from this side of the volume, {sign}{axis} (key {number}).");
                 let name = side_name(side, volume.anatomical);
                 if ui.small_button(name).on_hover_text(help).clicked() {
@@ -192,7 +192,7 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
                 go(Move::Reset);
             }
         });
-        let volume = &document.state().scene.volume;
+        let volume = document.state().scene.volume();
         if !volume.anatomical && !volume.files.is_empty() {
             let text = "Sides are axes of the file, which has no anatomical orientation.";
             ui.label(egui::RichText::new(text).small().weak());

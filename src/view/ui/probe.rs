@@ -342,7 +342,7 @@ fn mixed(stretch: &Stretch, colours: &[Color32]) -> Color32 {
 
 /// Text of a stretch's position in world coordinates and voxels.
 fn place(document: &Document, stretch: &Stretch) -> String {
-    let world = document.state().scene.volume.geometry.world_from_index(stretch.place);
+    let world = document.state().scene.frame.geometry.world_from_index(stretch.place);
     let [x, y, z] = world.to_array().map(|along| readable(format!("{along:.3e}").parse().unwrap_or(along)));
     // Adding 0 removes the sign of −0.
     let [i, j, k] = stretch.place.to_array().map(|along| along.round() + 0.0);

@@ -44,7 +44,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
         return rect;
     };
     let Some(statistics) = document.statistics() else { return rect };
-    let volume = &document.state().scene.volume;
+    let volume = document.state().scene.volume();
     let (views, bar) = rect.split_top_bottom_at_y((rect.bottom() - BAR).max(rect.top()));
     let middle = views.center().round_to_pixels(ui.pixels_per_point());
     let half = 0.5 * GAP;
@@ -78,7 +78,7 @@ fn view(
     asked: &mut Vec<Action>,
 ) {
     let scene = &document.state().scene;
-    let (volume, slices) = (&scene.volume, &shown.layout.slices);
+    let (volume, slices) = (scene.volume(), &shown.layout.slices);
     let geometry = &volume.geometry;
     let at = slices.crosshair(geometry);
     let size = plane.size(geometry);
@@ -280,7 +280,7 @@ fn controls(
     ui.horizontal(|ui| {
         let menu = ui.menu_button("Window", |ui| {
             let all = Window::new("all values", statistics.min, statistics.max);
-            for Window { name, low, high } in windows(&scene.volume, statistics).into_iter().chain(all) {
+            for Window { name, low, high } in windows(scene.volume(), statistics).into_iter().chain(all) {
                 let ends = [low, high].map(|end| brief_in(end, statistics.max - statistics.min));
                 let help = format!("Values from {} (black) to {} (white).", ends[0], ends[1]);
                 if ui.button(name).on_hover_text(help).clicked() {
@@ -330,7 +330,7 @@ fn controls(
             }
         }
         let span = statistics.max - statistics.min;
-        let text = told(&scene.volume, span, slices.crosshair(&scene.volume.geometry));
+        let text = told(scene.volume(), span, slices.crosshair(&scene.frame.geometry));
         ui.add(egui::Label::new(egui::RichText::new(text).small()).truncate());
     });
 }
@@ -357,7 +357,7 @@ pub(super) fn crosshair(ui: &Ui, shown: &Shown<'_>, rect: Rect) {
     const ARM: f64 = 0.06;
     let (true, Some(document), None) = (shown.layout.slices.shown, shown.document, shown.loading) else { return };
     let scene = &document.state().scene;
-    let geometry = &scene.volume.geometry;
+    let geometry = &scene.frame.geometry;
     let Some(view) = scene.camera.view(geometry, shown.aspect) else { return };
     let at = shown.layout.slices.crosshair(geometry);
     let arm = ARM * geometry.extent().max_element();
@@ -427,7 +427,7 @@ fn covered_id() -> Id {
 
 /// Materials over the values `of` a transfer function and colours, made again if these or the volume have changed.
 fn overlay(ui: &Ui, scene: &Scene, statistics: &Statistics, of: &(Transfer, Vec<Color32>)) -> Arc<Overlay> {
-    let volume = Arc::downgrade(&scene.volume);
+    let volume = Arc::downgrade(scene.volume());
     let known: Option<Covered> = ui.data(|data| data.get_temp(covered_id()));
     if let Some((.., overlay)) = known.filter(|(there, by, _)| there.ptr_eq(&volume) && by == of) {
         return overlay;
@@ -455,13 +455,13 @@ fn texture(
     let most = ui.input(|input| input.max_texture_side);
     // An enlarged slice takes no more texels than it has voxels.
     let side = |points: f32, (axis, _): (usize, bool)| {
-        let voxels = if slices.zoom.is_some() { scene.volume.geometry.dims[axis] } else { usize::MAX };
+        let voxels = if slices.zoom.is_some() { scene.frame.geometry.dims[axis] } else { usize::MAX };
         whole(f64::from((points * scale).round())).clamp(1, most).min(voxels)
     };
     let size = [side(image.width(), plane.right), side(image.height(), plane.down)];
     let labels = scene.labels.as_ref().filter(|_| slices.labels);
     let key = Key {
-        volume: Arc::downgrade(&scene.volume),
+        volume: Arc::downgrade(scene.volume()),
         labels: labels.map(|labels| Arc::downgrade(&labels.volume)),
         plane: plane.clone(),
         index,
@@ -481,8 +481,8 @@ fn texture(
     let codes = codes(colours);
     let overlay = key.materials.as_ref().map(|of| overlay(ui, scene, statistics, of));
     // Of voxels that stay in a file, those of a coarse level; labels are in memory.
-    let at_hand = scene.volume.at_hand();
-    let of_level = index / scene.volume.block_of(at_hand)[plane.normal];
+    let (at_hand, block) = scene.fields.first().at_hand();
+    let of_level = index / block[plane.normal];
     let painted = Painted {
         volume: at_hand,
         window,

@@ -123,7 +123,7 @@ fn window(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     let span = (max - min).max(f64::MIN_POSITIVE);
     // Kept while the window is open, for each range of values.
     let id = Id::new(("level and width", min.to_bits(), max.to_bits()));
-    let first = document.state().scene.volume.presets.windows.first();
+    let first = document.state().scene.volume().presets.windows.first();
     let ends = first.map_or([min, max], |window| [window.low, window.high]);
     let usual = [f64::midpoint(ends[0], ends[1]), ends[1] - ends[0]];
     let mut kept: [f64; 2] = ui.data(|data| data.get_temp(id)).unwrap_or(usual);
@@ -160,7 +160,7 @@ fn gradient(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     let mut next = points.clone();
     let mut on = !points.is_empty();
     let steepest = document.statistics().map_or(1.0, |it| (it.max - it.min).max(f64::MIN_POSITIVE))
-        / scene.volume.geometry.spacing.min_element();
+        / scene.frame.geometry.spacing.min_element();
     let help = "Multiplies the opacity by a factor that depends on how fast the values change: noise and the inside of \
         materials disappear, and boundaries stay.";
     ui.horizontal_wrapped(|ui| {
@@ -214,7 +214,7 @@ fn gradient(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
 fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &mut Vec<Action>) {
     let Some(statistics) = statistics else { return };
     let menu = ui.menu_button("Presets", |ui| {
-        for window in &state.scene.volume.presets.windows {
+        for window in &state.scene.volume().presets.windows {
             let intervals = of_window(window, statistics, &state.scene.materials);
             let button = ui.add_enabled(intervals.is_some(), egui::Button::new(&window.name));
             let [low, high] = [window.low, window.high].map(|end| brief_in(end, statistics.max - statistics.min));

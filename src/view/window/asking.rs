@@ -75,7 +75,7 @@ impl Viewer {
         let (Arrange::SliceAt(_), true) = (change, follows) else { return };
         let Some(document) = &self.opened.document else { return };
         let scene = &document.state().scene;
-        let (geometry, [width, height]) = (&scene.volume.geometry, self.record.report.size.map(count));
+        let (geometry, [width, height]) = (&scene.frame.geometry, self.record.report.size.map(count));
         let point = geometry.world_from_index(self.panels.layout.slices.crosshair(geometry));
         let view = scene.camera.view(geometry, width.max(1.0) / height.max(1.0));
         if let Some(place) = view.and_then(|view| place_inside(&view, point)) {

@@ -111,7 +111,7 @@ impl Viewer {
         let (Some(engine), Some(document)) = (&self.engine, &self.opened.document) else { return };
         let renderer = engine.renderer().clone();
         let (scene, mix) = (document.state().scene.clone(), document.state().mix());
-        if let Err(error) = scene.volume.require_voxels("measured settings") {
+        if let Err(error) = scene.volume().require_voxels("measured settings") {
             return self.tell(&error);
         }
         let (size, cache) = (self.record.report.size, self.options.cache.clone());

@@ -75,7 +75,8 @@ impl Viewer {
         let statistics = document.statistics().cloned();
         let source = self.opened.source.clone();
         self.load(source.clone(), true, move |renderer, progress| {
-            let statistics = statistics.map_or_else(|| file.scene.volume.statistics(), Ok).map_err(OpenError::from)?;
+            let statistics =
+                statistics.map_or_else(|| file.scene.volume().statistics(), Ok).map_err(OpenError::from)?;
             Loaded::prepare(renderer, file, statistics, source, progress)
         });
     }
@@ -175,7 +176,7 @@ impl Viewer {
             }
             // The place of the voxels is no choice of a volume.
             self.opened.selection =
-                Selection { memory: HostMemory::default(), ..loaded.file.scene.volume.selection.clone() };
+                Selection { memory: HostMemory::default(), ..loaded.file.scene.volume().selection.clone() };
             self.opened.title = self.opened.source.title(&self.opened.selection);
             (self.tasks.curve, self.tasks.chosen) = (None, None);
             if let Some(guess) = &loaded.file.guess {
@@ -205,7 +206,7 @@ impl Viewer {
         let scene = &loaded.file.scene;
         let but_time =
             |selection: &Selection| Selection { time: None, memory: HostMemory::default(), ..selection.clone() };
-        let alike = but_time(&scene.volume.selection) == but_time(&self.opened.selection);
+        let alike = but_time(&scene.volume().selection) == but_time(&self.opened.selection);
         match self.opened.document.as_ref().filter(|_| loaded.source.is_another_of(&self.opened.source)) {
             Some(before) if before.has_grid_of(scene) => Some(before.clone().with_file(loaded.file.clone(), alike)),
             Some(_) if self.losing().changes => None,

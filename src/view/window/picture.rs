@@ -80,7 +80,7 @@ impl Viewer {
         self.look_at(None);
         match (found, &self.opened.document) {
             (Some(index), Some(document)) => {
-                let end = document.state().scene.volume.geometry.world_from_index(index);
+                let end = document.state().scene.frame.geometry.world_from_index(index);
                 self.panels.layout.arrange(Arrange::RulerEnd(end));
             }
             _ => self.note("The measuring line has no end here: nothing is visible at this pixel.".to_owned()),
@@ -143,7 +143,7 @@ impl Viewer {
     /// Moves the probe to the same world point after a size change; removes it if the point has left the picture.
     pub(super) fn look_at_the_same(&mut self, before: [usize; 2]) {
         let (Some(place), Some(document)) = (self.picture.prober.place(), &self.opened.document) else { return };
-        let (camera, geometry) = (&document.state().scene.camera, &document.state().scene.volume.geometry);
+        let (camera, geometry) = (&document.state().scene.camera, &document.state().scene.frame.geometry);
         let view = |[width, height]: [usize; 2]| camera.view(geometry, count(width.max(1)) / count(height.max(1)));
         let (Some(was), Some(is)) = (view(before), view(self.record.report.size)) else { return };
         let at = |index: DVec3| geometry.world_from_index(index);

@@ -234,7 +234,7 @@ impl Viewer {
                     let state = state.clone();
                     self.begin(Some(name), move |progress| {
                         let summary = snapshot.write_page(&state, &path, progress)?;
-                        Ok(Some(saved_page(&path, &summary, state.scene.volume.anatomical)))
+                        Ok(Some(saved_page(&path, &summary, state.scene.frame.anatomical)))
                     });
                 }
             }

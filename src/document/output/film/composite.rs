@@ -49,7 +49,7 @@ impl FilmPart {
     pub fn of_scene(scene: &Scene, size: [usize; 2]) -> Option<Self> {
         let block = scene.block.filter(|block| block.count > 1)?;
         let aspect = count(size[0]) / count(size[1]);
-        let geometry = &scene.volume.geometry;
+        let geometry = &scene.frame.geometry;
         let view = scene.camera.view(geometry, aspect)?;
         let front = Blocks::new(geometry, block.count)?.low_first(geometry, &view);
         let mut hasher = DefaultHasher::new();

@@ -63,7 +63,7 @@ impl FilmFile {
             adapt: scene.display.adapt,
             observer: scene.display.observer,
             dial: Some(dial),
-            frame: Some(Frame::of(&annotate::Frame::of(&scene.camera, &scene.volume, accumulation.size))),
+            frame: Some(Frame::of(&annotate::Frame::of(&scene.camera, &scene.frame, accumulation.size))),
             part: FilmPart::of_scene(scene, accumulation.size),
             accumulators: accumulation.accumulators,
             transmittance: accumulation.transmittance,

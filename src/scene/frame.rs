@@ -1,0 +1,43 @@
+//! Where a scene is: its world, unit and box. All places of a scene are in this frame: crop box, blocks, camera, light grid.
+
+use glam::DVec3;
+
+use relume_base::number::count;
+use relume_volume::{Finest, Geometry, Unit, Volume, coarse_index};
+
+/// World, unit and box of a scene: those of its first field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// The grid whose indices the crop box, blocks and the light grid count, and its place in the world.
+    pub geometry: Geometry,
+    /// Unit of the world, if known.
+    pub unit: Option<Unit>,
+    /// Whether the world is left-posterior-superior, as in DICOM: x points to a patient's left, y to the back, z to the head.
+    pub anatomical: bool,
+    /// The grid of which this one is a coarse level, if it is.
+    finest: Finest,
+}
+
+impl Frame {
+    /// The frame that `volume` gives to a scene.
+    #[must_use]
+    pub fn of(volume: &Volume) -> Self {
+        let &Volume { geometry, unit, anatomical, finest, .. } = volume;
+        let finest = finest.unwrap_or(Finest { dims: geometry.dims, block: [1; 3] });
+        Self { geometry, unit, anatomical, finest }
+    }
+
+    /// Opposite corners of the box from the centre of the first voxel to that of the last one, in voxel indices. Of a coarse
+    /// level, this is the box of the finest voxels, up to half a block larger than that of its own.
+    #[must_use]
+    pub fn whole_box(&self) -> [DVec3; 2] {
+        let last = DVec3::from_array(self.finest.dims.map(count)) - 1.0;
+        [DVec3::ZERO, last].map(|index| coarse_index(index, self.finest.block))
+    }
+
+    /// Axes along which the grid, or the one of which it is a coarse level, has one voxel.
+    #[must_use]
+    pub fn thin_axes(&self) -> [bool; 3] {
+        self.finest.dims.map(|n| n == 1)
+    }
+}
