@@ -7,11 +7,15 @@ mod support;
 
 use std::{env, fs, path::Path, process::Command, sync::Arc, thread, time::Duration};
 
+use ash::vk;
 use relume::{
+    document::{SceneOptions, parse},
+    progress::Quiet,
+    render::{Renderer, SceneRenderer},
     shader::{Constants, compile},
     vulkan::{
-        Buffer, ComputePipeline, Device, DeviceChoice, DeviceKind, Filter, Format, HostUse, Image3d, Recorder,
-        Resource, ResourceSet, Sampler, StorageImage, Validation, VulkanError, devices,
+        Buffer, ComputePipeline, Device, DeviceChoice, DeviceKind, Filter, Format, HostUse, Image3d, LentDevice,
+        Recorder, Resource, ResourceSet, Sampler, StorageImage, Validation, VulkanError, devices,
     },
 };
 use support::device::{open, with_device};
@@ -857,4 +861,69 @@ fn objects_keep_their_device_open() {
     let buffer = host_storage(&device, "values", &[1.0; 4]);
     drop(device);
     assert_eq!(read_f32(&buffer), [1.0; 4]);
+}
+
+/// A device of this test, opened without the library, with a queue and its family.
+#[expect(unsafe_code, reason = "a device of somebody else is opened by raw calls")]
+fn own_device() -> (LentDevice, impl FnOnce()) {
+    // SAFETY: the loader is that of the system.
+    let entry = unsafe { ash::Entry::load() }.unwrap();
+    let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_3);
+    let info = vk::InstanceCreateInfo::default().application_info(&application);
+    // SAFETY: `info` outlives the call.
+    let instance = unsafe { entry.create_instance(&info, None) }.unwrap();
+    // SAFETY: the instance is alive.
+    let physical = unsafe { instance.enumerate_physical_devices() }.unwrap()[0];
+    // SAFETY: the device comes from the instance.
+    let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
+    let computes = |family: &vk::QueueFamilyProperties| family.queue_flags.contains(vk::QueueFlags::COMPUTE);
+    let queue_family = u32::try_from(families.iter().position(computes).unwrap()).unwrap();
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
+    let features = vk::PhysicalDeviceFeatures::default().robust_buffer_access(true);
+    let mut synchronization2 = vk::PhysicalDeviceSynchronization2Features::default().synchronization2(true);
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_features(&features)
+        .push_next(&mut synchronization2);
+    // SAFETY: `info` outlives the call.
+    let device = unsafe { instance.create_device(physical, &info, None) }.unwrap();
+    // SAFETY: the device was created with one queue of this family.
+    let queue = unsafe { device.get_device_queue(queue_family, 0) };
+    let (of_device, of_instance) = (device.clone(), instance.clone());
+    let close = move || {
+        // SAFETY: nothing of the device is in use any more.
+        unsafe { of_device.destroy_device(None) };
+        // SAFETY: nor is anything of the instance.
+        unsafe { of_instance.destroy_instance(None) };
+    };
+    (LentDevice { entry, instance, physical, device, queue, queue_family }, close)
+}
+
+#[test]
+#[expect(unsafe_code, reason = "a lent device takes promises that no type holds")]
+fn a_lent_device_gives_the_same_film_and_stays_open() {
+    let Some(opened) = open() else { return };
+    let text = "version = 1\n[volume]\nphantom = \"gaussian\"\ndims = [16, 16, 16]\n\
+                [materials.blue]\nreflectance = \"blue sky\"\n[lights.key]\nspectrum = \"D65\"\n\
+                [[transfer.intervals]]\nmaterial = \"blue\"\nrange = [0.4, 1]\nramp = 0.2\nopacity = 0.2\n";
+    let file = parse("lent", text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let film = |device: &Device| {
+        let renderer = Renderer::new(device.clone());
+        let on_device = SceneRenderer::new(&renderer, file.scene.clone(), &Quiet).unwrap();
+        renderer.read(&on_device.march([24, 20], &Quiet).unwrap()).unwrap()
+    };
+    let (own, close) = own_device();
+    for _ in 0..2 {
+        // SAFETY: the handles belong together, the features are on, and no other thread uses the queue.
+        let lent = unsafe { Device::from_lent(own.clone()) }.unwrap();
+        assert_eq!(lent.info().name, opened.info().name);
+        assert_eq!(film(&lent), film(&opened));
+    }
+    // SAFETY: the device is refused before it is used.
+    let refused = unsafe { Device::from_lent(LentDevice { queue_family: 99, ..own.clone() }) };
+    let error = refused.unwrap_err().to_string();
+    assert!(error.contains("queue family 99 does not compute"), "{error}");
+    // All films are read, so the device is idle.
+    close();
 }

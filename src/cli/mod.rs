@@ -43,7 +43,7 @@ use crate::palette::PaletteError;
 use crate::plan::PlanError;
 use crate::progress::Progress;
 use crate::reference::ReferenceError;
-use crate::render::RenderError;
+use crate::render::{RenderError, RenderWarning};
 use crate::volume::VolumeError;
 use crate::vulkan::VulkanError;
 use processes::Processes;
@@ -240,6 +240,17 @@ fn with_joined_lists(arguments: impl Iterator<Item = OsString>) -> Vec<OsString>
 
 /// Former names of flags, which are hidden aliases for one release.
 const RENAMED: [(&str, &str); 2] = [("--situation", "--dial-preset"), ("--tour", "--loop")];
+
+/// Prints warnings of a picture, with the flags that help.
+fn warn_of(warnings: impl IntoIterator<Item = RenderWarning>) {
+    for warning in warnings {
+        let help = match warning {
+            RenderWarning::Thin { .. } => " (--size)",
+            _ => "",
+        };
+        tracing::warn!("{warning}{help}");
+    }
+}
 
 /// Warns of the former names of flags among `arguments`.
 fn warn_of_former_names(arguments: impl Iterator<Item = OsString>) {

@@ -14,16 +14,16 @@ use crate::number::{count, whole};
 use crate::output::FilmFile;
 use crate::output::film::{self, Component};
 use crate::output::page::{self, PackedPage, Page, PageError, Summary, escaped};
-use crate::plan::{PlanError, Planned, plan_for};
-use crate::progress::{Progress, unreported};
-use crate::render::{Renderer, SceneRenderer};
-use crate::scene::{AccumulateAs, Aim, Camera, Mix, Placement, Projection, Scene, positions};
+
+use crate::progress::Progress;
+use crate::render::{Job, Keeps, PlannedJob, RenderError, Renderer};
+use crate::scene::{Aim, Camera, Mix, Placement, Projection, Scene, positions};
 use crate::spectrum::{Light, Reflectance};
-use crate::volume::{HostMemory, Statistics};
+use crate::volume::HostMemory;
 use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files;
-use super::level::{self, Taken};
+use super::level;
 use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, told_of_placed, warn_of_odd_values};
 use super::{CliError, Report};
 
@@ -194,24 +194,26 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     };
     let size = args.size.unwrap_or([800, 800]);
     let (cameras, columns) = cameras(args, &file.scene, size)?;
-    let Taken { scene, statistics, text, .. } = level::taken(&file.scene, statistics, (&cameras, size), progress)?;
+    let lights = mix.0.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect();
+    let job = Job::new(file.scene.clone(), statistics).of_pictures(size, cameras);
+    let job = Job { lights, keeps: Keeps::Weights, ..job }.planned(progress)?;
+    let (text, _) = level::told(&job);
     if !text.is_empty() {
         tracing::info!("{}", text.trim_end());
     }
-    // On a level, the camera of the scene is stated otherwise, for the same picture.
-    let cameras = if cameras.len() == 1 { vec![scene.camera.clone()] } else { cameras };
-    let (scene, planned) = planned(&scene, &mix, progress)?;
+    super::model::warn_of_plan(&job.planned);
+    let PlannedJob { scene, planned, cameras, .. } = &job;
     let plan = &planned.plan;
     let numbers = plan.components() * plan.light.accumulators() + plan.transmittance_numbers();
     page::check_memory(cameras.len(), size, numbers, false, memory::available_bytes())?;
     let mut times = vec![("load", clock.read())];
     let clock = Stopwatch::start();
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
-    let views = marched(&renderer, &scene, &planned, &statistics, (&cameras, size), progress)?;
+    let views = marched(&renderer, &job, size, progress)?;
     times.push(("march", clock.read()));
     let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
     let dial = file.light.dial_of_film(&file.dial);
-    let mut header = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, empty)?;
+    let mut header = FilmFile::of_march(scene, planned, &file.opening_mix(), dial, empty)?;
     if let (Some(frame), [camera, _, ..]) = (&mut header.frame, &cameras[..]) {
         // Cameras of a turntable are equally far, and the letters turn.
         let pixel = pixel_length(camera, &scene.frame.geometry, size.map(count));
@@ -219,27 +221,6 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     }
     let placed = light(args, &mut header)?;
     Ok(Films { header, views, columns, placed, times })
-}
-
-/// The plan with material weights, where absorption is grey and the scene does not ask for anything else: they are exact
-/// under every light.
-fn planned(scene: &Scene, mix: &Mix, progress: &dyn Progress) -> Result<(Scene, Planned), CliError> {
-    let lights: Vec<_> = mix.0.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect();
-    if scene.accuracy.accumulate == AccumulateAs::Auto && scene.accuracy.dimension.is_none() {
-        let mut exact = scene.clone();
-        exact.accuracy.accumulate = AccumulateAs::Weights;
-        match plan_for(&exact, &lights, progress) {
-            Err(PlanError::NotGrey { .. }) => {}
-            planned => {
-                let planned = planned?;
-                super::model::warn_of_plan(&planned);
-                return Ok((exact, planned));
-            }
-        }
-    }
-    let planned = plan_for(scene, &lights, progress)?;
-    super::model::warn_of_plan(&planned);
-    Ok((scene.clone(), planned))
 }
 
 /// Cameras of the views, row by row from the top, and the number of views in a row. All see the volume at one size.
@@ -283,29 +264,20 @@ fn cameras(args: &Args, scene: &Scene, size: [usize; 2]) -> Result<(Vec<Camera>,
 /// Marches every view on the device.
 fn marched(
     renderer: &Renderer,
-    scene: &Scene,
-    planned: &Planned,
-    statistics: &Statistics,
-    (cameras, size): (&[Camera], [usize; 2]),
+    job: &PlannedJob,
+    size: [usize; 2],
     progress: &dyn Progress,
 ) -> Result<Vec<Film<f32>>, CliError> {
-    renderer.check_picture(&planned.plan, size, 0)?;
-    let mut on_device =
-        SceneRenderer::with_plan(renderer, scene.clone(), planned.clone(), statistics.clone(), progress)?;
+    renderer.check_picture(&job.planned.plan, size, 0)?;
+    let mut on_device = job.uploaded(renderer, progress)?;
     if let Some([x, y, z]) = on_device.uploaded().light_block() {
         tracing::warn!("shadows of this volume in bricks come from means of {x}×{y}×{z} voxels (docs/SCALE.md)");
     }
     let mut views = Vec::new();
-    for (index, camera) in cameras.iter().enumerate() {
-        progress.report("marching", index as u64, cameras.len() as u64);
-        on_device.camera_mut().clone_from(camera);
-        let film = if cameras.len() > 1 {
-            on_device.march(size, &unreported(progress))?
-        } else {
-            on_device.march(size, progress)?
-        };
+    job.march_all(&mut on_device, size, progress, |_, film| {
         views.push(renderer.read(&film)?);
-    }
+        Ok::<_, RenderError>(())
+    })?;
     Ok(views)
 }
 
@@ -321,13 +293,15 @@ pub(super) fn small_page(
     file: &SceneFile,
     progress: &dyn Progress,
 ) -> Result<PackedPage, CliError> {
-    let (scene, planned) = planned(&file.scene, &Mix::of_scene(&file.scene), progress)?;
-    let (size, cameras) = ([SMALL; 2], [file.scene.camera.clone()]);
-    let statistics = scene.volume().statistics()?;
-    let views = marched(renderer, &scene, &planned, &statistics, (&cameras, size), progress)?;
+    let (size, statistics) = ([SMALL; 2], file.scene.volume().statistics()?);
+    let lights = Mix::of_scene(&file.scene).0.into_iter().map(|light| (light.name, light.spectrum)).collect();
+    let job = Job { lights, keeps: Keeps::Weights, ..Job::new(file.scene.clone(), statistics) }.planned(progress)?;
+    super::model::warn_of_plan(&job.planned);
+    let views = marched(renderer, &job, size, progress)?;
     let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
     let dial = file.light.dial_of_film(&file.dial);
-    let film = FilmFile::of_march(&scene, &planned, &file.opening_mix(), dial, empty).map_err(PageError::from)?;
+    let film =
+        FilmFile::of_march(&job.scene, &job.planned, &file.opening_mix(), dial, empty).map_err(PageError::from)?;
     packed_small(&film, &views, &file.scene.name, progress)
 }
 

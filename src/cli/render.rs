@@ -6,33 +6,32 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use serde_json::{Map, json};
 
 use crate::annotate::{Frame, Overlay};
-use crate::document::{Requested, SceneFile, Source, State, is_no_scene, session};
+use crate::document::{Placed, Requested, SceneFile, Source, State, is_no_scene, session};
 use crate::film::{Film, RelightMatrices, Relightable};
-use crate::measure::{Enlargement, Stopwatch, Timing, peak_mb};
-use crate::number::{brief, count, readable};
-use crate::output::{FilmFile, Picture, PictureKind, write_atomically, write_ready_png};
-use crate::plan::{Planned, plan_for, plan_full_spectrum};
+use crate::measure::{Choice, Enlargement, Stopwatch, Timing, peak_mb};
+use crate::number::{brief, count};
+use crate::output::{FilmFile, OutputError, Picture, PictureKind, write_atomically, write_ready_png};
+use crate::plan::{Planned, plan_full_spectrum};
 use crate::progress::{Progress, Quiet};
-use crate::reference::{self, Exact};
-use crate::render::{BrickCounts, Renderer, SceneRenderer};
-use crate::scene::{Block, Blocks, MOST_BLOCKS, Mix, Placement, Scene, Shading, positions};
+use crate::render::{BrickCounts, Job, Keeps, PlannedJob, RenderWarning, Renderer, SceneRenderer};
+use crate::scene::{Block, Blocks, MOST_BLOCKS, Mix, Scene, positions};
 use crate::spectrum::{BANDS, Light};
-use crate::tables::{LabelMap, Storage};
-use crate::volume::{self, CacheCounts, HostMemory, Statistics, VoxelType};
+use crate::tables::Storage;
+use crate::volume::{self, CacheCounts, HostMemory};
 use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files::{self, Bits, DressArgs, picture_kind};
 use super::frames::{AnimationArgs, Frames, digest};
 use super::goal::GoalArgs;
-use super::level::{self, Taken};
+use super::level;
 use super::model::Learnt;
 use super::processes::{self, Asked, Processes, Sharing, sharing};
 use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, time_or_all, told_of_placed, warn_of_odd_values};
-use super::{CliError, Report, light_grid, turntable};
+use super::{CliError, Report, light_grid, turntable, warn_of};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -166,6 +165,11 @@ impl Args {
             return unused("--light has no effect: no picture is written; add -o FILE.png");
         }
         Ok(())
+    }
+
+    /// The lights of `mix`, if the colour model is planned for them.
+    fn replanned(&self, mix: &Mix) -> Vec<(String, Light)> {
+        mix.0.iter().filter(|_| self.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect()
     }
 
     /// Refuses what several processes do not share.
@@ -318,7 +322,6 @@ impl Marched {
 }
 
 pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Progress) -> Result<Report, CliError> {
-    let is_first = processes.is_none_or(Processes::is_first);
     args.relit.check()?;
     if args.scene.is_of_all_times() {
         return times::run(args, progress);
@@ -353,7 +356,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     args.check_used(!pictures.is_empty() || args.spectral.is_some())?;
     let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels, &args.scene.label_names];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
-    if is_first {
+    if processes.is_none_or(Processes::is_first) {
         files::check_outputs(&outputs, &inputs)?;
     }
     check_memory(args)?;
@@ -363,262 +366,363 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
         )));
     }
 
-    if args.reference && args.accumulators.is_none() && args.scene.accuracy.tolerance().is_some() {
-        tracing::warn!("--tolerance has no effect: --reference computes all wavelengths, without a colour model");
-    }
-    let clock = Stopwatch::start();
-    let memory = HostMemory::Bounded { bytes: args.memory };
-    let (file, statistics) = args.scene.load_as(args.look.wish(), memory, progress)?;
-    let scene = file.scene.clone();
-    for (given, what) in [(args.reference, "--reference"), (args.goal.goal().is_some(), "a search for settings")] {
-        if given {
-            scene.volume().require_voxels(what)?;
+    let work = Work::prepared(args, &source, (&pictures, &outputs), processes, progress)?;
+    if args.turntable.is_some() { work.turned(&frames, progress) } else { work.pictured(processes, progress) }
+}
+
+/// A scene to render, with all that its pictures and reports need.
+struct Work<'a> {
+    args: &'a Args,
+    source: &'a Source,
+    pictures: &'a [PathBuf],
+    /// Names of all files that are written.
+    outputs: Vec<String>,
+    file: SceneFile,
+    /// Lights of the pictures.
+    mix: Mix,
+    /// Lights with which the scene opens.
+    shown: Mix,
+    /// Whether `mix` are the lights of the scene in another mixture, so that a film opens with it.
+    is_mixed: bool,
+    /// Requested lights that took the place of a mix.
+    placed: Vec<Placed>,
+    /// Settings that a search found.
+    choice: Option<Choice>,
+    /// The scene with these settings, on its own voxels.
+    whole: Scene,
+    job: PlannedJob,
+    learnt: Option<Learnt>,
+    /// The level in words and for programs.
+    level: (String, serde_json::Value),
+    loaded: Timing,
+    searched: Timing,
+}
+
+/// Times of the stages in words.
+fn spent(times: &[(&str, Timing)]) -> String {
+    let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
+    spent.join(", ")
+}
+
+/// Times of the stages for programs.
+fn times_json(times: Vec<(&str, Timing)>) -> Map<String, serde_json::Value> {
+    times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect()
+}
+
+impl<'a> Work<'a> {
+    /// Reads the scene, chooses its settings and plans it.
+    fn prepared(
+        args: &'a Args,
+        source: &'a Source,
+        (pictures, outputs): (&'a [PathBuf], &[&PathBuf]),
+        processes: Option<&Processes>,
+        progress: &dyn Progress,
+    ) -> Result<Self, CliError> {
+        if args.reference && args.accumulators.is_none() && args.scene.accuracy.tolerance().is_some() {
+            tracing::warn!("--tolerance has no effect: --reference computes all wavelengths, without a colour model");
         }
-    }
-    let lights = args.lights.files();
-    let inputs: Vec<&Path> = file.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
-    if is_first {
-        files::check_outputs(&outputs, &inputs)?;
-    }
-    warn_of_odd_values(&statistics);
-    warn_of_homogeneous(&scene, &statistics);
-    warn_of_thin(&scene, args.size);
-    let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
-    let (stated, shown) = (Mix::of_scene(&scene), file.opening_mix());
-    let Requested { mix, placed } = args.lights.mix(&stated, &shown, &positions)?;
-    let read = clock.read();
-    let clock = Stopwatch::start();
-    let choice = match args.goal.goal() {
-        Some(goal) => Some(super::goal::chosen(&renderer_for(args)?, &scene, &mix, args.size, goal, progress)?),
-        None => None,
-    };
-    let searched = clock.read();
-    let clock = Stopwatch::start();
-    let marched_size = choice.as_ref().map_or(args.size, |choice| choice.setting.marched_size(args.size));
-    let enlargement = Enlargement::new(marched_size, args.size);
-    if args.turntable.is_some() {
-        // The cameras follow the visible voxels.
-        scene.volume().prepare_coarse(progress)?;
-    }
-    let cameras = match args.turntable {
-        Some(count) => turntable::cameras(&scene, args.size, count)?,
-        None => vec![scene.camera.clone()],
-    };
-    // The error of a choice is that of the picture from the volume itself.
-    let whole = choice.as_ref().map_or(scene.clone(), |choice| choice.setting.applied(&scene));
-    let Taken { scene, statistics, text: told_level, json: level } =
-        level::taken(&whole, statistics, (&cameras, args.size), progress)?;
-    let lights: Vec<(String, Light)> =
-        mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
-    // The reference computes all wavelengths and needs a model only for a film file.
-    let (planned, learnt) = if args.reference && args.accumulators.is_none() {
-        // Refuses what no renderer computes, such as coloured shadows.
-        if scene.asks_for_shadows() {
-            plan_for(&scene, &[], progress)?;
+        let clock = Stopwatch::start();
+        let memory = HostMemory::Bounded { bytes: args.memory };
+        let (file, statistics) = args.scene.load_as(args.look.wish(), memory, progress)?;
+        let scene = file.scene.clone();
+        for (given, what) in [(args.reference, "--reference"), (args.goal.goal().is_some(), "a search for settings")] {
+            if given {
+                scene.volume().require_voxels(what)?;
+            }
         }
-        (plan_full_spectrum(&scene), None)
-    } else {
-        let mut planned = plan_for(&scene, &lights, progress)?;
-        super::model::warn_of_plan(&planned);
-        let learnt = learn(&scene, &mut planned, &mix)?;
-        (planned, learnt)
-    };
-    if planned.model.is_none() && !args.lights.lights.is_empty() && pictures.is_empty() && args.spectral.is_none() {
-        tracing::warn!(
-            "--light has no effect on the film: it stores material weights, which are exact under every light; give it to \
+        let lights = args.lights.files();
+        let inputs: Vec<&Path> = file.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
+        if processes.is_none_or(Processes::is_first) {
+            files::check_outputs(outputs, &inputs)?;
+        }
+        warn_of_odd_values(&statistics);
+        warn_of(RenderWarning::of_scene(&scene, &statistics, args.size));
+        let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
+        let (stated, shown) = (Mix::of_scene(&scene), file.opening_mix());
+        let Requested { mix, placed } = args.lights.mix(&stated, &shown, &positions)?;
+        let read = clock.read();
+        let clock = Stopwatch::start();
+        let choice = match args.goal.goal() {
+            Some(goal) => Some(super::goal::chosen(&renderer_for(args)?, &scene, &mix, args.size, goal, progress)?),
+            None => None,
+        };
+        let searched = clock.read();
+        let clock = Stopwatch::start();
+        if args.turntable.is_some() {
+            // The cameras follow the visible voxels.
+            scene.volume().prepare_coarse(progress)?;
+        }
+        let cameras = match args.turntable {
+            Some(count) => turntable::cameras(&scene, args.size, count)?,
+            None => vec![scene.camera.clone()],
+        };
+        // The error of a choice is that of the picture from the volume itself.
+        let whole = choice.as_ref().map_or(scene.clone(), |choice| choice.setting.applied(&scene));
+        let job = Job {
+            lights: args.replanned(&mix),
+            // The reference computes all wavelengths and needs a model only for a film file.
+            keeps: if args.reference && args.accumulators.is_none() { Keeps::Bands } else { Keeps::Stated },
+            ..Job::new(whole.clone(), statistics).of_pictures(args.size, cameras)
+        };
+        let mut job = job.planned(progress)?;
+        let level = level::told(&job);
+        super::model::warn_of_plan(&job.planned);
+        let learnt = learn(&job.scene, &mut job.planned, &mix)?;
+        if job.planned.model.is_none()
+            && !args.lights.lights.is_empty()
+            && pictures.is_empty()
+            && args.spectral.is_none()
+        {
+            tracing::warn!(
+                "--light has no effect on the film: it stores material weights, which are exact under every light; give it to \
              `relume relight`, or add -o FILE.png"
-        );
+            );
+        }
+        job.scene.block = args.block;
+        let PlannedJob { scene, planned, .. } = &job;
+        if let Some(Block { index, count }) = args.block {
+            check_blocks(&format!("--block {}/{count}", index + 1), count, false, scene, planned)?;
+        }
+        if let Some(processes) = processes {
+            processes::check(processes, scene, planned)?;
+            let is_relay = processes.sharing() == Sharing::Relay;
+            check_blocks("several processes", processes.blocks(scene), is_relay, scene, planned)?;
+        }
+        if args.dress.annotate.has_scale() && scene.frame.unit.is_none() {
+            // Of the file: --spacing is that of voxels before they are averaged.
+            let averaged = DVec3::from_array(args.scene.downsample.unwrap_or([1; 3]).map(count));
+            let [x, y, z] = (scene.frame.geometry.spacing / averaged).to_array().map(brief);
+            let by_flag = match source.bare_volume() {
+                Some(_) => format!("with --spacing, such as --spacing {x}x{y}x{z}mm, or "),
+                None => String::new(),
+            };
+            tracing::warn!(
+                "the scale bar has no unit, because the file states none; state it {by_flag}with unit = \"mm\" in the sidecar or in \
+             [volume] of the scene"
+            );
+        }
+        // A film has the lights of its scene alone.
+        let is_mixed = !args.lights.lights.is_empty() && mix.is_of(&stated);
+        let mut loaded = read;
+        loaded += clock.read();
+        let outputs = outputs.iter().map(|path| path.display().to_string()).collect();
+        let work = Self {
+            args,
+            source,
+            pictures,
+            outputs,
+            file,
+            mix,
+            shown,
+            is_mixed,
+            placed,
+            choice,
+            whole,
+            job,
+            learnt,
+            level,
+            loaded,
+            searched,
+        };
+        work.check_film()?;
+        Ok(work)
     }
-    let scene = Scene { block: args.block, ..scene };
-    if let Some(Block { index, count }) = args.block {
-        check_blocks(&format!("--block {}/{count}", index + 1), count, false, &scene, &planned)?;
-    }
-    if let Some(processes) = processes {
-        processes::check(processes, &scene, &planned)?;
-        let is_relay = processes.sharing() == Sharing::Relay;
-        check_blocks("several processes", processes.blocks(&scene), is_relay, &scene, &planned)?;
-    }
-    let frame = args.dress.annotate.frame(Frame::of(&scene.camera, &scene.frame, args.size));
-    // A film has the lights of its scene alone, so it opens with another light's place in their mix.
-    let is_mixed = !args.lights.lights.is_empty() && mix.is_of(&stated);
-    let opening = if is_mixed { &mix } else { &shown };
-    let film_file = |film: Film<f32>| {
-        let mut dial = file.light.dial_of_film(&file.dial);
-        if is_mixed {
+
+    /// The film of the scene as a file.
+    fn film_file(&self, film: Film<f32>) -> Result<FilmFile, OutputError> {
+        let PlannedJob { scene, planned, .. } = &self.job;
+        let mut dial = self.file.light.dial_of_film(&self.file.dial);
+        if self.is_mixed {
             dial.hand = None;
         }
-        FilmFile::of_march(&scene, &planned, opening, dial, film)
-    };
-    if let Some(path) = &args.accumulators {
-        let pixels = Film { size: args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
+        FilmFile::of_march(scene, planned, if self.is_mixed { &self.mix } else { &self.shown }, dial, film)
+    }
+
+    /// Refuses a film that cannot be written, before it is marched.
+    fn check_film(&self) -> Result<(), CliError> {
+        let Some(path) = &self.args.accumulators else { return Ok(()) };
+        let pixels = Film { size: self.args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
         let refused = |why: String| CliError::Failed(format!("--accumulators {}: {why}", path.display()));
-        let header = film_file(pixels).map_err(|error| refused(error.to_string()))?;
+        let header = self.film_file(pixels).map_err(|error| refused(error.to_string()))?;
         header.check_header().map_err(|error| refused(format!("{error}; rename a light or a material")))?;
-        if header.materials().is_empty() && planned.plan.labels {
+        if header.materials().is_empty() && self.job.planned.plan.labels {
             tracing::warn!(
                 "the film stores a colour model and no materials, so it has no names of labels; {}",
                 files::KEEPS
             );
         }
+        Ok(())
     }
-    let mut loaded = read;
-    loaded += clock.read();
 
-    let save_scene = || args.save_scene.as_ref().map_or(Ok(()), |path| save_scene(path, &source, &file));
-    let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
-    let spent = |times: &[(&str, Timing)]| -> String {
-        let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
-        spent.join(", ")
-    };
-    if args.dress.annotate.has_scale() && scene.frame.unit.is_none() {
-        // Of the file: --spacing is that of voxels before they are averaged.
-        let averaged = DVec3::from_array(args.scene.downsample.unwrap_or([1; 3]).map(count));
-        let [x, y, z] = (scene.frame.geometry.spacing / averaged).to_array().map(brief);
-        let by_flag = match source.bare_volume() {
-            Some(_) => format!("with --spacing, such as --spacing {x}x{y}x{z}mm, or "),
-            None => String::new(),
-        };
-        tracing::warn!(
-            "the scale bar has no unit, because the file states none; state it {by_flag}with unit = \"mm\" in the sidecar or in \
-             [volume] of the scene"
-        );
+    fn overlay(&self) -> Option<Overlay<'_>> {
+        self.args.dress.overlay(|| Overlay::of_scene(&self.job.scene, &self.job.planned, &self.mix))
     }
-    let overlay = args.dress.overlay(|| Overlay::of_scene(&scene, &planned, &mix));
-    if args.turntable.is_some() {
-        let ready = ready_device(&scene, &planned, &statistics, (args, args.size), progress)?;
-        let mut times = vec![("load", loaded)];
+
+    fn save_scene(&self) -> Result<(), CliError> {
+        self.args.save_scene.as_ref().map_or(Ok(()), |path| save_scene(path, self.source, &self.file))
+    }
+
+    /// Writes pictures of a full turn.
+    fn turned(&self, frames: &Frames<'_>, progress: &dyn Progress) -> Result<Report, CliError> {
+        let Self { args, mix, job, .. } = self;
+        let ready = ready_device(job, (args, args.size), progress)?;
+        let mut times = vec![("load", self.loaded)];
         times.extend(ready.times);
-        let inputs = digest(scene.digest(), &format!("{mix:?} {}", args.replan));
-        let look =
-            turntable::Look { mix: &mix, size: args.size, dress: &args.dress, overlay, cameras: &cameras, inputs };
+        let inputs = digest(job.scene.digest(), &format!("{mix:?} {}", args.replan));
+        let look = turntable::Look {
+            mix,
+            size: args.size,
+            dress: &args.dress,
+            overlay: self.overlay(),
+            cameras: &job.cameras,
+            inputs,
+        };
         let mut on_device = ready.on_device;
-        let written = turntable::write(&mut on_device, &look, &frames, progress)?;
-        let read = scene.fields.first().reads();
+        let written = turntable::write(&mut on_device, &look, frames, progress)?;
+        let read = job.scene.fields.first().reads();
         times.extend(written.times);
-        save_scene()?;
+        self.save_scene()?;
         let bricks = told_of(written.bricks, read) + &written.shadows;
-        let lights = told_of_placed(&placed);
-        let text = format!("{}{lights}{told_level}{bricks}{}\n", frames.told(written.pictures), spent(&times));
+        let lights = told_of_placed(&self.placed);
+        let text = format!("{}{lights}{}{bricks}{}\n", frames.told(written.pictures), self.level.0, spent(&times));
         let mut json = json!({
-            "outputs": listed,
+            "outputs": self.outputs,
             "size": args.size,
             "device": super::info::device_json(on_device.renderer().device().info()),
-            "plan": super::info::plan_json(&scene, &planned, &on_device.uploaded().storage, learnt),
-            "times": times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect::<Map<_, _>>(),
-            "level": level,
+            "plan": super::info::plan_json(&job.scene, &job.planned, &on_device.uploaded().storage, self.learnt),
+            "times": times_json(times),
+            "level": self.level.1,
             "marches": written.pictures,
             "march": {"bricks": written.bricks, "host_bricks": read, "light_grid": written.light_grid},
             "pictures": frames.json(written.pictures),
             "peak_mb": peak_mb(),
         });
-        add_placed(&mut json, &placed);
-        return Ok(Report { text, json });
+        add_placed(&mut json, &self.placed);
+        Ok(Report { text, json })
     }
 
-    let kinds: Vec<PictureKind> = pictures.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
-    let encoded = args.dress.bits() == Bits::Eight && !args.reference && enlargement.is_none();
-    let encoded = encoded && args.dress.background.is_none() && !args.dress.annotate.is_given();
-    let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
-    let wanted = Wanted {
-        linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
-        display: kinds.iter().any(ready),
-        accumulation: args.accumulators.is_some() || args.spectral.is_some() && !args.reference,
-        bands: args.spectral.is_some() && args.reference,
-    };
-    let marched = if args.reference {
-        Some(on_cpu(&scene, &planned, &statistics, &mix, args.size, wanted, progress)?)
-    } else {
-        on_device(&scene, &planned, &statistics, &mix, (args, marched_size, processes), wanted, progress)?
-    };
-    let Some(mut marched) = marched else {
-        return Ok(Report { text: String::new(), json: json!({}) });
-    };
-    if !enlargement.is_none() {
-        marched.enlarge(&enlargement);
-    }
-
-    let clock = Stopwatch::start();
-    let shown = match &marched.linear {
-        Some(linear) => {
-            files::dressed(linear, args.size, args.dress.background, overlay.as_ref().map(|overlay| (overlay, &frame)))?
+    /// Marches the scene once and writes its pictures, film and spectra.
+    fn pictured(&self, processes: Option<&Processes>, progress: &dyn Progress) -> Result<Report, CliError> {
+        let Self { args, mix, job, choice, pictures, .. } = self;
+        let PlannedJob { scene, planned, .. } = job;
+        let marched_size = choice.as_ref().map_or(args.size, |choice| choice.setting.marched_size(args.size));
+        let enlargement = Enlargement::new(marched_size, args.size);
+        let overlay = self.overlay();
+        let frame = args.dress.annotate.frame(Frame::of(&scene.camera, &scene.frame, args.size));
+        let kinds: Vec<PictureKind> = pictures.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
+        let encoded = args.dress.bits() == Bits::Eight && !args.reference && enlargement.is_none();
+        let encoded = encoded && args.dress.background.is_none() && !args.dress.annotate.is_given();
+        let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
+        let wanted = Wanted {
+            linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
+            display: kinds.iter().any(ready),
+            accumulation: args.accumulators.is_some() || args.spectral.is_some() && !args.reference,
+            bands: args.spectral.is_some() && args.reference,
+        };
+        let marched = if args.reference {
+            Some(on_cpu(job, mix, args.size, wanted, progress)?)
+        } else {
+            on_device(job, mix, (args, marched_size, processes), wanted, progress)?
+        };
+        let Some(mut marched) = marched else {
+            return Ok(Report { text: String::new(), json: json!({}) });
+        };
+        if !enlargement.is_none() {
+            marched.enlarge(&enlargement);
         }
-        None => None,
-    };
-    let alpha = files::alpha(args.dress.background);
-    for path in &pictures {
-        let kind = picture_kind(path)?;
-        match (&marched.display, &marched.linear) {
-            (Some(display), _) if ready(&kind) => {
-                let rgb: Vec<u8> = display.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-                write_ready_png(path, args.size[0], args.size[1], &rgb)?;
+
+        let clock = Stopwatch::start();
+        let shown = match &marched.linear {
+            Some(linear) => files::dressed(
+                linear,
+                args.size,
+                args.dress.background,
+                overlay.as_ref().map(|overlay| (overlay, &frame)),
+            )?,
+            None => None,
+        };
+        let alpha = files::alpha(args.dress.background);
+        for path in *pictures {
+            let kind = picture_kind(path)?;
+            match (&marched.display, &marched.linear) {
+                (Some(display), _) if ready(&kind) => {
+                    let rgb: Vec<u8> =
+                        display.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+                    write_ready_png(path, args.size[0], args.size[1], &rgb)?;
+                }
+                (_, Some(linear)) => {
+                    let shown = shown.as_ref().filter(|_| kind != PictureKind::Exr).unwrap_or(linear);
+                    files::write_linear(
+                        path,
+                        &Picture::new(args.size[0], args.size[1], shown)?,
+                        args.dress.bits(),
+                        alpha,
+                    )?;
+                }
+                _ => {}
             }
-            (_, Some(linear)) => {
-                let shown = shown.as_ref().filter(|_| kind != PictureKind::Exr).unwrap_or(linear);
-                files::write_linear(path, &Picture::new(args.size[0], args.size[1], shown)?, args.dress.bits(), alpha)?;
+        }
+        let mut reconstruction = None;
+        let (of_spectra, kept) = match &marched.bands {
+            Some(bands) => (&plan_full_spectrum(scene), Some(bands)),
+            None => (planned, marched.accumulation.as_ref()),
+        };
+        if let (Some(path), Some(accumulation), Some(linear)) = (&args.spectral, kept, &marched.linear) {
+            let means = Relightable::new(scene, of_spectra);
+            reconstruction = files::write_spectra(path, &means, mix, accumulation, linear)?;
+        }
+        if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
+            self.film_file(accumulation)?.write(path)?;
+        }
+        self.save_scene()?;
+        let written = clock.read();
+        let checked = match (choice, &marched.linear) {
+            (Some(choice), Some(linear)) => {
+                Some(super::goal::checked(choice, &args.goal, &self.whole, mix, args.size, linear, progress)?)
             }
-            _ => {}
-        }
-    }
-    let mut reconstruction = None;
-    let (of_spectra, kept) = match &marched.bands {
-        Some(bands) => (&plan_full_spectrum(&scene), Some(bands)),
-        None => (&planned, marched.accumulation.as_ref()),
-    };
-    if let (Some(path), Some(accumulation), Some(linear)) = (&args.spectral, kept, &marched.linear) {
-        let means = Relightable::new(&scene, of_spectra);
-        reconstruction = files::write_spectra(path, &means, &mix, accumulation, linear)?;
-    }
-    if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
-        film_file(accumulation)?.write(path)?;
-    }
-    save_scene()?;
-    let written = clock.read();
-    let checked = match (&choice, &marched.linear) {
-        (Some(choice), Some(linear)) => {
-            Some(super::goal::checked(choice, &args.goal, &whole, &mix, args.size, linear, progress)?)
-        }
-        _ => None,
-    };
+            _ => None,
+        };
 
-    let mut times = vec![("load", loaded)];
-    times.extend(choice.as_ref().map(|_| ("search", searched)));
-    times.extend(marched.times);
-    times.push(("write", written));
-    let new = match (&planned.model, learnt) {
-        (Some(model), Some(learnt)) => learnt.text(model),
-        _ => String::new(),
-    };
-    let kept = checked.as_ref().map_or("", |(text, _)| text);
-    let bricks = told_of(marched.bricks, scene.fields.first().reads());
-    let bricks = bricks + &marched.shadows;
-    let lights = told_of_placed(&placed);
-    let text = format!(
-        "wrote {}; {}\n{lights}{new}{told_level}{bricks}{}\n{kept}",
-        listed.join(", "),
-        lit_by(&mix),
-        spent(&times)
-    );
-    let times: Map<_, _> = times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
-    let mut json = json!({
-        "outputs": listed,
-        "size": args.size,
-        "lights": mix.0.iter().map(|light| json!({ "name": light.name, "weight": light.weight })).collect::<Vec<_>>(),
-        "device": marched.device,
-        "plan": super::info::plan_json(&scene, &planned, &marched.storage, learnt),
-        "times": times,
-        "march": marched.details,
-        "level": level,
-        "block": args.block.map(|block| [block.index + 1, block.count]),
-        "peak_mb": peak_mb(),
-    });
-    if let Some((_, choice)) = checked {
-        json["choice"] = choice;
+        let mut times = vec![("load", self.loaded)];
+        times.extend(choice.as_ref().map(|_| ("search", self.searched)));
+        times.extend(marched.times);
+        times.push(("write", written));
+        let new = match (&planned.model, self.learnt) {
+            (Some(model), Some(learnt)) => learnt.text(model),
+            _ => String::new(),
+        };
+        let kept = checked.as_ref().map_or("", |(text, _)| text);
+        let bricks = told_of(marched.bricks, scene.fields.first().reads());
+        let bricks = bricks + &marched.shadows;
+        let lights = told_of_placed(&self.placed);
+        let text = format!(
+            "wrote {}; {}\n{lights}{new}{}{bricks}{}\n{kept}",
+            self.outputs.join(", "),
+            lit_by(mix),
+            self.level.0,
+            spent(&times)
+        );
+        let mut json = json!({
+            "outputs": self.outputs,
+            "size": args.size,
+            "lights": mix.0.iter().map(|light| json!({ "name": light.name, "weight": light.weight })).collect::<Vec<_>>(),
+            "device": marched.device,
+            "plan": super::info::plan_json(scene, planned, &marched.storage, self.learnt),
+            "times": times_json(times),
+            "march": marched.details,
+            "level": self.level.1,
+            "block": args.block.map(|block| [block.index + 1, block.count]),
+            "peak_mb": peak_mb(),
+        });
+        if let Some((_, choice)) = checked {
+            json["choice"] = choice;
+        }
+        if args.spectral.is_some() {
+            json["reconstruction"] = json!(reconstruction);
+        }
+        add_placed(&mut json, &self.placed);
+        Ok(Report { text, json })
     }
-    if args.spectral.is_some() {
-        json["reconstruction"] = json!(reconstruction);
-    }
-    add_placed(&mut json, &placed);
-    Ok(Report { text, json })
 }
 
 /// Saves the scene as `path`. A scene that is there, and may have been edited, is kept as `path.bak`.
@@ -678,102 +782,6 @@ fn check_memory(args: &Args) -> Result<(), CliError> {
     files::check_memory(args.size, pixel_bytes)
 }
 
-/// Warns of precision lost by the storage of the volume.
-fn warn_of_storage(storage: &Storage, whole: bool) {
-    // The limit is a sixteenth of an entry of the longest table; f32 is far more precise for most data. Integers may
-    // move by at most a quarter, so that they stay distinct.
-    let visible = (storage.domain[1] - storage.domain[0]) / f64::from(1 << 20);
-    let limit = if whole { visible.min(0.25) } else { visible };
-    if storage.loss > limit {
-        tracing::warn!(
-            "the device stores the values as {:?}, for {} to {}; rounding changes a value by up to {:.1e}",
-            storage.format,
-            readable(storage.domain[0]),
-            readable(storage.domain[1]),
-            storage.loss
-        );
-    }
-}
-
-/// Warns of labels that the scene does not declare.
-fn warn_of_undeclared(labels: Option<&LabelMap>) {
-    if let Some(labels) = labels.filter(|labels| !labels.undeclared.is_empty()) {
-        const LISTED: usize = 8;
-        let one = |(label, count): (&i64, &u64)| match count {
-            1 => format!("{label} (1 voxel)"),
-            _ => format!("{label} ({count} voxels)"),
-        };
-        let mut listed: Vec<String> = labels.undeclared.iter().take(LISTED).map(one).collect();
-        match labels.undeclared.len().saturating_sub(LISTED) {
-            0 => {}
-            more => listed.push(format!("and {more} more")),
-        }
-        tracing::warn!(
-            "the scene does not declare these labels, so their voxels follow the transfer function: {}",
-            listed.join(", ")
-        );
-    }
-}
-
-/// Warns of the causes of a black picture; `occupied` is the number of occupied macrocells, if known.
-fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option<usize>) {
-    if planned.materials.is_empty() && !(0..scene.materials.len()).any(|material| scene.absorbs(material)) {
-        tracing::warn!("no material is visible; add an interval with an opacity above 0 to the transfer function");
-    } else if occupied == Some(0) {
-        tracing::warn!(
-            "nothing in {} is visible: the transfer function or the window is 0 over all its values (`relume info` prints their range)",
-            scene.volume().source
-        );
-    }
-    if mix.0.iter().all(|light| light.weight <= 0.0) {
-        tracing::warn!("no light shines: the picture is black");
-    }
-}
-
-/// Warns of a volume that lies between the rays of a picture of this size, whose pixels are thicker.
-fn warn_of_thin(scene: &Scene, size: [usize; 2]) {
-    let geometry = &scene.frame.geometry;
-    let [width, height] = size.map(count);
-    let Some(view) = scene.camera.view(geometry, width / height) else { return };
-    let half = DVec3::splat(0.5);
-    let [low, high] = scene.crop.unwrap_or([-half, DVec3::from_array(geometry.dims.map(count)) - half]);
-    let corner = |index: u8| {
-        let end = |axis: usize| if index >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        view.place_of(geometry.world_from_index(DVec3::new(end(0), end(1), end(2))))
-    };
-    let Some(corners) = (0..8).map(corner).collect::<Option<Vec<_>>>() else { return };
-    let [least, most] = [DVec2::min, DVec2::max].map(|of| corners.iter().copied().reduce(of).unwrap_or_default());
-    let [from, to] = [least, most].map(|place| place * DVec2::new(width, height));
-    // Rays pass through the middles of pixels.
-    let is_between = |axis: usize| (from[axis] - 0.5).ceil() > to[axis] - 0.5;
-    if is_between(0) || is_between(1) {
-        let pixels = to - from;
-        tracing::warn!(
-            "no ray meets the volume, which is thinner than a pixel: it takes {:.2} × {:.2} pixels of the picture; use a \
-             larger --size, or another camera",
-            pixels.x,
-            pixels.y
-        );
-    }
-}
-
-/// Warns of a volume of one value that no light reaches: it has no gradient, and so no diffuse and specular parts.
-fn warn_of_homogeneous(scene: &Scene, statistics: &Statistics) {
-    let dark = |index: usize| scene.materials.get(index).is_some_and(|material| material.ambient <= 0.0);
-    let medium = scene.transfer.medium(statistics.min, scene.materials.len());
-    let mut shown = (0..scene.materials.len()).filter(|&index| medium.scattering[index] > 0.0).peekable();
-    let is_lit = scene.lights.iter().any(|light| light.placement == Placement::Ambient);
-    let is_homogeneous =
-        statistics.min >= statistics.max && scene.shading == Shading::Gradient && scene.labels.is_none();
-    if is_homogeneous && !is_lit && shown.peek().is_some() && shown.all(dark) {
-        tracing::warn!(
-            "all voxels have the value {}, so there is no gradient to shade, and the materials have ambient = 0: the \
-             body is black; set an ambient above 0, or shading = \"none\"",
-            readable(statistics.min)
-        );
-    }
-}
-
 /// A scene on the device, and the times of opening the device and of uploading.
 struct Ready {
     on_device: SceneRenderer,
@@ -782,35 +790,29 @@ struct Ready {
 
 /// Uploads the scene to the device of `args`, and warns of what the upload loses.
 fn ready_device(
-    scene: &Scene,
-    planned: &Planned,
-    statistics: &Statistics,
+    job: &PlannedJob,
     (args, size): (&Args, [usize; 2]),
     progress: &dyn Progress,
 ) -> Result<Ready, CliError> {
     let clock = Stopwatch::start();
     let renderer = renderer_for(args)?;
-    renderer.check_picture(&planned.plan, size, 0)?;
+    renderer.check_picture(&job.planned.plan, size, 0)?;
     let opened = clock.read();
     let clock = Stopwatch::start();
-    let on_device = SceneRenderer::with_plan(&renderer, scene.clone(), planned.clone(), statistics.clone(), progress)?;
+    let on_device = job.uploaded(&renderer, progress)?;
     let uploaded = on_device.uploaded();
-    let whole = !matches!(scene.volume().voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
-    warn_of_storage(&uploaded.storage, whole);
-    warn_of_undeclared(uploaded.labels.as_deref());
+    warn_of(RenderWarning::of_storage(&job.scene, &uploaded.storage, uploaded.labels.as_deref()));
     Ok(Ready { on_device, times: [("device", opened), ("upload", clock.read())] })
 }
 
 fn on_device(
-    scene: &Scene,
-    planned: &Planned,
-    statistics: &Statistics,
+    job: &PlannedJob,
     mix: &Mix,
     (args, size, processes): (&Args, [usize; 2], Option<&Processes>),
     wanted: Wanted,
     progress: &dyn Progress,
 ) -> Result<Option<Marched>, CliError> {
-    let Ready { on_device, times } = ready_device(scene, planned, statistics, (args, size), progress)?;
+    let Ready { on_device, times } = ready_device(job, (args, size), progress)?;
     let (renderer, uploaded) = (on_device.renderer(), on_device.uploaded());
     if let (Some(Block { index, count }), Some([x, y, z])) = (args.block, uploaded.light_block()) {
         return Err(CliError::Failed(format!(
@@ -823,33 +825,23 @@ fn on_device(
     let made = match processes {
         Some(processes) => {
             let asked = Asked { film: accumulation, linear, display };
-            let cut = processes.agree(scene, planned, mix, (size, uploaded.light_block()), asked)?;
+            let cut = processes.agree(&job.scene, &job.planned, mix, (size, uploaded.light_block()), asked)?;
             let Some(made) = processes.render(&on_device, mix, (size, &cut), asked, progress)? else { return Ok(None) };
             made
         }
         None => one_march(&on_device, mix, size, wanted, progress)?,
     };
     let accumulators = &made.device;
-    warn_of_nothing(scene, planned, mix, Some(accumulators.occupied[0]));
-    let is_of_level = accumulators.light_block.is_some();
-    if let Some(spacing) = accumulators.light_spacing.filter(|&spacing| spacing > scene.shadows.spacing && !is_of_level)
-    {
-        tracing::warn!(
-            "the light grid has a node every {} voxels instead of {}: a finer one would take more than an eighth of the device's memory",
-            brief(spacing),
-            brief(scene.shadows.spacing)
-        );
-    }
-
+    warn_of(RenderWarning::of_film(&on_device, accumulators, mix));
     let mut details = json!({
         "size": size,
         "dispatches": accumulators.dispatches,
         "cells": {"occupied": accumulators.occupied[0], "total": accumulators.occupied[1]},
         "volume_bytes": uploaded.bytes(),
-        "pixel_bytes": planned.plan.pixel_bytes(),
+        "pixel_bytes": job.planned.plan.pixel_bytes(),
         "light_grid": light_grid::json(accumulators),
         "bricks": accumulators.bricks,
-        "host_bricks": scene.fields.first().reads(),
+        "host_bricks": job.scene.fields.first().reads(),
     });
     if processes.is_some() {
         details["processes"] = made.details;
@@ -907,44 +899,33 @@ fn narrow(number: f64) -> f32 {
 }
 
 fn on_cpu(
-    scene: &Scene,
-    planned: &Planned,
-    statistics: &Statistics,
+    job: &PlannedJob,
     mix: &Mix,
     size: [usize; 2],
     wanted: Wanted,
     progress: &dyn Progress,
 ) -> Result<Marched, CliError> {
     let clock = Stopwatch::start();
-    let storage = Storage::new(&planned.plan, scene.volume(), statistics);
-    let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
-    warn_of_undeclared(labels.as_ref());
-    warn_of_nothing(scene, planned, mix, None);
-    let marched = |planned: &Planned| -> Result<Film<f64>, CliError> {
-        let exact = Exact::new(scene, planned, storage.clone(), labels.as_ref());
-        Ok(reference::march::<f64>(scene, planned, &exact, size, progress)?)
-    };
-    let truth = plan_full_spectrum(scene);
+    let reference = job.reference()?;
+    warn_of(RenderWarning::of_labels(reference.labels.as_ref()));
+    warn_of(RenderWarning::of_nothing(&job.scene, &job.planned, mix, None));
     let (mut linear, mut bands) = (None, None);
     if wanted.bands {
-        let (march, matrices) = (marched(&truth)?, RelightMatrices::of_scene(scene, &truth, mix));
-        let pixels = march.relight(&matrices).into_iter().zip(march.opacity(&matrices));
-        linear = Some(files::rgba(pixels));
-        bands = Some(march.map(narrow));
+        let film = reference.bands(size, progress)?;
+        let matrices = RelightMatrices::of_scene(&job.scene, &plan_full_spectrum(&job.scene), mix);
+        linear = Some(files::rgba(film.relight(&matrices).into_iter().zip(film.opacity(&matrices))));
+        bands = Some(film.map(narrow));
     } else if wanted.linear {
-        let exact = Exact::new(scene, &truth, storage.clone(), labels.as_ref());
-        let pixels =
-            reference::render(scene, &truth, &exact, &RelightMatrices::of_scene(scene, &truth, mix), size, progress)?;
-        linear = Some(files::rgba(pixels.into_iter()));
+        linear = Some(files::rgba(reference.picture(mix, size, progress)?.into_iter()));
     }
-    let accumulation = if wanted.accumulation { Some(marched(planned)?.map(narrow)) } else { None };
+    let accumulation = wanted.accumulation.then(|| reference.film(size, progress)).transpose()?;
     Ok(Marched {
-        accumulation,
+        accumulation: accumulation.map(|film| film.map(narrow)),
         bands,
         linear,
         display: None,
         device: json!({"name": "reference: CPU, 81 bands, f64"}),
-        storage,
+        storage: reference.storage,
         times: vec![("reference", clock.read())],
         details: json!(null),
         bricks: None,

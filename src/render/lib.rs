@@ -4,6 +4,7 @@
 //! [`Renderer::relight_linear`] makes a picture of the film, as often as the light changes.
 #![forbid(unsafe_code)]
 
+mod job;
 mod level;
 mod march;
 mod pipelines;
@@ -12,17 +13,20 @@ mod relight;
 mod scene;
 mod store;
 mod upload;
+mod warning;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+pub use job::{Job, Keeps, PlannedJob, Reference, TakenLevel};
 pub use level::finest_level;
 pub use march::{BrickCounts, DeviceFilm, Dispatching, March, MarchUniform, Speed, TableMemory};
 pub use pool::Residence;
 pub use relight::{Relight, RelightUniform};
 pub use scene::SceneRenderer;
 pub use upload::Uploaded;
+pub use warning::RenderWarning;
 
 use pipelines::Pipelines;
 use relume_base::number::readable;

@@ -48,7 +48,10 @@ impl fmt::Display for LabelLeft {
         let Self { label, name, voxels, left, stands_for } = self;
         let plural = |number: u64| if number == 1 { "" } else { "s" };
         let (of_level, of_volume) = (plural(*left), plural(*voxels));
-        write!(out, "{label} ({name}), {left} voxel{of_level} of the level (for {stands_for}) of its {voxels} voxel{of_volume}")
+        write!(
+            out,
+            "{label} ({name}), {left} voxel{of_level} of the level (for {stands_for}) of its {voxels} voxel{of_volume}"
+        )
     }
 }
 

@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 use glam::DVec2;
 
 use super::export::Snapshot;
-use super::job::Job;
 use super::load::{Loaded, warn_of_plan};
 use super::probe::Pixel;
+use super::task::Task;
 use crate::document::State;
 use crate::film::{Components, RelightMatrices, Relightable};
 use crate::memory::give_back_freed;
@@ -20,7 +20,9 @@ use crate::model::{ColourModel, ModelError};
 use crate::number::{count, whole};
 use crate::plan::{PlanError, Planned, Stale, plan, read_ahead};
 use crate::progress::Progress;
-use crate::render::{BrickCounts, DeviceFilm, March, Relight, RenderError, Renderer, SceneRenderer, Speed};
+use crate::render::{
+    BrickCounts, DeviceFilm, Job, March, PlannedJob, Relight, RenderError, Renderer, SceneRenderer, Speed,
+};
 use crate::scene::{Coarse, Scene, positions};
 use crate::volume::Statistics;
 use crate::vulkan::StorageImage;
@@ -61,7 +63,7 @@ pub struct Engine {
     /// Scene to march next, if it differs from the scene that is marched or shown.
     wanted: Option<Box<Scene>>,
     /// New plan in preparation in the background: its colour model, its pipelines and the volume in its storage format.
-    planning: Option<Job<Result<SceneRenderer, RenderError>>>,
+    planning: Option<Task<Result<SceneRenderer, RenderError>>>,
     /// Colour model for the current observer, fitted in the background.
     fitting: Option<Fitting>,
     marching: Option<Marching>,
@@ -162,7 +164,7 @@ pub enum Refining {
 /// Planning of a volume in bricks in the background.
 #[derive(Debug)]
 struct Planning {
-    job: Job<Prepared>,
+    job: Task<Prepared>,
     /// Whether the scene has changed since: an error of the former one does not concern it.
     outdated: bool,
 }
@@ -582,7 +584,7 @@ impl Engine {
             give_back_freed();
             made
         };
-        self.planning = Some(Job::start(|| {}, planning));
+        self.planning = Some(Task::start(|| {}, planning));
     }
 
     /// Cancels the planning, and returns its threads, which may take a moment to end: they must not use the device while the
@@ -590,7 +592,7 @@ impl Engine {
     #[must_use]
     pub fn give_up(self) -> Vec<JoinHandle<()>> {
         let of_bricks = self.bricks.and_then(|bricks| bricks.planning);
-        let threads = [self.planning.map(Job::give_up), of_bricks.map(|planning| planning.job.give_up())];
+        let threads = [self.planning.map(Task::give_up), of_bricks.map(|planning| planning.job.give_up())];
         threads.into_iter().flatten().flatten().collect()
     }
 
@@ -820,7 +822,7 @@ impl Bricks {
             let made = prepare(&mut on_device, &renderer, (scene, known), statistics, progress);
             Prepared { on_device, made }
         };
-        self.planning = Some(Planning { job: Job::start(|| {}, planning), outdated: false });
+        self.planning = Some(Planning { job: Task::start(|| {}, planning), outdated: false });
     }
 }
 
@@ -843,25 +845,15 @@ fn prepare(
         None => plan(&scene, progress)?,
     };
     warn_of_plan(&planned);
-    let holds = on_device.as_ref().filter(|before| before.holds(&scene, &planned));
-    let made = if let Some(before) = holds {
-        before.with_scene(scene, planned, progress)?
-    } else {
-        renderer.check_room(&scene, &planned, &statistics)?;
-        // There may be no room for two pools.
-        *on_device = None;
-        SceneRenderer::with_plan(renderer, scene, planned, statistics, progress)?
-    };
-    made.warm_up_rounds()?;
-    *on_device = Some(made);
-    Ok(())
+    PlannedJob::new(scene, planned, statistics).put(on_device, renderer, progress)?;
+    on_device.as_ref().map_or(Ok(()), SceneRenderer::warm_up_rounds)
 }
 
 /// Plans `scene` and moves it to the device; warms the pipelines up if the plan differs from the one `before`.
 fn ready(before: &SceneRenderer, scene: Scene, progress: &dyn Progress) -> Result<SceneRenderer, RenderError> {
-    let planned = plan(&scene, progress)?;
-    warn_of_plan(&planned);
-    let on_device = before.with_scene(scene, planned, progress)?;
+    let job = Job::new(scene, before.statistics().clone()).planned(progress)?;
+    warn_of_plan(&job.planned);
+    let on_device = before.with_scene(job.scene, job.planned, progress)?;
     if on_device.planned().plan != before.planned().plan {
         on_device.warm_up()?;
     }

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-use super::job::Listener;
+use super::task::Listener;
 use crate::document::{OpenError, SceneFile, Source};
 use crate::memory::give_back_freed;
-use crate::plan::{Planned, plan};
+use crate::plan::Planned;
 use crate::progress::Progress;
-use crate::render::{RenderError, Renderer, SceneRenderer, finest_level};
-use crate::scene::{Coarse, Scene};
+use crate::render::{Job, PlannedJob, RenderError, Renderer, SceneRenderer, finest_level};
+use crate::scene::Coarse;
 use crate::volume::{HostMemory, Statistics};
 
 /// Reason why a scene could not be opened.
@@ -157,20 +157,19 @@ impl Loaded {
         source: Source,
         progress: &dyn Progress,
     ) -> Result<Self, LoadError> {
-        let scene = file.scene.clone();
-        let planned = |scene: &Scene| plan(scene, progress).map_err(RenderError::from);
-        let whole = if scene.fields.first().bricks().is_some() { None } else { Some(planned(&scene)?) };
-        let (scene, planned, coarse) = match whole {
-            Some(planned) if renderer.holds_whole(&scene, &planned, &statistics) => (scene, planned, None),
-            _ => {
-                let coarse = finest_level(&scene, |dims| renderer.has_room_for_coarse(dims), progress)?;
-                let scene = coarse.scene(&scene);
-                let planned = planned(&scene)?;
-                (scene, planned, Some(coarse))
+        let job = Job::new(file.scene.clone(), statistics);
+        let in_file = job.scene.fields.first().bricks().is_some();
+        let whole = if in_file { None } else { Some(job.clone().planned(progress)?) };
+        let is_held = |job: &PlannedJob| renderer.holds_whole(&job.scene, &job.planned, &job.statistics);
+        let (job, coarse) = match whole.filter(is_held) {
+            Some(whole) => (whole, None),
+            None => {
+                let coarse = finest_level(&job.scene, |dims| renderer.has_room_for_coarse(dims), progress)?;
+                (Job { scene: coarse.scene(&job.scene), ..job }.planned(progress)?, Some(coarse))
             }
         };
-        warn_of_plan(&planned);
-        let on_device = SceneRenderer::with_plan(renderer, scene, planned, statistics, progress)?;
+        warn_of_plan(&job.planned);
+        let on_device = job.uploaded(renderer, progress)?;
         on_device.warm_up()?;
         Ok(Self { on_device, coarse, file, source })
     }

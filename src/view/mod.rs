@@ -10,7 +10,6 @@ mod advice;
 pub mod effort;
 pub mod engine;
 pub mod export;
-pub mod job;
 pub mod layout;
 pub mod load;
 #[cfg(feature = "window")]
@@ -23,6 +22,7 @@ mod screen;
 pub mod script;
 pub mod sizes;
 pub mod slices;
+pub mod task;
 pub mod tour;
 #[cfg(feature = "window")]
 pub mod ui;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use super::engine::Engine;
-use super::job::Job;
 use super::probe::{Pixel, Probe, ProbeError, Ray};
+use super::task::Task;
 use crate::document::State;
 use crate::film::Components;
 use crate::model::ColourModel;
@@ -31,7 +31,7 @@ pub struct Prober {
     pixel: Option<Pixel>,
     /// Spectra reconstructed from a colour model's coefficients, which is slow; with their model.
     reflected: Option<(Arc<ColourModel>, Reflected)>,
-    job: Option<Job<Behind>>,
+    job: Option<Task<Behind>>,
     ray: Option<Ray>,
     /// Whether the ray was marched or cannot be.
     followed: bool,
@@ -106,7 +106,7 @@ impl Prober {
         let known =
             |(of, _): &(Arc<ColourModel>, Reflected)| model.as_ref().is_some_and(|model| Arc::ptr_eq(of, model));
         let lacks_spectra = model.is_some() && !self.reflected.as_ref().is_some_and(known);
-        if let Some(behind) = self.job.as_mut().and_then(Job::take) {
+        if let Some(behind) = self.job.as_mut().and_then(Task::take) {
             (self.job, self.followed, new) = (None, true, true);
             if let (Some(model), Some(reflected)) = (&model, behind.reflected) {
                 self.reflected = Some((Arc::clone(model), reflected));
@@ -115,7 +115,7 @@ impl Prober {
         } else if self.job.is_none() && !self.followed && engine.is_finest() {
             let ((scene, block), statistics) = (engine.scene_at_hand(), engine.statistics().clone());
             let (which, components) = ([pixel.size, pixel.place], pixel.means.components.clone());
-            self.job = Some(Job::start(wake, move |progress| {
+            self.job = Some(Task::start(wake, move |progress| {
                 let background = scene.background.as_ref();
                 let reflected = lacks_spectra.then(|| Reflected::new(&components, background));
                 let ray = Ray::march(&scene, &statistics, which, progress);

@@ -33,6 +33,32 @@ const DEVICE_BLOCK: u64 = 256 << 20;
 /// Bytes of a memory block in the host memory of a GPU.
 const HOST_BLOCK: u64 = 8 << 20;
 
+/// A device that another program part has opened, with one of its queues: what [`Device::from_lent`] takes.
+#[derive(Clone)]
+pub struct LentDevice {
+    /// The loader.
+    pub entry: ash::Entry,
+    /// The instance.
+    pub instance: ash::Instance,
+    /// The physical device.
+    pub physical: vk::PhysicalDevice,
+    /// The logical device.
+    pub device: ash::Device,
+    /// A queue of it that computes.
+    pub queue: vk::Queue,
+    /// The family of the queue.
+    pub queue_family: u32,
+}
+
+impl fmt::Debug for LentDevice {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { physical, queue, queue_family, .. } = self;
+        let mut out = formatter.debug_struct("LentDevice");
+        out.field("device", &self.device.handle()).field("physical", physical);
+        out.field("queue", queue).field("queue_family", queue_family).finish_non_exhaustive()
+    }
+}
+
 /// An open device. Clones share it, and everything made from it keeps it open.
 #[derive(Clone)]
 pub struct Device(Arc<Shared>);
@@ -94,8 +120,63 @@ impl Device {
             let Candidate { info, .. } = candidate;
             return Err(VulkanError::Unsuitable { device: info.name, missing: info.missing });
         };
-        let limits = Limits::of_device(&instance, candidate.raw, queue.timestamp_valid_bits)?;
         let raw = open_raw(&instance, &candidate, queue, purpose)?;
+        // SAFETY: the device was created with one queue of this family.
+        let raw_queue = unsafe { raw.functions.get_device_queue(queue.index, 0) };
+        raw.set_name(raw_queue, "queue");
+        Self::of_parts(candidate, raw, (queue, raw_queue))
+    }
+
+    /// A device that the caller has opened for purposes of its own, and lends: pictures then lie on it, without copies between
+    /// devices. All that is made of the returned device is made on the caller's, through its own memory blocks, command
+    /// buffers and fences; none of the caller's objects are touched.
+    ///
+    /// # Safety
+    ///
+    /// - The handles are valid and belong together, and `queue` is one of `queue_family` of `device`.
+    /// - The instance has Vulkan 1.2 or newer. The device was created with the features `robustBufferAccess` and
+    ///   `synchronization2`, and below Vulkan 1.3 with the extension `VK_KHR_synchronization2`: no function tells this.
+    /// - Instance, device and loader outlive the returned device and all that is made of it: buffers, pipelines, renderers,
+    ///   films, relights. Dropping these destroys neither.
+    /// - Nobody else uses `queue` while a function of this library may: a queue takes one thread at a time, and this library
+    ///   knows of its own threads only. A queue of its own is the simplest.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Unsuitable`] for a device that cannot be used, [`VulkanError::Call`] if it cannot be asked.
+    pub unsafe fn from_lent(lent: LentDevice) -> Result<Self, VulkanError> {
+        let LentDevice { entry, instance, physical, device, queue, queue_family } = lent;
+        let instance = Instance::lent(entry, instance);
+        let mut candidate = Candidate::new(&instance, physical, 0, Purpose::Compute)?;
+        let family = candidate.compute_family(&instance, queue_family);
+        if family.is_none() {
+            candidate.info.missing.push(format!("its queue family {queue_family} does not compute"));
+        }
+        let barrier = [c"vkCmdPipelineBarrier2", c"vkCmdPipelineBarrier2KHR"].into_iter().find_map(|name| {
+            // SAFETY: device and instance belong together, as the caller promises; the name ends with 0.
+            unsafe { instance.raw.get_device_proc_addr(device.handle(), name.as_ptr()) }
+        });
+        let (Some(family), Some(barrier), true) = (family, barrier, candidate.info.missing.is_empty()) else {
+            let DeviceInfo { name, mut missing, .. } = candidate.info;
+            if barrier.is_none() && missing.is_empty() {
+                missing.push("it was created without synchronization2".to_owned());
+            }
+            return Err(VulkanError::Unsuitable { device: name, missing });
+        };
+        // SAFETY: the function of this name has this type.
+        let pipeline_barrier2 =
+            unsafe { std::mem::transmute::<unsafe extern "system" fn(), vk::PFN_vkCmdPipelineBarrier2>(barrier) };
+        let raw = RawDevice { functions: device, pipeline_barrier2, names: None, instance, is_lent: true };
+        Self::of_parts(candidate, Arc::new(raw), (family, queue))
+    }
+
+    fn of_parts(
+        candidate: Candidate,
+        raw: Arc<RawDevice>,
+        (family, queue): (QueueFamily, vk::Queue),
+    ) -> Result<Self, VulkanError> {
+        let instance = &raw.instance;
+        let limits = Limits::of_device(instance, candidate.raw, family.timestamp_valid_bits)?;
         let of_host = if candidate.info.kind == DeviceKind::Software { DEVICE_BLOCK } else { HOST_BLOCK };
         let blocks = AllocationSizes::new(DEVICE_BLOCK, of_host);
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -107,16 +188,13 @@ impl Device {
             allocation_sizes: blocks,
         })
         .map_err(|source| VulkanError::Allocator { object: candidate.info.name.clone(), source })?;
-        // SAFETY: the device was created with one queue of this family.
-        let raw_queue = unsafe { raw.functions.get_device_queue(queue.index, 0) };
-        raw.set_name(raw_queue, "queue");
         Ok(Self(Arc::new(Shared {
             info: candidate.info,
             limits,
             simulated: Simulated::asked_for(),
             dispatches: AtomicU64::default(),
-            queue_family: queue.index,
-            queue: Mutex::new(raw_queue),
+            queue_family: family.index,
+            queue: Mutex::new(queue),
             idle: Mutex::new(Vec::new()),
             allocator: Arc::new(Mutex::new(allocator)),
             physical: candidate.raw,
@@ -148,12 +226,12 @@ impl Device {
         self.0.raw.instance.take_messages()
     }
 
-    /// Waits until the device has finished all submitted work. Errors are ignored: a lost device is idle, too.
+    /// Waits until the queue has finished all submitted work. Errors are ignored: a lost device is idle, too.
     #[expect(clippy::disallowed_methods, reason = "this is the one place, and it holds the queue")]
     pub(crate) fn wait_idle(&self) {
-        let _queue = lock(&self.0.queue);
-        // SAFETY: the lock keeps other threads off the only queue, which `device_wait_idle` also waits for.
-        unsafe { self.0.raw.functions.device_wait_idle() }.ok();
+        let queue = lock(&self.0.queue);
+        // SAFETY: the lock keeps other threads off the queue, the only one in use.
+        unsafe { self.0.raw.functions.queue_wait_idle(*queue) }.ok();
     }
 
     pub(super) fn count_dispatch(&self) {
@@ -231,7 +309,7 @@ fn open_raw(
         functions.fp_v1_3().cmd_pipeline_barrier2
     };
     let names = instance.has_debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &functions));
-    let raw = RawDevice { functions, pipeline_barrier2, names, instance: Arc::clone(instance) };
+    let raw = RawDevice { functions, pipeline_barrier2, names, instance: Arc::clone(instance), is_lent: false };
     raw.set_name(raw.functions.handle(), "device");
     Ok(Arc::new(raw))
 }

@@ -13,13 +13,17 @@ pub(crate) struct RawDevice {
     pub(crate) pipeline_barrier2: vk::PFN_vkCmdPipelineBarrier2,
     pub(crate) names: Option<ext::debug_utils::Device>,
     pub(crate) instance: Arc<Instance>,
+    /// Whether somebody else made the device and destroys it.
+    pub(super) is_lent: bool,
 }
 
 impl Drop for RawDevice {
     fn drop(&mut self) {
-        // SAFETY: every object made from the device holds an `Arc` of `self`, so none is left. Its instance is a field
-        // of `self`.
-        unsafe { self.functions.destroy_device(None) };
+        if !self.is_lent {
+            // SAFETY: every object made from the device holds an `Arc` of `self`, so none is left. Its instance is a field
+            // of `self`.
+            unsafe { self.functions.destroy_device(None) };
+        }
         // The validation layer reports leaked objects here, when no caller can read the messages any more.
         for message in self.instance.take_messages() {
             tracing::warn!("validation: {message}");

@@ -166,7 +166,7 @@ impl Candidate {
         Ok(all.swap_remove(index))
     }
 
-    fn new(
+    pub(super) fn new(
         instance: &Arc<Instance>,
         raw: vk::PhysicalDevice,
         index: usize,
@@ -215,13 +215,7 @@ impl Candidate {
         let driver = [text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())];
         candidate.info.driver = driver.join(" ").trim().to_owned();
 
-        // SAFETY: `raw` comes from this instance; the result is copied out.
-        let families = unsafe { instance.raw.get_physical_device_queue_family_properties(raw) };
-        let computes = |family: &vk::QueueFamilyProperties| family.queue_flags.contains(purpose.queue_flags());
-        candidate.queue = (0..)
-            .zip(&families)
-            .find(|(_, family)| computes(family))
-            .map(|(index, family)| QueueFamily { index, timestamp_valid_bits: family.timestamp_valid_bits });
+        candidate.queue = candidate.families(instance, purpose).next();
         if candidate.queue.is_none() {
             candidate.info.missing.push(format!("it has no queue for {:?}", purpose.queue_flags()));
         }
@@ -229,6 +223,22 @@ impl Candidate {
             candidate.info.missing.push("it lacks synchronization2 (Vulkan 1.3 or VK_KHR_synchronization2)".to_owned());
         }
         Ok(candidate)
+    }
+
+    /// Queue families for `purpose`.
+    fn families(&self, instance: &Arc<Instance>, purpose: Purpose) -> impl Iterator<Item = QueueFamily> + use<> {
+        // SAFETY: the device comes from this instance; the result is copied out.
+        let families = unsafe { instance.raw.get_physical_device_queue_family_properties(self.raw) };
+        let suits = move |family: &vk::QueueFamilyProperties| family.queue_flags.contains(purpose.queue_flags());
+        (0..)
+            .zip(families)
+            .filter(move |(_, family)| suits(family))
+            .map(|(index, family)| QueueFamily { index, timestamp_valid_bits: family.timestamp_valid_bits })
+    }
+
+    /// The queue family of this `index`, if it computes.
+    pub(super) fn compute_family(&self, instance: &Arc<Instance>, index: u32) -> Option<QueueFamily> {
+        self.families(instance, Purpose::Compute).find(|family| family.index == index)
     }
 
     fn has_synchronization2(&self, instance: &Arc<Instance>) -> Result<bool, VulkanError> {

@@ -34,6 +34,8 @@ pub(crate) struct Instance {
     messages: Box<Mutex<Vec<String>>>,
     /// The loaded library, whose functions `raw` calls.
     pub(crate) entry: ash::Entry,
+    /// Whether somebody else made the instance and destroys it.
+    is_lent: bool,
 }
 
 impl Instance {
@@ -88,12 +90,24 @@ impl Instance {
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => VulkanError::NoDriver,
             source => VulkanError::call("vkCreateInstance", INSTANCE)(source),
         })?;
-        let mut instance =
-            Self { raw, has_debug_utils, messenger: None, messages: Box::new(Mutex::new(Vec::new())), entry };
+        let mut instance = Self {
+            raw,
+            has_debug_utils,
+            messenger: None,
+            messages: Box::new(Mutex::new(Vec::new())),
+            entry,
+            is_lent: false,
+        };
         if validation == Validation::On && has_debug_utils {
             instance.listen()?;
         }
         Ok(Arc::new(instance))
+    }
+
+    /// An instance that somebody else made and destroys.
+    pub(super) fn lent(entry: ash::Entry, raw: ash::Instance) -> Arc<Self> {
+        let messages = Box::new(Mutex::new(Vec::new()));
+        Arc::new(Self { raw, has_debug_utils: false, messenger: None, messages, entry, is_lent: true })
     }
 
     /// Starts to collect messages of the validation layer.
@@ -133,8 +147,10 @@ impl Drop for Instance {
             // SAFETY: the messenger came from this instance, and `take` ensures that it is destroyed once.
             unsafe { functions.destroy_debug_utils_messenger(messenger, None) };
         }
-        // SAFETY: every object made from the instance holds an `Arc` of it, so none is left. `self` is its only owner.
-        unsafe { self.raw.destroy_instance(None) };
+        if !self.is_lent {
+            // SAFETY: every object made from the instance holds an `Arc` of it, so none is left. `self` is its only owner.
+            unsafe { self.raw.destroy_instance(None) };
+        }
     }
 }
 

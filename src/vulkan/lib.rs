@@ -26,8 +26,9 @@ pub mod shader;
 mod simulate;
 mod submission;
 
+pub use ash;
 pub use buffer::{Buffer, HostUse};
-pub use device::Device;
+pub use device::{Device, LentDevice};
 pub use error::VulkanError;
 pub use format::Format;
 #[cfg(feature = "window")]

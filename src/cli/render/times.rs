@@ -7,18 +7,17 @@ use serde_json::{Map, json};
 
 use crate::annotate::{Frame, Overlay};
 use crate::measure::{Stopwatch, Timing, peak_mb};
-use crate::plan::plan_for;
 use crate::progress::{Progress, unreported};
-use crate::render::SceneRenderer;
+use crate::render::{Job, RenderWarning, SceneRenderer};
 use crate::scene::{Camera, Mix, positions};
-use crate::spectrum::Light;
 
 use super::super::files;
 use super::super::frames::{self, Form, Frames};
-use super::super::level::{self, Taken};
+use super::super::level;
+use super::super::model::warn_of_plan;
 use super::super::scene::{add_placed, told_of_placed, warn_of_odd_values};
-use super::super::{CliError, Report, info, turntable};
-use super::{Args, Requested, free_name, learn, lit_by, renderer_for, save_scene, warn_of_nothing, warn_of_thin};
+use super::super::{CliError, Report, info, turntable, warn_of};
+use super::{Args, Requested, free_name, learn, lit_by, renderer_for, save_scene};
 
 /// A time step on the device.
 struct Step<'a> {
@@ -81,7 +80,7 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         tracing::warn!("{note}");
     }
     warn_of_odd_values(&statistics);
-    warn_of_thin(&first.scene, args.size);
+    warn_of(RenderWarning::of_scene(&first.scene, &statistics, args.size));
     let names: Vec<String> = positions(&first.scene).into_iter().map(|position| position.name).collect();
     let Requested { mix, placed } = args.lights.mix(&Mix::of_scene(&first.scene), &first.opening_mix(), &names)?;
     let cameras: Vec<Camera> = match args.turntable {
@@ -91,27 +90,25 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }
         None => vec![first.scene.camera.clone(); count],
     };
-    let new: Vec<(String, Light)> =
-        mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
     let renderer = renderer_for(args)?;
     let step = |time: usize, is_first: bool| -> Result<Step<'_>, CliError> {
         let (file, statistics) = series.at(time, progress)?;
-        let Taken { scene, statistics, .. } = level::taken(&file.scene, statistics, (&cameras, args.size), progress)?;
-        let mut planned = plan_for(&scene, &new, progress)?;
+        let job = Job::new(file.scene.clone(), statistics).of_pictures(args.size, cameras.clone());
+        let mut job = Job { lights: args.replanned(&mix), ..job }.planned(progress)?;
         if is_first {
-            super::super::model::warn_of_plan(&planned);
-            learn(&scene, &mut planned, &mix)?;
-        } else if let Some(model) = planned.model.as_mut().map(Arc::make_mut) {
+            level::told(&job);
+            warn_of_plan(&job.planned);
+            learn(&job.scene, &mut job.planned, &mix)?;
+        } else if let Some(model) = job.planned.model.as_mut().map(Arc::make_mut) {
             // Warnings of the first step hold for all.
             model.learn_all(&mix.0.iter().map(|light| (&*light.name, &light.spectrum)).collect::<Vec<_>>())?;
         }
-        renderer.check_picture(&planned.plan, args.size, 0)?;
+        renderer.check_picture(&job.planned.plan, args.size, 0)?;
         if is_first {
-            warn_of_nothing(&scene, &planned, &mix, None);
+            warn_of(RenderWarning::of_nothing(&job.scene, &job.planned, &mix, None));
         }
-        let overlay = args.dress.overlay(|| Overlay::of_scene(&scene, &planned, &mix));
-        let quiet = unreported(progress);
-        let on_device = SceneRenderer::with_plan(&renderer, scene, planned, statistics, &quiet)?;
+        let overlay = args.dress.overlay(|| Overlay::of_scene(&job.scene, &job.planned, &mix));
+        let on_device = job.uploaded(&renderer, &unreported(progress))?;
         Ok(Step { time, on_device, overlay })
     };
     let mut current = step(0, true)?;

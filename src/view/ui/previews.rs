@@ -10,7 +10,7 @@ use egui::{
 };
 
 use crate::progress::Progress;
-use crate::view::job::Job;
+use crate::view::task::Task;
 use crate::volume::{Preview, RawLayout, Selection};
 
 /// Longer side of a picture in points; its pixels are twice as fine, for dense screens.
@@ -34,7 +34,7 @@ pub(super) struct Previews {
     /// Finished pictures; `None` where the volume cannot be read.
     made: BTreeMap<usize, Option<TextureHandle>>,
     /// The picture that is being read.
-    job: Option<(usize, Job<Option<Preview>>)>,
+    job: Option<(usize, Task<Option<Preview>>)>,
 }
 
 impl std::fmt::Debug for Previews {
@@ -81,7 +81,7 @@ impl Previews {
             // Errors appear when the volume is opened.
             let read =
                 move |progress: &dyn Progress| Preview::open(&path, layout.as_ref(), &selection, PIXELS, progress).ok();
-            self.job = Some((index, Job::start(|| {}, read)));
+            self.job = Some((index, Task::start(|| {}, read)));
         }
         ui.ctx().request_repaint_after(PAUSE);
     }

@@ -13,8 +13,8 @@ use crate::render::RenderError;
 use crate::scene::Accuracy;
 use crate::view::action::Action;
 use crate::view::effort::{self, Curve};
-use crate::view::job::Job;
 use crate::view::prober::StepError;
+use crate::view::task::Task;
 use crate::vulkan::VulkanError;
 
 /// Least time between two frames that show the progress of a measurement.
@@ -54,10 +54,10 @@ pub(super) type Verdict = (Arc<Palette>, Vec<Conflict>);
 pub(super) struct Tasks {
     /// Measured settings and the measurement in progress.
     pub(super) curve: Option<Curve>,
-    pub(super) measuring: Option<Job<Chosen>>,
+    pub(super) measuring: Option<Task<Chosen>>,
     /// Accuracy of the last chosen setting and its description.
     pub(super) chosen: Option<(Accuracy, String)>,
-    pub(super) solving: Option<Job<Result<Solved, PaletteError>>>,
+    pub(super) solving: Option<Task<Result<Solved, PaletteError>>>,
     /// Conflicts of the solved palettes.
     pub(super) verdicts: Vec<Verdict>,
     /// Last costs of smoother spectra, and their palette.
@@ -124,14 +124,14 @@ impl Viewer {
                 drop(proxy.send_event(Woken::Progress));
             }
         };
-        self.tasks.measuring = Some(Job::start(wake, move |progress| {
+        self.tasks.measuring = Some(Task::start(wake, move |progress| {
             effort::measure(&renderer, &scene, &mix, size, goal, cache.as_deref(), progress)
         }));
     }
 
     /// Takes over a finished measurement. Returns whether there was one.
     pub(super) fn measured(&mut self) -> bool {
-        let Some(measured) = self.tasks.measuring.as_mut().and_then(Job::take) else { return false };
+        let Some(measured) = self.tasks.measuring.as_mut().and_then(Task::take) else { return false };
         self.tasks.measuring = None;
         match measured {
             Err(error) => self.tell(&error),
@@ -195,12 +195,12 @@ impl Viewer {
     fn begin_to_solve(&mut self, solve: impl FnOnce(&dyn Progress) -> Result<Solved, PaletteError> + Send + 'static) {
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
-        self.tasks.solving = Some(Job::start(wake, solve));
+        self.tasks.solving = Some(Task::start(wake, solve));
     }
 
     /// Takes over a finished solution. Returns whether there was one.
     pub(super) fn solved(&mut self) -> bool {
-        let Some(solved) = self.tasks.solving.as_mut().and_then(Job::take) else { return false };
+        let Some(solved) = self.tasks.solving.as_mut().and_then(Task::take) else { return false };
         self.tasks.solving = None;
         match (solved, &self.opened.document) {
             (Err(PaletteError::Cancelled), _) | (_, None) => {}

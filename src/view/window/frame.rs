@@ -13,8 +13,8 @@ use crate::present::Frame;
 use crate::view::effort::Curve;
 use crate::view::engine::Engine;
 use crate::view::export::write_rgba;
-use crate::view::job::Job;
 use crate::view::load::Loading;
+use crate::view::task::Task;
 use crate::view::tour::Tour;
 use crate::view::ui::{self, Design, Effort, Shown, Status};
 use crate::volume::Selection;
@@ -61,7 +61,7 @@ impl Viewer {
                 .map(|((_, told), _)| told.as_str()),
             running: running.as_ref().map(|(part, stage)| (*part, stage.as_str())),
         };
-        let solving = self.tasks.solving.as_ref().map(Job::progress);
+        let solving = self.tasks.solving.as_ref().map(Task::progress);
         let solving = solving.as_ref().map(|(part, stage)| (*part, stage.as_str()));
         let page = self.saving.page();
         let page = page.as_ref().map(|(name, (part, stage))| (name.as_str(), *part, stage.as_str()));

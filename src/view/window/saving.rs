@@ -15,7 +15,7 @@ use crate::progress::Progress;
 use crate::view::action::File;
 use crate::view::engine::{Engine, Refining};
 use crate::view::export::ExportError;
-use crate::view::job::Job;
+use crate::view::task::Task;
 use crate::view::tour::Tour;
 
 /// Files still to be written.
@@ -75,7 +75,7 @@ enum Export {
 
 /// File being written. Its result is the notice to show.
 struct Writing {
-    job: Job<Result<Option<String>, ExportError>>,
+    job: Task<Result<Option<String>, ExportError>>,
     /// Name of a page, which takes seconds and can be cancelled.
     page: Option<String>,
 }
@@ -249,7 +249,7 @@ impl Viewer {
     ) {
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
-        self.saving.writing.push(Writing { job: Job::start(wake, write), page });
+        self.saving.writing.push(Writing { job: Task::start(wake, write), page });
     }
 
     /// Reports finished files. Returns whether all succeeded.

@@ -74,14 +74,14 @@ impl Progress for Listener {
 
 /// Background task on its own thread. Dropping it cancels it.
 #[derive(Debug)]
-pub struct Job<T> {
+pub struct Task<T> {
     listener: Arc<Listener>,
     made: Arc<Mutex<Option<T>>>,
     thread: Option<JoinHandle<()>>,
     begun: Instant,
 }
 
-impl<T: Send + 'static> Job<T> {
+impl<T: Send + 'static> Task<T> {
     /// Starts `work`. `wake` is called from time to time and at the end.
     pub fn start(
         wake: impl Fn() + Send + Sync + Clone + 'static,
@@ -146,7 +146,7 @@ impl<T: Send + 'static> Job<T> {
     }
 }
 
-impl<T> Drop for Job<T> {
+impl<T> Drop for Task<T> {
     fn drop(&mut self) {
         self.listener.cancel();
     }
@@ -163,7 +163,7 @@ mod tests {
         let (woken, wakes) = channel();
         let (go, going) = channel::<()>();
         let wake = move || woken.send(()).unwrap_or_default();
-        let mut job = Job::start(wake, move |progress| {
+        let mut job = Task::start(wake, move |progress| {
             progress.report("counting", 1, 4);
             going.recv().ok();
             7
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn a_job_that_is_dropped_hears_that_it_should_stop() {
         let (heard, hears) = channel();
-        let job = Job::start(
+        let job = Task::start(
             || {},
             move |progress| {
                 while !progress.cancelled() {

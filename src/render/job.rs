@@ -1,0 +1,265 @@
+//! From a scene to its films: the level of its volume, its plan, and its march on a device or by the reference.
+
+use glam::DVec3;
+
+use super::{DeviceFilm, RenderError, Renderer, SceneRenderer};
+use relume_base::progress::{Progress, unreported};
+use relume_colour::spectrum::Light;
+use relume_scene::film::{Film, RelightMatrices};
+use relume_scene::plan::{PlanError, Planned, plan_for, plan_full_spectrum};
+use relume_scene::reference::{Exact, ReferenceError, march, render};
+use relume_scene::tables::{LabelMap, Storage};
+use relume_scene::{AccumulateAs, Camera, Coarse, LabelLeft, Level, Mix, Scene};
+use relume_volume::Statistics;
+
+/// What a pixel of a film keeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Keeps {
+    /// What the scene states.
+    #[default]
+    Stated,
+    /// Weights of the materials where absorption is grey and the scene states nothing else: exact under every light.
+    Weights,
+    /// All bands of each light position. The reference alone marches them.
+    Bands,
+}
+
+/// What to render, before it is planned. Every front end renders by it: commands, window, pages.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The scene.
+    pub scene: Scene,
+    /// Statistics of its volume's values.
+    pub statistics: Statistics,
+    /// Size (width, height) and cameras of the pictures, by which [`voxel_pixels`](relume_scene::Accuracy::voxel_pixels)
+    /// chooses a level; without one, the voxels themselves are marched.
+    pub pictures: Option<([usize; 2], Vec<Camera>)>,
+    /// Lights, by name, for which a colour model is planned besides those of the scene.
+    pub lights: Vec<(String, Light)>,
+    /// What a pixel keeps.
+    pub keeps: Keeps,
+}
+
+/// The level of its volume that a scene asks for.
+#[derive(Clone, Debug)]
+pub struct TakenLevel {
+    /// The level and its reason; 0 is the volume itself.
+    pub level: Level,
+    /// What is left of the visible labels in it, the label with the fewest voxels first.
+    pub labels: Vec<LabelLeft>,
+}
+
+/// A [`Job`] whose level is taken and whose plan is made.
+#[derive(Clone, Debug)]
+pub struct PlannedJob {
+    /// The scene, on its level.
+    pub scene: Scene,
+    /// Its plan.
+    pub planned: Planned,
+    /// Statistics of the values of its voxels.
+    pub statistics: Statistics,
+    /// The level, if the scene asks for one.
+    pub level: Option<TakenLevel>,
+    /// Cameras of the pictures, in the world of `scene`.
+    pub cameras: Vec<Camera>,
+}
+
+impl Job {
+    /// The job of `scene`, whose values have `statistics`: its voxels themselves, its lights, what it states.
+    #[must_use]
+    pub const fn new(scene: Scene, statistics: Statistics) -> Self {
+        Self { scene, statistics, pictures: None, lights: Vec::new(), keeps: Keeps::Stated }
+    }
+
+    /// The same for pictures of `size` by these `cameras`.
+    #[must_use]
+    pub fn of_pictures(self, size: [usize; 2], cameras: Vec<Camera>) -> Self {
+        Self { pictures: Some((size, cameras)), ..self }
+    }
+
+    /// Takes the level of the volume and plans the scene.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Volume`], [`RenderError::Plan`], [`RenderError::Cancelled`].
+    pub fn planned(self, progress: &dyn Progress) -> Result<PlannedJob, RenderError> {
+        let Self { scene, statistics, pictures, lights, keeps } = self;
+        let (size, cameras) = pictures.unwrap_or_else(|| ([0; 2], vec![scene.camera.clone()]));
+        let level = (scene.accuracy.voxel_pixels > 0.0 && size != [0; 2]).then(|| scene.level_of(&cameras, size));
+        let (mut scene, statistics, cameras, level) = match level {
+            Some(level) if level.level > 0 => {
+                let coarse = Coarse::of_level(&scene, level.level, progress).map_err(RenderError::Volume)?;
+                let labels = coarse.labels_left(&scene).map_err(RenderError::Volume)?;
+                let statistics = coarse.volume().statistics().map_err(RenderError::Volume)?;
+                let on_level = coarse.scene_in(&scene, size);
+                // The camera of the scene is stated otherwise on a level, for the same picture.
+                let is_own = |camera: Camera| if camera == scene.camera { on_level.camera.clone() } else { camera };
+                let cameras = cameras.into_iter().map(is_own).collect();
+                (on_level, statistics, cameras, Some(TakenLevel { level, labels }))
+            }
+            level => (scene, statistics, cameras, level.map(|level| TakenLevel { level, labels: Vec::new() })),
+        };
+        let planned = match keeps {
+            Keeps::Stated => plan_for(&scene, &lights, progress)?,
+            Keeps::Weights => of_weights(&mut scene, &lights, progress)?,
+            Keeps::Bands => {
+                // What no renderer computes, such as coloured shadows by rays, is refused by a plan.
+                if scene.asks_for_shadows() {
+                    plan_for(&scene, &[], progress)?;
+                }
+                plan_full_spectrum(&scene)
+            }
+        };
+        Ok(PlannedJob { scene, planned, statistics, level, cameras })
+    }
+}
+
+/// The plan of `scene` with weights of materials, and otherwise as it states.
+fn of_weights(scene: &mut Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
+    let accuracy = &scene.accuracy;
+    if accuracy.accumulate == AccumulateAs::Auto && accuracy.dimension.is_none() {
+        scene.accuracy.accumulate = AccumulateAs::Weights;
+        match plan_for(scene, lights, progress) {
+            Err(PlanError::NotGrey { .. }) => scene.accuracy.accumulate = AccumulateAs::Auto,
+            planned => return planned,
+        }
+    }
+    plan_for(scene, lights, progress)
+}
+
+impl PlannedJob {
+    /// The job of `scene` by itself, which is `planned` already.
+    #[must_use]
+    pub fn new(scene: Scene, planned: Planned, statistics: Statistics) -> Self {
+        let cameras = vec![scene.camera.clone()];
+        Self { scene, planned, statistics, level: None, cameras }
+    }
+
+    /// Uploads the volume to the device of `renderer`.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn uploaded(&self, renderer: &Renderer, progress: &dyn Progress) -> Result<SceneRenderer, RenderError> {
+        let Self { scene, planned, statistics, .. } = self.clone();
+        SceneRenderer::with_plan(renderer, scene, planned, statistics, progress)
+    }
+
+    /// Puts the scene in place of what is `kept` on the device, whose volume is uploaded only if it is not there. After an
+    /// error of too little memory, what was kept stays.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn put(
+        self,
+        kept: &mut Option<SceneRenderer>,
+        renderer: &Renderer,
+        progress: &dyn Progress,
+    ) -> Result<(), RenderError> {
+        let Self { scene, planned, statistics, .. } = self;
+        let held = kept.as_ref().filter(|before| before.holds(&scene, &planned));
+        let made = if let Some(before) = held {
+            before.with_scene(scene, planned, progress)?
+        } else {
+            renderer.check_room(&scene, &planned, &statistics)?;
+            // There may be no room for two volumes.
+            *kept = None;
+            SceneRenderer::with_plan(renderer, scene, planned, statistics, progress)?
+        };
+        *kept = Some(made);
+        Ok(())
+    }
+
+    /// Marches pictures of `size` by all cameras; `each` gets them one after the other.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`], and those of `each`.
+    pub fn march_all<E: From<RenderError>>(
+        &self,
+        on_device: &mut SceneRenderer,
+        size: [usize; 2],
+        progress: &dyn Progress,
+        mut each: impl FnMut(&SceneRenderer, DeviceFilm) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let number = self.cameras.len() as u64;
+        for (index, camera) in self.cameras.iter().enumerate() {
+            on_device.camera_mut().clone_from(camera);
+            let film = if number > 1 {
+                progress.report("marching", index as u64, number);
+                on_device.march(size, &unreported(progress))?
+            } else {
+                on_device.march(size, progress)?
+            };
+            each(on_device, film)?;
+        }
+        Ok(())
+    }
+
+    /// The scene without a device, in f64.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Labels`].
+    pub fn reference(&self) -> Result<Reference<'_>, RenderError> {
+        let Self { scene, planned, statistics, .. } = self;
+        let storage = Storage::new(&planned.plan, scene.volume(), statistics);
+        let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose();
+        Ok(Reference { job: self, storage, labels: labels.map_err(RenderError::Labels)? })
+    }
+}
+
+/// A scene that the reference marches on all cores, in f64 and without tables.
+#[derive(Debug)]
+pub struct Reference<'a> {
+    job: &'a PlannedJob,
+    /// What a device would store.
+    pub storage: Storage,
+    /// Labels, if the plan has any.
+    pub labels: Option<LabelMap>,
+}
+
+impl Reference<'_> {
+    /// The film of the job's own plan.
+    ///
+    /// # Errors
+    ///
+    /// [`ReferenceError`].
+    pub fn film(&self, size: [usize; 2], progress: &dyn Progress) -> Result<Film<f64>, ReferenceError> {
+        self.march(&self.job.planned, size, progress)
+    }
+
+    /// The film of all bands.
+    ///
+    /// # Errors
+    ///
+    /// [`ReferenceError`].
+    pub fn bands(&self, size: [usize; 2], progress: &dyn Progress) -> Result<Film<f64>, ReferenceError> {
+        self.march(&plan_full_spectrum(&self.job.scene), size, progress)
+    }
+
+    /// Linear sRGB and opacity of every pixel under `mix`, from all bands, none of which is kept.
+    ///
+    /// # Errors
+    ///
+    /// [`ReferenceError`].
+    pub fn picture(
+        &self,
+        mix: &Mix,
+        size: [usize; 2],
+        progress: &dyn Progress,
+    ) -> Result<Vec<(DVec3, f64)>, ReferenceError> {
+        let (scene, truth) = (&self.job.scene, plan_full_spectrum(&self.job.scene));
+        let matrices = RelightMatrices::of_scene(scene, &truth, mix);
+        render(scene, &truth, &self.exact(&truth), &matrices, size, progress)
+    }
+
+    fn march(&self, planned: &Planned, size: [usize; 2], progress: &dyn Progress) -> Result<Film<f64>, ReferenceError> {
+        march::<f64>(&self.job.scene, planned, &self.exact(planned), size, progress)
+    }
+
+    fn exact<'b>(&'b self, planned: &'b Planned) -> Exact<'b> {
+        Exact::new(&self.job.scene, planned, self.storage.clone(), self.labels.as_ref())
+    }
+}
