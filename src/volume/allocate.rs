@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::VolumeError;
-use super::stream::count;
+use crate::stream::count;
 use relume_base::memory::prefer_large_pages;
 
 /// Returns a vector of zeros; the system provides its memory at the first write.

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::data::{check_cancelled, report};
 use super::resample::of_blocks;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
+use crate::data::{check_cancelled, report};
 use relume_base::number::count;
 use relume_base::progress::Progress;
 

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::data::check_cancelled;
 use super::{Volume, VolumeError, Voxel, with_voxels};
+use crate::data::check_cancelled;
 use relume_base::number::unsigned;
 use relume_base::parallel;
 use relume_base::progress::Progress;

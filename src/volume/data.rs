@@ -5,29 +5,29 @@ use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::layout::ByteOrder;
-use super::select::{Pick, next_run};
 use super::stream::{self, Encoding, Skip, Start, count, read_fully};
-use super::voxels::{float_of_half, with_type};
-use super::{VolumeError, Voxel, VoxelType, Voxels, allocate};
+use crate::layout::ByteOrder;
+use crate::select::{Pick, next_run};
+use crate::voxels::{float_of_half, with_type};
+use crate::{VolumeError, Voxel, VoxelType, Voxels, allocate};
 use relume_base::progress::Progress;
 
 /// Unwanted bytes before the numbers that are inflated at most.
-pub(super) const MOST_SKIPPED: u64 = 64 << 20;
+pub(crate) const MOST_SKIPPED: u64 = 64 << 20;
 
 /// Bytes decoded between two progress reports.
-pub(super) const SLAB_BYTES: usize = 1 << 22;
+pub(crate) const SLAB_BYTES: usize = 1 << 22;
 
 /// A file and the count of numbers in it.
 #[derive(Clone, Debug)]
-pub(super) struct DataFile {
-    pub(super) path: PathBuf,
-    pub(super) numbers: usize,
+pub(crate) struct DataFile {
+    pub(crate) path: PathBuf,
+    pub(crate) numbers: usize,
 }
 
 impl DataFile {
     /// Returns an existing file; a long list of missing files must fail at the first.
-    pub(super) fn found(path: PathBuf, numbers: usize) -> Result<Self, VolumeError> {
+    pub(crate) fn found(path: PathBuf, numbers: usize) -> Result<Self, VolumeError> {
         match std::fs::metadata(&path) {
             Ok(_) => Ok(Self { path, numbers }),
             Err(source) => Err(VolumeError::Open { path, source }),
@@ -37,7 +37,7 @@ impl DataFile {
 
 /// Returns the path of the data file `name` of `header`. It must lie in the header's folder or below: a header may come
 /// from anywhere, and must not choose which files of this machine are read.
-pub(super) fn beside(header: &Path, name: &str) -> Result<PathBuf, VolumeError> {
+pub(crate) fn beside(header: &Path, name: &str) -> Result<PathBuf, VolumeError> {
     let inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
     if Path::new(name).components().all(inside) {
         Ok(header.parent().unwrap_or(Path::new("")).join(name))
@@ -47,12 +47,12 @@ pub(super) fn beside(header: &Path, name: &str) -> Result<PathBuf, VolumeError> 
 }
 
 /// The existing file `name` of `header`, if it is one: a per cent sign in the name of a file is no pattern.
-pub(super) fn existing(header: &Path, name: &str) -> Option<PathBuf> {
+pub(crate) fn existing(header: &Path, name: &str) -> Option<PathBuf> {
     beside(header, name).ok().filter(|path| path.is_file())
 }
 
 /// Refuses axes with more numbers in total than can be addressed.
-pub(super) fn check_size(source: impl fmt::Display, axes: &[usize]) -> Result<(), VolumeError> {
+pub(crate) fn check_size(source: impl fmt::Display, axes: &[usize]) -> Result<(), VolumeError> {
     // Eight bytes per number must be addressable, whatever the type.
     let bytes = axes.iter().try_fold(8_usize, |product, &n| product.checked_mul(n));
     if !axes.contains(&0) && bytes.is_some_and(|bytes| isize::try_from(bytes).is_ok()) {
@@ -64,21 +64,21 @@ pub(super) fn check_size(source: impl fmt::Display, axes: &[usize]) -> Result<()
 
 /// Description of the stored voxels; the files are concatenated.
 #[derive(Clone, Debug)]
-pub(super) struct Data {
-    pub(super) files: Vec<DataFile>,
-    pub(super) start: Start,
-    pub(super) encoding: Encoding,
-    pub(super) voxel_type: VoxelType,
-    pub(super) byte_order: ByteOrder,
+pub(crate) struct Data {
+    pub(crate) files: Vec<DataFile>,
+    pub(crate) start: Start,
+    pub(crate) encoding: Encoding,
+    pub(crate) voxel_type: VoxelType,
+    pub(crate) byte_order: ByteOrder,
     /// Positions on disjoint axes that select the voxels among the numbers; if empty, all numbers are voxels.
-    pub(super) picks: Vec<Pick>,
+    pub(crate) picks: Vec<Pick>,
     /// Whether a file ends with the numbers; otherwise more bytes behind them are not an oddity.
-    pub(super) alone: bool,
+    pub(crate) alone: bool,
 }
 
 impl Data {
     /// Paths of the files, in order.
-    pub(super) fn paths(&self) -> Vec<PathBuf> {
+    pub(crate) fn paths(&self) -> Vec<PathBuf> {
         self.files.iter().map(|file| file.path.clone()).collect()
     }
 
@@ -86,12 +86,12 @@ impl Data {
     ///
     /// Memory is bounded by what the lengths of the files justify, and is allocated only after all files have been
     /// examined.
-    pub(super) fn read(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
+    pub(crate) fn read(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
         with_type!(self.voxel_type, T => self.read_as::<T>(progress, notes))
     }
 
     /// Reads floats of 16 bits, which have the type `uint16` here, as those of 32.
-    pub(super) fn read_halves(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
+    pub(crate) fn read_halves(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
         let mut voxels: Vec<f32> = Vec::new();
         let all = self.voxels();
         self.read_into::<u16>(progress, notes, &mut |_, part| {
@@ -104,7 +104,7 @@ impl Data {
     }
 
     /// Number of voxels.
-    pub(super) fn voxels(&self) -> usize {
+    pub(crate) fn voxels(&self) -> usize {
         let numbers: usize = self.files.iter().map(|file| file.numbers).sum();
         self.picks.iter().fold(numbers, |numbers, pick| numbers / pick.length)
     }
@@ -115,7 +115,7 @@ impl Data {
 
     /// Reads the voxels slab by slab: `take` receives the index of the first one and the voxels. Nothing is handed on before
     /// the lengths of the files have been compared with the header.
-    pub(super) fn read_into<T: Voxel>(
+    pub(crate) fn read_into<T: Voxel>(
         &self,
         progress: &dyn Progress,
         notes: &mut Vec<String>,
@@ -234,7 +234,7 @@ impl Data {
     }
 
     /// Compares the lengths of the files with the numbers that they should hold.
-    pub(super) fn check_lengths(&self) -> Result<(), VolumeError> {
+    pub(crate) fn check_lengths(&self) -> Result<(), VolumeError> {
         self.files.iter().try_for_each(|file| self.start_of(file, &mut Vec::new()).map(drop))
     }
 
@@ -280,7 +280,7 @@ impl Data {
 }
 
 /// Receives the index of a voxel, and voxels from there on.
-pub(super) type Take<'a, T> = &'a mut dyn FnMut(usize, &[T]) -> Result<(), VolumeError>;
+pub(crate) type Take<'a, T> = &'a mut dyn FnMut(usize, &[T]) -> Result<(), VolumeError>;
 
 /// The voxels decoded so far, and the state of decoding.
 struct Slabs<'a, 'b, T> {
@@ -394,10 +394,10 @@ impl<T: Voxel> Slabs<'_, '_, T> {
 }
 
 /// The numbers of a file from index `first` on; the file should hold `expected` numbers.
-pub(super) struct Next<'a> {
-    pub(super) path: &'a Path,
-    pub(super) first: usize,
-    pub(super) expected: usize,
+pub(crate) struct Next<'a> {
+    pub(crate) path: &'a Path,
+    pub(crate) first: usize,
+    pub(crate) expected: usize,
 }
 
 impl<'a> Next<'a> {
@@ -407,7 +407,7 @@ impl<'a> Next<'a> {
 
     /// Fills `slab` from bytes, with an optional swap of the byte order; `failed` makes the error from the count of
     /// bytes decoded before it.
-    pub(super) fn decode<T: Voxel>(
+    pub(crate) fn decode<T: Voxel>(
         &self,
         slab: &mut [T],
         stream: &mut dyn Read,
@@ -428,7 +428,7 @@ impl<'a> Next<'a> {
     }
 
     /// Fills `slab` from text.
-    pub(super) fn parse<T: Voxel>(&self, slab: &mut [T], stream: &mut dyn io::BufRead) -> Result<(), VolumeError> {
+    pub(crate) fn parse<T: Voxel>(&self, slab: &mut [T], stream: &mut dyn io::BufRead) -> Result<(), VolumeError> {
         let path = || self.path.to_owned();
         let mut word = Vec::new();
         for (voxel, index) in slab.iter_mut().zip(self.first..) {
@@ -448,14 +448,14 @@ impl<'a> Next<'a> {
 }
 
 /// Reports that `done` of `all` bytes of `path` have been read; returns an error if `progress` cancels.
-pub(super) fn report(path: &Path, done: u64, all: u64, progress: &dyn Progress) -> Result<(), VolumeError> {
+pub(crate) fn report(path: &Path, done: u64, all: u64, progress: &dyn Progress) -> Result<(), VolumeError> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     progress.report(&format!("reading {name}"), done, all);
     check_cancelled(path, progress)
 }
 
 /// Progress of listing the files of a folder before their voxels are read.
-pub(super) struct Listing<'a> {
+pub(crate) struct Listing<'a> {
     folder: &'a Path,
     files: u64,
     done: AtomicU64,
@@ -463,12 +463,12 @@ pub(super) struct Listing<'a> {
 }
 
 impl<'a> Listing<'a> {
-    pub(super) fn of(folder: &'a Path, files: usize, progress: &'a dyn Progress) -> Self {
+    pub(crate) fn of(folder: &'a Path, files: usize, progress: &'a dyn Progress) -> Self {
         Self { folder, files: count(files), done: AtomicU64::new(0), progress }
     }
 
     /// Reports one file more; returns an error if the progress cancels.
-    pub(super) fn next(&self) -> Result<(), VolumeError> {
+    pub(crate) fn next(&self) -> Result<(), VolumeError> {
         let done = self.done.fetch_add(1, Ordering::Relaxed);
         let name = self.folder.file_name().unwrap_or(self.folder.as_os_str()).to_string_lossy();
         self.progress.report(&format!("listing {name}"), done, self.files);
@@ -477,7 +477,7 @@ impl<'a> Listing<'a> {
 }
 
 /// Error if `progress` cancels the reading of `path`.
-pub(super) fn check_cancelled(path: &Path, progress: &dyn Progress) -> Result<(), VolumeError> {
+pub(crate) fn check_cancelled(path: &Path, progress: &dyn Progress) -> Result<(), VolumeError> {
     if progress.cancelled() {
         return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
     }

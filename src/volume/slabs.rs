@@ -5,18 +5,18 @@ use std::path::{Path, PathBuf};
 
 use super::data::{Take, check_cancelled};
 use super::stream::count;
-use super::{Part, Selection, Volume, VolumeError, Voxel, VoxelType, with_voxels};
+use crate::{Part, Selection, Volume, VolumeError, Voxel, VoxelType, with_voxels};
 use relume_base::progress::Progress;
 
 /// Reads what a selection chooses of a file or folder.
-pub(super) type Open = fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>;
+pub(crate) type Open = fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>;
 
 /// Bytes of slices that are read at once at most, if memory and chunks allow it. Readers look through their headers again
 /// for each slab.
 const MOST: u64 = 256 << 20;
 
 /// The slices of a volume, slab by slab.
-pub(super) struct Slabs {
+pub(crate) struct Slabs {
     path: PathBuf,
     selection: Selection,
     open: Open,
@@ -32,7 +32,7 @@ impl Slabs {
     /// # Errors
     ///
     /// [`VolumeError::NotStreamed`] if the volume is resampled, or its reader reads it as a whole.
-    pub(super) fn of(
+    pub(crate) fn of(
         path: &Path,
         selection: &Selection,
         (open, probe): (Open, usize),
@@ -50,7 +50,7 @@ impl Slabs {
         Ok((Self { path: path.to_owned(), selection, open, header: header.clone(), part }, header))
     }
 
-    pub(super) fn voxel_type(&self) -> VoxelType {
+    pub(crate) fn voxel_type(&self) -> VoxelType {
         self.header.voxels.voxel_type()
     }
 
@@ -61,13 +61,13 @@ impl Slabs {
     }
 
     /// Slices that are read at once with `budget` bytes of memory, and the bytes of their voxels.
-    pub(super) fn at_once(&self, budget: u64) -> (usize, u64) {
+    pub(crate) fn at_once(&self, budget: u64) -> (usize, u64) {
         let slices = at_once(self.part, self.slice(), budget);
         (slices, count(slices).saturating_mul(self.slice()))
     }
 
     /// Says that chunks are decoded more than once if `slices` slices are read at once.
-    pub(super) fn warning(&self, slices: usize) -> Option<String> {
+    pub(crate) fn warning(&self, slices: usize) -> Option<String> {
         let Part { depth, together } = self.part;
         (!slices.is_multiple_of(together) && slices < depth).then(|| {
             let source = self.path.display();
@@ -76,7 +76,7 @@ impl Slabs {
     }
 
     /// Reads the voxels, `slices` slices at once, and hands them on in order.
-    pub(super) fn read_into<T: Voxel>(
+    pub(crate) fn read_into<T: Voxel>(
         &self,
         slices: usize,
         progress: &dyn Progress,

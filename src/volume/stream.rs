@@ -9,33 +9,33 @@ use bzip2::bufread::MultiBzDecoder;
 use flate2::CrcReader;
 use flate2::bufread::{DeflateDecoder, MultiGzDecoder, ZlibDecoder};
 
-use super::VolumeError;
+use crate::VolumeError;
 use relume_base::input;
 
 /// Largest expansion by deflate: 1032 bytes per byte (a match of two bits yields 258 bytes).
-pub(super) const DEFLATE_LIMIT: u64 = 1032;
+pub(crate) const DEFLATE_LIMIT: u64 = 1032;
 
 /// Largest number of bytes that a byte of baseline JPEG yields: two bits yield at most a block of 64 bytes, and the colour of
 /// four of them.
-pub(super) const JPEG_LIMIT: u64 = 512;
+pub(crate) const JPEG_LIMIT: u64 = 512;
 
 /// Largest expansion by bzip2: a block is longer than 24 bytes, and holds at most 900 000 · 255 / 5 bytes.
 const BZIP2_LIMIT: u64 = 1 << 21;
 
 /// Position of the numbers in a file: encoded data begin `lines` lines after byte `at`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Start {
+pub(crate) struct Start {
     /// Byte offset from which lines are counted.
-    pub(super) at: u64,
+    pub(crate) at: u64,
     /// Number of lines to skip.
-    pub(super) lines: u64,
+    pub(crate) lines: u64,
     /// Part of the decoded data to skip.
-    pub(super) skip: Skip,
+    pub(crate) skip: Skip,
 }
 
 /// Part of the decoded bytes that is skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Skip {
+pub(crate) enum Skip {
     /// A number of bytes at the beginning.
     Bytes(u64),
     /// Everything before the numbers, which end the data.
@@ -44,17 +44,17 @@ pub(super) enum Skip {
 
 impl Start {
     /// The numbers end the file.
-    pub(super) const TAIL: Self = Self { at: 0, lines: 0, skip: Skip::Tail };
+    pub(crate) const TAIL: Self = Self { at: 0, lines: 0, skip: Skip::Tail };
 
     /// The numbers begin at byte `at`.
-    pub(super) const fn at(at: u64) -> Self {
+    pub(crate) const fn at(at: u64) -> Self {
         Self { at, lines: 0, skip: Skip::Bytes(0) }
     }
 }
 
 /// Encoding of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(crate) enum Encoding {
     /// Binary, in some byte order.
     Raw,
     /// Binary, in one zlib stream; `said` is the number of compressed bytes stated in the header.
@@ -73,7 +73,7 @@ pub(super) enum Encoding {
 
 impl Encoding {
     /// Largest number of bytes per compressed byte; `None` if the encoding does not compress.
-    pub(super) fn packing(self) -> Option<u64> {
+    pub(crate) fn packing(self) -> Option<u64> {
         match self {
             Self::Raw | Self::Hex | Self::Text => None,
             Self::Zlib { .. } | Self::Deflate { .. } | Self::Gzip => Some(DEFLATE_LIMIT),
@@ -82,7 +82,7 @@ impl Encoding {
     }
 
     /// Name of the encoding in errors about damaged data; `None` for raw bytes, which cannot be damaged, and for text.
-    pub(super) fn name(self) -> Option<&'static str> {
+    pub(crate) fn name(self) -> Option<&'static str> {
         match self {
             Self::Raw | Self::Text => None,
             Self::Zlib { .. } => Some("zlib"),
@@ -95,7 +95,7 @@ impl Encoding {
 }
 
 /// Stream of decoded bytes.
-pub(super) enum Decoded {
+pub(crate) enum Decoded {
     Raw(BufReader<File>),
     Zlib(ZlibDecoder<BufReader<File>>),
     Deflate(CrcReader<DeflateDecoder<BufReader<File>>>),
@@ -106,7 +106,7 @@ pub(super) enum Decoded {
 
 impl Decoded {
     /// Number of compressed bytes read; `None` except for zlib.
-    pub(super) fn read_in(&self) -> Option<u64> {
+    pub(crate) fn read_in(&self) -> Option<u64> {
         match self {
             Self::Zlib(stream) => Some(stream.total_in()),
             _ => None,
@@ -114,7 +114,7 @@ impl Decoded {
     }
 
     /// Checksum of the bytes decoded so far; `None` except for deflate.
-    pub(super) fn checksum(&self) -> Option<u32> {
+    pub(crate) fn checksum(&self) -> Option<u32> {
         match self {
             Self::Deflate(stream) => Some(stream.crc().sum()),
             _ => None,
@@ -136,7 +136,7 @@ impl Read for Decoded {
 }
 
 /// Opens the bytes of `path` from offset `start` on, decoded; text is not parsed.
-pub(super) fn decoded(path: &Path, start: u64, encoding: Encoding) -> Result<Decoded, VolumeError> {
+pub(crate) fn decoded(path: &Path, start: u64, encoding: Encoding) -> Result<Decoded, VolumeError> {
     let stream = at(path, start)?;
     Ok(match encoding {
         Encoding::Raw | Encoding::Text => Decoded::Raw(stream),
@@ -149,7 +149,7 @@ pub(super) fn decoded(path: &Path, start: u64, encoding: Encoding) -> Result<Dec
 }
 
 /// Opens a regular file; pipes, devices and folders are refused.
-pub(super) fn open(path: &Path) -> Result<File, VolumeError> {
+pub(crate) fn open(path: &Path) -> Result<File, VolumeError> {
     input::open(path).map_err(|source| VolumeError::Open { path: path.to_owned(), source })
 }
 
@@ -157,7 +157,7 @@ pub(super) fn open(path: &Path) -> Result<File, VolumeError> {
 const BEGINNING: u64 = 4096;
 
 /// The first bytes of a file.
-pub(super) fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
+pub(crate) fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
     let mut bytes = Vec::new();
     let read = open(path)?.take(BEGINNING).read_to_end(&mut bytes);
     read.map_err(|source| failed(path, source))?;
@@ -165,14 +165,14 @@ pub(super) fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
 }
 
 /// Opens the bytes of `path` from offset `start` on.
-pub(super) fn at(path: &Path, start: u64) -> Result<BufReader<File>, VolumeError> {
+pub(crate) fn at(path: &Path, start: u64) -> Result<BufReader<File>, VolumeError> {
     let mut stream = BufReader::with_capacity(1 << 16, open(path)?);
     stream.seek(SeekFrom::Start(start)).map_err(|source| failed(path, source))?;
     Ok(stream)
 }
 
 /// Returns the offset at which the encoded data of `path` begin, and the length of the file.
-pub(super) fn after_lines(path: &Path, start: Start) -> Result<(u64, u64), VolumeError> {
+pub(crate) fn after_lines(path: &Path, start: Start) -> Result<(u64, u64), VolumeError> {
     let failed = |source| failed(path, source);
     let mut stream = at(path, start.at)?;
     let length = stream.get_ref().metadata().map_err(failed)?.len();
@@ -191,17 +191,17 @@ pub(super) fn after_lines(path: &Path, start: Start) -> Result<(u64, u64), Volum
     Ok((begin.min(length), length))
 }
 
-pub(super) fn failed(path: &Path, source: io::Error) -> VolumeError {
+pub(crate) fn failed(path: &Path, source: io::Error) -> VolumeError {
     VolumeError::Read { path: path.to_owned(), source }
 }
 
 /// Converts a count in memory to a count of bytes in a file; memory is never larger than 2⁶⁴ bytes.
-pub(super) fn count(number: usize) -> u64 {
+pub(crate) fn count(number: usize) -> u64 {
     u64::try_from(number).unwrap_or(u64::MAX)
 }
 
 /// `PackBits`: runs of copied and of repeated bytes.
-pub(super) struct PackBits<'a> {
+pub(crate) struct PackBits<'a> {
     packed: &'a [u8],
     run: Run,
 }
@@ -214,12 +214,12 @@ enum Run {
 }
 
 impl<'a> PackBits<'a> {
-    pub(super) fn new(packed: &'a [u8]) -> Self {
+    pub(crate) fn new(packed: &'a [u8]) -> Self {
         Self { packed, run: Run::Copy(0) }
     }
 
     /// Fills `bytes` until the runs end; returns the number of bytes.
-    pub(super) fn fill(&mut self, bytes: &mut [u8]) -> usize {
+    pub(crate) fn fill(&mut self, bytes: &mut [u8]) -> usize {
         let mut filled = 0;
         while filled < bytes.len() {
             let room = bytes.len() - filled;
@@ -301,7 +301,7 @@ fn read_hex(stream: &mut impl BufRead, bytes: &mut [u8]) -> io::Result<usize> {
 }
 
 /// Fills `bytes` until `stream` ends; returns the number of bytes read.
-pub(super) fn read_fully(stream: &mut dyn Read, bytes: &mut [u8]) -> io::Result<usize> {
+pub(crate) fn read_fully(stream: &mut dyn Read, bytes: &mut [u8]) -> io::Result<usize> {
     let mut filled = 0;
     while filled < bytes.len() {
         match stream.read(&mut bytes[filled..]) {
@@ -320,7 +320,7 @@ pub(super) fn read_fully(stream: &mut dyn Read, bytes: &mut [u8]) -> io::Result<
 const LONGEST_WORD: usize = 400;
 
 /// Reads the next word between white space or commas into `word`; `None` at the end.
-pub(super) fn next_word<'a>(stream: &mut dyn BufRead, word: &'a mut Vec<u8>) -> io::Result<Option<Cow<'a, str>>> {
+pub(crate) fn next_word<'a>(stream: &mut dyn BufRead, word: &'a mut Vec<u8>) -> io::Result<Option<Cow<'a, str>>> {
     let parts = |byte: &u8| byte.is_ascii_whitespace() || *byte == b',';
     word.clear();
     loop {

@@ -2,7 +2,7 @@
 
 use super::data::Data;
 use super::stream::count;
-use super::{Volume, VolumeError, VoxelType, Voxels};
+use crate::{Volume, VolumeError, VoxelType, Voxels};
 use relume_base::progress::Progress;
 
 /// Makes the volume of its voxels and the notes of reading them. Without voxels, it makes a volume whose voxels lie
@@ -10,30 +10,30 @@ use relume_base::progress::Progress;
 type Finish = Box<dyn FnOnce(Voxels, Vec<String>) -> Result<Volume, VolumeError>>;
 
 /// A volume whose header has been read, and whose voxels are read slab by slab.
-pub(super) struct Streamed {
+pub(crate) struct Streamed {
     /// The voxels.
-    pub(super) data: Data,
+    pub(crate) data: Data,
     /// Whether the numbers, which have the type `uint16` here, are floats of 16 bits; the voxels are those of 32.
-    pub(super) halves: bool,
+    pub(crate) halves: bool,
     /// Voxels along each axis, or the reason why they are not those of the file.
-    pub(super) dims: Result<[usize; 3], &'static str>,
+    pub(crate) dims: Result<[usize; 3], &'static str>,
     /// Notes of the header.
-    pub(super) notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
     /// Makes the volume.
-    pub(super) finish: Finish,
+    pub(crate) finish: Finish,
 }
 
 impl Streamed {
     /// Type of the voxels.
-    pub(super) fn voxel_type(&self) -> VoxelType {
+    pub(crate) fn voxel_type(&self) -> VoxelType {
         if self.halves { VoxelType::F32 } else { self.data.voxel_type }
     }
 
     /// Reads all voxels into memory, of which they may take what `selection` allows.
-    pub(super) fn read(
+    pub(crate) fn read(
         mut self,
         source: &str,
-        selection: &super::Selection,
+        selection: &crate::Selection,
         progress: &dyn Progress,
     ) -> Result<Volume, VolumeError> {
         // A header that promises more than its files hold is wrong, whatever the memory.

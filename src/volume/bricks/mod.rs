@@ -20,15 +20,15 @@ pub use grid::BRICK;
 pub use make::{BricksMade, MakeError};
 pub(super) use make::{Input, make};
 
-use super::data::{check_cancelled, report};
 use super::resample::of_blocks;
 use super::select::HostMemory;
 use super::statistics::Measured;
-use super::stream::{self, count};
 use super::voxels::with_type;
 use super::{
     Finest, Geometry, Selection, Several, Volume, VolumeError, Voxel, VoxelType, Voxels, allocate, with_voxels,
 };
+use crate::data::{check_cancelled, report};
+use crate::stream::{self, count};
 use cells::CellRanges;
 use format::{Entry, FIXED, Fixed, LEVELS, Level, Text, damaged, digest};
 use grid::BrickGrid;

@@ -1,0 +1,30 @@
+//! Readers of files: a module for each format, its entry in `open::FORMATS` or `folder::FORMATS`, and what several share.
+
+pub(crate) mod batches;
+pub(crate) mod binary;
+pub(crate) mod dicom;
+pub(crate) mod fields;
+pub(crate) mod folder;
+pub(crate) mod foreign;
+pub(crate) mod guard;
+pub(crate) mod hdf5;
+pub(crate) mod hint;
+pub(crate) mod lengths;
+pub(crate) mod metaimage;
+pub(crate) mod mgh;
+pub(crate) mod mrc;
+pub(crate) mod nifti;
+pub(crate) mod nrrd;
+pub(crate) mod numpy;
+pub(crate) mod offered;
+pub(crate) mod open;
+pub(crate) mod pattern;
+pub(crate) mod preview;
+pub(crate) mod raw;
+pub(crate) mod slices;
+pub(crate) mod tiff;
+pub(crate) mod tiles;
+pub(crate) mod type_string;
+pub(crate) mod vti;
+pub(crate) mod vtk;
+pub(crate) mod zarr;
