@@ -7,7 +7,7 @@ use serde::Serialize;
 use relume::document::{SceneError, SceneOptions, parse};
 use relume::measure::candidates::{DIMENSIONS, SCALES, setting, voxels};
 use relume::measure::{
-    Bench, Choice, Goal, Knob, Limit, MeasureError, Patience, Pixels, Setting, Value, Wanted, choose_within, summary,
+    Bench, Choice, Goal, Limit, MeasureError, Patience, Pixels, Setting, Value, Wanted, choose_within, summary,
 };
 use relume::model::ErrorSummary;
 use relume::model::random::Random;
@@ -156,8 +156,8 @@ pub(crate) fn goal_row(
         Some(Value::Number(number)) => Some(number),
         _ => None,
     };
-    let samples = |setting: &Setting| setting.scale().powi(2) / number(setting, Knob::Step).unwrap_or(1.0);
-    let dimension = number(&chosen, Knob::K);
+    let samples = |setting: &Setting| setting.scale().powi(2) / number(setting, "step").unwrap_or(1.0);
+    let dimension = number(&chosen, "k");
     let mut bench = Bench::new(renderer, scene, &mix, SIZE, (PIXELS, SEED, Limit::NONE), progress)?;
     // Leaves room for settings with shorter steps.
     bench.truth_for(0.5 * chosen.applied(scene).accuracy.step_length, Limit::NONE, progress)?;
@@ -187,7 +187,7 @@ pub(crate) fn goal_row(
             }
         }
     }
-    let fewest = keep.iter().filter(|(setting, _)| number(setting, Knob::K) <= dimension).map(|(it, _)| samples(it));
+    let fewest = keep.iter().filter(|(setting, _)| number(setting, "k") <= dimension).map(|(it, _)| samples(it));
     let samples_over = samples(&chosen) / fewest.fold(f64::INFINITY, f64::min);
 
     let software = renderer.device().info().kind == DeviceKind::Software;

@@ -5,6 +5,8 @@ use clap::builder::PossibleValuesParser;
 
 use crate::document::Definition;
 use crate::model::ModelKind;
+use crate::scene::AccumulateAs;
+use crate::scene::key::Named as _;
 
 /// Heading in `--help`.
 const COLOUR: &str = "Colour accuracy (overrides [accuracy] of the scene)";
@@ -22,7 +24,7 @@ pub(crate) struct AccuracyArgs {
     #[arg(long, help_heading = COLOUR, value_parser = PossibleValuesParser::new(ModelKind::ALL.map(ModelKind::name)))]
     model: Option<String>,
     /// Store material weights (exact where all absorption is grey), or the coefficients of a colour model.
-    #[arg(long, help_heading = COLOUR, value_parser = PossibleValuesParser::new(["auto", "weights", "spectral"]))]
+    #[arg(long, help_heading = COLOUR, value_parser = PossibleValuesParser::new(AccumulateAs::ALL.iter().map(|(_, name)| name)))]
     accumulate: Option<String>,
 }
 

@@ -15,6 +15,7 @@ use crate::output::film::{Components, FilmFile, Light, Stored};
 use crate::plan::{Accumulate, Planned, Transmittance, plan};
 use crate::progress::Progress;
 use crate::scene::Scene;
+use crate::scene::key::Named as _;
 use crate::tables::{LightGrid, Storage};
 use crate::volume::{
     self, HostMemory, LabelPreset, Offered, RawLayout, Selection, Series, Several, Volume, VolumeError, Window,
@@ -745,12 +746,12 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "labels": plan.labels,
         "smooth_labels": plan.smooth_labels,
         "background": plan.background,
-        "lookup": plan.lookup,
+        "lookup": plan.lookup.name(),
         "integration": plan.integration,
-        "interpolation": plan.interpolation,
+        "interpolation": plan.interpolation.name(),
         "skipping": plan.skipping,
         "rays": plan.rays,
-        "storage": plan.storage,
+        "storage": plan.storage.name(),
         "pixel_bytes": plan.pixel_bytes(),
         "texture": {
             "format": format!("{:?}", storage.format).to_lowercase(),

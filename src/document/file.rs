@@ -14,6 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DMat3, DVec2, DVec3};
+use serde::Deserialize as _;
+use toml::de::{DeTable, Deserializer};
 use toml::{Spanned, Table};
 
 use keys::*;
@@ -25,18 +27,17 @@ use super::error::chain;
 use super::light_request::warn_below_zero;
 use super::{Dial, DialPreset, LightState, SceneError, SceneFile};
 use relume_base::input;
-use relume_base::number::{brief, count, readable, unsigned};
+use relume_base::number::{brief, count, readable};
 use relume_base::progress::Progress;
-use relume_colour::model::LARGEST_DIMENSION;
 use relume_colour::palette::{self, Member, Misplaced};
 use relume_colour::spectrum::{
     INDICES, Layers, Reflectance, Spectrum, SpectrumError, SpectrumSource, THICKNESSES, ThinFilm,
 };
 use relume_colour::written::{place, with_suggestion};
+use relume_scene::key::{self, Key, KeyError};
 use relume_scene::{
-    Accuracy, Aim, Camera, Display, Fields, Fill, Frame, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, LightKind,
-    MOST_RAYS, MOST_VOXEL_PIXELS, Material, MaterialCurve, OPAQUE_DEPTH, PHASES, Placement, Projection, Scene,
-    SceneLight, Shadows, Term, Transfer, unit,
+    Aim, Camera, Fill, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, LightKind, Material, MaterialCurve,
+    OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Term, unit,
 };
 use relume_volume::{
     self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,
@@ -180,11 +181,11 @@ fn with_definitions<T>(
 ) -> Result<T, SceneError> {
     let volume = Cell::new(volume);
     let stated = Text { name: name.to_owned(), text, changed: None, volume: &volume };
-    let file: Root = stated.deserialize()?;
+    let file = stated.root()?;
     if definitions.is_empty() {
         return read(&stated, file);
     }
-    let before: Table = stated.deserialize()?;
+    let before: Table = text.parse().map_err(|error| stated.unreadable(&error))?;
     let mut table = before.clone();
     let resolve = |definition: &Definition| {
         let failed = |message| SceneError::Define { given: definition.given.clone(), message };
@@ -199,7 +200,7 @@ fn with_definitions<T>(
         .map_err(|error| SceneError::Define { given: all_given(definitions), message: error.to_string() })?;
     let changed_by = Some((text, definitions));
     let defined = Text { name: name.to_owned(), text: &changed, changed: changed_by, volume: &volume };
-    let file = defined.deserialize()?;
+    let file = defined.root()?;
     read(&defined, file)
 }
 
@@ -265,14 +266,6 @@ fn without_absorption(key: &str, material: &str) -> String {
 const OTHERS: &str = "others";
 
 const UNIT: RangeInclusive<f64> = 0.0..=1.0;
-/// Range of `shadows.spacing`, in voxels.
-const SHADOW_SPACINGS: RangeInclusive<f64> = 0.5..=64.0;
-/// Range of `shadows.directions`.
-const SKY_DIRECTIONS: RangeInclusive<usize> = 8..=1024;
-/// Range of `shadows.start`, in smallest spacings.
-const SHADOW_STARTS: RangeInclusive<f64> = 0.0..=1000.0;
-const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
-const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
 
 /// Reflectances above this value are assumed to be in percent; solved spectra of palettes reach 4.
 const PERCENT: f64 = 10.0;
@@ -316,21 +309,76 @@ fn with_names(original: &str, definition: &str, message: String) -> String {
 }
 
 impl Text<'_> {
-    fn deserialize<T: serde::de::DeserializeOwned>(&self) -> Result<T, SceneError> {
-        toml::from_str(self.text).map_err(|error| {
-            let mut message = with_suggestion(error.message());
-            if message == "missing field `version`" {
-                message += "; write version = 1";
+    /// The keys of the text.
+    fn root(&self) -> Result<Root, SceneError> {
+        let read = || {
+            let mut table = DeTable::parse(self.text)?;
+            let mut scalars = Scalars::new();
+            take_scalars(table.get_mut(), &[], &mut scalars);
+            let mut root = Root::deserialize(Deserializer::from(table))?;
+            root.scalars = scalars;
+            Ok(root)
+        };
+        read().map_err(|error| self.unreadable(&error))
+    }
+
+    /// The error `error` of the parser.
+    fn unreadable(&self, error: &toml::de::Error) -> SceneError {
+        let byte = error.span().map_or(0, |span| span.start);
+        let path = path_at(self.text, byte);
+        let parts: Vec<&str> = path.iter().map(String::as_str).collect();
+        let mut message = error.message().to_owned();
+        let scalars = scalars_of(parts.split_last().map_or(&[], |(_, table)| table));
+        if message.starts_with("unknown field") && !scalars.is_empty() {
+            let mut words = message.split('`').skip(1).step_by(2);
+            let unknown = words.next().unwrap_or_default();
+            let names: Vec<&str> = scalars.into_iter().chain(words).collect();
+            message = format!("unknown field `{unknown}`, expected one of `{}`", names.join("`, `"));
+        }
+        message = with_suggestion(&message);
+        if message == "missing field `version`" {
+            message += "; write version = 1";
+        }
+        if toml::from_str(self.text).is_ok_and(|table: Table| table.contains_key("cells")) {
+            message += "; this is a palette: relume design solves it, and a scene uses it by [palette] use = \"FILE\"";
+        }
+        if Path::new(&self.name).extension().is_some_and(|ending| ending != "toml") {
+            message += "; scenes are TOML files";
+        }
+        self.refuse(byte, message)
+    }
+
+    /// The value that `scalars` state for the `key` of the part whose paths begin with `beginning`.
+    fn scalar<'s, T>(
+        &self,
+        key: &Key<T>,
+        beginning: &str,
+        scalars: &'s Scalars,
+    ) -> Result<Option<key::Value<'s>>, SceneError> {
+        let path = format!("{beginning}{}", key.path);
+        let Some(stated) = scalars.get(&path) else { return Ok(None) };
+        let refused = |value, allowed| self.invalid(stated, KeyError { key: path.clone(), value, allowed }.to_string());
+        let value = match stated.get_ref() {
+            toml::Value::String(name) => key::Value::Name(name),
+            toml::Value::Boolean(on) => key::Value::Switch(*on),
+            other => match f64::deserialize(other.clone()) {
+                Ok(number) => key::Value::Number(number),
+                Err(_) => return Err(refused(other.to_string(), key.kind.allowed())),
+            },
+        };
+        key.check(value).map_err(|error| refused(error.value, error.allowed))?;
+        Ok(Some(value))
+    }
+
+    /// Sets the `keys` of `part` that `scalars` state. Their paths begin with `beginning`.
+    fn set<T>(&self, part: &mut T, keys: &[Key<T>], beginning: &str, scalars: &Scalars) -> Result<(), SceneError> {
+        for key in keys {
+            if let Some(value) = self.scalar(key, beginning, scalars)? {
+                // Of a camera, keys of other kinds have been refused.
+                key.set(part, Some(value)).map_err(|error| self.refuse(0, error.to_string()))?;
             }
-            if toml::from_str(self.text).is_ok_and(|table: Table| table.contains_key("cells")) {
-                message +=
-                    "; this is a palette: relume design solves it, and a scene uses it by [palette] use = \"FILE\"";
-            }
-            if Path::new(&self.name).extension().is_some_and(|ending| ending != "toml") {
-                message += "; scenes are TOML files";
-            }
-            self.refuse(error.span().map_or(0, |span| span.start), message)
-        })
+        }
+        Ok(())
     }
 
     /// Error at the byte `byte` of the text: names the definition that set the value, otherwise the place in the file.
@@ -359,24 +407,8 @@ impl Text<'_> {
         if range.contains(&number) {
             return Ok(number);
         }
-        let allowed = if *range == POSITIVE {
-            "a finite number above 0".to_owned()
-        } else if *range == FINITE {
-            "a finite number".to_owned()
-        } else if *range.end() >= f64::MAX {
-            format!("a finite number from {}", readable(*range.start()))
-        } else {
-            format!("a number from {} to {}", readable(*range.start()), readable(*range.end()))
-        };
+        let allowed = key::numbers([*range.start(), *range.end()]);
         Err(self.invalid(value, format!("{key} = {}; it must be {allowed}", readable(number))))
-    }
-
-    fn whole(&self, key: &str, value: &At<i64>, range: RangeInclusive<usize>) -> Result<usize, SceneError> {
-        let number = *value.get_ref();
-        usize::try_from(number).ok().filter(|number| range.contains(number)).ok_or_else(|| {
-            let [least, most] = [range.start(), range.end()];
-            self.invalid(value, format!("{key} = {number}; it must be a whole number from {least} to {most}"))
-        })
     }
 
     fn optional(
@@ -491,7 +523,8 @@ impl Text<'_> {
         }
         let base = &file.base.as_ref().map_or_else(|| base.to_owned(), |stated| base.join(stated));
         let mut inputs = self.use_palette(&mut file, base, progress)?;
-        let materials = self.materials(&file.materials, base)?;
+        let scalars = &std::mem::take(&mut file.scalars);
+        let materials = self.materials(&file.materials, scalars, base)?;
         let background = match &file.background {
             None => None,
             Some(source) => {
@@ -501,94 +534,20 @@ impl Text<'_> {
             }
         };
         let background = background.filter(|surface| surface.spectrum().samples().iter().any(|&sample| sample != 0.0));
-        let (lights, dark) = self.lights(&file.lights, base)?;
+        let (lights, dark) = self.lights(&file.lights, scalars, base)?;
         let mut dial = self.dial(&file.dial, &lights)?;
         let light = self.mix(&file.mix, (&lights, &mut dial), &dark)?;
-        let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref))?;
+        let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref), scalars)?;
         let declared = self.label_entries(&file.labels, &materials)?;
-        let usual = Accuracy::new(1.0);
-        let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
-        let termination =
-            self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), usual.termination)?;
-        let rays = file.accuracy.rays.as_ref().map(|rays| self.whole("rays", rays, 1..=MOST_RAYS)).transpose()?;
-        let variation = self.optional("variation", file.accuracy.variation.as_ref(), &(1e-6..=1.0), usual.variation)?;
-        let tolerance =
-            self.optional("tolerance", file.accuracy.tolerance.as_ref(), &(1e-3..=100.0), usual.tolerance)?;
-        let dimension = match file.accuracy.k.as_ref().map(|k| (k, k.get_ref())) {
-            None | Some((_, DimensionFile::Planned(Auto::Auto))) => None,
-            Some((at, DimensionFile::Stated(k))) => {
-                let dimension = usize::try_from(*k).ok().filter(|k| (1..=LARGEST_DIMENSION).contains(k));
-                let message = format!("k = {k}; it must be a whole number from 1 to {LARGEST_DIMENSION}, or \"auto\"");
-                Some(dimension.ok_or_else(|| self.invalid(at, message))?)
-            }
-        };
-        let pixels = &(0.0..=MOST_VOXEL_PIXELS);
-        let voxel_pixels =
-            self.optional("voxel_pixels", file.accuracy.voxel_pixels.as_ref(), pixels, usual.voxel_pixels)?;
-        let exposure =
-            self.optional("exposure", file.display.exposure.as_ref(), &(0.0..=1e9), Display::default().exposure)?;
-        let opacity_length = file
-            .transfer
-            .opacity_length
-            .as_ref()
-            .map(|length| self.number("opacity_length", length, &POSITIVE))
-            .transpose()?;
-        let mut transfer = self.transfer(&file.transfer, &materials)?;
+        let (terms, gradient_opacity) = self.transfer(&file.transfer, &materials)?;
+        // Refused before the volume is read, which may take long.
+        for key in key::SCENE {
+            self.scalar(key, "", scalars)?;
+        }
 
         let (volume, stored) = self.volume(&file.volume, base, options, progress)?;
         let (volume, labels) = self.label_volume(&file.volume, (volume, &stored), declared, base, options, progress)?;
-        let smallest = volume.geometry.spacing.min_element();
-        transfer.opacity_length = opacity_length.unwrap_or(smallest);
-        let accuracy = Accuracy {
-            step_length: step.unwrap_or(smallest),
-            termination,
-            rays: rays.unwrap_or(usual.rays),
-            integration: file.accuracy.integration,
-            variation,
-            skipping: file.accuracy.skipping.unwrap_or(usual.skipping),
-            interpolation: file.accuracy.interpolation,
-            labels: file.accuracy.labels,
-            volume: file.accuracy.volume,
-            gradients: file.accuracy.gradients,
-            accumulate: file.accuracy.accumulate,
-            model: file.accuracy.model,
-            tolerance,
-            dimension,
-            voxel_pixels,
-            storage: file.accuracy.storage,
-        };
-        let usual = Shadows::default();
-        let shadows = Shadows {
-            method: file.shadows.method,
-            spacing: self.optional(
-                "shadows.spacing",
-                file.shadows.spacing.as_ref(),
-                &SHADOW_SPACINGS,
-                usual.spacing,
-            )?,
-            start: file
-                .shadows
-                .start
-                .as_ref()
-                .map(|start| self.number("shadows.start", start, &SHADOW_STARTS))
-                .transpose()?,
-            ambient: file.shadows.ambient,
-            directions: match &file.shadows.directions {
-                Some(directions) => self.whole("shadows.directions", directions, SKY_DIRECTIONS)?,
-                None => usual.directions,
-            },
-            reach: file
-                .shadows
-                .reach
-                .as_ref()
-                .map(|reach| self.number("shadows.reach", reach, &POSITIVE))
-                .transpose()?,
-        };
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
-        if camera.view(&volume.geometry, 1.0).is_none() {
-            let message = "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight";
-            return Err(self.refuse(file.camera.map_or(0, |camera| camera.span().start), message.into()));
-        }
         let reflectances =
             file.materials.values().flat_map(|material| &material.get_ref().reflectance).chain(&file.background);
         let spectra = reflectances.chain(file.lights.values().flat_map(|light| &light.get_ref().spectrum));
@@ -598,30 +557,14 @@ impl Text<'_> {
             Some((_, definitions)) => format!("{} with {}", self.name, all_given(definitions)),
             None => self.name.clone(),
         };
-        let display = Display {
-            exposure,
-            adapt: file.display.adapt,
-            observer: file.display.observer,
-            deficiency: file.display.deficiency,
-        };
-        let scene = Scene {
-            name,
-            frame: Frame::of(&volume),
-            fields: Fields::of(Arc::new(volume)),
-            labels,
-            materials,
-            transfer,
-            lights,
-            shading: file.shading,
-            lighting: file.lighting,
-            background,
-            camera,
-            crop,
-            block: None,
-            accuracy,
-            shadows,
-            display,
-        };
+        let mut scene =
+            Scene { labels, materials, lights, background, camera, crop, ..Scene::new(&name, Arc::new(volume)) };
+        (scene.transfer.terms, scene.transfer.gradient_opacity) = (terms, gradient_opacity);
+        self.set(&mut scene, key::SCENE, "", scalars)?;
+        if scene.camera.view(&scene.frame.geometry, 1.0).is_none() {
+            let message = "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight";
+            return Err(self.refuse(file.camera.map_or(0, |camera| camera.span().start), message.into()));
+        }
         Ok(SceneFile { scene, dial, light, text: self.text.into(), base: base.clone(), inputs, guess: None })
     }
 }

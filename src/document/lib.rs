@@ -33,7 +33,7 @@ pub use look::{first_look, moves, transfer_presets};
 pub use mixing::{LightState, Mixing, Slider};
 pub use session::SessionError;
 pub use source::{OpenError, Question, Series, Source, Unknown, is_no_scene, is_sidecar};
-pub use state::{BRIGHTEST, Edit, STEPS, State, THINNEST, polygon, reset_nodes};
+pub use state::{Edit, State, THINNEST, polygon, reset_nodes};
 
 use relume_scene::{Mix, Scene};
 

@@ -13,12 +13,9 @@ use super::design::{self, Side};
 use super::{Definition, Dial, LightState, Mixing, SceneFile, Source, State};
 use crate::output::{OutputError, write_atomically};
 use relume_colour::palette::{Palette, Solution};
-use relume_colour::spectrum::observer::Observer;
 use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
-use relume_scene::{
-    AccumulateAs, Accuracy, Aim, AmbientShares, Camera, Integration, Interval, LabelInterpolation, Lighting,
-    Projection, Scene,
-};
+use relume_scene::key::{self, Key};
+use relume_scene::{Aim, Interval, Projection, Scene};
 use relume_volume::{ByteOrder, is_built_in};
 
 /// Why a session cannot be saved.
@@ -111,22 +108,14 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     volume(&mut document, source, &base)?;
     let (scene, then) = (&state.scene, &opened.scene);
     if scene.camera != then.camera {
-        document.insert("camera", Item::Table(camera(&scene.camera)));
+        document.insert("camera", Item::Table(camera(scene)));
     }
-    if scene.lighting != then.lighting {
-        let sides = if scene.lighting == Lighting::OneSided { "one_sided" } else { "two_sided" };
-        document.insert("lighting", value(sides));
-    }
-    if scene.shadows.ambient != then.shadows.ambient {
-        let shares = if scene.shadows.ambient == AmbientShares::Occluded { "occluded" } else { "open" };
-        table(&mut document, "shadows")?.insert("ambient", value(shares));
-    }
-    if scene.shadows.reach != then.shadows.reach {
-        let shadows = table(&mut document, "shadows")?;
-        match scene.shadows.reach {
-            Some(reach) => shadows.insert("reach", value(reach)),
-            None => shadows.remove("reach"),
+    for (path, now) in changed(key::SCENE, scene, then).filter(|(path, _)| !path.starts_with("camera.")) {
+        let (table, name) = match path.split_once('.') {
+            None => (document.as_table_mut() as &mut dyn TableLike, path),
+            Some((part, name)) => (table(&mut document, part)?, name),
         };
+        put(table, name, now);
     }
     if scene.transfer != then.transfer {
         transfer(table(&mut document, "transfer")?, scene)?;
@@ -138,20 +127,6 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     if let Some(palette) = palette {
         let text: DocumentMut = design::text(scene, palette).parse().map_err(unreadable)?;
         document.insert("palette", Item::Table(without_places(text.as_table())));
-    }
-    accuracy(&mut document, &scene.accuracy, &then.accuracy)?;
-    if scene.display != then.display {
-        let display = table(&mut document, "display")?;
-        display.insert("exposure", value(scene.display.exposure));
-        display.insert("adapt", value(scene.display.adapt));
-        match scene.display.observer {
-            Observer::Cie1931 => display.remove("observer"),
-            observer => display.insert("observer", value(observer.to_string())),
-        };
-        match scene.display.deficiency {
-            Some(deficiency) => display.insert("deficiency", value(deficiency.to_string())),
-            None => display.remove("deficiency"),
-        };
     }
     if scene.crop != then.crop {
         document.remove("crop");
@@ -347,23 +322,21 @@ fn names<'a>(names: impl Iterator<Item = &'a str>) -> Array {
     names.collect()
 }
 
-fn camera(camera: &Camera) -> Table {
-    let mut table = Table::new();
-    match camera.projection {
-        Projection::Perspective { fov_degrees } => table.insert("fov", value(fov_degrees)),
-        Projection::Orthographic { height } => {
-            table.insert("projection", value("orthographic"));
-            height.and_then(|height| table.insert("height", value(height)))
-        }
-    };
+fn camera(scene: &Scene) -> Table {
+    let (mut table, camera) = (Table::new(), &scene.camera);
+    if matches!(camera.projection, Projection::Orthographic { .. }) {
+        table.insert("projection", value("orthographic"));
+    }
+    let keys = key::SCENE.iter().filter(|key| key.path.starts_with("camera."));
+    for (key, now) in keys.filter_map(|key| Some((key, key.get(scene)?))) {
+        table.insert(key.name(), item(now));
+    }
     match camera.aim {
         Aim::LookAt { position, target } => {
             table.insert("position", value(numbers(position.to_array())));
             table.insert("target", value(numbers(target.to_array())));
         }
-        Aim::Orbit { azimuth, elevation, fill, front, around } => {
-            table.insert("azimuth", value(azimuth));
-            table.insert("elevation", value(elevation));
+        Aim::Orbit { fill, front, around, .. } => {
             let pairs = fill.pairs();
             let fill = match pairs {
                 [[_, fraction]] => value(*fraction),
@@ -381,6 +354,34 @@ fn camera(camera: &Camera) -> Table {
     }
     table.insert("up", value(numbers(camera.up.to_array())));
     table
+}
+
+/// Sets `key` of `table`, or removes it.
+fn put(table: &mut dyn TableLike, key: &str, item: Item) {
+    if item.is_none() {
+        table.remove(key);
+    } else {
+        table.insert(key, item);
+    }
+}
+
+/// The `keys` of `new` that differ from `old`, and their values.
+fn changed<T>(keys: &'static [Key<T>], new: &T, old: &T) -> impl Iterator<Item = (&'static str, Item)> {
+    let differ = keys.iter().filter(|key| key.get(new) != key.get(old));
+    differ.map(|key| (key.path, key.get(new).map_or(Item::None, item)))
+}
+
+/// The value of a scalar key.
+fn item(stated: key::Value<'_>) -> Item {
+    match stated {
+        // A whole number is written as one.
+        key::Value::Number(number) => match number.to_string().parse::<i64>() {
+            Ok(whole) => value(whole),
+            Err(_) => value(number),
+        },
+        key::Value::Name(name) => value(name),
+        key::Value::Switch(on) => value(on),
+    }
 }
 
 /// Copies a table without its positions in the source text, so that it is written where it is inserted.
@@ -421,16 +422,11 @@ fn set(document: &mut DocumentMut, list: &'static str, name: &str, key: &str, it
         members.insert(name, Item::Table(Table::new()));
     }
     let member = members.get_mut(name).and_then(Item::as_table_like_mut).ok_or(SessionError::NoTable { name: list })?;
-    if item.is_none() {
-        member.remove(key);
-    } else {
-        member.insert(key, item);
-    }
+    put(member, key, item);
     Ok(())
 }
 
-/// Writes changed spectra, the `open` spectra of the palette, and changed switches of shadows, phase functions and
-/// films. Spectra are samples. A spectrum in the scene takes precedence over its palette.
+/// Writes changed spectra, the `open` spectra of the palette, and changed films and scalar keys of materials and lights. Spectra are samples. A spectrum in the scene takes precedence over its palette.
 fn spectra(
     document: &mut DocumentMut,
     now: &Scene,
@@ -448,70 +444,22 @@ fn spectra(
     {
         set("materials", &old.name, "reflectance", samples(new.reflectance.spectrum()))?;
     }
-    for (new, old) in
-        now.materials.iter().zip(&then.materials).filter(|(new, old)| new.phase.to_bits() != old.phase.to_bits())
-    {
-        set("materials", &old.name, "phase", value(new.phase))?;
-    }
     for (new, old) in now.materials.iter().zip(&then.materials).filter(|(new, old)| new.film != old.film) {
         set("materials", &old.name, "film", new.film.as_ref().map_or(Item::None, film))?;
     }
     for (new, old) in now.lights.iter().zip(&then.lights).filter(|(new, old)| new.spectrum != old.spectrum) {
         set("lights", &old.name, "spectrum", samples(new.spectrum.spectrum()))?;
     }
-    for (new, old) in now.lights.iter().zip(&then.lights).filter(|(new, old)| new.shadows != old.shadows) {
-        set("lights", &old.name, "shadows", value(new.shadows))?;
+    for (new, old) in now.materials.iter().zip(&then.materials) {
+        changed(key::MATERIAL, new, old).try_for_each(|(key, item)| set("materials", &old.name, key, item))?;
+    }
+    for (new, old) in now.lights.iter().zip(&then.lights) {
+        changed(key::LIGHT, new, old).try_for_each(|(key, item)| set("lights", &old.name, key, item))?;
     }
     let found = open.iter().any(|(_, name, _)| *name == design::BACKGROUND);
     if let Some(background) = now.background.as_ref().filter(|_| found || now.background != then.background) {
         document.insert("background", samples(background.spectrum()));
     }
-    Ok(())
-}
-
-/// Writes changed settings.
-fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Result<(), SessionError> {
-    if now == then {
-        return Ok(());
-    }
-    let table = table(document, "accuracy")?;
-    table.insert("step", value(now.step_length));
-    table.insert("termination", value(now.termination));
-    table.insert("tolerance", value(now.tolerance));
-    if now.rays != then.rays {
-        table.insert("rays", value(i64::try_from(now.rays).unwrap_or(i64::MAX)));
-    }
-    if now.integration != then.integration {
-        let integration = match now.integration {
-            Integration::Auto => "auto",
-            Integration::Segments => "segments",
-            Integration::Samples => "samples",
-        };
-        table.insert("integration", value(integration));
-    }
-    if now.variation.to_bits() != then.variation.to_bits() {
-        table.insert("variation", value(now.variation));
-    }
-    if now.voxel_pixels.to_bits() != then.voxel_pixels.to_bits() {
-        table.insert("voxel_pixels", value(now.voxel_pixels));
-    }
-    if now.labels != then.labels {
-        let labels = match now.labels {
-            LabelInterpolation::Smooth => "smooth",
-            LabelInterpolation::Nearest => "nearest",
-        };
-        table.insert("labels", value(labels));
-    }
-    let accumulate = match now.accumulate {
-        AccumulateAs::Auto => "auto",
-        AccumulateAs::Weights => "weights",
-        AccumulateAs::Spectral => "spectral",
-    };
-    table.insert("accumulate", value(accumulate));
-    match now.dimension {
-        Some(k) => table.insert("k", value(i64::try_from(k).unwrap_or(i64::MAX))),
-        None => table.remove("k"),
-    };
     Ok(())
 }
 

@@ -9,14 +9,12 @@ use super::design::{self, Spectra, Step};
 use super::look::moves::{self, Move};
 use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, along};
 use relume_base::number::count;
-use relume_colour::model::LARGEST_DIMENSION;
 use relume_colour::palette::Palette;
 use relume_colour::spectrum::ThinFilm;
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
 use relume_scene::{
-    Accuracy, AmbientShares, GRADIENT_POINTS, Interval, LabelEntry, Lighting, MOST_RAYS, MOST_VOXEL_PIXELS, Mix,
-    PHASES, Scene,
+    Accuracy, AmbientShares, BRIGHTEST, GRADIENT_POINTS, Interval, LabelEntry, Lighting, Mix, PHASES, Scene, key,
 };
 
 /// All editable state of a document.
@@ -207,31 +205,8 @@ fn declared(scene: &Scene) -> &[LabelEntry] {
     scene.labels.as_ref().map_or(&[], |labels| &labels.declared)
 }
 
-/// Largest factor of sliders, master and exposure.
-pub const BRIGHTEST: f64 = 1e6;
-
 fn factor(number: f64) -> f64 {
     if number.is_finite() { number.clamp(0.0, BRIGHTEST) } else { 1.0 }
-}
-
-/// Shortest and longest step, in voxels.
-pub const STEPS: [f64; 2] = [0.01, 1000.0];
-
-/// Clamps `accuracy` to the settings that a scene may state, for voxels of width `voxel`.
-fn allowed(accuracy: &Accuracy, voxel: f64) -> Accuracy {
-    let within = |number: f64, [low, high]: [f64; 2], otherwise: f64| {
-        if number.is_finite() { number.clamp(low, high) } else { otherwise }
-    };
-    Accuracy {
-        step_length: within(accuracy.step_length, STEPS.map(|step| step * voxel), voxel),
-        termination: within(accuracy.termination, [0.0, 0.5], 1e-4),
-        rays: accuracy.rays.clamp(1, MOST_RAYS),
-        variation: within(accuracy.variation, [1e-6, 1.0], 1e-3),
-        tolerance: within(accuracy.tolerance, [1e-3, 100.0], 1.0),
-        voxel_pixels: within(accuracy.voxel_pixels, [0.0, MOST_VOXEL_PIXELS], 0.0),
-        dimension: accuracy.dimension.map(|k| k.clamp(1, LARGEST_DIMENSION)),
-        ..accuracy.clone()
-    }
 }
 
 /// The nearest points that a scene may state as `gradient_opacity`.
@@ -479,7 +454,10 @@ impl State {
                 let allowed = intervals.iter().filter_map(|interval| interval.allowed(&scene.materials));
                 scene.transfer.terms = allowed.map(|interval| interval.term()).collect();
             }
-            Edit::Exposure(exposure) => scene.display.exposure = factor(exposure),
+            Edit::Exposure(exposure) => {
+                scene.display.exposure = exposure;
+                key::clamp(scene, "display.");
+            }
             Edit::Adapt(adapt) => scene.display.adapt = adapt,
             Edit::Camera(step, aspect) => {
                 scene.camera = moves::moved(scene, &opened.scene.camera, aspect, step);
@@ -524,8 +502,8 @@ impl State {
                 spectra.step.iter().for_each(|step| redesign(&mut self.palette, step, scene));
             }
             Edit::Accuracy(ref accuracy) => {
-                let voxel = scene.frame.geometry.spacing.min_element();
-                scene.accuracy = allowed(accuracy, voxel);
+                scene.accuracy.clone_from(accuracy);
+                key::clamp(scene, "accuracy.");
             }
         }
         light.preset = match *edit {

@@ -8,7 +8,7 @@ use super::enlarge::Enlargement;
 use super::error::MeasureError;
 use super::ladder::{FINER, Ladder, LadderError};
 use super::sample::{Drawn, LEAST_PIXELS, drawn, p95_of_all};
-use super::setting::{Knob, Setting, Value};
+use super::setting::{Setting, Value};
 use super::shown::{looked_up, picture};
 use relume_base::progress::Progress;
 use relume_colour::model::ErrorSummary;
@@ -114,7 +114,7 @@ impl<'a> Bench<'a> {
     ///
     /// [`RenderError`] if the setting cannot be planned or uploaded.
     pub fn ready(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Ready, RenderError> {
-        let (stated, numbers) = (setting.applied(self.scene), setting.get(Knob::K));
+        let (stated, numbers) = (setting.applied(self.scene), setting.get("k"));
         let step_length = stated.accuracy.step_length;
         let scene = self.coarse.as_ref().map_or_else(|| stated.clone(), |coarse| coarse.scene_in(&stated, self.size));
         let planned = match self.plans.iter().find(|(known, _)| *known == numbers) {

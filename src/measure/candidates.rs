@@ -1,6 +1,6 @@
 //! The settings that a choice tries: step lengths, dimensions of the colour model and fractions of the pixels.
 
-use super::setting::{Knob, Setting, Value};
+use super::setting::{Setting, Value};
 use relume_base::number::count;
 
 /// Dimensions to choose from where weights are not exact. They fill whole vectors, because unused components would
@@ -22,9 +22,9 @@ pub fn voxels(octaves: f64) -> f64 {
 /// The setting with this step in voxels, dimension of a colour model (if any), and fraction of the pixels across.
 #[must_use]
 pub fn setting(step: f64, dimension: Option<usize>, scale: f64) -> Setting {
-    let mut setting = Setting::default().with(Knob::Step, Value::Number(step));
+    let mut setting = Setting::default().with("step", Value::Number(step));
     if let Some(k) = dimension {
-        setting = setting.with(Knob::K, Value::Number(count(k)));
+        setting = setting.with("k", Value::Number(count(k)));
     }
-    if scale < 1.0 { setting.with(Knob::Scale, Value::Number(scale)) } else { setting }
+    if scale < 1.0 { setting.with("scale", Value::Number(scale)) } else { setting }
 }

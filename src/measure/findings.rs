@@ -5,7 +5,6 @@ use serde::Serialize;
 use super::digits::short;
 use super::ladder::Cause;
 use super::measured::Measured;
-use super::setting::Knob;
 use relume_colour::model::{ErrorSummary, ModelKind};
 
 /// Ratio within which times and errors count as equal; repeated measurements differ by as much.
@@ -120,7 +119,7 @@ pub(super) fn carried(
     rows: &[Measured],
     are_asked_for: impl Fn(ModelKind, usize) -> bool,
 ) -> impl Iterator<Item = &Measured> {
-    let only_model = |row: &&Measured| row.setting.knobs().all(|(knob, _)| matches!(knob, Knob::Model | Knob::K));
+    let only_model = |row: &&Measured| row.setting.knobs().all(|(knob, _)| ["model", "k"].contains(&knob.name()));
     let is_asked_for =
         move |row: &&Measured| row.setting.model().is_some_and(|kind| are_asked_for(kind, row.components));
     rows.iter().filter(only_model).filter(is_asked_for)

@@ -2,61 +2,31 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::ops::RangeInclusive;
+use std::sync::LazyLock;
 
 use serde::{Serialize, Serializer};
 
 use relume_base::number::{count, readable, whole};
-use relume_colour::model::{LARGEST_DIMENSION, ModelKind};
-use relume_scene::{
-    AccumulateAs, Gradients, Integration, Interpolation, LabelInterpolation, Lookup, MOST_RAYS, MOST_VOXEL_PIXELS,
-    Scene, StoreAs, VolumeAs,
-};
+use relume_colour::model::ModelKind;
+use relume_scene::key::{self, Access, Key, Kind, Stale};
+use relume_scene::{AccumulateAs, Scene};
 
-/// An option that trades speed for accuracy.
+/// An option that trades speed for accuracy: a key of [`key::SCENE`] with a knob, or [`SCALE`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Knob {
-    /// Colour model; selects spectral accumulation in place of weights.
-    Model,
-    /// Dimension of the colour model.
-    K,
-    /// Contents of an accumulator: weights, or coefficients of a colour model.
-    Accumulate,
-    /// Bits of finished accumulators.
-    Storage,
-    /// Step length, in units of the smallest voxel spacing.
-    Step,
-    /// Transmittance at which a ray ends.
-    Termination,
-    /// Rays of a pixel.
-    Rays,
-    /// Integration along a ray: point samples or segments.
-    Integration,
-    /// Variation from which a segment is divided.
-    Variation,
-    /// Spacing of the light grid, in voxels.
-    Spacing,
-    /// Directions of the sky.
-    Directions,
-    /// Interpolation between voxels.
-    Interpolation,
-    /// Labels between voxels.
-    Labels,
-    /// Storage of the volume.
-    Volume,
-    /// Source of the gradients.
-    Gradients,
-    /// Entries of the transfer table.
-    Entries,
-    /// Lookup in the transfer table.
-    Lookup,
-    /// Empty-space skipping.
-    Skipping,
-    /// Largest size of a voxel in the picture, in pixels, for which a coarser level of the volume is taken.
-    VoxelPixels,
-    /// Marched pixels across as a fraction of those asked for; the picture is enlarged.
-    Scale,
-}
+pub struct Knob(usize);
+
+/// Marched pixels across as a fraction of those asked for; the picture is enlarged. No part of a scene.
+static SCALE: Key<Scene> = Key::new(
+    "scale",
+    Kind::Number([0.05, 1.0], ""),
+    Stale::Nothing,
+    Access { get: |_| Some(key::Value::Number(1.0)), put: |_, _| {} },
+)
+.knob("0.25,0.5", "marched pixels across, as a share of those shown; the picture is enlarged");
+
+/// The keys that are knobs, in the order of reports.
+static KNOBS: LazyLock<Vec<&'static Key<Scene>>> =
+    LazyLock::new(|| key::SCENE.iter().filter(|key| key.knob.is_some()).chain([&SCALE]).collect());
 
 /// Value of a knob.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -68,194 +38,74 @@ pub enum Value {
     Name(&'static str),
 }
 
-/// Allowed values of a knob.
-pub(super) enum Choices {
-    Names(Vec<&'static str>),
-    Numbers { range: RangeInclusive<f64>, whole: bool, growth: Growth },
-}
-
-/// Progression from one number of a range to the next.
-pub(super) enum Growth {
-    Plus(f64),
-    Times(f64),
-}
+/// Names of the two values of a switch.
+const SWITCH: [&str; 2] = ["off", "on"];
 
 impl Knob {
     /// All knobs.
-    pub const ALL: [Self; 20] = [
-        Self::Model,
-        Self::K,
-        Self::Accumulate,
-        Self::Storage,
-        Self::Step,
-        Self::Termination,
-        Self::Rays,
-        Self::Integration,
-        Self::Variation,
-        Self::Spacing,
-        Self::Directions,
-        Self::Interpolation,
-        Self::Labels,
-        Self::Volume,
-        Self::Gradients,
-        Self::Entries,
-        Self::Lookup,
-        Self::Skipping,
-        Self::VoxelPixels,
-        Self::Scale,
-    ];
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..KNOBS.len()).map(Self)
+    }
+
+    /// The knob of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::all().find(|knob| knob.name() == name)
+    }
+
+    /// Its key.
+    pub(super) fn key(self) -> &'static Key<Scene> {
+        KNOBS.get(self.0).copied().unwrap_or(&SCALE)
+    }
 
     /// Name on the command line and in reports.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Model => "model",
-            Self::K => "k",
-            Self::Accumulate => "accumulate",
-            Self::Storage => "storage",
-            Self::Step => "step",
-            Self::Termination => "termination",
-            Self::Rays => "rays",
-            Self::Integration => "integration",
-            Self::Variation => "variation",
-            Self::Spacing => "spacing",
-            Self::Directions => "directions",
-            Self::Interpolation => "interpolation",
-            Self::Labels => "labels",
-            Self::Volume => "volume",
-            Self::Gradients => "gradients",
-            Self::Entries => "entries",
-            Self::Lookup => "lookup",
-            Self::Skipping => "skipping",
-            Self::VoxelPixels => "voxel_pixels",
-            Self::Scale => "scale",
-        }
+    pub fn name(self) -> &'static str {
+        self.key().name()
     }
 
     /// Description for users.
     #[must_use]
-    pub const fn meaning(self) -> &'static str {
-        match self {
-            Self::Model => "colour model (k = 8; RGB has 3)",
-            Self::K => "dimension of the colour model",
-            Self::Accumulate => "contents of a pixel: material weights or coefficients",
-            Self::Storage => "bits of the stored numbers",
-            Self::Step => "distance between two samples along a ray, in voxels",
-            Self::Termination => "transmittance at which a ray ends",
-            Self::Rays => "rays of a pixel, whose mean it is",
-            Self::Integration => "samples of the medium, or segments between two values",
-            Self::Spacing => "voxels between nodes of the light grid",
-            Self::Directions => "directions of the sky",
-            Self::Variation => "variation from which a segment is divided",
-            Self::Interpolation => "interpolation between voxels",
-            Self::Labels => "labels between voxels: shares of those around, or the nearest",
-            Self::Volume => "format of the stored voxels",
-            Self::Gradients => "source of the gradients",
-            Self::Entries => "entries of the transfer table",
-            Self::Lookup => "lookup in the transfer table",
-            Self::Skipping => "empty-space skipping",
-            Self::VoxelPixels => "largest voxel in the picture, in pixels, by a coarser level; 0: all voxels",
-            Self::Scale => "marched pixels across, as a share",
+    pub fn meaning(self) -> &'static str {
+        self.key().knob.map_or("", |knob| knob.meaning)
+    }
+
+    /// Its names, if it is a choice.
+    pub(super) fn names(self) -> Option<Vec<&'static str>> {
+        match self.key().kind {
+            Kind::Names(names) => Some(names()),
+            Kind::Switch => Some(SWITCH.to_vec()),
+            Kind::Number(..) | Kind::Whole(..) => None,
         }
     }
 
-    /// Allowed values of this knob.
-    pub(super) fn choices(self) -> Choices {
-        let numbers = |range, whole, growth| Choices::Numbers { range, whole, growth };
-        match self {
-            Self::Model => Choices::Names(ModelKind::ALL.map(ModelKind::name).to_vec()),
-            Self::K => numbers(1.0..=count(LARGEST_DIMENSION), true, Growth::Plus(1.0)),
-            Self::Accumulate => Choices::Names(vec!["auto", "weights", "spectral"]),
-            Self::Storage => Choices::Names(vec!["f32", "f16"]),
-            Self::Step => numbers(1e-2..=1e3, false, Growth::Times(2.0)),
-            Self::Termination => numbers(0.0..=0.5, false, Growth::Times(10.0)),
-            Self::Rays => numbers(1.0..=count(MOST_RAYS), true, Growth::Times(4.0)),
-            Self::Integration => Choices::Names(vec!["auto", "segments", "samples"]),
-            Self::Variation => numbers(1e-6..=1.0, false, Growth::Times(10.0)),
-            Self::Spacing => numbers(0.5..=64.0, false, Growth::Times(2.0)),
-            Self::Directions => numbers(8.0..=1024.0, true, Growth::Times(2.0)),
-            Self::Interpolation => Choices::Names(vec!["nearest", "linear", "exact-linear", "cubic"]),
-            Self::Labels => Choices::Names(vec!["smooth", "nearest"]),
-            Self::Volume => Choices::Names(vec!["auto", "f32", "u16"]),
-            Self::Gradients => Choices::Names(vec!["packed", "central"]),
-            Self::Entries => numbers(2.0..=65536.0, true, Growth::Times(2.0)),
-            Self::Lookup => Choices::Names(vec!["nearest", "linear"]),
-            Self::Skipping => Choices::Names(vec!["on", "off"]),
-            Self::VoxelPixels => numbers(0.0..=MOST_VOXEL_PIXELS, false, Growth::Times(2.0)),
-            Self::Scale => numbers(0.05..=1.0, false, Growth::Times(2.0)),
-        }
+    /// Its value in `scene`; `None` if the data choose it.
+    #[must_use]
+    pub fn value(self, scene: &Scene) -> Option<Value> {
+        Some(match self.key().get(scene)? {
+            key::Value::Number(number) => Value::Number(number / self.key().unit(scene)),
+            key::Value::Name(name) => Value::Name(name),
+            key::Value::Switch(on) => Value::Name(SWITCH[usize::from(on)]),
+        })
     }
 
-    /// Applies the knob to `scene`. [`Self::Scale`] has no effect, because it is not part of a scene.
+    /// Applies the knob to `scene`. A colour model has accumulators of coefficients, and a dimension.
     fn turn(self, value: Value, scene: &mut Scene) {
         /// Default dimension of a colour model.
         const USUAL: usize = 8;
+        let value = match value {
+            Value::Number(number) => key::Value::Number(number * self.key().unit(scene)),
+            Value::Name(name) if matches!(self.key().kind, Kind::Switch) => key::Value::Switch(name == SWITCH[1]),
+            Value::Name(name) => key::Value::Name(name),
+        };
+        // Sweeps have values in range alone.
+        let is_set = self.key().set(scene, Some(value)).is_ok();
         let accuracy = &mut scene.accuracy;
-        match (self, value) {
-            (Self::Model, Value::Name(name)) => {
-                accuracy.accumulate = AccumulateAs::Spectral;
-                accuracy.model = name.parse().unwrap_or_default();
-                let usual = accuracy.dimension.unwrap_or(USUAL);
-                accuracy.dimension = Some(if accuracy.model.is_rgb() { 3 } else { usual });
-            }
-            (Self::K, Value::Number(k)) => {
-                accuracy.accumulate = AccumulateAs::Spectral;
-                accuracy.dimension = Some(whole(k));
-            }
-            (Self::Accumulate, Value::Name(name)) => {
-                accuracy.accumulate = match name {
-                    "weights" => AccumulateAs::Weights,
-                    "spectral" => AccumulateAs::Spectral,
-                    _ => AccumulateAs::Auto,
-                };
-            }
-            (Self::Storage, Value::Name(name)) => {
-                accuracy.storage = if name == "f16" { StoreAs::Half } else { StoreAs::Single };
-            }
-            (Self::Step, Value::Number(voxels)) => {
-                accuracy.step_length = voxels * scene.frame.geometry.spacing.min_element();
-            }
-            (Self::Termination, Value::Number(share)) => accuracy.termination = share,
-            (Self::Rays, Value::Number(rays)) => accuracy.rays = whole(rays),
-            (Self::Integration, Value::Name(name)) => {
-                accuracy.integration = match name {
-                    "segments" => Integration::Segments,
-                    "samples" => Integration::Samples,
-                    _ => Integration::Auto,
-                };
-            }
-            (Self::Variation, Value::Number(variation)) => accuracy.variation = variation,
-            (Self::Spacing, Value::Number(spacing)) => scene.shadows.spacing = spacing,
-            (Self::Directions, Value::Number(directions)) => scene.shadows.directions = whole(directions),
-            (Self::Interpolation, Value::Name(name)) => {
-                accuracy.interpolation = match name {
-                    "nearest" => Interpolation::Nearest,
-                    "exact-linear" => Interpolation::ExactLinear,
-                    "cubic" => Interpolation::Cubic,
-                    _ => Interpolation::Linear,
-                };
-            }
-            (Self::Labels, Value::Name(name)) => {
-                accuracy.labels =
-                    if name == "nearest" { LabelInterpolation::Nearest } else { LabelInterpolation::Smooth };
-            }
-            (Self::Volume, Value::Name(name)) => {
-                accuracy.volume = match name {
-                    "f32" => VolumeAs::Single,
-                    "u16" => VolumeAs::Short,
-                    _ => VolumeAs::Auto,
-                };
-            }
-            (Self::Gradients, Value::Name(name)) => {
-                accuracy.gradients = if name == "central" { Gradients::Central } else { Gradients::Packed };
-            }
-            (Self::Entries, Value::Number(entries)) => scene.transfer.entries = Some(whole(entries)),
-            (Self::Lookup, Value::Name(name)) => {
-                scene.transfer.lookup = if name == "nearest" { Lookup::Nearest } else { Lookup::Linear };
-            }
-            (Self::VoxelPixels, Value::Number(pixels)) => accuracy.voxel_pixels = pixels,
-            (Self::Skipping, Value::Name(name)) => accuracy.skipping = name == "on",
-            _ => {}
+        if is_set && ["model", "k"].contains(&self.name()) {
+            accuracy.accumulate = AccumulateAs::Spectral;
+            let usual = accuracy.dimension.unwrap_or(USUAL);
+            let is_model = self.name() == "model";
+            accuracy.dimension = Some(if is_model && accuracy.model.is_rgb() { 3 } else { usual });
         }
     }
 }
@@ -280,17 +130,17 @@ impl fmt::Display for Value {
 pub struct Setting(BTreeMap<Knob, Value>);
 
 impl Setting {
-    /// Returns the setting with `knob` at `value`.
+    /// Returns the setting with the knob of this name at `value`.
     #[must_use]
-    pub(super) fn with(mut self, knob: Knob, value: Value) -> Self {
-        self.0.insert(knob, value);
+    pub(super) fn with(mut self, knob: &str, value: Value) -> Self {
+        self.0.extend(Knob::named(knob).map(|knob| (knob, value)));
         self
     }
 
-    /// Value of `knob`, if the setting states one.
+    /// Value of the knob of this name, if the setting states one.
     #[must_use]
-    pub fn get(&self, knob: Knob) -> Option<Value> {
-        self.0.get(&knob).copied()
+    pub fn get(&self, knob: &str) -> Option<Value> {
+        self.knobs().find(|(it, _)| it.name() == knob).map(|(_, value)| value)
     }
 
     /// The stated knobs and their values.
@@ -301,7 +151,7 @@ impl Setting {
     /// The stated colour model.
     #[must_use]
     pub fn model(&self) -> Option<ModelKind> {
-        match self.get(Knob::Model)? {
+        match self.get("model")? {
             Value::Name(name) => name.parse().ok(),
             Value::Number(_) => None,
         }
@@ -309,14 +159,14 @@ impl Setting {
 
     /// Whether the setting is consistent: RGB has dimension 3.
     pub(super) fn is_possible(&self) -> bool {
-        let three = self.get(Knob::K).is_none_or(|k| k == Value::Number(3.0));
+        let three = self.get("k").is_none_or(|k| k == Value::Number(3.0));
         three || !self.model().is_some_and(ModelKind::is_rgb)
     }
 
     /// Marched pixels across as a fraction of those displayed.
     #[must_use]
     pub fn scale(&self) -> f64 {
-        match self.get(Knob::Scale) {
+        match self.get(SCALE.path) {
             Some(Value::Number(scale)) => scale,
             _ => 1.0,
         }

@@ -1,25 +1,9 @@
 //! Parser of sweeps, which list the settings to measure.
 
-use super::setting::{Choices, Growth, Knob, Setting, Value};
+use super::setting::{Knob, Setting, Value};
 use relume_base::number::readable;
+use relume_scene::key::Kind;
 
-/// Default sweeps: each knob by itself, starting from the scene's own setting.
-const USUAL: [&str; 14] = [
-    "k=3,4,6,8,12",
-    "model=nodes,sharpened,sharpened-semigroup,bands,rgb-naive,rgb-prefiltered,rgb-fitted",
-    "storage=f16",
-    "step=0.25..4",
-    "termination=0,0.001,0.01,0.1",
-    "integration=segments",
-    "interpolation=nearest,exact-linear,cubic",
-    "volume=f32",
-    "gradients=central",
-    "entries=64,256,4096",
-    "lookup=nearest",
-    "skipping=off",
-    "voxel_pixels=1,2,4",
-    "scale=0.25,0.5",
-];
 /// Maximum number of settings of one sweep.
 const MOST: usize = 10_000;
 
@@ -42,7 +26,9 @@ pub struct SweepError {
 ///
 /// [`SweepError`].
 pub fn settings(sweeps: &[String]) -> Result<Vec<Setting>, SweepError> {
-    let usual = USUAL.map(str::to_owned);
+    // Each knob by itself, from the scene's own setting.
+    let usual = |knob: Knob| Some(format!("{knob}={}", knob.key().knob?.tried)).filter(|sweep| !sweep.ends_with('='));
+    let usual: Vec<String> = Knob::all().filter_map(usual).collect();
     let sweeps = if sweeps.is_empty() { &usual } else { sweeps };
     let mut all = vec![Setting::default()];
     for sweep in sweeps {
@@ -54,7 +40,7 @@ pub fn settings(sweeps: &[String]) -> Result<Vec<Setting>, SweepError> {
             }
             let with = |setting: &Setting| {
                 let setting = setting.clone();
-                values.iter().map(|&value| setting.clone().with(knob, value)).collect::<Vec<_>>()
+                values.iter().map(|&value| setting.clone().with(knob.name(), value)).collect::<Vec<_>>()
             };
             grid = grid.iter().flat_map(with).collect();
         }
@@ -79,8 +65,9 @@ fn knobs(sweep: &str) -> Result<Vec<(Knob, Vec<Value>)>, String> {
             None => part,
             Some((name, text)) => {
                 let name = name.trim();
-                let knob = Knob::ALL.into_iter().find(|knob| knob.name() == name).ok_or_else(|| {
-                    format!("unknown knob {name:?}; the knobs are {}", Knob::ALL.map(Knob::name).join(", "))
+                let knob = Knob::named(name).ok_or_else(|| {
+                    let names: Vec<&str> = Knob::all().map(Knob::name).collect();
+                    format!("unknown knob {name:?}; the knobs are {}", names.join(", "))
                 })?;
                 if found.iter().any(|&(known, _)| known == knob) {
                     return Err(format!("{knob} occurs twice; separate its values by commas"));
@@ -103,37 +90,32 @@ fn knobs(sweep: &str) -> Result<Vec<(Knob, Vec<Value>)>, String> {
 
 /// Parses the value or the range of values `text` for `knob`.
 fn read(knob: Knob, text: &str) -> Result<Vec<Value>, String> {
-    match knob.choices() {
-        Choices::Names(names) => {
-            let name = names.iter().find(|name| **name == text);
-            let name = name.ok_or_else(|| format!("{knob} is one of {}, not {text:?}", names.join(", ")))?;
-            Ok(vec![Value::Name(name)])
-        }
-        Choices::Numbers { range, whole, growth } => {
-            let number = |text: &str| {
-                let number = text.trim().parse().ok().filter(|number: &f64| range.contains(number));
-                number.filter(|number| !whole || number.fract() == 0.0).ok_or_else(|| {
-                    let kind = if whole { "a whole number" } else { "a number" };
-                    let [least, most] = [readable(*range.start()), readable(*range.end())];
-                    format!("{knob} is {kind} from {least} to {most}, not {text:?}")
-                })
-            };
-            let Some((first, last)) = text.split_once("..") else { return Ok(vec![Value::Number(number(text)?)]) };
-            let (first, last) = (number(first)?, number(last)?);
-            if first > last || first <= 0.0 {
-                return Err(format!("{text}: a range starts above 0 and increases"));
-            }
-            let next = |&value: &f64| {
-                let next = match growth {
-                    Growth::Plus(more) => value + more,
-                    Growth::Times(factor) => value * factor,
-                };
-                // The range includes its end, even if no step reaches it exactly.
-                (value < last).then_some(if next < last * (1.0 - 1e-9) { next } else { last })
-            };
-            Ok(std::iter::successors(Some(first), next).map(Value::Number).collect())
-        }
+    if let Some(names) = knob.names() {
+        // Names of several words have an underscore in files; a hyphen is accepted.
+        let name = names.iter().find(|name| name.replace('_', "-") == text.replace('_', "-"));
+        let name = name.ok_or_else(|| format!("{knob} is one of {}, not {text:?}", names.join(", ")))?;
+        return Ok(vec![Value::Name(name)]);
     }
+    let (range, is_whole) = (knob.key().offered(), matches!(knob.key().kind, Kind::Whole(..)));
+    let number = |text: &str| {
+        let number = text.trim().parse().ok().filter(|number: &f64| range.contains(number));
+        number.filter(|number| !is_whole || number.fract() == 0.0).ok_or_else(|| {
+            let kind = if is_whole { "a whole number" } else { "a number" };
+            let [least, most] = [readable(*range.start()), readable(*range.end())];
+            format!("{knob} is {kind} from {least} to {most}, not {text:?}")
+        })
+    };
+    let Some((first, last)) = text.split_once("..") else { return Ok(vec![Value::Number(number(text)?)]) };
+    let (first, last) = (number(first)?, number(last)?);
+    if first > last || first <= 0.0 {
+        return Err(format!("{text}: a range starts above 0 and increases"));
+    }
+    let next = |&value: &f64| {
+        let next = knob.key().knob.map_or(last, |knob| (knob.next)(value));
+        // The range includes its end, even if no step reaches it exactly.
+        (value < last).then_some(if next < last * (1.0 - 1e-9) { next } else { last })
+    };
+    Ok(std::iter::successors(Some(first), next).map(Value::Number).collect())
 }
 
 #[cfg(test)]
@@ -209,9 +191,10 @@ mod tests {
         assert!(usual.iter().all(|setting| setting.knobs().count() <= 1), "{usual:?}");
         // Without segments, the variation has no effect; without shadows, spacing and directions of the light grid; labels of their own
         // are rare. Several rays take a truth of many rays.
-        let idle = [Knob::Accumulate, Knob::Rays, Knob::Variation, Knob::Labels, Knob::Spacing, Knob::Directions];
-        for knob in Knob::ALL.into_iter().filter(|knob| !idle.contains(knob)) {
-            assert!(usual.iter().any(|setting| setting.get(knob).is_some()), "{knob}");
+        let idle = ["accumulate", "rays", "variation", "labels", "spacing", "directions"];
+        for knob in Knob::all() {
+            let is_turned = usual.iter().any(|setting| setting.get(knob.name()).is_some());
+            assert_eq!(is_turned, !idle.contains(&knob.name()), "{knob}");
         }
     }
 }

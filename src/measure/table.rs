@@ -90,7 +90,7 @@ pub fn to_markdown(rows: &[Measured]) -> String {
 pub fn to_csv(rows: &[Measured]) -> String {
     let costs = ["upload", "march", "relight", "read_back"];
     let clocks = ["wall", "cpu", "device"];
-    let mut heads: Vec<String> = Knob::ALL.map(|knob| knob.name().to_owned()).to_vec();
+    let mut heads: Vec<String> = Knob::all().map(|knob| knob.name().to_owned()).collect();
     heads.extend(["level", "frame_ms"].map(str::to_owned));
     for cost in costs {
         for clock in clocks {
@@ -106,8 +106,9 @@ pub fn to_csv(rows: &[Measured]) -> String {
     heads.extend(["order", "pareto"].map(str::to_owned));
     let mut text = heads.join(",") + "\n";
     for row in rows {
-        let mut cells: Vec<String> =
-            Knob::ALL.map(|knob| row.setting.get(knob).map_or_else(String::new, |value| value.to_string())).to_vec();
+        let mut cells: Vec<String> = Knob::all()
+            .map(|knob| row.setting.get(knob.name()).map_or_else(String::new, |value| value.to_string()))
+            .collect();
         cells.push(row.level.map_or_else(String::new, |asked| asked.level.to_string()));
         cells.push(row.frame_ms.to_string());
         let times = &row.times;

@@ -1,48 +1,22 @@
 //! Settings in the syntax of scene files and of `-D`.
 
-use super::setting::Setting;
-use relume_base::number::readable;
+use super::setting::{Knob, Setting};
 use relume_scene::Scene;
 
-/// All keys that a setting may change, with the values of `scene`: table, name and value in TOML. The entries of the
-/// transfer table are included only if stated.
-pub(super) fn written(scene: &Scene) -> Vec<(&'static str, &'static str, String)> {
-    let accuracy = &scene.accuracy;
-    let k = accuracy.dimension.map_or_else(|| toml("auto"), |k| k.to_string());
-    let stated = [
-        ("step", readable(accuracy.step_length)),
-        ("termination", readable(accuracy.termination)),
-        ("rays", accuracy.rays.to_string()),
-        ("integration", toml(accuracy.integration)),
-        ("variation", readable(accuracy.variation)),
-        ("interpolation", toml(accuracy.interpolation)),
-        ("labels", toml(accuracy.labels)),
-        ("accumulate", toml(accuracy.accumulate)),
-        ("model", toml(accuracy.model.name())),
-        ("k", k),
-        ("storage", toml(accuracy.storage)),
-        ("volume", toml(accuracy.volume)),
-        ("gradients", toml(accuracy.gradients)),
-        ("skipping", accuracy.skipping.to_string()),
-        ("voxel_pixels", readable(accuracy.voxel_pixels)),
-    ];
-    let entries = scene.transfer.entries.map(|entries| ("transfer", "entries", entries.to_string()));
-    let accuracy = stated.into_iter().map(|(key, value)| ("accuracy", key, value));
-    let shadows = [("spacing", readable(scene.shadows.spacing)), ("directions", scene.shadows.directions.to_string())];
-    let shadows = shadows.into_iter().filter(|_| scene.asks_for_shadows()).map(|(key, value)| ("shadows", key, value));
-    accuracy.chain(shadows).chain([("transfer", "lookup", toml(scene.transfer.lookup))]).chain(entries).collect()
-}
-
-/// A value in TOML.
-fn toml(value: impl serde::Serialize) -> String {
-    // Only names and numbers are passed, and both have a TOML form.
-    toml::Value::try_from(value).map_or_else(|_| String::new(), |value| value.to_string())
+/// All keys that a setting may change, with the values of `scene`: path and value in TOML. The entries of the transfer table
+/// are included only if stated, and those of the light grid only if the scene asks for shadows. Keys of a table follow each other.
+pub(super) fn written(scene: &Scene) -> Vec<(&'static str, String)> {
+    let keys = Knob::all().map(Knob::key).filter(|key| key.path.contains('.'));
+    let keys = keys.filter(|key| !key.path.starts_with("shadows.") || scene.asks_for_shadows());
+    let mut written: Vec<_> = keys.filter_map(|key| Some((key.path, key.get(scene)?.to_string()))).collect();
+    written.sort_by_key(|(path, _)| path.split('.').next());
+    written
 }
 
 impl Setting {
-    /// Scene file keys whose values the setting changes in `scene`: table, name and new value in TOML. The number of
+    /// Scene file keys whose values the setting changes in `scene`: path and new value in TOML. The number of
     /// marched pixels is not a key.
-    pub(super) fn changed(&self, scene: &Scene) -> Vec<(&'static str, &'static str, String)> {
+    pub(super) fn changed(&self, scene: &Scene) -> Vec<(&'static str, String)> {
         let before = written(scene);
         let mut after = written(&self.applied(scene));
         after.retain(|key| !before.contains(key));
@@ -53,9 +27,6 @@ impl Setting {
     /// marched pixels is not a key of a scene.
     #[must_use]
     pub fn definitions(&self, scene: &Scene) -> Vec<String> {
-        self.changed(scene)
-            .iter()
-            .map(|(table, key, value)| format!("{table}.{key}={}", value.replace('"', "")))
-            .collect()
+        self.changed(scene).iter().map(|(path, value)| format!("{path}={}", value.replace('"', ""))).collect()
     }
 }

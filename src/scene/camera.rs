@@ -1,5 +1,7 @@
 //! The camera: projection, position and direction.
 
+use std::ops::RangeInclusive;
+
 use glam::{DVec2, DVec3};
 
 use relume_base::number::count;
@@ -87,6 +89,8 @@ pub struct Fill {
 impl Fill {
     /// Most aspect ratios.
     pub const MOST: usize = 10;
+    /// Range of a fraction.
+    pub const RANGE: RangeInclusive<f64> = 0.01..=100.0;
 
     /// The same fraction for every picture.
     #[must_use]

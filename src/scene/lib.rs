@@ -8,6 +8,7 @@ mod digest;
 mod fields;
 pub mod film;
 mod frame;
+pub mod key;
 mod lights;
 pub mod plan;
 pub mod reference;
@@ -24,7 +25,7 @@ pub use camera::{centre, unit};
 pub use coarse::{Coarse, LabelLeft, Level};
 pub use fields::{Field, Fields};
 pub use frame::Frame;
-pub use lights::INTENSITY;
+pub use lights::{BRIGHTEST, INTENSITY};
 pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
 pub use transfer::depth_from_opacity;
 pub use transfer::{GRADIENT_POINTS, Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
@@ -389,8 +390,7 @@ impl Default for Shadows {
 }
 
 /// Ambient shares of directed lights.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AmbientShares {
     /// They reach every sample.
     #[default]
@@ -400,8 +400,7 @@ pub enum AmbientShares {
 }
 
 /// Method that finds the light at a sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ShadowMethod {
     /// From a grid of optical depths towards each light, which is filled once.
     #[default]
@@ -413,8 +412,7 @@ pub enum ShadowMethod {
 }
 
 /// Shading of the picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Shading {
     /// No shading: every light reaches every point equally.
     None,
@@ -424,8 +422,7 @@ pub enum Shading {
 }
 
 /// Sides of a surface that directed lights shade. The normal n is −∇v/|∇v|: outward, if values fall outward.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Lighting {
     /// Both sides alike: |n·l| and |n·h|.
     #[default]
@@ -435,8 +432,7 @@ pub enum Lighting {
 }
 
 /// Interpolation between voxels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Interpolation {
     /// The value of the nearest voxel.
     Nearest,
@@ -450,8 +446,7 @@ pub enum Interpolation {
 }
 
 /// Label of a place between voxels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum LabelInterpolation {
     /// The shares of the labels of the eight voxels around, by the weights of linear interpolation: smooth surfaces.
     #[default]
@@ -461,8 +456,7 @@ pub enum LabelInterpolation {
 }
 
 /// Integration of the medium along a ray.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Integration {
     /// Segments if an interval of the transfer function is narrower than values change in a step, otherwise samples.
     #[default]
@@ -477,13 +471,7 @@ pub enum Integration {
 /// Range of the parameter of a phase function.
 pub const PHASES: std::ops::RangeInclusive<f64> = -0.99..=0.99;
 
-/// Largest number of rays of a pixel.
-pub const MOST_RAYS: usize = 256;
-
-/// Largest [`Accuracy::voxel_pixels`].
-pub const MOST_VOXEL_PIXELS: f64 = 64.0;
-
-/// Accuracy settings; each documents its cost and the error it affects.
+/// Accuracy settings; each documents its cost and the error it affects. Their ranges are in [`key::SCENE`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Accuracy {
     /// Step length Δs in world units; time is proportional to 1/Δs, the step error of a smooth volume to Δs².
@@ -492,7 +480,7 @@ pub struct Accuracy {
     /// this fraction of the brightest light behind (docs/theory/numerics.md): 1/10000 of white behind black is ΔE00
     /// 0.05. 0 marches every ray to its end.
     pub termination: f64,
-    /// Rays of a pixel, 1 to [`MOST_RAYS`]: its accumulators are their mean, which smooths edges and relights as exactly as
+    /// Rays of a pixel: its accumulators are their mean, which smooths edges and relights as exactly as
     /// one ray. Time is proportional to their number.
     pub rays: usize,
     /// Integration of the medium along a ray.
@@ -519,7 +507,7 @@ pub struct Accuracy {
     /// Dimension k, if stated; `tolerance` is then ignored.
     pub dimension: Option<usize>,
     /// Largest size of a voxel in the picture, in pixels, up to which a coarser level of the volume takes its place
-    /// ([`Scene::level`]), 0 to [`MOST_VOXEL_PIXELS`]; 0 always takes the volume itself. A level has an eighth of the voxels of
+    /// ([`Scene::level`]); 0 always takes the volume itself. A level has an eighth of the voxels of
     /// the one before and half of the steps; its means fade what is thinner than a voxel.
     pub voxel_pixels: f64,
     /// Storage of finished accumulators: 16 bits halve the memory and change colours by at most
@@ -553,23 +541,19 @@ impl Accuracy {
 }
 
 /// Storage of voxels on a device.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum VolumeAs {
     /// 16 bits if that is lossless, otherwise f32.
     #[default]
-    #[serde(rename = "auto")]
     Auto,
     /// f32: twice the memory, and gradients without rounding to 16 bits.
-    #[serde(rename = "f32")]
     Single,
     /// 16 bits, even with loss: half the memory of f32.
-    #[serde(rename = "u16")]
     Short,
 }
 
 /// Source of gradients.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Gradients {
     /// Central differences of voxels, stored with the values: four times the memory, one fetch.
     #[default]
@@ -579,20 +563,17 @@ pub enum Gradients {
 }
 
 /// Storage of finished accumulators.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum StoreAs {
     /// As accumulated, in f32.
     #[default]
-    #[serde(rename = "f32")]
     Single,
     /// Rounded to the nearest 16-bit float.
-    #[serde(rename = "f16")]
     Half,
 }
 
 /// Contents of pixels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AccumulateAs {
     /// Weights if they are exact and need no more vectors than the coefficients of a colour model, otherwise
     /// coefficients.

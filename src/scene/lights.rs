@@ -10,6 +10,9 @@ use relume_colour::spectrum::{Light, Spectrum};
 /// Range of factors of a light's spectrum.
 pub const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
 
+/// Largest factor that the window offers: of a light, of the mix, of the exposure. Products of them stay finite.
+pub const BRIGHTEST: f64 = 1e6;
+
 /// Origin of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Placement {

@@ -12,13 +12,13 @@ mod warning;
 
 use std::sync::Arc;
 
+pub use crate::key::Stale;
 use fitted::{Coefficients, RECENT, Wanted};
 pub use integration::{Narrow, narrow, read_ahead};
 pub use light::{Arrival, LightPlan, MOST_SHADOWED, Share};
 pub use needs::PlannedFilm;
 pub use needs::is_constant;
 use needs::{exponents, longest_way, transmittance};
-pub use stale::Stale;
 pub use warning::PlanWarning;
 
 use crate::{

@@ -1,7 +1,5 @@
 //! The transfer function: maps a voxel value to materials, opacity and absorption.
 
-use serde::Deserialize;
-
 use super::Material;
 
 /// Optical depth per opacity length for opacity 1. It occludes everything at any step down to a ten-millionth of the
@@ -9,8 +7,7 @@ use super::Material;
 pub const OPAQUE_DEPTH: f64 = 1e9;
 
 /// Lookup between table entries.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Lookup {
     /// The nearest entry; with 256 entries, as in most renderers of 8-bit data.
     Nearest,

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use goals::{GoalCost, GoalRow, GoalScene, GoalSummary, goal_row};
 use relume::measure::{
-    Choice, Goal, Knob, Limit, MeasureError, Patience, Pixels, Preset, Setting, Value, Wanted, check, check_within,
+    Choice, Goal, Limit, MeasureError, Patience, Pixels, Preset, Setting, Value, Wanted, check, check_within,
     choose_within,
 };
 use relume::plan::plan;
@@ -49,7 +49,7 @@ fn scene(seed: u64) -> Scene {
 }
 
 fn step(choice: &Choice) -> f64 {
-    match choice.setting.get(Knob::Step) {
+    match choice.setting.get("step") {
         Some(Value::Number(step)) => step,
         other => panic!("a step is chosen, not {other:?}"),
     }
@@ -194,7 +194,7 @@ fn the_search_finds_the_best_of_all_settings() {
         // All pixels are marched if required.
         for goal in [Goal::Budget(12.0), Goal::MaxError(2.0)] {
             let choice = found(Wanted { pixels: Pixels::All, ..wanted(goal) }).unwrap();
-            assert_eq!(choice.setting.get(Knob::Scale), None, "{}", choice.why);
+            assert_eq!(choice.setting.get("scale"), None, "{}", choice.why);
         }
     });
 }

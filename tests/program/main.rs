@@ -14,6 +14,7 @@ mod failures;
 mod figures;
 mod first_look;
 mod flags;
+mod keys;
 mod label_maps;
 mod level;
 mod measure;

@@ -629,11 +629,11 @@ fn extremes_are_rows_and_ctrl_c_keeps_those_that_are_finished() {
 
 #[test]
 fn knobs_have_names_and_settings_read_as_they_are_written() {
-    for knob in Knob::ALL {
+    for knob in Knob::all() {
         assert!(!knob.meaning().is_empty() && knob.name() == knob.to_string(), "{knob}");
     }
     let setting = &sweep(&["step=0.5,k=4"])[1];
-    assert_eq!((setting.get(Knob::K), setting.get(Knob::Model)), (Some(Value::Number(4.0)), None));
+    assert_eq!((setting.get("k"), setting.get("model")), (Some(Value::Number(4.0)), None));
     assert_eq!(setting.to_string(), "k=4 step=0.5");
 }
 
@@ -727,7 +727,7 @@ fn a_coarser_level_fades_a_thin_shell_and_changes_nothing_in_a_homogeneous_block
     let sweeps = ["voxel_pixels=1,2,4"];
     let row = |rows: &[Measured], pixels: f64| {
         let value = Some(Value::Number(pixels));
-        rows.iter().find(|row| row.setting.get(Knob::VoxelPixels) == value).unwrap().clone()
+        rows.iter().find(|row| row.setting.get("voxel_pixels") == value).unwrap().clone()
     };
     let has_level = |row: &Measured| row.causes.iter().any(|(cause, _)| *cause == Cause::Level);
     measured(&straight_on(|_| true), &sweeps, |_, rows| {

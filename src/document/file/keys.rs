@@ -7,18 +7,13 @@ use std::path::PathBuf;
 
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer};
+use toml::de::{DeTable, DeValue, ValueDeserializer};
 use toml::{Spanned, Value};
 
 use crate::Mixing;
-use relume_colour::model::ModelKind;
 use relume_colour::palette::PaletteFile;
-use relume_colour::spectrum::deficiency::Deficiency;
-use relume_colour::spectrum::observer::Observer;
 use relume_colour::spectrum::{SpectrumSource, ThinFilmAngle};
-use relume_scene::{
-    AccumulateAs, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, LightKind, Lighting,
-    Lookup, Shading, ShadowMethod, StoreAs, VolumeAs,
-};
+use relume_scene::{LightKind, key};
 use relume_volume::ByteOrder;
 
 /// A value with its place in the file.
@@ -29,10 +24,6 @@ pub(super) type At<T> = Spanned<T>;
 pub(super) struct Root {
     pub(super) version: At<i64>,
     pub(super) base: Option<PathBuf>,
-    #[serde(default)]
-    pub(super) shading: Shading,
-    #[serde(default)]
-    pub(super) lighting: Lighting,
     pub(super) background: Option<At<SpectrumSource>>,
     #[serde(default)]
     pub(super) volume: VolumeFile,
@@ -51,12 +42,53 @@ pub(super) struct Root {
     pub(super) mix: MixFile,
     pub(super) camera: Option<At<CameraFile>>,
     pub(super) crop: Option<At<CropFile>>,
-    #[serde(default)]
-    pub(super) shadows: ShadowsFile,
-    #[serde(default)]
-    pub(super) accuracy: AccuracyFile,
-    #[serde(default)]
-    pub(super) display: DisplayFile,
+    #[serde(default, rename = "shadows")]
+    _shadows: ScalarsAlone,
+    #[serde(default, rename = "accuracy")]
+    _accuracy: ScalarsAlone,
+    #[serde(default, rename = "display")]
+    _display: ScalarsAlone,
+    /// The scalar keys, which [`take_scalars`] took.
+    #[serde(skip)]
+    pub(super) scalars: Scalars,
+}
+
+/// A table without other keys than scalar ones.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScalarsAlone {}
+
+/// Stated scalar keys of [`relume_scene::key`] by their paths, such as `accuracy.step` and `materials.flesh.ambient`.
+pub(super) type Scalars = BTreeMap<String, At<Value>>;
+
+/// Takes the scalar keys out of `table` and those in it; `path` leads to it.
+pub(super) fn take_scalars(table: &mut DeTable<'_>, path: &[&str], scalars: &mut Scalars) {
+    for name in scalars_of(path) {
+        let Some(stated) = table.remove(name) else { continue };
+        let span = stated.span();
+        // Every value of a file is one of a text.
+        if let Ok(value) = Value::deserialize(ValueDeserializer::from(stated)) {
+            scalars.insert([path, &[name]].concat().join("."), Spanned::new(span, value));
+        }
+    }
+    for (name, inner) in table.iter_mut() {
+        if let DeValue::Table(inner) = inner.get_mut() {
+            take_scalars(inner, &[path, &[&**name.get_ref()]].concat(), scalars);
+        }
+    }
+}
+
+/// Names of the scalar keys in the table of this path.
+pub(super) fn scalars_of(table: &[&str]) -> Vec<&'static str> {
+    match table {
+        ["materials", _] => key::MATERIAL.iter().map(|key| key.path).collect(),
+        ["lights", _] => key::LIGHT.iter().map(|key| key.path).collect(),
+        _ => {
+            let beginning: String = table.iter().map(|part| format!("{part}.")).collect();
+            let names = key::SCENE.iter().filter_map(|key| key.path.strip_prefix(&beginning));
+            names.filter(|name| !name.contains('.')).collect()
+        }
+    }
 }
 
 /// The text of a whole number, or a text.
@@ -119,13 +151,6 @@ pub(super) struct VolumeFile {
 pub(super) struct MaterialFile {
     pub(super) reflectance: Option<At<SpectrumSource>>,
     pub(super) absorption: Option<At<SpectrumSource>>,
-    pub(super) ambient: Option<At<f64>>,
-    pub(super) diffuse: Option<At<f64>>,
-    pub(super) specular: Option<At<f64>>,
-    pub(super) exponent: Option<At<i64>>,
-    #[serde(default)]
-    pub(super) xray: bool,
-    pub(super) phase: Option<At<f64>>,
     pub(super) film: Option<At<ThinFilmFile>>,
     pub(super) emission: Option<At<Value>>,
     pub(super) fluorescence: Option<At<Value>>,
@@ -145,10 +170,6 @@ pub(super) struct ThinFilmFile {
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TransferFile {
-    pub(super) opacity_length: Option<At<f64>>,
-    #[serde(default)]
-    pub(super) lookup: Lookup,
-    pub(super) entries: Option<At<i64>>,
     #[serde(default)]
     pub(super) intervals: Vec<IntervalFile>,
     pub(super) opacity: Option<At<Vec<[f64; 2]>>>,
@@ -182,26 +203,10 @@ pub(super) struct LabelFile {
 #[serde(deny_unknown_fields)]
 pub(super) struct LightFile {
     pub(super) spectrum: Option<At<SpectrumSource>>,
-    pub(super) intensity: Option<At<f64>>,
     #[serde(default)]
     pub(super) kind: LightKind,
     pub(super) direction: Option<At<[f64; 3]>>,
     pub(super) position: Option<At<[f64; 3]>>,
-    #[serde(default)]
-    pub(super) shadows: bool,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ShadowsFile {
-    #[serde(default)]
-    pub(super) method: ShadowMethod,
-    pub(super) spacing: Option<At<f64>>,
-    pub(super) start: Option<At<f64>>,
-    #[serde(default)]
-    pub(super) ambient: AmbientShares,
-    pub(super) directions: Option<At<i64>>,
-    pub(super) reach: Option<At<f64>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -272,14 +277,10 @@ pub(super) enum FillFile {
 pub(super) struct CameraFile {
     #[serde(default)]
     pub(super) projection: ProjectionFile,
-    pub(super) fov: Option<At<f64>>,
-    pub(super) height: Option<At<f64>>,
     pub(super) position: Option<At<[f64; 3]>>,
     pub(super) target: Option<At<[f64; 3]>>,
     pub(super) up: Option<At<[f64; 3]>>,
     pub(super) front: Option<At<[f64; 3]>>,
-    pub(super) azimuth: Option<At<f64>>,
-    pub(super) elevation: Option<At<f64>>,
     pub(super) fill: Option<At<FillFile>>,
     pub(super) around: Option<At<[[f64; 3]; 2]>>,
 }
@@ -297,57 +298,4 @@ pub(super) enum ProjectionFile {
 pub(super) struct CropFile {
     pub(super) min: [f64; 3],
     pub(super) max: [f64; 3],
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct AccuracyFile {
-    pub(super) step: Option<At<f64>>,
-    pub(super) termination: Option<At<f64>>,
-    pub(super) rays: Option<At<i64>>,
-    #[serde(default)]
-    pub(super) integration: Integration,
-    pub(super) variation: Option<At<f64>>,
-    pub(super) skipping: Option<bool>,
-    #[serde(default)]
-    pub(super) interpolation: Interpolation,
-    #[serde(default)]
-    pub(super) labels: LabelInterpolation,
-    #[serde(default)]
-    pub(super) volume: VolumeAs,
-    #[serde(default)]
-    pub(super) gradients: Gradients,
-    #[serde(default)]
-    pub(super) accumulate: AccumulateAs,
-    #[serde(default)]
-    pub(super) model: ModelKind,
-    pub(super) tolerance: Option<At<f64>>,
-    pub(super) k: Option<At<DimensionFile>>,
-    pub(super) voxel_pixels: Option<At<f64>>,
-    #[serde(default)]
-    pub(super) storage: StoreAs,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged, expecting = "k is a whole number from 1 to 31, or \"auto\"")]
-pub(super) enum DimensionFile {
-    Stated(i64),
-    Planned(Auto),
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum Auto {
-    Auto,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct DisplayFile {
-    pub(super) exposure: Option<At<f64>>,
-    #[serde(default)]
-    pub(super) adapt: bool,
-    #[serde(default)]
-    pub(super) observer: Observer,
-    pub(super) deficiency: Option<Deficiency>,
 }

@@ -6,6 +6,7 @@ impl Text<'_> {
     pub(super) fn materials(
         &self,
         files: &BTreeMap<String, At<MaterialFile>>,
+        scalars: &Scalars,
         base: &Path,
     ) -> Result<Vec<Material>, SceneError> {
         files
@@ -20,41 +21,18 @@ impl Text<'_> {
                         return Err(self.invalid(value, message));
                     }
                 }
-                let share = |key: &str, value: Option<&At<f64>>, otherwise| {
-                    self.optional(&format!("materials.{name}.{key}"), value, &UNIT, otherwise)
-                };
                 let key = format!("materials.{name}.reflectance");
                 let source = self.stated("reflectance", stated, file.reflectance.as_ref())?;
                 let reflectance = self.spectrum(key.clone(), source, |source| source.reflectance(base))?;
                 warn_above_one(&key, &reflectance);
-                let plain = Material::new(name, reflectance);
-                let exponent = match &file.exponent {
-                    None => plain.exponent,
-                    Some(value) => unsigned(self.whole(&format!("materials.{name}.exponent"), value, 1..=1024)?),
-                };
-                Ok(Material {
-                    absorption: file
-                        .absorption
-                        .as_ref()
-                        .map(|stated| {
-                            let key = format!("materials.{name}.absorption");
-                            self.spectrum(key, stated, |source| source.absorption(base))
-                        })
-                        .transpose()?,
-                    ambient: share("ambient", file.ambient.as_ref(), plain.ambient)?,
-                    diffuse: share("diffuse", file.diffuse.as_ref(), plain.diffuse)?,
-                    specular: share("specular", file.specular.as_ref(), plain.specular)?,
-                    exponent,
-                    xray: file.xray,
-                    phase: self.optional(
-                        &format!("materials.{name}.phase"),
-                        file.phase.as_ref(),
-                        &PHASES,
-                        plain.phase,
-                    )?,
-                    film: file.film.as_ref().map(|film| self.film(name, film)).transpose()?,
-                    ..plain
-                })
+                let mut material = Material::new(name, reflectance);
+                if let Some(stated) = &file.absorption {
+                    let key = format!("materials.{name}.absorption");
+                    material.absorption = Some(self.spectrum(key, stated, |source| source.absorption(base))?);
+                }
+                material.film = file.film.as_ref().map(|film| self.film(name, film)).transpose()?;
+                self.set(&mut material, key::MATERIAL, &format!("materials.{name}."), scalars)?;
+                Ok(material)
             })
             .collect()
     }
@@ -112,7 +90,12 @@ impl Text<'_> {
         Ok(opacity)
     }
 
-    pub(super) fn transfer(&self, file: &TransferFile, materials: &[Material]) -> Result<Transfer, SceneError> {
+    /// The terms of the transfer function, and the points of its factor by the gradient magnitude.
+    pub(super) fn transfer(
+        &self,
+        file: &TransferFile,
+        materials: &[Material],
+    ) -> Result<(Vec<Term>, Vec<(f64, f64)>), SceneError> {
         let mut terms = Vec::new();
         for interval in &file.intervals {
             let material = self.material(&interval.material, materials)?;
@@ -144,16 +127,9 @@ impl Text<'_> {
                 return Err(self.invalid(alone, "a material curve needs an `opacity` curve"));
             }
         }
-        let entries = file.entries.as_ref().map(|value| self.whole("entries", value, 2..=1 << 20)).transpose()?;
         let gradient_opacity =
             file.gradient_opacity.as_ref().map(|stated| self.gradient_opacity(stated)).transpose()?;
-        Ok(Transfer {
-            opacity_length: 1.0,
-            lookup: file.lookup,
-            entries,
-            terms,
-            gradient_opacity: gradient_opacity.unwrap_or_default(),
-        })
+        Ok((terms, gradient_opacity.unwrap_or_default()))
     }
 
     /// Points of the factor on the opacity by the gradient magnitude.

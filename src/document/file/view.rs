@@ -32,6 +32,7 @@ impl Text<'_> {
     pub(super) fn lights(
         &self,
         files: &BTreeMap<String, At<LightFile>>,
+        scalars: &Scalars,
         base: &Path,
     ) -> Result<(Vec<SceneLight>, BTreeSet<String>), SceneError> {
         let mut dark = BTreeSet::new();
@@ -42,14 +43,6 @@ impl Text<'_> {
                 let source = self.stated("spectrum", stated, file.spectrum.as_ref())?;
                 let spectrum = self.spectrum(format!("lights.{name}.spectrum"), source, |source| source.light(base))?;
                 warn_below_zero(&format!("lights.{name}.spectrum"), &spectrum);
-                let intensity =
-                    self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
-                let intensity = if intensity == 0.0 {
-                    dark.insert(name.clone());
-                    1.0
-                } else {
-                    intensity
-                };
                 let vector = match (&file.direction, &file.position) {
                     (Some(direction), None) if file.kind.vector() == Some("direction") => {
                         Some(self.direction(&format!("lights.{name}.direction"), direction)?)
@@ -65,7 +58,13 @@ impl Text<'_> {
                     let problem = misplaced(file.kind, file.direction.is_some(), file.position.is_some());
                     self.invalid(stated, format!("lights.{name} {problem}"))
                 })?;
-                Ok(SceneLight { name: name.clone(), spectrum, intensity, placement, shadows: file.shadows })
+                let mut light = SceneLight { placement, ..SceneLight::new(name, spectrum) };
+                self.set(&mut light, key::LIGHT, &format!("lights.{name}."), scalars)?;
+                if light.intensity == 0.0 {
+                    dark.insert(name.clone());
+                    light.intensity = 1.0;
+                }
+                Ok(light)
             })
             .collect::<Result<_, _>>()?;
         Ok((lights, dark))
@@ -159,46 +158,46 @@ impl Text<'_> {
         Ok(state)
     }
 
-    pub(super) fn camera(&self, file: &CameraFile) -> Result<Camera, SceneError> {
-        let projection = match (file.projection, &file.fov, &file.height) {
-            (ProjectionFile::Perspective, fov, None) => Projection::Perspective {
-                fov_degrees: self.optional("camera.fov", fov.as_ref(), &(0.001..=179.0), 30.0)?,
-            },
-            (ProjectionFile::Orthographic, None, height) => Projection::Orthographic {
-                height: height.as_ref().map(|height| self.number("camera.height", height, &POSITIVE)).transpose()?,
-            },
+    /// The camera, before its scalar keys are set.
+    pub(super) fn camera(&self, file: &CameraFile, scalars: &Scalars) -> Result<Camera, SceneError> {
+        let stated = |name: &str| scalars.get(&format!("camera.{name}"));
+        let mut camera = Camera::default();
+        match (file.projection, stated("fov"), stated("height")) {
+            (ProjectionFile::Perspective, _, None) => {}
+            (ProjectionFile::Orthographic, None, _) => camera.projection = Projection::Orthographic { height: None },
             (ProjectionFile::Perspective, _, Some(key)) | (ProjectionFile::Orthographic, Some(key), _) => {
                 return Err(self.invalid(key, "a perspective camera has a `fov` (vertical, in degrees), an orthographic one a `height` (in world units)"));
             }
-        };
-        let up = file.up.as_ref().map_or(Ok(DVec3::NEG_Y), |up| self.direction("camera.up", up))?;
-        let aim = match (&file.position, &file.target) {
-            (Some(position), Some(target)) => {
+        }
+        if let Some(up) = &file.up {
+            camera.up = self.direction("camera.up", up)?;
+        }
+        match (&file.position, &file.target, &mut camera.aim) {
+            (Some(position), Some(target), aim) => {
                 if let Some(key) = &file.around {
                     return Err(self.invalid(key, "a camera with a `position` and a `target` has no `around`"));
                 }
-                let orbit = [&file.azimuth, &file.elevation].into_iter().flatten().map(At::span);
+                let orbit = [stated("azimuth"), stated("elevation")].into_iter().flatten().map(At::span);
                 if let Some(place) = orbit.chain(file.fill.as_ref().map(At::span)).next() {
                     let message = "a camera with a `position` and a `target` has no `azimuth`, `elevation` or `fill`";
                     return Err(self.refuse(place.start, message.to_owned()));
                 }
-                Aim::LookAt {
+                *aim = Aim::LookAt {
                     position: self.vector("camera.position", position)?,
                     target: self.vector("camera.target", target)?,
-                }
+                };
             }
-            (None, None) => Aim::Orbit {
-                azimuth: self.optional("camera.azimuth", file.azimuth.as_ref(), &FINITE, -20.0)?,
-                elevation: self.optional("camera.elevation", file.elevation.as_ref(), &(-89.9..=89.9), 15.0)?,
-                fill: file.fill.as_ref().map_or(Ok(Fill::of(0.95)), |fill| self.fill(fill))?,
-                front: file.front.as_ref().map_or(Ok(DVec3::NEG_Z), |front| self.direction("camera.front", front))?,
-                around: file.around.as_ref().map(|around| self.around(around)).transpose()?,
-            },
-            (Some(key), None) | (None, Some(key)) => {
+            (None, None, Aim::Orbit { fill, front, around, .. }) => {
+                *fill = file.fill.as_ref().map_or(Ok(*fill), |fill| self.fill(fill))?;
+                *front = file.front.as_ref().map_or(Ok(*front), |front| self.direction("camera.front", front))?;
+                *around = file.around.as_ref().map(|around| self.around(around)).transpose()?;
+            }
+            (None, None, Aim::LookAt { .. }) => {}
+            (Some(key), None, _) | (None, Some(key), _) => {
                 return Err(self.invalid(key, "a camera needs both `position` and `target`, or neither"));
             }
-        };
-        Ok(Camera { projection, aim, up })
+        }
+        Ok(camera)
     }
 
     /// The fill of an orbiting camera.
@@ -207,11 +206,12 @@ impl Text<'_> {
             FillFile::One(fraction) => Some(Fill::of(*fraction)),
             FillFile::ByAspect(pairs) => Fill::by_aspect(pairs),
         };
-        let found = found.filter(|fill| fill.pairs().iter().all(|pair| (0.01..=100.0).contains(&pair[1])));
+        let found = found.filter(|fill| fill.pairs().iter().all(|pair| Fill::RANGE.contains(&pair[1])));
         found.ok_or_else(|| {
             let message = format!(
-                "camera.fill must be a number from 0.01 to 100, or up to {} pairs of an ascending aspect ratio (width / \
-                 height) and such a number, [[0.75, 0.9], [1.5, 1]]",
+                "camera.fill must be {}, or up to {} pairs of an ascending aspect ratio (width / height) and such a \
+                 number, [[0.75, 0.9], [1.5, 1]]",
+                key::numbers([*Fill::RANGE.start(), *Fill::RANGE.end()]),
                 Fill::MOST
             );
             self.invalid(fill, message)

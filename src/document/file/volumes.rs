@@ -68,7 +68,7 @@ impl Text<'_> {
             }
         }
         if let Some(above) = file.largest_part_above.as_ref().filter(|_| !is_read) {
-            let value = self.number("volume.largest_part_above", above, &FINITE)?;
+            let value = self.number("volume.largest_part_above", above, &(f64::MIN..=f64::MAX))?;
             volume.keep_largest_part_above(value, progress).map_err(|error| match error {
                 VolumeError::NothingAbove { .. } => {
                     self.invalid(above, format!("volume.largest_part_above: {error}; write a smaller value"))

@@ -118,9 +118,10 @@ fn also_good_for(own: &Measured) -> String {
 /// Describes the changes of a row: in the scene file, and as flags for one run.
 fn how(survey: &Survey<'_>, row: &Measured) -> String {
     let changed = row.setting.changed(survey.scene());
-    let lines = changed.chunk_by(|one, two| one.0 == two.0).map(|keys| {
-        let values: Vec<String> = keys.iter().map(|(_, key, value)| format!("{key} = {value}")).collect();
-        format!("[{}]\n{}", keys[0].0, values.join("\n"))
+    let parts = |path: &'static str| path.split_once('.').unwrap_or(("", path));
+    let lines = changed.chunk_by(|one, two| parts(one.0).0 == parts(two.0).0).map(|keys| {
+        let values: Vec<String> = keys.iter().map(|(path, value)| format!("{} = {value}", parts(path).1)).collect();
+        format!("[{}]\n{}", parts(keys[0].0).0, values.join("\n"))
     });
     let lines: Vec<String> = lines.collect();
     let scaled = row.setting.scale() < 1.0;

@@ -11,7 +11,7 @@ use crate::digits::short;
 use crate::findings::{by_cause, carried};
 use crate::ladder::Cause;
 use crate::measured::Measured;
-use crate::setting::{Knob, Value};
+use crate::setting::Value;
 use crate::survey::Survey;
 use relume_base::number::count;
 use relume_colour::model::ModelKind;
@@ -58,7 +58,7 @@ fn own_name(own: &Measured) -> String {
 
 /// Row of `k` nodes, with the model named or as the scene has it.
 fn nodes(rows: &[Measured], k: usize) -> Option<&Measured> {
-    let named = |row: &&Measured| row.setting.get(Knob::K) == Some(Value::Number(count(k)));
+    let named = |row: &&Measured| row.setting.get("k") == Some(Value::Number(count(k)));
     let alone = rows.iter().filter(|row| row.setting.knobs().count() == 1).find(named);
     alone
         .filter(|row| row.components == k)

@@ -140,11 +140,9 @@ fn compared(survey: &Survey<'_>) -> String {
 fn setting(scene: &Scene, own: &Measured) -> String {
     let keys: Vec<String> = written(scene)
         .iter()
-        .map(
-            |(table, key, value)| {
-                if *table == "transfer" { format!("{table}.{key} = {value}") } else { format!("{key} = {value}") }
-            },
-        )
+        .map(|(path, value)| {
+            format!("{} = {value}", path.trim_start_matches("accuracy.").trim_start_matches("shadows."))
+        })
         .collect();
     let entries = if scene.transfer.entries.is_none() { "; transfer.entries chosen by the data" } else { "" };
     format!(

@@ -11,8 +11,7 @@ use crate::digits::{megabytes, short};
 use crate::findings::span;
 use crate::measured::Measured;
 use crate::setting::Knob;
-use crate::written::written;
-use relume_base::number::{count, readable};
+use relume_base::number::count;
 use relume_scene::Scene;
 
 /// Change of p95 from the scene's own below which a knob gets no chart.
@@ -30,18 +29,12 @@ struct Turned<'a> {
 /// Value of a knob in the scene.
 fn stands(knob: Knob, scene: &Scene, own: &Measured) -> String {
     let weights = own.carrier.starts_with("weights");
-    match knob {
-        Knob::Model | Knob::K | Knob::Accumulate if weights => "weights".to_owned(),
-        Knob::Model => format!("{}, k = {}", scene.accuracy.model, own.components),
-        Knob::K => own.components.to_string(),
-        Knob::Accumulate => "spectral".to_owned(),
-        Knob::Step => readable(step_in_voxels(scene)),
-        Knob::Skipping => if scene.accuracy.skipping { "on" } else { "off" }.to_owned(),
-        Knob::Scale => "1".to_owned(),
-        _ => written(scene)
-            .into_iter()
-            .find(|(_, key, _)| *key == knob.name())
-            .map_or_else(|| "chosen by the data".to_owned(), |(.., value)| value.replace('"', "")),
+    match knob.name() {
+        "model" | "k" | "accumulate" if weights => "weights".to_owned(),
+        "model" => format!("{}, k = {}", scene.accuracy.model, own.components),
+        "k" => own.components.to_string(),
+        "accumulate" => "spectral".to_owned(),
+        _ => knob.value(scene).map_or_else(|| "chosen by the data".to_owned(), |value| value.to_string()),
     }
 }
 
@@ -59,7 +52,7 @@ fn turned<'a>(rows: &'a [Measured], knob: Knob, scene: &Scene) -> Vec<Turned<'a>
         let label = if is_own { format!("{label} (own)") } else { label };
         Turned { number, label, entry: Entry { row, also: Vec::new() }, is_own }
     };
-    let alone = |row: &'a Measured| Some(row).filter(|row| row.setting.knobs().count() == 1)?.setting.get(knob);
+    let alone = |row: &'a Measured| Some(row).filter(|row| row.setting.knobs().count() == 1)?.setting.get(knob.name());
     let mut found: Vec<Turned<'a>> = rows.iter().filter_map(|row| Some(row_of(row, alone(row)?.to_string()))).collect();
     if !found.is_empty() && !found.iter().any(|it| it.is_own) {
         found.insert(0, row_of(own, stands(knob, scene, own)));
@@ -78,7 +71,7 @@ fn moves(row: &Measured, own: &Measured) -> bool {
 /// States which knobs matter, and which setting saves memory at the same accuracy; `None` if no knob was varied alone.
 pub(super) fn worth(rows: &[Measured], scene: &Scene, trust: Trust) -> Option<String> {
     let own = rows.first()?;
-    let turned = Knob::ALL.into_iter().map(|knob| (knob, turned(rows, knob, scene)));
+    let turned = Knob::all().map(|knob| (knob, turned(rows, knob, scene)));
     let turned: Vec<(Knob, Vec<Turned<'_>>)> = turned.filter(|(_, found)| found.len() > 1).collect();
     let (moving, still): (Vec<_>, Vec<_>) =
         turned.iter().partition(|(_, found)| found.iter().any(|it| moves(it.entry.row, own)));
@@ -115,7 +108,7 @@ pub(super) fn worth(rows: &[Measured], scene: &Scene, trust: Trust) -> Option<St
 pub(super) fn knobs(rows: &[Measured], scene: &Scene, trust: Trust) -> String {
     let Some(own) = rows.first() else { return String::new() };
     let (mut charts, mut table) = (String::new(), String::new());
-    for knob in Knob::ALL {
+    for knob in Knob::all() {
         let found = turned(rows, knob, scene);
         if found.iter().any(|it| moves(it.entry.row, own)) {
             let is_spline = found.iter().any(|it| it.label == "cubic");

@@ -10,7 +10,7 @@ use crate::digits::short;
 use crate::findings::{by_cause, cheapest, closest};
 use crate::ladder::Cause;
 use crate::measured::Measured;
-use crate::setting::{Knob, Value};
+use crate::setting::Value;
 use relume_base::number::{capital, readable};
 use relume_scene::Scene;
 
@@ -85,7 +85,7 @@ fn origin(scene: &Scene, rows: &[Measured], own: &Measured, trust: Trust) -> Str
 /// Effect of halving the step, if twice the scene's own step was measured.
 fn halved(scene: &Scene, rows: &[Measured], own: &Measured, trust: Trust) -> Option<String> {
     let step = step_in_voxels(scene);
-    let twice = |row: &&Measured| match row.setting.get(Knob::Step) {
+    let twice = |row: &&Measured| match row.setting.get("step") {
         Some(Value::Number(number)) => (number / step - 2.0).abs() < 1e-9 && row.setting.knobs().count() == 1,
         _ => false,
     };

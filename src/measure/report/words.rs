@@ -1,6 +1,7 @@
 //! Glossary of a report.
 
 use super::drawing::escaped;
+use crate::setting::Knob;
 
 /// A term and its meaning; the page explains it if it contains one of `keys`.
 struct Word {
@@ -14,7 +15,7 @@ const fn word(name: &'static str, keys: &'static [&'static str], meaning: &'stat
 }
 
 /// Terms that are column heads of the table of all numbers also give the heads' tooltips.
-const WORDS: [Word; 48] = [
+const WORDS: [Word; 37] = [
     word(
         "ΔE00",
         &["ΔE00"],
@@ -74,7 +75,6 @@ const WORDS: [Word; 48] = [
         &["tables and storage"],
         "as a cause of errors: the transfer function is a table, the volume a texture, and the numbers of a pixel may have 16 bits",
     ),
-    word("storage", &["storage="], "a finished pixel stores numbers of 16 or 32 bits"),
     word(
         "termination",
         &["termination"],
@@ -86,46 +86,14 @@ const WORDS: [Word; 48] = [
         "rays of a pixel, whose mean it is; as a cause (pixel area): a pixel sees only where its rays go",
     ),
     word(
-        "integration",
-        &["integration="],
-        "whether a step takes the medium at its middle (samples), or its mean over the values between its two ends (segments)",
-    ),
-    word(
-        "variation",
-        &["variation="],
-        "a segment whose opacity and shading change by more than this from end to end is divided",
-    ),
-    word(
         "interpolation",
         &["interpolation"],
         "interpolation between voxels: nearest, linear by the device, linear in 32 bits (exact-linear), or by a smooth cubic spline",
     ),
     word(
-        "labels",
-        &["labels="],
-        "a place between voxels has the shares of the labels around (smooth), or the label of the nearest voxel (nearest)",
-    ),
-    word(
         "spacing",
         &["spacing=", "light grid"],
         "voxels between two nodes of the light grid, from which shadows are read; as a cause (light grid): the light is interpolated between nodes",
-    ),
-    word(
-        "directions",
-        &["directions="],
-        "directions of the evenly bright sky from which ambient light with shadows comes; their error is part of the light grid's",
-    ),
-    word("volume", &["volume="], "bits per voxel on the device"),
-    word(
-        "gradients",
-        &["gradients="],
-        "whether the gradients for shading are stored (packed) or computed during the march (central)",
-    ),
-    word("entries", &["entries="], "number of entries in the table of the transfer function"),
-    word(
-        "lookup",
-        &["lookup="],
-        "whether the table of the transfer function is interpolated (linear) or read at the nearest entry",
     ),
     word(
         "level",
@@ -137,14 +105,12 @@ const WORDS: [Word; 48] = [
         &["voxel_pixels="],
         "largest voxel in the picture, in pixels, for which a coarser level of the volume is taken; 0 takes all voxels",
     ),
-    word("skipping", &["skipping="], "empty-space skipping, which changes times only"),
     word(
         "resolution",
         &["scale="],
         "as a cause of errors: fewer pixels are marched than shown; scale is the ratio of the widths",
     ),
     word("scale", &["scale="], "width of the marched picture over that of the shown one; the picture is enlarged"),
-    word("model", &["model="], "the kind of colour model"),
     word("rounding", &["rounding"], "as a cause of errors: arithmetic with 32 bits instead of 64"),
     word("device", &["device"], "as a cause of errors: results of this device that differ from 32-bit arithmetic"),
     word(
@@ -165,15 +131,21 @@ const WORDS: [Word; 48] = [
     ),
 ];
 
-/// Meaning of a column head.
+/// Meaning of a column head. Of a knob without a word here, its own.
 pub(super) fn meaning(name: &str) -> Option<&'static str> {
-    WORDS.iter().find(|word| word.name == name).map(|word| word.meaning)
+    let word = WORDS.iter().find(|word| word.name == name).map(|word| word.meaning);
+    word.or_else(|| Knob::named(name).map(Knob::meaning))
 }
 
 /// Explains the terms that occur in `page`.
 pub(super) fn words(page: &str) -> String {
     let there = WORDS.iter().filter(|word| word.keys.iter().any(|key| page.contains(key)));
-    let rows: String =
-        there.map(|word| format!("<dt>{}</dt><dd>{}.</dd>\n", escaped(word.name), escaped(word.meaning))).collect();
+    let knobs = Knob::all().filter(|knob| WORDS.iter().all(|word| word.name != knob.name()));
+    let knobs = knobs.filter(|knob| page.contains(&format!("{knob}=")));
+    let rows: String = there
+        .map(|word| (word.name, word.meaning))
+        .chain(knobs.map(|knob| (knob.name(), knob.meaning())))
+        .map(|(name, meaning)| format!("<dt>{}</dt><dd>{}.</dd>\n", escaped(name), escaped(meaning)))
+        .collect();
     format!("<details>\n<summary>Glossary</summary>\n<dl>\n{rows}</dl>\n</details>\n")
 }

@@ -4,25 +4,8 @@
 use std::sync::Arc;
 
 use super::{Planned, ScenePlan, planned};
-use crate::{Accuracy, Display, LabelEntry, Labels, Material, Scene, SceneLight, Shadows};
-
-/// The earliest stage of rendering with an obsolete result. A stale stage makes all later stages stale.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stale {
-    /// The picture is up to date.
-    #[default]
-    Nothing,
-    /// The picture: relights the film.
-    Picture,
-    /// The matrices of the colour model: fits them again; pixels stay.
-    Matrices,
-    /// The accumulators: marches again with the same tables.
-    Accumulators,
-    /// The tables: plans again, with new tables and, if its spectra have changed, a new colour model.
-    Tables,
-    /// The volume: uploads it again.
-    Volume,
-}
+use crate::key::{self, Stale};
+use crate::{LabelEntry, Labels, Material, Scene, SceneLight, Shadows};
 
 impl Stale {
     /// The stage that the change from `before` to `after` makes stale; `planned` is the plan of `before`.
@@ -45,9 +28,10 @@ impl Stale {
             camera,
             crop,
             block,
-            accuracy,
+            // By their keys.
+            accuracy: _,
             shadows,
-            display,
+            display: _,
         } = before;
         // Weights do not depend on spectra; a colour model is fitted to them.
         let spectra = if planned.model.is_some() { Self::Tables } else { Self::Picture };
@@ -84,8 +68,9 @@ impl Stale {
             let of_sky = planned.plan.light.sky().is_some() && sky;
             add(spacing != after.shadows.spacing || moved || of_sky, Self::Accumulators);
         }
-        add(true, of_accuracy(accuracy, &after.accuracy));
-        add(true, of_display(display, &after.display));
+        for part in ["accuracy.", "display."] {
+            add(true, key::stale(before, after, part));
+        }
         stale
     }
 
@@ -188,49 +173,6 @@ fn of_lights(before: &SceneLight, after: &SceneLight, spectra: Stale) -> Stale {
     } else if *spectrum != after.spectrum {
         spectra
     } else if *intensity != after.intensity {
-        Stale::Picture
-    } else {
-        Stale::Nothing
-    }
-}
-
-fn of_accuracy(before: &Accuracy, after: &Accuracy) -> Stale {
-    let Accuracy {
-        step_length,
-        termination,
-        variation,
-        accumulate,
-        model,
-        tolerance,
-        dimension,
-        // A level is taken before the scene is planned, by `Coarse::scene`.
-        voxel_pixels: _,
-        // Compared in the plan.
-        integration: _,
-        rays: _,
-        skipping: _,
-        interpolation: _,
-        labels: _,
-        volume: _,
-        gradients: _,
-        storage: _,
-    } = before;
-    let same_model = (accumulate, model, dimension) == (&after.accumulate, &after.model, &after.dimension)
-        && tolerance.to_bits() == after.tolerance.to_bits();
-    if !same_model || *step_length != after.step_length {
-        Stale::Tables
-    } else if (*termination, *variation) != (after.termination, after.variation) {
-        Stale::Accumulators
-    } else {
-        Stale::Nothing
-    }
-}
-
-fn of_display(before: &Display, after: &Display) -> Stale {
-    let Display { exposure, adapt, observer, deficiency } = before;
-    if *observer != after.observer {
-        Stale::Matrices
-    } else if (*exposure, *adapt, deficiency) != (after.exposure, after.adapt, &after.deficiency) {
         Stale::Picture
     } else {
         Stale::Nothing

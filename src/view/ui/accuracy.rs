@@ -7,11 +7,12 @@ use egui::{
 
 use super::controls::{number, panel, remembered};
 use super::spectrum::narrow;
-use crate::document::{Document, Edit, STEPS};
+use crate::document::{Document, Edit};
 use crate::measure::{Goal, Preset};
 use crate::plan::Planned;
 use crate::plan::Stale;
-use crate::scene::{Accuracy, Integration, LabelInterpolation, MOST_VOXEL_PIXELS};
+use crate::scene::key::{self, Value};
+use crate::scene::{Accuracy, Integration, LabelInterpolation, Scene};
 use crate::view::action::Action;
 use crate::view::effort::{Curve, Measured};
 
@@ -47,25 +48,16 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
                 }
             });
         }
-        let voxel = scene.frame.geometry.spacing.min_element();
-        let mut step = scene.accuracy.step_length / voxel;
-        ui.horizontal(|ui| {
-            ui.label("Step");
-            let [shortest, longest] = STEPS;
-            let dragged =
-                number(ui, &mut step, 3, |drag| drag.speed(0.02).range(shortest..=longest).suffix(" voxels"));
-            dragged.widget_info(|| WidgetInfo::slider(true, step, "step"));
-            let help = "Distance between samples along a ray. Half the step takes about twice the time, and has a quarter of the error.";
-            if dragged.on_hover_text(help).changed() {
-                let accuracy = Accuracy { step_length: step * voxel, ..scene.accuracy.clone() };
-                asked.push(Action::Edit(Edit::Accuracy(accuracy)));
-            }
-        });
+        let help = "Distance between samples along a ray. Half the step takes about twice the time, and has a quarter of the error.";
+        drag(ui, scene, ("accuracy.step", "Step", " voxels", 3), help, asked);
         rays(ui, &scene.accuracy, asked);
         if effort.planned.is_some_and(|planned| planned.plan.labels) {
             labels(ui, &scene.accuracy, asked);
         }
-        voxel_pixels(ui, &scene.accuracy, asked);
+        // The window itself marches all voxels.
+        let help = "relume render, page and measure take a coarser level of the volume whose voxels are at most so large: \
+                    faster, and thin layers fade. 0 takes all voxels, as this window always does at rest.";
+        drag(ui, scene, ("accuracy.voxel_pixels", "Voxels up to", " pixels", 2), help, asked);
         integration(ui, &scene.accuracy, effort.planned.and_then(Planned::no_segments), asked);
         match effort.running {
             Some((part, stage)) => {
@@ -114,18 +106,21 @@ fn rays(ui: &mut Ui, accuracy: &Accuracy, asked: &mut Vec<Action>) {
     });
 }
 
-/// Largest voxels of rendered pictures. The window itself marches all voxels.
-fn voxel_pixels(ui: &mut Ui, accuracy: &Accuracy, asked: &mut Vec<Action>) {
+/// A number of the accuracy: its key, name, unit and decimals.
+fn drag(ui: &mut Ui, scene: &Scene, row: (&str, &str, &str, i32), help: &str, asked: &mut Vec<Action>) {
+    let (path, label, unit, decimals) = row;
+    let Some(key) = key::of_scene(path) else { return };
+    let Some(Value::Number(stated)) = key.get(scene) else { return };
+    let mut shown = stated / key.unit(scene);
     ui.horizontal(|ui| {
-        ui.label("Voxels up to");
-        let mut pixels = accuracy.voxel_pixels;
-        let dragged =
-            number(ui, &mut pixels, 2, |drag| drag.speed(0.05).range(0.0..=MOST_VOXEL_PIXELS).suffix(" pixels"));
-        dragged.widget_info(|| WidgetInfo::slider(true, pixels, "voxels up to"));
-        let help = "relume render, page and measure take a coarser level of the volume whose voxels are at most so large: \
-                    faster, and thin layers fade. 0 takes all voxels, as this window always does at rest.";
+        ui.label(label);
+        let dragged = number(ui, &mut shown, decimals, |drag| drag.speed(0.02).range(key.offered()).suffix(unit));
+        dragged.widget_info(|| WidgetInfo::slider(true, shown, label.to_lowercase()));
         if dragged.on_hover_text(help).changed() {
-            asked.push(Action::Edit(Edit::Accuracy(Accuracy { voxel_pixels: pixels, ..accuracy.clone() })));
+            let mut changed = scene.clone();
+            // The field is limited to the range.
+            key.set(&mut changed, Some(Value::Number(shown * key.unit(scene)))).ok();
+            asked.push(Action::Edit(Edit::Accuracy(changed.accuracy)));
         }
     });
 }

@@ -12,9 +12,9 @@ use egui::{
     WidgetType, pos2, vec2,
 };
 
-use crate::document::BRIGHTEST;
 use crate::number::whole;
 use crate::plan::Stale;
+use crate::scene::BRIGHTEST;
 use crate::view::action::Action;
 
 /// Display time of the message about rejected input.

@@ -6,9 +6,9 @@ use super::controls::{number, panel, sides, slider, toggle};
 use super::spectrum::{curve, swatch};
 use super::transfer::places;
 use crate::document::Mixing;
-use crate::document::{BRIGHTEST, Document, Edit};
+use crate::document::{Document, Edit};
 use crate::plan::Stale;
-use crate::scene::{AmbientShares, Lighting, Placement, Scene, SceneLight, Shading};
+use crate::scene::{AmbientShares, BRIGHTEST, Lighting, Placement, Scene, SceneLight, Shading};
 use crate::view::action::Action;
 
 /// Shows the light panel.
