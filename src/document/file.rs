@@ -314,7 +314,7 @@ impl Text<'_> {
         let read = || {
             let mut table = DeTable::parse(self.text)?;
             let mut scalars = Scalars::new();
-            take_scalars(table.get_mut(), &[], &mut scalars);
+            take_scalars(table.get_mut(), &[], &mut scalars)?;
             let mut root = Root::deserialize(Deserializer::from(table))?;
             root.scalars = scalars;
             Ok(root)
@@ -374,7 +374,6 @@ impl Text<'_> {
     fn set<T>(&self, part: &mut T, keys: &[Key<T>], beginning: &str, scalars: &Scalars) -> Result<(), SceneError> {
         for key in keys {
             if let Some(value) = self.scalar(key, beginning, scalars)? {
-                // Of a camera, keys of other kinds have been refused.
                 key.set(part, Some(value)).map_err(|error| self.refuse(0, error.to_string()))?;
             }
         }

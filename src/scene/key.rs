@@ -7,7 +7,7 @@
 //! use relume_scene::key::{self, Value};
 //! # use relume_scene::Material;
 //! # use relume_colour::spectrum::{Reflectance, Spectrum};
-//! let mut bone = Material::new("bone", Reflectance::new(Spectrum::constant(0.9)));
+//! let mut bone = Material::new("bone", Reflectance::new(Spectrum::constant(0.9))?);
 //! let phase = key::MATERIAL.iter().find(|key| key.path == "phase").ok_or("no such key")?;
 //! phase.set(&mut bone, Some(Value::Number(0.5)))?;
 //! assert_eq!(phase.get(&bone), Some(Value::Number(0.5)));
@@ -34,28 +34,28 @@ use crate::{
 };
 
 /// A key of a part `T` of a scene: the scene itself, a material or a light.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub struct Key<T> {
-    /// Its path in a scene file, such as `accuracy.step`; of a material or light, its name there.
+    /// Path in a scene file, such as `accuracy.step`; of a material or light, the name in its table.
     pub path: &'static str,
-    /// What it may be.
+    /// Allowed values.
     pub kind: Kind,
-    /// Its default in words, if that depends on other keys or is none.
+    /// Default in words, if it depends on other keys or is no value.
     pub otherwise: Option<&'static str>,
     /// Numbers that the window offers and sweeps try, if these are fewer than a file may state.
     pub offered: Option<[f64; 2]>,
-    /// Whether the window and sweeps count it in smallest spacings, and a file in world units.
+    /// Whether the offered numbers are in smallest spacings, where a file has world units.
     pub in_voxels: bool,
-    /// The stage that a change makes stale by itself; [`Stale::Nothing`] where plans of both scenes are compared.
+    /// The stage that a change makes stale, at most; [`Stale::Nothing`] where [`Stale::between`] compares plans.
     pub stale: Stale,
-    /// How `relume measure` varies it.
+    /// The knob of `relume measure`, if it varies the key.
     pub knob: Option<Knob>,
     get: fn(&T) -> Option<Value<'static>>,
     put: fn(&mut T, Option<Value<'_>>),
 }
 
-/// How a part holds a key: its value there, and a function that sets an allowed one.
-#[derive(Clone, Copy, Debug)]
+/// Access of a key to a part.
+#[derive(Debug)]
 pub struct Access<T> {
     /// The value in a part, if it has one there.
     pub get: fn(&T) -> Option<Value<'static>>,
@@ -63,7 +63,7 @@ pub struct Access<T> {
     pub put: fn(&mut T, Option<Value<'_>>),
 }
 
-/// What a key may be.
+/// Allowed values of a key.
 #[derive(Clone, Copy, Debug)]
 pub enum Kind {
     /// A number of a range and its unit, if it has one.
@@ -98,7 +98,7 @@ impl fmt::Display for Value<'_> {
     }
 }
 
-/// How `relume measure` varies a key.
+/// Values of a key for `relume measure`.
 #[derive(Clone, Copy, Debug)]
 pub struct Knob {
     /// The number after one of a range.
@@ -188,19 +188,19 @@ impl Kind {
 }
 
 impl<T> Key<T> {
-    /// Its name: the last part of its path.
+    /// The last part of the path.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.path.rsplit('.').next().unwrap_or(self.path)
     }
 
-    /// Its value in `part`; `None` if it has none there.
+    /// The value in `part`; `None` if it has none there.
     #[must_use]
     pub fn get(&self, part: &T) -> Option<Value<'static>> {
         (self.get)(part)
     }
 
-    /// Sets it in `part`; `None` is no value.
+    /// Sets the value in `part`; `None` is no value.
     ///
     /// # Errors
     ///
@@ -279,7 +279,7 @@ impl<T> Key<T> {
 }
 
 impl Key<Scene> {
-    /// The unit of its offered numbers in `scene`, in units of its own.
+    /// The unit of the offered numbers in `scene`, as a number of a file.
     #[must_use]
     pub fn unit(&self, scene: &Scene) -> f64 {
         if self.in_voxels { scene.frame.geometry.spacing.min_element() } else { 1.0 }
@@ -382,7 +382,7 @@ pub trait Named: Copy + PartialEq + 'static {
     /// All choices, with their names in scene files.
     const ALL: Choices<Self>;
 
-    /// Its name.
+    /// Name in scene files.
     #[must_use]
     fn name(self) -> &'static str {
         Self::ALL.iter().find(|(one, _)| *one == self).map_or("", |(_, name)| name)

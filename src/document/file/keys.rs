@@ -61,21 +61,25 @@ struct ScalarsAlone {}
 /// Stated scalar keys of [`relume_scene::key`] by their paths, such as `accuracy.step` and `materials.flesh.ambient`.
 pub(super) type Scalars = BTreeMap<String, At<Value>>;
 
-/// Takes the scalar keys out of `table` and those in it; `path` leads to it.
-pub(super) fn take_scalars(table: &mut DeTable<'_>, path: &[&str], scalars: &mut Scalars) {
+/// Takes the scalar keys out of `table` and those in it; `path` leads to it. Fails for an integer of more than 64 bits.
+pub(super) fn take_scalars(
+    table: &mut DeTable<'_>,
+    path: &[&str],
+    scalars: &mut Scalars,
+) -> Result<(), toml::de::Error> {
     for name in scalars_of(path) {
-        let Some(stated) = table.remove(name) else { continue };
-        let span = stated.span();
-        // Every value of a file is one of a text.
-        if let Ok(value) = Value::deserialize(ValueDeserializer::from(stated)) {
+        if let Some(stated) = table.remove(name) {
+            let span = stated.span();
+            let value = Value::deserialize(ValueDeserializer::from(stated))?;
             scalars.insert([path, &[name]].concat().join("."), Spanned::new(span, value));
         }
     }
     for (name, inner) in table.iter_mut() {
         if let DeValue::Table(inner) = inner.get_mut() {
-            take_scalars(inner, &[path, &[&**name.get_ref()]].concat(), scalars);
+            take_scalars(inner, &[path, &[&**name.get_ref()]].concat(), scalars)?;
         }
     }
+    Ok(())
 }
 
 /// Names of the scalar keys in the table of this path.
