@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Its shell, from 90 to 110 with ramps of 10, in daylight.
     let mut scene = Scene::new("example", volume);
     scene.materials.push(Material::new("shell", standard::reflectance("orange")?));
-    scene.transfer.terms.push(Term::interval(0, [90.0, 110.0], [10.0; 2], 0.6, 0.0));
+    scene.transfer.terms.push(Term::interval(0, [90.0, 110.0], 10.0, 0.6, 0.0));
     scene.lights.push(SceneLight::new("day", standard::light("D65")?));
 
     // Full-spectrum reference: all 81 bands in f64.

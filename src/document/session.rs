@@ -15,7 +15,7 @@ use crate::output::{OutputError, write_atomically};
 use relume_colour::palette::{Palette, Solution};
 use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
 use relume_scene::key::{self, Key};
-use relume_scene::{Aim, Interval, Projection, Scene};
+use relume_scene::{Aim, Interval, Projection, Scene, Term};
 use relume_volume::{ByteOrder, is_built_in};
 
 /// Why a session cannot be saved.
@@ -465,7 +465,7 @@ fn spectra(
 
 /// Writes the intervals and the factor by the gradient magnitude, and keeps stated curves that have not been removed.
 fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError> {
-    let found: Vec<Option<Interval>> = scene.transfer.terms.iter().map(Interval::of).collect();
+    let found: Vec<Option<Interval>> = scene.transfer.terms.iter().map(Term::as_interval).collect();
     let curves = found.iter().filter(|interval| interval.is_none()).count();
     if curves > 1 {
         return Err(SessionError::Curves(curves));

@@ -472,7 +472,7 @@ impl State {
             Edit::AddInterval(interval) => {
                 let terms = &mut scene.transfer.terms;
                 // A file states its intervals before its curves, and sums follow the order of the file.
-                let end = terms.iter().position(|term| Interval::of(term).is_none()).unwrap_or(terms.len());
+                let end = terms.iter().position(|term| term.as_interval().is_none()).unwrap_or(terms.len());
                 if let Some(interval) = interval.allowed(&scene.materials) {
                     terms.insert(end, interval.term());
                 }

@@ -36,9 +36,11 @@ pub struct Transfer {
 /// Largest number of points of [`Transfer::gradient_opacity`].
 pub const GRADIENT_POINTS: usize = 16;
 
-/// A term: opacity, absorption and material as functions of the value.
+/// A term: an [`Interval`], or opacity, absorption and material as curves over the values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
+    /// Width of the ramp on either side of an interval, as stated; `None` for curves. The corners of an interval round it.
+    pub ramp: Option<f64>,
     /// Points (value, opacity), values not descending; constant beyond the ends. Two points at one value are a jump,
     /// and the larger opacity applies at the value itself.
     pub opacity: Vec<(f64, f64)>,
@@ -117,10 +119,20 @@ impl Term {
 
     /// A trapezoid: `opacity` and `absorption` from `low` to `high`, with ramps to 0 over `ramp` on either side.
     #[must_use]
-    pub fn interval(material: usize, [low, high]: [f64; 2], ramp: [f64; 2], opacity: f64, absorption: f64) -> Self {
-        let trapezoid = |height| vec![(low - ramp[0], 0.0), (low, height), (high, height), (high + ramp[1], 0.0)];
+    pub fn interval(material: usize, [low, high]: [f64; 2], ramp: f64, opacity: f64, absorption: f64) -> Self {
+        let trapezoid = |height| vec![(low - ramp, 0.0), (low, height), (high, height), (high + ramp, 0.0)];
         let absorption = if absorption > 0.0 { trapezoid(absorption) } else { Vec::new() };
-        Self { opacity: trapezoid(opacity), absorption, material: MaterialCurve(vec![(low, material)]) }
+        let material = MaterialCurve(vec![(low, material)]);
+        Self { ramp: Some(ramp), opacity: trapezoid(opacity), absorption, material }
+    }
+
+    /// The interval, if it is one.
+    #[must_use]
+    pub fn as_interval(&self) -> Option<Interval> {
+        let (ramp, absorption) = (self.ramp?, self.absorption.get(1).map_or(0.0, |point| point.1));
+        let (&(low, opacity), &(high, _), &(_, material)) =
+            (self.opacity.get(1)?, self.opacity.get(2)?, self.material.0.first()?);
+        Some(Interval { material, range: [low, high], ramp, opacity, absorption })
     }
 }
 
@@ -143,27 +155,7 @@ impl Interval {
     /// The term of this interval.
     #[must_use]
     pub fn term(&self) -> Term {
-        Term::interval(self.material, self.range, [self.ramp; 2], self.opacity, self.absorption)
-    }
-
-    /// The interval whose term equals `term` bit for bit, if there is one. Of several suitable ramps, takes the one
-    /// with the fewest digits.
-    #[must_use]
-    pub fn of(term: &Term) -> Option<Self> {
-        let (&[before, low, high, after], &[(_, material)]) = (&term.opacity[..], &term.material.0[..]) else {
-            return None;
-        };
-        let (range, opacity) = ([low.0, high.0], low.1);
-        let absorption = term.absorption.get(1).map_or(0.0, |point| point.1);
-        let (below, above) = (low.0 - before.0, after.0 - high.0);
-        let with = |ramp: f64| Self { material, range, ramp, opacity, absorption };
-        let written = [below, above, f64::midpoint(below, above)]
-            .into_iter()
-            .filter(|ramp| ramp.is_finite() && *ramp >= 0.0)
-            .flat_map(|ramp| (0..17).filter_map(move |digits| format!("{ramp:.digits$e}").parse().ok()));
-        let mut fitting: Vec<f64> = written.filter(|&ramp| with(ramp).term() == *term).collect();
-        fitting.sort_by_key(|ramp| ramp.to_string().len());
-        fitting.first().map(|&ramp| with(ramp))
+        Term::interval(self.material, self.range, self.ramp, self.opacity, self.absorption)
     }
 
     /// The nearest interval that a scene of `materials` may state; `None` for a missing material or numbers that are
@@ -226,7 +218,7 @@ mod tests {
 
     #[test]
     fn an_interval_is_a_trapezoid() {
-        let term = Term::interval(0, [40.0, 90.0], [8.0, 8.0], 0.5, 0.0);
+        let term = Term::interval(0, [40.0, 90.0], 8.0, 0.5, 0.0);
         for (value, opacity) in
             [(0.0, 0.0), (32.0, 0.0), (36.0, 0.25), (40.0, 0.5), (90.0, 0.5), (94.0, 0.25), (255.0, 0.0)]
         {
@@ -235,23 +227,18 @@ mod tests {
     }
 
     #[test]
-    fn an_interval_is_found_again_in_its_term_as_it_was_written() {
-        for (range, ramp) in
-            [([40.0, 90.0], 8.0), ([100.0, 200.3], 0.1), ([0.1, 0.7], 1e6), ([-3.3, 1e-3], 0.07), ([5.0, 5.0], 0.0)]
-        {
-            let interval = Interval { material: 1, range, ramp, opacity: 0.3, absorption: 0.0 };
-            assert_eq!(Interval::of(&interval.term()).map(|found| found.term()), Some(interval.term()), "{interval:?}");
+    fn a_term_is_the_interval_that_was_stated_or_none() {
+        for (range, ramp, absorption) in [([100.0, 200.3], 0.1, 0.25), ([0.1, 0.7], 1e6, 0.0), ([5.0, 5.0], 0.0, 0.0)] {
+            let interval = Interval { material: 1, range, ramp, opacity: 0.3, absorption };
+            assert_eq!(interval.term().as_interval(), Some(interval));
         }
-        let found = Interval::of(&Term::interval(1, [100.0, 200.3], [0.1; 2], 0.3, 0.25));
-        assert_eq!(found.map(|interval| [interval.ramp, interval.absorption]), Some([0.1, 0.25]));
-        let curve = Term { opacity: vec![(0.0, 0.0), (9.0, 1.0)], ..Term::interval(0, [0.0, 1.0], [1.0; 2], 0.3, 0.0) };
-        assert_eq!(Interval::of(&curve), None, "a curve");
-        assert_eq!(Interval::of(&Term::interval(0, [0.0, 1.0], [1.0, 2.0], 0.3, 0.0)), None, "unequal ramps");
+        let curve = Term { ramp: None, ..Term::interval(0, [0.0, 1.0], 1.0, 0.3, 0.0) };
+        assert_eq!(curve.as_interval(), None, "a curve, whatever its points");
     }
 
     #[test]
     fn an_interval_without_ramps_holds_its_ends_and_nothing_beyond() {
-        let term = Term::interval(0, [40.0, 41.0], [0.0, 0.0], 0.5, 0.0);
+        let term = Term::interval(0, [40.0, 41.0], 0.0, 0.5, 0.0);
         for (value, opacity) in [(39.999, 0.0), (40.0, 0.5), (40.5, 0.5), (41.0, 0.5), (41.001, 0.0)] {
             assert!(close(height_at(&term.opacity, value), opacity), "opacity at {value}");
         }
@@ -259,7 +246,7 @@ mod tests {
 
     #[test]
     fn overlapping_terms_add_their_scattering() {
-        let term = |material| Term::interval(material, [0.0, 10.0], [0.0, 0.0], 0.5, 0.0);
+        let term = |material| Term::interval(material, [0.0, 10.0], 0.0, 0.5, 0.0);
         let transfer = Transfer {
             opacity_length: 1.0,
             lookup: Lookup::Linear,

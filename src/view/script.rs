@@ -536,6 +536,6 @@ impl About {
 /// A message with the number of terms.
 pub fn interval(state: &State, index: usize) -> Result<Interval, String> {
     let terms = &state.scene.transfer.terms;
-    let found = terms.get(index).and_then(Interval::of);
+    let found = terms.get(index).and_then(|term| term.as_interval());
     found.ok_or_else(|| format!("no interval {index} among the {} terms of the transfer function (counted from 0; curves are not intervals)", terms.len()))
 }

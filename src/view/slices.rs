@@ -442,7 +442,7 @@ mod tests {
         scene.materials = vec![Material::new("one", white()), Material::new("two", white())];
         // Value 1 has opacity 0.25, and value 2 opacity 1.
         scene.transfer.terms =
-            vec![Term::interval(0, [1.0, 1.0], [0.0; 2], 0.25, 0.0), Term::interval(1, [2.0, 2.0], [0.0; 2], 1.0, 0.0)];
+            vec![Term::interval(0, [1.0, 1.0], 0.0, 0.25, 0.0), Term::interval(1, [2.0, 2.0], 0.0, 1.0, 0.0)];
         let colours = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
         let overlay = Overlay::new(&scene, &statistics, &colours);
         let painted = Painted { volume: &volume, window: [0.0, 2.0], overlay: Some(&overlay), labels: None };

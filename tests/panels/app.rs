@@ -155,7 +155,7 @@ pub(crate) fn with_histogram() -> Harness<'static, App> {
 
 pub(crate) fn intervals(window: &Harness<'_, App>) -> Vec<Interval> {
     let document = window.state().document.as_ref().unwrap();
-    document.state().scene.transfer.terms.iter().map(|term| Interval::of(term).unwrap()).collect()
+    document.state().scene.transfer.terms.iter().map(|term| term.as_interval().unwrap()).collect()
 }
 
 /// Returns the scene file of an edited document, with its opening mix.

@@ -55,7 +55,7 @@ fn a_number_that_no_hand_may_reach_stays_as_the_scene_has_it() {
 #[test]
 fn a_field_that_is_left_as_it_was_changes_nothing_though_it_shows_fewer_digits() {
     let mut document = document();
-    let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
+    let stated = document.state().scene.transfer.terms[0].as_interval().unwrap();
     document.edit(&Edit::Interval(0, Interval { opacity: 0.123_456_7, ..stated }));
     let mut window = App::open(Vec2::new(1000.0, 2000.0), Some(document));
     window.run();
@@ -189,7 +189,7 @@ fn a_slider_that_is_typed_below_nothing_says_that_it_became_nothing() {
 fn values_of_three_hundred_digits_leave_the_panels_as_they_are() {
     let width = |scale: f64| {
         let mut document = document();
-        let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
+        let stated = document.state().scene.transfer.terms[0].as_interval().unwrap();
         document.edit(&Edit::Interval(0, Interval { range: [1.234_567_89 * scale, 2.0 * scale], ..stated }));
         let mut statistics = document.opened().scene.volume().statistics().unwrap();
         (statistics.min, statistics.max) = (-3.0 * scale, 3.0 * scale);
@@ -212,7 +212,7 @@ fn values_of_three_hundred_digits_leave_the_panels_as_they_are() {
 fn values_that_differ_in_their_last_digits_alone_can_be_typed() {
     for (low, span, typed) in [(1.0, 1e-5, "1.000004"), (1e9, 1000.0, "1000000123"), (-3e-20, 1e-21, "-2.95e-20")] {
         let mut document = document();
-        let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
+        let stated = document.state().scene.transfer.terms[0].as_interval().unwrap();
         let interval = Interval { range: [low + 0.3 * span, low + 0.6 * span], ramp: 0.0, ..stated };
         document.edit(&Edit::Interval(0, interval));
         let mut statistics = document.opened().scene.volume().statistics().unwrap();
@@ -269,7 +269,7 @@ fn fields_show_seven_digits_at_most_and_do_not_lie_over_each_other() {
         [(0.0, 0.0), (87.0, 87.0), (-1.0 / 3.0, -1.0 / 3.0), (4.1e9, 4.1e9), (12_345.678_901, 12_345.678_902)]
     {
         let mut document = document();
-        let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
+        let stated = document.state().scene.transfer.terms[0].as_interval().unwrap();
         document.edit(&Edit::Interval(0, Interval { range: [low, high], ..stated }));
         let mut statistics = document.opened().scene.volume().statistics().unwrap();
         (statistics.min, statistics.max) = (low, high);

@@ -135,7 +135,7 @@ fn a_transfer_function_that_shows_no_value_says_so() {
     let mut document = document();
     let statistics = document.opened().scene.volume().statistics().unwrap();
     for index in [0, 1] {
-        let stated = Interval::of(&document.state().scene.transfer.terms[index]).unwrap();
+        let stated = document.state().scene.transfer.terms[index].as_interval().unwrap();
         document.edit(&Edit::Interval(index, Interval { range: [1e4, 2e4], ..stated }));
     }
     let mut window = wide(document.clone().with_statistics(statistics.clone()));
@@ -174,7 +174,7 @@ fn what_an_interval_absorbs_is_a_number_where_its_material_absorbs() {
     );
     assert_ne!(text, SCENE);
     let opened = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-    let shown = opened.scene.transfer.terms.iter().map(|term| Interval::of(term).unwrap().material);
+    let shown = opened.scene.transfer.terms.iter().map(|term| term.as_interval().unwrap().material);
     let of_flesh = shown.map(|material| opened.scene.materials[material].name == "flesh").collect::<Vec<_>>();
     let mut window = App::open(Vec2::new(1000.0, 3000.0), Some(Document::new(opened)));
     window.run();

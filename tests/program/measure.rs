@@ -708,7 +708,7 @@ fn a_row_whose_integration_is_not_that_of_the_scene_says_so() {
     scene.set_volume(Arc::new(Volume::new("ramp", Voxels::U8(values), grid).unwrap()));
     scene.accuracy.integration = Integration::Auto;
     // 16 wide: more than the values change in a step of one voxel on average over the axes, and less than in one of four.
-    scene.transfer.terms = vec![Term::interval(0, [90.0, 102.0], [2.0; 2], 0.3, 0.0)];
+    scene.transfer.terms = vec![Term::interval(0, [90.0, 102.0], 2.0, 0.3, 0.0)];
     let taken = |row: &Measured| (row.integration, row.other_integration);
     measured(&scene, &["step=1,4"], |_, rows| {
         let found: Vec<_> = rows[1..].iter().map(taken).collect();

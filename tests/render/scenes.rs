@@ -78,7 +78,7 @@ fn a_scene_in_code_has_the_defaults_of_a_scene_file() {
     let filed = support::scenes::parsed(text);
     let mut scene = Scene::new(&filed.name, filed.volume().clone());
     scene.materials.push(Material::new("shell", standard::reflectance("orange").unwrap()));
-    scene.transfer.terms.push(Term::interval(0, [90.0, 110.0], [10.0; 2], 0.6, 0.0));
+    scene.transfer.terms.push(Term::interval(0, [90.0, 110.0], 10.0, 0.6, 0.0));
     scene.lights.push(SceneLight::new("day", standard::light("D65").unwrap()));
     assert_eq!(format!("{scene:?}"), format!("{filed:?}"));
 }

@@ -201,7 +201,7 @@ fn regions_of_the_largest_and_the_smallest_value_are_not_taken_for_invisible() {
                 [17, 17, 17],
                 |place| if place.x > 0.0 { 65_535.0 } else { 0.0 },
             )));
-            scene.transfer.terms = vec![Term::interval(0, [low, high], [1000.0; 2], 0.3, 0.0)];
+            scene.transfer.terms = vec![Term::interval(0, [low, high], 1000.0, 0.3, 0.0)];
             // Seven fetches of a sample: the plan looks for the next visible one first.
             scene.accuracy.gradients = Gradients::Central;
             let mut everywhere = scene.clone();

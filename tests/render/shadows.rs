@@ -402,8 +402,8 @@ fn an_xray_material_casts_no_shadow_and_is_lit_through_that_of_others() {
     let shown = |opacity: f64, xray: bool| {
         let mut scene = occluded("none");
         scene.transfer.terms = vec![
-            relume::scene::Term::interval(0, [20000.0, 65535.0], [1000.0; 2], 0.3, 0.0),
-            relume::scene::Term::interval(1, [5000.0, 19000.0], [1000.0; 2], opacity, 0.0),
+            relume::scene::Term::interval(0, [20000.0, 65535.0], 1000.0, 0.3, 0.0),
+            relume::scene::Term::interval(1, [5000.0, 19000.0], 1000.0, opacity, 0.0),
         ];
         scene.materials[1].xray = xray;
         scene
@@ -1094,7 +1094,7 @@ fn a_light_grid_is_filled_again_only_where_its_depths_change() {
         let xray = |opacity: f64| {
             let mut scene = occluded("none");
             scene.materials[1].xray = true;
-            scene.transfer.terms.push(relume::scene::Term::interval(1, [2000.0, 9000.0], [100.0; 2], opacity, 0.0));
+            scene.transfer.terms.push(relume::scene::Term::interval(1, [2000.0, 9000.0], 100.0, opacity, 0.0));
             scene
         };
         assert_eq!(fills(&xray(0.2)).0, 2);

@@ -113,7 +113,7 @@ impl Text<'_> {
             let ramp = self.optional("ramp", interval.ramp.as_ref(), &(0.0..=f64::MAX), 0.0)?;
             let opacity = self.opacity("opacity", &interval.opacity, &materials[material])?;
             let absorption = self.absorption("absorption", interval.absorption.as_ref(), &materials[material])?;
-            terms.push(Term::interval(material, [low, high], [ramp, ramp], opacity, absorption));
+            terms.push(Term::interval(material, [low, high], ramp, opacity, absorption));
         }
         match (&file.opacity, &file.material) {
             (None, None) => {}
@@ -209,7 +209,7 @@ impl Text<'_> {
         if let Some(pair) = curve.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
             return Err(self.invalid(material, descends(pair[0].0, pair[1].0)));
         }
-        Ok(Term { opacity: points, absorption: depths, material: MaterialCurve(curve) })
+        Ok(Term { ramp: None, opacity: points, absorption: depths, material: MaterialCurve(curve) })
     }
 
     /// The declared labels, and the entry of all others.

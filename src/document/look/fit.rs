@@ -314,7 +314,7 @@ mod tests {
         let front = DVec3::NEG_Y;
         let aim = Aim::Orbit { azimuth: 0.0, elevation: 0.0, fill: Fill::of(1.0), front, around: None };
         let camera = Camera { projection: Projection::Perspective { fov_degrees: 30.0 }, aim, up: DVec3::Z };
-        let depths = Depths::of(&[Term::interval(0, [1.0, 9.0], [0.0; 2], 0.5, 0.0)], 1.0);
+        let depths = Depths::of(&[Term::interval(0, [1.0, 9.0], 0.0, 0.5, 0.0)], 1.0);
         let points = outline(volume, [2; 3], None, |_, value| value >= 1.0);
         let found = super::framed(&camera, &points, &Seen::new(volume, None, true, depths));
         found.view(&volume.geometry, 1.0).expect("it has a line of sight")

@@ -239,7 +239,7 @@ mod tests {
         let volume =
             Volume::new("block", voxels, geometry.expect("a box is a grid")).expect("as many voxels as the grid has");
         let mut scene = Scene::new("block", Arc::new(volume));
-        scene.transfer.terms.push(Term::interval(0, [100.0, 255.0], [0.0; 2], 0.5, 0.0));
+        scene.transfer.terms.push(Term::interval(0, [100.0, 255.0], 0.0, 0.5, 0.0));
         scene
     }
 

@@ -580,7 +580,7 @@ mod tests {
 
     #[test]
     fn bends_that_differ_by_rounding_are_one() {
-        let terms = [[0.3, 0.7], [0.8, 1.2]].map(|range| Term::interval(0, range, [0.1; 2], 0.5, 0.0));
+        let terms = [[0.3, 0.7], [0.8, 1.2]].map(|range| Term::interval(0, range, 0.1, 0.5, 0.0));
         // The second layer begins to rise where the first begins to fall.
         let apart = (terms[0].opacity[2].0 - terms[1].opacity[0].0).abs();
         assert!(apart > 0.0 && apart < 1e-12, "{apart}");
@@ -618,7 +618,7 @@ mod tests {
             (Projection::Perspective { fov_degrees: 40.0 }, false),
         ] {
             let seen = || {
-                let depths = Depths::of(&[Term::interval(0, [50.0, 90.0], [5.0; 2], 0.01, 0.0)], 1.0);
+                let depths = Depths::of(&[Term::interval(0, [50.0, 90.0], 5.0, 0.01, 0.0)], 1.0);
                 Seen::new(&volume, None, is_interpolated, depths)
             };
             let skipping = seen();

@@ -71,7 +71,7 @@ fn graph(ui: &mut Ui, document: &Document, colours: &[Color32], height: f32, ask
     let Some(statistics) = document.statistics() else { return };
     let transfer = &document.state().scene.transfer;
     let map = Map::new(ui, statistics, height);
-    let terms: Vec<Option<Interval>> = transfer.terms.iter().map(Interval::of).collect();
+    let terms: Vec<Option<Interval>> = transfer.terms.iter().map(Term::as_interval).collect();
     histogram(ui, statistics, &map);
     // The last one lies on top: the chosen interval over others, and handles over all bodies.
     let front = chosen(ui);
@@ -501,7 +501,7 @@ fn row(
     asked: &mut Vec<Action>,
 ) {
     let Some(term) = state.scene.transfer.terms.get(index) else { return };
-    let interval = Interval::of(term);
+    let interval = term.as_interval();
     let materials = &state.scene.materials;
     let shown = term.material.0.first().map_or(0, |&(_, material)| material);
     let material = |ui: &mut Ui| {

@@ -1029,15 +1029,15 @@ const fn brightness(shape: &Shape) -> f64 {
 /// The terms of the transfer function of a scene; their materials are those of no scene.
 fn terms(shape: &Shape, opacities: &[f64], most: f64) -> Vec<Term> {
     match shape {
-        Shape::Labels { from, .. } => vec![Term::interval(0, [*from, most], [0.0; 2], LABEL_OPACITY, 0.0)],
+        Shape::Labels { from, .. } => vec![Term::interval(0, [*from, most], 0.0, LABEL_OPACITY, 0.0)],
         Shape::Layers(layers) => layers
             .iter()
             .zip(opacities)
-            .map(|(layer, &opacity)| Term::interval(0, layer.range, [layer.ramp; 2], opacity, 0.0))
+            .map(|(layer, &opacity)| Term::interval(0, layer.range, layer.ramp, opacity, 0.0))
             .collect(),
         Shape::Ramp { layer, rise } => {
             let opacity = ramp(layer, *rise, opacities);
-            vec![Term { opacity, absorption: Vec::new(), material: MaterialCurve(Vec::new()) }]
+            vec![Term { ramp: None, opacity, absorption: Vec::new(), material: MaterialCurve(Vec::new()) }]
         }
     }
 }
