@@ -11,7 +11,7 @@ use relume_colour::model::ModelKind;
 use relume_scene::key::{self, Access, Key, Kind, Stale};
 use relume_scene::{AccumulateAs, Scene};
 
-/// An option that trades speed for accuracy: a key of [`key::SCENE`] with a knob, or [`SCALE`].
+/// An option that trades speed for accuracy: a key of [`key::SCENE`] with a knob, or the scale of the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Knob(usize);
 

@@ -2,6 +2,9 @@
 
 use super::*;
 
+/// Points of a curve: value and height.
+type Points = Vec<(f64, f64)>;
+
 impl Text<'_> {
     pub(super) fn materials(
         &self,
@@ -95,7 +98,7 @@ impl Text<'_> {
         &self,
         file: &TransferFile,
         materials: &[Material],
-    ) -> Result<(Vec<Term>, Vec<(f64, f64)>), SceneError> {
+    ) -> Result<(Vec<Term>, Points), SceneError> {
         let mut terms = Vec::new();
         for interval in &file.intervals {
             let material = self.material(&interval.material, materials)?;
