@@ -19,7 +19,7 @@ use crate::support::device::open;
 use crate::support::rungs::{Rungs, with_renderer};
 use crate::support::scenes;
 
-const SIZE: [usize; 2] = [40, 34];
+pub(super) const SIZE: [usize; 2] = [40, 34];
 /// Voxels of a large volume along one of the small one's.
 const FACTOR: usize = 5;
 
@@ -46,7 +46,7 @@ fn enlarged(volume: &Volume, value: impl Fn(f64, [usize; 3]) -> u16) -> Volume {
 }
 
 /// `scene` with a volume of several bricks along each axis, whose values differ from voxel to voxel.
-fn large(mut scene: Scene) -> Scene {
+pub(super) fn large(mut scene: Scene) -> Scene {
     let factor = scenes::float(FACTOR);
     let rippled = |stored: f64, [x, y, z]: [usize; 3]| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within 16 bits")]
@@ -86,7 +86,7 @@ fn in_bricks(rungs: &Rungs, renderer: &Renderer, slots: u64) -> (Film<f32>, Bric
     (renderer.read(&film).unwrap(), counts)
 }
 
-fn assert_same(name: &str, rungs: &Rungs, renderer: &Renderer, pools: &[u64]) -> Vec<BrickCounts> {
+pub(super) fn assert_same(name: &str, rungs: &Rungs, renderer: &Renderer, pools: &[u64]) -> Vec<BrickCounts> {
     let film = rungs.filtered_accumulators(renderer);
     assert!(film.bricks.is_none(), "{name}: it fits");
     let whole = bits(&renderer.read(&film).unwrap());
@@ -98,31 +98,6 @@ fn assert_same(name: &str, rungs: &Rungs, renderer: &Renderer, pools: &[u64]) ->
         counts
     });
     counted.collect()
-}
-
-#[test]
-fn films_of_bricks_are_films_of_the_whole_volume_to_the_bit() {
-    let names = [
-        "diffuse_one",
-        "specular_three",
-        "xray",
-        "labels",
-        "nearest_labels",
-        "orthographic",
-        "cropped",
-        "rotated",
-        "coloured_three",
-        "coloured_labels",
-    ];
-    with_renderer(|renderer| {
-        for (name, scene) in scenes::both_ways(&names) {
-            let rungs = Rungs::new(large(scene), SIZE);
-            let counts = assert_same(&name, &rungs, renderer, &[2, 6, 1000]);
-            assert!(counts[0].rounds > 3 && counts[2].rounds == 1, "{name}: {counts:?}");
-            assert!(counts[2].loaded == counts[2].visible, "{name}: {counts:?}");
-            assert!(counts.iter().all(|counts| counts.again == 0), "{name}: no brick is loaded twice: {counts:?}");
-        }
-    });
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Thin films: closed forms of interference, terms and tables against 81 bands, plans, and the device against the reference.
 
 use crate::phases::opened;
-use crate::shadows::{POINTS, SAME_GRID, beside_three_point, largest_difference, numbers, occluded};
+use crate::shadows::{largest_difference, occluded};
 use crate::support;
 
 use std::path::Path;
@@ -9,13 +9,14 @@ use std::path::Path;
 use glam::DVec3;
 use relume::document::{self, Document, Edit, SceneOptions, Source};
 use relume::model::ModelKind;
-use relume::plan::{Accumulate, FilmCounts, PlanWarning, Stale, Transmittance, plan};
+use relume::plan::{Accumulate, FilmCounts, PlanWarning, Stale, plan};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Integration, Lighting, Placement, Scene, SceneLight, StoreAs};
+use relume::scene::{AccumulateAs, Placement, Scene};
 use relume::spectrum::colour::xyz_of;
 use relume::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle, standard, wavelength_nm};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, float, of, sampled};
+use support::tolerance::SAME_GRID;
 
 /// Size of the pictures: not square, and no multiple of a workgroup.
 const SIZE: [usize; 2] = [22, 18];
@@ -274,138 +275,6 @@ fn a_three_point_light_on_films_equals_three_directional_lights() {
     }
 }
 
-/// Scenes of every kind of light and medium that films meet.
-fn of_every_kind() -> Vec<(&'static str, Scene)> {
-    let light = |name: &str, placement: Placement, shadows: bool, scene: &Scene| SceneLight {
-        name: name.to_owned(),
-        placement,
-        shadows,
-        ..scene.lights[0].clone()
-    };
-    let mut every = with_film(beside_three_point("gradient", 2), 0, OIL, ThinFilmAngle::Lobe);
-    let more = [
-        light("open three", Placement::ThreePoint, false, &every),
-        light("shadowed head", Placement::Headlight, true, &every),
-        light("point", Placement::Point(POINTS[0]), true, &every),
-        light("open point", Placement::Point(POINTS[1]), false, &every),
-        light("sky", Placement::Ambient, true, &every),
-        light("open", Placement::Directional(DVec3::new(0.3, 0.4, -0.9).normalize()), false, &every),
-    ];
-    every.lights.extend(more);
-    let mut sided = filmed(scenes::named("specular_three"));
-    sided.lighting = Lighting::OneSided;
-    vec![
-        ("three kinds of lights", filmed(scenes::named("diffuse_three"))),
-        ("highlights, one-sided", sided),
-        ("labels", filmed(scenes::named("labels"))),
-        ("shadows", with_film(occluded("gradient"), 0, SOAP, ThinFilmAngle::Facing)),
-        ("every light", every),
-    ]
-}
-
-/// Divides intensities so that the brightest pixel is white, where colours are compared.
-fn exposed(mut scene: Scene) -> Scene {
-    let rungs = Rungs::new(scene.clone(), SIZE);
-    let shown = rungs.march::<f64>(&rungs.exact()).relight(&rungs.xyz_matrices());
-    let brightest = shown.iter().map(|xyz| xyz.y).fold(0.0, f64::max);
-    scene.lights.iter_mut().for_each(|light| light.intensity /= brightest);
-    scene
-}
-
-#[test]
-fn weights_of_films_on_the_device_equal_81_bands_within_the_tolerance() {
-    with_renderer(|renderer| {
-        for (name, mut scene) in of_every_kind() {
-            scene.accuracy.accumulate = AccumulateAs::Weights;
-            let rungs = Rungs::new(exposed(scene), SIZE);
-            let planned = &rungs.planned;
-            assert!(planned.plan.thin_films.terms > 0 && planned.model.is_none(), "{name} has films");
-            let matrices = rungs.xyz_matrices();
-            let double = rungs.march::<f64>(&rungs.stored()).relight(&matrices);
-            let error = largest_difference(&double, &rungs.stored_truth());
-            assert!(error <= rungs.scene.accuracy.tolerance, "{name} in f64: ΔE00 {error}");
-            let error = largest_difference(&rungs.gpu(renderer).relight(&matrices), &double);
-            assert!(error <= SAME_GRID, "{name} on the device: ΔE00 {error}");
-            let error = largest_difference(&rungs.march::<f32>(&rungs.stored()).relight(&matrices), &double);
-            assert!(error <= SAME_GRID, "{name} in f32: ΔE00 {error}");
-        }
-    });
-}
-
-#[test]
-fn k_numbers_of_films_on_the_device_equal_the_reference_and_81_bands_within_the_tolerance() {
-    with_renderer(|renderer| {
-        // Fits with a stated k are quick; the shadowed scene has a model within the tolerance.
-        let stated = |mut scene: Scene| {
-            scene.accuracy.accumulate = AccumulateAs::Spectral;
-            scene.accuracy.dimension = Some(6);
-            scene
-        };
-        let mut shadowed = with_film(scenes::named("coloured_three"), 1, OIL, ThinFilmAngle::Lobe);
-        // As many directions as a light grid has depths for.
-        shadowed.lights.truncate(1);
-        shadowed.lights[0].placement = Placement::ThreePoint;
-        shadowed.lights[0].shadows = true;
-        let mut segments = stated(with_film(scenes::named("coloured_three"), 0, SOAP, ThinFilmAngle::Facing));
-        segments.accuracy.integration = Integration::Segments;
-        for (name, scene) in [
-            ("grey highlights", stated(filmed(scenes::named("specular_three")))),
-            ("coloured with shadows", shadowed),
-            ("segments", segments),
-        ] {
-            let within_tolerance = scene.accuracy.dimension.is_none();
-            let rungs = Rungs::new(exposed(scene), SIZE);
-            let plan = &rungs.planned.plan;
-            assert!(plan.thin_films.total() > 0 && rungs.planned.model.is_some(), "{name} has films");
-            assert_eq!(plan.transmittance == Transmittance::Grey, name.starts_with("grey"), "{name}");
-            let matrices = rungs.xyz_matrices();
-            let expected = rungs.march::<f64>(&rungs.stored()).relight(&matrices);
-            let error = largest_difference(&rungs.gpu(renderer).relight(&matrices), &expected);
-            assert!(error <= SAME_GRID, "{name}: ΔE00 {error}");
-            if within_tolerance {
-                let error = largest_difference(&expected, &rungs.stored_truth());
-                assert!(error <= rungs.scene.accuracy.tolerance, "{name} against 81 bands: ΔE00 {error}");
-            }
-        }
-    });
-}
-
-#[test]
-fn accumulators_of_films_relight_as_they_render() {
-    with_renderer(|renderer| {
-        let mut scene = with_film(occluded("gradient"), 0, OIL, ThinFilmAngle::Facing);
-        scene.accuracy.accumulate = AccumulateAs::Weights;
-        let marched = |scene: &Scene| Rungs::new(scene.clone(), SIZE).gpu(renderer);
-        let film = marched(&scene);
-        assert!(Rungs::new(scene.clone(), SIZE).planned.plan.thin_films.terms > 0);
-        for name in ["A", "FL11", "LED-RGB1"] {
-            let mut other = scene.clone();
-            for light in &mut other.lights {
-                light.spectrum = standard::light(name).unwrap();
-                light.intensity *= 3.0;
-            }
-            assert!(numbers(&marched(&other)) == numbers(&film), "under {name}");
-        }
-    });
-}
-
-#[test]
-fn films_without_an_effect_leave_every_byte() {
-    let marched = |scene: &Scene| {
-        let rungs = Rungs::new(scene.clone(), SIZE);
-        (rungs.planned.plan.clone(), numbers(&rungs.march(&rungs.stored::<f32>())))
-    };
-    let unshaded = scenes::named("unshaded_three");
-    assert!(marched(&unshaded) == marched(&with_film(unshaded.clone(), 0, SOAP, ThinFilmAngle::Facing)), "unshaded");
-    let flat = scenes::named("diffuse_three");
-    let mut lobe = flat.clone();
-    lobe.materials[0].film = Some(ThinFilm::new(SOAP, ThinFilmAngle::Lobe).unwrap());
-    assert!(marched(&flat) == marched(&lobe), "highlights of nothing");
-    let mut ambient = scenes::named("ambient_only");
-    ambient.materials[0].film = Some(ThinFilm::new(SOAP, ThinFilmAngle::Facing).unwrap());
-    assert!(marched(&scenes::named("ambient_only")) == marched(&ambient), "ambient light");
-}
-
 /// Two interfaces without a film between them: all light is transmitted.
 #[test]
 fn films_that_reflect_nothing_take_no_weights() {
@@ -557,24 +426,6 @@ fn a_film_without_an_effect_or_a_model_is_told() {
     (matrix.accuracy.model, matrix.accuracy.dimension) = (ModelKind::Peercy, Some(4));
     let error = plan(&matrix, &Quiet).unwrap_err();
     assert_eq!(error.code(), "film-matrix", "{error}");
-}
-
-#[test]
-fn films_in_16_bits_change_colours_by_no_more_than_stated() {
-    let scene = |storage| {
-        let mut scene = with_film(scenes::named("diffuse_one"), 0, SOAP, ThinFilmAngle::Facing);
-        (scene.accuracy.storage, scene.accuracy.accumulate, scene.accuracy.tolerance) =
-            (storage, AccumulateAs::Weights, 5.0);
-        scene
-    };
-    let shown = |scene: Scene| {
-        let rungs = Rungs::new(scene, SIZE);
-        rungs.march::<f64>(&rungs.stored()).relight(&rungs.xyz_matrices())
-    };
-    let half = scene(StoreAs::Half);
-    let stated = plan(&half, &Quiet).unwrap().half_precision_error(&half).unwrap();
-    let error = largest_difference(&shown(half), &shown(scene(StoreAs::Single)));
-    assert!(error > 0.0 && error <= stated && stated <= 5.0, "{error}, stated {stated}");
 }
 
 #[test]

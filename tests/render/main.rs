@@ -9,6 +9,7 @@ mod harness;
 mod interpolation;
 mod labels;
 mod ladder;
+mod matrix;
 mod peercy;
 mod phases;
 mod plan;

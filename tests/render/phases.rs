@@ -1,24 +1,19 @@
 //! Phase functions: closed forms of single scattering, reciprocity, plans, and the device against the reference.
 #![expect(clippy::float_cmp, reason = "a number is the stated one or another one")]
 
-use crate::shadows::{
-    POINTS, SAME_GRID, SINGLE, ball, balls_lit, beside_three_point, block, largest_difference, middle, numbers,
-    occluded, slabs, towards, weights,
-};
+use crate::shadows::{SINGLE, ball, balls_lit, block, middle, occluded, slabs, towards, weights};
 use crate::support;
 
 use std::path::Path;
 
 use glam::DVec3;
 use relume::document::{self, Document, Edit, SceneFile, SceneOptions, Source};
-use relume::plan::{Accumulate, LightPlan, PlanWarning, Stale, Transmittance, plan};
+use relume::plan::{Accumulate, PlanWarning, Stale, plan};
 use relume::progress::Quiet;
 use relume::reference;
-use relume::scene::{
-    AccumulateAs, Direction, Integration, Interpolation, Material, Placement, Scene, SceneLight, Shading, StoreAs,
-};
+use relume::scene::{Placement, Scene, Shading, StoreAs};
 use relume::tables::sky_direction;
-use support::rungs::{Rungs, with_renderer};
+use support::rungs::Rungs;
 use support::scenes::{self, SIZE, float};
 
 /// The phase function of Henyey and Greenstein for the cosine of the angle by which a ray turns.
@@ -124,20 +119,6 @@ fn light_and_eye_can_be_exchanged_with_phase_functions() {
     }
 }
 
-#[test]
-fn a_phase_function_of_zero_leaves_every_byte() {
-    for (shading, coloured) in [("none", false), ("none", true), ("gradient", false)] {
-        let scene = if coloured { unshaded("coloured_three") } else { occluded(shading) };
-        let zero = scattering(scene.clone(), 0.0);
-        let negative = scattering(scene.clone(), -0.0);
-        let [without, with, negative] = [scene, zero, negative].map(|scene| Rungs::new(scene, SIZE));
-        assert_eq!(without.planned.plan, with.planned.plan);
-        assert_eq!(without.planned.plan, negative.planned.plan);
-        let films = [&without, &with, &negative].map(|rungs| numbers(&rungs.march(&rungs.stored::<f32>())));
-        assert!(films[0] == films[1] && films[0] == films[2], "{shading}, coloured: {coloured}");
-    }
-}
-
 /// A named scene without shading.
 fn unshaded(name: &str) -> Scene {
     let mut scene = scenes::named(name);
@@ -146,37 +127,12 @@ fn unshaded(name: &str) -> Scene {
 }
 
 #[test]
-fn plans_keep_directions_apart_only_where_a_phase_function_does() {
-    let least = plan(&unshaded("diffuse_three"), &Quiet).unwrap().plan;
-    assert_eq!((least.phases, least.light.accumulators()), (0, 1));
-    let scene = with_phases(unshaded("diffuse_three"));
-    let by_phase = plan(&scene, &Quiet).unwrap();
-    assert_eq!(by_phase.plan.phases, 3, "one per weight");
-    assert_eq!(by_phase.plan.light, plan(&scenes::named("diffuse_three"), &Quiet).unwrap().plan.light);
-    // Opposite directions are two positions.
-    let mut opposite = with_phases(unshaded("diffuse_one"));
-    let Placement::Directional(direction) = opposite.lights[0].placement else { panic!("a directional light") };
-    let other = SceneLight { placement: Placement::Directional(-direction), ..opposite.lights[0].clone() };
-    opposite.lights.push(other);
-    let light = LightPlan::open(&[Direction::Infinity, Direction::Infinity]);
-    assert_eq!(plan(&opposite, &Quiet).unwrap().plan.light, light);
-    // Equal parameters share a part of a table entry in k numbers.
-    let mut alike = with_phases(unshaded("coloured_three"));
-    let apart = plan(&alike, &Quiet).unwrap().plan;
-    alike.materials[1].phase = alike.materials[0].phase;
-    let shared = plan(&alike, &Quiet).unwrap().plan;
+fn equal_phase_functions_share_a_part_of_a_table_entry() {
+    let of = |changes: &str| plan(&scenes::changed("phases_coloured", changes), &Quiet).unwrap().plan;
+    let (apart, shared) = (of(""), of("materials.middle.phase = 0.6"));
     assert!(matches!(shared.accumulate, Accumulate::Spectral { .. }));
     assert_eq!((apart.phases, shared.phases), (3, 2));
     assert_eq!(apart.parts().lanes * 2, shared.parts().lanes * 3);
-    // An invisible material, ambient light alone, and shading by gradients have none.
-    let mut hidden = unshaded("diffuse_one");
-    hidden.materials.push(Material { phase: 0.5, name: "unseen".into(), ..hidden.materials[0].clone() });
-    assert_eq!(plan(&hidden, &Quiet).unwrap().plan.phases, 0);
-    let mut ambient = with_phases(unshaded("diffuse_one"));
-    ambient.lights[0].placement = Placement::Ambient;
-    assert_eq!(plan(&ambient, &Quiet).unwrap().plan.phases, 0);
-    let shaded = with_phases(scenes::named("diffuse_three"));
-    assert_eq!(plan(&shaded, &Quiet).unwrap().plan, plan(&scenes::named("diffuse_three"), &Quiet).unwrap().plan);
 }
 
 #[test]
@@ -200,179 +156,6 @@ fn a_three_point_light_by_phase_functions_equals_three_directional_lights() {
             assert!((found - expected).abs() <= 1e-6 * expected.max(1.0), "shadows {shadows}: {found}, not {expected}");
         }
     }
-}
-
-/// Scenes of every kind of light and medium that phase functions meet.
-fn of_every_kind() -> Vec<(&'static str, Scene)> {
-    let changed = |scene: Scene, change: fn(&mut Scene)| {
-        let mut scene = with_phases(scene);
-        change(&mut scene);
-        scene
-    };
-    let light = |name: &str, placement: Placement, shadows: bool, scene: &Scene| SceneLight {
-        name: name.to_owned(),
-        placement,
-        shadows,
-        ..scene.lights[0].clone()
-    };
-    let mut every = with_phases(beside_three_point("none", 2));
-    let more = [
-        light("open three", Placement::ThreePoint, false, &every),
-        light("head", Placement::Headlight, false, &every),
-        light("shadowed head", Placement::Headlight, true, &every),
-        light("point", Placement::Point(POINTS[0]), true, &every),
-        light("open point", Placement::Point(POINTS[1]), false, &every),
-        light("sky", Placement::Ambient, true, &every),
-        light("open sky", Placement::Ambient, false, &every),
-        light("open", Placement::Directional(DVec3::new(0.3, 0.4, -0.9).normalize()), false, &every),
-    ];
-    every.lights.extend(more);
-    let mut five = with_phases(unshaded("specular_three"));
-    five.materials[3].phase = 0.85;
-    vec![
-        ("directional", with_phases(unshaded("diffuse_one"))),
-        ("three kinds of lights", with_phases(unshaded("diffuse_three"))),
-        ("four materials", five),
-        ("orthographic", with_phases(unshaded("orthographic"))),
-        ("inside", with_phases(unshaded("inside"))),
-        ("rotated", with_phases(unshaded("rotated"))),
-        ("cropped", with_phases(unshaded("cropped"))),
-        ("labels", with_phases(unshaded("labels"))),
-        ("nearest labels", with_phases(unshaded("nearest_labels"))),
-        ("background", with_phases(scenes::named("background"))),
-        ("X-ray", with_phases(scenes::named("xray"))),
-        (
-            "gradient opacity",
-            changed(unshaded("diffuse_three"), |scene| {
-                scene.transfer.gradient_opacity = vec![(0.0, 0.2), (5000.0, 1.0)];
-            }),
-        ),
-        (
-            "exact filter",
-            changed(unshaded("diffuse_one"), |scene| {
-                scene.accuracy.interpolation = Interpolation::ExactLinear;
-            }),
-        ),
-        ("shadows", with_phases(occluded("none"))),
-        ("every light", every),
-        ("five shadowed lights", with_phases(beside_three_point("none", 4))),
-        ("narrow, forwards", {
-            let mut scene = scattering(unshaded("diffuse_one"), 0.99);
-            scene.lights[0].placement = Placement::Directional(forward(&scene));
-            scene
-        }),
-        ("narrow, backwards", {
-            let mut scene = scattering(unshaded("diffuse_one"), -0.99);
-            scene.lights[0].placement = Placement::Directional(-forward(&scene));
-            scene
-        }),
-    ]
-}
-
-/// Line of sight through the middle of the picture.
-fn forward(scene: &Scene) -> DVec3 {
-    scene.camera.view(&scene.frame.geometry, 1.0).unwrap().forward
-}
-
-/// Divides intensities so that the brightest pixel is a little brighter than white, where colours are compared.
-fn exposed(mut scene: Scene) -> Scene {
-    let rungs = Rungs::new(scene.clone(), SIZE);
-    let brightest = rungs.truth().iter().map(|xyz| xyz.y).fold(0.0, f64::max);
-    scene.lights.iter_mut().for_each(|light| light.intensity /= brightest);
-    scene
-}
-
-#[test]
-fn weights_by_phase_functions_on_the_device_equal_81_bands() {
-    with_renderer(|renderer| {
-        for (name, scene) in of_every_kind() {
-            let mut scene = exposed(scene);
-            scene.accuracy.accumulate = AccumulateAs::Weights;
-            let rungs = Rungs::new(scene, SIZE);
-            assert!(rungs.planned.plan.phases > 0, "{name} has phase functions");
-            let matrices = rungs.xyz_matrices();
-            let truth = rungs.stored_truth();
-            assert!(truth.iter().any(|xyz| xyz.y > 0.05), "{name} is dark");
-            let error = largest_difference(&rungs.gpu(renderer).relight(&matrices), &truth);
-            assert!(error <= SAME_GRID, "{name}: ΔE00 {error}");
-            // In f64, weights and 81 bands differ by rounding.
-            let error = largest_difference(&rungs.march::<f64>(&rungs.stored()).relight(&matrices), &truth);
-            assert!(error <= 1e-3, "{name} in f64: ΔE00 {error}");
-            let single = rungs.march::<f32>(&rungs.stored());
-            let error = largest_difference(&single.relight(&matrices), &truth);
-            assert!(error <= SAME_GRID, "{name} in f32: ΔE00 {error}");
-        }
-    });
-}
-
-#[test]
-fn k_numbers_by_phase_functions_on_the_device_equal_the_reference() {
-    with_renderer(|renderer| {
-        let mut grey = with_phases(unshaded("diffuse_three"));
-        grey.accuracy.accumulate = AccumulateAs::Spectral;
-        let mut shadowed = with_phases(beside_three_point("none", 2));
-        shadowed.accuracy.accumulate = AccumulateAs::Spectral;
-        let mut segments = with_phases(unshaded("coloured_three"));
-        segments.accuracy.integration = Integration::Segments;
-        let mut grey_segments = with_phases(occluded("none"));
-        grey_segments.accuracy.integration = Integration::Segments;
-        let mut thinned = with_phases(unshaded("coloured_three"));
-        thinned.transfer.gradient_opacity = vec![(0.0, 0.2), (5000.0, 1.0)];
-        for (name, scene) in [
-            ("grey", grey),
-            ("grey with shadows", shadowed),
-            ("coloured", with_phases(unshaded("coloured_three"))),
-            ("coloured labels", with_phases(unshaded("coloured_labels"))),
-            ("coloured X-ray", with_phases(scenes::named("coloured_xray"))),
-            ("one phase function", scattering(unshaded("coloured_three"), 0.4)),
-            ("sharpened", with_phases(unshaded("sharpened"))),
-            ("segments", segments),
-            ("grey segments", grey_segments),
-            ("gradient opacity", thinned),
-        ] {
-            let scene = exposed(scene);
-            let (tolerance, integration) = (scene.accuracy.tolerance, scene.accuracy.integration);
-            let rungs = Rungs::new(scene, SIZE);
-            assert!(rungs.planned.plan.phases > 0, "{name} has phase functions");
-            let matrices = rungs.xyz_matrices();
-            let expected = rungs.march::<f64>(&rungs.stored()).relight(&matrices);
-            let error = largest_difference(&rungs.gpu(renderer).relight(&matrices), &expected);
-            assert!(error <= SAME_GRID, "{name}: ΔE00 {error}");
-            // The nodes of the default model hold the same spectra as without phase functions.
-            let nodes = rungs.scene.accuracy.dimension.is_none();
-            if nodes && integration != Integration::Segments {
-                let error = largest_difference(&expected, &rungs.stored_truth());
-                assert!(error <= tolerance, "{name} against 81 bands: ΔE00 {error}");
-            }
-            let coloured = rungs.planned.plan.transmittance != Transmittance::Grey;
-            assert_eq!(coloured, !name.starts_with("grey"), "{name}");
-        }
-    });
-}
-
-#[test]
-fn films_with_phase_functions_relight_as_they_render() {
-    with_renderer(|renderer| {
-        let scene = with_phases(occluded("none"));
-        let marched = |scene: &Scene| Rungs::new(scene.clone(), SIZE).gpu(renderer);
-        let film = marched(&scene);
-        for name in ["A", "FL11"] {
-            let mut other = scene.clone();
-            for light in &mut other.lights {
-                light.spectrum = relume::spectrum::standard::light(name).unwrap();
-                light.intensity *= 3.0;
-            }
-            assert!(numbers(&marched(&other)) == numbers(&film), "under {name}");
-        }
-        // Each light alone leaves the numbers that it has beside the other.
-        let part = film.accumulators.len() / 2;
-        for light in 0..2 {
-            let mut alone = scene.clone();
-            alone.lights = vec![scene.lights[light].clone()];
-            let alone = marched(&alone).accumulators;
-            assert!(alone == film.accumulators[light * part..][..part], "light {light}");
-        }
-    });
 }
 
 #[test]

@@ -1,158 +1,117 @@
 //! Plans contain exactly the features a scene needs; unneeded features change no picture.
 
+use crate::matrix::features;
 use crate::support;
 
 use glam::DVec3;
-use relume::plan::{
-    Accumulate, Arrival, FilmCounts, Integrate, LightPlan, ScenePlan, ShadingTerms, Share, Specular, Transmittance,
-    plan,
-};
+use relume::plan::{Accumulate, plan};
 use relume::progress::Quiet;
-use relume::scene::{
-    AccumulateAs, Direction, Gradients, Interpolation, LabelInterpolation, Lighting, Lookup, Placement, Scene, Shading,
-    StoreAs, VolumeAs,
-};
+use relume::scene::{AccumulateAs, Interpolation, Lookup, Placement, Scene, Shading};
 use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
 
+/// Plans of changed scenes: each has the features that the scene needs, and no other. `tests/scenes.toml` has more.
+const PLANS: [(&str, &str, &str); 37] = [
+    // Shading that is switched off costs nothing.
+    ("specular_one", "shading = 'none'", LEAST),
+    ("unshaded_one", "accuracy.storage = 'f16'", "3 weights; light ambient; Half"),
+    // Two-sided diffuse shading is equal for opposite directions, highlights and one-sided shading are not.
+    ("diffuse_one", SAME, "3 weights; light direction; diffuse"),
+    ("diffuse_one", OPPOSITE, "3 weights; light direction; diffuse"),
+    ("shiny", OPPOSITE, "3 weights; light direction, direction; diffuse; exponent 20"),
+    ("one-sided", OPPOSITE, "3 weights; light direction, direction; diffuse; one-sided"),
+    ("diffuse_one", "lighting = 'one_sided'", "3 weights; light direction; diffuse; one-sided"),
+    // Materials without a diffuse part need no gradient, and white ones no direction.
+    ("flat", "", "3 weights; light eye; flat"),
+    ("flat", "materials.core.ambient = 1\nmaterials.middle.ambient = 1\nmaterials.shell.ambient = 1", LEAST),
+    // Nor does ambient light.
+    ("specular_one", "lights.lamp = { spectrum = 'A', kind = 'ambient' }", LEAST),
+    // A single exponent is compiled in: a pipeline for 20 does not serve 21.
+    ("shiny", "materials.core.exponent = 21", "3 weights; light direction; diffuse; exponent 21"),
+    // Labels that are not declared are as if they were not there.
+    ("labels", "labels = {}", "1 weights; light direction; diffuse"),
+    ("unshaded_one", "accuracy.volume = 'f32'", "3 weights; light ambient; Single"),
+    ("unshaded_one", "accuracy.skipping = false", "3 weights; light ambient; unskipped"),
+    ("unshaded_one", "accuracy.interpolation = 'nearest'", "3 weights; light ambient; Nearest"),
+    ("unshaded_one", "transfer.lookup = 'nearest'", "3 weights; light ambient; nearest entry"),
+    // Gradients are taken from samples only where there are any.
+    ("unshaded_one", "accuracy.gradients = 'central'", LEAST),
+    ("diffuse_one", "accuracy.gradients = 'central'", "3 weights; light direction; diffuse; Central"),
+    ("unshaded_one", "transfer.gradient_opacity = [[0, 0], [100, 1]]", "3 weights; light ambient; thinned at 2"),
+    ("unshaded_one", THIN_CENTRAL, "3 weights; light ambient; thinned at 1; Central"),
+    // What nothing shows is left out, and splits no position.
+    ("two", "", "2 weights; light ambient"),
+    (
+        "two",
+        "shading = 'gradient'\nmaterials.core.diffuse = 0\nmaterials.shell.diffuse = 0",
+        "2 weights; light eye; flat",
+    ),
+    ("diffuse_one", "lights = {}", "3 weights; light "),
+    // All three-point lights share one position with three vectors.
+    ("diffuse_one", THREE_POINT, "3 weights; light direction+direction+direction; diffuse"),
+    ("unshaded_one", THREE_POINT, LEAST),
+    ("diffuse_three", "shading = 'none'", LEAST),
+    // Phase functions keep directions apart, of opposite lights too, but not ambient light; shading by gradients ignores them.
+    ("phases_one", OPPOSITE, "3 weights; light direction, direction; 3 phases"),
+    ("phases_one", "lights.key = { spectrum = 'D65', kind = 'ambient' }", LEAST),
+    ("diffuse_three", "materials.core.phase = 0.6", "3 weights; light eye, direction, point; diffuse"),
+    // Shadows keep positions apart that share a shade without them; a light without shadows folds.
+    ("shadows_unshaded", BEHIND, "1 weights; light direction behind 0, direction behind 1"),
+    ("one of two", BEHIND, "1 weights; light ambient, direction behind 0"),
+    ("one of two", STUDIO, "1 weights; light ambient, direction behind 0+direction behind 1+direction behind 2"),
+    // Ambient shares alone have no shadows, unless they are occluded and there are any.
+    ("dark", STUDIO, "1 weights; light eye; flat"),
+    ("occluded", STUDIO, "1 weights; light eye; occluded; flat"),
+    ("occluded", "materials.large.ambient = 0", "1 weights; light eye; flat"),
+    ("one of two", SKIES, "1 weights; light ambient, ambient behind 0"),
+    ("shadows_unshaded", POINT, "1 weights; light ambient behind 1, point behind 0"),
+];
+
 /// Smallest plan for three materials: unshaded, one position, nothing else.
-fn least() -> ScenePlan {
-    ScenePlan {
-        accumulate: Accumulate::Weights { materials: 3 },
-        transmittance: Transmittance::Grey,
-        light: LightPlan::open(&[Direction::Everywhere]),
-        shading: None,
-        phases: 0,
-        thin_films: FilmCounts::default(),
-        gradient_opacity: 0,
-        labels: false,
-        smooth_labels: false,
-        background: false,
-        lookup: Lookup::Linear,
-        integration: Integrate::Samples,
-        interpolation: Interpolation::Linear,
-        volume: VolumeAs::Auto,
-        gradients: Gradients::Packed,
-        skipping: true,
-        rays: 1,
-        compensated: false,
-        storage: StoreAs::Single,
+const LEAST: &str = "3 weights; light ambient";
+const SAME: &str = "lights.second = { spectrum = 'A', kind = 'directional', direction = [-0.5, -0.8, -0.4] }";
+const OPPOSITE: &str = "lights.second = { spectrum = 'A', kind = 'directional', direction = [0.5, 0.8, 0.4] }";
+const THIN_CENTRAL: &str = "transfer.gradient_opacity = [[50, 0.5]]\naccuracy.gradients = 'central'";
+const THREE_POINT: &str =
+    "lights.key = { spectrum = 'D65', kind = 'three_point' }\nlights.b = { spectrum = 'A', kind = 'three_point' }";
+
+const BEHIND: &str = "lights.lamp.direction = [-0.1, 0.4, -1]";
+const STUDIO: &str = "lights.lamp = { spectrum = 'A', shadows = true, kind = 'three_point' }";
+const SKIES: &str = "lights.day = { spectrum = 'D65', kind = 'ambient' }\n\
+                     lights.lamp = { spectrum = 'A', shadows = true, kind = 'ambient' }";
+const POINT: &str = "lights.day = { spectrum = 'D65', shadows = true, kind = 'point', position = [1, 1, 1] }\n\
+                     lights.lamp = { spectrum = 'A', shadows = true, kind = 'ambient' }";
+
+#[test]
+fn plans_have_the_features_that_their_scenes_need() {
+    for (name, changes, expected) in PLANS {
+        let (name, more) = match name {
+            "shiny" => ("diffuse_one", "materials.core.specular = 0.5"),
+            "one-sided" => ("diffuse_one", "lighting = 'one_sided'"),
+            "flat" => (
+                "diffuse_three",
+                "materials.core.diffuse = 0\nmaterials.middle.diffuse = 0\nmaterials.shell.diffuse = 0",
+            ),
+            "two" => (
+                "unshaded_three",
+                "materials.middle.specular = 1\ntransfer.intervals = [{ material = 'core', range = [44000, 70000], opacity = 0.6 }, \
+                 { material = 'shell', range = [9000, 13000], opacity = 0.06 }]",
+            ),
+            "one of two" => ("shadows_unshaded", "lights.day.shadows = false"),
+            "dark" => ("shadows_gradient", "materials.large.diffuse = 0\nlights.day.shadows = false"),
+            "occluded" => ("shadows_ambient", "materials.large.diffuse = 0\nlights.day.shadows = false"),
+            _ => (name, ""),
+        };
+        let scene = scenes::changed(name, [more, changes].join("\n").trim_matches('\n'));
+        assert_eq!(features(&plan(&scene, &Quiet).unwrap().plan), expected, "{name}: {more} {changes}");
     }
 }
 
-/// Directional light on materials with ambient coefficients only.
-const FLAT: Option<ShadingTerms> = Some(ShadingTerms { diffuse: false, specular: None, one_sided: false });
-const DIFFUSE: Option<ShadingTerms> = Some(ShadingTerms { diffuse: true, specular: None, one_sided: false });
-
-fn directional() -> LightPlan {
-    LightPlan::open(&[Direction::Infinity])
-}
-
-fn headlight() -> LightPlan {
-    LightPlan::open(&[Direction::Eye])
-}
-
-/// Plan of the scene `name` after `change`.
-fn changed(name: &str, change: impl FnOnce(&mut Scene)) -> ScenePlan {
-    let mut scene = scenes::named(name);
-    change(&mut scene);
-    plan(&scene, &Quiet).unwrap().plan
-}
-
 #[test]
-fn an_unshaded_scene_has_one_position_however_many_lights() {
-    assert_eq!(changed("unshaded_one", |_| {}), least());
-    assert_eq!(changed("unshaded_three", |_| {}), least());
-}
-
-#[test]
-fn shading_that_is_switched_off_costs_nothing() {
-    assert_eq!(changed("diffuse_three", |scene| scene.shading = Shading::None), least());
-    assert_eq!(changed("specular_one", |scene| scene.shading = Shading::None), least());
-}
-
-#[test]
-fn sixteen_bits_are_stored_where_they_are_asked_for() {
-    let half = ScenePlan { storage: StoreAs::Half, ..least() };
-    assert_eq!(changed("unshaded_one", |scene| scene.accuracy.storage = StoreAs::Half), half);
-}
-
-#[test]
-fn a_directional_light_has_a_position_and_a_gradient() {
-    assert_eq!(changed("diffuse_one", |_| {}), ScenePlan { light: directional(), shading: DIFFUSE, ..least() });
-}
-
-#[test]
-fn three_lights_have_three_positions() {
-    let light = LightPlan::open(&[Direction::Eye, Direction::Infinity, Direction::Place]);
-    assert_eq!(changed("diffuse_three", |_| {}), ScenePlan { light, shading: DIFFUSE, ..least() });
-}
-
-#[test]
-fn lights_that_shading_cannot_tell_apart_share_a_position() {
-    let expected = ScenePlan { light: directional(), shading: DIFFUSE, ..least() };
-    let second = |scene: &mut Scene, placement: Placement| {
-        let mut light = scene.lights[0].clone();
-        light.name = "second".into();
-        light.placement = placement;
-        scene.lights.push(light);
-    };
-    let key = scenes::named("diffuse_one").lights[0].placement;
-    assert_eq!(changed("diffuse_one", |scene| second(scene, key)), expected);
-    // Two-sided diffuse shading is equal for opposite lights.
-    let Placement::Directional(direction) = key else { panic!("{key:?}") };
-    assert_eq!(changed("diffuse_one", |scene| second(scene, Placement::Directional(-direction))), expected);
-    // Highlights are not.
-    let two = changed("diffuse_one", |scene| {
-        second(scene, Placement::Directional(-direction));
-        scene.materials[0].specular = 0.5;
-    });
-    assert_eq!(two.light, LightPlan::open(&[Direction::Infinity, Direction::Infinity]));
-}
-
-#[test]
-fn materials_without_a_diffuse_part_need_no_gradient() {
-    let flat = changed("diffuse_three", |scene| {
-        scene.materials.iter_mut().for_each(|material| material.diffuse = 0.0);
-    });
-    assert_eq!(flat, ScenePlan { light: headlight(), shading: FLAT, ..least() });
-    assert!(!flat.gradient());
-    let white = changed("diffuse_three", |scene| {
-        scene.materials.iter_mut().for_each(|material| (material.ambient, material.diffuse) = (1.0, 0.0));
-    });
-    assert_eq!(white, least());
-}
-
-#[test]
-fn ambient_light_alone_needs_no_gradient() {
-    let ambient = changed("specular_one", |scene| scene.lights[0].placement = Placement::Ambient);
-    assert_eq!(ambient, least());
-}
-
-#[test]
-fn highlights_of_one_exponent_and_of_several() {
-    let light = LightPlan::open(&[Direction::Place]);
-    let specular = Some(Specular { one_exponent: Some(20), exponent_bits: 5 });
-    let shading = Some(ShadingTerms { diffuse: true, specular, one_sided: false });
-    assert_eq!(changed("specular_one", |_| {}), ScenePlan { light: light.clone(), shading, ..least() });
-    // A single exponent is compiled in: a pipeline for 20 does not serve 21.
-    let other = changed("specular_one", |scene| scene.materials.iter_mut().for_each(|material| material.exponent = 21));
-    let specular = Some(Specular { one_exponent: Some(21), exponent_bits: 5 });
-    assert_eq!(
-        other,
-        ScenePlan { light, shading: Some(ShadingTerms { diffuse: true, specular, one_sided: false }), ..least() }
-    );
-
-    let specular = Some(Specular { one_exponent: None, exponent_bits: 6 });
-    let expected = ScenePlan {
-        accumulate: Accumulate::Weights { materials: 4 },
-        light: LightPlan::open(&[Direction::Everywhere, Direction::Eye, Direction::Infinity, Direction::Place]),
-        shading: Some(ShadingTerms { diffuse: true, specular, one_sided: false }),
-        ..least()
-    };
-    assert_eq!(changed("specular_three", |_| {}), expected);
-    assert_eq!((expected.components(), expected.lanes(), expected.parts().lanes, expected.layers()), (5, 2, 1, 8));
+fn components_and_parts_of_entries_are_whole_lanes() {
+    let plan = plan(&scenes::named("specular_three"), &Quiet).unwrap().plan;
+    assert_eq!((plan.components(), plan.lanes(), plan.parts().lanes, plan.layers()), (5, 2, 1, 8));
 }
 
 /// The scene of three materials with `more` mixtures of the first `spectra` of them.
@@ -215,50 +174,6 @@ fn weights_are_kept_where_narrower_numbers_miss_the_tolerance() {
 }
 
 #[test]
-fn labels_and_a_background_are_planned_where_they_are() {
-    let labels = ScenePlan { light: directional(), shading: DIFFUSE, labels: true, smooth_labels: true, ..least() };
-    assert_eq!(changed("labels", |_| {}), labels);
-    let nearest = changed("labels", |scene| scene.accuracy.labels = LabelInterpolation::Nearest);
-    assert_eq!(nearest, ScenePlan { smooth_labels: false, ..labels.clone() });
-    let undeclared = changed("labels", |scene| scene.labels.as_mut().unwrap().declared.clear());
-    let only_skin = Accumulate::Weights { materials: 1 };
-    assert_eq!(undeclared, ScenePlan { accumulate: only_skin, labels: false, smooth_labels: false, ..labels });
-    assert_eq!(changed("background", |_| {}), ScenePlan { background: true, ..least() });
-}
-
-#[test]
-fn the_camera_and_the_box_plan_nothing() {
-    let shaded = ScenePlan { light: directional(), shading: DIFFUSE, ..least() };
-    for name in ["inside", "cropped", "negative"] {
-        assert_eq!(changed(name, |_| {}), shaded, "{name}");
-    }
-    assert_eq!(changed("orthographic", |_| {}), ScenePlan { light: headlight(), shading: DIFFUSE, ..least() });
-    assert_eq!(changed("xray", |_| {}), least());
-}
-
-#[test]
-fn knobs_are_planned_as_they_are_set() {
-    assert_eq!(
-        changed("unshaded_one", |scene| {
-            scene.accuracy.skipping = false;
-            scene.accuracy.interpolation = Interpolation::Nearest;
-            scene.transfer.lookup = Lookup::Nearest;
-        }),
-        ScenePlan { skipping: false, interpolation: Interpolation::Nearest, lookup: Lookup::Nearest, ..least() }
-    );
-    let single = changed("unshaded_one", |scene| scene.accuracy.volume = VolumeAs::Single);
-    assert_eq!(single, ScenePlan { volume: VolumeAs::Single, ..least() });
-}
-
-#[test]
-fn gradients_are_taken_from_samples_only_where_there_are_any() {
-    let central = |scene: &mut Scene| scene.accuracy.gradients = Gradients::Central;
-    assert_eq!(changed("unshaded_one", central), least());
-    let shaded = ScenePlan { light: directional(), shading: DIFFUSE, ..least() };
-    assert_eq!(changed("diffuse_one", central), ScenePlan { gradients: Gradients::Central, ..shaded });
-}
-
-#[test]
 fn a_plan_says_how_the_volume_and_its_table_are_read() {
     let explained = |change: fn(&mut Scene)| {
         let mut scene = scenes::named("unshaded_one");
@@ -276,29 +191,11 @@ fn a_plan_says_how_the_volume_and_its_table_are_read() {
 }
 
 #[test]
-fn what_nothing_shows_is_left_out() {
-    let unused = changed("unshaded_one", |scene| {
-        scene.materials[1].specular = 1.0;
-        scene.transfer.terms.remove(1);
-    });
-    assert_eq!(unused, ScenePlan { accumulate: Accumulate::Weights { materials: 2 }, ..least() });
-    let nothing = changed("diffuse_one", |scene| scene.transfer.terms.clear());
-    assert_eq!(nothing.components(), 0);
-    assert_eq!(nothing.shading, None);
-    let dark = changed("diffuse_one", |scene| scene.lights.clear());
-    assert_eq!(dark, ScenePlan { light: LightPlan::default(), ..least() });
-}
-
-#[test]
-fn a_material_that_nothing_shows_splits_no_position() {
-    let shaded = |material: &mut relume::scene::Material| (material.diffuse, material.specular) = (0.8, 0.5);
-    let flat = changed("diffuse_three", |scene| {
-        scene.materials.iter_mut().for_each(|material| material.diffuse = 0.0);
-        shaded(&mut scene.materials[1]);
-        scene.transfer.terms.remove(1);
-    });
-    let two = Accumulate::Weights { materials: 2 };
-    assert_eq!(flat, ScenePlan { accumulate: two, light: headlight(), shading: FLAT, ..least() });
+fn a_scene_that_shows_nothing_has_no_components() {
+    let mut scene = scenes::named("diffuse_one");
+    scene.transfer.terms.clear();
+    let plan = plan(&scene, &Quiet).unwrap().plan;
+    assert_eq!((plan.components(), plan.shading), (0, None));
 }
 
 /// The smallest plan of a scene and the largest, with every feature enabled but without effect, give one picture.
@@ -331,32 +228,9 @@ fn the_least_plan_and_the_fullest_show_the_same() {
         relume::scene::LabelEntry { label: 9, name: "nowhere".into(), material: 0, opacity: 0.5, absorption: 0.0 };
     scene.labels = Some(relume::scene::Labels { volume: std::sync::Arc::new(zeros), declared: vec![entry] });
     let fullest = Rungs::new(scene, SIZE);
-    let expected = ScenePlan {
-        accumulate: Accumulate::Weights { materials: 3 },
-        transmittance: Transmittance::Grey,
-        light: LightPlan::open(&[Direction::Everywhere, Direction::Eye, Direction::Infinity, Direction::Place]),
-        shading: Some(ShadingTerms {
-            diffuse: true,
-            specular: Some(Specular { one_exponent: None, exponent_bits: 7 }),
-            one_sided: false,
-        }),
-        phases: 0,
-        thin_films: FilmCounts::default(),
-        gradient_opacity: 0,
-        labels: true,
-        smooth_labels: true,
-        background: true,
-        lookup: Lookup::Linear,
-        integration: Integrate::Samples,
-        interpolation: Interpolation::Linear,
-        volume: VolumeAs::Auto,
-        gradients: Gradients::Packed,
-        skipping: false,
-        rays: 1,
-        compensated: false,
-        storage: StoreAs::Single,
-    };
-    assert_eq!(fullest.planned.plan, expected);
+    let expected =
+        "3 weights; light ambient, eye, direction, point; diffuse; exponents of 7 bits; labels; background; unskipped";
+    assert_eq!(features(&fullest.planned.plan), expected);
 
     with_renderer(|renderer| {
         let picture = |rungs: &Rungs| -> Vec<[f32; 4]> {
@@ -380,19 +254,9 @@ fn the_least_plan_and_the_fullest_show_the_same() {
 }
 
 #[test]
-fn a_factor_by_the_gradient_needs_the_gradient_and_a_factor_of_one_needs_nothing() {
-    let factors = |points: &[(f64, f64)]| {
-        let points = points.to_vec();
-        changed("unshaded_one", |scene| scene.transfer.gradient_opacity = points)
-    };
-    assert_eq!(factors(&[(0.0, 0.0), (100.0, 1.0)]), ScenePlan { gradient_opacity: 2, ..least() });
-    assert!(factors(&[(0.0, 0.0), (100.0, 1.0)]).stores_gradient(), "stored with the values");
-    assert_eq!(factors(&[(0.0, 1.0), (100.0, 1.0)]), least(), "a factor of 1 has no effect");
-    let central = changed("unshaded_one", |scene| {
-        scene.transfer.gradient_opacity = vec![(50.0, 0.5)];
-        scene.accuracy.gradients = Gradients::Central;
-    });
-    assert_eq!(central, ScenePlan { gradient_opacity: 1, gradients: Gradients::Central, ..least() });
+fn a_factor_by_the_gradient_has_the_gradient_beside_the_values() {
+    let scene = scenes::named("thinned_unshaded_one");
+    assert!(plan(&scene, &Quiet).unwrap().plan.stores_gradient());
 }
 
 #[test]
@@ -405,42 +269,4 @@ fn a_factor_by_the_gradient_is_refused_with_a_matrix_of_transmittance() {
     let error = plan(&scene, &Quiet).unwrap_err();
     assert_eq!(error.code(), "gradient-opacity-matrix");
     assert!(error.to_string().contains("peercy") && error.to_string().contains("gradient_opacity"), "{error}");
-}
-
-#[test]
-fn one_sided_lighting_is_planned_where_a_material_shades() {
-    let one_sided = |scene: &mut Scene| scene.lighting = Lighting::OneSided;
-    let shading = Some(ShadingTerms { diffuse: true, specular: None, one_sided: true });
-    assert_eq!(changed("diffuse_one", one_sided), ScenePlan { light: directional(), shading, ..least() });
-    assert_eq!(changed("unshaded_one", one_sided), least());
-    // Opposite directions shade alike on two sides only.
-    let opposite = |lighting| {
-        changed("diffuse_one", |scene| {
-            scene.lighting = lighting;
-            let mut other = scene.lights[0].clone();
-            if let Placement::Directional(direction) = &mut other.placement {
-                *direction = -*direction;
-            }
-            scene.lights.push(other);
-        })
-    };
-    assert_eq!(opposite(Lighting::TwoSided).light.accumulators(), 1);
-    assert_eq!(opposite(Lighting::OneSided).light.accumulators(), 2);
-}
-
-#[test]
-fn all_three_point_lights_share_one_position_with_three_vectors() {
-    let counts = changed("diffuse_one", |scene| {
-        scene.lights[0].placement = Placement::ThreePoint;
-        let other = scene.lights[0].clone();
-        scene.lights.push(other);
-    });
-    let light = LightPlan {
-        arrivals: vec![Arrival { accumulator: 0, direction: Direction::Infinity, share: Share::Open }; 3],
-        ..LightPlan::default()
-    };
-    assert_eq!(counts, ScenePlan { light, shading: DIFFUSE, ..least() });
-    assert_eq!(counts.light.accumulators(), 1);
-    let flat = changed("unshaded_one", |scene| scene.lights[0].placement = Placement::ThreePoint);
-    assert_eq!(flat, least(), "unshaded");
 }

@@ -1,20 +1,17 @@
 //! Properties of every scene: linearity in light, independence of order and slicing, and equality of equal media.
 
+use crate::matrix::bits;
 use crate::support;
 
 use std::sync::Arc;
 
 use glam::DVec3;
-use relume::film::{Components, Film, RelightMatrices};
-use relume::output::film::{Component, Components as FileComponents, FilmFile, Position};
-use relume::render::{Dispatching, Renderer, TableMemory};
-use relume::scene::{Mix, Placement, Scene, SceneLight};
-use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use relume::spectrum::{Light, Spectrum};
-use support::device::open;
+use relume::film::{Film, RelightMatrices};
+use relume::render::Renderer;
+use relume::scene::{Mix, Placement, Scene};
 use support::rungs::{Rungs, magnitudes, with_renderer};
 use support::scenes::{self, SIZE};
-use support::tolerance::{LINEARITY, RELIT_ABSOLUTE, RELIT_RELATIVE, STEP_INVARIANCE};
+use support::tolerance::{LINEARITY, STEP_INVARIANCE};
 
 /// The device's linear picture of `rungs` under `mix`.
 fn lit(renderer: &Renderer, marched: &relume::render::DeviceFilm, rungs: &Rungs, mix: &Mix) -> Vec<DVec3> {
@@ -189,87 +186,9 @@ fn an_xray_slab_adds_up_and_hides_nothing() {
     }
 }
 
-/// Film file of `sums`.
-fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
-    let (scene, planned) = (&rungs.scene, &rungs.planned);
-    let Components::Surfaces(spectra) = Components::new(scene, planned) else { panic!("planned by weights") };
-    let name = |i: usize| planned.materials.get(i).map_or("white", |&m| scene.materials[m].name.as_str()).to_owned();
-    let component = |(i, spectrum): (usize, &Spectrum)| Component { name: name(i), spectrum: *spectrum.samples() };
-    let position = |place: &relume::scene::Position| Position {
-        name: place.name.clone(),
-        placement: place.placement,
-        shadows: place.shadows,
-    };
-    FilmFile {
-        positions: planned.positions.iter().map(position).collect(),
-        background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
-        accumulators: sums.accumulators,
-        transmittance: sums.transmittance,
-        ..FilmFile::empty(SIZE, FileComponents::Surfaces(spectra.iter().enumerate().map(component).collect()))
-    }
-}
-
-/// docs/theory/acceptance.md C11 with weights; `spectral.rs` tests it with coefficients.
 #[test]
-fn stored_accumulators_relight_to_a_fresh_render() {
-    let folder = tempfile::tempdir().unwrap();
+fn empty_space_skipping_changes_no_byte_around_a_small_object() {
     with_renderer(|renderer| {
-        for (name, scene) in scenes::both_ways(&["diffuse_three", "specular_three", "background", "unshaded_one"]) {
-            let rungs = Rungs::new(scene, SIZE);
-            let path = folder.path().join("sums.exr");
-            file_of(&rungs, rungs.gpu(renderer)).write(&path).unwrap();
-            let file = FilmFile::read(&path).unwrap();
-            let stored = Film {
-                size: SIZE,
-                components: file.components.len(),
-                accumulators: file.accumulators,
-                transmittance: file.transmittance,
-            };
-            // A light outside the scene at the position of one of its lights.
-            let positions = &rungs.planned.positions;
-            // Without gradients, segments are divided otherwise (docs/theory/segments.md): there, a directed light.
-            let suits =
-                |place: usize| !name.ends_with("in segments") || positions[place].placement != Placement::Ambient;
-            let chosen = rungs.mix.0.iter().position(|light| suits(light.position)).unwrap_or(0);
-            let place = rungs.mix.0[chosen].position;
-            let spectrum = Light::new(Spectrum::gaussian(540.0, 25.0, 1.0).unwrap()).unwrap();
-            let mut mix = single(&rungs.mix, chosen, 1.0);
-            (mix.0[0].spectrum, mix.0[0].weight) = (spectrum.clone(), 1.7);
-            let relit = stored.relight(&rungs.matrices_under(&mix));
-
-            let mut scene = rungs.scene.clone();
-            let placement = rungs.planned.positions[place].placement;
-            scene.lights = vec![SceneLight { name: "new".into(), spectrum, intensity: 1.7, placement, shadows: false }];
-            let fresh = Rungs::new(scene, SIZE);
-            let fresh = lit(renderer, &fresh.gpu_accumulators(renderer), &fresh, &fresh.mix);
-            for (relit, fresh) in relit.iter().zip(&fresh) {
-                let [relit, fresh] = [relit, fresh].map(|&rgb| *XYZ_FROM_LINEAR_SRGB * rgb);
-                let limit = RELIT_RELATIVE * fresh.abs().max_element() + RELIT_ABSOLUTE;
-                assert!((relit - fresh).abs().max_element() <= limit, "{name}: {relit} for {fresh}");
-            }
-        }
-    });
-}
-
-/// Bits of the film, which include the sign of 0 and NaN.
-fn bits(sums: &Film<f32>) -> Vec<u32> {
-    sums.accumulators.iter().chain(&sums.transmittance).map(|weight| weight.to_bits()).collect()
-}
-
-#[test]
-fn empty_space_skipping_changes_no_byte() {
-    with_renderer(|renderer| {
-        for name in scenes::NAMES {
-            let mut scene = scenes::named(name);
-            let skipping = Rungs::new(scene.clone(), SIZE);
-            assert!(skipping.planned.plan.skipping, "{name}");
-            let accumulators = skipping.gpu_accumulators(renderer);
-            let [occupied, cells] = accumulators.occupied;
-            scene.accuracy.skipping = false;
-            let walking = Rungs::new(scene, SIZE);
-            let same = bits(&renderer.read(&accumulators).unwrap()) == bits(&walking.gpu(renderer));
-            assert!(same, "{name}: {occupied} of {cells} cells hold something");
-        }
         // A small object in a large void, so that much is skipped, off the macrocells' borders.
         let mut scene = scenes::named("rotated");
         scene.set_volume(Arc::new(scenes::sampled([61, 53, 47], |p| {
@@ -283,42 +202,6 @@ fn empty_space_skipping_changes_no_byte() {
         let walking = Rungs::new(scene, SIZE);
         assert!(bits(&renderer.read(&accumulators).unwrap()) == bits(&walking.gpu(renderer)));
     });
-}
-
-#[test]
-fn bands_slices_workgroups_and_where_tables_are_change_no_byte() {
-    let usual = Dispatching::default();
-    let ways = [
-        Dispatching { samples: Some(1), slice: 7, ..usual },
-        Dispatching { samples: Some(3000), slice: 64, ..usual },
-        Dispatching { group: [16, 4], ..usual },
-        Dispatching { group: [1, 64], ..usual },
-        Dispatching { group: [64, 1], samples: Some(1), slice: 31, ..usual },
-        Dispatching { tables: TableMemory::Storage, ..usual },
-        Dispatching { tables: TableMemory::Uniform, ..usual },
-    ];
-    for (name, mut scene) in scenes::both_ways(&["specular_three", "labels", "inside", "xray", "coloured_three"]) {
-        scene.accuracy.termination = 1e-3;
-        for skipping in [true, false] {
-            scene.accuracy.skipping = skipping;
-            let rungs = Rungs::new(scene.clone(), SIZE);
-            let Some(device) = open() else { return };
-            let mut renderer = Renderer::new(device);
-            let whole = rungs.gpu_accumulators(&renderer);
-            // Segments have more iterations, of which a dispatch has a limited number.
-            assert!(whole.dispatches == 1 || name.ends_with("in segments"), "{name}: small enough for one");
-            let whole = bits(&renderer.read(&whole).unwrap());
-            for way in ways {
-                renderer = renderer.with_dispatching(way);
-                let cut = rungs.gpu_accumulators(&renderer);
-                let dispatches = cut.dispatches;
-                assert!(dispatches > 1 || way.samples.is_none(), "{name}: {way:?}: {dispatches} dispatches");
-                assert!(bits(&renderer.read(&cut).unwrap()) == whole, "{name}: {way:?}: {dispatches} dispatches");
-            }
-            let messages = renderer.device().validation_messages();
-            assert!(messages.is_empty(), "the validation layer says:\n{}", messages.join("\n"));
-        }
-    }
 }
 
 /// A crop box cuts steps into parts (docs/theory/march.md), so films of the two sides of a plane composite to the film of the

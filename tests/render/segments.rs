@@ -1,50 +1,15 @@
 //! Integration in segments: closed forms, the device against the reference, and empty-space skipping.
 
+use crate::matrix::differences;
 use crate::support;
 
 use glam::DVec3;
 use relume::plan::{Integrate, PlanError, plan};
 use relume::progress::Quiet;
-use relume::scene::{Gradients, Integration, Interpolation, Scene, Term};
-use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
+use relume::scene::{Gradients, Integration, Term};
 use relume::tables::CELL;
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float, in_segments, of, sampled, slab_straight_on};
-use support::tolerance::{WEIGHTS_DEVICE, WEIGHTS_DEVICE_P99};
-
-/// Scenes of every kind of source, transmittance, light and filter that segments have.
-fn of_every_kind() -> Vec<(String, Scene)> {
-    let names = [
-        "unshaded_three",
-        "diffuse_three",
-        "specular_three",
-        "xray",
-        "labels",
-        "background",
-        "inside",
-        "cropped",
-        "rotated",
-        "ambient_only",
-        "coloured_three",
-        "coloured_labels",
-        "coloured_xray",
-        "sharpened_semigroup",
-    ];
-    let mut scenes: Vec<_> = names.iter().map(|&name| (name.to_owned(), in_segments(scenes::named(name)))).collect();
-    let mut changed = |name: &str, change: fn(&mut Scene)| {
-        let mut scene = in_segments(scenes::named("diffuse_one"));
-        change(&mut scene);
-        scenes.push((name.to_owned(), scene));
-    };
-    changed("central differences", |scene| scene.accuracy.gradients = Gradients::Central);
-    changed("cubic", |scene| scene.accuracy.interpolation = Interpolation::Cubic);
-    changed("exact linear", |scene| scene.accuracy.interpolation = Interpolation::ExactLinear);
-    changed("nearest lookup", |scene| scene.transfer.lookup = relume::scene::Lookup::Nearest);
-    changed("gradient opacity", |scene| scene.transfer.gradient_opacity = vec![(500.0, 0.1), (4000.0, 1.0)]);
-    changed("without skipping", |scene| scene.accuracy.skipping = false);
-    changed("long steps", |scene| scene.accuracy.step_length = 5.0);
-    scenes
-}
 
 #[test]
 fn a_homogeneous_slab_is_exact_for_any_step_and_any_division() {
@@ -119,47 +84,18 @@ fn the_optical_depth_of_a_ramp_is_the_integral_of_the_transfer_function() {
     assert!((found - expected).abs() > 0.05, "samples: {found} for {expected}");
 }
 
-/// ΔE00 of each pixel.
-fn differences(actual: &[DVec3], expected: &[DVec3]) -> Vec<f64> {
-    let lab = |xyz: &DVec3| lab_from_xyz(Xyz(xyz.to_array()), d65_white());
-    let mut all: Vec<f64> = actual.iter().zip(expected).map(|(a, b)| ciede2000(lab(a), lab(b))).collect();
-    all.sort_by(f64::total_cmp);
-    all
-}
-
 /// 99 % of the differences, and the largest.
 fn spread(actual: &[DVec3], expected: &[DVec3]) -> [f64; 2] {
     let errors = differences(actual, expected);
     [errors[errors.len() * 99 / 100], errors[errors.len() - 1]]
 }
 
-#[test]
-fn the_device_marches_segments_as_the_reference_does() {
-    with_renderer(|renderer| {
-        for (name, scene) in of_every_kind() {
-            let rungs = Rungs::new(scene, SIZE);
-            let expected = rungs.march::<f64>(&rungs.stored::<f64>()).relight(&rungs.xyz_matrices());
-            let single = rungs.march::<f32>(&rungs.stored::<f32>()).relight(&rungs.xyz_matrices());
-            let device = rungs.gpu(renderer).relight(&rungs.xyz_matrices());
-            for (rung, found) in [("f32", single), ("device", device)] {
-                let [p99, largest] = spread(&found, &expected);
-                // Of two places that round differently, one may lie in the next voxel, with another label: a tenth of what
-                // is just visible in nearly every pixel.
-                let limits = if rungs.planned.plan.labels { [0.1, 2.0] } else { [WEIGHTS_DEVICE_P99, WEIGHTS_DEVICE] };
-                assert!(p99 <= limits[0] && largest <= limits[1], "{name}, {rung}: {p99}, {largest}");
-            }
-        }
-    });
-}
-
 /// A tenth of what is just visible in nearly every pixel, a fifth in all.
 #[test]
 fn the_table_of_segments_is_the_transfer_function() {
-    for (name, scene) in of_every_kind() {
-        if ["nearest lookup", "long steps"].contains(&name.as_str()) {
-            continue;
-        }
-        let rungs = Rungs::new(scene, SIZE);
+    let other = ["segments_nearest_lookup", "segments_long_steps"];
+    for name in scenes::all().keys().filter(|name| name.starts_with("segments_") && !other.contains(&name.as_str())) {
+        let rungs = Rungs::new(scenes::named(name), SIZE);
         let exact = rungs.march::<f64>(&rungs.exact()).relight(&rungs.xyz_matrices());
         let stored = rungs.march::<f64>(&rungs.stored::<f64>()).relight(&rungs.xyz_matrices());
         let [p99, largest] = spread(&stored, &exact);

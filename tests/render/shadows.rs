@@ -2,6 +2,7 @@
 
 #[path = "../../benches/instruments/shadows.rs"]
 mod instrument;
+use crate::matrix::{bits, differences};
 use crate::support;
 
 use std::path::Path;
@@ -9,18 +10,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{DMat3, DVec3};
 use relume::document::{self, Document, Edit, SceneFile, SceneOptions, Source};
-use relume::film::Film;
-use relume::model::{ModelKind, Order};
-use relume::number::Real;
-use relume::plan::{Arrival, Integrate, LightPlan, Share, Stale, plan};
+use relume::plan::{Stale, plan};
 use relume::progress::Quiet;
 use relume::reference::{self, End, Exact, Keeping, KeptDepths, Samples, Step};
-use relume::render::{Dispatching, Renderer, SceneRenderer};
+use relume::render::{Dispatching, SceneRenderer};
 use relume::scene::{
-    Aim, AmbientShares, Direction, Integration, Interpolation, Lighting, Lookup, Placement, Projection, Scene,
-    SceneLight, Shading, ShadowMethod,
+    Aim, AmbientShares, Interpolation, Lighting, Placement, Projection, Scene, SceneLight, Shading, ShadowMethod,
 };
-use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::tables::sky_direction;
 use relume::volume::{Geometry, Volume, Voxels};
 use support::rungs::{Rungs, with_renderer};
@@ -317,49 +313,9 @@ fn light_and_eye_can_be_exchanged() {
     assert!((there / elsewhere - 1.0).abs() > 0.05, "{there} and {elsewhere}");
 }
 
-/// A small ball above a large one, lit from above by a grey and by a coloured light from aside; both cast shadows.
+/// A small ball above a large one, lit by two directional lights with shadows.
 pub(super) fn occluded(shading: &str) -> Scene {
-    let text = format!(
-        r#"
-        shading = "{shading}"
-        [materials.large]
-        reflectance = "orange"
-        [materials.small]
-        reflectance = "blue"
-        [transfer]
-        opacity_length = 1
-        opacity = [[2000, 0.0], [30000, 0.4]]
-        material = [[0, "large"]]
-        [lights.day]
-        spectrum = "D65"
-        shadows = true
-        kind = "directional"
-        direction = [0.1, -0.4, 1]
-        [lights.lamp]
-        spectrum = "A"
-        shadows = true
-        kind = "directional"
-        direction = [1, 0.4, 0.2]
-        [camera]
-        projection = "orthographic"
-        azimuth = 30
-        elevation = 20
-        [accuracy]
-        step = 1
-        termination = 0
-        [shadows]
-        start = 0
-    "#
-    );
-    let ball = |p: DVec3, centre: DVec3, width: f64| (-(p - centre).length_squared() / (2.0 * width * width)).exp();
-    of(
-        &text,
-        scenes::sampled([25, 25, 40], |p| {
-            let small = ball(p, DVec3::new(0.0, -0.2, 0.7), 0.25);
-            60000.0 * ball(p, DVec3::new(0.0, 0.0, -0.4), 0.4) * f64::from(p.z < 0.3)
-                + 60000.0 * small * f64::from(p.z > 0.4)
-        }),
-    )
+    scenes::named(if shading == "none" { "shadows_unshaded" } else { "shadows_gradient" })
 }
 
 /// Marches of `scene` by rays and by the grid: the accumulators of all positions.
@@ -430,140 +386,48 @@ fn an_xray_material_casts_no_shadow_and_is_lit_through_that_of_others() {
 }
 
 #[test]
-fn shadows_keep_positions_apart_that_share_a_shade_without_them() {
-    let mut scene = occluded("none");
-    scene.lights[1].placement = Placement::Directional(DVec3::new(-0.1, 0.4, -1.0).normalize());
-    let light = |scene: &Scene| plan(scene, &Quiet).unwrap().plan.light;
-    // Directions of each accumulator in turn, and the parts of them that arrive.
-    let of = |accumulators: &[&[(Direction, Share)]]| {
-        let arrivals = accumulators.iter().enumerate().flat_map(|(accumulator, ways)| {
-            ways.iter().map(move |&(direction, share)| Arrival { accumulator, direction, share })
-        });
-        LightPlan { arrivals: arrivals.collect(), ..LightPlan::default() }
-    };
-    let behind = |number| (Direction::Infinity, Share::Behind(number));
-    let sky = (Direction::Everywhere, Share::Open);
-    assert_eq!(light(&scene), of(&[&[behind(0)], &[behind(1)]]), "opposite directions, unshaded");
-    scene.lights[0].shadows = false;
-    assert_eq!(light(&scene), of(&[&[sky], &[behind(0)]]), "the light without shadows folds");
-    scene.lights[1].placement = Placement::ThreePoint;
-    let three = of(&[&[sky], &[behind(0), behind(1), behind(2)]]);
-    assert_eq!(light(&scene), three, "three directions of one position");
+fn the_light_grid_has_a_number_for_each_direction_and_the_sky() {
+    let light = |name: &str, changes: &str| plan(&scenes::changed(name, changes), &Quiet).unwrap().plan.light;
+    let three = light("shadows_three_point", "lights.open = { spectrum = 'A', kind = 'ambient' }");
     assert_eq!((three.grid_lights(), three.behind().collect::<Vec<_>>()), (3, vec![1, 2, 3]));
-    scene.shading = Shading::Gradient;
-    scene.materials.iter_mut().for_each(|material| (material.diffuse, material.specular) = (0.0, 0.0));
-    assert!(!light(&scene).is_dimmed(), "nothing but ambient parts, which shadows leave");
-    scene.shadows.ambient = AmbientShares::Occluded;
-    let occluded = light(&scene);
-    assert_eq!(
-        (occluded.occluded, occluded.sky(), occluded.grid_lights()),
-        (true, Some(0), 1),
-        "unless they are occluded"
-    );
-    scene.materials.iter_mut().for_each(|material| material.ambient = 0.0);
-    assert!(!light(&scene).is_dimmed(), "no ambient parts");
-    scene.lights[0].placement = Placement::Ambient;
-    scene.lights[1].placement = Placement::Ambient;
-    scene.lights[1].shadows = true;
-    let dimmed = |number| (Direction::Everywhere, Share::Behind(number));
-    assert_eq!(light(&scene), of(&[&[sky], &[dimmed(0)]]), "with and without shadows");
-    scene.lights[0].placement = Placement::Point(DVec3::ONE);
-    scene.lights[0].shadows = true;
-    scene.shading = Shading::None;
-    let point = (Direction::Place, Share::Behind(0));
-    assert_eq!(
-        light(&scene),
-        of(&[&[dimmed(1)], &[point]]),
-        "a point light, unshaded: the sky is the last of the grid"
-    );
+    let occluded = light("shadows_ambient", "materials.large.diffuse = 0");
+    assert_eq!((occluded.sky(), occluded.grid_lights()), (Some(0), 1));
 }
 
 #[test]
 fn shadows_that_cannot_be_computed_are_refused_with_their_light() {
-    let refused = |change: fn(&mut Scene)| {
-        let mut scene = occluded("none");
-        change(&mut scene);
-        let error = plan(&scene, &Quiet).unwrap_err();
-        assert_eq!(error.code(), "shadows-impossible");
-        error.to_string()
+    let lights = |count: usize, more: &str| {
+        let directional = "spectrum = 'D65', shadows = true, kind = 'directional', direction";
+        let all: String = (0..count).map(|i| format!("lights.l{i} = {{ {directional} = [{i}, 1, 5] }}\n")).collect();
+        format!("lights = {{}}\n{all}{more}")
     };
-    fn colour(scene: &mut Scene) {
-        let glass = scenes::named("coloured_three");
-        scene.materials[0].absorption = glass.materials.iter().find_map(|material| material.absorption.clone());
-        scene.transfer.terms[0].absorption = vec![(0.0, 0.1)];
-    }
-    let coloured = refused(|scene| {
-        colour(scene);
-        scene.lights[1].placement = Placement::Ambient;
-    });
-    assert!(coloured.starts_with("lights.lamp.shadows = true is not possible"), "{coloured}");
-    assert!(coloured.contains("the absorption of large is coloured, and the light of a sky"), "{coloured}");
-    let of_matrices = refused(|scene| {
-        colour(scene);
-        scene.accuracy.model = ModelKind::Peercy;
-    });
-    assert!(of_matrices.starts_with("lights.day.shadows = true is not possible"), "{of_matrices}");
-    assert!(of_matrices.contains("the model peercy has no optical depth"), "{of_matrices}");
-    let by_step = refused(|scene| {
-        colour(scene);
-        scene.accuracy.model = ModelKind::Sharpened(Order::Step);
-    });
-    assert!(by_step.contains("the model sharpened has no optical depth"), "{by_step}");
-    let deep = refused(|scene| {
-        colour(scene);
-        let light = scene.lights[0].clone();
-        scene.lights = (0..9_u32)
-            .map(|i| {
-                let direction = DVec3::new(f64::from(i), 1.0, 5.0).normalize();
-                SceneLight { placement: Placement::Directional(direction), ..light.clone() }
-            })
-            .collect();
-    });
-    assert!(deep.contains("9 directions through 1 coloured absorber, which needs 18 depths"), "{deep}");
-    let occluded = refused(|scene| {
-        let glass = scenes::named("coloured_three");
-        scene.materials[0].absorption = glass.materials.iter().find_map(|material| material.absorption.clone());
-        scene.transfer.terms[0].absorption = vec![(0.0, 0.1)];
-        scene.shading = Shading::Gradient;
-        scene.lights.iter_mut().for_each(|light| light.shadows = false);
-        scene.shadows.ambient = AmbientShares::Occluded;
-    });
-    assert!(occluded.starts_with("shadows.ambient = \"occluded\" is not possible"), "{occluded}");
-    let many = refused(|scene| {
-        let light = scene.lights[0].clone();
-        scene.lights = (0..64_u32)
-            .map(|i| {
-                let direction = DVec3::new(f64::from(i), 1.0, 5.0).normalize();
-                SceneLight { placement: Placement::Directional(direction), ..light.clone() }
-            })
-            .collect();
-    });
-    assert!(many.contains("light with shadows comes from 64 directions, and at most 16 are possible"), "{many}");
-    let with_three = refused(|scene| {
-        let light = scene.lights[0].clone();
-        scene.lights = (0..14_u32)
-            .map(|i| {
-                let direction = DVec3::new(f64::from(i), 1.0, 5.0).normalize();
-                SceneLight { placement: Placement::Directional(direction), ..light.clone() }
-            })
-            .chain([SceneLight { placement: Placement::ThreePoint, ..light.clone() }])
-            .collect();
-    });
-    assert!(with_three.contains("from 17 directions"), "{with_three}");
-    let near = refused(|scene| {
-        *scene = under_sky("gradient", 1);
+    let [sky, studio] = ["ambient", "three_point"]
+        .map(|kind| format!("lights.lamp = {{ spectrum = 'A', shadows = true, kind = '{kind}' }}"));
+    let ambient = "shadows.ambient = 'occluded'\nlights.day.shadows = false\nlights.lamp.shadows = false";
+    for (name, changes, start, words) in [
+        ("stained_unshaded", &*sky, "lights.lamp", "the absorption of large is coloured, and the light of a sky"),
+        ("stained_unshaded", "accuracy.model = 'peercy'", "lights.day", "the model peercy has no optical depth"),
+        ("stained_unshaded", "accuracy.model = 'sharpened'", "lights.day", "the model sharpened has no optical depth"),
+        ("stained_unshaded", &lights(9, ""), "", "9 directions through 1 coloured absorber, which needs 18 depths"),
+        ("stained", ambient, "shadows.ambient = \"occluded\" is not possible", ""),
+        ("shadows_unshaded", &lights(64, ""), "", "comes from 64 directions, and at most 16 are possible"),
+        ("shadows_unshaded", &lights(14, &studio), "", "from 17 directions"),
         // Voxels have a side of 1.
-        (scene.shadows.start, scene.shadows.reach) = (Some(1.5), Some(3.25));
-    });
-    assert!(near.starts_with("shadows.reach = 3.25 is not possible: shadows start 1.5 voxels"), "{near}");
-    assert!(
-        near.contains("a node every 2 voxels, so that it holds no shade nearer than 3.5; set at least this"),
-        "{near}"
-    );
+        (
+            "shadows_sky_beside_one",
+            "shadows.start = 1.5\nshadows.reach = 3.25",
+            "shadows.reach = 3.25 is not possible: shadows start 1.5 voxels",
+            "a node every 2 voxels, so that it holds no shade nearer than 3.5; set at least this",
+        ),
+    ] {
+        let error = plan(&scenes::changed(name, changes), &Quiet).unwrap_err();
+        let start =
+            if start.starts_with("lights") { format!("{start}.shadows = true is not possible") } else { start.into() };
+        assert_eq!(error.code(), "shadows-impossible", "{error}");
+        assert!(error.to_string().starts_with(&start) && error.to_string().contains(words), "{error}: {start} {words}");
+    }
     // Light from a direction has no reach.
-    let mut ignored = lit_from(&[0.1]);
-    ignored.shadows.reach = Some(0.1);
-    assert!(plan(&ignored, &Quiet).is_ok());
+    assert!(plan(&scenes::changed("shadows_unshaded", "shadows.reach = 0.1"), &Quiet).is_ok());
 }
 
 /// [`occluded`] with voxels of these sides, of which the picture shows the same part.
@@ -613,27 +477,10 @@ fn the_light_grid_approaches_rays_as_its_spacing_falls() {
     }
 }
 
-/// Largest ΔE00 between weights on the device and 81 bands on the same grid: f16 depths of a device's sums differ by one
-/// unit in the last place at some nodes.
-pub(super) const SAME_GRID: f64 = 0.01;
-
-/// A three-point light beside `more` directional lights, all with shadows.
-pub(super) fn beside_three_point(shading: &str, more: usize) -> Scene {
-    let mut scene = occluded(shading);
-    let lamp = scene.lights[1].clone();
-    scene.lights.truncate(1);
-    scene.lights[0].placement = Placement::ThreePoint;
-    for (i, x) in [-0.9, -0.3, 0.8, 0.2].into_iter().enumerate().take(more) {
-        let placement = Placement::Directional(DVec3::new(x, 1.0, -0.4).normalize());
-        scene.lights.push(SceneLight { name: format!("more {i}"), placement, ..lamp.clone() });
-    }
-    scene
-}
-
 /// A sky beside `more` directional lights, all with shadows.
 fn under_sky(shading: &str, more: usize) -> Scene {
-    let mut scene = beside_three_point(shading, more);
-    scene.lights[0].placement = Placement::Ambient;
+    let mut scene = scenes::named(["shadows_sky", "shadows_sky_beside_one"][more]);
+    scene.shading = if shading == "none" { Shading::None } else { Shading::Gradient };
     scene
 }
 
@@ -794,10 +641,10 @@ fn marches_of_one_scene_share_the_light_grids_that_are_equal() {
         let mut scene = scene.clone();
         change(&mut scene);
         let rungs = Rungs::new(scene, [12, 10]);
-        let fresh = numbers(&rungs.march::<f64>(&rungs.exact()));
+        let fresh = bits(&rungs.march::<f64>(&rungs.exact()));
         let counting = Counting(rungs.exact().keeping_depths(&kept), AtomicUsize::new(0));
         let film = rungs.march::<f64>(&counting);
-        assert!(numbers(&film) == fresh, "the same bytes");
+        assert!(bits(&film) == fresh, "the same bytes");
         counting.1.into_inner() > 0
     };
     assert!(marched(|_| {}), "the first march fills");
@@ -821,7 +668,7 @@ fn a_reach_beyond_the_volume_leaves_the_same_bytes() {
             let mut scene = scene.clone();
             scene.shadows.reach = reach;
             let rungs = Rungs::new(scene, SIZE);
-            [numbers(&rungs.gpu(renderer)), numbers(&rungs.march::<f64>(&rungs.stored()))]
+            [bits(&rungs.gpu(renderer)), bits(&rungs.march::<f64>(&rungs.stored()))]
         };
         let open = marched(None);
         assert!(marched(Some(diagonal)) == open, "as long as the volume");
@@ -880,177 +727,9 @@ fn a_distant_point_light_is_a_directional_light() {
     }
 }
 
-/// Scenes of every kind of light, shading and medium that shadows meet.
-pub(super) fn shadowed_of_every_kind() -> Vec<(&'static str, Scene)> {
-    let changed = |shading: &str, change: fn(&mut Scene)| {
-        let mut scene = occluded(shading);
-        change(&mut scene);
-        scene
-    };
-    let shadowed = |name: &str| {
-        let mut scene = scenes::named(name);
-        for light in &mut scene.lights {
-            light.shadows = matches!(light.placement, Placement::Headlight | Placement::Directional(_));
-        }
-        scene.shadows.start = Some(1.3);
-        scene
-    };
-    vec![
-        ("unshaded", occluded("none")),
-        ("by gradients", occluded("gradient")),
-        ("one of two", changed("gradient", |scene| scene.lights[0].shadows = false)),
-        ("headlight", changed("gradient", |scene| scene.lights[0].placement = Placement::Headlight)),
-        ("unshaded headlight", changed("none", |scene| scene.lights[1].placement = Placement::Headlight)),
-        ("highlights", changed("gradient", |scene| scene.materials[0].specular = 0.5)),
-        (
-            "cropped",
-            changed("none", |scene| scene.crop = Some([DVec3::new(2.0, 3.5, 0.0), DVec3::new(20.0, 24.0, 35.2)])),
-        ),
-        ("exact filter", changed("none", |scene| scene.accuracy.interpolation = Interpolation::ExactLinear)),
-        ("nearest entry", changed("none", |scene| scene.transfer.lookup = Lookup::Nearest)),
-        (
-            "gradient opacity",
-            changed("gradient", |scene| {
-                scene.transfer.gradient_opacity = vec![(0.0, 0.2), (5000.0, 1.0)];
-            }),
-        ),
-        ("segments", changed("gradient", |scene| scene.accuracy.integration = Integration::Segments)),
-        (
-            "five lights",
-            changed("none", |scene| {
-                let light = scene.lights[0].clone();
-                for (i, x) in [-0.9, -0.3, 0.8].into_iter().enumerate() {
-                    let placement = Placement::Directional(DVec3::new(x, 1.0, -0.4).normalize());
-                    scene.lights.push(SceneLight { name: format!("more {i}"), placement, ..light.clone() });
-                }
-            }),
-        ),
-        ("three kinds of lights", shadowed("diffuse_three")),
-        ("labels", shadowed("labels")),
-        ("rotated", shadowed("rotated")),
-        ("one-sided", changed("gradient", |scene| scene.lighting = Lighting::OneSided)),
-        ("sky, unshaded", under_sky("none", 0)),
-        ("sky beside one light", under_sky("gradient", 1)),
-        ("sky in the second texel", under_sky("none", 4)),
-        ("sky and segments", {
-            let mut scene = under_sky("gradient", 1);
-            scene.accuracy.integration = Integration::Segments;
-            scene
-        }),
-        ("sky of few directions, cropped, exact filter", {
-            let mut scene = under_sky("gradient", 2);
-            scene.crop = Some([DVec3::new(2.0, 3.5, 0.0), DVec3::new(20.0, 24.0, 35.2)]);
-            scene.accuracy.interpolation = Interpolation::ExactLinear;
-            scene.shadows.directions = 8;
-            scene
-        }),
-        ("occluded ambient shares", changed("gradient", |scene| scene.shadows.ambient = AmbientShares::Occluded)),
-        ("occluded ambient shares of lights without shadows", {
-            changed("gradient", |scene| {
-                scene.shadows.ambient = AmbientShares::Occluded;
-                scene.lights.iter_mut().for_each(|light| light.shadows = false);
-                scene.materials[0].ambient = 0.7;
-                scene.materials[0].specular = 0.3;
-            })
-        }),
-        ("sky with a reach", {
-            let mut scene = under_sky("none", 1);
-            scene.shadows.reach = Some(7.3);
-            scene
-        }),
-        ("occluded ambient shares with a reach, cropped, voxels of unequal sides", {
-            let mut scene = with_sides(occluded("gradient"), DVec3::new(0.7, 1.9, 1.1));
-            scene.shadows.ambient = AmbientShares::Occluded;
-            (scene.shadows.start, scene.shadows.reach) = (Some(1.0), Some(6.0));
-            (scene.shadows.directions, scene.shadows.spacing) = (8, 1.0);
-            scene.crop = Some([DVec3::new(2.0, 3.5, 0.0), DVec3::new(20.0, 24.0, 35.2)]);
-            scene
-        }),
-        ("occluded three-point", {
-            let mut scene = beside_three_point("gradient", 2);
-            scene.shadows.ambient = AmbientShares::Occluded;
-            scene
-        }),
-        ("point outside", changed("gradient", |scene| scene.lights[1].placement = Placement::Point(POINTS[0]))),
-        ("point inside", changed("none", |scene| scene.lights[1].placement = Placement::Point(POINTS[1]))),
-        ("points beside everything", {
-            let mut scene = beside_three_point("gradient", 2);
-            let light = scene.lights[1].clone();
-            for (name, point, shadows) in [("a", POINTS[0], true), ("b", POINTS[1], true), ("c", POINTS[2], false)] {
-                let placement = Placement::Point(point);
-                scene.lights.push(SceneLight { name: name.to_owned(), placement, shadows, ..light.clone() });
-            }
-            scene.lights.push(SceneLight { name: "sky".to_owned(), placement: Placement::Ambient, ..light.clone() });
-            scene.materials[0].specular = 0.4;
-            scene.shadows.start = Some(1.5);
-            scene
-        }),
-        ("three-point", beside_three_point("gradient", 0)),
-        ("three-point, unshaded", beside_three_point("none", 0)),
-        ("three-point in the texel of a directional light", beside_three_point("gradient", 1)),
-        ("three-point from the third number of a texel on", beside_three_point("gradient", 2)),
-        ("three-point from the fourth number of a texel on", beside_three_point("none", 3)),
-        ("three-point in the second texel", beside_three_point("none", 4)),
-        ("three-point and another without shadows", {
-            let mut scene = beside_three_point("gradient", 1);
-            let open = SceneLight { shadows: false, name: "open".to_owned(), ..scene.lights[0].clone() };
-            scene.lights.push(open);
-            scene.materials[0].specular = 0.5;
-            scene
-        }),
-    ]
-}
-
 /// Largest ΔE00 between pictures in XYZ where white has Y = 1.
 pub(super) fn largest_difference(found: &[DVec3], expected: &[DVec3]) -> f64 {
-    let lab = |xyz: &DVec3| lab_from_xyz(Xyz(xyz.to_array()), d65_white());
-    found.iter().zip(expected).map(|(a, b)| ciede2000(lab(a), lab(b))).fold(0.0, f64::max)
-}
-
-#[test]
-fn shadowed_weights_on_the_device_equal_81_bands_on_the_same_grid() {
-    with_renderer(|renderer| {
-        for (name, scene) in shadowed_of_every_kind() {
-            let rungs = Rungs::new(scene, SIZE);
-            assert!(rungs.planned.plan.light.is_dimmed(), "{name} has shadows");
-            let matrices = rungs.xyz_matrices();
-            let device = rungs.gpu(renderer).relight(&matrices);
-            if rungs.planned.plan.integration == Integrate::Segments {
-                // 81 bands divide segments otherwise.
-                let expected = rungs.march::<f64>(&rungs.stored()).relight(&matrices);
-                let error = largest_difference(&device, &expected);
-                assert!(error <= SAME_GRID, "{name}: ΔE00 {error}");
-                continue;
-            }
-            let error = largest_difference(&device, &rungs.stored_truth());
-            assert!(error <= SAME_GRID, "{name}: ΔE00 {error}");
-            // In f64, weights and 81 bands differ by rounding.
-            let double = rungs.march::<f64>(&rungs.stored()).relight(&matrices);
-            let error = largest_difference(&double, &rungs.stored_truth());
-            assert!(error <= 1e-3, "{name} in f64: ΔE00 {error}");
-        }
-    });
-}
-
-pub(super) fn numbers<R: Real>(film: &Film<R>) -> Vec<u64> {
-    film.accumulators.iter().chain(&film.transmittance).map(|number| number.to_f64().to_bits()).collect()
-}
-
-#[test]
-fn any_division_of_march_and_fill_leaves_the_same_bytes() {
-    with_renderer(|renderer| {
-        let mut sky = under_sky("gradient", 1);
-        (sky.shadows.directions, sky.shadows.reach) = (8, Some(9.0));
-        sky.lights[1].placement = Placement::Point(POINTS[1]);
-        for scene in [occluded("gradient"), sky] {
-            let marched = |renderer: &Renderer| numbers(&Rungs::new(scene.clone(), SIZE).gpu(renderer));
-            let whole = marched(renderer);
-            for samples in [64, 1000] {
-                let dispatching = Dispatching { samples: Some(samples), slice: 7, ..Dispatching::default() };
-                assert!(marched(&renderer.clone().with_dispatching(dispatching)) == whole, "{samples} samples at once");
-            }
-        }
-    });
+    differences(found, expected).pop().unwrap_or(0.0)
 }
 
 #[test]
@@ -1062,7 +741,7 @@ fn a_light_grid_is_filled_again_only_where_its_depths_change() {
             let before = renderer.light_fills();
             let planned = plan(scene, &Quiet).unwrap();
             let film = first.with_scene(scene.clone(), planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
-            (renderer.light_fills() - before, numbers(&renderer.read(&film).unwrap()))
+            (renderer.light_fills() - before, bits(&renderer.read(&film).unwrap()))
         };
         let changed = |change: fn(&mut Scene)| {
             let mut scene = occluded("none");
@@ -1112,7 +791,7 @@ fn the_light_of_the_sky_is_summed_again_only_where_it_changes() {
             let before = renderer.light_fills();
             let planned = plan(&scene, &Quiet).unwrap();
             let film = first.with_scene(scene, planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
-            (renderer.light_fills() - before, numbers(&renderer.read(&film).unwrap()))
+            (renderer.light_fills() - before, bits(&renderer.read(&film).unwrap()))
         };
         let (count, begun) = fills(|_| {});
         assert_eq!(count, 2, "one light and the sky");
@@ -1138,7 +817,7 @@ fn the_light_of_the_sky_is_summed_again_only_where_it_changes() {
 #[test]
 fn the_light_grid_of_a_three_point_light_is_filled_again_where_the_camera_turns() {
     with_renderer(|renderer| {
-        let first = SceneRenderer::new(renderer, beside_three_point("gradient", 1), &Quiet).unwrap();
+        let first = SceneRenderer::new(renderer, scenes::named("shadows_three_point_beside_one"), &Quiet).unwrap();
         let fills = |change: fn(&mut Scene)| {
             let mut scene = first.scene().clone();
             change(&mut scene);
@@ -1196,9 +875,9 @@ fn a_light_whose_shadow_is_switched_leaves_the_depths_of_the_others() {
             let before = renderer.light_fills();
             let planned = plan(&scene, &Quiet).unwrap();
             let film = first.with_scene(scene, planned, &Quiet).unwrap().march(SIZE, &Quiet).unwrap();
-            (renderer.light_fills() - before, numbers(&renderer.read(&film).unwrap()))
+            (renderer.light_fills() - before, bits(&renderer.read(&film).unwrap()))
         };
-        let fresh = |directions: &[f64]| numbers(&Rungs::new(lit_from(directions), SIZE).filtered(renderer));
+        let fresh = |directions: &[f64]| bits(&Rungs::new(lit_from(directions), SIZE).filtered(renderer));
         for (directions, count, what) in [
             (&[0.1, 0.3, 0.5][..], 3, "three lights"),
             (&[0.1, 0.5], 0, "without the second"),
@@ -1245,7 +924,7 @@ fn a_coarse_picture_leaves_the_fill_of_the_fine_light_grid_as_it_is() {
         assert_eq!(slow.light_fills(), 4, "the fine grid goes on");
         assert!(begun > 2 && rest > 2, "{begun} and {rest} steps");
         let whole = Rungs::new(occluded("none"), SIZE).filtered(&slow);
-        assert!(numbers(&slow.read(&film).unwrap()) == numbers(&whole));
+        assert!(bits(&slow.read(&film).unwrap()) == bits(&whole));
         // A complete one serves a coarse picture.
         let coarse = renderer.begin_coarse_march(SIZE, slow.speed()).unwrap();
         assert!(coarse.fill_is_done() && slow.light_fills() == 6, "two more of the other renderer's volume");
@@ -1270,7 +949,7 @@ fn a_march_that_is_dropped_leaves_its_part_of_the_light_grid_to_the_next() {
         assert_eq!(slow.light_fills(), 2);
         let film = renderer.march(SIZE, &Quiet).unwrap();
         let whole = Rungs::new(occluded("none"), SIZE).filtered(&slow);
-        assert!(numbers(&slow.read(&film).unwrap()) == numbers(&whole));
+        assert!(bits(&slow.read(&film).unwrap()) == bits(&whole));
     });
 }
 
@@ -1398,24 +1077,6 @@ fn a_switched_shadow_marches_and_a_light_spectrum_relights() {
     let mut after = open.clone();
     after.shadows.spacing = 4.0;
     assert_eq!(Stale::between(&open, &plan(&open, &Quiet).unwrap(), &after), Stale::Nothing, "without shadows");
-}
-
-/// Equal under one plan: pictures of other lights from one film, and the films of scenes with those lights.
-#[test]
-fn films_are_equal_to_the_byte_under_every_light() {
-    with_renderer(|renderer| {
-        let scene = occluded("gradient");
-        let marched = |scene: &Scene| numbers(&Rungs::new(scene.clone(), SIZE).gpu(renderer));
-        let film = marched(&scene);
-        for name in ["A", "FL11"] {
-            let mut other = scene.clone();
-            for light in &mut other.lights {
-                light.spectrum = relume::spectrum::standard::light(name).unwrap();
-                light.intensity *= 3.0;
-            }
-            assert!(marched(&other) == film, "under {name}");
-        }
-    });
 }
 
 /// The numbers of `cargo bench --bench instruments -- shadows`, on request only: minutes, and times of a busy machine.

@@ -1,5 +1,6 @@
 //! Films of k coefficients: coloured transmittance and colour models, on every rung.
 
+use crate::matrix::differences;
 use crate::support;
 
 use glam::DVec3;
@@ -9,7 +10,7 @@ use relume::number::Real;
 use relume::plan::{Accumulate, PlanError, Planned, Shares, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::scene::{AccumulateAs, SceneLight};
-use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
+use relume::spectrum::colour::xyz_of;
 use relume::spectrum::{Spectrum, standard};
 use relume::volume::{Geometry, Volume, Voxels};
 
@@ -181,31 +182,6 @@ fn stored_numbers_relight_to_a_fresh_render_with_their_model() {
         let worst = differences(&relit, &render(&replanned)).into_iter().fold(0.0, f64::max);
         assert!(worst <= reported, "ΔE00 {worst} from another model, {reported} reported");
     });
-}
-
-#[test]
-fn the_device_renders_coloured_glass_as_the_reference() {
-    for change in ["k = 3", "k = 8", "tolerance = 0.5", "k = 6\nmodel = \"sharpened\"", "model = \"rgb\"\nk = 3"] {
-        let rungs = Rungs::new(parsed(&GLASS.replace("[accuracy]", &format!("[accuracy]\n{change}"))), [40, 40]);
-        assert_eq!(rungs.planned.plan.transmittance, Transmittance::Coloured);
-        let single = rungs.march::<f32>(&rungs.stored());
-        let expected = single.relight(&rungs.xyz_matrices());
-        with_renderer(|renderer| {
-            let gpu = rungs.gpu(renderer);
-            let shown = gpu.relight(&rungs.xyz_matrices());
-            let largest = shown.iter().zip(&expected).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f64::max);
-            let mean = shown.iter().zip(&expected).map(|(a, b)| (*a - *b).abs().element_sum() / 3.0).sum::<f64>()
-                / f64::from(40 * 40);
-            // A filter with an 8-bit fraction moves a place by half of 1/256 voxel: 2e-3 on the steepest ramp.
-            assert!(largest <= 2e-3 && mean <= 1e-4, "{change}: largest {largest:e}, mean {mean:e}");
-        });
-    }
-}
-
-/// ΔE00 of every visible pixel.
-fn differences(one: &[DVec3], other: &[DVec3]) -> Vec<f64> {
-    let lab = |colour: &DVec3| lab_from_xyz(Xyz(colour.to_array()), d65_white());
-    one.iter().zip(other).map(|(a, b)| ciede2000(lab(a), lab(b))).collect()
 }
 
 #[test]

@@ -2,12 +2,9 @@
 
 use crate::support;
 
-use half::f16;
-use relume::film::Film;
 use relume::measure::extremes::metameric_black;
 use relume::model::random::Random;
-use relume::number::Real;
-use relume::plan::{PlanError, Planned, ScenePlan, Transmittance, plan};
+use relume::plan::{PlanError, Planned, ScenePlan, plan};
 use relume::progress::Quiet;
 use relume::scene::{AccumulateAs, Scene, StoreAs};
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
@@ -27,20 +24,6 @@ fn both(name: &str) -> [Rungs; 2] {
     [full, half]
 }
 
-/// Asserts that `half` is `full` rounded to the nearest value.
-fn check<R: Real>(what: &str, rungs: &Rungs, full: &Film<R>, half: &Film<R>) {
-    let nearest = |number: R| f16::from_f64(number.to_f64()).to_f64();
-    let same = |full: &[R], half: &[R], rounded: bool| {
-        assert_eq!(full.len(), half.len(), "{what}");
-        for (&full, &half) in full.iter().zip(half) {
-            let expected = if rounded { nearest(full) } else { full.to_f64() };
-            assert!((half.to_f64() - expected).abs() <= 0.0, "{what}: {half:?} for {full:?}");
-        }
-    };
-    same(&full.accumulators, &half.accumulators, true);
-    same(&full.transmittance, &half.transmittance, rungs.planned.plan.transmittance == Transmittance::Coloured);
-}
-
 /// Scenes, and their limits in docs/theory/acceptance.md C11; the last one has partly negative reflectances.
 const SCENES: [(&str, f64); 7] = [
     ("diffuse_three", 0.1),
@@ -51,20 +34,6 @@ const SCENES: [(&str, f64); 7] = [
     ("coloured_labels", 0.1),
     ("negative", 0.15),
 ];
-
-#[test]
-fn sixteen_bits_are_the_nearest_on_every_rung() {
-    for (name, _) in SCENES {
-        let [full, half] = both(name);
-        let exact = |rungs: &Rungs| rungs.march::<f64>(&rungs.stored::<f64>());
-        check(&format!("{name}, f64"), &half, &exact(&full), &exact(&half));
-        let single = |rungs: &Rungs| rungs.march::<f32>(&rungs.stored::<f32>());
-        check(&format!("{name}, f32"), &half, &single(&full), &single(&half));
-        with_renderer(|renderer| {
-            check(&format!("{name}, GPU"), &half, &full.gpu(renderer), &half.gpu(renderer));
-        });
-    }
-}
 
 #[test]
 fn sixteen_bits_move_colours_by_no_more_than_is_said() {

@@ -83,6 +83,20 @@ pub const WEIGHTS_DEVICE_P99: f64 = 0.01;
 /// The same in every pixel.
 pub const WEIGHTS_DEVICE: f64 = 0.1;
 
+/// ΔE00 of the f64 reference against 81 bands over the same tables and light grid, if weights are exact: rounding.
+pub const SAME_WEIGHTS: f64 = 1e-3;
+
+/// ΔE00 between the rungs of stored tables on the same light grid: f16 depths of a device's sums differ by one unit in the
+/// last place at some nodes.
+pub const SAME_GRID: f64 = 0.01;
+
+/// ΔE00 in 99 % of the pixels and in all of a device against the reference in segments with labels: of two places that round
+/// differently, one may lie in the next voxel, with another label. A tenth of what is just visible in nearly every pixel.
+pub const LABEL_IN_SEGMENTS: [f64; 2] = [0.1, 2.0];
+
+/// ΔE00 by the rounding of two pictures to f32.
+pub const HALF_OF_TWO: f64 = 1e-3;
+
 /// A slab in half steps against one in whole steps (docs/theory/acceptance.md C13): (3n + 2)·2⁻²⁴ for 48 and for 24
 /// steps
 /// add up to 1.3e-5.
