@@ -14,7 +14,6 @@ use crate::number::{count, whole};
 use crate::output::FilmFile;
 use crate::output::film::{self, Component};
 use crate::output::page::{self, PackedPage, Page, PageError, Summary, escaped};
-
 use crate::progress::Progress;
 use crate::render::{Job, Keeps, PlannedJob, RenderError, Renderer};
 use crate::scene::{Aim, Camera, Mix, Placement, Projection, Scene, positions};

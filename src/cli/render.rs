@@ -458,16 +458,18 @@ impl<'a> Work<'a> {
         };
         // The error of a choice is that of the picture from the volume itself.
         let whole = choice.as_ref().map_or(scene.clone(), |choice| choice.setting.applied(&scene));
+        // The reference computes all wavelengths and needs a model only for a film file.
+        let keeps = if args.reference && args.accumulators.is_none() { Keeps::Bands } else { Keeps::Stated };
         let job = Job {
             lights: args.replanned(&mix),
-            // The reference computes all wavelengths and needs a model only for a film file.
-            keeps: if args.reference && args.accumulators.is_none() { Keeps::Bands } else { Keeps::Stated },
+            keeps,
             ..Job::new(whole.clone(), statistics).of_pictures(args.size, cameras)
         };
         let mut job = job.planned(progress)?;
         let level = level::told(&job);
         super::model::warn_of_plan(&job.planned);
-        let learnt = learn(&job.scene, &mut job.planned, &mix)?;
+        // The model of all bands is no model: it has no lights to be fitted to.
+        let learnt = if keeps == Keeps::Bands { None } else { learn(&job.scene, &mut job.planned, &mix)? };
         if job.planned.model.is_none()
             && !args.lights.lights.is_empty()
             && pictures.is_empty()

@@ -24,7 +24,7 @@ pub enum Keeps {
     Bands,
 }
 
-/// What to render, before it is planned. Every front end renders by it: commands, window, pages.
+/// What to render, before it is planned. Commands, pages and the window plan by it.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// The scene.
@@ -42,7 +42,7 @@ pub struct Job {
 
 /// The level of its volume that a scene asks for.
 #[derive(Clone, Debug)]
-pub struct TakenLevel {
+pub struct PictureLevel {
     /// The level and its reason; 0 is the volume itself.
     pub level: Level,
     /// What is left of the visible labels in it, the label with the fewest voxels first.
@@ -59,7 +59,7 @@ pub struct PlannedJob {
     /// Statistics of the values of its voxels.
     pub statistics: Statistics,
     /// The level, if the scene asks for one.
-    pub level: Option<TakenLevel>,
+    pub level: Option<PictureLevel>,
     /// Cameras of the pictures, in the world of `scene`.
     pub cameras: Vec<Camera>,
 }
@@ -84,20 +84,18 @@ impl Job {
     /// [`RenderError::Volume`], [`RenderError::Plan`], [`RenderError::Cancelled`].
     pub fn planned(self, progress: &dyn Progress) -> Result<PlannedJob, RenderError> {
         let Self { scene, statistics, pictures, lights, keeps } = self;
-        let (size, cameras) = pictures.unwrap_or_else(|| ([0; 2], vec![scene.camera.clone()]));
-        let level = (scene.accuracy.voxel_pixels > 0.0 && size != [0; 2]).then(|| scene.level_of(&cameras, size));
-        let (mut scene, statistics, cameras, level) = match level {
+        let level = pictures.as_ref().filter(|_| scene.accuracy.voxel_pixels > 0.0);
+        let level = level.map(|(size, cameras)| scene.level_of(cameras, *size));
+        let (size, mut cameras) = pictures.unwrap_or_else(|| ([0; 2], vec![scene.camera.clone()]));
+        let (mut scene, statistics, level) = match level {
             Some(level) if level.level > 0 => {
                 let coarse = Coarse::of_level(&scene, level.level, progress).map_err(RenderError::Volume)?;
                 let labels = coarse.labels_left(&scene).map_err(RenderError::Volume)?;
                 let statistics = coarse.volume().statistics().map_err(RenderError::Volume)?;
-                let on_level = coarse.scene_in(&scene, size);
-                // The camera of the scene is stated otherwise on a level, for the same picture.
-                let is_own = |camera: Camera| if camera == scene.camera { on_level.camera.clone() } else { camera };
-                let cameras = cameras.into_iter().map(is_own).collect();
-                (on_level, statistics, cameras, Some(TakenLevel { level, labels }))
+                cameras = cameras.iter().map(|camera| Coarse::camera_in(&scene, camera, size)).collect();
+                (coarse.scene_in(&scene, size), statistics, Some(PictureLevel { level, labels }))
             }
-            level => (scene, statistics, cameras, level.map(|level| TakenLevel { level, labels: Vec::new() })),
+            level => (scene, statistics, level.map(|level| PictureLevel { level, labels: Vec::new() })),
         };
         let planned = match keeps {
             Keeps::Stated => plan_for(&scene, &lights, progress)?,
@@ -145,8 +143,8 @@ impl PlannedJob {
         SceneRenderer::with_plan(renderer, scene, planned, statistics, progress)
     }
 
-    /// Puts the scene in place of what is `kept` on the device, whose volume is uploaded only if it is not there. After an
-    /// error of too little memory, what was kept stays.
+    /// Puts the scene in place of what is `kept` on the device, and uploads its volume only if it is not there. If there is too
+    /// little room for it, what was kept stays; after another error of the upload, nothing is kept.
     ///
     /// # Errors
     ///

@@ -71,7 +71,8 @@ impl SceneRenderer {
     /// Whether the uploaded volume is the one of `scene`, stored as `planned` needs it.
     #[must_use]
     pub fn holds(&self, scene: &Scene, planned: &Planned) -> bool {
-        self.scene.fields.are(&scene.fields)
+        self.scene.frame == scene.frame
+            && self.scene.fields.are(&scene.fields)
             && self.planned.plan.is_stored_as(&planned.plan)
             && self.uploaded.reaches(scene, &planned.plan)
     }

@@ -5,7 +5,7 @@ use std::fmt;
 
 use glam::{DVec2, DVec3};
 
-use super::{DeviceFilm, SceneRenderer, TakenLevel};
+use super::{DeviceFilm, PictureLevel, SceneRenderer};
 use relume_base::number::{brief, count, readable};
 use relume_scene::plan::Planned;
 use relume_scene::tables::{LabelMap, Storage, VolumeFormat};
@@ -88,9 +88,9 @@ impl RenderWarning {
         homogeneous(scene, statistics).into_iter().chain(thin(scene, size)).collect()
     }
 
-    /// Those of a taken level.
+    /// Labels that a level loses.
     #[must_use]
-    pub fn of_level(level: &TakenLevel) -> Option<Self> {
+    pub fn of_level(level: &PictureLevel) -> Option<Self> {
         let lost = level.labels.iter().filter(|label| label.is_mostly_lost());
         let labels: Vec<String> = lost.map(ToString::to_string).collect();
         (!labels.is_empty()).then_some(Self::LabelsLost { level: level.level.level, labels })

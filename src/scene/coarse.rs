@@ -92,10 +92,7 @@ impl Coarse {
         coarse.accuracy.voxel_pixels = 0.0;
         // So are the spaces of a light grid, and one lies within the reach of shadows.
         coarse.shadows.reach = coarse.shadows.reach.map(|reach| reach.max(coarse.least_reach()));
-        // A camera that fits the whole volume fits the box of the finest voxels, which incomplete blocks exceed.
-        if let Aim::Orbit { around: around @ None, .. } = &mut coarse.camera.aim {
-            *around = scene.frame.geometry.world_box();
-        }
+        coarse.camera = around_finest(scene, &scene.camera);
         coarse
     }
 
@@ -103,12 +100,20 @@ impl Coarse {
     #[must_use]
     pub fn scene_in(&self, scene: &Scene, [width, height]: [usize; 2]) -> Scene {
         let mut coarse = self.scene(scene);
-        if let Aim::Orbit { around: None, .. } = coarse.camera.aim
-            && let Some(placed) = scene.camera.placed(&scene.frame.geometry, count(width) / count(height))
-        {
-            coarse.camera = placed;
-        }
+        coarse.camera = Self::camera_in(scene, &scene.camera, [width, height]);
         coarse
+    }
+
+    /// The camera for a level of the volume of `scene` that shows in a picture of `size` what `camera` shows of the volume itself.
+    #[must_use]
+    pub fn camera_in(scene: &Scene, camera: &Camera, [width, height]: [usize; 2]) -> Camera {
+        let around = around_finest(scene, camera);
+        match around.aim {
+            Aim::Orbit { around: None, .. } => {
+                camera.placed(&scene.frame.geometry, count(width) / count(height)).unwrap_or(around)
+            }
+            _ => around,
+        }
     }
 
     /// Voxels of the visible labels of `scene`, whose level this is, the label with the fewest ones first.
@@ -249,6 +254,15 @@ impl Scene {
         let depth = depth.iter().filter_map(nearest).fold(f64::INFINITY, f64::min);
         if depth.is_finite() { at_unit_depth / depth } else { 0.0 }
     }
+}
+
+/// `camera`, around the box of the finest voxels if it fits the whole volume: incomplete blocks exceed this box.
+fn around_finest(scene: &Scene, camera: &Camera) -> Camera {
+    let mut camera = camera.clone();
+    if let Aim::Orbit { around: around @ None, .. } = &mut camera.aim {
+        *around = scene.frame.geometry.world_box();
+    }
+    camera
 }
 
 /// Corners of the six faces of a box, each around its face; bit `axis` of a corner is 1 at the high end of that axis.

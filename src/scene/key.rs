@@ -457,7 +457,11 @@ pub const SCENE: &[Key<Scene>] = &[
         .knob("nodes,sharpened,sharpened-semigroup,bands,rgb-naive,rgb-prefiltered,rgb-fitted", "colour model (k = 8; RGB has 3)"),
     Key::new("accuracy.k", Whole([1, LARGEST_DIMENSION], Some("auto")), Tables, Access {
         get: |it: &Scene| it.accuracy.dimension.value().or(Some(Value::Name("auto"))),
-        put: |it: &mut Scene, value| it.accuracy.dimension = usize::of(value),
+        put: |it: &mut Scene, value| {
+            if value.is_some() {
+                it.accuracy.dimension = usize::of(value);
+            }
+        },
     })
         .knob("3,4,6,8,12", "dimension of the colour model").growing(|k| k + 1.0),
     Key::new("accuracy.accumulate", names::<AccumulateAs>(), Tables, field!(Scene: accuracy.accumulate))

@@ -846,7 +846,12 @@ fn prepare(
     };
     warn_of_plan(&planned);
     PlannedJob::new(scene, planned, statistics).put(on_device, renderer, progress)?;
-    on_device.as_ref().map_or(Ok(()), SceneRenderer::warm_up_rounds)
+    // A scene whose pipelines do not compile is not marched.
+    let warm = on_device.as_ref().map_or(Ok(()), SceneRenderer::warm_up_rounds);
+    if warm.is_err() {
+        *on_device = None;
+    }
+    warm
 }
 
 /// Plans `scene` and moves it to the device; warms the pipelines up if the plan differs from the one `before`.

@@ -133,13 +133,18 @@ impl Device {
     ///
     /// # Safety
     ///
-    /// - The handles are valid and belong together, and `queue` is one of `queue_family` of `device`.
+    /// - The handles are valid and belong together, and `queue` is one of `queue_family` of `device`, and not a protected one.
     /// - The instance has Vulkan 1.2 or newer. The device was created with the features `robustBufferAccess` and
-    ///   `synchronization2`, and below Vulkan 1.3 with the extension `VK_KHR_synchronization2`: no function tells this.
+    ///   `synchronization2`, which is the extension `VK_KHR_synchronization2` if the instance or the device is below Vulkan 1.3: no
+    ///   function tells this.
     /// - Instance, device and loader outlive the returned device and all that is made of it: buffers, pipelines, renderers,
     ///   films, relights. Dropping these destroys neither.
-    /// - Nobody else uses `queue` while a function of this library may: a queue takes one thread at a time, and this library
-    ///   knows of its own threads only. A queue of its own is the simplest.
+    /// - Nobody else uses `queue`, or calls `vkDeviceWaitIdle`, which uses all queues, while a function of this library may: a
+    ///   queue takes one thread at a time. Dropping objects waits for the queue, too. A queue of its own is the simplest.
+    /// - At most one device made of a queue lives at a time. Its clones share it.
+    ///
+    /// The device cannot present to windows. Its memory is taken to be free for this library: `Renderer::with_memory` bounds what
+    /// volumes take. [`DeviceInfo::index`] is 0.
     ///
     /// # Errors
     ///

@@ -91,7 +91,8 @@ fn models_of_thirty_one_numbers_are_rendered_stored_and_relit() {
     }
     // The filter of a device may have eight bits.
     let exact = ["render", "glass.toml", "--size", "8x8", "-D", "accuracy.interpolation=exact_linear"];
-    folder.done(&[&exact[..], &["--reference", "-o", "r.exr"]].concat());
+    let truth = folder.done(&[&exact[..], &["--reference", "-o", "r.exr", "--json"]].concat()).json();
+    assert_eq!(truth["plan"]["model"]["lights"], serde_json::json!([]), "all bands are fitted to no light");
     folder.done(&[&exact[..], &["--k", "31", "-o", "p.exr"]].concat());
     let [truth, nodes] = ["r.exr", "p.exr"].map(|name| Exr::read(&folder.path(name)).rgba());
     assert_same(&truth, &nodes, 2e-3);

@@ -54,6 +54,9 @@ fn holds<'k, T: Clone + 'static>(keys: impl IntoIterator<Item = &'k Key<T>>, par
             let mut changed = part.clone();
             key.set(&mut changed, Some(value)).unwrap();
             assert_eq!(key.get(&changed), Some(value), "{}", key.path);
+            // Without a value it is left out, or stays as it is.
+            let is_left = key.set(&mut changed, None).is_ok();
+            assert_eq!(key.get(&changed), Some(value).filter(|_| !is_left), "{}", key.path);
         }
         for value in refused(key.kind) {
             let mut changed = part.clone();

@@ -95,8 +95,8 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let (file, statistics) = series.at(time, progress)?;
         let job = Job::new(file.scene.clone(), statistics).of_pictures(args.size, cameras.clone());
         let mut job = Job { lights: args.replanned(&mix), ..job }.planned(progress)?;
+        level::told(&job);
         if is_first {
-            level::told(&job);
             warn_of_plan(&job.planned);
             learn(&job.scene, &mut job.planned, &mix)?;
         } else if let Some(model) = job.planned.model.as_mut().map(Arc::make_mut) {

@@ -55,7 +55,7 @@ pub(super) struct Root {
 
 /// A table without other keys than scalar ones.
 #[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 struct ScalarsAlone {}
 
 /// Stated scalar keys of [`relume_scene::key`] by their paths, such as `accuracy.step` and `materials.flesh.ambient`.

@@ -88,7 +88,7 @@ const WORDS: [Word; 37] = [
     word(
         "interpolation",
         &["interpolation"],
-        "interpolation between voxels: nearest, linear by the device, linear in 32 bits (exact-linear), or by a smooth cubic spline",
+        "interpolation between voxels: nearest, linear by the device, linear in 32 bits (exact_linear), or by a smooth cubic spline",
     ),
     word(
         "spacing",
