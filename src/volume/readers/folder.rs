@@ -199,7 +199,7 @@ impl Folder {
 ///
 /// # Errors
 ///
-/// As [`open`](super::open()).
+/// As [`open`](crate::open()).
 pub(crate) fn read(
     path: &Path,
     selection: &Selection,

@@ -24,7 +24,7 @@ impl Offered {
     ///
     /// # Errors
     ///
-    /// As [`open`](crate::readers::open()).
+    /// As [`open`](crate::open()).
     pub fn open(
         path: &Path,
         layout: Option<&RawLayout>,

@@ -26,7 +26,7 @@ impl Preview {
     ///
     /// # Errors
     ///
-    /// As [`open`](super::open()).
+    /// As [`open`](crate::open()).
     pub fn open(
         path: &Path,
         layout: Option<&RawLayout>,
