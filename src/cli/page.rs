@@ -15,7 +15,7 @@ use crate::output::FilmFile;
 use crate::output::film::{self, Component};
 use crate::output::page::{self, PackedPage, Page, PageError, Summary, escaped};
 use crate::progress::Progress;
-use crate::render::{Job, Keeps, PlannedJob, RenderError, Renderer};
+use crate::render::{Job, Keeps, PlannedJob, Renderer};
 use crate::scene::{Aim, Camera, Mix, Placement, Projection, Scene, positions};
 use crate::spectrum::{Light, Reflectance};
 use crate::volume::HostMemory;
@@ -272,12 +272,7 @@ fn marched(
     if let Some([x, y, z]) = on_device.uploaded().light_block() {
         tracing::warn!("shadows of this volume in bricks come from means of {x}×{y}×{z} voxels (docs/SCALE.md)");
     }
-    let mut views = Vec::new();
-    job.march_all(&mut on_device, size, progress, |_, film| {
-        views.push(renderer.read(&film)?);
-        Ok::<_, RenderError>(())
-    })?;
-    Ok(views)
+    Ok(job.films(&mut on_device, size, progress)?)
 }
 
 /// Width and height of the page of a report, in pixels.

@@ -382,7 +382,7 @@ struct Work<'a> {
     mix: Mix,
     /// Lights with which the scene opens.
     shown: Mix,
-    /// Whether `mix` are the lights of the scene in another mixture, so that a film opens with it.
+    /// True if `mix` has the lights of the scene in another mixture, with which a film then opens.
     is_mixed: bool,
     /// Requested lights that took the place of a mix.
     placed: Vec<Placed>,

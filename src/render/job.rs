@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{DeviceFilm, RenderError, Renderer, SceneRenderer};
+use super::{RenderError, Renderer, SceneRenderer};
 use relume_base::progress::{Progress, unreported};
 use relume_colour::spectrum::Light;
 use relume_scene::film::{Film, RelightMatrices};
@@ -12,10 +12,10 @@ use relume_scene::tables::{LabelMap, Storage};
 use relume_scene::{AccumulateAs, Camera, Coarse, LabelLeft, Level, Mix, Scene};
 use relume_volume::Statistics;
 
-/// What a pixel of a film keeps.
+/// Contents of a pixel of a film.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Keeps {
-    /// What the scene states.
+    /// Those that the scene states.
     #[default]
     Stated,
     /// Weights of the materials where absorption is grey and the scene states nothing else: exact under every light.
@@ -24,7 +24,7 @@ pub enum Keeps {
     Bands,
 }
 
-/// What to render, before it is planned. Commands, pages and the window plan by it.
+/// A scene to be rendered, before it is planned. Commands, pages and the window plan by it.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// The scene.
@@ -36,7 +36,7 @@ pub struct Job {
     pub pictures: Option<([usize; 2], Vec<Camera>)>,
     /// Lights, by name, for which a colour model is planned besides those of the scene.
     pub lights: Vec<(String, Light)>,
-    /// What a pixel keeps.
+    /// Contents of a pixel.
     pub keeps: Keeps,
 }
 
@@ -45,7 +45,7 @@ pub struct Job {
 pub struct PictureLevel {
     /// The level and its reason; 0 is the volume itself.
     pub level: Level,
-    /// What is left of the visible labels in it, the label with the fewest voxels first.
+    /// Visible labels with their voxels in it, the label with the fewest first.
     pub labels: Vec<LabelLeft>,
 }
 
@@ -101,7 +101,7 @@ impl Job {
             Keeps::Stated => plan_for(&scene, &lights, progress)?,
             Keeps::Weights => of_weights(&mut scene, &lights, progress)?,
             Keeps::Bands => {
-                // What no renderer computes, such as coloured shadows by rays, is refused by a plan.
+                // A plan refuses features that no renderer has, such as coloured shadows by rays.
                 if scene.asks_for_shadows() {
                     plan_for(&scene, &[], progress)?;
                 }
@@ -169,19 +169,19 @@ impl PlannedJob {
         Ok(())
     }
 
-    /// Marches pictures of `size` by all cameras; `each` gets them one after the other.
+    /// Films of `size` by all cameras, one after the other.
     ///
     /// # Errors
     ///
-    /// [`RenderError`], and those of `each`.
-    pub fn march_all<E: From<RenderError>>(
+    /// [`RenderError`].
+    pub fn films(
         &self,
         on_device: &mut SceneRenderer,
         size: [usize; 2],
         progress: &dyn Progress,
-        mut each: impl FnMut(&SceneRenderer, DeviceFilm) -> Result<(), E>,
-    ) -> Result<(), E> {
+    ) -> Result<Vec<Film<f32>>, RenderError> {
         let number = self.cameras.len() as u64;
+        let mut films = Vec::new();
         for (index, camera) in self.cameras.iter().enumerate() {
             on_device.camera_mut().clone_from(camera);
             let film = if number > 1 {
@@ -190,9 +190,9 @@ impl PlannedJob {
             } else {
                 on_device.march(size, progress)?
             };
-            each(on_device, film)?;
+            films.push(on_device.renderer().read(&film)?);
         }
-        Ok(())
+        Ok(films)
     }
 
     /// The scene without a device, in f64.
@@ -212,7 +212,7 @@ impl PlannedJob {
 #[derive(Debug)]
 pub struct Reference<'a> {
     job: &'a PlannedJob,
-    /// What a device would store.
+    /// The volume as a device would store it.
     pub storage: Storage,
     /// Labels, if the plan has any.
     pub labels: Option<LabelMap>,

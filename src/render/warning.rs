@@ -1,4 +1,4 @@
-//! What is odd about a picture, for those who would wonder at it.
+//! Oddities of a picture, for those who would wonder at it.
 
 use std::collections::BTreeMap;
 use std::fmt;

@@ -1,4 +1,4 @@
-//! The fields of a scene: what has a value at each place of its frame.
+//! The fields of a scene: values at each place of its frame.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ impl Field {
         (at_hand, self.volume.block_of(at_hand))
     }
 
-    /// Whether both have the same voxels, so that what was made of one serves the other.
+    /// True if both have the same voxels, so that results from one serve the other.
     #[must_use]
     pub fn is(&self, other: &Self) -> bool {
         // Complete on purpose: a new part does not compile until somebody decides.
@@ -64,7 +64,7 @@ impl Fields {
         self.0.iter()
     }
 
-    /// Whether both have the same voxels in the same order.
+    /// True if both have the same voxels in the same order.
     #[must_use]
     pub fn are(&self, other: &Self) -> bool {
         self.0.len() == other.0.len() && self.iter().zip(other.iter()).all(|(ours, theirs)| ours.is(theirs))

@@ -1,4 +1,4 @@
-//! Where a scene is: its world, unit and box. All places of a scene are in this frame: crop box, blocks, camera, light grid.
+//! The frame of a scene: world, unit and box. All its places are in this frame: crop box, blocks, camera, light grid.
 
 use glam::DVec3;
 
@@ -12,7 +12,7 @@ pub struct Frame {
     pub geometry: Geometry,
     /// Unit of the world, if known.
     pub unit: Option<Unit>,
-    /// Whether the world is left-posterior-superior, as in DICOM: x points to a patient's left, y to the back, z to the head.
+    /// True if the world is left-posterior-superior, as in DICOM: x points to a patient's left, y to the back, z to the head.
     pub anatomical: bool,
     /// The grid of which this one is a coarse level, if it is.
     finest: Finest,

@@ -44,7 +44,7 @@ pub struct Key<T> {
     pub otherwise: Option<&'static str>,
     /// Numbers that the window offers and sweeps try, if these are fewer than a file may state.
     pub offered: Option<[f64; 2]>,
-    /// Whether the offered numbers are in smallest spacings, where a file has world units.
+    /// True if the offered numbers are in smallest spacings, where a file has world units.
     pub in_voxels: bool,
     /// The stage that a change makes stale, at most; [`Stale::Nothing`] where [`Stale::between`] compares plans.
     pub stale: Stale,
@@ -171,7 +171,7 @@ impl Kind {
         }
     }
 
-    /// Whether `value` is allowed.
+    /// True if `value` is allowed.
     #[must_use]
     pub fn allows(&self, value: Value<'_>) -> bool {
         match (self, value) {

@@ -43,7 +43,7 @@ pub struct Scene {
     pub name: String,
     /// World, unit and box: where all the following are.
     pub frame: Frame,
-    /// What has a value at each place of the frame.
+    /// The values at each place of the frame.
     pub fields: Fields,
     /// Label map on the grid of the frame, if any.
     pub labels: Option<Labels>,

@@ -13,7 +13,7 @@ pub(crate) struct RawDevice {
     pub(crate) pipeline_barrier2: vk::PFN_vkCmdPipelineBarrier2,
     pub(crate) names: Option<ext::debug_utils::Device>,
     pub(crate) instance: Arc<Instance>,
-    /// Whether somebody else made the device and destroys it.
+    /// True if somebody else made the device and destroys it.
     pub(super) is_lent: bool,
 }
 

@@ -34,7 +34,7 @@ pub(crate) struct Instance {
     messages: Box<Mutex<Vec<String>>>,
     /// The loaded library, whose functions `raw` calls.
     pub(crate) entry: ash::Entry,
-    /// Whether somebody else made the instance and destroys it.
+    /// True if somebody else made the instance and destroys it.
     is_lent: bool,
 }
 

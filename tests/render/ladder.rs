@@ -122,7 +122,7 @@ fn reach_of_device(rungs: &Rungs, renderer: &Renderer) -> [f64; 3] {
     rungs.scene.frame.geometry.dims.map(|n| error + texel / float(n))
 }
 
-/// Whether differences between the rungs of a plan have derived bounds.
+/// True if differences between the rungs of a plan have derived bounds.
 pub(super) fn has_bounds(plan: &ScenePlan) -> bool {
     let ScenePlan { light, integration, interpolation, gradients, phases, thin_films, rays, lookup, .. } = plan;
     let is_plain = *integration == Integrate::Samples && *gradients == Gradients::Packed && *rays == 1;

@@ -56,7 +56,7 @@ struct Case<'a> {
     double: OnceCell<Film<f64>>,
 }
 
-/// What invariants without a device say.
+/// Answer of invariants without a device.
 const NO_DEVICE: &str = "GPU_TESTS=skip";
 
 impl<'a> Case<'a> {
