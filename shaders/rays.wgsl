@@ -155,6 +155,17 @@ fn place_of(ray: Ray, n: u32) -> vec3f {
     return place_within(ray, n, (part.x + part.y) * 0.5);
 }
 
+// Place of sample `n` among those that are marched together: none is cut if `cut_steps.wgsl` adds those of cut steps. A whole step has
+// the same place to the bit either way: sums of halves are exact.
+fn place_of_sample(ray: Ray, n: u32) -> vec3f {
+    if (CUT_APART) {
+        let s = fma(f32(n) + (ray.first + 0.5), march.step_length, ray.start);
+        return fma(vec3f(s), ray.direction, ray.base);
+    } else {
+        return place_of(ray, n);
+    }
+}
+
 // Number of the first sample at or behind `s`.
 fn first_behind(ray: Ray, s: f32) -> u32 {
     let steps = (s - ray.start) / march.step_length - ray.first;

@@ -1,4 +1,4 @@
-// Post-illumination: turns accumulators into colours without a march. Twin of `reference::relight`.
+// Post-illumination: turns accumulators into colours without a march. Twin of `src/scene/film/relight.rs`.
 
 struct Relight {
     width: u32,

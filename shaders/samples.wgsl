@@ -87,7 +87,8 @@ fn sample(place: vec3f, key: Key) -> Step {
     return step;
 }
 
-// Adds the contribution of sample `n`, at `place`; returns the transmittance after it.
+// Adds the contribution of sample `n`, at `place`; returns the transmittance after it. Of a whole volume, `cut_steps.wgsl` adds those of
+// cut steps.
 fn add_sample(
     ray: Ray,
     n: u32,
@@ -96,8 +97,12 @@ fn add_sample(
     transmittance: Transmittance,
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) -> Transmittance {
-    let part = part_of(ray, n);
-    let step = thin(sample(place, key), part.y - part.x);
+    var step = sample(place, key);
+    if (CUT_APART) {
+    } else {
+        let part = part_of(ray, n);
+        step = thin(step, part.y - part.x);
+    }
     add_light(ray, place, step, transmittance, sums);
     return attenuate(transmittance, step.opacity);
 }
@@ -120,18 +125,18 @@ fn march_run(
             var found = false;
             loop {
                 if (n >= end) { break; }
-                key = key_at(place_of(ray, n));
+                key = key_at(place_of_sample(ray, n));
                 n += 1u;
                 found = is_active(key);
                 if (found) { break; }
             }
             if (!found) { break; }
-            transmittance = add_sample(ray, n - 1u, place_of(ray, n - 1u), key, transmittance, sums);
+            transmittance = add_sample(ray, n - 1u, place_of_sample(ray, n - 1u), key, transmittance, sums);
             if (brightest(transmittance) < march.termination) { break; }
         }
     } else {
         for (var n = first; n < end; n += 1u) {
-            let place = place_of(ray, n);
+            let place = place_of_sample(ray, n);
             transmittance = add_sample(ray, n, place, key_at(place), transmittance, sums);
             if (brightest(transmittance) < march.termination) { break; }
         }

@@ -36,6 +36,33 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         end = min(end, own.y);
     }
     end = select(end, 0u, brightest(transmittance) < march.termination);
+    transmittance = march_steps(ray, n, end, transmittance, &sums);
+    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+        textureStore(accumulators, pixel, layer, sums[layer]);
+    }
+    store_transmittance_to(pixel, 0u, transmittance);
+    if (COMPENSATED) {
+        store_lost(pixel);
+    }
+}
+
+// A ray so far.
+struct Marched {
+    // Next sample.
+    n: u32,
+    transmittance: Transmittance,
+}
+
+// Marches the samples from `first` to before `end`, or until early termination, in occupied macrocells.
+fn march_whole(
+    ray: Ray,
+    first: u32,
+    end: u32,
+    before: Transmittance,
+    sums: ptr<function, array<vec4f, LAYERS>>,
+) -> Marched {
+    var transmittance = before;
+    var n = first;
     if (SKIPPING) {
         // Samples per macrocell along each axis.
         let samples_per_cell = 1.0 / (max(abs(ray.direction * march.cell_scale), vec3f(1e-30)) * march.step_length);
@@ -46,7 +73,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             var leave = n;
             loop {
                 if (n >= end) { break; }
-                let cells = fma(place_of(ray, n), march.cell_scale, march.cell_offset);
+                let cells = fma(place_of_sample(ray, n), march.cell_scale, march.cell_offset);
                 let cell = clamp(floor(cells), vec3f(), last_cell);
                 let ahead = abs(cell + forward - cells) * samples_per_cell;
                 leave = n + max(1u, u32(ceil(min(min(ahead.x, ahead.y), min(ahead.z, 1e6)))));
@@ -56,17 +83,23 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             }
             if (n >= end) { break; }
             leave = min(leave, end);
-            transmittance = march_run(ray, n, leave, transmittance, &sums);
+            transmittance = march_run(ray, n, leave, transmittance, sums);
             n = select(leave, end, brightest(transmittance) < march.termination);
         }
     } else {
-        transmittance = march_run(ray, n, end, transmittance, &sums);
+        transmittance = march_run(ray, n, end, transmittance, sums);
+        n = max(n, end);
     }
-    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-        textureStore(accumulators, pixel, layer, sums[layer]);
-    }
-    store_transmittance_to(pixel, 0u, transmittance);
-    if (COMPENSATED) {
-        store_lost(pixel);
+    return Marched(n, transmittance);
+}
+
+// Whether the macrocell at `place` holds anything visible.
+fn is_occupied(place: vec3f) -> bool {
+    if (SKIPPING) {
+        let cell = clamp(floor(fma(place, march.cell_scale, march.cell_offset)), vec3f(), vec3f(march.cells) - 1.0);
+        let index = u32(cell.x) + march.cells.x * (u32(cell.y) + march.cells.y * u32(cell.z));
+        return ((occupancy[index / 32u] >> (index % 32u)) & 1u) != 0u;
+    } else {
+        return true;
     }
 }

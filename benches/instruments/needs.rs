@@ -168,6 +168,10 @@ impl<S: Samples<f64>> Samples<f64> for Counting<'_, S> {
         self.inner.sample(place, step);
     }
 
+    fn normal(&self, place: [f64; 3]) -> [f64; 3] {
+        self.inner.normal(place)
+    }
+
     fn end(&self, place: [f64; 3]) -> End<f64> {
         self.taken.fetch_add(1, Ordering::Relaxed);
         self.inner.end(place)

@@ -58,6 +58,10 @@ impl<S: Samples<f64>> Samples<f64> for Skipping<'_, S> {
         }
     }
 
+    fn normal(&self, place: [f64; 3]) -> [f64; 3] {
+        self.inner.normal(place)
+    }
+
     // A segment crosses from cell to cell, so its ends are read everywhere.
     fn end(&self, place: [f64; 3]) -> End<f64> {
         self.inner.end(place)

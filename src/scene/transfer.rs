@@ -1,5 +1,7 @@
 //! The transfer function: maps a voxel value to materials, opacity and absorption.
 
+use smallvec::{SmallVec, smallvec};
+
 use super::Material;
 
 /// Optical depth per opacity length for opacity 1. It occludes everything at any step down to a ten-millionth of the
@@ -60,9 +62,20 @@ pub struct MaterialCurve(pub Vec<(f64, usize)>);
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
     /// `σ·opacity_length`.
-    pub scattering: Vec<f64>,
+    pub scattering: Depths,
     /// `κ·opacity_length` at the peak of the material's absorption spectrum, which scales it at other wavelengths.
-    pub absorption: Vec<f64>,
+    pub absorption: Depths,
+}
+
+/// An optical depth for each material, without memory of its own for a few.
+pub type Depths = SmallVec<[f64; 8]>;
+
+impl Medium {
+    /// Nothing of so many materials.
+    #[must_use]
+    pub fn nothing(materials: usize) -> Self {
+        Self { scattering: smallvec![0.0; materials], absorption: smallvec![0.0; materials] }
+    }
 }
 
 impl Transfer {
@@ -70,7 +83,7 @@ impl Transfer {
     /// the same share of the absorption.
     #[must_use]
     pub fn medium(&self, value: f64, materials: usize) -> Medium {
-        let mut medium = Medium { scattering: vec![0.0; materials], absorption: vec![0.0; materials] };
+        let mut medium = Medium::nothing(materials);
         for term in &self.terms {
             let depths = [depth_from_opacity(height_at(&term.opacity, value)), height_at(&term.absorption, value)];
             for (depth, sums) in depths.into_iter().zip([&mut medium.scattering, &mut medium.absorption]) {

@@ -443,10 +443,21 @@ fn the_ladder_catches_one_wrong_entry_of_the_table() {
 /// Filter with 256 positions between two texels, as in hardware.
 struct EightBits<'a>(Stored<'a, f32>, [usize; 3]);
 
+impl EightBits<'_> {
+    /// The position of the filter next to `place`.
+    fn position(&self, place: [f32; 3]) -> [f32; 3] {
+        let places = self.1.map(|n| 256.0 * f32::from(u16::try_from(n).unwrap()));
+        std::array::from_fn(|axis| (place[axis] * places[axis]).round() / places[axis])
+    }
+}
+
 impl Samples<f32> for EightBits<'_> {
     fn sample(&self, place: [f32; 3], step: &mut Step<f32>) {
-        let places = self.1.map(|n| 256.0 * f32::from(u16::try_from(n).unwrap()));
-        self.0.sample(std::array::from_fn(|axis| (place[axis] * places[axis]).round() / places[axis]), step);
+        self.0.sample(self.position(place), step);
+    }
+
+    fn normal(&self, place: [f32; 3]) -> [f32; 3] {
+        self.0.normal(self.position(place))
     }
 
     fn end(&self, place: [f32; 3]) -> End<f32> {

@@ -214,6 +214,10 @@ impl Samples<f64> for Medium {
         step.opacity = vec![opacity];
     }
 
+    fn normal(&self, _: [f64; 3]) -> [f64; 3] {
+        [0.0; 3]
+    }
+
     fn end(&self, _: [f64; 3]) -> End<f64> {
         unreachable!("no segments")
     }
@@ -609,6 +613,10 @@ struct Counting<'a>(Exact<'a>, AtomicUsize);
 impl Samples<f64> for Counting<'_> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         self.0.sample(place, step);
+    }
+
+    fn normal(&self, place: [f64; 3]) -> [f64; 3] {
+        self.0.normal(place)
     }
 
     fn end(&self, place: [f64; 3]) -> End<f64> {

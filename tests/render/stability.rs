@@ -10,7 +10,7 @@ use relume::measure::extremes::{Extreme, Group, Row, Rung};
 use relume::model::random::Random;
 use relume::plan::plan;
 use relume::progress::Quiet;
-use relume::reference::{Samples, Step, attenuate, composite};
+use relume::reference::{Samples, attenuate, composite};
 use relume::render::Renderer;
 use relume::scene::{Aim, Projection, Scene, Shading};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
@@ -460,11 +460,9 @@ fn normals_of_a_sphere_in_flat_voxels_point_out_of_it() {
         let out = DVec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z);
         let voxel = (19.0 * out + half) / spacing;
         let place = (voxel + 0.5) / DVec3::from_array(dims.map(float));
-        let [mut exact, mut stored] = [Step::<f64>::default(), Step::<f64>::default()];
-        rungs.exact().sample(place.to_array(), &mut exact);
-        rungs.stored::<f64>().sample(place.to_array(), &mut stored);
-        for step in [exact, stored] {
-            off = off.max(DVec3::from_array(step.normal).angle_between(-out).to_degrees());
+        let normals = [rungs.exact().normal(place.to_array()), rungs.stored::<f64>().normal(place.to_array())];
+        for normal in normals {
+            off = off.max(DVec3::from_array(normal).angle_between(-out).to_degrees());
         }
     }
     assert!(off <= 1.0, "{off}°");

@@ -78,6 +78,11 @@ impl<F: Fn([f64; 3]) -> (Step<f64>, Difference) + Sync> Samples<f64> for Boundin
         step.opacity = (0..components).chain(0..plan.transmittance_numbers()).map(|i| of(&found.opacity, i)).collect();
     }
 
+    // The bounds of a step hold its shades.
+    fn normal(&self, _: [f64; 3]) -> [f64; 3] {
+        [0.0; 3]
+    }
+
     fn end(&self, _: [f64; 3]) -> End<f64> {
         unreachable!("bounds are those of samples")
     }
@@ -235,16 +240,18 @@ pub fn of_tables(rungs: &Rungs, expected: &Film<f64>) -> Film<f64> {
     bounds(rungs, expected, 4.0, |place| {
         let mut here = Step::default();
         exact.sample(place, &mut here);
+        here.normal = exact.normal(place);
         let texel = texels.at(place);
         let value = (high - low).mul_add(texel[texels.parts - 1].mul_add(value_scale, value_offset), low);
         let at = |entries: f64| steps.of_value(entry.mul_add(entries, value));
         let around: Vec<_> = (-3..=3).map(|entries| at(f64::from(entries))).collect();
+        let lost = (rungs.storage.loss + (high - low) * ROUNDING_UNIT) / entry;
+        let moved = [at(lost), at(-lost)];
         let second = |pick: &dyn Fn(&relume::tables::Step) -> f64| {
             let differences = (2..=4_usize).map(|middle| {
                 (pick(&around[middle - 2]) - 2.0 * pick(&around[middle]) + pick(&around[middle + 2])).abs()
             });
-            let lost = (rungs.storage.loss + (high - low) * ROUNDING_UNIT) / entry;
-            let moved = (pick(&at(lost)) - pick(&around[3])).abs().max((pick(&at(-lost)) - pick(&around[3])).abs());
+            let moved = moved.iter().map(|step| (pick(step) - pick(&around[3])).abs()).fold(0.0, f64::max);
             differences.fold(0.0, f64::max) / 4.0 + moved + ROUNDING_UNIT * pick(&around[3]).abs()
         };
         let difference = Difference {
@@ -270,6 +277,7 @@ pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], ro
     bounds(rungs, expected, roundings, |place| {
         let mut here = Step::default();
         stored.sample(place, &mut here);
+        here.normal = stored.normal(place);
         let mut difference = Difference::default();
         for corner in 0..8 {
             let moved = std::array::from_fn(|axis| {
@@ -277,6 +285,7 @@ pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], ro
             });
             let mut there = Step::default();
             stored.sample(moved, &mut there);
+            there.normal = stored.normal(moved);
             difference.include(&here, &there);
         }
         if texels.parts == 4 {

@@ -47,9 +47,13 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         text!("rays.wgsl"),
         text!("fetch.wgsl"),
     ];
+    let steps = match plan.integration {
+        Integrate::Samples => text!("cut_steps.wgsl"),
+        Integrate::Segments => text!("segment_steps.wgsl"),
+    };
     parts.extend(match residence {
-        Residence::Whole => [text!("whole.wgsl"), text!("march.wgsl"), text!("slices.wgsl")],
-        Residence::Bricked { .. } => [text!("bricks.wgsl"), text!("march.wgsl"), text!("rounds.wgsl")],
+        Residence::Whole => vec![text!("whole.wgsl"), text!("march.wgsl"), text!("slices.wgsl"), steps],
+        Residence::Bricked { .. } => vec![text!("bricks.wgsl"), text!("march.wgsl"), text!("rounds.wgsl")],
     });
     parts.extend(match (plan.integration, plan.transmittance) {
         (Integrate::Samples, _) => vec![text!("samples.wgsl")],
@@ -181,6 +185,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .f32("MOST_PARTS", MOST_PARTS)
         .bool("SKIPPING", plan.skipping)
+        .bool("CUT_APART", plan.integration == Integrate::Samples && residence == Residence::Whole)
         .bool("SKIP_INVISIBLE", plan.skips_invisible())
         .u32("GROUP_WIDTH", group[0])
         .u32("GROUP_HEIGHT", group[1])

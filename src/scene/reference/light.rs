@@ -57,6 +57,16 @@ impl<R: Real> Arrived<R> {
     }
 }
 
+/// The sum over `arrived` for each component, by `add(component, way, sum)`: found once where shares have one number.
+fn by_component<'a, R: Real>(
+    arrived: &'a [Arrived<R>],
+    add: impl Fn(usize, &Arrived<R>, R) -> R + 'a,
+) -> impl Fn(usize) -> R + 'a {
+    let sum = move |component: usize| arrived.iter().fold(R::default(), |sum, way| add(component, way, sum));
+    let of_all = arrived.iter().all(|way| way.share.len() == 1).then(|| sum(0));
+    move |component| of_all.unwrap_or_else(|| sum(component))
+}
+
 /// Memory of [`Light::add`] from step to step.
 #[derive(Debug, Default)]
 pub(super) struct Scratch<R> {
@@ -187,17 +197,16 @@ impl<'a, R: Real> Light<'a, R> {
             }
             return;
         }
-        let sum = |of: &dyn Fn(&Arrived<R>) -> R| arrived.iter().fold(R::default(), |sum, way| sum + of(way));
         if plan.shading.is_none() || arrived.iter().all(|way| way.direction.is_none()) {
             let first = plan.parts().unshaded * LANE;
             let reflected = self.reflected_parts();
+            let all = by_component(arrived, |component, way, sum| sum + way.of(component));
             for (component, (part, &own)) in source[..reflected].iter_mut().zip(&step.source[first..]).enumerate() {
-                *part = own * sum(&|way| way.of(component));
+                *part = own * all(component);
             }
             return;
         }
-        let facing =
-            |component: usize| arrived.iter().fold(R::default(), |sum, way| way.of(component).mul_add(way.facing, sum));
+        let facing = by_component(arrived, |component, way, sum| way.of(component).mul_add(way.facing, sum));
         self.reflect(step, facing, open, source);
         let directed = || arrived.iter().filter_map(|way| way.direction.map(|light| (way, light)));
         if plan.specular().is_some() {

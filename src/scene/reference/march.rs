@@ -217,6 +217,7 @@ impl<'a, R: Real> Frame<'a, R> {
             if step.does_nothing() {
                 continue;
             }
+            step.normal = samples.normal(place);
             let at = At { view: ray.view, place, step: &step, transmittance: &transmittance };
             self.light.add(&at, samples, sums, &mut lost, &mut scratch);
             if mixed {
@@ -353,9 +354,10 @@ fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &mut S
             _ => length,
         }
     };
-    let gains: Vec<R> = (0..components.max(1)).map(gain).collect();
+    let of_all = (step.opacity.len() == 1).then(|| gain(0));
     step.source.clear();
-    step.source.extend(density.source.iter().enumerate().map(|(i, &lit)| lit * gains[i % gains.len()]));
+    let sources = density.source.iter().enumerate();
+    step.source.extend(sources.map(|(i, &lit)| lit * of_all.unwrap_or_else(|| gain(i % components.max(1)))));
 }
 
 /// A distance beyond any box.

@@ -17,8 +17,10 @@ pub struct Step<R> {
     pub source: Vec<R>,
     /// Light removed by the step: as many numbers as the plan's transmittance.
     pub opacity: Vec<R>,
-    /// Unit gradient of the data in the volume's axes; 0 if it vanishes or the plan needs none.
+    /// Unit gradient of the data in the volume's axes, [`Samples::normal`], where a march needs it.
     pub normal: [R; 3],
+    /// Memory of [`Exact`] from step to step.
+    parts: [tables::Step; 2],
 }
 
 impl<R: Real> Step<R> {
@@ -135,7 +137,7 @@ impl<R: Real> Shares<R> {
             Self::One(row) => of_row(*row, own),
             Self::Mixed(shares) => {
                 let own_share = self.own_share();
-                let mut shared = Step { source: Vec::new(), opacity: Vec::new(), normal: own.normal };
+                let mut shared = Step { normal: own.normal, ..Step::default() };
                 let mut labelled = Step::default();
                 for &(row, share) in shares {
                     of_row(row, &mut labelled);
@@ -152,8 +154,11 @@ impl<R: Real> Shares<R> {
 
 /// A source of samples.
 pub trait Samples<R: Real>: Sync {
-    /// Sets `step` to the effect of a step at `place`, in texture coordinates.
+    /// Sets the source and the opacity of `step` to those of a step at `place`, in texture coordinates.
     fn sample(&self, place: [R; 3], step: &mut Step<R>);
+
+    /// Unit gradient of the data at `place` in the volume's axes; 0 if it vanishes or the plan needs none.
+    fn normal(&self, place: [R; 3]) -> [R; 3];
 
     /// The end of a segment at `place`, in texture coordinates.
     fn end(&self, place: [R; 3]) -> End<R>;
@@ -251,6 +256,11 @@ impl<'a> Exact<'a> {
     fn set(&self, step: &mut Step<f64>, found: &tables::Step) {
         step.source.clone_from(&found.source);
         step.opacity.clone_from(&found.opacity);
+        self.truncate(step);
+    }
+
+    /// Leaves as many opacities as the plan's transmittance has.
+    fn truncate(&self, step: &mut Step<f64>) {
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
 
@@ -300,15 +310,19 @@ impl Samples<f64> for Exact<'_> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         let shares = self.shares(place);
         if shares.has_own() {
-            self.set(step, &self.steps.of_value(self.value_at(place)));
-            thin([&mut step.source, &mut step.opacity], &self.planned.plan, self.gradient_factor(place));
+            self.steps.write(self.value_at(place), [&mut step.source, &mut step.opacity]);
+            self.truncate(step);
+            if self.planned.plan.gradient_opacity > 0 && !step.does_nothing() {
+                thin([&mut step.source, &mut step.opacity], &self.planned.plan, self.gradient_factor(place));
+            }
         } else {
             self.set(step, &self.label_steps[0]);
         }
         shares.mix(step, |row, step| self.set(step, &self.label_steps[row]));
-        if self.planned.plan.gradient() {
-            step.normal = unit(self.gradient_at(place));
-        }
+    }
+
+    fn normal(&self, place: [f64; 3]) -> [f64; 3] {
+        if self.planned.plan.gradient() { unit(self.gradient_at(place)) } else { [0.0; 3] }
     }
 
     fn end(&self, place: [f64; 3]) -> End<f64> {
@@ -318,14 +332,18 @@ impl Samples<f64> for Exact<'_> {
 
     fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
         let shares = self.shares(middle);
-        let mean = tables::mean_density(&self.steps, &self.bends, ends.map(|end| end.value));
+        let Step { source, opacity, parts, .. } = density;
+        tables::mean_density(&self.steps, &self.bends, ends.map(|end| end.value), [source, opacity], &mut parts[0]);
         let variation = variation(ends, shares.label(), || {
-            let at = ends.map(|end| self.steps.density(end.value));
-            let of =
-                |numbers: fn(&tables::Step) -> &[f64]| largest_difference(numbers(&mean), at.each_ref().map(numbers));
-            of(|density| &density.source).max(of(|density| &density.opacity))
+            for (part, end) in parts.iter_mut().zip(ends) {
+                self.steps.write_density(end.value, [&mut part.source, &mut part.opacity]);
+            }
+            let of = |mean: &[f64], numbers: fn(&tables::Step) -> &[f64]| {
+                largest_difference(mean, parts.each_ref().map(numbers))
+            };
+            of(source, |density| &density.source).max(of(opacity, |density| &density.opacity))
         });
-        self.set(density, &mean);
+        self.truncate(density);
         if self.planned.plan.gradient_opacity > 0 {
             let [low, high] = self.storage.domain;
             let gradient = glam::DVec3::from_array(middle_of(ends));
@@ -443,33 +461,37 @@ impl<'a, R: Real> Stored<'a, R> {
         self
     }
 
-    /// The texel at `place`, and the gradient of the data; 0 if the plan needs none.
-    fn fetch(&self, place: [R; 3]) -> (R, [R; 3]) {
+    /// The texel at `place`: the gradient if the volume has one, and the value.
+    fn fetch(&self, place: [R; 3]) -> [R; 4] {
         let volume = self.volume;
-        let parts = if volume.has_gradient { 4 } else { 1 };
-        let texel = |index| -> [R; 4] {
-            let first = clamped(index, volume.dims) * parts;
-            std::array::from_fn(|part| {
-                R::from_f64(volume.texels.get(first + part.min(parts - 1)).copied().map_or(0.0, f64::from))
-            })
-        };
-        let fetched = interpolate(place, volume.dims, self.planned.plan.interpolation, texel);
-        let value = fetched[if volume.has_gradient { 3 } else { 0 }];
-        let gradient = if volume.has_gradient {
-            std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis])
-        } else if self.planned.plan.gradient() {
-            let at = |place| interpolate(place, volume.dims, self.planned.plan.interpolation, texel)[0];
-            std::array::from_fn(|axis| {
-                let voxel = R::from_f64(1.0 / count(volume.dims[axis]));
-                let (mut before, mut after) = (place, place);
-                before[axis] = place[axis] - voxel;
-                after[axis] = place[axis] + voxel;
-                (at(after) - at(before)) * self.gradient_scale[axis]
-            })
-        } else {
-            [R::default(); 3]
-        };
-        (value, gradient)
+        let interpolation = self.planned.plan.interpolation;
+        let number = |i: usize| R::from_f64(volume.texels.get(i).copied().map_or(0.0, f64::from));
+        if volume.has_gradient {
+            let texel = |index| -> [R; 4] {
+                let first = clamped(index, volume.dims) * 4;
+                std::array::from_fn(|part| number(first + part))
+            };
+            return interpolate(place, volume.dims, interpolation, texel);
+        }
+        let [value] = interpolate(place, volume.dims, interpolation, |index| [number(clamped(index, volume.dims))]);
+        [R::default(), R::default(), R::default(), value]
+    }
+
+    /// The gradient of the data at `place`, where `fetch` found `fetched`; 0 if the plan needs none.
+    fn gradient_at(&self, place: [R; 3], fetched: [R; 4]) -> [R; 3] {
+        if self.volume.has_gradient {
+            return std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis]);
+        }
+        if !self.planned.plan.gradient() {
+            return [R::default(); 3];
+        }
+        std::array::from_fn(|axis| {
+            let voxel = R::from_f64(1.0 / count(self.volume.dims[axis]));
+            let (mut before, mut after) = (place, place);
+            before[axis] = place[axis] - voxel;
+            after[axis] = place[axis] + voxel;
+            (self.fetch(after)[3] - self.fetch(before)[3]) * self.gradient_scale[axis]
+        })
     }
 
     fn shares(&self, place: [R; 3]) -> Shares<R> {
@@ -479,13 +501,13 @@ impl<'a, R: Real> Stored<'a, R> {
 
 impl<R: Real> Samples<R> for Stored<'_, R> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
-        let (value, gradient) = self.fetch(place);
-        step.normal = unit(gradient);
+        let fetched = self.fetch(place);
         let last = R::from_f64(count(self.table.entries() - 1));
-        let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
+        let coordinate = fetched[3].mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
         self.look_up(coordinate, step);
-        if self.planned.plan.gradient_opacity > 0 {
-            thin([&mut step.source, &mut step.opacity], &self.planned.plan, gradient_factor(&self.gradients, gradient));
+        if self.planned.plan.gradient_opacity > 0 && !step.does_nothing() {
+            let factor = gradient_factor(&self.gradients, self.gradient_at(place, fetched));
+            thin([&mut step.source, &mut step.opacity], &self.planned.plan, factor);
         }
         if let Some((_, table)) = self.labels {
             self.shares(place).mix(step, |row, step| entry(table, row, step));
@@ -493,8 +515,13 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
 
+    fn normal(&self, place: [R; 3]) -> [R; 3] {
+        unit(self.gradient_at(place, self.fetch(place)))
+    }
+
     fn end(&self, place: [R; 3]) -> End<R> {
-        let (value, gradient) = self.fetch(place);
+        let fetched = self.fetch(place);
+        let (value, gradient) = (fetched[3], self.gradient_at(place, fetched));
         let value = self.segments.as_ref().map_or(value, |segments| {
             let last = R::from_f64(count(segments.table.cells()));
             value.mul_add(segments.scale, segments.offset).max(R::default()).min(last)
@@ -559,9 +586,10 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         let Some(table) = self.extinctions.get(number) else { return R::default() };
         let number = |number: &f32| R::from_f64(f64::from(*number));
         let own = || {
-            let (value, gradient) = self.fetch(place);
+            let fetched = self.fetch(place);
             let last = R::from_f64(count(table.values.len() - 1));
-            let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
+            let coordinate =
+                fetched[3].mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
             let extinction = match self.planned.plan.lookup {
                 Lookup::Nearest => number(&table.values[(coordinate + R::from_f64(0.5)).floor().index()]),
                 Lookup::Linear => {
@@ -571,7 +599,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
                 }
             };
             if self.planned.plan.gradient_opacity > 0 {
-                extinction * gradient_factor(&self.gradients, gradient)
+                extinction * gradient_factor(&self.gradients, self.gradient_at(place, fetched))
             } else {
                 extinction
             }
@@ -611,11 +639,11 @@ impl<R: Real> Stored<'_, R> {
                 let before = coordinate.floor().index().min(self.table.entries() - 2);
                 let fraction = coordinate - R::from_f64(count(before));
                 entry(self.table, before, step);
-                let mut after = Step::<R>::default();
-                entry(self.table, before + 1, &mut after);
-                let numbers = step.source.iter_mut().chain(&mut step.opacity);
-                for (number, after) in numbers.zip(after.source.into_iter().chain(after.opacity)) {
-                    *number = fraction.mul_add(after - *number, *number);
+                let numbers = [&mut step.source, &mut step.opacity];
+                for (numbers, after) in numbers.into_iter().zip(numbers_of(self.table, before + 1)) {
+                    for (number, &after) in numbers.iter_mut().zip(after) {
+                        *number = fraction.mul_add(R::from_f64(f64::from(after)) - *number, *number);
+                    }
                 }
             }
         }
@@ -624,11 +652,16 @@ impl<R: Real> Stored<'_, R> {
 
 /// Sets `step` to entry `i` of a table.
 fn entry<R: Real>(table: &TransferTable, i: usize, step: &mut Step<R>) {
-    let number = |&number: &f32| R::from_f64(f64::from(number));
-    step.source.clear();
-    step.source.extend(table.source[i * table.lanes..][..table.lanes].iter().flatten().map(number));
-    step.opacity.clear();
-    step.opacity.extend(table.opacity[i * table.opacity_numbers..][..table.opacity_numbers].iter().map(number));
+    for (numbers, of_entry) in [&mut step.source, &mut step.opacity].into_iter().zip(numbers_of(table, i)) {
+        numbers.clear();
+        numbers.extend(of_entry.iter().map(|&number| R::from_f64(f64::from(number))));
+    }
+}
+
+/// The source and the opacity of entry `i` of a table.
+fn numbers_of(table: &TransferTable, i: usize) -> [&[f32]; 2] {
+    let (lanes, numbers) = (table.lanes, table.opacity_numbers);
+    [table.source[i * lanes..][..lanes].as_flattened(), &table.opacity[i * numbers..][..numbers]]
 }
 
 /// Interpolates `texel` at `place` (texture coordinates), x first, or returns the nearest texel.

@@ -56,14 +56,16 @@ impl SegmentTable {
         let steps = Steps::new(scene, planned);
         let bends = scene.transfer.bends();
         let mut sums = vec![vec![0.0; lanes * LANE + opacity_numbers]];
+        let (mut density, mut part) = (Step::default(), Step::default());
         for cell in 0..cells {
             let at = |place: f64| (high - low).mul_add(place, low);
-            let density = if centred {
-                steps.density(at(count(cell) / count(cells - 1)))
+            let into = [&mut density.source, &mut density.opacity];
+            if centred {
+                steps.write_density(at(count(cell) / count(cells - 1)), into);
             } else {
                 let ends = [count(cell), count(cell + 1)].map(|bound| at(bound / count(cells)));
-                mean(&steps, &bends, ends, &TWO_POINTS)
-            };
+                mean(&steps, &bends, ends, &TWO_POINTS, into, &mut part);
+            }
             let before = &sums[cell];
             sums.push(before.iter().zip(density.source.iter().chain(&density.opacity)).map(|(a, b)| a + b).collect());
         }
@@ -149,45 +151,49 @@ fn cells(scene: &Scene, [low, high]: [f64; 2], lanes: usize, centred: bool) -> u
     cells
 }
 
-/// Mean density over the values between `ends`, in either order, in f64: Gauss quadrature between `bends`, the values at
-/// which the density has a corner or a jump.
-#[must_use]
-pub(crate) fn mean_density(steps: &Steps<'_>, bends: &[f64], ends: [f64; 2]) -> Step {
-    mean(steps, bends, ends, &EIGHT_POINTS)
+/// Sets `density` to the mean density over the values between `ends`, in either order, in f64: Gauss quadrature between
+/// `bends`, the values at which the density has a corner or a jump. `part` is memory for the densities of single values.
+pub(crate) fn mean_density(
+    steps: &Steps<'_>,
+    bends: &[f64],
+    ends: [f64; 2],
+    density: [&mut Vec<f64>; 2],
+    part: &mut Step,
+) {
+    mean(steps, bends, ends, &EIGHT_POINTS, density, part);
 }
 
-fn mean(steps: &Steps<'_>, bends: &[f64], [a, b]: [f64; 2], points: &[(f64, f64)]) -> Step {
+fn mean(
+    steps: &Steps<'_>,
+    bends: &[f64],
+    [a, b]: [f64; 2],
+    points: &[(f64, f64)],
+    [source, opacity]: [&mut Vec<f64>; 2],
+    part: &mut Step,
+) {
     let (low, high) = (a.min(b), a.max(b));
     if high - low <= 1e-12 * (low.abs() + high.abs()) {
-        return steps.density(f64::midpoint(low, high));
+        return steps.write_density(f64::midpoint(low, high), [source, opacity]);
     }
     let within = bends.partition_point(|&bend| bend <= low)..bends.partition_point(|&bend| bend < high);
     let mut from = low;
-    let mut sum: Option<Step> = None;
+    let mut first = true;
     for &to in bends.get(within).unwrap_or_default().iter().chain([&high]) {
         for &(node, weight) in points {
-            let density = steps.density(f64::midpoint(from, to) + node * (to - from) / 2.0);
+            let value = f64::midpoint(from, to) + node * (to - from) / 2.0;
             let share = weight / 2.0 * ((to - from) / (high - low));
-            match &mut sum {
-                None => sum = Some(density.scaled(share)),
-                Some(sum) => sum.add(&density, share),
+            if std::mem::take(&mut first) {
+                steps.write_density(value, [source, opacity]);
+                source.iter_mut().chain(&mut *opacity).for_each(|number| *number *= share);
+                continue;
+            }
+            steps.write_density(value, [&mut part.source, &mut part.opacity]);
+            let parts = part.source.iter().chain(&part.opacity);
+            for (sum, part) in source.iter_mut().chain(&mut *opacity).zip(parts) {
+                *sum = part.mul_add(share, *sum);
             }
         }
         from = to;
-    }
-    sum.unwrap_or_else(|| steps.density(low))
-}
-
-impl Step {
-    fn scaled(&self, factor: f64) -> Self {
-        let scaled = |numbers: &[f64]| numbers.iter().map(|number| number * factor).collect();
-        Self { source: scaled(&self.source), opacity: scaled(&self.opacity) }
-    }
-
-    fn add(&mut self, other: &Self, factor: f64) {
-        let pairs = |a: &mut [f64], b: &[f64]| a.iter_mut().zip(b).for_each(|(a, b)| *a = b.mul_add(factor, *a));
-        pairs(&mut self.source, &other.source);
-        pairs(&mut self.opacity, &other.opacity);
     }
 }
 

@@ -7,6 +7,7 @@ use relume_base::number::count;
 use relume_base::number::rounded;
 use relume_colour::model::{Amplification, ColourModel, Matrices, ModelKind, Order};
 use relume_colour::spectrum::{BANDS, Spectrum};
+use smallvec::{SmallVec, smallvec};
 
 /// Smallest number of entries of a linear table.
 const FEWEST: usize = 1024;
@@ -38,13 +39,25 @@ pub struct TransferTable {
 }
 
 /// Effect of one step in f64, laid out like a table entry.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Step {
     /// Gained light.
     pub source: Vec<f64>,
     /// Lost light α.
     pub opacity: Vec<f64>,
 }
+
+impl Step {
+    /// The step that `write` sets the source and the opacity of.
+    fn written(write: impl FnOnce([&mut Vec<f64>; 2])) -> Self {
+        let mut step = Self::default();
+        write([&mut step.source, &mut step.opacity]);
+        step
+    }
+}
+
+/// A number for each component, without memory of its own for as many as there are wavelengths.
+type Components = SmallVec<[f64; BANDS]>;
 
 impl TransferTable {
     /// Builds the table of `scene` over `domain` (lowest and highest value).
@@ -184,7 +197,12 @@ impl<'a> Steps<'a> {
     /// Returns the effect of a step at a data value.
     #[must_use]
     pub fn of_value(&self, value: f64) -> Step {
-        self.of_medium(&self.scene.transfer.medium(value, self.scene.materials.len()))
+        Step::written(|step| self.write(value, step))
+    }
+
+    /// Sets a source and an opacity to those of [`Self::of_value`].
+    pub fn write(&self, value: f64, step: [&mut Vec<f64>; 2]) {
+        self.write_medium(&self.scene.transfer.medium(value, self.scene.materials.len()), step);
     }
 
     /// Returns the extinction at a data value that light with shadows meets: optical depth per unit of length, the smallest
@@ -221,25 +239,30 @@ impl<'a> Steps<'a> {
     /// Returns the density at a data value.
     #[must_use]
     pub fn density(&self, value: f64) -> Step {
-        self.density_of(&self.scene.transfer.medium(value, self.scene.materials.len()))
+        Step::written(|density| self.write_density(value, density))
+    }
+
+    /// Sets a source and an opacity to those of [`Self::density`].
+    pub fn write_density(&self, value: f64, density: [&mut Vec<f64>; 2]) {
+        self.write_density_of(&self.scene.transfer.medium(value, self.scene.materials.len()), density);
     }
 
     /// Returns the effects of a step at each declared label: label `i` of the scene at index `i + 1`, none at 0.
     #[must_use]
     pub fn of_labels(&self) -> Vec<Step> {
-        self.label_media().map(|medium| self.of_medium(&medium)).collect()
+        self.label_media().map(|medium| Step::written(|step| self.write_medium(&medium, step))).collect()
     }
 
     /// Returns the densities of each declared label: label `i` of the scene at index `i + 1`, 0 at 0.
     #[must_use]
     pub fn densities_of_labels(&self) -> Vec<Step> {
-        self.label_media().map(|medium| self.density_of(&medium)).collect()
+        self.label_media().map(|medium| Step::written(|density| self.write_density_of(&medium, density))).collect()
     }
 
     /// The media of the labels, one at a time: many labels times many materials are many numbers.
     fn label_media(&self) -> impl Iterator<Item = Medium> {
         let materials = self.scene.materials.len();
-        let nothing = Medium { scattering: vec![0.0; materials], absorption: vec![0.0; materials] };
+        let nothing = Medium::nothing(materials);
         let declared = self.scene.labels.iter().flat_map(|labels| &labels.declared);
         std::iter::once(None).chain(declared.map(Some)).map(move |entry| {
             let mut medium = nothing.clone();
@@ -251,20 +274,39 @@ impl<'a> Steps<'a> {
         })
     }
 
-    /// Returns the density of `medium`, in the layout of a step: the light that it scatters per step length, and its
+    /// Sets a source and an opacity to the density of `medium`: the light that it scatters per step length, and its
     /// optical depth per step length, at most [`LARGEST_DEPTH`]. Of a deeper medium, both are reduced by the same factor.
-    fn density_of(&self, medium: &Medium) -> Step {
-        let scene = self.scene;
-        let steps = scene.step_length() / scene.transfer.opacity_length;
+    fn write_density_of(&self, medium: &Medium, [source, opacity]: [&mut Vec<f64>; 2]) {
+        if self.is_nothing(medium) {
+            return self.write_nothing([source, opacity]);
+        }
+        let steps = self.step_in_opacity_lengths();
         let depths = self.depths(medium, self.occluding(medium), steps);
-        let gain = |component: usize| {
-            let depth = depths[component.min(depths.len() - 1)];
-            if depth > LARGEST_DEPTH { steps * (LARGEST_DEPTH / depth) } else { steps }
-        };
-        let source = self.source(medium, gain, |m, c, factor| factor * gain(c) * self.reflectances[m][c]);
-        let mut opacity: Vec<f64> = depths.iter().map(|depth| depth.min(LARGEST_DEPTH)).collect();
+        let of_depth = |&depth: &f64| if depth > LARGEST_DEPTH { steps * (LARGEST_DEPTH / depth) } else { steps };
+        let gains: Components = depths.iter().map(of_depth).collect();
+        self.write_source(medium, &Gains { gains: &gains, reflected: &self.reflectances }, source);
+        opacity.clear();
+        opacity.extend(depths.iter().map(|depth| depth.min(LARGEST_DEPTH)));
         opacity.resize(opacity_numbers(self.planned), 0.0);
-        Step { source, opacity }
+    }
+
+    /// Whether a step in `medium` has no effect in any model.
+    fn is_nothing(&self, medium: &Medium) -> bool {
+        self.by_step.is_none() && medium.scattering.iter().chain(&medium.absorption).all(|&depth| depth == 0.0)
+    }
+
+    /// Sets a source and an opacity to those of no medium.
+    fn write_nothing(&self, [source, opacity]: [&mut Vec<f64>; 2]) {
+        for (numbers, length) in
+            [(source, self.planned.plan.parts().lanes * LANE), (opacity, opacity_numbers(self.planned))]
+        {
+            numbers.clear();
+            numbers.resize(length, 0.0);
+        }
+    }
+
+    fn step_in_opacity_lengths(&self) -> f64 {
+        self.scene.step_length() / self.scene.transfer.opacity_length
     }
 
     /// Scattering of the materials that occlude: optical depth per opacity length.
@@ -273,28 +315,41 @@ impl<'a> Steps<'a> {
         occluding.map(|(_, depth)| depth).sum()
     }
 
-    /// Returns the effect of a step in `medium`.
-    fn of_medium(&self, medium: &Medium) -> Step {
-        let scene = self.scene;
-        let steps = scene.step_length() / scene.transfer.opacity_length;
+    /// Sets a source and an opacity to those of a step in `medium`.
+    fn write_medium(&self, medium: &Medium, [source, opacity]: [&mut Vec<f64>; 2]) {
+        if self.is_nothing(medium) {
+            return self.write_nothing([source, opacity]);
+        }
+        let steps = self.step_in_opacity_lengths();
         let scattering = self.occluding(medium);
         if let Some(matrices) = &self.matrices {
-            return self.mixed(matrices, medium, scattering, steps);
+            return self.write_mixed(matrices, medium, [scattering, steps], [source, opacity]);
         }
         let depths = self.depths(medium, scattering, steps);
-        let mut opacity: Vec<f64> = depths.iter().map(|depth| -(-depth).exp_m1()).collect();
-        let gain = |component: usize| {
-            let component = component.min(depths.len() - 1);
-            if depths[component] > 0.0 { steps * (opacity[component] / depths[component]) } else { steps }
-        };
-        let source = self.source(medium, gain, |m, c, factor| factor * gain(c) * self.reflectances[m][c]);
+        opacity.clear();
+        // Without absorption, all components are as deep.
+        let mut before = (0.0_f64, 0.0);
+        opacity.extend(depths.iter().map(|&depth| {
+            if depth.to_bits() != before.0.to_bits() {
+                before = (depth, -(-depth).exp_m1());
+            }
+            before.1
+        }));
+        let of_depth = |(&depth, &opacity): (&f64, &f64)| if depth > 0.0 { steps * (opacity / depth) } else { steps };
+        let gains: Components = depths.iter().zip(&*opacity).map(of_depth).collect();
+        self.write_source(medium, &Gains { gains: &gains, reflected: &self.reflectances }, source);
         opacity.resize(opacity_numbers(self.planned), 0.0);
-        Step { source, opacity }
     }
 
-    /// Returns the effect of a step in `medium` for matrix transmittance: the loss matrix of the light from behind, and
-    /// the projected source.
-    fn mixed(&self, matrices: &Matrices, medium: &Medium, scattering: f64, steps: f64) -> Step {
+    /// [`Self::write_medium`] for matrix transmittance: the loss matrix of the light from behind, and the projected
+    /// source.
+    fn write_mixed(
+        &self,
+        matrices: &Matrices,
+        medium: &Medium,
+        [scattering, steps]: [f64; 2],
+        [source, opacity]: [&mut Vec<f64>; 2],
+    ) {
         let mut depth = [scattering * steps; BANDS];
         for (&height, material) in medium.absorption.iter().zip(&self.scene.materials) {
             if let Some(shape) = material.absorption.as_ref().filter(|_| height > 0.0) {
@@ -311,13 +366,13 @@ impl<'a> Steps<'a> {
             })
             .collect();
         let white = matrices.vector(&gain);
-        let mut opacity = matrices.matrix(&lost);
+        self.write_source(medium, &Projected { white: &white, reflected: &reflected }, source);
+        *opacity = matrices.matrix(&lost);
         opacity.resize(opacity_numbers(self.planned), 0.0);
-        Step { source: self.source(medium, |c| white[c], |m, c, factor| factor * reflected[m][c]), opacity }
     }
 
     /// Optical depth of each transmittance component across a step of `steps` opacity lengths.
-    fn depths(&self, medium: &Medium, scattering: f64, steps: f64) -> Vec<f64> {
+    fn depths(&self, medium: &Medium, scattering: f64, steps: f64) -> Components {
         if let Some(model) = self.by_step {
             let mut depth = Spectrum::constant(scattering);
             for (&height, material) in medium.absorption.iter().zip(&self.scene.materials) {
@@ -325,42 +380,39 @@ impl<'a> Steps<'a> {
                     depth = &depth + &shape.spectrum().scaled(height);
                 }
             }
-            return model.step_depths(&depth.scaled(steps), Amplification::Held);
+            return model.step_depths(&depth.scaled(steps), Amplification::Held).into();
         }
-        let mut depths = vec![scattering; self.planned.plan.transmittance_numbers()];
-        for (&height, shape) in medium.absorption.iter().zip(&self.absorptions) {
+        let mut depths: Components = smallvec![scattering; self.planned.plan.transmittance_numbers()];
+        for (&height, shape) in medium.absorption.iter().zip(&self.absorptions).filter(|(height, _)| **height > 0.0) {
             for (sum, part) in depths.iter_mut().zip(shape) {
                 *sum += height * part;
             }
         }
-        depths.into_iter().map(|depth| depth * steps).collect()
+        depths.iter_mut().for_each(|depth| *depth *= steps);
+        depths
     }
 
-    /// Source of a step. A unit of scattering gives `gain(c)` in component c for white, and f units of material m give
-    /// `reflected(m, c, f)`.
-    fn source(
-        &self,
-        medium: &Medium,
-        gain: impl Fn(usize) -> f64,
-        reflected: impl Fn(usize, usize, f64) -> f64,
-    ) -> Vec<f64> {
+    /// Sets `source` to that of a step, by the light that it sends back.
+    fn write_source(&self, medium: &Medium, sent: &impl SentBack, source: &mut Vec<f64>) {
         let plan = &self.planned.plan;
         let parts = plan.parts();
-        let mut source = vec![0.0; parts.lanes * LANE];
+        source.clear();
+        source.resize(parts.lanes * LANE, 0.0);
         let used = self.planned.materials.iter().map(|&m| (m, medium.scattering[m]));
         let Accumulate::Spectral { shares, .. } = plan.accumulate else {
             for (weight, (_, depth)) in source.iter_mut().zip(used) {
-                *weight = depth * gain(0);
+                *weight = depth * sent.white(0);
             }
-            return source;
+            return;
         };
+        let components = plan.components();
         // Adds white to part `i` of those that start with the vector `first`.
         let add_white = |first: usize, i: usize, white: f64, source: &mut Vec<f64>| match plan.transmittance {
-            Transmittance::Grey => source[first * LANE + i] += white * gain(0),
+            Transmittance::Grey => source[first * LANE + i] += white * sent.white(0),
             Transmittance::Coloured | Transmittance::Mixed => {
                 let first = (first + i * plan.lanes()) * LANE;
-                for c in 0..plan.components() {
-                    source[first + c] += white * gain(c);
+                for (c, sum) in source[first..][..components].iter_mut().enumerate() {
+                    *sum += white * sent.white(c);
                 }
             }
         };
@@ -376,20 +428,62 @@ impl<'a> Steps<'a> {
                 Shares::Own => &[(parts.ambient, material.ambient), (parts.diffuse, material.own_diffuse())],
             };
             for &(first, share) in spectra {
-                for c in 0..plan.components() {
-                    source[first * LANE + c] += reflected(m, c, share * depth);
-                }
+                sent.add_reflected(m, share * depth, &mut source[first * LANE..][..components]);
             }
             if let Some(highlight) =
                 self.exponents.iter().position(|&e| material.white_specular() > 0.0 && e == material.exponent)
             {
-                add_white(parts.highlights, highlight, material.specular * depth, &mut source);
+                add_white(parts.highlights, highlight, material.specular * depth, source);
             }
             if let Some(film) = self.thin_films[m] {
-                add_white(parts.thin_films, film, depth, &mut source);
+                add_white(parts.thin_films, film, depth, source);
             }
         }
-        source
+    }
+}
+
+/// The light that a step sends back, by components.
+trait SentBack {
+    /// That of a unit of white scattering, in a component.
+    fn white(&self, component: usize) -> f64;
+
+    /// Adds that of so many units of a material to `sums`, component by component.
+    fn add_reflected(&self, material: usize, units: f64, sums: &mut [f64]);
+}
+
+/// A gain for each component, or one for all, on the reflectances of materials.
+struct Gains<'a> {
+    gains: &'a [f64],
+    reflected: &'a [Vec<f64>],
+}
+
+impl SentBack for Gains<'_> {
+    fn white(&self, component: usize) -> f64 {
+        self.gains[component.min(self.gains.len() - 1)]
+    }
+
+    fn add_reflected(&self, material: usize, units: f64, sums: &mut [f64]) {
+        let parts = sums.iter_mut().zip(&self.reflected[material]);
+        match *self.gains {
+            [gain] => parts.for_each(|(sum, reflectance)| *sum += units * gain * reflectance),
+            _ => parts.zip(self.gains).for_each(|((sum, reflectance), gain)| *sum += units * gain * reflectance),
+        }
+    }
+}
+
+/// Spectra that a model has projected: of white, and of each material.
+struct Projected<'a> {
+    white: &'a [f64],
+    reflected: &'a [Vec<f64>],
+}
+
+impl SentBack for Projected<'_> {
+    fn white(&self, component: usize) -> f64 {
+        self.white[component]
+    }
+
+    fn add_reflected(&self, material: usize, units: f64, sums: &mut [f64]) {
+        sums.iter_mut().zip(&self.reflected[material]).for_each(|(sum, reflected)| *sum += units * reflected);
     }
 }
 
