@@ -13,7 +13,11 @@ fn march_steps(
     var transmittance = before;
     // A cut first step in an empty macrocell adds nothing.
     let begins = first == 0u && end > 0u && is_cut(ray, 0u);
-    let adds = begins && is_occupied(place_of(ray, 0u));
+    var adds = begins;
+    if (SKIPPING) {
+        let cells = fma(place_of(ray, 0u), march.cell_scale, march.cell_offset);
+        adds = begins && is_occupied(clamp(floor(cells), vec3f(), vec3f(march.cells) - 1.0));
+    }
     var n = select(first, 1u, begins && !adds);
     let last = ray.samples - 1u;
     let last_cut = min(end, select(ray.samples, last, is_cut(ray, last)));

@@ -155,15 +155,20 @@ fn place_of(ray: Ray, n: u32) -> vec3f {
     return place_within(ray, n, (part.x + part.y) * 0.5);
 }
 
-// Place of sample `n` among those that are marched together: none is cut if `cut_steps.wgsl` adds those of cut steps. A whole step has
-// the same place to the bit either way: sums of halves are exact.
-fn place_of_sample(ray: Ray, n: u32) -> vec3f {
-    if (CUT_APART) {
-        let s = fma(f32(n) + (ray.first + 0.5), march.step_length, ray.start);
-        return fma(vec3f(s), ray.direction, ray.base);
-    } else {
+// Place of sample `n` of a run, in which no step is cut if `cut_steps.wgsl` adds those. A whole step has the same place to the bit either
+// way: of at most 2²³ samples, sums of halves are exact.
+fn place_in_run(ray: Ray, n: u32) -> vec3f {
+    if (CUT_IN_RUNS) {
         return place_of(ray, n);
     }
+    let s = fma(f32(n) + (ray.first + 0.5), march.step_length, ray.start);
+    return fma(vec3f(s), ray.direction, ray.base);
+}
+
+// Whether a macrocell holds anything visible.
+fn is_occupied(cell: vec3f) -> bool {
+    let index = u32(cell.x) + march.cells.x * (u32(cell.y) + march.cells.y * u32(cell.z));
+    return ((occupancy[index / 32u] >> (index % 32u)) & 1u) != 0u;
 }
 
 // Number of the first sample at or behind `s`.

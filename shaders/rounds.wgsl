@@ -72,8 +72,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             let ahead = abs(cell + forward - cells) * samples_per_cell;
             leave = n + max(1u, u32(ceil(min(min(ahead.x, ahead.y), min(ahead.z, 1e6)))));
             if (SKIPPING) {
-                let index = u32(cell.x) + march.cells.x * (u32(cell.y) + march.cells.y * u32(cell.z));
-                if (((occupancy[index / 32u] >> (index % 32u)) & 1u) != 0u) { break; }
+                if (is_occupied(cell)) { break; }
                 n = leave;
             } else {
                 break;

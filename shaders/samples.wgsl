@@ -87,8 +87,7 @@ fn sample(place: vec3f, key: Key) -> Step {
     return step;
 }
 
-// Adds the contribution of sample `n`, at `place`; returns the transmittance after it. Of a whole volume, `cut_steps.wgsl` adds those of
-// cut steps.
+// Adds the contribution of sample `n` of a run, at `place`; returns the transmittance after it.
 fn add_sample(
     ray: Ray,
     n: u32,
@@ -98,8 +97,7 @@ fn add_sample(
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) -> Transmittance {
     var step = sample(place, key);
-    if (CUT_APART) {
-    } else {
+    if (CUT_IN_RUNS) {
         let part = part_of(ray, n);
         step = thin(step, part.y - part.x);
     }
@@ -125,18 +123,18 @@ fn march_run(
             var found = false;
             loop {
                 if (n >= end) { break; }
-                key = key_at(place_of_sample(ray, n));
+                key = key_at(place_in_run(ray, n));
                 n += 1u;
                 found = is_active(key);
                 if (found) { break; }
             }
             if (!found) { break; }
-            transmittance = add_sample(ray, n - 1u, place_of_sample(ray, n - 1u), key, transmittance, sums);
+            transmittance = add_sample(ray, n - 1u, place_in_run(ray, n - 1u), key, transmittance, sums);
             if (brightest(transmittance) < march.termination) { break; }
         }
     } else {
         for (var n = first; n < end; n += 1u) {
-            let place = place_of_sample(ray, n);
+            let place = place_in_run(ray, n);
             transmittance = add_sample(ray, n, place, key_at(place), transmittance, sums);
             if (brightest(transmittance) < march.termination) { break; }
         }

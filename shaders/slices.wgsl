@@ -73,12 +73,11 @@ fn march_whole(
             var leave = n;
             loop {
                 if (n >= end) { break; }
-                let cells = fma(place_of_sample(ray, n), march.cell_scale, march.cell_offset);
+                let cells = fma(place_in_run(ray, n), march.cell_scale, march.cell_offset);
                 let cell = clamp(floor(cells), vec3f(), last_cell);
                 let ahead = abs(cell + forward - cells) * samples_per_cell;
                 leave = n + max(1u, u32(ceil(min(min(ahead.x, ahead.y), min(ahead.z, 1e6)))));
-                let index = u32(cell.x) + march.cells.x * (u32(cell.y) + march.cells.y * u32(cell.z));
-                if (((occupancy[index / 32u] >> (index % 32u)) & 1u) != 0u) { break; }
+                if (is_occupied(cell)) { break; }
                 n = leave;
             }
             if (n >= end) { break; }
@@ -91,15 +90,4 @@ fn march_whole(
         n = max(n, end);
     }
     return Marched(n, transmittance);
-}
-
-// Whether the macrocell at `place` holds anything visible.
-fn is_occupied(place: vec3f) -> bool {
-    if (SKIPPING) {
-        let cell = clamp(floor(fma(place, march.cell_scale, march.cell_offset)), vec3f(), vec3f(march.cells) - 1.0);
-        let index = u32(cell.x) + march.cells.x * (u32(cell.y) + march.cells.y * u32(cell.z));
-        return ((occupancy[index / 32u] >> (index % 32u)) & 1u) != 0u;
-    } else {
-        return true;
-    }
 }

@@ -185,7 +185,8 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .f32("MOST_PARTS", MOST_PARTS)
         .bool("SKIPPING", plan.skipping)
-        .bool("CUT_APART", plan.integration == Integrate::Samples && residence == Residence::Whole)
+        // Otherwise `cut_steps.wgsl` adds the steps that a face cuts.
+        .bool("CUT_IN_RUNS", plan.integration == Integrate::Segments || residence != Residence::Whole)
         .bool("SKIP_INVISIBLE", plan.skips_invisible())
         .u32("GROUP_WIDTH", group[0])
         .u32("GROUP_HEIGHT", group[1])

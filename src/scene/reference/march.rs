@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
+use smallvec::SmallVec;
 
 use super::composite::{Lost, attenuate_all, attenuate_matrix};
 use super::gradient::thin;
@@ -344,20 +345,17 @@ impl<'a, R: Real> Frame<'a, R> {
 /// Sets `step` to the effect of a segment of `length`, in steps, with this mean density: α = 1 − e^(−τ·length), and the
 /// scattered light times α/τ. Component c of each `components` numbers of the source has opacity c, or the only one.
 fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &mut Step<R>) {
-    let zero = R::default();
     step.opacity.clear();
     step.opacity.extend(density.opacity.iter().map(|&depth| -(-(depth * length)).exp_m1()));
-    let gain = |component: usize| {
-        let component = if step.opacity.len() == 1 { 0 } else { component };
-        match density.opacity.get(component) {
-            Some(&depth) if depth > zero && length > zero => step.opacity[component] / depth,
-            _ => length,
-        }
+    let gain = |(&depth, &opacity): (&R, &R)| {
+        if depth > R::default() && length > R::default() { opacity / depth } else { length }
     };
-    let of_all = (step.opacity.len() == 1).then(|| gain(0));
+    let mut gains: SmallVec<[R; 8]> = density.opacity.iter().zip(&step.opacity).map(gain).collect();
+    if gains.len() > 1 {
+        gains.resize(components, length);
+    }
     step.source.clear();
-    let sources = density.source.iter().enumerate();
-    step.source.extend(sources.map(|(i, &lit)| lit * of_all.unwrap_or_else(|| gain(i % components.max(1)))));
+    step.source.extend(density.source.iter().zip(gains.iter().cycle()).map(|(&lit, &gain)| lit * gain));
 }
 
 /// A distance beyond any box.

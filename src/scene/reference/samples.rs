@@ -461,26 +461,35 @@ impl<'a, R: Real> Stored<'a, R> {
         self
     }
 
-    /// The texel at `place`: the gradient if the volume has one, and the value.
-    fn fetch(&self, place: [R; 3]) -> [R; 4] {
+    /// `N` numbers of the texel at `place`, from the number `first` on.
+    fn fetch<const N: usize>(&self, place: [R; 3], first: usize) -> [R; N] {
         let volume = self.volume;
-        let interpolation = self.planned.plan.interpolation;
+        let parts = if volume.has_gradient { 4 } else { 1 };
         let number = |i: usize| R::from_f64(volume.texels.get(i).copied().map_or(0.0, f64::from));
-        if volume.has_gradient {
-            let texel = |index| -> [R; 4] {
-                let first = clamped(index, volume.dims) * 4;
-                std::array::from_fn(|part| number(first + part))
-            };
-            return interpolate(place, volume.dims, interpolation, texel);
-        }
-        let [value] = interpolate(place, volume.dims, interpolation, |index| [number(clamped(index, volume.dims))]);
-        [R::default(), R::default(), R::default(), value]
+        let texel = |index| {
+            let texel = clamped(index, volume.dims) * parts + first;
+            std::array::from_fn(|part| number(texel + part))
+        };
+        interpolate(place, volume.dims, self.planned.plan.interpolation, texel)
     }
 
-    /// The gradient of the data at `place`, where `fetch` found `fetched`; 0 if the plan needs none.
-    fn gradient_at(&self, place: [R; 3], fetched: [R; 4]) -> [R; 3] {
+    /// The value at `place`, as stored.
+    fn value_at(&self, place: [R; 3]) -> R {
+        let [value] = self.fetch(place, if self.volume.has_gradient { 3 } else { 0 });
+        value
+    }
+
+    /// Coordinate of the value at `place` in a table with so many `entries`.
+    fn coordinate_at(&self, place: [R; 3], entries: usize) -> R {
+        let coordinate = self.value_at(place).mul_add(self.coordinate_scale, self.coordinate_offset);
+        coordinate.max(R::default()).min(R::from_f64(count(entries - 1)))
+    }
+
+    /// The gradient of the data at `place`; 0 if the plan needs none.
+    fn gradient_at(&self, place: [R; 3]) -> [R; 3] {
         if self.volume.has_gradient {
-            return std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis]);
+            let difference = self.fetch::<3>(place, 0);
+            return std::array::from_fn(|axis| difference[axis] * self.gradient_scale[axis]);
         }
         if !self.planned.plan.gradient() {
             return [R::default(); 3];
@@ -490,7 +499,7 @@ impl<'a, R: Real> Stored<'a, R> {
             let (mut before, mut after) = (place, place);
             before[axis] = place[axis] - voxel;
             after[axis] = place[axis] + voxel;
-            (self.fetch(after)[3] - self.fetch(before)[3]) * self.gradient_scale[axis]
+            (self.value_at(after) - self.value_at(before)) * self.gradient_scale[axis]
         })
     }
 
@@ -501,12 +510,9 @@ impl<'a, R: Real> Stored<'a, R> {
 
 impl<R: Real> Samples<R> for Stored<'_, R> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
-        let fetched = self.fetch(place);
-        let last = R::from_f64(count(self.table.entries() - 1));
-        let coordinate = fetched[3].mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
-        self.look_up(coordinate, step);
+        self.look_up(self.coordinate_at(place, self.table.entries()), step);
         if self.planned.plan.gradient_opacity > 0 && !step.does_nothing() {
-            let factor = gradient_factor(&self.gradients, self.gradient_at(place, fetched));
+            let factor = gradient_factor(&self.gradients, self.gradient_at(place));
             thin([&mut step.source, &mut step.opacity], &self.planned.plan, factor);
         }
         if let Some((_, table)) = self.labels {
@@ -516,12 +522,11 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
     }
 
     fn normal(&self, place: [R; 3]) -> [R; 3] {
-        unit(self.gradient_at(place, self.fetch(place)))
+        unit(self.gradient_at(place))
     }
 
     fn end(&self, place: [R; 3]) -> End<R> {
-        let fetched = self.fetch(place);
-        let (value, gradient) = (fetched[3], self.gradient_at(place, fetched));
+        let (value, gradient) = (self.value_at(place), self.gradient_at(place));
         let value = self.segments.as_ref().map_or(value, |segments| {
             let last = R::from_f64(count(segments.table.cells()));
             value.mul_add(segments.scale, segments.offset).max(R::default()).min(last)
@@ -586,10 +591,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         let Some(table) = self.extinctions.get(number) else { return R::default() };
         let number = |number: &f32| R::from_f64(f64::from(*number));
         let own = || {
-            let fetched = self.fetch(place);
-            let last = R::from_f64(count(table.values.len() - 1));
-            let coordinate =
-                fetched[3].mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
+            let coordinate = self.coordinate_at(place, table.values.len());
             let extinction = match self.planned.plan.lookup {
                 Lookup::Nearest => number(&table.values[(coordinate + R::from_f64(0.5)).floor().index()]),
                 Lookup::Linear => {
@@ -599,7 +601,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
                 }
             };
             if self.planned.plan.gradient_opacity > 0 {
-                extinction * gradient_factor(&self.gradients, self.gradient_at(place, fetched))
+                extinction * gradient_factor(&self.gradients, self.gradient_at(place))
             } else {
                 extinction
             }

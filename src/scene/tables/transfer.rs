@@ -236,13 +236,7 @@ impl<'a> Steps<'a> {
         self.depths(medium, self.occluding(medium), lengths).first().copied().unwrap_or(0.0)
     }
 
-    /// Returns the density at a data value.
-    #[must_use]
-    pub fn density(&self, value: f64) -> Step {
-        Step::written(|density| self.write_density(value, density))
-    }
-
-    /// Sets a source and an opacity to those of [`Self::density`].
+    /// Sets a source and an opacity to the density at a data value.
     pub fn write_density(&self, value: f64, density: [&mut Vec<f64>; 2]) {
         self.write_density_of(&self.scene.transfer.medium(value, self.scene.materials.len()), density);
     }
