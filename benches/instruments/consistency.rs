@@ -13,7 +13,7 @@ use relume::reference::{self, Stored};
 use relume::scene::{Mix, Scene};
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::standard;
-use relume::tables::{GradientTable, Storage, StoredVolume, TransferTable};
+use relume::tables::StoredScene;
 
 use super::model::ModelTableError;
 
@@ -121,11 +121,8 @@ fn march<R: reference::Marching>(
     size: [usize; 2],
     progress: &dyn Progress,
 ) -> Result<Film<R>, ModelTableError> {
-    let storage = Storage::new(&planned.plan, scene.volume(), &scene.volume().statistics()?);
-    let volume = StoredVolume::new(scene.volume(), &storage);
-    let table = TransferTable::new(scene, planned, storage.domain);
-    let gradients = GradientTable::new(scene, &storage);
-    let samples = Stored::<R>::new(planned, &storage, &volume, &table, None, gradients);
+    let stored = StoredScene::new(scene, planned, &scene.volume().statistics()?)?;
+    let samples = Stored::<R>::new(planned, &stored);
     Ok(reference::march(scene, planned, &samples, size, progress)?)
 }
 

@@ -515,7 +515,7 @@ fn counted(renderer: &Renderer, scene: Scene) -> Result<Counted, NeedError> {
     let taken = AtomicU64::new(0);
     let counting = Counting { inner: rungs.stored::<f64>(), taken: &taken };
     if plan.skipping {
-        let occupancy = occupancy(&rungs.scene, &rungs.storage, rungs.labels.as_ref());
+        let occupancy = occupancy(&rungs.scene, &rungs.storage, rungs.labels.as_deref());
         let skipping = Skipping::new(counting, &occupancy, &rungs.scene, &rungs.planned);
         march(&rungs.scene, &rungs.planned, &skipping, SIZE, &Quiet).map_err(RungError::Reference)?;
     } else {

@@ -6,22 +6,19 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 use serde_json::Value;
 
 use crate::annotate::{Frame, Overlay};
-use crate::document::{Dial, DialNode, DialPreset};
-use crate::film::{Components, Film, RelightMatrices, Relightable};
+use crate::document::KeptFilm;
+use crate::film::{Components, Film, Relightable};
 use crate::memory;
 use crate::number::count;
-use crate::output::film::{
-    Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
-};
 use crate::output::{Alpha, Depth, FilmFile, Picture, PictureKind, check_writable, draw_over, write_exr, write_png};
 use crate::scene::Mix;
+use crate::spectrum::BANDS;
 use crate::spectrum::colour::decode_srgb;
-use crate::spectrum::{BANDS, Spectrum};
 use crate::tables::Reflected;
 
 use super::CliError;
@@ -145,7 +142,7 @@ impl AnnotateArgs {
     }
 
     /// Says which annotations a film has no information for.
-    pub(crate) fn warn(&self, saved: &Saved) {
+    pub(crate) fn warn(&self, saved: &KeptFilm) {
         let Some(Annotations { scale, letters, legend, .. }) = self.annotate else { return };
         if saved.frame.is_none() && (scale || letters) {
             tracing::warn!(
@@ -313,48 +310,6 @@ pub(crate) fn rgba(pixels: impl Iterator<Item = (DVec3, f64)>) -> Vec<f32> {
     pixels.flat_map(|(c, opacity)| [c.x as f32, c.y as f32, c.z as f32, opacity as f32]).collect()
 }
 
-/// A film file, ready to be relit.
-pub(crate) struct Saved {
-    pub(crate) means: Relightable,
-    pub(crate) positions: Vec<String>,
-    /// All lights with their intensities in the file.
-    pub(crate) mix: Mix,
-    /// Lights of the saved picture, with their weights in it.
-    pub(crate) shown: Mix,
-    pub(crate) dial: Dial,
-    /// Scale and orientation, if the file states them.
-    pub(crate) frame: Option<Frame>,
-    /// Names and reflectances of the materials; empty with a colour model.
-    pub(crate) materials: Vec<(String, Spectrum)>,
-    pub(crate) accumulation: Film<f32>,
-    /// Largest ΔE00 allowed for a light that is not in the file.
-    pub(crate) tolerance: f64,
-}
-
-impl Saved {
-    /// The relight matrices under `mix`.
-    pub(crate) fn matrices(&self, mix: &Mix) -> RelightMatrices {
-        self.means.under(mix)
-    }
-
-    /// The film of some evenly spread pixels that show the volume.
-    pub(crate) fn visible(&self) -> Film<f32> {
-        const MOST: usize = 1024;
-        let opacity = self.accumulation.opacity(&self.matrices(&self.mix));
-        let shown: Vec<usize> = (0..opacity.len()).filter(|&pixel| opacity[pixel] > 0.01).collect();
-        let step = shown.len().div_ceil(MOST).max(1);
-        self.accumulation.of_pixels(&shown.into_iter().step_by(step).collect::<Vec<_>>())
-    }
-
-    /// Returns the linear picture under `mix`: RGB and opacity.
-    pub(crate) fn relight(&self, mix: &Mix) -> Vec<f32> {
-        let matrices = self.matrices(mix);
-        let colours = self.accumulation.relight(&matrices);
-        let opacity = self.accumulation.opacity(&matrices);
-        rgba(colours.into_iter().zip(opacity))
-    }
-}
-
 /// Digest of the bytes of a file that was read before.
 pub(crate) fn digest_of(path: &Path) -> Result<u64, CliError> {
     let unreadable = |error: std::io::Error| CliError::Failed(format!("cannot read {}: {error}", path.display()));
@@ -380,40 +335,10 @@ pub(crate) fn warn_of_part(path: &Path, film: &FilmFile) {
 }
 
 /// Reads the film file `path`.
-pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
-    let mut file = FilmFile::read(path)?;
+pub(crate) fn from_file(path: &Path) -> Result<KeptFilm, CliError> {
+    let file = FilmFile::read(path)?;
     warn_of_part(path, &file);
-    let dial = match file.dial.take() {
-        None => Dial::regular(file.lights.iter().map(|light| light.name.as_str())),
-        Some(FileDial { hand: _, normalise, master, nodes, presets }) => {
-            let node = |FileNode { light, place, on }| DialNode { light, place: DVec2::from_array(place), on };
-            let preset = |FilePreset { name, caption, hand, off, on }| DialPreset {
-                name,
-                caption,
-                hand: DVec2::from_array(hand),
-                off,
-                on,
-            };
-            let (nodes, presets) = (nodes.into_iter().map(node), presets.into_iter().map(preset));
-            Dial { normalise, master, nodes: nodes.collect(), presets: presets.collect() }
-        }
-    };
-    let tolerance = match &file.components {
-        FileComponents::Surfaces(_) => f64::INFINITY,
-        FileComponents::Model(Stored { tolerance, .. }) => *tolerance,
-    };
-    let (materials, frame) = (file.materials(), file.scale());
-    Ok(Saved {
-        frame,
-        materials,
-        means: file.relightable()?,
-        positions: file.positions.iter().map(|position| position.name.clone()).collect(),
-        mix: file.stated()?,
-        shown: file.opening()?,
-        dial,
-        accumulation: file.take_film(),
-        tolerance,
-    })
+    Ok(KeptFilm::new(file)?)
 }
 
 /// Writes the spectrum of every pixel under `mix`; returns the errors of reconstructed spectra as JSON.

@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::document::first_look::{Values, guess};
-use crate::document::{SceneFile, Wish, is_sidecar};
+use crate::document::{SceneFile, is_sidecar};
 use crate::model::ColourModel;
 use crate::number::{brief, brief_in, readable};
 use crate::output::film::{Components, FilmFile, Light, Stored};
@@ -24,7 +24,7 @@ use crate::vulkan::{DeviceInfo, devices};
 
 use super::advice::sentence;
 use super::model::{Learnt, warn_of_plan};
-use super::scene::{SceneArgs, voxel};
+use super::scene::{SceneArgs, Wanted, voxel};
 use super::{CliError, Report};
 
 const EXAMPLES: &str = "\
@@ -106,7 +106,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }
         _ => {
             let memory = HostMemory::Bounded { bytes: None };
-            let (file, _) = args.scene.load_as(Wish::default(), memory, progress)?;
+            let (file, _) = args.scene.load_as(&Wanted::default(), memory, progress)?;
             let planned = plan(&file.scene, progress)?;
             warn_of_plan(&planned);
             of_scene(&file, &planned, &args.voxel, progress)

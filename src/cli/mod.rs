@@ -24,6 +24,7 @@ mod relight;
 mod render;
 mod scene;
 mod shaders;
+mod shell;
 mod slice;
 mod terminal;
 mod turntable;
@@ -34,6 +35,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use crate::document::import::ImportError;
 use crate::document::{OpenError, SceneError};
 use crate::measure::{LadderError, MeasureError};
 use crate::model::ModelError;
@@ -107,6 +109,10 @@ enum Command {
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
     Shaders(shaders::Args),
+    /// Print the completions of this command line for a shell.
+    Completions(shell::CompletionsArgs),
+    /// Write the manual pages.
+    Man(shell::ManArgs),
 }
 
 /// Failure of a command.
@@ -116,6 +122,8 @@ pub(crate) enum CliError {
     Scene(#[from] SceneError),
     #[error(transparent)]
     Volume(#[from] VolumeError),
+    #[error(transparent)]
+    Preset(#[from] ImportError),
     #[error(transparent)]
     Render(#[from] RenderError),
     #[error(transparent)]
@@ -162,6 +170,7 @@ impl CliError {
         match self {
             Self::Scene(error) => error.code(),
             Self::Volume(error) => error.code(),
+            Self::Preset(error) => error.code(),
             Self::Render(error) => error.code(),
             Self::Vulkan(error) => error.code(),
             Self::Palette(error) => error.code(),
@@ -191,6 +200,7 @@ impl From<OpenError> for CliError {
         match error {
             OpenError::Scene(error) => Self::Scene(error),
             OpenError::Volume(error) => Self::Volume(error),
+            OpenError::Preset(error) => Self::Preset(error),
             error => Self::Usage(error.to_string()),
         }
     }
@@ -293,13 +303,21 @@ fn run(
             bench::run(args, terminal, started)
         }
         Command::Shaders(args) => shaders::run(args, terminal),
+        Command::Completions(args) => Ok(shell::completions(args)),
+        Command::Man(args) => shell::man(args),
     }
 }
 
 /// Runs the command line; prints the result or the error.
 pub fn main() -> ExitCode {
+    ExitCode::from(run_on(&std::env::args_os().collect::<Vec<_>>()))
+}
+
+/// Runs the command line `arguments`, the first of which is the name of the program; prints the result or the error, and
+/// returns the exit code.
+pub fn run_on(arguments: &[OsString]) -> u8 {
     let started = std::time::Instant::now();
-    let cli = Cli::parse_from(with_joined_lists(std::env::args_os()));
+    let cli = Cli::parse_from(with_joined_lists(arguments.iter().cloned()));
     let (processes, refused) = match &cli.command {
         Command::Render(args) => args.processes().map_or_else(|error| (None, Some(error)), |found| (found, None)),
         _ => (None, None),
@@ -310,7 +328,7 @@ pub fn main() -> ExitCode {
     if let Some(processes) = processes.as_ref().filter(|processes| processes.count() > 1) {
         terminal.end_with_others(processes.rank(), processes.count());
     }
-    warn_of_former_names(std::env::args_os());
+    warn_of_former_names(arguments.iter().cloned());
     let outcome = match refused {
         Some(error) => Err(error),
         None => run(&cli.command, processes.as_ref(), &terminal, started),
@@ -344,9 +362,9 @@ pub fn main() -> ExitCode {
             if let Err(error) = printed {
                 let failed = CliError::Failed(format!("cannot write the result to standard output: {error}"));
                 terminal::complain(&failed, None);
-                return ExitCode::FAILURE;
+                return 1;
             }
-            ExitCode::from(if interrupted { INTERRUPTED } else { missed.into() })
+            if interrupted { INTERRUPTED } else { missed.into() }
         }
         Err(error) => {
             let error = match &processes {
@@ -370,7 +388,7 @@ pub fn main() -> ExitCode {
             if let Some(processes) = processes {
                 processes.end(code);
             }
-            ExitCode::from(code)
+            code
         }
     }
 }

@@ -29,16 +29,9 @@ pub(crate) fn warn_of_plan(planned: &Planned) {
 /// [`ModelError::NotFinite`] if a light or a stored model has values that are not finite.
 pub(crate) fn learn(model: &mut ColourModel, mix: &Mix, tolerance: f64, way_out: &str) -> Result<Learnt, ModelError> {
     let planned = model.lights().len();
-    for light in &mix.0 {
-        model.learn(&light.name, &light.spectrum)?;
-    }
-    for (name, _, matrix) in &model.lights()[planned..] {
-        let ErrorSummary { mean, max, .. } = matrix.worst();
-        if max > tolerance {
-            tracing::warn!(
-                "the colour model was planned without the light {name}: colours under it may be off by ΔE00 {max:.2} ({mean:.2} on average), above the tolerance of {tolerance}; {way_out}"
-            );
-        }
+    let lights = mix.0.iter().map(|light| (light.name.as_str(), &light.spectrum));
+    for light in model.learn_within(lights, tolerance)? {
+        tracing::warn!("{light}; {way_out}");
     }
     Ok(Learnt { planned })
 }

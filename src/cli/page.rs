@@ -94,7 +94,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let lights = args.lights.files();
     let given =
         [&args.scene.scene, &args.scene.volume, &args.scene.labels, &args.scene.label_names].into_iter().flatten();
-    let inputs: Vec<&Path> = given.chain(&lights).map(PathBuf::as_path).collect();
+    let inputs: Vec<&Path> = given.chain(&lights).chain(args.look.preset()).map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
     let Films { header, views, columns, placed, mut times } = match film {
         Some(path) => saved(args, path)?,
@@ -135,7 +135,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 fn saved(args: &Args, path: &Path) -> Result<Films, CliError> {
     let unused = args.scene.given().or_else(|| {
         let flags = [
-            ("--look", !args.look.wish().is_none()),
+            ("--look", !args.look.wanted().is_none()),
             ("--views", args.views.is_some()),
             ("--size", args.size.is_some()),
             ("--device", args.device != DeviceChoice::Auto),
@@ -178,7 +178,7 @@ fn light(args: &Args, header: &mut FilmFile) -> Result<Vec<Placed>, CliError> {
 /// The film of each view of the scene.
 fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let clock = Stopwatch::start();
-    let (file, statistics) = args.scene.load_as(args.look.wish(), HostMemory::Whole, progress)?;
+    let (file, statistics) = args.scene.load_as(&args.look.wanted(), HostMemory::Whole, progress)?;
     let inputs: Vec<&Path> = file.inputs.iter().map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
     warn_of_odd_values(&statistics);

@@ -119,7 +119,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let film = if args.dial.pictures().is_some() { files::digest_of(&args.accumulators)? } else { 0 };
     let read = clock.read();
     if let Some(observer) = args.observer {
-        saved.means.display.observer = observer;
+        saved.means.see_by(observer)?;
     }
     saved.means.display.exposure = args.exposure.unwrap_or(saved.means.display.exposure);
     let frame = args.dress.annotate.frame(saved.frame.clone().unwrap_or_default());
@@ -139,9 +139,6 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     if let Components::Model(model, _) = &mut saved.means.components {
         // The dial mixes lights of the file.
         let mix = if on_dial { &saved.mix } else { &given };
-        if args.observer.is_some_and(|observer| observer != model.observer()) {
-            *model = Arc::new(model.seen_by(saved.means.display.observer)?);
-        }
         let model = Arc::make_mut(model);
         let tolerance = args.tolerance.unwrap_or(saved.tolerance);
         let learnt = model::learn(model, mix, tolerance, "render again with this --light and --replan")?;
@@ -153,7 +150,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut relit = clock.read();
     let whole = Stopwatch::start();
     let mut relighting = Timing::default();
-    let form = Form { size: saved.accumulation.size, bits: args.dress.bits(), backdrop: args.dress.background };
+    let form = Form { size: saved.film.size, bits: args.dress.bits(), backdrop: args.dress.background };
     let inputs_of =
         |frame: usize| digest(film, &format!("{:?} {:?} {:?}", mixes[frame], saved.means.display, args.dress));
     let made = pictures.write(form, ("relighting", progress), inputs_of, |index| {
@@ -184,7 +181,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
     let mut json = json!({
         "outputs": listed,
-        "size": saved.accumulation.size,
+        "size": saved.film.size,
         "frames": frames,
         "pictures": pictures.json(made),
         "model": model_json,

@@ -329,7 +329,7 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     if processes.is_some() {
         args.check_shared()?;
     }
-    let source = args.scene.source(args.look.wish())?;
+    let source = args.scene.source(&args.look.wanted())?;
     let is_writing = !args.output.is_empty() || args.accumulators.is_some() || args.spectral.is_some();
     let default = source.bare_volume().filter(|_| !is_writing && args.save_scene.is_none()).and_then(free_name);
     let pictures: Vec<PathBuf> = args.output.iter().cloned().chain(default).collect();
@@ -355,7 +355,8 @@ pub(crate) fn run(args: &Args, processes: Option<&Processes>, progress: &dyn Pro
     args.dress.check(&pictures)?;
     args.check_used(!pictures.is_empty() || args.spectral.is_some())?;
     let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels, &args.scene.label_names];
-    let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
+    let inputs = inputs.into_iter().flatten().chain(args.look.preset());
+    let inputs: Vec<&Path> = inputs.map(PathBuf::as_path).collect();
     if processes.is_none_or(Processes::is_first) {
         files::check_outputs(&outputs, &inputs)?;
     }
@@ -423,7 +424,7 @@ impl<'a> Work<'a> {
         }
         let clock = Stopwatch::start();
         let memory = HostMemory::Bounded { bytes: args.memory };
-        let (file, statistics) = args.scene.load_as(args.look.wish(), memory, progress)?;
+        let (file, statistics) = args.scene.load_as(&args.look.wanted(), memory, progress)?;
         let scene = file.scene.clone();
         for (given, what) in [(args.reference, "--reference"), (args.goal.goal().is_some(), "a search for settings")] {
             if given {
@@ -915,7 +916,7 @@ fn on_cpu(
     if wanted.bands {
         let film = reference.bands(size, progress)?;
         let matrices = RelightMatrices::of_scene(&job.scene, &plan_full_spectrum(&job.scene), mix);
-        linear = Some(files::rgba(film.relight(&matrices).into_iter().zip(film.opacity(&matrices))));
+        linear = Some(film.rgba(&matrices));
         bands = Some(film.map(narrow));
     } else if wanted.linear {
         linear = Some(files::rgba(reference.picture(mix, size, progress)?.into_iter()));

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::document::{self, design};
+use crate::document::{self, design, import};
 use crate::document::{
     Definition, LightRequest, Look, Placed, Requested, SceneFile, SceneOptions, Shares, Source, Wish,
 };
@@ -205,9 +205,10 @@ const LOOK: &str = "Look of a volume without a scene";
 pub(crate) struct LookArgs {
     /// Kind of picture: tissue (glassy layers around the densest, solid one), bone, vessel, grey or fluorescence, or a
     /// transfer preset of the window: soft-tissue, skin, lung, ct-bone, ct-vessels (CT), mr, mr-t1, mr-t2, micro-ct, haze,
-    /// densest or layers.
-    #[arg(long, help_heading = LOOK, value_name = "NAME", value_parser = Look::named)]
-    look: Option<Look>,
+    /// densest or layers. Or a file: a preset of 3D Slicer (.vp, .vp.json) or ParaView (.json), or rendering settings of OMERO
+    /// (.json).
+    #[arg(long, help_heading = LOOK, value_name = "NAME|FILE", value_parser = look)]
+    look: Option<NameOrFile>,
     /// Show a range of values of this width around --level in grey, from transparent to most opaque.
     #[arg(long, help_heading = LOOK, value_name = "WIDTH", value_parser = width, allow_negative_numbers = true, requires = "level", conflicts_with = "look")]
     window: Option<f64>,
@@ -216,9 +217,58 @@ pub(crate) struct LookArgs {
     level: Option<f64>,
 }
 
+/// A look, or the file of a preset.
+#[derive(Clone, Debug, PartialEq)]
+enum NameOrFile {
+    Name(Look),
+    File(PathBuf),
+}
+
+/// Parses the name of a look. Other words are the file of a preset if there is one, or if they end as one does.
+fn look(text: &str) -> Result<NameOrFile, String> {
+    const ENDINGS: [&str; 4] = [".vp", ".json", ".yml", ".yaml"];
+    let is_file = || {
+        let lower = text.to_lowercase();
+        Path::new(text).is_file() || ENDINGS.iter().any(|ending| lower.ends_with(ending))
+    };
+    match Look::named(text) {
+        Ok(look) => Ok(NameOrFile::Name(look)),
+        Err(_) if is_file() => Ok(NameOrFile::File(PathBuf::from(text))),
+        Err(names) => Err(names),
+    }
+}
+
+/// The picture that flags ask for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Wanted {
+    wish: Wish,
+    /// File of a preset.
+    preset: Option<PathBuf>,
+}
+
+impl Wanted {
+    /// Whether nothing is asked for.
+    pub(crate) fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 impl LookArgs {
-    pub(crate) fn wish(&self) -> Wish {
-        Wish { look: self.look, window: self.window.zip(self.level).map(|(window, level)| [window, level]) }
+    pub(crate) fn wanted(&self) -> Wanted {
+        let look = match self.look {
+            Some(NameOrFile::Name(look)) => Some(look),
+            _ => None,
+        };
+        let window = self.window.zip(self.level).map(|(window, level)| [window, level]);
+        Wanted { wish: Wish { look, window, ..Wish::default() }, preset: self.preset().cloned() }
+    }
+
+    /// File of a preset.
+    pub(crate) fn preset(&self) -> Option<&PathBuf> {
+        match &self.look {
+            Some(NameOrFile::File(path)) => Some(path),
+            _ => None,
+        }
     }
 }
 
@@ -299,6 +349,7 @@ impl SceneArgs {
             downsample: self.downsample,
             definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),
             wish: Wish::default(),
+            preset: None,
         }
     }
 
@@ -324,7 +375,7 @@ impl SceneArgs {
     }
 
     pub(crate) fn load(&self, progress: &dyn Progress) -> Result<SceneFile, CliError> {
-        self.load_as(Wish::default(), HostMemory::Whole, progress).map(|(file, _)| file)
+        self.load_as(&Wanted::default(), HostMemory::Whole, progress).map(|(file, _)| file)
     }
 
     /// The scene file or volume that the arguments name. A volume without a scene file is opened as a volume without a
@@ -332,9 +383,10 @@ impl SceneArgs {
     ///
     /// # Errors
     ///
-    /// [`CliError::Usage`] for a second volume, and for definitions that a flag or the volume overrides.
-    pub(crate) fn source(&self, wish: Wish) -> Result<Source, CliError> {
-        let source = Source { path: self.scene.clone(), options: SceneOptions { wish, ..self.options() } };
+    /// [`CliError::Usage`] for a second volume, and for definitions that a flag or the volume overrides; those of a preset.
+    pub(crate) fn source(&self, wanted: &Wanted) -> Result<Source, CliError> {
+        let Wanted { wish, preset } = wanted.clone();
+        let source = Source { path: self.scene.clone(), options: SceneOptions { wish, preset, ..self.options() } };
         if let (Some(one), Some(other)) = (source.bare_volume(), &self.volume) {
             return Err(CliError::Usage(format!(
                 "{} is a volume, and --volume {} is a second one: a picture shows one volume; name one of the two, or a scene \
@@ -344,6 +396,10 @@ impl SceneArgs {
             )));
         }
         let source = source.or_its_volume();
+        if let Some(path) = &wanted.preset {
+            // A volume takes longer to read than a mistake.
+            import::read(path)?;
+        }
         self.check_definitions(&source)?;
         Ok(source)
     }
@@ -386,10 +442,10 @@ impl SceneArgs {
     }
 
     /// [`Self::source`] for all time steps; refuses a look of a scene, which has its own.
-    pub(crate) fn source_of_look(&self, wish: Wish) -> Result<Source, CliError> {
-        let mut source = self.source(wish)?;
+    pub(crate) fn source_of_look(&self, wanted: &Wanted) -> Result<Source, CliError> {
+        let mut source = self.source(wanted)?;
         source.options.selection.time = source.options.selection.time.filter(|_| !self.is_of_all_times());
-        if !wish.is_none() && source.bare_volume().is_none() {
+        if !wanted.is_none() && source.bare_volume().is_none() {
             let message = "--look, --window and --level are for a volume without a scene; a scene states its own look";
             return Err(CliError::Usage(message.to_owned()));
         }
@@ -400,16 +456,16 @@ impl SceneArgs {
     /// statistics of the volume.
     pub(crate) fn load_as(
         &self,
-        wish: Wish,
+        wanted: &Wanted,
         memory: HostMemory,
         progress: &dyn Progress,
     ) -> Result<(SceneFile, Statistics), CliError> {
-        let (file, statistics) = self.read(wish, memory, progress)?;
+        let (file, statistics) = self.read(wanted, memory, progress)?;
         if let Some(guess) = &file.guess {
             let time = file.scene.volume().selection.time;
             tracing::info!("{guess}{}", time.map_or_else(String::new, of_time));
             tracing::info!(
-                "To change it, use --look (tissue, bone, vessel, grey, fluorescence or a transfer preset: see --help), use \
+                "To change it, use --look (tissue, bone, vessel, grey, fluorescence, a transfer preset or a file: see --help), use \
                  --window and --level, or edit the scene that --save-scene FILE writes."
             );
         }
@@ -419,11 +475,11 @@ impl SceneArgs {
     /// [`Self::load_as`] without a word about a scene that is made for a volume.
     pub(crate) fn read(
         &self,
-        wish: Wish,
+        wanted: &Wanted,
         memory: HostMemory,
         progress: &dyn Progress,
     ) -> Result<(SceneFile, Statistics), CliError> {
-        let mut source = self.source_of_look(wish)?;
+        let mut source = self.source_of_look(wanted)?;
         source.options.selection.memory = memory;
         let (file, statistics) = source.read(progress)?;
         let scene = &file.scene;

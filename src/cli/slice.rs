@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use crate::annotate::{Edges, Entry, Frame, Overlay as Annotated, PixelLength, material_colours};
-use crate::document::{SceneFile, State, Wish};
+use crate::document::{SceneFile, State};
 use crate::number::{brief, count, whole};
 use crate::output::Picture;
 use crate::progress::Progress;
@@ -16,7 +16,7 @@ use crate::view::slices::{Overlay, Painted, Plane, Slices, codes, planes, voxel,
 use crate::volume::HostMemory;
 
 use super::files::{self, AnnotateArgs, Bits};
-use super::scene::{SceneArgs, size, width};
+use super::scene::{SceneArgs, Wanted, size, width};
 use super::{CliError, Report};
 
 const EXAMPLES: &str = "\
@@ -202,7 +202,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
     let memory = HostMemory::Bounded { bytes: None };
-    let (file, statistics) = args.scene.read(Wish::default(), memory, progress)?;
+    let (file, statistics) = args.scene.read(&Wanted::default(), memory, progress)?;
     files::check_outputs(&[&args.output], &file.inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     super::scene::warn_of_odd_values(&statistics);
     let state = State::new(&file);

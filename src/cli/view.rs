@@ -56,7 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
     use crate::vulkan::Validation;
 
     let script = args.script.as_deref().map(Script::read).transpose()?;
-    let source = args.scene.source(args.look.wish())?;
+    let source = args.scene.source(&args.look.wanted())?;
     let report = view::run(Options {
         source,
         size: args.size.map(|size| size.map(|side| u32::try_from(side).unwrap_or(u32::MAX))),

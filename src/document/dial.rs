@@ -81,6 +81,24 @@ impl Dial {
         Self { nodes: lights.enumerate().map(node).collect(), normalise: true, master: 1.0, presets: Vec::new() }
     }
 
+    /// The dial of a film file; without one, the regular polygon of its lights.
+    #[must_use]
+    pub fn of_film(file: &film::FilmFile) -> Self {
+        let Some(film::Dial { hand: _, normalise, master, nodes, presets }) = file.dial.clone() else {
+            return Self::regular(file.lights.iter().map(|light| light.name.as_str()));
+        };
+        let node = |film::Node { light, place, on }| DialNode { light, place: DVec2::from_array(place), on };
+        let preset = |film::DialPreset { name, caption, hand, off, on }| DialPreset {
+            name,
+            caption,
+            hand: DVec2::from_array(hand),
+            off,
+            on,
+        };
+        let (nodes, presets) = (nodes.into_iter().map(node), presets.into_iter().map(preset));
+        Self { normalise, master, nodes: nodes.collect(), presets: presets.collect() }
+    }
+
     /// Whether the nodes are the corners of the regular polygon, where no scene has placed them.
     #[must_use]
     pub fn is_regular(&self) -> bool {

@@ -15,6 +15,8 @@ pub enum SceneError {
     Invalid {
         /// `file:line:column`.
         at: String,
+        /// The key, such as `lights.day.direction`; empty where there is none.
+        key: String,
         /// The mistake, and the allowed values.
         message: String,
     },
@@ -31,7 +33,9 @@ pub enum SceneError {
     Spectrum {
         /// `file:line:column`.
         at: String,
-        /// Key of the spectrum.
+        /// The key, as in [`Self::Invalid`].
+        key: String,
+        /// The spectrum.
         what: String,
         /// The cause.
         source: SpectrumError,
@@ -124,6 +128,19 @@ pub enum SceneError {
 }
 
 impl SceneError {
+    /// The key of the scene that is wrong, such as `lights.day.direction`, if it is one.
+    #[must_use]
+    pub fn key(&self) -> Option<&str> {
+        match self {
+            Self::Invalid { key, .. } | Self::Spectrum { key, .. } => Some(key.as_str()).filter(|key| !key.is_empty()),
+            // Flags stand for definitions too.
+            Self::Define { given, .. } => {
+                given.split_once('=').map(|(key, _)| key).filter(|key| !key.contains([' ', '-']))
+            }
+            _ => None,
+        }
+    }
+
     /// Name for programs; it does not change between versions.
     #[must_use]
     pub fn code(&self) -> &'static str {

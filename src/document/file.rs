@@ -5,7 +5,6 @@ mod media;
 mod view;
 mod volumes;
 
-use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::num::NonZeroUsize;
@@ -20,6 +19,7 @@ use toml::{Spanned, Table};
 
 use keys::*;
 use media::Declared;
+use volumes::LabelMap;
 
 use super::Wish;
 use super::define::{Definition, byte_of, define, path_at, responsible};
@@ -69,6 +69,8 @@ pub struct SceneOptions {
     pub definitions: Vec<Definition>,
     /// The picture of a volume without a scene.
     pub wish: Wish,
+    /// Preset of another program that makes this picture.
+    pub preset: Option<PathBuf>,
 }
 
 /// Reads the scene file `path`.
@@ -137,50 +139,125 @@ pub fn parse(
     options: &SceneOptions,
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
-    parse_around(None, name, text, base, options, progress)
+    parse_around(None, (name, text), base, options, progress)
 }
 
-/// As [`parse`], for a `volume` that has been read and averaged already.
-pub(super) fn parse_around(
-    volume: Option<Volume>,
+/// As [`parse`], for volumes in memory, in place of those that the scene and the `options` name. Keys of the scene that
+/// change a volume (`spacing`, `origin`, `direction`, `unit`, `downsample`, `largest_part_above`) change a copy; without
+/// them, the scene holds the same volume.
+///
+/// # Errors
+///
+/// As [`load`].
+pub fn parse_on(
+    volumes: InMemory,
     name: &str,
     text: &str,
     base: &Path,
     options: &SceneOptions,
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
-    with_definitions(volume, (name, text), &options.definitions, |text, file| {
-        text.resolve(file, base, options, progress)
-    })
+    parse_around(Some(Given { volumes, is_ready: false }), (name, text), base, options, progress)
 }
 
-/// Reads the volume of `options`, which stands for a scene of this `name`, as its definitions change it. Also returns its
-/// grid before these changes, and whether they choose its connected part.
-pub(super) fn volume_alone(
-    name: &str,
+/// As [`parse_on`], for volumes that are as the scene wants them already, apart from their grid: those of a scene with this
+/// text.
+///
+/// # Errors
+///
+/// As [`load`].
+pub fn parse_ready(
+    volumes: InMemory,
+    (name, text): (&str, &str),
+    base: &Path,
+    definitions: &[Definition],
+    progress: &dyn Progress,
+) -> Result<SceneFile, SceneError> {
+    let options = SceneOptions { definitions: definitions.to_vec(), ..SceneOptions::default() };
+    parse_around(Some(Given { volumes, is_ready: true }), (name, text), base, &options, progress)
+}
+
+/// The scene of `file` with further `definitions`, on its own volume, which is neither read nor copied.
+///
+/// # Errors
+///
+/// [`SceneError::Define`] for a definition of the volume other than its grid; and as [`load`].
+pub fn redefined(
+    file: &SceneFile,
+    definitions: &[Definition],
+    progress: &dyn Progress,
+) -> Result<SceneFile, SceneError> {
+    const OF_GRID: [&str; 4] = ["spacing", "origin", "direction", "unit"];
+    let is_fixed = |definition: &&Definition| {
+        let mut parts = definition.text.split(['.', '=', '[']).map(str::trim);
+        parts.next() == Some("volume") && parts.next().is_none_or(|key| !OF_GRID.contains(&key))
+    };
+    if let Some(definition) = definitions.iter().find(is_fixed) {
+        let message =
+            "this key chooses voxels, and the scene has its volume in memory; read the scene with it".to_owned();
+        return Err(SceneError::Define { given: definition.given.clone(), message });
+    }
+    let scene = &file.scene;
+    let labels = scene.labels.as_ref().map(|labels| Arc::clone(&labels.volume));
+    let volumes = InMemory { volume: Arc::clone(&scene.fields.first().volume), labels };
+    let made = parse_ready(volumes, (&scene.name, &file.text), &file.base, definitions, progress)?;
+    Ok(SceneFile { inputs: file.inputs.clone(), guess: file.guess.clone(), ..made })
+}
+
+/// Volumes of a scene that are in memory.
+#[derive(Clone, Debug)]
+pub struct InMemory {
+    /// The volume.
+    pub volume: Arc<Volume>,
+    /// Its label map, if it has one.
+    pub labels: Option<Arc<Volume>>,
+}
+
+/// Volumes in place of those that a scene names.
+pub(super) struct Given {
+    pub(super) volumes: InMemory,
+    /// Whether the volume is as the scene and the options want it, apart from its grid.
+    pub(super) is_ready: bool,
+}
+
+/// As [`parse`], for volumes that are `given`.
+pub(super) fn parse_around(
+    given: Option<Given>,
+    text: (&str, &str),
+    base: &Path,
     options: &SceneOptions,
     progress: &dyn Progress,
-) -> Result<((Volume, Geometry), bool), SceneError> {
+) -> Result<SceneFile, SceneError> {
+    with_definitions(text, &options.definitions, |text, file| text.resolve(file, given, base, options, progress))
+}
+
+/// Reads the volume of `options`, unless it is in memory. It stands for a scene of this `name`, and has the changes of its
+/// definitions. Also returns its grid before these changes, and whether they choose its connected part.
+pub(super) fn volume_alone(
+    name: &str,
+    in_memory: Option<InMemory>,
+    options: &SceneOptions,
+    progress: &dyn Progress,
+) -> Result<((Arc<Volume>, Geometry), bool), SceneError> {
     let of_volume = |definition: &&Definition| {
         definition.text.split(['.', '=']).next().is_some_and(|table| table.trim() == "volume")
     };
     let definitions: Vec<Definition> = options.definitions.iter().filter(of_volume).cloned().collect();
     let read = |text: &Text<'_>, file: Root| {
-        let read = text.volume(&file.volume, Path::new(""), options, progress)?;
-        Ok((read, file.volume.largest_part_above.is_some()))
+        let given = in_memory.map(|volumes| Given { volumes, is_ready: false });
+        let (volume, stored) = text.volume(&file.volume, given, Path::new(""), options, progress)?;
+        Ok(((volume, stored), file.volume.largest_part_above.is_some()))
     };
-    with_definitions(None, (name, "version = 1\n"), &definitions, read)
+    with_definitions((name, "version = 1\n"), &definitions, read)
 }
 
-/// Reads the scene `text` of this `name`, changed by `definitions`, with a `volume` that has been read already, if any.
+/// Reads the scene `text` of this `name`, changed by `definitions`.
 fn with_definitions<T>(
-    volume: Option<Volume>,
     (name, text): (&str, &str),
     definitions: &[Definition],
     read: impl FnOnce(&Text<'_>, Root) -> Result<T, SceneError>,
 ) -> Result<T, SceneError> {
-    let volume = Cell::new(volume);
-    let stated = Text { name: name.to_owned(), text, changed: None, volume: &volume };
+    let stated = Text { name: name.to_owned(), text, changed: None };
     let file = stated.root()?;
     if definitions.is_empty() {
         return read(&stated, file);
@@ -199,7 +276,7 @@ fn with_definitions<T>(
     let changed = toml::to_string(&table)
         .map_err(|error| SceneError::Define { given: all_given(definitions), message: error.to_string() })?;
     let changed_by = Some((text, definitions));
-    let defined = Text { name: name.to_owned(), text: &changed, changed: changed_by, volume: &volume };
+    let defined = Text { name: name.to_owned(), text: &changed, changed: changed_by };
     let file = defined.root()?;
     read(&defined, file)
 }
@@ -244,8 +321,6 @@ struct Text<'a> {
     text: &'a str,
     /// The file's own text and the definitions, if definitions have changed the text.
     changed: Option<(&'a str, &'a [Definition])>,
-    /// The volume, if it has been read already.
-    volume: &'a Cell<Option<Volume>>,
 }
 
 /// Allowed optical depths per opacity length.
@@ -286,7 +361,7 @@ fn warn_above_one(key: &str, reflectance: &Reflectance) {
 /// Adds the cause to the error of a spectrum.
 fn because(error: SceneError, source: SpectrumError) -> SceneError {
     match error {
-        SceneError::Invalid { at, message } => SceneError::Spectrum { at, what: message, source },
+        SceneError::Invalid { at, key, message } => SceneError::Spectrum { at, key, what: message, source },
         SceneError::Define { given, .. } => SceneError::Define { given, message: chain(&source) },
         other => other,
     }
@@ -382,18 +457,19 @@ impl Text<'_> {
 
     /// Error at the byte `byte` of the text: names the definition that set the value, otherwise the place in the file.
     fn refuse(&self, byte: usize, message: String) -> SceneError {
+        let path = path_at(self.text, byte);
+        let key = path.join(".");
         match self.changed {
-            None => SceneError::Invalid { at: place(&self.name, self.text, byte), message },
-            Some((original, definitions)) => {
-                let path = path_at(self.text, byte);
-                match (responsible(definitions, &path), byte_of(original, &path)) {
-                    (Some(definition), _) => {
-                        let message = with_names(original, &definition.text, message);
-                        SceneError::Define { given: definition.given.clone(), message }
-                    }
-                    (None, byte) => SceneError::Invalid { at: place(&self.name, original, byte.unwrap_or(0)), message },
+            None => SceneError::Invalid { at: place(&self.name, self.text, byte), key, message },
+            Some((original, definitions)) => match (responsible(definitions, &path), byte_of(original, &path)) {
+                (Some(definition), _) => {
+                    let message = with_names(original, &definition.text, message);
+                    SceneError::Define { given: definition.given.clone(), message }
                 }
-            }
+                (None, byte) => {
+                    SceneError::Invalid { at: place(&self.name, original, byte.unwrap_or(0)), key, message }
+                }
+            },
         }
     }
 
@@ -512,6 +588,7 @@ impl Text<'_> {
     fn resolve(
         &self,
         mut file: Root,
+        given: Option<Given>,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
@@ -544,8 +621,10 @@ impl Text<'_> {
             self.scalar(key, "", scalars)?;
         }
 
-        let (volume, stored) = self.volume(&file.volume, base, options, progress)?;
-        let (volume, labels) = self.label_volume(&file.volume, (volume, &stored), declared, base, options, progress)?;
+        let labels = given.as_ref().and_then(|given| given.volumes.labels.clone());
+        let (volume, stored) = self.volume(&file.volume, given, base, options, progress)?;
+        let map = LabelMap { given: labels, grid: &stored, declared };
+        let (volume, labels) = self.label_volume(&file.volume, volume, map, base, options, progress)?;
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
         let reflectances =
             file.materials.values().flat_map(|material| &material.get_ref().reflectance).chain(&file.background);
@@ -556,8 +635,7 @@ impl Text<'_> {
             Some((_, definitions)) => format!("{} with {}", self.name, all_given(definitions)),
             None => self.name.clone(),
         };
-        let mut scene =
-            Scene { labels, materials, lights, background, camera, crop, ..Scene::new(&name, Arc::new(volume)) };
+        let mut scene = Scene { labels, materials, lights, background, camera, crop, ..Scene::new(&name, volume) };
         (scene.transfer.terms, scene.transfer.gradient_opacity) = (terms, gradient_opacity);
         self.set(&mut scene, key::SCENE, "", scalars)?;
         if scene.camera.view(&scene.frame.geometry, 1.0).is_none() {

@@ -105,26 +105,20 @@ pub fn requested(
                     "the scene has no lights, so there is no light position from which this light could shine".into(),
                 ));
             }
-            let (shares, weights) = match named {
-                Some(position) => (None, vec![(position, 1.0)]),
-                None => {
-                    let (shares, weights) = shares(shown, stated, positions.len());
-                    (Some(shares), weights)
-                }
-            };
-            let lights = weights.into_iter().map(|(position, share)| MixLight {
+            let light = MixLight {
                 name: request.name.to_owned(),
-                spectrum: spectrum.clone(),
-                weight: share * request.weight,
-                position,
-            });
-            let lights: Vec<MixLight> = lights.collect();
-            if let Some(shares) = shares {
-                let at = |light: &MixLight| Some((positions.get(light.position)?.clone(), light.weight));
-                let weights = lights.iter().filter_map(at).collect();
-                placed.push(Placed { name: request.name.to_owned(), shares, weights });
+                spectrum,
+                weight: request.weight,
+                position: named.unwrap_or(0),
+            };
+            match named {
+                Some(_) => mix.push(light),
+                None => {
+                    let (lights, how) = spread(light, stated, shown, positions);
+                    placed.push(how);
+                    mix.extend(lights);
+                }
             }
-            mix.extend(lights);
         }
         for light in known {
             let position = named.unwrap_or(light.position);
@@ -132,6 +126,22 @@ pub fn requested(
         }
     }
     Ok(Requested { mix: Mix(mix), placed })
+}
+
+/// A `light` that the scene does not have, at the positions of the lights that are on, and how: at each position with its
+/// weight times the sum of theirs.
+#[must_use]
+pub fn spread(light: MixLight, stated: &Mix, shown: &Mix, positions: &[String]) -> (Vec<MixLight>, Placed) {
+    let (shares, weights) = shares(shown, stated, positions.len());
+    let lights = weights.into_iter().map(|(position, share)| MixLight {
+        weight: share * light.weight,
+        position,
+        ..light.clone()
+    });
+    let lights: Vec<MixLight> = lights.collect();
+    let at = |light: &MixLight| Some((positions.get(light.position)?.clone(), light.weight));
+    let weights = lights.iter().filter_map(at).collect();
+    (lights, Placed { name: light.name, shares, weights })
 }
 
 /// Positions of the lights that are on, each with the sum of their weights: those of `shown`, or else of `stated`, or

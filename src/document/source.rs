@@ -1,9 +1,13 @@
 //! Opens a scene file, or a volume with a default scene around it.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use super::file::{parse_around, volume_alone};
-use super::look::first_look::{LookError, NoCt, Shown, Subject, first_look, is_speckled, labels_text};
+use super::file::{Given, InMemory, parse_around, volume_alone};
+use super::import::{self, Import, ImportError};
+use super::look::first_look::{
+    Channel, FirstLook, LookError, NoCt, Shown, Subject, Wish, first_look, is_speckled, labels_text,
+};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded, parse};
 use relume_base::input;
 use relume_base::number::readable;
@@ -31,6 +35,9 @@ pub enum OpenError {
     /// A look that these values do not have.
     #[error(transparent)]
     Look(#[from] NoCt),
+    /// An error of a preset.
+    #[error(transparent)]
+    Preset(#[from] ImportError),
 }
 
 /// Information that is missing to read a file.
@@ -69,6 +76,7 @@ impl OpenError {
             Self::Scene(error) => error.code(),
             Self::Volume(error) => error.code(),
             Self::Look(_) => "look",
+            Self::Preset(error) => error.code(),
         }
     }
 
@@ -194,28 +202,15 @@ impl Source {
     pub fn read(&self, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
         // A volume without a scene is never shown by the embedded one, also if it cannot be read.
         let file = match (&self.path, self.alone()) {
-            (_, Some(path)) => return self.first_look(path, progress),
+            (_, Some(path)) => {
+                let options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
+                return look_at(path, None, options, progress);
+            }
             (None, None) => load_embedded(&self.options, progress)?,
             (Some(path), None) => load(path, &self.options, progress).map_err(|error| no_scene(path, error))?,
         };
         let statistics = file.scene.volume().statistics()?;
         Ok((file, statistics))
-    }
-
-    /// The scene of the volume `path`, made from its values.
-    fn first_look(&self, path: &Path, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
-        let mut options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
-        let whole_name = path.display().to_string();
-        let ((volume, stored), has_parts) = volume_alone(&whole_name, &options, progress).map_err(of_volume)?;
-        let subject = Subject { has_parts, is_of_times: false };
-        let Looked { mut volume, text, guess, statistics } = looked(path, volume, (&mut options, subject), progress)?;
-        volume.geometry = stored;
-        let read = parse_around(Some(volume), &whole_name, &text, Path::new(""), &options, progress);
-        let file = read.map_err(of_volume)?;
-        // Labels may be values by their ranks.
-        let own = file.scene.labels.is_some() && options.labels.is_none();
-        let statistics = if own { file.scene.volume().statistics()? } else { statistics };
-        Ok((SceneFile { guess: Some(guess), ..file }, statistics))
     }
 
     /// Number of time steps, one of which a selection chooses; 1 if there is no choice.
@@ -227,7 +222,7 @@ impl Source {
         let opened = match self.alone() {
             Some(path) => {
                 let options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
-                let read = volume_alone(&path.display().to_string(), &options, progress);
+                let read = volume_alone(&path.display().to_string(), None, &options, progress);
                 read.map(drop).map_err(of_volume)
             }
             None => self.read(progress).map(drop),
@@ -251,22 +246,23 @@ impl Source {
         let Some(path) = self.alone() else { return Ok(Series { source: self.clone(), look: None }) };
         let name = path.display().to_string();
         let mut options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
-        let mut largest: Option<(Volume, bool)> = None;
+        let mut largest: Option<(Arc<Volume>, bool)> = None;
         let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
         for time in 0..times {
             options.selection.time = Some(time);
-            let ((volume, _), has_parts) = volume_alone(&name, &options, progress).map_err(of_volume)?;
+            let ((volume, _), has_parts) = volume_alone(&name, None, &options, progress).map_err(of_volume)?;
             let Statistics { min, max, .. } = volume.statistics()?;
             ends = [ends[0].min(min), ends[1].max(max)];
             match &mut largest {
-                Some((largest, _)) => largest.raise_to(&volume)?,
+                Some((largest, _)) => Arc::make_mut(largest).raise_to(&volume)?,
                 None => largest = Some((volume, has_parts)),
             }
         }
         let look = match largest {
             Some((volume, has_parts)) => {
                 let subject = Subject { has_parts, is_of_times: true };
-                let Looked { text, guess, .. } = looked(path, volume, (&mut options, subject), progress)?;
+                let volumes = InMemory { volume, labels: None };
+                let Looked { text, guess, .. } = looked(path, volumes, (&mut options, subject), progress)?;
                 let [least, most] = ends.map(readable);
                 let of_all = format!(
                     "{guess} All {times} time steps have this look, by the largest value of each voxel; their values go \
@@ -321,7 +317,7 @@ impl Series {
 /// A volume with its first look.
 struct Looked {
     /// The volume, without other parts than the body, as the look says.
-    volume: Volume,
+    volume: Arc<Volume>,
     /// Text of the scene.
     text: String,
     /// The guess, in a sentence.
@@ -329,31 +325,32 @@ struct Looked {
     statistics: Statistics,
 }
 
-/// The first look at `volume`, which was read from `path`. Names of labels that it does not use leave the options.
+/// The first look at a volume, which was read from `path`. Labels of the options are read where none are in memory. Names
+/// of labels that it does not use leave the options.
 fn looked(
     path: &Path,
-    mut volume: Volume,
+    InMemory { mut volume, labels }: InMemory,
     (options, subject): (&mut SceneOptions, Subject),
     progress: &dyn Progress,
 ) -> Result<Looked, OpenError> {
     volume.prepare_coarse(progress)?;
     let notes = volume.notes.len();
-    if let (Some(names), None) = (&options.label_names, &options.labels) {
-        volume.name_labels(names)?;
-    }
-    let of_names = volume.notes.split_off(notes);
+    let has_labels = labels.is_some() || options.labels.is_some();
+    let of_names = match &options.label_names {
+        Some(names) if !has_labels => {
+            let volume = Arc::make_mut(&mut volume);
+            volume.name_labels(names)?;
+            volume.notes.split_off(notes)
+        }
+        _ => Vec::new(),
+    };
     let statistics = volume.statistics()?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let look =
-        first_look(&name, &mut volume, &statistics, (options.wish, subject), progress).map_err(
-            |error| match error {
-                LookError::NoCt(error) => OpenError::from(error),
-                LookError::Volume(error) => error.into(),
-            },
-        )?;
+    let look = look_of(&name, (&mut volume, &statistics), (&*options, subject), progress)?;
     let statistics = if look.is_alone { volume.statistics()? } else { statistics };
     // A label map is named again, with the notes.
-    if let Some(names) = options.label_names.take_if(|_| options.labels.is_none() && look.labels != Shown::AsMap) {
+    if let Some(names) = options.label_names.take_if(|_| !has_labels && look.labels != Shown::AsMap) {
+        let volume = Arc::make_mut(&mut volume);
         volume.notes.extend(of_names);
         if look.labels == Shown::Not {
             volume.notes.truncate(notes);
@@ -365,25 +362,26 @@ fn looked(
         }
     }
     let (mut text, mut guess) = (look.text, look.guess);
-    if let (Some(labels), Shown::AsMap) = (&options.labels, look.labels) {
+    let others = || match (&labels, &options.labels) {
+        (Some(labels), _) => Some(labels.source.clone()),
+        (None, file) => file.as_ref().map(|file| file.display().to_string()),
+    };
+    if let (Some(labels), Shown::AsMap) = (others(), look.labels) {
         let problem = format!(
-            "its values are labels, so it takes no others ({}); name the scan as the volume, and this file as its labels",
-            labels.display()
+            "its values are labels, so it takes no others ({labels}); name the scan as the volume, and this file as its labels"
         );
         return Err(VolumeError::Layout { source_name: path.display().to_string(), problem }.into());
     }
     // A label map that cannot be read is an error of the scene.
-    if let Some(mut labels) =
-        options.labels.as_ref().and_then(|labels| relume_volume::open(labels, &Selection::default(), progress).ok())
-    {
+    let opened = |file: &PathBuf| relume_volume::open(file, &Selection::default(), progress).ok().map(Arc::new);
+    if let Some(mut labels) = labels.or_else(|| options.labels.as_ref().and_then(opened)) {
         if let Some(names) = &options.label_names {
-            labels.name_labels(names)?;
+            Arc::make_mut(&mut labels).name_labels(names)?;
         }
         let declared = labels_text(&labels, &text)?;
         if is_speckled(&labels) {
-            volume
-                .notes
-                .push(format!("{}: its values change from voxel to voxel, as those of no label map", labels.source));
+            let note = format!("{}: its values change from voxel to voxel, as those of no label map", labels.source);
+            Arc::make_mut(&mut volume).notes.push(note);
         }
         guess.push_str(match &declared {
             Some(_) => " Voxels with a label are shown as materials of their own, and all others by their values.",
@@ -392,6 +390,84 @@ fn looked(
         text.push_str(&declared.unwrap_or_default());
     }
     Ok(Looked { volume, text, guess, statistics })
+}
+
+/// The first look at `volume`, or the scene of the preset of the options.
+fn look_of(
+    name: &str,
+    (volume, statistics): (&mut Arc<Volume>, &Statistics),
+    (options, subject): (&SceneOptions, Subject),
+    progress: &dyn Progress,
+) -> Result<FirstLook, OpenError> {
+    let mut wish = options.wish;
+    let mut of_channel = None;
+    if let Some(path) = &options.preset {
+        let file = path.display().to_string();
+        let channels = match import::read(path)? {
+            Import::Preset(preset) => {
+                let invalid = |problem| ImportError::Invalid { name: file.clone(), what: "a preset", problem };
+                return Ok(import::scene(&preset, &file, (name, &**volume, statistics)).map_err(invalid)?);
+            }
+            Import::Channels(channels) => channels,
+        };
+        // The channel of this component, or the first one that is shown.
+        let number = volume.selection.component.map(|component| component + 1);
+        let same = channels.iter().find(|channel| Some(channel.number) == number);
+        if let Some(channel) = same.or_else(|| channels.iter().find(|channel| channel.is_active)) {
+            wish =
+                Wish { channel: Some(Channel { window: channel.window, colour: channel.colour }), ..Wish::default() };
+            let label = channel.label.as_ref().map_or_else(String::new, |label| format!(" ({label})"));
+            of_channel =
+                Some(format!(" Its window and colour are those of channel {}{label} in {file}.", channel.number));
+        }
+    }
+    let mut look = first_look(name, volume, statistics, (wish, subject), progress).map_err(|error| match error {
+        LookError::NoCt(error) => OpenError::from(error),
+        LookError::Volume(error) => error.into(),
+    })?;
+    look.guess.extend(of_channel);
+    Ok(look)
+}
+
+/// The scene of volumes in memory, made from their values (docs/theory/first-look.md), with the statistics of the volume.
+/// The scene holds the same volume, unless the look removes a part of it or the `options` change it.
+///
+/// # Errors
+///
+/// [`SceneError`], [`VolumeError`], and a look that these values do not have.
+pub fn first_look_of(
+    volumes: InMemory,
+    options: &SceneOptions,
+    progress: &dyn Progress,
+) -> Result<(SceneFile, Statistics), OpenError> {
+    let name = volumes.volume.source.clone();
+    look_at(Path::new(&name), Some(volumes), options.clone(), progress)
+}
+
+/// The scene of the volume of `options`, which is called by its `path`, or of volumes in memory, made from their values.
+fn look_at(
+    path: &Path,
+    in_memory: Option<InMemory>,
+    mut options: SceneOptions,
+    progress: &dyn Progress,
+) -> Result<(SceneFile, Statistics), OpenError> {
+    let whole_name = path.display().to_string();
+    let labels = in_memory.as_ref().and_then(|volumes| volumes.labels.clone());
+    let has_map = labels.is_some();
+    let ((volume, stored), has_parts) = volume_alone(&whole_name, in_memory, &options, progress).map_err(of_volume)?;
+    let subject = Subject { has_parts, is_of_times: false };
+    let volumes = InMemory { volume, labels: labels.clone() };
+    let Looked { mut volume, text, guess, statistics } = looked(path, volumes, (&mut options, subject), progress)?;
+    if volume.geometry != stored {
+        Arc::make_mut(&mut volume).geometry = stored;
+    }
+    let given = Some(Given { volumes: InMemory { volume, labels }, is_ready: true });
+    let read = parse_around(given, (&whole_name, &text), Path::new(""), &options, progress);
+    let file = read.map_err(of_volume)?;
+    // Labels may be values by their ranks.
+    let own = file.scene.labels.is_some() && options.labels.is_none() && !has_map;
+    let statistics = if own { file.scene.volume().statistics()? } else { statistics };
+    Ok((SceneFile { guess: Some(guess), ..file }, statistics))
 }
 
 /// The error of a scene around a volume; where the file is the volume itself, it needs no scene.

@@ -12,11 +12,9 @@ use relume_base::number::{count, whole};
 use relume_base::progress::Progress;
 use relume_colour::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use relume_scene::film::RelightMatrices;
-use relume_scene::plan::{Integrate, Planned, ScenePlan, plan_full_spectrum};
+use relume_scene::plan::{Planned, ScenePlan, plan_full_spectrum};
 use relume_scene::reference::{Exact, KeptDepths, Marching, ReferenceError, Stored, render_pixels};
-use relume_scene::tables::{
-    ExtinctionTable, GradientTable, LabelMap, Occupancy, SegmentTable, Storage, StoredVolume, TransferTable,
-};
+use relume_scene::tables::{LabelMap, Occupancy, Storage, StoredScene, StoredVolume};
 use relume_scene::{
     Accuracy, AmbientShares, Integration, Interpolation, LabelInterpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs,
 };
@@ -165,14 +163,14 @@ impl March {
 struct Kept {
     plan: ScenePlan,
     storage: Storage,
-    volume: StoredVolume,
+    volume: Arc<StoredVolume>,
 }
 
 /// The rungs of one scene that need no device.
 pub(super) struct Ladder<'a> {
     scene: &'a Scene,
     statistics: Statistics,
-    labels: Option<LabelMap>,
+    labels: Option<Arc<LabelMap>>,
     occupancy: Occupancy,
     size: [usize; 2],
     mix: Mix,
@@ -220,11 +218,11 @@ impl<'a> Ladder<'a> {
     ) -> Result<Self, LadderError> {
         let statistics = scene.volume().statistics()?;
         let labels = scene.labels.as_ref().filter(|labels| !labels.declared.is_empty());
-        let labels = labels.map(LabelMap::new).transpose()?;
+        let labels = labels.map(LabelMap::new).transpose()?.map(Arc::new);
         let truth = plan_full_spectrum(scene);
         let storage = Storage::new(&truth.plan, scene.volume(), &statistics);
         let mut ladder = Self {
-            occupancy: occupancy(scene, &storage, labels.as_ref()),
+            occupancy: occupancy(scene, &storage, labels.as_deref()),
             scene,
             statistics,
             labels,
@@ -342,7 +340,7 @@ impl<'a> Ladder<'a> {
         progress: &dyn Progress,
     ) -> Result<Vec<(DVec3, f64)>, LadderError> {
         let storage = Storage::new(&planned.plan, scene.volume(), &self.statistics);
-        let labels = self.labels.as_ref().filter(|_| planned.plan.labels);
+        let labels = self.labels.as_deref().filter(|_| planned.plan.labels);
         let exact = Exact::new(scene, planned, storage, labels).keeping_depths(&self.depths);
         let skipping = Skipping::new(exact, &self.occupancy, scene, planned);
         let matrices = self.matrices(scene, planned);
@@ -361,36 +359,31 @@ impl<'a> Ladder<'a> {
         Ok(self.march_exact(scene, &exact, &self.pixels, progress)?.into_iter().map(|(colour, _)| colour).collect())
     }
 
-    /// XYZ under the plan `planned` from the stored tables and volume of a device.
+    /// What a device stores of `scene` as `planned`.
+    pub(super) fn store(&mut self, scene: &Scene, planned: &Planned) -> StoredScene {
+        let statistics = &self.statistics;
+        let stored = || {
+            let storage = Storage::new(&planned.plan, scene.volume(), statistics);
+            let volume = Arc::new(StoredVolume::new(scene.volume(), &storage));
+            Kept { plan: planned.plan.clone(), storage, volume }
+        };
+        let kept = self.kept.take().filter(|kept| kept.plan.is_stored_as(&planned.plan)).unwrap_or_else(stored);
+        let Kept { storage, volume, .. } = self.kept.insert(kept);
+        let labels = self.labels.as_ref().filter(|_| planned.plan.labels).cloned();
+        StoredScene::of(scene, planned, (storage.clone(), Arc::clone(volume)), labels)
+    }
+
+    /// XYZ under the plan `planned` from what a device has `stored` of `scene`.
     pub(super) fn stored<R: Marching>(
-        &mut self,
+        &self,
         scene: &Scene,
         planned: &Planned,
-        table: &TransferTable,
+        stored: &StoredScene,
         progress: &dyn Progress,
     ) -> Result<Vec<DVec3>, LadderError> {
-        if self.kept.as_ref().is_none_or(|kept| !kept.plan.is_stored_as(&planned.plan)) {
-            let storage = Storage::new(&planned.plan, scene.volume(), &self.statistics);
-            let volume = StoredVolume::new(scene.volume(), &storage);
-            self.kept = Some(Kept { plan: planned.plan.clone(), storage, volume });
-        }
-        let Some(Kept { storage, volume, .. }) = &self.kept else { return Ok(Vec::new()) };
-        let label_table = TransferTable::of_labels(scene, planned);
-        let labels = self.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| (labels, &label_table));
-        let gradients = GradientTable::new(scene, storage);
-        let mut stored = Stored::<R>::new(planned, storage, volume, table, labels, gradients);
-        let segments = (planned.plan.integration == Integrate::Segments).then(|| {
-            let table = SegmentTable::new(scene, planned, storage.domain);
-            (table, TransferTable::densities_of_labels(scene, planned))
-        });
-        if let Some((table, densities)) = &segments {
-            stored = stored.with_segments(storage, table, Some(densities));
-        }
-        let shadowed = planned.plan.light.grid_lights() > 0;
-        let extinctions = if shadowed { ExtinctionTable::of_plan(scene, planned, storage.domain) } else { Vec::new() };
-        stored = stored.with_shadows(&extinctions);
         let matrices = self.matrices(scene, planned);
-        let found = render_pixels(scene, planned, &stored, &matrices, self.size, &self.pixels, progress)?;
+        let samples = Stored::<R>::new(planned, stored);
+        let found = render_pixels(scene, planned, &samples, &matrices, self.size, &self.pixels, progress)?;
         Ok(found.into_iter().map(|(colour, _)| colour).collect())
     }
 

@@ -1,14 +1,14 @@
 //! Rungs of a scene: exact samples, stored tables and volume, and the device.
 
+use std::ops::{Deref, DerefMut};
+
 use relume_base::number::Real;
 use relume_base::progress::{Progress, Quiet};
 use relume_render::{DeviceFilm, RenderError, Renderer, SceneRenderer};
 use relume_scene::film::{Film, RelightMatrices};
-use relume_scene::plan::{Integrate, PlanError, Planned, plan, plan_full_spectrum};
+use relume_scene::plan::{PlanError, Planned, plan, plan_full_spectrum};
 use relume_scene::reference::{self, Exact, Marching, ReferenceError, Samples, Stored};
-use relume_scene::tables::{
-    ExtinctionTable, GradientTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable,
-};
+use relume_scene::tables::StoredScene;
 use relume_scene::{Mix, Scene};
 use relume_volume::VolumeError;
 
@@ -19,20 +19,8 @@ pub struct Rungs {
     pub scene: Scene,
     /// Its plan.
     pub planned: Planned,
-    /// How its volume is stored.
-    pub storage: Storage,
-    /// The volume as stored on a device.
-    pub volume: StoredVolume,
-    /// The transfer table.
-    pub table: TransferTable,
-    /// Table of the media of labels.
-    pub label_table: TransferTable,
-    /// Table of segments, and the densities of labels, if the plan integrates in segments.
-    pub segments: Option<(SegmentTable, TransferTable)>,
-    /// Extinction of shadows, if lights with a direction cast them.
-    pub extinctions: Vec<ExtinctionTable>,
-    /// Label of every voxel, if the plan uses labels.
-    pub labels: Option<LabelMap>,
+    /// Its tables and volume as stored.
+    pub stored: StoredScene,
     /// Mix of the scene's own lights.
     pub mix: Mix,
     /// Pixels across and down.
@@ -70,6 +58,20 @@ impl RungError {
     }
 }
 
+impl Deref for Rungs {
+    type Target = StoredScene;
+
+    fn deref(&self) -> &StoredScene {
+        &self.stored
+    }
+}
+
+impl DerefMut for Rungs {
+    fn deref_mut(&mut self) -> &mut StoredScene {
+        &mut self.stored
+    }
+}
+
 impl Rungs {
     /// Plans `scene` and prepares its rungs for pictures of `size`.
     ///
@@ -88,28 +90,8 @@ impl Rungs {
     /// [`RungError::Volume`].
     pub fn planned(scene: Scene, planned: Planned, size: [usize; 2]) -> Result<Self, RungError> {
         let statistics = scene.volume().statistics()?;
-        let storage = Storage::new(&planned.plan, scene.volume(), &statistics);
-        let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
-        Ok(Self {
-            volume: StoredVolume::new(scene.volume(), &storage),
-            table: TransferTable::new(&scene, &planned, storage.domain),
-            label_table: TransferTable::of_labels(&scene, &planned),
-            segments: (planned.plan.integration == Integrate::Segments).then(|| {
-                let table = SegmentTable::new(&scene, &planned, storage.domain);
-                (table, TransferTable::densities_of_labels(&scene, &planned))
-            }),
-            extinctions: if planned.plan.light.grid_lights() > 0 {
-                ExtinctionTable::of_plan(&scene, &planned, storage.domain)
-            } else {
-                Vec::new()
-            },
-            mix: Mix::of_scene(&scene),
-            scene,
-            planned,
-            storage,
-            labels,
-            size,
-        })
+        let stored = StoredScene::new(&scene, &planned, &statistics)?;
+        Ok(Self { mix: Mix::of_scene(&scene), scene, planned, stored, size })
     }
 
     /// Returns the rungs of the same scene with all 81 bands.
@@ -124,20 +106,13 @@ impl Rungs {
     /// Exact samples of the scene.
     #[must_use]
     pub fn exact(&self) -> Exact<'_> {
-        Exact::new(&self.scene, &self.planned, self.storage.clone(), self.labels.as_ref())
+        Exact::new(&self.scene, &self.planned, self.storage.clone(), self.labels.as_deref())
     }
 
     /// Samples of the stored tables and volume.
     #[must_use]
     pub fn stored<R: Real>(&self) -> Stored<'_, R> {
-        let labels = self.labels.as_ref().map(|labels| (labels, &self.label_table));
-        let gradients = GradientTable::new(&self.scene, &self.storage);
-        let stored = Stored::new(&self.planned, &self.storage, &self.volume, &self.table, labels, gradients);
-        let stored = match &self.segments {
-            Some((table, densities)) => stored.with_segments(&self.storage, table, Some(densities)),
-            None => stored,
-        };
-        stored.with_shadows(&self.extinctions)
+        Stored::new(&self.planned, &self.stored)
     }
 
     /// Marches `samples` with the reference.

@@ -118,15 +118,16 @@ impl Upload {
 fn lower(
     climb: &mut Climb,
     ladder: &mut Ladder<'_>,
-    (scene, planned, table): (&Scene, &Planned, &TransferTable),
+    (scene, planned): (&Scene, &Planned),
     progress: &dyn Progress,
 ) -> Result<(), MeasureError> {
     if planned.plan.light.reads_grid() {
         climb.to(Cause::LightGrid, ladder.full(&scene.accuracy, &scene.shadows, progress)?.to_vec());
     }
     climb.to(Cause::Basis, ladder.model(scene, planned, progress)?);
-    climb.to(Cause::Tables, ladder.stored::<f64>(scene, planned, table, progress)?);
-    climb.to(Cause::Rounding, ladder.stored::<f32>(scene, planned, table, progress)?);
+    let stored = ladder.store(scene, planned);
+    climb.to(Cause::Tables, ladder.stored::<f64>(scene, planned, &stored, progress)?);
+    climb.to(Cause::Rounding, ladder.stored::<f32>(scene, planned, &stored, progress)?);
     Ok(())
 }
 
@@ -299,12 +300,12 @@ impl<'a> Survey<'a> {
         }
         climb.to(Cause::Termination, self.ladder.full(accuracy, &rays, progress)?.to_vec());
         if level == 0 {
-            lower(&mut climb, &mut self.ladder, (scene, planned, &table), progress)?;
+            lower(&mut climb, &mut self.ladder, (scene, planned), progress)?;
         } else {
             let mut ladder = self.ladder.of_level(scene)?;
             let rays = ladder.rays();
             climb.to(Cause::Level, ladder.full(&scene.accuracy, &rays, progress)?.to_vec());
-            lower(&mut climb, &mut ladder, (scene, planned, &table), progress)?;
+            lower(&mut climb, &mut ladder, (scene, planned), progress)?;
         }
         climb.to(Cause::Device, looked_up(&whole_size, self.options.size, &self.ladder.pixels));
         if let Some(enlarged) = enlarged {

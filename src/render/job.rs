@@ -7,8 +7,8 @@ use relume_base::progress::{Progress, unreported};
 use relume_colour::spectrum::Light;
 use relume_scene::film::{Film, RelightMatrices};
 use relume_scene::plan::{PlanError, Planned, plan_for, plan_full_spectrum};
-use relume_scene::reference::{Exact, ReferenceError, march, render};
-use relume_scene::tables::{LabelMap, Storage};
+use relume_scene::reference::{Exact, ReferenceError, Stored, march, render};
+use relume_scene::tables::{LabelMap, Storage, StoredScene};
 use relume_scene::{AccumulateAs, Camera, Coarse, LabelLeft, Level, Mix, Scene};
 use relume_volume::Statistics;
 
@@ -195,6 +195,17 @@ impl PlannedJob {
         Ok(films)
     }
 
+    /// The scene without a device, in f32 on stored tables as on a device: all that it marches is ready.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Labels`].
+    pub fn on_cpu(&self) -> Result<OnCpu<'_>, RenderError> {
+        self.scene.volume().require_voxels("a march without a device").map_err(RenderError::Volume)?;
+        let stored = StoredScene::new(&self.scene, &self.planned, &self.statistics);
+        Ok(OnCpu { job: self, stored: stored.map_err(RenderError::Labels)? })
+    }
+
     /// The scene without a device, in f64.
     ///
     /// # Errors
@@ -205,6 +216,32 @@ impl PlannedJob {
         let storage = Storage::new(&planned.plan, scene.volume(), statistics);
         let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose();
         Ok(Reference { job: self, storage, labels: labels.map_err(RenderError::Labels)? })
+    }
+}
+
+/// A scene that the reference marches on all cores, in f32 on stored tables. Its film is that of a device within
+/// rounding.
+#[derive(Debug)]
+pub struct OnCpu<'a> {
+    job: &'a PlannedJob,
+    /// The tables and the volume.
+    pub stored: StoredScene,
+}
+
+impl OnCpu<'_> {
+    /// The film of `size` by `camera`.
+    ///
+    /// # Errors
+    ///
+    /// [`ReferenceError`].
+    pub fn film(
+        &self,
+        camera: &Camera,
+        size: [usize; 2],
+        progress: &dyn Progress,
+    ) -> Result<Film<f32>, ReferenceError> {
+        let scene = Scene { camera: camera.clone(), ..self.job.scene.clone() };
+        march(&scene, &self.job.planned, &Stored::<f32>::new(&self.job.planned, &self.stored), size, progress)
     }
 }
 

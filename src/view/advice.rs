@@ -28,7 +28,7 @@ fn control(error: &(dyn Error + 'static)) -> Option<&'static str> {
         return match error {
             LoadError::Open(OpenError::Scene(error)) => control(error),
             LoadError::Open(OpenError::Volume(error)) => control(error),
-            LoadError::Open(OpenError::Look(_)) => None,
+            LoadError::Open(OpenError::Look(_) | OpenError::Preset(_)) => None,
             LoadError::Render(error) => control(error),
         };
     }

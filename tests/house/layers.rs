@@ -31,7 +31,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("palette", &["input", "model", "spectrum", "progress", "number", "written"]),
     ("scene", &["model", "spectrum", "volume", "progress", "number"]),
     ("plan", &["scene", "model", "spectrum", "progress", "number"]),
-    ("film", &["plan", "scene", "model", "spectrum", "number"]),
+    ("film", &["plan", "scene", "model", "spectrum", "number", "parallel"]),
     ("ranks", &["film", "scene"]),
     ("annotate", &["film", "plan", "scene", "spectrum", "volume", "number", "written"]),
     ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "progress", "number", "parallel"]),
@@ -62,8 +62,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         "document",
         &[
-            "input", "look", "output", "palette", "scene", "model", "spectrum", "volume", "progress", "number",
-            "written",
+            "annotate", "film", "input", "look", "output", "palette", "scene", "model", "spectrum", "volume",
+            "progress", "number", "written",
         ],
     ),
     (

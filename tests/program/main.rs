@@ -14,6 +14,7 @@ mod failures;
 mod figures;
 mod first_look;
 mod flags;
+mod in_memory;
 mod keys;
 mod label_maps;
 mod level;
@@ -25,7 +26,9 @@ mod out_of_core;
 mod output;
 mod page;
 mod parts;
+mod presets;
 mod session;
+mod shell;
 mod slice;
 #[path = "../support/mod.rs"]
 mod support;

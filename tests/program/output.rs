@@ -12,8 +12,8 @@ use exr::prelude::*;
 use glam::DVec3;
 use relume::output::film::{Component, Components, Dial, DialPreset, Frame, Light, Node, Position};
 use relume::output::{
-    Alpha, BANDS, Depth, FilmFile, OutputError, Picture, write_atomically, write_exr, write_png, write_ready_png,
-    write_spectral,
+    Alpha, BANDS, Depth, FilmFile, OutputError, Picture, display_codes, png_bytes, write_atomically, write_exr,
+    write_png, write_ready_png, write_spectral,
 };
 use relume::scene::Placement;
 use relume::spectrum::observer::Observer;
@@ -223,6 +223,8 @@ fn a_png_for_programs_that_mix_codes_shows_over_black_the_codes_of_the_picture()
     for (depth, largest) in [(Depth::Eight, 255.0), (Depth::Sixteen, 65_535.0)] {
         let codes = |alpha: Alpha| -> Vec<f64> {
             write_png(&path, &picture, depth, alpha).unwrap();
+            assert_eq!(png_bytes(&picture, depth, alpha).unwrap(), fs::read(&path).unwrap());
+            assert_eq!(display_codes(&picture, depth, alpha), read_png(&path).0);
             let data = read_png(&path).0;
             match depth {
                 Depth::Eight => data.into_iter().map(f64::from).collect(),
@@ -396,6 +398,12 @@ fn accumulators_come_back_as_they_were() {
     let full = example();
     full.write(&path).unwrap();
     assert_eq!(FilmFile::read(&path).unwrap(), full);
+    // The same in memory.
+    let bytes = full.to_bytes().unwrap();
+    assert_eq!(bytes, fs::read(&path).unwrap());
+    assert_eq!(FilmFile::from_bytes(&bytes, "memory").unwrap(), full);
+    let error = FilmFile::from_bytes(&bytes[..bytes.len() / 2], "half a film").unwrap_err();
+    assert!(error.to_string().contains("half a film"), "{error}");
     let (layer, _) = read_channels(&path);
     // Position 1, component 0.
     assert_eq!(values(&layer, "all around.KnÃ¶chel"), full.accumulators[2 * 72..3 * 72]);

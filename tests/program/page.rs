@@ -380,8 +380,10 @@ fn a_tolerance_that_two_bytes_cannot_keep_is_refused_with_the_one_they_keep() {
 fn a_light_that_the_scene_has_off_shines_when_it_is_switched_on() {
     let (mut header, film) = film([4, 4], &[[0.5; BANDS]], 2, |_, _| 0.8);
     header.lights[1].weight = 0.0;
-    let html = page(&header, std::slice::from_ref(&film), 0.5).packed(&Quiet).unwrap().html;
-    let (json, _) = unpacked(&html);
+    let packed = page(&header, std::slice::from_ref(&film), 0.5).packed(&Quiet).unwrap();
+    let (json, _) = unpacked(&packed.html);
+    assert_eq!(serde_json::from_str::<Value>(&packed.json).unwrap(), json);
+    assert_eq!(packed.views.iter().map(Vec::len).sum::<usize>(), packed.summary.packed_bytes);
     let number = |key: &str| json["lights"][1][key].as_f64().unwrap();
     assert_eq!(
         [number("weight"), number("shown")].map(f64::to_bits),

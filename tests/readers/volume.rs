@@ -444,7 +444,7 @@ fn values_beyond_floats_of_32_bits_have_the_first_look_of_the_same_values_in_ran
     };
     let look = |factor: f64| {
         let voxels = (0..sides.iter().product()).map(|index| value(index) * factor).collect();
-        let mut volume = unit(sides, Voxels::F64(voxels));
+        let mut volume = std::sync::Arc::new(unit(sides, Voxels::F64(voxels)));
         let statistics = volume.statistics().unwrap();
         let values = Values::of(&volume, &statistics);
         let percentiles = [0.01, 0.5, 0.99].map(|part| values.percentile(part) / factor);

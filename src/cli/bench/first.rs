@@ -63,7 +63,7 @@ pub(super) fn run(
             *clock = Stopwatch::start();
         };
         if time > 0 {
-            let mut volume = volume::open(path, selection, progress)?;
+            let mut volume = std::sync::Arc::new(volume::open(path, selection, progress)?);
             ended(&mut clock);
             let statistics = volume.statistics()?;
             ended(&mut clock);

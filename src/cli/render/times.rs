@@ -49,7 +49,7 @@ fn check(args: &Args) -> Result<(), CliError> {
 pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     check(args)?;
     let clock = Stopwatch::start();
-    let source = args.scene.source_of_look(args.look.wish())?;
+    let source = args.scene.source_of_look(&args.look.wanted())?;
     let times = source.times(progress)?;
     if times < 2 {
         let stated = if source.bare_volume().is_some() { "" } else { ", or the scene states one (volume.time)" };
@@ -74,7 +74,8 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         tracing::info!("{guess}");
     }
     let (first, statistics) = series.at(0, progress)?;
-    let inputs: Vec<&Path> = first.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
+    let inputs = first.inputs.iter().chain(&lights).chain(args.look.preset());
+    let inputs: Vec<&Path> = inputs.map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
     for note in &first.scene.volume().notes {
         tracing::warn!("{note}");

@@ -5,7 +5,9 @@ use rayon::prelude::*;
 use super::chain::Chain;
 use super::random::Random;
 use super::target::{self, Target};
-use super::{Amplification, Cloud, ColourModel, ErrorSummary, LightMatrix, ModelError, ModelKind, Samples, cloud};
+use super::{
+    Amplification, Cloud, ColourModel, ErrorSummary, LightMatrix, ModelError, ModelKind, Samples, UnplannedLight, cloud,
+};
 use crate::spectrum::Light;
 use crate::spectrum::observer::Observer;
 
@@ -67,6 +69,29 @@ impl ColourModel {
             return Err(ModelError::NotFinite);
         }
         Ok(())
+    }
+
+    /// [`Self::learn`] for lights of a mix, by name. Returns those whose largest error is above `tolerance`.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::learn`].
+    pub fn learn_within<'a>(
+        &mut self,
+        lights: impl IntoIterator<Item = (&'a str, &'a Light)>,
+        tolerance: f64,
+    ) -> Result<Vec<UnplannedLight>, ModelError> {
+        let planned = self.lights.len();
+        for (name, light) in lights {
+            self.learn(name, light)?;
+        }
+        let unplanned = |(name, _, matrix): &(String, Light, LightMatrix)| UnplannedLight {
+            name: name.clone(),
+            error: matrix.worst(),
+            tolerance,
+        };
+        let new = self.lights[planned..].iter().map(unplanned);
+        Ok(new.filter(|light| light.error.max > tolerance).collect())
     }
 
     /// Returns the model with its lights' matrices fitted on the cloud for `observer`, and their errors for that

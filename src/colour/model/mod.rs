@@ -32,7 +32,7 @@ pub use fit::{fit, fit_automatic, fit_cloud, fit_narrow, unseen};
 pub use kind::{ModelKind, Order};
 pub use peercy::Matrices;
 pub use reconstruction::Reconstruction;
-pub use target::ErrorSummary;
+pub use target::{ErrorSummary, UnplannedLight};
 
 use target::Target;
 

@@ -1,5 +1,7 @@
 //! Exact colours of a cloud of spectra under a light, and the errors of a model's colours.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use crate::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz};
@@ -38,6 +40,28 @@ impl ErrorSummary {
     /// Objective of a fit: the largest error plus five times the mean.
     pub(super) fn score(&self) -> f64 {
         5.0f64.mul_add(self.mean, self.max)
+    }
+}
+
+/// A light that a model was planned without, under which colours may be off by more than a tolerance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnplannedLight {
+    /// Its name.
+    pub name: String,
+    /// Its error.
+    pub error: ErrorSummary,
+    /// Largest ΔE00 allowed.
+    pub tolerance: f64,
+}
+
+impl fmt::Display for UnplannedLight {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, error: ErrorSummary { mean, max, .. }, tolerance } = self;
+        write!(
+            f,
+            "the colour model was planned without the light {name}: colours under it may be off by ΔE00 {max:.2} \
+             ({mean:.2} on average), above the tolerance of {tolerance}"
+        )
     }
 }
 

@@ -26,21 +26,22 @@ impl Text<'_> {
     pub(super) fn volume(
         &self,
         file: &VolumeFile,
+        given: Option<Given>,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
-    ) -> Result<(Volume, Geometry), SceneError> {
+    ) -> Result<(Arc<Volume>, Geometry), SceneError> {
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
         let path = options.volume.clone().or_else(|| file.file.as_ref().map(|path| base.join(path)));
         let stated = if options.volume.is_some() { None } else { file.raw_layout(self)? };
         let layout = options.raw.clone().or(stated);
         let selection = file.selection(options);
-        let read = self.volume.take();
-        let is_read = read.is_some();
-        let mut volume = match (read, path, &file.phantom) {
-            (Some(volume), ..) => volume,
+        let is_ready = given.as_ref().is_some_and(|given| given.is_ready);
+        let is_of_file = given.is_none();
+        let mut volume = match (given, path, &file.phantom) {
+            (Some(given), ..) => given.volumes.volume,
             (None, Some(path), _) => {
-                relume_volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?
+                Arc::new(relume_volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?)
             }
             (None, None, Some(phantom)) => {
                 let kind: Phantom =
@@ -53,45 +54,57 @@ impl Text<'_> {
                     );
                     return Err(self.invalid(phantom, message));
                 }
-                Volume::phantom(kind, file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
+                Arc::new(Volume::phantom(kind, file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?)
             }
             (None, None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
         };
-        if let Some(blocks) = file.blocks(options).filter(|_| !is_read) {
+        if let Some(blocks) = file.blocks(options).filter(|_| !is_ready) {
             let is_bare = file.file.is_none() && file.phantom.is_none();
             let are_labels = file.are_labels || is_bare && is_segmentation(&volume);
             if are_labels && !volume.has_labels {
-                volume.notes.push(format!("{}: blocks of labels keep their most frequent label", volume.source));
-                volume = volume.downsample_labels(blocks).map_err(fail)?;
+                let mut labels = volume.downsample_labels(blocks).map_err(fail)?;
+                labels.notes.push(format!("{}: blocks of labels keep their most frequent label", volume.source));
+                volume = Arc::new(labels);
             } else {
-                volume = volume.downsample(blocks).map_err(fail)?;
+                volume = Arc::new(volume.downsample(blocks).map_err(fail)?);
             }
         }
-        if let Some(above) = file.largest_part_above.as_ref().filter(|_| !is_read) {
+        if let Some(above) = file.largest_part_above.as_ref().filter(|_| !is_ready) {
             let value = self.number("volume.largest_part_above", above, &(f64::MIN..=f64::MAX))?;
-            volume.keep_largest_part_above(value, progress).map_err(|error| match error {
+            let kept = Arc::make_mut(&mut volume).keep_largest_part_above(value, progress);
+            kept.map_err(|error| match error {
                 VolumeError::NothingAbove { .. } => {
                     self.invalid(above, format!("volume.largest_part_above: {error}; write a smaller value"))
                 }
                 error => fail(error),
             })?;
         }
-        volume.selection = Selection { asks: false, ..selection.or(&volume.selection) };
+        let selection = Selection { asks: false, ..selection.or(&volume.selection) };
+        if (is_of_file || is_ready) && selection != volume.selection {
+            Arc::make_mut(&mut volume).selection = selection;
+        }
         let stored = volume.geometry;
-        if let Some((lengths, unit)) = options.spacing.filter(|_| !is_read) {
+        if let Some((lengths, unit)) = options.spacing.filter(|_| !is_ready) {
             // Voxels are averaged blocks, as for the key `spacing` in a session.
             let sides = DVec3::from_array(file.blocks(options).unwrap_or([1; 3]).map(count));
-            volume = volume.with_spacing(DVec3::from_array(lengths) * sides).map_err(fail)?;
-            volume.unit = unit.or(volume.unit);
+            let spaced = Arc::unwrap_or_clone(volume).with_spacing(DVec3::from_array(lengths) * sides);
+            let mut spaced = spaced.map_err(fail)?;
+            spaced.unit = unit.or(spaced.unit);
+            volume = Arc::new(spaced);
         }
         if let Some(unit) = file.unit.as_ref().filter(|_| options.spacing.is_none_or(|(_, unit)| unit.is_none())) {
             let known = Unit::named(unit.get_ref());
             let known = known.ok_or_else(|| self.invalid(unit, "volume.unit: the units are cm, mm, µm, nm and Å"))?;
-            volume.unit = Some(known);
+            if volume.unit != Some(known) {
+                Arc::make_mut(&mut volume).unit = Some(known);
+            }
         }
         if let Some(spacing) = file.spacing.as_ref().filter(|_| options.spacing.is_none()) {
-            let changed = volume.with_spacing(DVec3::from_array(*spacing.get_ref()));
-            volume = changed.map_err(|error| self.invalid(spacing, error.to_string()))?;
+            let stated = DVec3::from_array(*spacing.get_ref());
+            if stated != volume.geometry.spacing || volume.assumed_spacing.is_some() {
+                let changed = Arc::unwrap_or_clone(volume).with_spacing(stated);
+                volume = Arc::new(changed.map_err(|error| self.invalid(spacing, error.to_string()))?);
+            }
         }
         let Geometry { dims, spacing, origin, direction } = volume.geometry;
         let grid = |origin, direction| Geometry::new(&volume.source, dims, spacing, origin, direction);
@@ -109,9 +122,12 @@ impl Text<'_> {
                 })?
             }
         };
-        volume.geometry = geometry;
         // The anatomical axes of the volume's file do not apply to a direction of the scene.
-        volume.anatomical &= file.direction.is_none();
+        let anatomical = volume.anatomical && file.direction.is_none();
+        if geometry != volume.geometry || anatomical != volume.anatomical {
+            let volume = Arc::make_mut(&mut volume);
+            (volume.geometry, volume.anatomical) = (geometry, anatomical);
+        }
         Ok((volume, stored))
     }
 
@@ -119,12 +135,12 @@ impl Text<'_> {
     pub(super) fn label_volume(
         &self,
         file: &VolumeFile,
-        (volume, stored): (Volume, &Geometry),
-        declared: Declared,
+        volume: Arc<Volume>,
+        LabelMap { given, grid: stored, declared }: LabelMap<'_>,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
-    ) -> Result<(Volume, Option<Labels>), SceneError> {
+    ) -> Result<(Arc<Volume>, Option<Labels>), SceneError> {
         let stated = file.labels.as_ref().map(|path| base.join(path)).filter(|_| options.volume.is_none());
         let is_frog = file.phantom.as_ref().is_some_and(|phantom| phantom.get_ref() == Phantom::Frog.name());
         let of_phantom = file.phantom_labels.as_ref().filter(|wanted| *wanted.get_ref());
@@ -132,29 +148,31 @@ impl Text<'_> {
             return Err(self.invalid(wanted, "volume.phantom_labels: only the phantom \"frog\" has labels"));
         }
         let fail = |source| SceneError::Labels { scene: self.name.clone(), source };
-        let named = |mut labels: Volume| {
+        let named = |mut labels: Arc<Volume>| {
             if let Some(names) = file.label_names(base, options) {
-                labels.name_labels(&names).map_err(fail)?;
+                Arc::make_mut(&mut labels).name_labels(&names).map_err(fail)?;
             }
             Ok(labels)
         };
-        let mut labels = match options.labels.clone().or(stated) {
-            Some(path) => relume_volume::open(&path, &Selection::default(), progress).map_err(fail)?,
-            None if of_phantom.is_some() && options.volume.is_none() => {
-                Volume::frog_labels(file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
+        let is_of_phantom = of_phantom.is_some() && options.volume.is_none();
+        let mut labels = match (given, options.labels.clone().or(stated)) {
+            (Some(labels), _) => labels,
+            (None, Some(path)) => Arc::new(relume_volume::open(&path, &Selection::default(), progress).map_err(fail)?),
+            (None, None) if is_of_phantom => {
+                Arc::new(Volume::frog_labels(file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?)
             }
-            None if file.are_labels => {
+            (None, None) if file.are_labels => {
                 volume.require_voxels("a label map").map_err(fail)?;
                 // Its notes are those of the volume.
-                let labels = named(Volume { notes: Vec::new(), ..volume.clone() })?;
+                let labels = named(Arc::new(Volume { notes: Vec::new(), ..Volume::clone(&volume) }))?;
                 let declared = declared.of_map(&labels).map_err(fail)?;
                 let volume = ranked(volume, &declared).map_err(fail)?;
-                return Ok((volume, Some(Labels { volume: Arc::new(labels), declared })));
+                return Ok((volume, Some(Labels { volume: labels, declared })));
             }
-            None => {
+            (None, None) => {
                 let mut volume = volume;
                 if let Some(names) = &options.label_names {
-                    volume.notes.push(format!(
+                    Arc::make_mut(&mut volume).notes.push(format!(
                         "{}: there is no label map, so the names in {} are not used",
                         self.name,
                         names.display()
@@ -166,7 +184,7 @@ impl Text<'_> {
         if labels.blocks != [1; 3] {
             let problem = "labels cannot be averaged: write downsample into the scene's [volume], where it takes the \
                            most frequent label of a block, not into the sidecar of the labels";
-            return Err(fail(VolumeError::Layout { source_name: labels.source, problem: problem.to_owned() }));
+            return Err(fail(VolumeError::Layout { source_name: labels.source.clone(), problem: problem.to_owned() }));
         }
         let blocks = file.blocks(options).unwrap_or([1; 3]);
         let whole = whole_grid(stored, blocks);
@@ -175,7 +193,7 @@ impl Text<'_> {
             && !labels.geometry.lies_on(&whole)
             && let Some(laid) = labels.labels_laid_into(&whole).map_err(fail)?
         {
-            labels = laid;
+            labels = Arc::new(laid);
         }
         let both_placed = labels.anatomical && volume.anatomical;
         let same_box = labels.assumed_spacing.is_none()
@@ -184,33 +202,45 @@ impl Text<'_> {
             && labels.geometry.fills_box_of(&whole);
         if !labels.geometry.lies_on(&whole) && (both_placed || same_box) {
             if !both_placed {
-                labels.geometry = Geometry::filling(labels.geometry.dims, &whole);
+                let filling = Geometry::filling(labels.geometry.dims, &whole);
+                Arc::make_mut(&mut labels).geometry = filling;
             }
             if let Some(laid) = labels.labels_resampled_to(&whole).map_err(fail)? {
-                labels = laid;
+                labels = Arc::new(laid);
             }
         }
         if blocks != [1; 3] {
-            labels = labels.downsample_labels(blocks).map_err(fail)?;
+            labels = Arc::new(labels.downsample_labels(blocks).map_err(fail)?);
         }
         if labels.geometry.dims != stored.dims {
             return Err(SceneError::LabelGrid {
-                labels: labels.source,
+                labels: labels.source.clone(),
                 theirs: labels.geometry.dims,
-                volume: volume.source,
+                volume: volume.source.clone(),
                 ours: stored.dims,
             });
         }
         if !labels.geometry.lies_on(stored) {
-            labels.notes.push(format!(
+            let note = format!(
                 "{}: the labels differ from the volume {} in spacing, origin or direction; they are assigned voxel by voxel to its grid",
                 labels.source, volume.source
-            ));
+            );
+            Arc::make_mut(&mut labels).notes.push(note);
         }
         let labels = named(labels)?;
         let declared = declared.of_map(&labels).map_err(fail)?;
-        Ok((volume, Some(Labels { volume: Arc::new(labels), declared })))
+        Ok((volume, Some(Labels { volume: labels, declared })))
     }
+}
+
+/// What is known of a label map before it is read.
+pub(super) struct LabelMap<'a> {
+    /// The map, if it is in memory.
+    pub(super) given: Option<Arc<Volume>>,
+    /// The grid of the volume, before the scene changes it.
+    pub(super) grid: &'a Geometry,
+    /// The labels that the scene declares.
+    pub(super) declared: Declared,
 }
 
 /// Whether the values of a volume without a scene are labels, which have no mean.
@@ -220,7 +250,7 @@ fn is_segmentation(volume: &Volume) -> bool {
 }
 
 /// Values that shading can tell apart in place of the `declared` labels of a volume: their ranks, if 16 bits do not hold them.
-fn ranked(volume: Volume, declared: &[LabelEntry]) -> Result<Volume, VolumeError> {
+fn ranked(volume: Arc<Volume>, declared: &[LabelEntry]) -> Result<Arc<Volume>, VolumeError> {
     /// Largest label that is a value of its own.
     const LARGEST: i64 = 65_535;
     if declared.last().is_none_or(|last| last.label <= LARGEST) {
@@ -232,7 +262,7 @@ fn ranked(volume: Volume, declared: &[LabelEntry]) -> Result<Volume, VolumeError
         "{}: labels are shown exactly; as values of the scene they have their ranks, 1 for the smallest",
         ranked.source
     ));
-    Ok(ranked)
+    Ok(Arc::new(ranked))
 }
 
 /// The grid whose blocks of voxels are the voxels of `stored`, without incomplete blocks.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ::exr::block::writer::ChunksWriter;
 use ::exr::block::{self, UncompressedBlock, enumerate_ordered_header_block_indices};
@@ -14,7 +14,7 @@ use ::exr::meta::{BlockDescription, Headers};
 use ::exr::prelude::Compression;
 
 use super::picture::check_size;
-use super::{OutputError, SOFTWARE, write_atomically};
+use super::{OutputError, SOFTWARE, Sink, write_atomically};
 
 /// Part of an OpenEXR file.
 pub(super) struct Part<'a> {
@@ -64,6 +64,29 @@ impl Part<'_> {
     }
 }
 
+/// Where an OpenEXR file is written.
+#[derive(Debug)]
+pub(super) enum Target<'a> {
+    /// A file, by [`write_atomically`].
+    File(&'a Path),
+    /// Memory, after what it holds.
+    Memory(&'a mut Vec<u8>),
+}
+
+impl Target<'_> {
+    fn fill(self, fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> Result<(), OutputError> {
+        match self {
+            Self::File(path) => write_atomically(path, fill),
+            Self::Memory(bytes) => {
+                let mut sink = io::Cursor::new(Vec::new());
+                fill(&mut sink).map_err(|source| OutputError::Write { path: PathBuf::from("memory"), source })?;
+                bytes.append(sink.get_mut());
+                Ok(())
+            }
+        }
+    }
+}
+
 /// Writes an OpenEXR file with 32-bit float channels in scan lines, compressed by zlib in blocks of sixteen lines.
 ///
 /// `rows(part, y, data)` is called from the top of each of `parts` down, and fills `data` with the rows from `y` on:
@@ -74,7 +97,7 @@ impl Part<'_> {
 ///
 /// [`OutputError::Size`], and those of [`write_atomically`].
 pub(super) fn write(
-    path: &Path,
+    target: Target<'_>,
     parts: &[Part<'_>],
     mut rows: impl FnMut(usize, usize, &mut [f32]),
 ) -> Result<(), OutputError> {
@@ -86,7 +109,7 @@ pub(super) fn write(
         headers.iter_mut().for_each(|header| header.shared_attributes = shared.clone());
     }
     let orders: Vec<Vec<usize>> = parts.iter().map(Part::order).collect();
-    write_atomically(path, |sink| {
+    target.fill(|sink| {
         block::write(sink, headers, true, |meta, writer| {
             let mut given = Vec::new();
             let blocks = enumerate_ordered_header_block_indices(&meta.headers).map(|(index, block)| {

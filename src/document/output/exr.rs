@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::channels::{self, Part};
+use super::channels::{self, Part, Target};
 use super::inputs::INPUTS;
 use super::{OutputError, Picture};
 
@@ -18,7 +18,7 @@ pub fn write_exr(path: &Path, picture: &Picture<'_>) -> Result<(), OutputError> 
     let inputs = picture.inputs();
     let attributes: Vec<(&str, &str)> = inputs.iter().map(|digest| (INPUTS, digest.as_str())).collect();
     let part = Part { name: None, size: (width, picture.height()), channels: &names, attributes: &attributes };
-    channels::write(path, &[part], |_, first, data| {
+    channels::write(Target::File(path), &[part], |_, first, data| {
         let samples = &picture.samples()[first * width * channels..][..data.len()];
         for (line, pixels) in data.chunks_exact_mut(width * channels).zip(samples.chunks_exact(width * channels)) {
             for (channel, values) in line.chunks_exact_mut(width).enumerate() {

@@ -14,7 +14,9 @@ mod spectral;
 mod volume;
 
 pub use self::exr::write_exr;
-pub use self::png::{Alpha, Animation, Depth, ready_png, write_apng, write_png, write_ready_png};
+pub use self::png::{
+    Alpha, Animation, Depth, display_codes, png_bytes, ready_png, write_apng, write_png, write_ready_png,
+};
 pub use atomic::{Sink, check_writable, discard_unfinished, write_atomically};
 pub use bricks::write_bricks;
 pub use drawing::{draw_over, write_drawing};

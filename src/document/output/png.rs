@@ -1,7 +1,7 @@
 //! PNG files in sRGB with 8 or 16 bits per sample.
 
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use rayon::prelude::*;
@@ -39,27 +39,10 @@ impl Alpha {
     }
 }
 
-/// Writes `picture` to `path`, encoded as sRGB (IEC 61966-2-1); see [`write_atomically`].
-///
-/// Clamps values to 0–1, rounds to the nearest code, and turns NaN into black.
-///
-/// # Errors
-///
-/// Same as [`write_atomically`].
-pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Result<(), OutputError> {
-    let (width, height) = (picture.width(), picture.height());
-    let (sides, data) = (sides(width, height)?, encoded(picture, depth, alpha));
-    write_atomically(path, |sink| {
-        let mut encoder = encoder(sink, sides, depth, alpha.is_kept())?;
-        if let Some(digest) = picture.inputs() {
-            encoder.add_text_chunk(INPUTS.to_owned(), digest).map_err(described)?;
-        }
-        write_pixels(encoder, &data)
-    })
-}
-
-/// The samples of a picture as PNG data.
-fn encoded(picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Vec<u8> {
+/// The samples of `picture` as the PNG file of [`write_png`] has them: for each pixel three or, with opacity, four codes of sRGB, in
+/// one byte or two, the higher first.
+#[must_use]
+pub fn display_codes(picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Vec<u8> {
     match depth {
         Depth::Eight => {
             encode(picture, alpha, |colour| [code_8(colour)], |opacity| [level(opacity, 255).to_be_bytes()[1]])
@@ -71,6 +54,45 @@ fn encoded(picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Vec<u8> {
             |opacity| level(opacity, u16::MAX).to_be_bytes(),
         ),
     }
+}
+
+/// The bytes of the PNG file that [`write_png`] writes.
+///
+/// # Errors
+///
+/// [`OutputError::Size`].
+pub fn png_bytes(picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Result<Vec<u8>, OutputError> {
+    let sides = sides(picture.width(), picture.height())?;
+    let mut bytes = Vec::new();
+    write_into(&mut bytes, picture, sides, depth, alpha)
+        .map_err(|source| OutputError::Write { path: PathBuf::from("memory"), source })?;
+    Ok(bytes)
+}
+
+/// Writes `picture` to `path`, encoded as sRGB (IEC 61966-2-1); see [`write_atomically`].
+///
+/// Clamps values to 0–1, rounds to the nearest code, and turns NaN into black.
+///
+/// # Errors
+///
+/// Same as [`write_atomically`].
+pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Result<(), OutputError> {
+    let sides = sides(picture.width(), picture.height())?;
+    write_atomically(path, |sink| write_into(sink, picture, sides, depth, alpha))
+}
+
+fn write_into(
+    sink: impl io::Write,
+    picture: &Picture<'_>,
+    sides: [u32; 2],
+    depth: Depth,
+    alpha: Alpha,
+) -> io::Result<()> {
+    let mut encoder = encoder(sink, sides, depth, alpha.is_kept())?;
+    if let Some(digest) = picture.inputs() {
+        encoder.add_text_chunk(INPUTS.to_owned(), digest).map_err(described)?;
+    }
+    write_pixels(encoder, &display_codes(picture, depth, alpha))
 }
 
 /// Writes 8-bit sRGB samples: three (R, G, B) or four (with straight alpha) per pixel.
@@ -118,7 +140,7 @@ pub fn write_apng<E: From<OutputError>>(
             let index = usize::try_from(index).map_err(io::Error::other)?;
             let mut data = || {
                 let samples = frame(index)?;
-                Ok(encoded(&Picture::new(size[0], size[1], &samples)?, depth, alpha))
+                Ok(display_codes(&Picture::new(size[0], size[1], &samples)?, depth, alpha))
             };
             match data() {
                 Ok(data) => writer.write_image_data(&data).map_err(described)?,
@@ -196,7 +218,7 @@ pub fn ready_png(width: usize, height: usize, samples: &[u8]) -> Result<Vec<u8>,
 ///
 /// [`OutputError::Size`] and [`OutputError::Shape`].
 pub(super) fn small_png(width: usize, height: usize, samples: &[f32]) -> Result<Vec<u8>, OutputError> {
-    let data = encoded(&Picture::new(width, height, samples)?, Depth::Eight, Alpha::OverBlack);
+    let data = display_codes(&Picture::new(width, height, samples)?, Depth::Eight, Alpha::OverBlack);
     let mut bytes = Vec::new();
     let refused = |_| OutputError::Size { width, height, largest: Picture::LARGEST_SIDE };
     let mut encoder = encoder(&mut bytes, sides(width, height)?, Depth::Eight, false).map_err(refused)?;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::channels::{self, Part};
+use super::channels::{self, Part, Target};
 use super::{BANDS, FIRST_NM, OutputError, STEP_NM};
 
 /// One row of a spectral picture to fill, from left to right.
@@ -41,7 +41,7 @@ pub fn write_spectral(
     let mut radiance = vec![[0.0; BANDS]; width];
     let mut preview = vec![[0.0; 3]; width];
     let part = Part { name: None, size: (width, height), channels: &names, attributes: &attributes };
-    channels::write(path, &[part], |_, first, data| {
+    channels::write(Target::File(path), &[part], |_, first, data| {
         for (y, line) in (first..).zip(data.chunks_exact_mut(width * names.len())) {
             fill(y, SpectralRow { radiance: &mut radiance, preview: &mut preview });
             let (bands, colours) = line.split_at_mut(width * BANDS);

@@ -8,7 +8,7 @@ use super::Film;
 use crate::plan::{LANE, Planned, Transmittance};
 use crate::{Display, Mix, MixLight, Scene};
 use relume_base::number::{Real, count as count_f64, rounded};
-use relume_colour::model::ColourModel;
+use relume_colour::model::{ColourModel, ModelError, UnplannedLight};
 use relume_colour::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, Xyz, bradford, d65_white};
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
@@ -100,6 +100,32 @@ impl Relightable {
     pub fn new(scene: &Scene, planned: &Planned) -> Self {
         let (components, positions) = (Components::new(scene, planned), planned.positions.len());
         Self { components, positions, background: scene.background.clone(), display: scene.display.clone() }
+    }
+
+    /// Sees films by another standard observer; a colour model is fitted to it.
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError`].
+    pub fn see_by(&mut self, observer: Observer) -> Result<(), ModelError> {
+        self.display.observer = observer;
+        match &mut self.components {
+            Components::Model(model, _) if model.observer() != observer => *model = Arc::new(model.seen_by(observer)?),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Fits the colour model, if there is one, to the lights of `mix` that it does not have. Returns those whose largest
+    /// error is above `tolerance`.
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError::NotFinite`] if a light or the model has values that are not finite.
+    pub fn learn(&mut self, mix: &Mix, tolerance: f64) -> Result<Vec<UnplannedLight>, ModelError> {
+        let Components::Model(model, _) = &mut self.components else { return Ok(Vec::new()) };
+        let lights = mix.0.iter().map(|light| (light.name.as_str(), &light.spectrum));
+        Arc::make_mut(model).learn_within(lights, tolerance)
     }
 
     /// Linear sRGB of every pixel of `film` under `mix`, without a march.

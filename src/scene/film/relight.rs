@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::{Film, RelightMatrices};
-use relume_base::number::Real;
+use relume_base::number::{Real, rounded};
+use relume_base::parallel::rows_mut;
 
 impl<R: Real> Film<R> {
     /// Linear sRGB of every pixel: Σ accumulator · colour over positions and components, plus transmittance times the
@@ -39,6 +40,51 @@ impl<R: Real> Film<R> {
         }
         opacity
     }
+
+    /// [`Self::relight`] and [`Self::opacity`] as linear RGBA of every pixel, rounded once to f32, on all cores.
+    ///
+    /// # Panics
+    ///
+    /// If `rgba` has not four numbers for each pixel.
+    pub fn relight_into(&self, matrices: &RelightMatrices, rgba: &mut [f32]) {
+        /// Pixels of a part, whose sums stay in the cache.
+        const PART: usize = 512;
+        let pixels = self.pixels();
+        assert_eq!(rgba.len(), 4 * pixels, "RGBA of {pixels} pixels");
+        rows_mut(rgba, 4 * PART, &|part, rgba| {
+            let (from, length) = (part * PART, rgba.len() / 4);
+            let mut sums = [(DVec3::ZERO, 1.0); PART];
+            let sums = &mut sums[..length];
+            // In the order of `relight` and `opacity`, so that the bits are theirs.
+            let through = self.transmittance.chunks_exact(pixels);
+            for (numbers, &colour) in through.clone().zip(&matrices.background) {
+                for ((sum, _), number) in sums.iter_mut().zip(&numbers[from..]) {
+                    *sum += number.to_f64() * colour;
+                }
+            }
+            for (numbers, &colour) in self.accumulators.chunks_exact(pixels).zip(&matrices.colours) {
+                for ((sum, _), number) in sums.iter_mut().zip(&numbers[from..]) {
+                    *sum += number.to_f64() * colour;
+                }
+            }
+            for (numbers, &weight) in through.zip(&matrices.transmittance_weights) {
+                for ((_, opacity), number) in sums.iter_mut().zip(&numbers[from..]) {
+                    *opacity -= number.to_f64() * weight;
+                }
+            }
+            for (pixel, (colour, opacity)) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(&*sums) {
+                *pixel = [colour.x, colour.y, colour.z, *opacity].map(rounded);
+            }
+        });
+    }
+
+    /// [`Self::relight_into`] in memory of its own.
+    #[must_use]
+    pub fn rgba(&self, matrices: &RelightMatrices) -> Vec<f32> {
+        let mut rgba = vec![0.0; 4 * self.pixels()];
+        self.relight_into(matrices, &mut rgba);
+        rgba
+    }
 }
 
 /// Linear sRGB and opacity of one pixel.
@@ -53,4 +99,32 @@ pub(crate) fn relit_pixel<R: Real>(
     let weights = &matrices.transmittance_weights;
     let through: f64 = transmittance.iter().zip(weights).map(|(number, weight)| number.to_f64() * weight).sum();
     (sum(accumulators, &matrices.colours) + sum(transmittance, &matrices.background), 1.0 - through)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rgba_has_the_bits_of_colours_and_opacity() {
+        for (size, components, through) in [([61, 53], 3, 1), ([1, 1], 2, 2), ([0, 4], 1, 1)] {
+            let pixels = size[0] * size[1];
+            let number = |i: usize| rounded(relume_base::number::count(i * i % 977) / 977.0);
+            let film = Film {
+                size,
+                components,
+                accumulators: (0..2 * components * pixels).map(number).collect(),
+                transmittance: (0..through * pixels).map(number).collect(),
+            };
+            let colour = |i: usize| DVec3::new(0.1, 0.7, 0.3) * relume_base::number::count(i + 1);
+            let matrices = RelightMatrices {
+                colours: (0..2 * components).map(colour).collect(),
+                background: (0..through).map(colour).collect(),
+                transmittance_weights: vec![1.0 / relume_base::number::count(through); through],
+            };
+            let pairs = film.relight(&matrices).into_iter().zip(film.opacity(&matrices));
+            let expected: Vec<f32> = pairs.flat_map(|(c, opacity)| [c.x, c.y, c.z, opacity].map(rounded)).collect();
+            assert!(film.rgba(&matrices) == expected, "{size:?}");
+        }
+    }
 }

@@ -4,7 +4,8 @@ use super::gradient::{gradient_factor, thin};
 use super::kept::{Keeping, KeptDepths};
 use crate::plan::{LANE, Planned};
 use crate::tables::{
-    self, ExtinctionTable, GradientTable, LabelMap, SegmentTable, Steps, Storage, StoredVolume, TransferTable,
+    self, ExtinctionTable, GradientTable, LabelMap, SegmentTable, Steps, Storage, StoredScene, StoredVolume,
+    TransferTable,
 };
 use crate::{Interpolation, Lookup, Scene};
 use relume_base::number::{Real, count, unit};
@@ -399,7 +400,7 @@ pub struct Stored<'a, R> {
     volume: &'a StoredVolume,
     table: &'a TransferTable,
     labels: Option<(&'a LabelMap, &'a TransferTable)>,
-    gradients: GradientTable,
+    gradients: &'a GradientTable,
     coordinate_scale: R,
     coordinate_offset: R,
     gradient_scale: [R; 3],
@@ -411,54 +412,34 @@ pub struct Stored<'a, R> {
 #[derive(Debug)]
 struct Segments<'a, R> {
     table: &'a SegmentTable,
-    labels: Option<&'a TransferTable>,
+    /// Of labels.
+    densities: &'a TransferTable,
     scale: R,
     offset: R,
 }
 
 impl<'a, R: Real> Stored<'a, R> {
-    /// Creates samples of stored tables and a stored volume.
+    /// Creates samples of a scene `stored` for this plan.
     #[must_use]
-    pub fn new(
-        planned: &'a Planned,
-        storage: &Storage,
-        volume: &'a StoredVolume,
-        table: &'a TransferTable,
-        labels: Option<(&'a LabelMap, &'a TransferTable)>,
-        gradients: GradientTable,
-    ) -> Self {
+    pub fn new(planned: &'a Planned, stored: &'a StoredScene) -> Self {
+        let StoredScene { storage, volume, table, label_table, segments, extinctions, gradients, labels } = stored;
         let [scale, offset] = table.coordinate_from_texel(storage);
+        let of_segments = |(table, densities): &'a (SegmentTable, TransferTable)| {
+            let [scale, offset] = table.coordinate_from_texel(storage).map(R::from_f64);
+            Segments { table, densities, scale, offset }
+        };
         Self {
             planned,
             volume,
             table,
-            labels,
+            labels: labels.as_deref().map(|labels| (labels, label_table)),
             gradients,
             coordinate_scale: R::from_f64(scale),
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
-            segments: None,
-            extinctions: &[],
+            segments: segments.as_ref().map(of_segments),
+            extinctions,
         }
-    }
-
-    /// The same with the extinctions of shadows.
-    #[must_use]
-    pub fn with_shadows(self, extinctions: &'a [ExtinctionTable]) -> Self {
-        Self { extinctions, ..self }
-    }
-
-    /// The same with the tables of segments: of values, and the densities of labels.
-    #[must_use]
-    pub fn with_segments(
-        mut self,
-        storage: &Storage,
-        table: &'a SegmentTable,
-        labels: Option<&'a TransferTable>,
-    ) -> Self {
-        let [scale, offset] = table.coordinate_from_texel(storage).map(R::from_f64);
-        self.segments = Some(Segments { table, labels, scale, offset });
-        self
     }
 
     /// `N` numbers of the texel at `place`, from the number `first` on.
@@ -512,7 +493,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
         self.look_up(self.coordinate_at(place, self.table.entries()), step);
         if self.planned.plan.gradient_opacity > 0 && !step.does_nothing() {
-            let factor = gradient_factor(&self.gradients, self.gradient_at(place));
+            let factor = gradient_factor(self.gradients, self.gradient_at(place));
             thin([&mut step.source, &mut step.opacity], &self.planned.plan, factor);
         }
         if let Some((_, table)) = self.labels {
@@ -536,7 +517,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
 
     // Twin of `mean_between` in `shaders/segments.wgsl`.
     fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R {
-        let Some(Segments { table, labels, .. }) = &self.segments else { return R::default() };
+        let Some(Segments { table, densities, .. }) = &self.segments else { return R::default() };
         let [a, b] = ends.map(|end| Integrals::at(table, end.value));
         let between = ends[1].value - ends[0].value;
         let unit = R::from_f64(table.unit);
@@ -574,15 +555,13 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             density.opacity.push(number(from, to, [before, after]));
         }
         if self.planned.plan.gradient_opacity > 0 {
-            scale(density, gradient_factor(&self.gradients, middle_of(ends)));
+            scale(density, gradient_factor(self.gradients, middle_of(ends)));
         }
         let shares = self.shares(middle);
-        if let Some(labels) = labels {
-            shares.mix(density, |row, density| {
-                entry(labels, row, density);
-                density.opacity.truncate(self.planned.plan.transmittance_numbers());
-            });
-        }
+        shares.mix(density, |row, density| {
+            entry(densities, row, density);
+            density.opacity.truncate(self.planned.plan.transmittance_numbers());
+        });
         variation(ends, shares.label(), || most)
     }
 
@@ -601,7 +580,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
                 }
             };
             if self.planned.plan.gradient_opacity > 0 {
-                extinction * gradient_factor(&self.gradients, self.gradient_at(place))
+                extinction * gradient_factor(self.gradients, self.gradient_at(place))
             } else {
                 extinction
             }

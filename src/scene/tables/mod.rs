@@ -11,6 +11,7 @@ mod reflected;
 mod segments;
 mod shadows;
 mod storage;
+mod stored;
 mod thin_film;
 mod transfer;
 mod whole;
@@ -30,5 +31,6 @@ pub use shadows::{
     SKY_SPACING, Sweep, Within,
 };
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
+pub use stored::StoredScene;
 pub use thin_film::{FILM_ROWS, ThinFilmRows, ThinFilmTable};
 pub use transfer::{LARGEST_DEPTH, Step, Steps, TransferTable};

@@ -1,5 +1,7 @@
 //! Removes tables and head rests from first looks.
 
+use std::sync::Arc;
+
 use super::values::{Kind, Values};
 use relume_base::number::count;
 use relume_base::progress::Progress;
@@ -36,7 +38,7 @@ impl Alone {
 /// Removes all parts but the largest from the volume, or finds the box of the largest in voxels that stay in a file; `None` if it
 /// removes nothing. The lowest layer is half as opaque as further up at the value `lowest`.
 pub(super) fn alone(
-    volume: &mut Volume,
+    volume: &mut Arc<Volume>,
     values: &Values,
     lowest: f64,
     progress: &dyn Progress,
@@ -62,7 +64,7 @@ pub(super) fn alone(
         if !is_worth(others) {
             return Ok(None);
         }
-        volume.keep_largest(&parts);
+        Arc::make_mut(volume).keep_largest(&parts);
         return Ok(Some(Alone::Above(above)));
     }
     let bounds = parts.bounds();

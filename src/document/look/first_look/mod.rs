@@ -9,6 +9,7 @@ mod values;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 use glam::DVec3;
 use toml_edit::{DocumentMut, Item, TableLike};
@@ -103,6 +104,17 @@ pub struct Wish {
     pub look: Option<Look>,
     /// Width and centre of the range of values from transparent to most opaque.
     pub window: Option<[f64; 2]>,
+    /// Window and colour of a channel, in place of both.
+    pub channel: Option<Channel>,
+}
+
+/// The window of a channel, from transparent to most opaque, and its sRGB numbers from 0 to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Channel {
+    /// The lower value first.
+    pub window: [f64; 2],
+    /// Red, green and blue.
+    pub colour: [f64; 3],
 }
 
 impl Wish {
@@ -618,7 +630,7 @@ fn directions(volume: &Volume, values: &Values) -> Camera {
 /// [`LookError`].
 pub fn scene_text(
     name: &str,
-    volume: &mut Volume,
+    volume: &mut Arc<Volume>,
     statistics: &Statistics,
     wish: Wish,
     progress: &dyn Progress,
@@ -661,7 +673,7 @@ pub enum LookError {
 /// [`LookError`].
 pub(crate) fn first_look(
     name: &str,
-    volume: &mut Volume,
+    volume: &mut Arc<Volume>,
     statistics: &Statistics,
     (wish, Subject { has_parts, is_of_times }): (Wish, Subject),
     progress: &dyn Progress,
@@ -786,6 +798,44 @@ pub(crate) fn first_look(
     Ok(FirstLook { text, guess, is_alone, labels })
 }
 
+/// The view of a transfer function on a volume.
+pub(crate) struct Viewed {
+    /// The table of its camera in a scene.
+    pub(crate) text: String,
+    /// Whether the volume is a sheet, which is viewed face on.
+    pub(crate) is_flat: bool,
+}
+
+/// The view of `volume` with the transfer function of these terms, whose opacities refer to `opacity_length`.
+pub(crate) fn viewed(
+    volume: &Volume,
+    statistics: &Statistics,
+    terms: &[Term],
+    opacity_length: f64,
+    is_interpolated: bool,
+) -> Viewed {
+    /// Part of the largest optical depth from which a value is visible.
+    const VISIBLE: f64 = 0.02;
+    let (at_hand, geometry) = (volume.at_hand(), &volume.geometry);
+    let values = Values::of(at_hand, statistics);
+    let is_flat = flat_side(geometry).is_some();
+    let depth = |value: f64| terms.iter().map(|term| term.depth(value)).sum::<f64>();
+    let bends = terms.iter().flat_map(|term| &term.opacity).map(|point| depth(point.0));
+    let least = VISIBLE * bends.fold(0.0, f64::max);
+    let camera = directions(volume, &values);
+    let stride = values.thinned.stride;
+    let outline = fit::outline(at_hand, stride, None, |_, value| is_flat || depth(value) > least);
+    // A body is known to be upright.
+    let camera = if matches!(values.kind, Kind::Ct { .. }) { camera } else { raised(camera, &outline) };
+    let camera = if is_flat {
+        fit::fitted(&camera, &outline, &outline, geometry)
+    } else {
+        let depths = Depths::of(terms, opacity_length);
+        fit::framed(&camera, &outline, &Seen::new(at_hand, None, is_interpolated, depths))
+    };
+    Viewed { text: camera_text(&camera), is_flat }
+}
+
 /// What a first look shows of `volume`, which has these values, in words; but for a table that is left out, which only a search of
 /// all voxels finds.
 #[must_use]
@@ -804,10 +854,10 @@ fn axis_of_sight(geometry: &Geometry, camera: &Camera) -> usize {
 fn shape_of(volume: &Volume, (values, statistics): (&Values, &Statistics), wish: Wish, axis: usize) -> (Shape, String) {
     let is_flat = flat_side(&volume.geometry).is_some();
     let wish = match wish {
-        Wish { look: None, window: None } if is_flat => {
+        Wish { look: None, window: None, channel: None } if is_flat => {
             let [low, high] = [values.percentile(0.01), values.percentile(0.999)];
             let low = low - 0.1 * (high - low);
-            Wish { look: None, window: Some([high - low, f64::midpoint(low, high)]) }
+            Wish { window: Some([high - low, f64::midpoint(low, high)]), ..Wish::default() }
         }
         wish => wish,
     };
@@ -859,6 +909,16 @@ fn shape(
         }
         _ => kind,
     };
+    if let Some(Channel { window, colour }) = wish.channel {
+        let code = code(colour);
+        let [low, high] = window.map(brief_value);
+        return (
+            Shape::Ramp { layer: alone("channel", Colour::Code(code.clone()), window, 4.0), rise: Rise::Even },
+            format!(
+                "{kind}, shown in the colour of the channel, {code}: transparent up to {low}, most opaque from {high}"
+            ),
+        );
+    }
     let window = wish.window.map(|[width, centre]| [centre - width / 2.0, centre + width / 2.0]);
     if window.is_some() || wish.look == Some(Look::Grey) {
         let range = opened(values, window.unwrap_or([values.objects_from, high]), [1.0, 0.0]);
@@ -1148,22 +1208,9 @@ fn text(
             "\n# Lights keep their intensities, by which labels are as bright under their own light as in daylight.\n[dial]\nnormalise = false",
         );
     }
-    if let Aim::Orbit { azimuth, elevation, fill, front, around } = camera.aim {
-        line(
-            "\n# The camera orbits the box `around`. `fill` is the part of the picture that the box spans, by the aspect ratio (width /\n# height); visible pixels then span 0.9.\n[camera]",
-        );
-        if matches!(camera.projection, Projection::Orthographic { .. }) {
-            line("projection = \"orthographic\"");
-        }
-        line(&format!("azimuth = {azimuth:?}\nelevation = {elevation:?}"));
-        match fill.pairs() {
-            [[_, fill]] => line(&format!("fill = {fill:?}")),
-            pairs => line(&format!("fill = {pairs:?}")),
-        }
-        line(&format!("front = {:?}\nup = {:?}", front.to_array(), camera.up.to_array()));
-        if let Some([low, high]) = around {
-            line(&format!("around = [{:?}, {:?}]", low.to_array(), high.to_array()));
-        }
+    let of_camera = camera_text(camera);
+    if !of_camera.is_empty() {
+        line(&of_camera);
     }
     if let Some(Alone::Box([low, high])) = alone {
         line("\n# The box of the largest connected part. Parts outside it, such as a table, are cropped.\n[crop]");
@@ -1174,6 +1221,28 @@ fn text(
         line("\n# No interpolation between labels.\n[accuracy]\ninterpolation = \"nearest\"");
     }
     text
+}
+
+/// The table of a camera that orbits a box; empty for others.
+fn camera_text(camera: &Camera) -> String {
+    let Aim::Orbit { azimuth, elevation, fill, front, around } = camera.aim else { return String::new() };
+    let mut lines = vec![
+        "\n# The camera orbits the box `around`. `fill` is the part of the picture that the box spans, by the aspect ratio (width /\n# height); visible pixels then span 0.9.\n[camera]"
+            .to_owned(),
+    ];
+    if matches!(camera.projection, Projection::Orthographic { .. }) {
+        lines.push("projection = \"orthographic\"".to_owned());
+    }
+    lines.push(format!("azimuth = {azimuth:?}\nelevation = {elevation:?}"));
+    lines.push(match fill.pairs() {
+        [[_, fill]] => format!("fill = {fill:?}"),
+        pairs => format!("fill = {pairs:?}"),
+    });
+    lines.push(format!("front = {:?}\nup = {:?}", front.to_array(), camera.up.to_array()));
+    if let Some([low, high]) = around {
+        lines.push(format!("around = [{:?}, {:?}]", low.to_array(), high.to_array()));
+    }
+    lines.join("\n")
 }
 
 /// Whether a layer is thin along an axis.

@@ -115,7 +115,7 @@ pub use composite::{Composited, FilmPart, composite};
 
 use std::path::Path;
 
-use super::channels::{self, Part};
+use super::channels::{self, Part, Target};
 use super::picture::check_size;
 use super::{BANDS, OutputError};
 use serde::{Deserialize, Serialize};
@@ -123,6 +123,7 @@ use serde::{Deserialize, Serialize};
 use relume_colour::model::{ColourModel, ModelKind};
 use relume_colour::spectrum::observer::Observer;
 use relume_scene::Placement;
+use relume_scene::film::Film;
 
 /// Name of the attribute with the TOML text.
 const ATTRIBUTE: &str = "relume";
@@ -364,17 +365,56 @@ impl FilmFile {
     /// [`OutputError::Size`]; [`OutputError::Inconsistent`] if a name, a number or a length breaks the rules of the
     /// file; and those of [`super::write_atomically`].
     pub fn write(&self, path: &Path) -> Result<(), OutputError> {
+        self.write_to(Target::File(path), self.numbers())
+    }
+
+    /// [`Self::write`] with the numbers of a `film` of the same size in place of its own.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::write`].
+    pub fn write_with(&self, film: &Film<f32>, path: &Path) -> Result<(), OutputError> {
+        self.write_to(Target::File(path), [&film.accumulators, &film.transmittance])
+    }
+
+    /// The bytes of the film file that [`Self::write`] writes.
+    ///
+    /// # Errors
+    ///
+    /// [`OutputError::Size`], [`OutputError::Inconsistent`].
+    pub fn to_bytes(&self) -> Result<Vec<u8>, OutputError> {
+        let mut bytes = Vec::new();
+        self.write_to(Target::Memory(&mut bytes), self.numbers())?;
+        Ok(bytes)
+    }
+
+    /// [`Self::to_bytes`] with the numbers of a `film` of the same size in place of its own.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::to_bytes`].
+    pub fn to_bytes_with(&self, film: &Film<f32>) -> Result<Vec<u8>, OutputError> {
+        let mut bytes = Vec::new();
+        self.write_to(Target::Memory(&mut bytes), [&film.accumulators, &film.transmittance])?;
+        Ok(bytes)
+    }
+
+    /// The accumulators and the transmittance.
+    fn numbers(&self) -> [&[f32]; 2] {
+        [&self.accumulators, &self.transmittance]
+    }
+
+    fn write_to(&self, target: Target<'_>, numbers: [&[f32]; 2]) -> Result<(), OutputError> {
         let inconsistent = |detail| OutputError::Inconsistent { detail };
         check_size(self.width, self.height)?;
-        self.check().map_err(inconsistent)?;
+        self.check(numbers).map_err(inconsistent)?;
         let text = text::written(self).map_err(inconsistent)?;
         let (size, pixels) = ((self.width, self.height), self.width * self.height);
         let frame = self.frame.as_ref().map(text::written_frame).transpose().map_err(inconsistent)?;
         let names = self.channel_names();
         let attributes: Vec<(&str, &str)> =
             std::iter::once((ATTRIBUTE, &*text)).chain(frame.as_deref().map(|frame| (FRAME, frame))).collect();
-        let planes: Vec<&[f32]> =
-            self.accumulators.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels)).collect();
+        let planes: Vec<&[f32]> = numbers.into_iter().flat_map(|planes| planes.chunks_exact(pixels)).collect();
         let picture = |first: usize, data: &mut [f32]| {
             for (y, line) in (first..).zip(data.chunks_exact_mut(size.0 * names.len())) {
                 for (values, plane) in line.chunks_exact_mut(size.0).zip(&planes) {
@@ -384,7 +424,7 @@ impl FilmFile {
         };
         let Components::Model(Stored { model, .. }) = &self.components else {
             let part = Part { name: None, size, channels: &names, attributes: &attributes };
-            return channels::write(path, &[part], |_, first, data| picture(first, data));
+            return channels::write(target, &[part], |_, first, data| picture(first, data));
         };
         let tables = tables(model);
         let mut parts = vec![Part { name: Some(PICTURE), size, channels: &names, attributes: &attributes }];
@@ -394,7 +434,7 @@ impl FilmFile {
             channels: std::slice::from_ref(&table.channel),
             attributes: &[],
         }));
-        channels::write(path, &parts, |part, first, data| match part {
+        channels::write(target, &parts, |part, first, data| match part {
             0 => picture(first, data),
             _ => fill(data, tables[part - 1].rows[first..].iter().copied().flatten()),
         })
@@ -413,6 +453,12 @@ impl FilmFile {
     #[must_use]
     pub fn is_coloured(&self) -> bool {
         matches!(&self.components, Components::Model(Stored { coloured: true, .. }))
+    }
+
+    /// Names of the components.
+    #[must_use]
+    pub fn component_names(&self) -> Vec<String> {
+        self.components.names()
     }
 
     /// Channel names of the picture: those of [`Self::accumulators`] in their order, then those of the transmittance.

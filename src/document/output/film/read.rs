@@ -1,8 +1,7 @@
 //! Reading of film files, with every value checked before use.
 
 use std::collections::HashMap;
-use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
 use ::exr::block::reader::{ChunksReader, Reader};
@@ -62,6 +61,22 @@ impl FilmFile {
     /// [`OutputError::Attribute`] if its text is invalid.
     pub fn read(path: &Path) -> Result<Self, OutputError> {
         let unreadable = |source| OutputError::Read { path: path.to_owned(), source };
+        let file = input::open(path).map_err(unreadable)?;
+        let length = file.metadata().map_err(unreadable)?.len();
+        Self::read_from(BufReader::new(file), length, path)
+    }
+
+    /// Reads the film file of these `bytes`; messages call it `name`.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::read`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, OutputError> {
+        Self::read_from(Cursor::new(bytes), bytes.len() as u64, Path::new(name))
+    }
+
+    /// Reads a film file of `file_bytes` bytes; messages name `path`.
+    fn read_from(file: impl Read + Seek, file_bytes: u64, path: &Path) -> Result<Self, OutputError> {
         let damaged = |error| match error {
             ExrError::Io(source) => OutputError::Read { path: path.to_owned(), source },
             ExrError::Invalid(detail) | ExrError::NotSupported(detail) => {
@@ -73,9 +88,7 @@ impl FilmFile {
         let foreign = |detail| OutputError::NotAccumulators { path: path.to_owned(), detail };
         let wrong_text = |detail| OutputError::Attribute { path: path.to_owned(), detail };
 
-        let file = input::open(path).map_err(unreadable)?;
-        let file_bytes = file.metadata().map_err(unreadable)?.len();
-        let reader = block::read(BufReader::new(file), false).map_err(damaged)?;
+        let reader = block::read(file, false).map_err(damaged)?;
         let headers = reader.headers();
         let (part, text) = picture_part(headers).map_err(foreign)?;
         let (mut this, model) = text::parse(&text).map_err(wrong_text)?;
@@ -249,7 +262,7 @@ fn allocate(wanted: &mut [Wanted], headers: &[Header], file_bytes: u64) -> Resul
 }
 
 /// Decodes the expected parts.
-fn read_blocks(reader: Reader<BufReader<File>>, wanted: &mut [Wanted]) -> Result<(), ExrError> {
+fn read_blocks(reader: Reader<impl Read + Seek>, wanted: &mut [Wanted]) -> Result<(), ExrError> {
     reader.filter_chunks(false, |_, tile, _| tile.is_largest_resolution_level())?.decompress_sequential(
         false,
         |meta, block| match wanted.iter_mut().find(|part| part.part == block.index.layer) {

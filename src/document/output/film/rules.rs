@@ -6,8 +6,8 @@ use super::{Components, FilmFile, LARGEST_CLOUD, Stored};
 use relume_colour::model::LARGEST_DIMENSION;
 
 impl FilmFile {
-    /// Checks all rules of the file.
-    pub(super) fn check(&self) -> Result<(), String> {
+    /// Checks all rules of a file with these accumulators and transmittances.
+    pub(super) fn check(&self, [accumulators, through]: [&[f32]; 2]) -> Result<(), String> {
         let names = self.channel_names();
         self.check_lists(&names)?;
         if let Components::Model(stored) = &self.components {
@@ -16,16 +16,13 @@ impl FilmFile {
         let pixels = self.width * self.height;
         let transmittances = self.transmittance_numbers() * pixels;
         let expected = names.len() * pixels - transmittances;
-        if self.accumulators.len() != expected {
-            return Err(format!(
-                "it needs {expected} numbers in the accumulators, and has {}",
-                self.accumulators.len()
-            ));
+        if accumulators.len() != expected {
+            return Err(format!("it needs {expected} numbers in the accumulators, and has {}", accumulators.len()));
         }
-        if self.transmittance.len() != transmittances {
-            return Err(format!("it needs {transmittances} transmittances, and has {}", self.transmittance.len()));
+        if through.len() != transmittances {
+            return Err(format!("it needs {transmittances} transmittances, and has {}", through.len()));
         }
-        let planes = self.accumulators.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels));
+        let planes = accumulators.chunks_exact(pixels).chain(through.chunks_exact(pixels));
         check_planes(&names, planes, self.width, "")
     }
 

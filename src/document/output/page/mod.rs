@@ -185,6 +185,10 @@ pub fn check_memory(
 pub struct PackedPage {
     /// The HTML text.
     pub html: String,
+    /// Spectra, names, dial and encoding, as the script of the page reads them: for a widget with the same script.
+    pub json: String,
+    /// Packed pixels of each view, which `json` tells how to unpack.
+    pub views: Vec<Vec<u8>>,
     /// Bytes of the parts, and the accuracy.
     pub summary: Summary,
 }
@@ -232,11 +236,11 @@ impl Page<'_> {
         let lights = self.checked()?;
         let planes = self.planes(&lights, progress)?;
         let still = self.still(&lights)?;
-        let (html, text_bytes) = text::page(self, &lights, &planes, &still);
+        let (html, json) = text::page(self, &lights, &planes, &still);
         let summary = Summary {
             bytes: html.len(),
             packed_bytes: planes.views.iter().map(Vec::len).sum(),
-            text_bytes,
+            text_bytes: json.len(),
             still_bytes: still.len(),
             views: self.views.len(),
             channels: planes.kept.len(),
@@ -244,7 +248,7 @@ impl Page<'_> {
             largest_error: planes.found.largest,
             tolerance: self.tolerance,
         };
-        Ok(PackedPage { html, summary })
+        Ok(PackedPage { html, json, views: planes.views, summary })
     }
 
     /// Index of the view with which the page opens: the first of the middle row.

@@ -22,8 +22,8 @@ use relume_scene::film::Components;
 /// Version of the data of a page.
 const FORMAT: u32 = 2;
 
-/// The HTML of `page`, and the number of bytes of its JSON.
-pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u8]) -> (String, usize) {
+/// The HTML of `page`, and its JSON.
+pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u8]) -> (String, String) {
     let json = json_of(page, lights, planes);
     let views = planes.views.iter().enumerate().map(|(index, bytes)| {
         format!("<script type=\"text/plain\" id=\"relume-view-{index}\">{}</script>\n", STANDARD.encode(bytes))
@@ -51,7 +51,7 @@ pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u
         ("views", &views),
         ("script", SCRIPT),
     ];
-    (filled(include_str!("page.html"), &parts), json.len())
+    (filled(include_str!("page.html"), &parts), json)
 }
 
 /// Longer side of a picture for which scale bar and letters are drawn at least, in pixels.

@@ -1,0 +1,70 @@
+//! All tables of a scene and its volume, as a device stores them.
+
+use std::sync::Arc;
+
+use super::{ExtinctionTable, GradientTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
+use crate::Scene;
+use crate::plan::{Integrate, Planned};
+use relume_volume::{Statistics, VolumeError};
+
+/// What a march of the stored values reads.
+#[derive(Clone, Debug)]
+pub struct StoredScene {
+    /// How the volume is stored.
+    pub storage: Storage,
+    /// The volume as stored on a device.
+    pub volume: Arc<StoredVolume>,
+    /// The transfer table.
+    pub table: TransferTable,
+    /// Table of the media of labels.
+    pub label_table: TransferTable,
+    /// Table of segments, and the densities of labels, if the plan integrates in segments.
+    pub segments: Option<(SegmentTable, TransferTable)>,
+    /// Extinction of shadows, if lights with a direction cast them.
+    pub extinctions: Vec<ExtinctionTable>,
+    /// Table of the gradient opacity.
+    pub gradients: GradientTable,
+    /// Label of every voxel, if the plan uses labels.
+    pub labels: Option<Arc<LabelMap>>,
+}
+
+impl StoredScene {
+    /// Stores `scene` as `planned`; the values of its volume have these `statistics`.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError`]: labels that cannot be used.
+    pub fn new(scene: &Scene, planned: &Planned, statistics: &Statistics) -> Result<Self, VolumeError> {
+        let storage = Storage::new(&planned.plan, scene.volume(), statistics);
+        let volume = Arc::new(StoredVolume::new(scene.volume(), &storage));
+        let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
+        Ok(Self::of(scene, planned, (storage, volume), labels.map(Arc::new)))
+    }
+
+    /// Stores the tables of `scene` as `planned` around a stored volume, and labels if the plan uses them.
+    #[must_use]
+    pub fn of(
+        scene: &Scene,
+        planned: &Planned,
+        (storage, volume): (Storage, Arc<StoredVolume>),
+        labels: Option<Arc<LabelMap>>,
+    ) -> Self {
+        Self {
+            table: TransferTable::new(scene, planned, storage.domain),
+            label_table: TransferTable::of_labels(scene, planned),
+            segments: (planned.plan.integration == Integrate::Segments).then(|| {
+                let table = SegmentTable::new(scene, planned, storage.domain);
+                (table, TransferTable::densities_of_labels(scene, planned))
+            }),
+            extinctions: if planned.plan.light.grid_lights() > 0 {
+                ExtinctionTable::of_plan(scene, planned, storage.domain)
+            } else {
+                Vec::new()
+            },
+            gradients: GradientTable::new(scene, &storage),
+            labels,
+            storage,
+            volume,
+        }
+    }
+}
