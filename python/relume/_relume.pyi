@@ -1,0 +1,244 @@
+"""The compiled part of the package; `relume` has its public names."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, final
+
+import numpy
+from numpy.typing import ArrayLike, NDArray
+
+__version__: str
+WAVELENGTHS: NDArray[numpy.float64]
+SCRIPT: str
+STYLE: str
+
+_Path = str | os.PathLike[str]
+_Progress = Callable[[str, int, int], object]
+_Spectrum = Any
+_Image = Any
+
+@final
+class Volume:
+    def __new__(
+        cls,
+        image: _Image,
+        *,
+        spacing: float | Sequence[float] | None = None,
+        origin: Sequence[float] | None = None,
+        direction: ArrayLike | None = None,
+        affine: ArrayLike | None = None,
+        axes: str | None = None,
+        unit: str | None = None,
+        anatomical: bool | None = None,
+        labels: bool | None = None,
+        slope: float | None = None,
+        intercept: float | None = None,
+        source: str | None = None,
+    ) -> Volume: ...
+    @property
+    def dims(self) -> list[int]: ...
+    @property
+    def spacing(self) -> list[float]: ...
+    @property
+    def origin(self) -> list[float]: ...
+    @property
+    def direction(self) -> list[list[float]]: ...
+    @property
+    def affine(self) -> list[list[float]]: ...
+    @property
+    def unit(self) -> str | None: ...
+    @property
+    def slope(self) -> float: ...
+    @property
+    def intercept(self) -> float: ...
+    @property
+    def anatomical(self) -> bool: ...
+    @property
+    def source(self) -> str: ...
+    @property
+    def notes(self) -> list[str]: ...
+    @property
+    def array(self) -> NDArray[Any]: ...
+    @property
+    def range(self) -> list[float]: ...
+    def world(self, index: Sequence[float]) -> list[float]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Scene:
+    def __new__(
+        cls,
+        description: Mapping[str, Any] | str,
+        volume: _Image | None = None,
+        labels: _Image | None = None,
+        *,
+        base: _Path | None = None,
+        name: str = "scene",
+        define: Mapping[str, Any] | None = None,
+    ) -> Scene: ...
+    @classmethod
+    def load(
+        cls,
+        path: _Path,
+        volume: _Image | None = None,
+        labels: _Image | None = None,
+        *,
+        define: Mapping[str, Any] | None = None,
+        progress: _Progress | None = None,
+    ) -> Scene: ...
+    @classmethod
+    def first_look(
+        cls,
+        volume: _Image,
+        labels: _Image | None = None,
+        *,
+        look: str | None = None,
+        preset: _Path | None = None,
+        define: Mapping[str, Any] | None = None,
+        progress: _Progress | None = None,
+    ) -> Scene: ...
+    def define(self, definitions: Mapping[str, Any]) -> Scene: ...
+    def render(
+        self,
+        size: tuple[int, int] = ...,
+        *,
+        device: str | int | None = None,
+        lights: Mapping[str, _Spectrum] | None = None,
+        progress: _Progress | None = None,
+    ) -> Film: ...
+    @property
+    def volume(self) -> Volume: ...
+    @property
+    def labels(self) -> Volume | None: ...
+    @property
+    def toml(self) -> str: ...
+    @property
+    def guess(self) -> str | None: ...
+    @property
+    def materials(self) -> dict[str, NDArray[numpy.float64]]: ...
+    @property
+    def lights(self) -> dict[str, NDArray[numpy.float64]]: ...
+    def explain(self) -> list[str]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    def _repr_png_(self) -> bytes: ...
+
+@final
+class Film:
+    @classmethod
+    def from_exr(cls, file: _Path | bytes) -> Film: ...
+    @property
+    def size(self) -> tuple[int, int]: ...
+    @property
+    def weights(self) -> NDArray[numpy.float32]: ...
+    @property
+    def transmittance(self) -> NDArray[numpy.float32]: ...
+    @property
+    def positions(self) -> list[str]: ...
+    @property
+    def components(self) -> list[str]: ...
+    @property
+    def lights(self) -> dict[str, dict[str, Any]]: ...
+    @property
+    def materials(self) -> dict[str, NDArray[numpy.float64]]: ...
+    @property
+    def model(self) -> str | None: ...
+    @property
+    def dial(self) -> dict[str, Any]: ...
+    def relight(
+        self,
+        light: Any = None,
+        *,
+        hand: tuple[float, float] | None = None,
+        preset: str | None = None,
+        exposure: float | None = None,
+        observer: int | str | None = None,
+        adapt: bool | None = None,
+        encoded: bool = False,
+        out: NDArray[numpy.float32] | None = None,
+    ) -> NDArray[Any]: ...
+    def matrices(
+        self,
+        light: Any = None,
+        *,
+        hand: tuple[float, float] | None = None,
+        preset: str | None = None,
+        exposure: float | None = None,
+        observer: int | str | None = None,
+        adapt: bool | None = None,
+    ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
+    def to_exr(self, path: _Path) -> None: ...
+    def to_bytes(self) -> bytes: ...
+    def to_png(
+        self,
+        path: _Path,
+        light: Any = None,
+        *,
+        hand: tuple[float, float] | None = None,
+        preset: str | None = None,
+        exposure: float | None = None,
+        observer: int | str | None = None,
+        adapt: bool | None = None,
+    ) -> None: ...
+    def html(
+        self, title: str | None = None, tolerance: float | None = None, *, progress: _Progress | None = None
+    ) -> str: ...
+    def page(
+        self,
+        path: _Path,
+        title: str | None = None,
+        tolerance: float | None = None,
+        *,
+        progress: _Progress | None = None,
+    ) -> None: ...
+    def frame(self, title: str | None = None, tolerance: float | None = None, *, height: int = 760) -> Any: ...
+    def _packed(self, tolerance: float | None = None) -> tuple[str, list[bytes]]: ...
+    def _repr_png_(self) -> bytes: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Palette:
+    def __new__(
+        cls, description: Mapping[str, Any] | str, *, base: _Path | None = None, name: str = "palette"
+    ) -> Palette: ...
+    @staticmethod
+    def load(path: _Path) -> Palette: ...
+    def solve(self, start: Solution | None = None, *, progress: _Progress | None = None) -> Solution: ...
+
+@final
+class Solution:
+    @property
+    def materials(self) -> dict[str, NDArray[numpy.float64]]: ...
+    @property
+    def lights(self) -> dict[str, NDArray[numpy.float64]]: ...
+    @property
+    def difference(self) -> dict[tuple[str, str], float]: ...
+    @property
+    def worst(self) -> float: ...
+    @property
+    def conflicts(self) -> list[str]: ...
+    @property
+    def toml(self) -> str: ...
+    def _repr_svg_(self) -> str: ...
+
+def open(
+    path: _Path,
+    *,
+    look: str | None = None,
+    preset: _Path | None = None,
+    define: Mapping[str, Any] | None = None,
+    progress: _Progress | None = None,
+) -> Scene: ...
+def example() -> Scene: ...
+def spectrum(spectrum: _Spectrum, kind: str | None = None) -> NDArray[numpy.float64]: ...
+def xyz(
+    reflectance: _Spectrum, light: _Spectrum, observer: int | str | None = None
+) -> NDArray[numpy.float64]: ...
+def standards() -> dict[str, list[str]]: ...
+def devices() -> list[dict[str, Any]]: ...
+def release() -> None: ...
+def _uploads(device: str) -> int: ...
+def _command(arguments: Sequence[str]) -> int: ...
+def _volume_of(state: dict[str, Any]) -> Volume: ...
+def _scene_of(
+    text: str, volume: _Image, labels: _Image | None, base: _Path, name: str
+) -> Scene: ...

@@ -1,0 +1,139 @@
+//! Devices: one renderer of each, and the scene that it holds.
+
+use std::collections::HashMap;
+use std::process;
+use std::sync::{Arc, Mutex, PoisonError, TryLockError};
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use relume::progress::Progress;
+use relume::render::{DeviceFilm, PlannedJob, RenderWarning, Renderer, SceneRenderer};
+use relume::scene::Mix;
+use relume::vulkan::{self, Device, DeviceChoice, Validation};
+
+use crate::errors::{Failed, Made};
+use crate::work::heard;
+
+/// The renderer of a device, with the scene that it marched last.
+struct Kept {
+    renderer: Renderer,
+    on_device: Option<SceneRenderer>,
+    /// Volumes uploaded so far.
+    uploads: u64,
+}
+
+/// Renderers by the name of their device, and the process that opened them.
+static KEPT: Mutex<Option<(u32, HashMap<String, Arc<Mutex<Kept>>>)>> = Mutex::new(None);
+
+/// The renderer of `device`, opened at its first use.
+fn kept(device: &str) -> Made<Arc<Mutex<Kept>>> {
+    let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    let (owner, renderers) = all.get_or_insert_with(|| (process::id(), HashMap::new()));
+    if *owner != process::id() {
+        return Err(Failed::new(
+            "DeviceError",
+            "device-forked",
+            "this process was forked from one that has a Vulkan device open, which cannot be shared; start it by \
+             multiprocessing.set_start_method(\"spawn\"), or render with device=\"cpu\"",
+        ));
+    }
+    if let Some(kept) = renderers.get(device) {
+        return Ok(Arc::clone(kept));
+    }
+    let opened = Arc::new(Mutex::new(opened(device)?));
+    renderers.insert(device.to_owned(), Arc::clone(&opened));
+    Ok(opened)
+}
+
+fn opened(device: &str) -> Made<Kept> {
+    let Ok(choice) = device.parse::<DeviceChoice>();
+    let renderer = Renderer::new(Device::open(&choice, Validation::Off)?);
+    Ok(Kept { renderer, on_device: None, uploads: 0 })
+}
+
+/// Marches `job` on `device`; the volume that it marched last is not uploaded again.
+pub(crate) fn marched(
+    device: &str,
+    job: &PlannedJob,
+    mix: &Mix,
+    size: [usize; 2],
+    progress: &dyn Progress,
+) -> Made<Vec<relume::film::Film<f32>>> {
+    let shared = kept(device)?;
+    // A renderer marches one scene at a time; another thread has one of its own.
+    let mut own = None;
+    let mut guard = match shared.try_lock() {
+        Ok(guard) => Some(guard),
+        Err(TryLockError::Poisoned(poisoned)) => {
+            let mut guard = poisoned.into_inner();
+            *guard = opened(device)?;
+            Some(guard)
+        }
+        Err(TryLockError::WouldBlock) => {
+            own = Some(opened(device)?);
+            None
+        }
+    };
+    let Kept { renderer, on_device, uploads } = match (&mut guard, &mut own) {
+        (Some(guard), _) => &mut **guard,
+        (None, Some(own)) => own,
+        (None, None) => return Err(Failed::new("DeviceError", "device", "no renderer")),
+    };
+    renderer.check_picture(&job.planned.plan, size, 0)?;
+    if !on_device.as_ref().is_some_and(|before| before.holds(&job.scene, &job.planned)) {
+        *uploads += 1;
+    }
+    job.clone().put(on_device, renderer, progress)?;
+    let Some(on_device) = on_device else {
+        return Err(Failed::new("DeviceError", "device", "the scene is not on the device"));
+    };
+    let uploaded = on_device.uploaded();
+    for warning in RenderWarning::of_storage(&job.scene, &uploaded.storage, uploaded.labels.as_deref()) {
+        heard(warning);
+    }
+    let mut films = Vec::new();
+    for camera in &job.cameras {
+        on_device.camera_mut().clone_from(camera);
+        let film: DeviceFilm = on_device.march(size, progress)?;
+        for warning in RenderWarning::of_film(on_device, &film, mix) {
+            heard(warning);
+        }
+        films.push(on_device.renderer().read(&film)?);
+    }
+    Ok(films)
+}
+
+/// Vulkan devices of this machine: dicts with `name`, `kind`, `driver` and `missing`, which is empty for a usable one.
+#[pyfunction]
+pub(crate) fn devices(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    let found = py.detach(vulkan::devices).map_err(Failed::from)?;
+    let list = PyList::empty(py);
+    for device in found {
+        let of = PyDict::new(py);
+        of.set_item("name", device.name.clone())?;
+        of.set_item("kind", device.kind.to_string())?;
+        of.set_item("driver", device.driver.clone())?;
+        of.set_item("missing", device.missing.clone())?;
+        list.append(of)?;
+    }
+    Ok(list)
+}
+
+/// Frees all devices and the volumes on them.
+#[pyfunction]
+pub(crate) fn release(py: Python<'_>) {
+    py.detach(|| {
+        let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        if all.as_ref().is_some_and(|(owner, _)| *owner == process::id()) {
+            *all = None;
+        }
+    });
+}
+
+/// Volumes uploaded so far to `device`: for tests.
+#[pyfunction]
+pub(crate) fn _uploads(device: &str) -> PyResult<u64> {
+    let shared = kept(device)?;
+    let kept = shared.lock().unwrap_or_else(PoisonError::into_inner);
+    Ok(kept.uploads)
+}

@@ -1,0 +1,127 @@
+//! Errors of the library as exceptions of `relume._errors`.
+
+use std::error::Error;
+
+use pyo3::prelude::*;
+use relume::document::{OpenError, SceneError, chain};
+use relume::model::ModelError;
+use relume::output::OutputError;
+use relume::output::page::PageError;
+use relume::palette::PaletteError;
+use relume::plan::PlanError;
+use relume::reference::ReferenceError;
+use relume::render::RenderError;
+use relume::spectrum::SpectrumError;
+use relume::volume::VolumeError;
+use relume::vulkan::VulkanError;
+
+/// Result of a method: an error of the library becomes an exception.
+pub(crate) type Made<T> = Result<T, Failed>;
+
+/// An exception to be raised: its class, sentence, code, and the key of the scene that is wrong.
+#[derive(Debug)]
+pub(crate) struct Failed {
+    class: &'static str,
+    message: String,
+    code: &'static str,
+    key: Option<String>,
+}
+
+impl Failed {
+    pub(crate) fn new(class: &'static str, code: &'static str, message: impl Into<String>) -> Self {
+        Self { class, message: message.into(), code, key: None }
+    }
+
+    fn of(class: &'static str, code: &'static str, error: &dyn Error) -> Self {
+        Self::new(if code == "cancelled" { "Cancelled" } else { class }, code, chain(error))
+    }
+
+    pub(crate) fn raised(self, py: Python<'_>) -> PyErr {
+        let made = || -> PyResult<PyErr> {
+            let class = py.import("relume._errors")?.getattr(self.class)?;
+            Ok(PyErr::from_value(class.call1((self.message, self.code, self.key))?))
+        };
+        made().unwrap_or_else(|error| error)
+    }
+}
+
+impl From<Failed> for PyErr {
+    fn from(failed: Failed) -> Self {
+        Python::attach(|py| failed.raised(py))
+    }
+}
+
+impl From<SceneError> for Failed {
+    fn from(error: SceneError) -> Self {
+        let failed = match &error {
+            // The keys tell the place; nobody wrote the text of a dict.
+            SceneError::Invalid { message, key, .. } if !key.is_empty() => {
+                Self::new("SceneError", error.code(), message.clone())
+            }
+            SceneError::Volume { source, .. } => Self::of("VolumeError", source.code(), source),
+            _ => Self::of("SceneError", error.code(), &error),
+        };
+        Self { key: error.key().map(str::to_owned), ..failed }
+    }
+}
+
+impl From<OpenError> for Failed {
+    fn from(error: OpenError) -> Self {
+        match error {
+            OpenError::Scene(error) => error.into(),
+            OpenError::Volume(error) => error.into(),
+            error => Self::of("SceneError", error.code(), &error),
+        }
+    }
+}
+
+impl From<VulkanError> for Failed {
+    fn from(error: VulkanError) -> Self {
+        let class = match &error {
+            VulkanError::TooLarge { .. } => "DeviceMemoryError",
+            _ if error.code().contains("memory") => "DeviceMemoryError",
+            _ => "DeviceError",
+        };
+        let failed = Self::of(class, error.code(), &error);
+        match &error {
+            VulkanError::NoLoader { .. } | VulkanError::NoDriver | VulkanError::NoDevice => {
+                Self { message: format!("{}; or render on the CPU: device=\"cpu\"", failed.message), ..failed }
+            }
+            _ => failed,
+        }
+    }
+}
+
+impl From<RenderError> for Failed {
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Vulkan(error) => error.into(),
+            RenderError::Plan(error) => error.into(),
+            RenderError::Volume(error) | RenderError::Labels(error) => error.into(),
+            RenderError::Slot { .. } => Self::of("DeviceMemoryError", error.code(), &error),
+            error => Self::of("RelumeError", error.code(), &error),
+        }
+    }
+}
+
+/// An error of the library, by its class.
+macro_rules! raised_as {
+    ($($error:ty => $class:literal),+ $(,)?) => {$(
+        impl From<$error> for Failed {
+            fn from(error: $error) -> Self {
+                Self::of($class, error.code(), &error)
+            }
+        }
+    )+};
+}
+
+raised_as! {
+    VolumeError => "VolumeError",
+    PlanError => "SceneError",
+    ReferenceError => "SceneError",
+    OutputError => "OutputError",
+    PageError => "OutputError",
+    PaletteError => "PaletteError",
+    ModelError => "SceneError",
+    SpectrumError => "SpectrumError",
+}

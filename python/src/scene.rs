@@ -1,0 +1,425 @@
+//! `Scene`: a volume with materials, lights and a camera, and its renders.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use numpy::PyArray1;
+use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyType};
+use relume::document::{
+    Definition, InMemory, Look, SceneFile, SceneOptions, Source, Wish, first_look_of, load, parse, parse_on,
+    parse_ready, redefined,
+};
+use relume::film::Film as Numbers;
+use relume::output::FilmFile;
+use relume::plan::plan;
+use relume::progress::{Progress, Quiet};
+use relume::render::{Job, Keeps, PlannedJob, RenderWarning};
+use relume::scene::Camera;
+use relume::volume::Statistics;
+
+use crate::device;
+use crate::errors::{Failed, Made};
+use crate::film::Film;
+use crate::spectra;
+use crate::tables::{text_of, value_of};
+use crate::volume::{Volume, is_path, path_of};
+use crate::work::{self, heard};
+
+/// A scene: immutable; `define` makes another one.
+#[pyclass(frozen, module = "relume")]
+pub(crate) struct Scene {
+    file: SceneFile,
+    statistics: Statistics,
+}
+
+/// The volumes in memory of two arguments.
+fn in_memory(volume: &Bound<'_, PyAny>, labels: Option<&Bound<'_, PyAny>>) -> PyResult<InMemory> {
+    Ok(InMemory { volume: Volume::of(volume)?, labels: labels.map(Volume::of).transpose()? })
+}
+
+/// Definitions of a dict: keys such as `camera.azimuth`, or nested dicts.
+fn definitions_of(definitions: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Definition>> {
+    fn add(dict: &Bound<'_, PyDict>, path: &str, found: &mut Vec<Definition>) -> PyResult<()> {
+        for (key, value) in dict {
+            let key = key.str()?.to_string();
+            let key = if path.is_empty() { key } else { format!("{path}.{key}") };
+            match value.cast::<PyDict>() {
+                Ok(dict) if !dict.is_empty() && !spectra::is_form(dict) => add(dict, &key, found)?,
+                _ => found.push(Definition::new(&format!("{key}={}", value_of(&value, &key)?))),
+            }
+        }
+        Ok(())
+    }
+    let mut found = Vec::new();
+    if let Some(definitions) = definitions {
+        add(definitions, "", &mut found)?;
+    }
+    Ok(found)
+}
+
+impl Scene {
+    /// The scene of `file`; statistics of its volume are `known` if they were computed before.
+    fn new_of(file: SceneFile, known: Option<Statistics>) -> Made<Self> {
+        let statistics = known.map_or_else(|| file.scene.volume().statistics(), Ok)?;
+        Ok(Self { file, statistics })
+    }
+
+    /// The films by `cameras`.
+    fn films(&self, asked: &Asked, progress: &dyn Progress) -> Made<Vec<Film>> {
+        let Asked { size, cameras, device, lights, keeps } = asked;
+        let scene = self.file.scene.clone();
+        for warning in RenderWarning::of_scene(&scene, &self.statistics, *size) {
+            heard(warning);
+        }
+        let mix = self.file.opening_mix();
+        let cameras = cameras.clone().unwrap_or_else(|| vec![scene.camera.clone()]);
+        let job = Job::new(scene, self.statistics.clone()).of_pictures(*size, cameras);
+        let job = Job { lights: lights.clone(), keeps: *keeps, ..job }.planned(progress)?;
+        for warning in &job.planned.warnings {
+            heard(warning);
+        }
+        if let Some(warning) = job.level.as_ref().and_then(RenderWarning::of_level) {
+            heard(warning);
+        }
+        let films = match device.as_str() {
+            "cpu" => on_cpu(&job, *size, &mix, progress)?,
+            "reference" => by_reference(&job, *size, &mix, progress)?,
+            device => device::marched(device, &job, &mix, *size, progress)?,
+        };
+        let dial = self.file.light.dial_of_film(&self.file.dial);
+        let file = |film| FilmFile::of_march(&job.scene, &job.planned, &mix, dial.clone(), film);
+        films.into_iter().map(|film| Film::of(file(film)?)).collect()
+    }
+}
+
+/// Settings of a render.
+struct Asked {
+    size: [usize; 2],
+    cameras: Option<Vec<Camera>>,
+    device: String,
+    lights: Vec<(String, relume::spectrum::Light)>,
+    keeps: Keeps,
+}
+
+fn on_cpu(
+    job: &PlannedJob,
+    size: [usize; 2],
+    mix: &relume::scene::Mix,
+    progress: &dyn Progress,
+) -> Made<Vec<Numbers<f32>>> {
+    let on_cpu = job.on_cpu()?;
+    let stored = &on_cpu.stored;
+    let warnings = RenderWarning::of_storage(&job.scene, &stored.storage, stored.labels.as_deref());
+    for warning in warnings.into_iter().chain(RenderWarning::of_nothing(&job.scene, &job.planned, mix, None)) {
+        heard(warning);
+    }
+    job.cameras.iter().map(|camera| Ok(on_cpu.film(camera, size, progress)?)).collect()
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "films hold f32")]
+fn by_reference(
+    job: &PlannedJob,
+    size: [usize; 2],
+    mix: &relume::scene::Mix,
+    progress: &dyn Progress,
+) -> Made<Vec<Numbers<f32>>> {
+    let reference = job.reference()?;
+    for warning in RenderWarning::of_labels(reference.labels.as_ref()).into_iter().chain(RenderWarning::of_nothing(
+        &job.scene,
+        &job.planned,
+        mix,
+        None,
+    )) {
+        heard(warning);
+    }
+    Ok(vec![reference.film(size, progress)?.map(|number| number as f32)])
+}
+
+#[pymethods]
+impl Scene {
+    /// A scene of a dict with the keys of SCENE.md, or its TOML text. `volume` and `labels` are what `Volume` takes; without a
+    /// volume, the scene names one. Paths are relative to `base`.
+    #[new]
+    #[pyo3(signature = (description, volume=None, labels=None, *, base=None, name="scene", define=None))]
+    fn new(
+        py: Python<'_>,
+        description: &Bound<'_, PyAny>,
+        volume: Option<&Bound<'_, PyAny>>,
+        labels: Option<&Bound<'_, PyAny>>,
+        base: Option<PathBuf>,
+        name: &str,
+        define: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let text = text_of(description)?;
+        let given = volume.map(|volume| in_memory(volume, labels)).transpose()?;
+        if labels.is_some() && given.is_none() {
+            return Err(PyTypeError::new_err("labels need a volume: Scene(description, volume, labels)"));
+        }
+        let options = SceneOptions { definitions: definitions_of(define)?, ..SceneOptions::default() };
+        let base = base.unwrap_or_default();
+        work::run(py, None, |progress| {
+            let file = match given {
+                Some(given) => parse_on(given, name, &text, &base, &options, progress),
+                None => parse(name, &text, &base, &options, progress),
+            };
+            Self::new_of(file?, None)
+        })
+    }
+
+    /// The scene of a file. A `volume` takes the place of that of the file.
+    #[classmethod]
+    #[pyo3(signature = (path, volume=None, labels=None, *, define=None, progress=None))]
+    fn load(
+        _class: &Bound<'_, PyType>,
+        py: Python<'_>,
+        path: PathBuf,
+        volume: Option<&Bound<'_, PyAny>>,
+        labels: Option<&Bound<'_, PyAny>>,
+        define: Option<&Bound<'_, PyDict>>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let options = SceneOptions { definitions: definitions_of(define)?, ..SceneOptions::default() };
+        let given = volume.map(|volume| in_memory(volume, labels)).transpose()?;
+        work::run(py, progress, |progress| {
+            let Some(given) = given else { return Self::new_of(load(&path, &options, progress)?, None) };
+            let shown = path.display().to_string();
+            let text = std::fs::read_to_string(&path).map_err(|error| {
+                Failed::new("SceneError", "scene-unreadable", format!("cannot read {shown}: {error}"))
+            })?;
+            let base = path.parent().map(PathBuf::from).unwrap_or_default();
+            Self::new_of(parse_on(given, &shown, &text, &base, &options, progress)?, None)
+        })
+    }
+
+    /// The scene that Relume makes of the values of a volume, as `relume render VOLUME`; `look` names one of its looks,
+    /// `preset` is a file of 3D Slicer or ParaView, and `guess` says why it is what it is.
+    #[classmethod]
+    #[pyo3(signature = (volume, labels=None, *, look=None, preset=None, define=None, progress=None))]
+    fn first_look(
+        _class: &Bound<'_, PyType>,
+        py: Python<'_>,
+        volume: &Bound<'_, PyAny>,
+        labels: Option<&Bound<'_, PyAny>>,
+        look: Option<&str>,
+        preset: Option<PathBuf>,
+        define: Option<&Bound<'_, PyDict>>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let options = options_of(look, preset, define)?;
+        if is_path(volume)? && labels.is_none() {
+            return opened(py, path_of(volume)?, options, progress);
+        }
+        let given = in_memory(volume, labels)?;
+        work::run(py, progress, |progress| {
+            let (file, statistics) = first_look_of(given, &options, progress)?;
+            Self::new_of(file, Some(statistics))
+        })
+    }
+
+    /// The scene with other values of keys, `{"camera.azimuth": 40}` or nested, on the same volume.
+    fn define(&self, py: Python<'_>, definitions: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let definitions = definitions_of(Some(definitions))?;
+        let made = || -> Made<Self> {
+            Self::new_of(redefined(&self.file, &definitions, &Quiet)?, Some(self.statistics.clone()))
+        };
+        Ok(work::detached(py, made)?)
+    }
+
+    /// Marches the scene once: the film, which any light relights. `device` is "auto", a part of the name of a Vulkan
+    /// device, its number, "cpu" (all cores, without Vulkan) or "reference" (f64, slow). `lights` are further lights, by
+    /// name, for which a colour model is planned. `progress(stage, done, total)` may cancel by returning False.
+    #[pyo3(signature = (size=(800, 800), *, device=None, lights=None, progress=None))]
+    fn render(
+        &self,
+        py: Python<'_>,
+        size: (usize, usize),
+        device: Option<&Bound<'_, PyAny>>,
+        lights: Option<&Bound<'_, PyDict>>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Film> {
+        let asked = asked(size, device, lights, Keeps::Stated)?;
+        let films = work::run(py, progress, |progress| self.films(&asked, progress))?;
+        films.into_iter().next().ok_or_else(|| PyKeyError::new_err("no film"))
+    }
+
+    /// The volume.
+    #[getter]
+    fn volume(&self) -> Volume {
+        Volume(Arc::clone(&self.file.scene.fields.first().volume))
+    }
+
+    /// The label map, if there is one.
+    #[getter]
+    fn labels(&self) -> Option<Volume> {
+        self.file.scene.labels.as_ref().map(|labels| Volume(Arc::clone(&labels.volume)))
+    }
+
+    /// TOML text of the scene, with its definitions.
+    #[getter]
+    fn toml(&self) -> &str {
+        &self.file.text
+    }
+
+    /// Why a first look is what it is.
+    #[getter]
+    fn guess(&self) -> Option<&str> {
+        self.file.guess.as_deref()
+    }
+
+    /// Reflectances of the materials, by name.
+    #[getter]
+    fn materials<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let of = self.file.scene.materials.iter();
+        by_name(py, of.map(|it| (it.name.as_str(), spectra::array(py, it.reflectance.spectrum()))))
+    }
+
+    /// Spectra of the lights, by name, of luminance 1.
+    #[getter]
+    fn lights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let of = self.file.scene.lights.iter();
+        by_name(py, of.map(|it| (it.name.as_str(), spectra::array(py, it.spectrum.spectrum()))))
+    }
+
+    /// What a march of this scene computes and why, in sentences.
+    fn explain(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        work::run(py, None, |progress| {
+            let planned = plan(&self.file.scene, progress)?;
+            Ok(planned.explain(&self.file.scene))
+        })
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| {
+            let (ours, theirs) = (&self.file, &other.get().file);
+            ours.text == theirs.text && ours.scene.digest() == theirs.scene.digest()
+        })
+    }
+
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (String, Volume, Option<Volume>, PathBuf, String))> {
+        let scene = slf.get();
+        let made = slf.py().import("relume._relume")?.getattr("_scene_of")?;
+        let (text, base) = (scene.file.text.to_string(), scene.file.base.clone());
+        Ok((made, (text, scene.volume(), scene.labels(), base, scene.file.scene.name.clone())))
+    }
+
+    fn __repr__(&self) -> String {
+        let names = |names: Vec<&str>| names.join(", ");
+        let scene = &self.file.scene;
+        format!(
+            "<relume.Scene {}: {}; lights {}>",
+            scene.name,
+            names(scene.materials.iter().map(|it| it.name.as_str()).collect()),
+            names(scene.lights.iter().map(|it| it.name.as_str()).collect())
+        )
+    }
+
+    /// A picture of 256 pixels, in a notebook.
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyBytes>> {
+        let asked = asked((256, 256), None, None, Keeps::Stated)?;
+        let films = work::run(py, None, |progress| {
+            self.films(&asked, progress)
+                .or_else(|_| self.films(&Asked { device: "cpu".to_owned(), ..asked_small() }, progress))
+        })?;
+        let film = films.into_iter().next().ok_or_else(|| PyKeyError::new_err("no film"))?;
+        film._repr_png_(py)
+    }
+}
+
+fn asked_small() -> Asked {
+    Asked { size: [256; 2], cameras: None, device: "cpu".to_owned(), lights: Vec::new(), keeps: Keeps::Stated }
+}
+
+fn asked(
+    (width, height): (usize, usize),
+    device: Option<&Bound<'_, PyAny>>,
+    lights: Option<&Bound<'_, PyDict>>,
+    keeps: Keeps,
+) -> PyResult<Asked> {
+    if [width, height].iter().any(|side| !(1..=65_536).contains(side)) {
+        return Err(PyValueError::new_err(format!("size ({width}, {height}): each side has 1 to 65536 pixels")));
+    }
+    let device = device.map_or_else(|| Ok("auto".to_owned()), |device| device.str().map(|name| name.to_string()))?;
+    let lights = lights.into_iter().flatten();
+    let lights = lights.map(|(name, light)| Ok((name.str()?.to_string(), spectra::light_of(&light)?)));
+    Ok(Asked { size: [width, height], cameras: None, device, lights: lights.collect::<PyResult<_>>()?, keeps })
+}
+
+fn options_of(
+    look: Option<&str>,
+    preset: Option<PathBuf>,
+    define: Option<&Bound<'_, PyDict>>,
+) -> PyResult<SceneOptions> {
+    if look.is_some() && preset.is_some() {
+        return Err(PyTypeError::new_err("give a look or a preset"));
+    }
+    let look = look.map(Look::named).transpose().map_err(|message| Failed::new("SceneError", "look", message))?;
+    let wish = Wish { look, ..Wish::default() };
+    Ok(SceneOptions { definitions: definitions_of(define)?, wish, preset, ..SceneOptions::default() })
+}
+
+fn opened(
+    py: Python<'_>,
+    path: PathBuf,
+    options: SceneOptions,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Scene> {
+    work::run(py, progress, |progress| {
+        let (file, statistics) = Source { path: Some(path), options }.read(progress)?;
+        Scene::new_of(file, Some(statistics))
+    })
+}
+
+/// The scene of a file: a scene, or a volume with a first look, as `relume render FILE`.
+#[pyfunction]
+#[pyo3(signature = (path, *, look=None, preset=None, define=None, progress=None))]
+pub(crate) fn open(
+    py: Python<'_>,
+    path: PathBuf,
+    look: Option<&str>,
+    preset: Option<PathBuf>,
+    define: Option<&Bound<'_, PyDict>>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Scene> {
+    opened(py, path, options_of(look, preset, define)?, progress)
+}
+
+/// The built-in scene.
+#[pyfunction]
+pub(crate) fn example(py: Python<'_>) -> PyResult<Scene> {
+    work::run(py, None, |progress| {
+        let (file, statistics) = Source::default().read(progress)?;
+        Scene::new_of(file, Some(statistics))
+    })
+}
+
+/// The scene of a pickle.
+#[pyfunction]
+pub(crate) fn _scene_of(
+    py: Python<'_>,
+    text: String,
+    volume: &Bound<'_, PyAny>,
+    labels: Option<&Bound<'_, PyAny>>,
+    base: PathBuf,
+    name: &str,
+) -> PyResult<Scene> {
+    let given = in_memory(volume, labels)?;
+    work::run(py, None, |progress| {
+        let file = parse_ready(given, (name, &text), &base, &[], progress)?;
+        Scene::new_of(file, None)
+    })
+}
+
+fn by_name<'py>(
+    py: Python<'py>,
+    spectra: impl Iterator<Item = (impl AsRef<str>, Bound<'py, PyArray1<f64>>)>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    for (name, spectrum) in spectra {
+        dict.set_item(name.as_ref(), spectrum)?;
+    }
+    Ok(dict)
+}
