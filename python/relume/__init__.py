@@ -22,6 +22,7 @@ from ._errors import (
     RelumeWarning,
     SceneError,
     SpectrumError,
+    UnknownNameError,
     VolumeError,
 )
 from ._relume import (
@@ -58,6 +59,7 @@ __all__ = [
     "SceneError",
     "Solution",
     "SpectrumError",
+    "UnknownNameError",
     "Volume",
     "VolumeError",
     "__version__",

@@ -41,6 +41,13 @@ class OutputError(RelumeError, OSError):
         return str(self.args[0])
 
 
+class UnknownNameError(RelumeError, KeyError):
+    """A light, position or preset that a film does not have."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 class DeviceError(RelumeError, RuntimeError):
     """A Vulkan device that is missing or fails."""
 

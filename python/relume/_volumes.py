@@ -1,5 +1,6 @@
 """What an object tells of its voxels and their place in the world; no package of an object is imported."""
 
+import difflib
 import os
 
 import numpy
@@ -13,38 +14,33 @@ AXES = "zyx"
 LPS_FROM_RAS = numpy.diag([-1.0, -1.0, 1.0, 1.0])
 
 
-def recognised(
-    image,
-    spacing=None,
-    origin=None,
-    direction=None,
-    affine=None,
-    axes=None,
-    unit=None,
-    anatomical=None,
-    labels=None,
-    slope=None,
-    intercept=None,
-    source=None,
-):
+#: What `Volume` takes beside an image, and beside a path.
+GEOMETRY = (
+    "spacing", "origin", "direction", "affine", "axes", "unit", "anatomical", "labels", "slope", "intercept", "source"
+)  # fmt: skip
+OF_FILES = ("series", "time", "component", "array", "resample")
+
+
+def recognised(image, **stated):
     """The path of a file, or a dict of `array` (z, y, x) and its geometry. What is stated takes the place of what the
     image has."""
-    stated = {
-        "spacing": spacing,
-        "origin": origin,
-        "direction": direction,
-        "unit": unit,
-        "anatomical": anatomical,
-        "labels": labels,
-        "slope": slope,
-        "intercept": intercept,
-        "source": source,
-    }
+    for name in stated:
+        if name not in GEOMETRY + OF_FILES:
+            near = difflib.get_close_matches(name, GEOMETRY + OF_FILES, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise TypeError(f"Volume takes no {name!r}{hint} It takes {', '.join(GEOMETRY)}; for a path {', '.join(OF_FILES)}")
     stated = {key: value for key, value in stated.items() if value is not None}
     if isinstance(image, (str, os.PathLike)):
-        if stated or affine is not None or axes is not None:
-            raise TypeError("a file has its own geometry; read it, and state another one in the scene ([volume])")
+        if any(name in GEOMETRY for name in stated):
+            raise TypeError(
+                "a file has its own geometry; read it, then state another one: "
+                "Volume(volume.array, spacing=…), or scene.define({'volume.spacing': …})"
+            )
         return os.fspath(image)
+    for name in stated:
+        if name in OF_FILES:
+            raise TypeError(f"{name} chooses among the volumes of a file; choose a part of an array by its index")
+    affine, axes = stated.pop("affine", None), stated.pop("axes", None)
     if affine is not None and any(key in stated for key in ("spacing", "origin", "direction")):
         raise TypeError("give an affine, or spacing, origin and direction")
     found = _found(image, axes)
@@ -64,7 +60,10 @@ def recognised(
 
 
 def _three(name, numbers):
-    numbers = [float(number) for number in numpy.ravel(numbers)]
+    try:
+        numbers = [float(number) for number in numpy.ravel(numbers)]
+    except (TypeError, ValueError):
+        raise VolumeError(f"{name} {numbers!r}: it takes three numbers, of x, y and z", f"volume-{name}") from None
     if len(numbers) == 1 and name == "spacing":
         numbers = numbers * 3
     if len(numbers) != 3:
@@ -81,7 +80,11 @@ def _found(image, axes):
     if hasattr(image, "affine") and hasattr(image, "dataobj"):
         return _of_nibabel(image)
     if hasattr(image, "dims") and hasattr(image, "coords"):
+        if not hasattr(image, "data"):
+            raise TypeError(f"a dataset has several arrays; give one of them: {', '.join(map(str, image))}")
         return _of_xarray(image)
+    if numpy.ma.isMaskedArray(image) and numpy.ma.getmaskarray(image).any():
+        raise VolumeError("the array has a mask, and a volume none; fill it first: array.filled(value)", "volume-type")
     if hasattr(image, "__array__") or isinstance(image, (list, tuple)):
         array = numpy.asarray(image)
     elif hasattr(image, "__dlpack__"):
@@ -110,11 +113,8 @@ def _turned(array, axes):
     if sorted(axes) != sorted(AXES):
         raise VolumeError(f"axes {axes!r}: write the letters x, y and z in the order of the array's axes", "volume-axes")
     if array.ndim != 3:
-        raise VolumeError(
-            f"the array has {array.ndim} axes {array.shape}, and a volume has three; choose a channel or a time, such as "
-            "array[0]",
-            "volume-axes",
-        )
+        way = "a slice becomes a volume by array[None]" if array.ndim < 3 else "choose a channel or a time, such as array[0]"
+        raise VolumeError(f"the array has {array.ndim} axes {array.shape}, and a volume has three; {way}", "volume-axes")
     return array.transpose([axes.index(axis) for axis in AXES])
 
 
@@ -164,7 +164,8 @@ def _of_itk(image):
         components = image.GetNumberOfComponentsPerPixel()
     if len(size) != 3 or components != 1:
         raise VolumeError(
-            f"the image has {len(size)} axes and {components} components a voxel; a volume has three and one",
+            f"the image has {len(size)} axes and {components} components a voxel; a volume has three and one: choose a time, "
+            "such as image[..., 0], or a component, such as SimpleITK.VectorIndexSelectionCast(image, 0)",
             "volume-axes",
         )
     return {

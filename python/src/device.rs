@@ -2,14 +2,15 @@
 
 use std::collections::HashMap;
 use std::process;
-use std::sync::{Arc, Mutex, PoisonError, TryLockError};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError, TryLockError};
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use relume::progress::Progress;
 use relume::render::{DeviceFilm, PlannedJob, RenderWarning, Renderer, SceneRenderer};
 use relume::scene::Mix;
-use relume::vulkan::{self, Device, DeviceChoice, Validation};
+use relume::vulkan::{self, Device, DeviceChoice, Validation, VulkanError};
 
 use crate::errors::{Failed, Made};
 use crate::work::heard;
@@ -22,14 +23,20 @@ struct Kept {
     uploads: u64,
 }
 
-/// Renderers by the name of their device, and the process that opened them.
-static KEPT: Mutex<Option<(u32, HashMap<String, Arc<Mutex<Kept>>>)>> = Mutex::new(None);
+/// Renderers by the name of their device.
+static KEPT: LazyLock<Mutex<HashMap<String, Arc<Mutex<Kept>>>>> = LazyLock::new(Mutex::default);
+
+/// The process that opened a device; 0 before one has.
+static OWNER: AtomicU32 = AtomicU32::new(0);
+
+/// Whether another process, from which this one was forked, has opened a device. Its locks may be held for ever.
+fn is_forked() -> bool {
+    ![0, process::id()].contains(&OWNER.load(Ordering::Acquire))
+}
 
 /// The renderer of `device`, opened at its first use.
 fn kept(device: &str) -> Made<Arc<Mutex<Kept>>> {
-    let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-    let (owner, renderers) = all.get_or_insert_with(|| (process::id(), HashMap::new()));
-    if *owner != process::id() {
+    if is_forked() {
         return Err(Failed::new(
             "DeviceError",
             "device-forked",
@@ -37,17 +44,24 @@ fn kept(device: &str) -> Made<Arc<Mutex<Kept>>> {
              multiprocessing.set_start_method(\"spawn\"), or render with device=\"cpu\"",
         ));
     }
-    if let Some(kept) = renderers.get(device) {
-        return Ok(Arc::clone(kept));
+    let known = || KEPT.lock().unwrap_or_else(PoisonError::into_inner).get(device).cloned();
+    if let Some(kept) = known() {
+        return Ok(kept);
     }
+    // Without the lock: a driver takes its time.
     let opened = Arc::new(Mutex::new(opened(device)?));
-    renderers.insert(device.to_owned(), Arc::clone(&opened));
-    Ok(opened)
+    OWNER.store(process::id(), Ordering::Release);
+    let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    Ok(Arc::clone(all.entry(device.to_owned()).or_insert(opened)))
 }
 
 fn opened(device: &str) -> Made<Kept> {
     let Ok(choice) = device.parse::<DeviceChoice>();
-    let renderer = Renderer::new(Device::open(&choice, Validation::Off)?);
+    let opened = Device::open(&choice, Validation::Off);
+    let renderer = Renderer::new(opened.map_err(|error| match error {
+        VulkanError::NoMatch { .. } => Failed::from(error).with(", and \"auto\", \"cpu\", \"reference\""),
+        error => error.into(),
+    })?);
     Ok(Kept { renderer, on_device: None, uploads: 0 })
 }
 
@@ -67,6 +81,7 @@ pub(crate) fn marched(
         Err(TryLockError::Poisoned(poisoned)) => {
             let mut guard = poisoned.into_inner();
             *guard = opened(device)?;
+            shared.clear_poison();
             Some(guard)
         }
         Err(TryLockError::WouldBlock) => {
@@ -122,12 +137,9 @@ pub(crate) fn devices(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
 /// Frees all devices and the volumes on them.
 #[pyfunction]
 pub(crate) fn release(py: Python<'_>) {
-    py.detach(|| {
-        let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-        if all.as_ref().is_some_and(|(owner, _)| *owner == process::id()) {
-            *all = None;
-        }
-    });
+    if !is_forked() {
+        py.detach(|| KEPT.lock().unwrap_or_else(PoisonError::into_inner).clear());
+    }
 }
 
 /// Volumes uploaded so far to `device`: for tests.

@@ -32,6 +32,21 @@ impl Failed {
         Self { class, message: message.into(), code, key: None }
     }
 
+    /// The same with the key of a scene.
+    pub(crate) fn at(self, key: &str) -> Self {
+        Self { key: Some(key.to_owned()).filter(|key| !key.is_empty()), ..self }
+    }
+
+    /// Whether there is no device, or it failed.
+    pub(crate) fn is_of_device(&self) -> bool {
+        self.class.starts_with("Device")
+    }
+
+    /// The same with a longer sentence.
+    pub(crate) fn with(self, more: &str) -> Self {
+        Self { message: self.message + more, ..self }
+    }
+
     fn of(class: &'static str, code: &'static str, error: &dyn Error) -> Self {
         Self::new(if code == "cancelled" { "Cancelled" } else { class }, code, chain(error))
     }
@@ -53,10 +68,17 @@ impl From<Failed> for PyErr {
 
 impl From<SceneError> for Failed {
     fn from(error: SceneError) -> Self {
+        // The key tells the place; nobody wrote the lines of a dict.
+        let keyed = |key: &str, message: &str| {
+            let starts = key.is_empty() || message.starts_with(key);
+            Self::new("SceneError", error.code(), if starts { message.to_owned() } else { format!("{key}: {message}") })
+        };
         let failed = match &error {
-            // The keys tell the place; nobody wrote the text of a dict.
-            SceneError::Invalid { message, key, .. } if !key.is_empty() => {
-                Self::new("SceneError", error.code(), message.clone())
+            SceneError::Invalid { message, key, .. } => keyed(key, message),
+            SceneError::Spectrum { key, what, source, .. } => keyed(key, &format!("{what}: {}", chain(source))),
+            SceneError::Define { message, .. } => keyed(error.key().unwrap_or_default(), message),
+            SceneError::NoVolume { .. } => {
+                Self::new("SceneError", error.code(), format!("{error}, or give one: Scene(description, volume)"))
             }
             SceneError::Volume { source, .. } => Self::of("VolumeError", source.code(), source),
             _ => Self::of("SceneError", error.code(), &error),

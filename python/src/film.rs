@@ -5,23 +5,28 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 use numpy::ndarray::Dim;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods as _, PyReadwriteArray3, PyUntypedArrayMethods as _};
-use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyString, PyTuple, PyType};
 use relume::document::{KeptFilm, LightRequest, requested, spread};
 use relume::film::{Components, RelightMatrices, Relightable};
 use relume::output::page::{self, PackedPage, Page};
 use relume::output::{Alpha, Depth, FilmFile, Picture, display_codes, png_bytes, write_png};
-use relume::scene::{Mix, MixLight};
+use relume::scene::{INTENSITY, Mix, MixLight};
 
 use crate::errors::{Failed, Made};
 use crate::spectra;
-use crate::volume::{is_path, view};
+use crate::volume::{hash_of, is_path, view};
 use crate::work;
 
 /// The film of a march: per pixel, numbers that do not depend on the spectrum of any light.
 #[pyclass(frozen, module = "relume")]
 pub(crate) struct Film(KeptFilm);
+
+/// The error of a name that the film does not have.
+fn unknown(message: String) -> PyErr {
+    Failed::new("UnknownNameError", "name-unknown", message).into()
+}
 
 /// How a film is relit.
 struct Lit {
@@ -45,9 +50,9 @@ impl Film {
         let kept = &self.0;
         let found = kept.positions.iter().position(|position| *position == name);
         let of_light = || kept.mix.0.iter().find(|light| light.name == name).map(|light| light.position);
-        found.or_else(of_light).ok_or_else(|| {
-            PyKeyError::new_err(format!("there is no position {name:?}; there are: {}", kept.positions.join(", ")))
-        })
+        found
+            .or_else(of_light)
+            .ok_or_else(|| unknown(format!("there is no position {name:?}; there are: {}", kept.positions.join(", "))))
     }
 
     /// The mix of requests as texts.
@@ -55,7 +60,7 @@ impl Film {
         let kept = &self.0;
         let requests: Vec<LightRequest> = texts.iter().cloned().map(LightRequest).collect();
         let asked = requested(&kept.mix, &kept.shown, &kept.positions, &requests, Path::new(""));
-        asked.map(|asked| asked.mix.0).map_err(|error| PyKeyError::new_err(relume::document::chain(&error)))
+        asked.map(|asked| asked.mix.0).map_err(|error| unknown(relume::document::chain(&error)))
     }
 
     /// The lights of one item: a name or a spectrum, with its weight and position.
@@ -65,8 +70,9 @@ impl Film {
         weight: f64,
         position: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Vec<MixLight>> {
-        if !(weight.is_finite() && weight >= 0.0) {
-            return Err(PyValueError::new_err(format!("the weight {weight} is not a number from 0 on")));
+        if !INTENSITY.contains(&weight) {
+            let [least, most] = [INTENSITY.start(), INTENSITY.end()];
+            return Err(PyValueError::new_err(format!("the weight {weight} is not a number from {least} to {most}")));
         }
         let kept = &self.0;
         let position = position.map(|name| self.position(name)).transpose()?;
@@ -136,7 +142,11 @@ impl Film {
     }
 
     /// The mix and the meaning of the numbers under it. A colour model is fitted to a light that it does not have.
-    fn lit(&self, asked: &Asked<'_, '_>) -> PyResult<Lit> {
+    fn lit(&self, py: Python<'_>, asked: &Asked<'_, '_>) -> PyResult<Lit> {
+        work::warned(py, || self.lit_by(asked))
+    }
+
+    fn lit_by(&self, asked: &Asked<'_, '_>) -> PyResult<Lit> {
         let kept = &self.0;
         let given = [asked.light.is_some(), asked.hand.is_some(), asked.preset.is_some()];
         if given.iter().filter(|it| **it).count() > 1 {
@@ -151,7 +161,7 @@ impl Film {
                 kept.dial.mix(DVec2::new(x, y), &kept.mix)
             }
             (_, _, Some(name)) => {
-                let (dial, preset) = kept.dial.preset(name).map_err(PyKeyError::new_err)?;
+                let (dial, preset) = kept.dial.preset(name).map_err(unknown)?;
                 dial.mix(preset.hand, &kept.mix)
             }
             _ => kept.shown.clone(),
@@ -177,8 +187,7 @@ impl Film {
 
     /// Linear RGBA under the light of `asked`.
     fn linear(&self, py: Python<'_>, asked: &Asked<'_, '_>) -> PyResult<Vec<f32>> {
-        let Lit { mix, means } = self.lit(asked)?;
-        work::warn_heard(py)?;
+        let Lit { mix, means } = self.lit(py, asked)?;
         let film = &self.0.film;
         Ok(work::detached(py, || film.rgba(&means.under(&mix))))
     }
@@ -342,8 +351,7 @@ impl Film {
         let mut numbers: PyReadwriteArray3<'_, f32> =
             array.try_readwrite().map_err(|error| PyValueError::new_err(format!("out: {error}")))?;
         let numbers = numbers.as_slice_mut().map_err(|_| PyValueError::new_err("out is not in C order"))?;
-        let Lit { mix, means } = self.lit(&asked)?;
-        work::warn_heard(py)?;
+        let Lit { mix, means } = self.lit(py, &asked)?;
         let film = &self.0.film;
         work::detached(py, || film.relight_into(&means.under(&mix), numbers));
         Ok(out.clone())
@@ -362,8 +370,7 @@ impl Film {
         observer: Option<&Bound<'py, PyAny>>,
         adapt: Option<bool>,
     ) -> PyResult<(Bound<'py, PyArray3<f64>>, Bound<'py, PyArray2<f64>>)> {
-        let Lit { mix, means } = self.lit(&Asked { light, hand, preset, exposure, observer, adapt })?;
-        work::warn_heard(py)?;
+        let Lit { mix, means } = self.lit(py, &Asked { light, hand, preset, exposure, observer, adapt })?;
         let RelightMatrices { colours, background, .. } = means.under(&mix);
         let numbers = |colours: &[DVec3]| colours.iter().flat_map(|colour| colour.to_array()).collect::<Vec<f64>>();
         let components = self.0.film.components;
@@ -480,6 +487,11 @@ impl Film {
             let other = &other.get().0;
             self.0.header == other.header && self.0.film == other.film
         })
+    }
+
+    fn __hash__(&self) -> u64 {
+        let kept = &self.0;
+        hash_of(&(kept.film.size, kept.film.components, &kept.positions))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {

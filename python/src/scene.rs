@@ -12,9 +12,10 @@ use relume::document::{
     parse_ready, redefined,
 };
 use relume::film::Film as Numbers;
+use relume::memory;
 use relume::output::FilmFile;
 use relume::plan::plan;
-use relume::progress::{Progress, Quiet};
+use relume::progress::Progress;
 use relume::render::{Job, Keeps, PlannedJob, RenderWarning};
 use relume::scene::Camera;
 use relume::volume::Statistics;
@@ -23,8 +24,8 @@ use crate::device;
 use crate::errors::{Failed, Made};
 use crate::film::Film;
 use crate::spectra;
-use crate::tables::{text_of, value_of};
-use crate::volume::{Volume, is_path, path_of};
+use crate::tables::{check_depth, text_of, value_of};
+use crate::volume::{Volume, hash_of, is_path, path_of};
 use crate::work::{self, heard};
 
 /// A scene: immutable; `define` makes another one.
@@ -42,6 +43,7 @@ fn in_memory(volume: &Bound<'_, PyAny>, labels: Option<&Bound<'_, PyAny>>) -> Py
 /// Definitions of a dict: keys such as `camera.azimuth`, or nested dicts.
 fn definitions_of(definitions: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Definition>> {
     fn add(dict: &Bound<'_, PyDict>, path: &str, found: &mut Vec<Definition>) -> PyResult<()> {
+        check_depth(path)?;
         for (key, value) in dict {
             let key = key.str()?.to_string();
             let key = if path.is_empty() { key } else { format!("{path}.{key}") };
@@ -70,7 +72,8 @@ impl Scene {
     fn films(&self, asked: &Asked, progress: &dyn Progress) -> Made<Vec<Film>> {
         let Asked { size, cameras, device, lights, keeps } = asked;
         let scene = self.file.scene.clone();
-        for warning in RenderWarning::of_scene(&scene, &self.statistics, *size) {
+        let of_values = RenderWarning::of_values(&self.statistics).into_iter();
+        for warning in of_values.chain(RenderWarning::of_scene(&scene, &self.statistics, *size)) {
             heard(warning);
         }
         let mix = self.file.opening_mix();
@@ -82,6 +85,19 @@ impl Scene {
         }
         if let Some(warning) = job.level.as_ref().and_then(RenderWarning::of_level) {
             heard(warning);
+        }
+        let cpu_bytes = match device.as_str() {
+            "cpu" => 4,
+            "reference" => 12,
+            _ => 0,
+        };
+        let plan = &job.planned.plan;
+        let numbers = plan.light.accumulators() * plan.components() + plan.transmittance_numbers();
+        let bytes = [size[0], size[1], numbers, cpu_bytes].into_iter().fold(1, usize::saturating_mul) as u64;
+        if let Some(free) = memory::available_bytes().filter(|&free| bytes > free) {
+            let message =
+                format!("a film of {}×{} pixels needs {bytes} bytes of memory, and {free} are free", size[0], size[1]);
+            return Err(Failed::new("DeviceMemoryError", "film-exceeds-memory", message));
         }
         let films = match device.as_str() {
             "cpu" => on_cpu(&job, *size, &mix, progress)?,
@@ -152,13 +168,16 @@ impl Scene {
         name: &str,
         define: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        if is_path(description)? && description.str()?.to_string().ends_with(".toml") {
+            return Err(PyTypeError::new_err("a scene file is read by Scene.load(path) or relume.open(path)"));
+        }
         let text = text_of(description)?;
         let given = volume.map(|volume| in_memory(volume, labels)).transpose()?;
         if labels.is_some() && given.is_none() {
             return Err(PyTypeError::new_err("labels need a volume: Scene(description, volume, labels)"));
         }
         let options = SceneOptions { definitions: definitions_of(define)?, ..SceneOptions::default() };
-        let base = base.unwrap_or_default();
+        let base = std::path::absolute(base.unwrap_or_else(|| ".".into()))?;
         work::run(py, None, |progress| {
             let file = match given {
                 Some(given) => parse_on(given, name, &text, &base, &options, progress),
@@ -182,6 +201,9 @@ impl Scene {
     ) -> PyResult<Self> {
         let options = SceneOptions { definitions: definitions_of(define)?, ..SceneOptions::default() };
         let given = volume.map(|volume| in_memory(volume, labels)).transpose()?;
+        if labels.is_some() && given.is_none() {
+            return Err(PyTypeError::new_err("labels need a volume: Scene.load(path, volume, labels)"));
+        }
         work::run(py, progress, |progress| {
             let Some(given) = given else { return Self::new_of(load(&path, &options, progress)?, None) };
             let shown = path.display().to_string();
@@ -221,20 +243,19 @@ impl Scene {
     /// The scene with other values of keys, `{"camera.azimuth": 40}` or nested, on the same volume.
     fn define(&self, py: Python<'_>, definitions: &Bound<'_, PyDict>) -> PyResult<Self> {
         let definitions = definitions_of(Some(definitions))?;
-        let made = || -> Made<Self> {
-            Self::new_of(redefined(&self.file, &definitions, &Quiet)?, Some(self.statistics.clone()))
-        };
-        Ok(work::detached(py, made)?)
+        work::run(py, None, |progress| {
+            Self::new_of(redefined(&self.file, &definitions, progress)?, Some(self.statistics.clone()))
+        })
     }
 
-    /// Marches the scene once: the film, which any light relights. `device` is "auto", a part of the name of a Vulkan
+    /// Marches the scene once: the film, which any light relights. `size` is (width, height). `device` is "auto", a part of the name of a Vulkan
     /// device, its number, "cpu" (all cores, without Vulkan) or "reference" (f64, slow). `lights` are further lights, by
     /// name, for which a colour model is planned. `progress(stage, done, total)` may cancel by returning False.
-    #[pyo3(signature = (size=(800, 800), *, device=None, lights=None, progress=None))]
+    #[pyo3(signature = (size=None, *, device=None, lights=None, progress=None))]
     fn render(
         &self,
         py: Python<'_>,
-        size: (usize, usize),
+        size: Option<&Bound<'_, PyAny>>,
         device: Option<&Bound<'_, PyAny>>,
         lights: Option<&Bound<'_, PyDict>>,
         progress: Option<&Bound<'_, PyAny>>,
@@ -297,6 +318,10 @@ impl Scene {
         })
     }
 
+    fn __hash__(&self) -> u64 {
+        hash_of(&&*self.file.text)
+    }
+
     fn __reduce__<'py>(
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, (String, Volume, Option<Volume>, PathBuf, String))> {
@@ -319,33 +344,47 @@ impl Scene {
 
     /// A picture of 256 pixels, in a notebook.
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyBytes>> {
-        let asked = asked((256, 256), None, None, Keeps::Stated)?;
-        let films = work::run(py, None, |progress| {
-            self.films(&asked, progress)
-                .or_else(|_| self.films(&Asked { device: "cpu".to_owned(), ..asked_small() }, progress))
+        let small = |device: &str| Asked {
+            size: [256; 2],
+            cameras: None,
+            device: device.to_owned(),
+            lights: Vec::new(),
+            keeps: Keeps::Stated,
+        };
+        let films = work::run(py, None, |progress| match self.films(&small("auto"), progress) {
+            Err(failed) if failed.is_of_device() => self.films(&small("cpu"), progress),
+            films => films,
         })?;
         let film = films.into_iter().next().ok_or_else(|| PyKeyError::new_err("no film"))?;
         film._repr_png_(py)
     }
 }
 
-fn asked_small() -> Asked {
-    Asked { size: [256; 2], cameras: None, device: "cpu".to_owned(), lights: Vec::new(), keeps: Keeps::Stated }
+/// The size of a picture: (width, height), by default 800 × 800.
+fn size_of(size: Option<&Bound<'_, PyAny>>) -> PyResult<[usize; 2]> {
+    let Some(size) = size else { return Ok([800; 2]) };
+    match size.extract::<[i64; 2]>().map(|sides| sides.map(usize::try_from)) {
+        Ok([Ok(width), Ok(height)]) if [width, height].iter().all(|side| (1..=65_536).contains(side)) => {
+            Ok([width, height])
+        }
+        _ => Err(PyValueError::new_err(format!(
+            "size {size}: write (width, height), whole numbers of pixels from 1 to 65536"
+        ))),
+    }
 }
 
 fn asked(
-    (width, height): (usize, usize),
+    size: Option<&Bound<'_, PyAny>>,
     device: Option<&Bound<'_, PyAny>>,
     lights: Option<&Bound<'_, PyDict>>,
     keeps: Keeps,
 ) -> PyResult<Asked> {
-    if [width, height].iter().any(|side| !(1..=65_536).contains(side)) {
-        return Err(PyValueError::new_err(format!("size ({width}, {height}): each side has 1 to 65536 pixels")));
-    }
     let device = device.map_or_else(|| Ok("auto".to_owned()), |device| device.str().map(|name| name.to_string()))?;
+    let known = ["cpu", "reference"].into_iter().find(|known| device.eq_ignore_ascii_case(known));
+    let device = known.map_or(device, str::to_owned);
     let lights = lights.into_iter().flatten();
     let lights = lights.map(|(name, light)| Ok((name.str()?.to_string(), spectra::light_of(&light)?)));
-    Ok(Asked { size: [width, height], cameras: None, device, lights: lights.collect::<PyResult<_>>()?, keeps })
+    Ok(Asked { size: size_of(size)?, cameras: None, device, lights: lights.collect::<PyResult<_>>()?, keeps })
 }
 
 fn options_of(
@@ -367,8 +406,13 @@ fn opened(
     options: SceneOptions,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Scene> {
+    let source = Source { path: Some(std::path::absolute(path)?), options };
+    if source.bare_volume().is_none() && (!source.options.wish.is_none() || source.options.preset.is_some()) {
+        return Err(PyTypeError::new_err("a look or a preset is for a volume, and this is a scene"));
+    }
     work::run(py, progress, |progress| {
-        let (file, statistics) = Source { path: Some(path), options }.read(progress)?;
+        let (file, statistics) = source.read(progress)?;
+        file.scene.volume().notes.iter().for_each(heard);
         Scene::new_of(file, Some(statistics))
     })
 }

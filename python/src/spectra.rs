@@ -9,7 +9,7 @@ use pyo3::types::{PyDict, PyString};
 use relume::spectrum::colour::Xyz;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::standard::names;
-use relume::spectrum::{Kind, Light, Reflectance, Spectrum, SpectrumSource};
+use relume::spectrum::{BANDS, Kind, Light, Reflectance, Spectrum, SpectrumSource};
 use toml::{Table, Value};
 
 use crate::errors::Failed;
@@ -32,19 +32,61 @@ pub(crate) fn source_of(spectrum: &Bound<'_, PyAny>) -> PyResult<SpectrumSource>
         let Ok(source) = name.to_cow()?.parse();
         return Ok(source);
     }
-    let wrong = |message: String| Failed::new("SpectrumError", "spectrum", message);
-    if let Ok((wavelengths, values)) = spectrum.extract::<(Vec<f64>, Vec<f64>)>() {
+    let value = match spectrum.cast::<PyDict>() {
+        Ok(dict) => tables::value_of(dict, "")?,
+        Err(_) => table_of(spectrum, "")?,
+    };
+    value.try_into().map_err(|error: toml::de::Error| wrong("", error.message()).into())
+}
+
+/// The value of a file for a spectrum that is no name and no dict; `path` is its key.
+pub(crate) fn table_of(spectrum: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
+    if let Ok(number) = spectrum.extract::<f64>() {
+        return Ok(Value::Float(number));
+    }
+    let pair = if spectrum.hasattr("wavelengths")? && spectrum.hasattr("values")? {
+        Some((numbers(&spectrum.getattr("wavelengths")?, path)?, numbers(&spectrum.getattr("values")?, path)?))
+    } else if spectrum.len().is_ok_and(|parts| parts == 2) {
+        Some((numbers(&spectrum.get_item(0)?, path)?, numbers(&spectrum.get_item(1)?, path)?))
+    } else {
+        None
+    };
+    if let Some((wavelengths, values)) = pair {
         let [n, m] = [wavelengths.len(), values.len()];
         if n != m {
-            return Err(wrong(format!("a spectrum has {n} wavelengths and {m} values")).into());
+            return Err(wrong(path, &format!("a spectrum has {n} wavelengths and {m} values")).into());
         }
-        return Ok(SpectrumSource::Points(wavelengths.into_iter().zip(values).collect()));
+        let points = wavelengths.iter().zip(values).map(|(nm, value)| (nm.to_string(), Value::Float(value)));
+        return Ok(Value::Table(points.collect()));
     }
-    let value = match tables::value_of(spectrum, "spectrum")? {
-        Value::Array(samples) => Value::Table(Table::from_iter([("samples".to_owned(), Value::Array(samples))])),
-        value => value,
-    };
-    value.try_into().map_err(|error: toml::de::Error| wrong(error.message().to_owned()).into())
+    let samples = numbers(spectrum, path)?;
+    if samples.len() != BANDS {
+        let n = samples.len();
+        let message = format!(
+            "{n} samples are given, and a spectrum has {BANDS}, at relume.WAVELENGTHS; give others as (wavelengths, values)"
+        );
+        return Err(wrong(path, &message).into());
+    }
+    let samples = samples.into_iter().map(Value::Float).collect();
+    Ok(Value::Table(Table::from_iter([("samples".to_owned(), Value::Array(samples))])))
+}
+
+/// The numbers of a sequence.
+fn numbers(sequence: &Bound<'_, PyAny>, path: &str) -> PyResult<Vec<f64>> {
+    let of = || -> PyResult<Vec<f64>> { sequence.try_iter()?.map(|number| number?.extract()).collect() };
+    of().map_err(|_| {
+        let kind = sequence.get_type().name().map_or_else(|_| "this".to_owned(), |name| name.to_string());
+        let message = format!(
+            "{kind} is no spectrum: give a name, a number, {BANDS} samples, (wavelengths, values), or a dict of SCENE.md"
+        );
+        wrong(path, &message).into()
+    })
+}
+
+/// The error of a spectrum at a key.
+fn wrong(path: &str, message: &str) -> Failed {
+    let message = if path.is_empty() { message.to_owned() } else { format!("{path}: {message}") };
+    Failed::new("SpectrumError", "spectrum", message).at(path)
 }
 
 /// Whether a dict states a spectrum: by a key of its forms, or by wavelengths.

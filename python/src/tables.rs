@@ -3,8 +3,12 @@
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
-use relume::spectrum::BANDS;
 use toml::{Table, Value};
+
+use crate::spectra;
+
+/// Keys of scenes and palettes whose values are spectra.
+const SPECTRAL: [&str; 5] = ["reflectance", "spectrum", "absorption", "background", "emission"];
 
 /// TOML text of a dict, or the text itself.
 pub(crate) fn text_of(description: &Bound<'_, PyAny>) -> PyResult<String> {
@@ -25,6 +29,7 @@ fn kind(object: &Bound<'_, PyAny>) -> String {
 }
 
 fn table_of(dict: &Bound<'_, PyDict>, path: &str) -> PyResult<Table> {
+    check_depth(path)?;
     let mut table = Table::new();
     for (key, value) in dict {
         let Ok(key) = key.str().and_then(|key| Ok(key.to_cow()?.into_owned())) else {
@@ -38,6 +43,15 @@ fn table_of(dict: &Bound<'_, PyDict>, path: &str) -> PyResult<Table> {
         }
     }
     Ok(table)
+}
+
+/// Refuses a key deeper than any of a scene, such as those of a list that holds itself.
+pub(crate) fn check_depth(path: &str) -> PyResult<()> {
+    const DEEPEST: usize = 32;
+    if path.split('.').count() > DEEPEST {
+        return Err(PyValueError::new_err(format!("a key is nested deeper than {DEEPEST} levels: {path:.80}…")));
+    }
+    Ok(())
 }
 
 /// A value of a table; `path` is its key.
@@ -60,43 +74,22 @@ pub(crate) fn value_of(value: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> 
     if let Ok(dict) = value.cast::<PyDict>() {
         return Ok(Value::Table(table_of(dict, path)?));
     }
+    let key = path.rsplit('.').next().unwrap_or_default();
+    if SPECTRAL.contains(&key) {
+        return spectra::table_of(value, path);
+    }
     if value.cast::<PyList>().is_ok() || value.cast::<PyTuple>().is_ok() {
+        check_depth(path)?;
         let items = value.try_iter()?.enumerate();
         let items = items.map(|(i, item)| value_of(&item?, &format!("{path}.{i}")));
         return Ok(Value::Array(items.collect::<PyResult<_>>()?));
-    }
-    if let Some(points) = points_of(value)? {
-        return Ok(Value::Table(points));
     }
     // Numbers of NumPy, arrays, paths.
     for method in ["tolist", "__fspath__"] {
         if value.hasattr(method)? {
             let plain = value.call_method0(method)?;
-            if plain.is(value) {
-                break;
-            }
-            let made = value_of(&plain, path)?;
-            let is_spectrum = matches!(&made, Value::Array(items) if items.len() == BANDS && items.iter().all(Value::is_float))
-                && !path.ends_with(".samples");
-            return Ok(if is_spectrum { Value::Table(Table::from_iter([("samples".to_owned(), made)])) } else { made });
+            return if plain.is(value) { break } else { value_of(&plain, path) };
         }
     }
     Err(PyTypeError::new_err(format!("{path}: {} is nothing that a scene has", kind(value))))
-}
-
-/// The points of a spectrum with `wavelengths` and `values`, such as those of the package colour-science.
-fn points_of(value: &Bound<'_, PyAny>) -> PyResult<Option<Table>> {
-    if !value.hasattr("wavelengths")? || !value.hasattr("values")? {
-        return Ok(None);
-    }
-    let numbers = |name: &str| -> PyResult<Vec<f64>> {
-        let numbers = value.getattr(name)?;
-        numbers.try_iter()?.map(|number| number?.extract()).collect()
-    };
-    let (wavelengths, values) = (numbers("wavelengths")?, numbers("values")?);
-    if wavelengths.len() != values.len() {
-        let [n, m] = [wavelengths.len(), values.len()];
-        return Err(PyValueError::new_err(format!("a spectrum has {n} wavelengths and {m} values")));
-    }
-    Ok(Some(wavelengths.iter().zip(values).map(|(nm, value)| (nm.to_string(), Value::Float(value))).collect()))
 }

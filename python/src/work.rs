@@ -1,5 +1,6 @@
 //! Long work: a thread of its own without the interpreter's lock, its progress, Ctrl-C and its warnings.
 
+use std::cell::RefCell;
 use std::fmt;
 use std::panic::resume_unwind;
 use std::process;
@@ -120,12 +121,12 @@ pub(crate) fn run<T: Send>(
     work: impl FnOnce(&dyn Progress) -> Made<T> + Send,
 ) -> PyResult<T> {
     listen();
-    let shared = Shared::default();
+    let (shared, warnings) = (Shared::default(), Warnings::default());
     let mut interrupted = None;
     let made = thread::scope(|scope| {
         let worker = thread::Builder::new().name("relume".to_owned()).spawn_scoped(scope, || {
             let _ending = Ending(&shared);
-            on_cores(|| work(&shared))
+            on_cores(|| listening(&warnings, || work(&shared)))
         })?;
         let mut told = None;
         while !py.detach(|| shared.waited()) {
@@ -138,40 +139,63 @@ pub(crate) fn run<T: Send>(
         }
         py.detach(|| worker.join()).map_or_else(|panic| resume_unwind(panic), PyResult::Ok)
     })?;
+    let raised = warn(py, &warnings);
     if let Some(error) = interrupted {
         return Err(error);
     }
+    if let (Ok(_), Some(progress), Some((stage, _, total))) = (&made, progress, locked(&shared.stage).take()) {
+        progress.call1((stage, total, total))?;
+    }
     let made = made.map_err(|failed| failed.raised(py))?;
-    warn_heard(py)?;
+    raised?;
     Ok(made)
 }
 
-/// Raises the warnings that were heard.
-pub(crate) fn warn_heard(py: Python<'_>) -> PyResult<()> {
-    warn(py, std::mem::take(&mut *locked(&HEARD)))
+/// Runs short `work` with the interpreter's lock, and raises its warnings.
+pub(crate) fn warned<T>(py: Python<'_>, work: impl FnOnce() -> PyResult<T>) -> PyResult<T> {
+    listen();
+    let warnings = Warnings::default();
+    let made = listening(&warnings, work)?;
+    warn(py, &warnings)?;
+    Ok(made)
 }
 
-/// Raises warnings as `RelumeWarning`.
-fn warn(py: Python<'_>, warnings: impl IntoIterator<Item = String>) -> PyResult<()> {
-    let mut warnings = warnings.into_iter().peekable();
-    if warnings.peek().is_none() {
+/// Warnings of a work.
+type Warnings = Arc<Mutex<Vec<String>>>;
+
+thread_local! {
+    /// Those of the work of this thread.
+    static WARNINGS: RefCell<Option<Warnings>> = const { RefCell::new(None) };
+}
+
+/// Runs `work`, whose warnings in this thread are added to `warnings`.
+fn listening<T>(warnings: &Warnings, work: impl FnOnce() -> T) -> T {
+    let before = WARNINGS.replace(Some(Arc::clone(warnings)));
+    let made = work();
+    WARNINGS.set(before);
+    made
+}
+
+/// Raises warnings as `RelumeWarning`, all of them, also where one is an error.
+fn warn(py: Python<'_>, warnings: &Warnings) -> PyResult<()> {
+    let warnings = std::mem::take(&mut *locked(warnings));
+    if warnings.is_empty() {
         return Ok(());
     }
     let class = py.import("relume._errors")?.getattr("RelumeWarning")?;
     let warn = py.import("warnings")?.getattr("warn")?;
-    for warning in warnings {
-        warn.call1((warning, &class, 2))?;
-    }
-    Ok(())
+    let raised: Vec<PyResult<_>> = warnings.into_iter().map(|warning| warn.call1((warning, &class, 1))).collect();
+    raised.into_iter().collect::<PyResult<Vec<_>>>().map(|_| ())
 }
 
-/// Adds a warning of the work that runs.
+/// Adds a warning to those of the work of this thread.
 pub(crate) fn heard(warning: impl fmt::Display) {
-    locked(&HEARD).push(warning.to_string());
+    WARNINGS.with_borrow(|warnings| {
+        if let Some(warnings) = warnings {
+            locked(warnings).push(warning.to_string());
+        }
+    });
 }
-
-/// Warnings of works that have not ended.
-static HEARD: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 /// Hears the warnings of the library from now on.
 fn listen() {

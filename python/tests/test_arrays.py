@@ -1,6 +1,7 @@
 """Arrays out are views that live as long as anyone looks; arrays in are copied once."""
 
 import gc
+import pickle
 import resource
 import time
 import weakref
@@ -74,9 +75,35 @@ def test_the_array_of_a_volume_is_its_voxels(ball):
     volume = relume.Volume(ball)
     assert numpy.array_equal(volume.array, ball) and volume.array.base is volume
     assert not volume.array.flags.writeable
-    assert volume.range == [ball.min(), ball.max()]
+    assert volume.range == (ball.min(), ball.max()) and volume.shape == ball.shape and volume.dtype == ball.dtype
+    assert numpy.array_equal(numpy.asarray(volume), ball) and volume.affine.shape == (4, 4)
     gone = weakref.ref(ball.copy())
     assert gone() is None, "the test keeps nothing"
+
+
+@pytest.mark.parametrize("table", ["", "spacing = [1, 1, 2]", "downsample = [2, 2, 2]", "origin = [5, 0, 0]"])
+def test_labels_stay_with_the_voxels(ball, table):
+    text = f"""version = 1
+[volume]
+{table}
+[materials.bone]
+reflectance = 0.8
+[labels.1]
+material = "bone"
+opacity = 0.5
+[lights.day]
+spectrum = "D65"
+kind = "headlight"
+"""
+    geometry = {"spacing": (1, 1, 1.2), "origin": (3, 2, 1), "unit": "mm", "anatomical": True}
+    labels = relume.Volume((ball > 700).astype("u1"), **geometry)
+    scene = relume.Scene(text, relume.Volume(ball, **geometry), labels)
+    kept = scene.labels.array.copy()
+    turned = scene.define({"camera.azimuth": 10}).define({"camera.azimuth": 20})
+    assert numpy.array_equal(turned.labels.array, kept) and turned.labels.notes == scene.labels.notes
+    assert turned.labels.array.ctypes.data == scene.labels.array.ctypes.data
+    assert numpy.array_equal(pickle.loads(pickle.dumps(scene)).labels.array, kept)
+    assert turned.define({"camera.azimuth": 30}).render((32, 32)) == scene.define({"camera.azimuth": 30}).render((32, 32))
 
 
 def test_scenes_of_other_keys_share_the_volume(scene):
@@ -84,4 +111,4 @@ def test_scenes_of_other_keys_share_the_volume(scene):
     assert turned.volume.array.ctypes.data == scene.volume.array.ctypes.data
     assert turned != scene and turned.define({"camera.azimuth": 40}) == turned
     spaced = scene.define({"volume.spacing": [1, 1, 3]})
-    assert spaced.volume.spacing == [1, 1, 3]
+    assert spaced.volume.spacing == (1, 1, 3)

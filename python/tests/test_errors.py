@@ -38,17 +38,25 @@ def test_errors_have_classes(scene, film, tmp_path):
         relume.Film.from_exr(b"no film")
     with pytest.raises(relume.PaletteError):
         relume.Palette({"materials": 3})
+    with pytest.raises(relume.UnknownNameError) as error:
+        film.relight("D66")
+    assert isinstance(error.value, KeyError) and str(error.value).startswith("D66: there is no light")
     for wrong in ({"light": "D66"}, {"preset": "none"}, {"light": [("A", 1.0, "nowhere")]}):
         with pytest.raises(KeyError):
             film.relight(**wrong)
     for wrong in ({"hand": (numpy.nan, 0)}, {"exposure": 0}, {"light": {"A": -1}}):
         with pytest.raises(ValueError):
             film.relight(**wrong)
-    for size in ((0, 5), (5, 0), (100_000, 5)):
+    for size in ((0, 5), (5, 0), (100_000, 5), (-3, 5), 300, (1, 2, 3), (3.5, 4), "big", None.__class__):
         with pytest.raises(ValueError, match="size"):
             scene.render(size)
     with pytest.raises(TypeError):
         film.relight("A", hand=(0, 0))
+    with pytest.raises(TypeError, match="'spacing'"):
+        relume.Volume(numpy.zeros((2, 2, 2)), spacng=1)
+    with pytest.raises(relume.DeviceError, match='"cpu"'):
+        scene.render((8, 8), device="cuda:0")
+    assert scene.render([8, 8], device="CPU").size == (8, 8)
 
 
 @pytest.mark.parametrize(
@@ -62,6 +70,30 @@ def test_errors_have_classes(scene, film, tmp_path):
 def test_oddities_are_warnings(scene, change, sentence):
     with pytest.warns(relume.RelumeWarning, match=sentence):
         scene.define(change).render((16, 16))
+
+
+def test_what_holds_itself_is_refused(scene, film):
+    endless = {}
+    endless["materials"] = endless
+    turning = []
+    turning.append(turning)
+    deep = [0.0]
+    for _ in range(100_000):
+        deep = [deep]
+    for wrong in (endless, {"lights": turning}, {"lights": deep}):
+        with pytest.raises(ValueError, match="deeper"):
+            relume.Scene(wrong, scene.volume)
+        with pytest.raises(ValueError, match="deeper"):
+            scene.define(wrong)
+    with pytest.raises((relume.SpectrumError, ValueError)):
+        film.relight(turning)
+
+
+def test_values_that_are_none_are_warnings(ball):
+    values = ball.astype("f4")
+    values[0, 0, 0] = numpy.nan
+    with pytest.warns(relume.RelumeWarning, match="1 voxels are NaN"):
+        relume.Scene.first_look(relume.Volume(values)).render((16, 16))
 
 
 def test_good_scenes_have_no_warnings(scene):

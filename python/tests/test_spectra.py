@@ -5,6 +5,7 @@ import types
 import colour
 import numpy
 import pytest
+from conftest import DESCRIPTION
 
 import relume
 
@@ -15,8 +16,9 @@ def test_wavelengths_are_those_of_the_files():
     assert NM.shape == (81,) and NM[0] == 380 and NM[-1] == 780 and not NM.flags.writeable
 
 
-def test_all_forms_of_a_spectrum_are_one():
+def test_all_forms_of_a_spectrum_are_one(ball):
     samples = numpy.linspace(0.1, 0.9, 81)
+    volume = relume.Volume(ball)
     forms = [
         samples,
         list(samples),
@@ -30,6 +32,14 @@ def test_all_forms_of_a_spectrum_are_one():
     for form in forms:
         assert abs(relume.spectrum(form) - samples).max() < 1e-12, form
     assert (relume.spectrum(0.25) == 0.25).all()
+    for form in forms:
+        made = relume.Scene({**DESCRIPTION, "materials": {"bone": {"reflectance": form}, "skin": {"reflectance": 0.5}}}, volume)
+        assert abs(made.materials["bone"] - samples).max() < 1e-12, form
+        assert abs(made.define({"materials.skin.reflectance": form}).materials["skin"] - samples).max() < 1e-12, form
+    wrong = {**DESCRIPTION, "materials": {"bone": {"reflectance": samples[:80]}}}
+    with pytest.raises(relume.SpectrumError, match="materials.bone.reflectance: 80 samples") as error:
+        relume.Scene(wrong, volume)
+    assert error.value.key == "materials.bone.reflectance"
 
 
 def test_names_are_those_of_the_standards():

@@ -52,7 +52,7 @@ def test_arrays_in_any_memory_order(block):
         memoryview(block),
     ):
         volume = relume.Volume(array, **geometry)
-        assert at_bright(volume) and volume.dims == [3, 4, 5]
+        assert at_bright(volume) and volume.dims == (3, 4, 5)
         assert numpy.array_equal(volume.array, numpy.asarray(array))
     assert at_bright(relume.Volume(block.transpose(2, 1, 0), axes="xyz", **geometry))
     assert at_bright(relume.Volume(block, affine=AFFINE))
@@ -158,7 +158,7 @@ def test_images_of_vtk(block):
 def test_scenes_take_any_image(block):
     image = SimpleITK.GetImageFromArray(block)
     scene = relume.Scene.first_look(image)
-    assert scene.volume.dims == [3, 4, 5]
+    assert scene.volume.dims == (3, 4, 5)
 
 
 @pytest.mark.parametrize(
@@ -177,6 +177,8 @@ def test_scenes_take_any_image(block):
         (numpy.zeros((2, 3, 4)), {"direction": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}, "orthogonal|perpendicular|orthonormal"),
         (numpy.zeros((2, 3, 4)), {"unit": "parsec"}, "parsec"),
         (numpy.zeros((2, 3, 4)), {"axes": "zzz"}, "zzz"),
+        (numpy.zeros((2, 3, 4)), {"spacing": "1,1,1"}, "three numbers"),
+        (numpy.ma.masked_less(numpy.zeros((2, 3, 4)), 1), {}, "filled"),
     ],
 )
 def test_what_is_no_volume_is_refused(array, geometry, sentence):

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 
 import numpy
 import pytest
@@ -18,7 +19,7 @@ import relume
 @pytest.fixture(scope="module")
 def long(scene):
     """A march of many seconds."""
-    return scene.define({"accuracy.step": 0.01, "accuracy.rays": 16})
+    return scene.define({"accuracy.step": 0.05, "accuracy.rays": 4})
 
 
 def test_ctrl_c_ends_a_march(long, scene):
@@ -31,9 +32,23 @@ def test_ctrl_c_ends_a_march(long, scene):
 
     threading.Thread(target=interrupt).start()
     with pytest.raises(KeyboardInterrupt):
-        long.render((1500, 1500))
+        long.render((1500, 1500), device="cpu")
     assert time.perf_counter() - ended[0] < 1.0
     assert scene.render((64, 48)) == scene.render((64, 48))
+
+
+def test_warnings_are_those_of_the_work_of_a_thread(scene):
+    dark = scene.define({"lights.day.intensity": 0, "lights.lamp.intensity": 0})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        dark.render((16, 16))
+    assert len(caught) == 1 and caught[0].filename == __file__
+    with warnings.catch_warnings(), pytest.raises(relume.RelumeWarning):
+        warnings.simplefilter("error")
+        dark.render((16, 16))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene.render((16, 16))
 
 
 def test_progress_is_told_and_may_cancel(long):
@@ -115,7 +130,8 @@ def test_the_cpu_makes_the_film_of_a_device(scene, film):
 
 def test_objects_are_pickled(scene, film):
     for made in (scene, film, scene.volume):
-        assert pickle.loads(pickle.dumps(made)) == made
+        same = pickle.loads(pickle.dumps(made))
+        assert same == made and hash(same) == hash(made)
     error = pytest.raises(relume.SceneError, scene.define, {"camera.fov": 500}).value
     same = pickle.loads(pickle.dumps(error))
     assert (str(same), same.code, same.key) == (str(error), error.code, "camera.fov")

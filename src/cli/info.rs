@@ -406,7 +406,7 @@ fn hex(label: &LabelPreset) -> Option<String> {
 
 fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError> {
     let statistics = volume.statistics()?;
-    super::scene::warn_of_odd_values(&statistics);
+    super::warn_of(crate::render::RenderWarning::of_values(&statistics));
     for note in &volume.notes {
         tracing::warn!("{note}");
     }

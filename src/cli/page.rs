@@ -15,7 +15,7 @@ use crate::output::FilmFile;
 use crate::output::film::{self, Component};
 use crate::output::page::{self, PackedPage, Page, PageError, Summary, escaped};
 use crate::progress::Progress;
-use crate::render::{Job, Keeps, PlannedJob, Renderer};
+use crate::render::{Job, Keeps, PlannedJob, RenderWarning, Renderer};
 use crate::scene::{Aim, Camera, Mix, Placement, Projection, Scene, positions};
 use crate::spectrum::{Light, Reflectance};
 use crate::volume::HostMemory;
@@ -23,8 +23,8 @@ use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files;
 use super::level;
-use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, told_of_placed, warn_of_odd_values};
-use super::{CliError, Report};
+use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, told_of_placed};
+use super::{CliError, Report, warn_of};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -181,7 +181,7 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let (file, statistics) = args.scene.load_as(&args.look.wanted(), HostMemory::Whole, progress)?;
     let inputs: Vec<&Path> = file.inputs.iter().map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
-    warn_of_odd_values(&statistics);
+    warn_of(RenderWarning::of_values(&statistics));
     if file.scene.frame.anatomical {
         tracing::info!("a page of a head shows a face: send it only where the person agrees");
     }

@@ -30,7 +30,7 @@ use super::goal::GoalArgs;
 use super::level;
 use super::model::Learnt;
 use super::processes::{self, Asked, Processes, Sharing, sharing};
-use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, time_or_all, told_of_placed, warn_of_odd_values};
+use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, time_or_all, told_of_placed};
 use super::{CliError, Report, light_grid, turntable, warn_of};
 
 const EXAMPLES: &str = "\
@@ -436,7 +436,7 @@ impl<'a> Work<'a> {
         if processes.is_none_or(Processes::is_first) {
             files::check_outputs(outputs, &inputs)?;
         }
-        warn_of_odd_values(&statistics);
+        warn_of(RenderWarning::of_values(&statistics));
         warn_of(RenderWarning::of_scene(&scene, &statistics, args.size));
         let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
         let (stated, shown) = (Mix::of_scene(&scene), file.opening_mix());

@@ -8,7 +8,7 @@ use crate::document::{self, design, import};
 use crate::document::{
     Definition, LightRequest, Look, Placed, Requested, SceneFile, SceneOptions, Shares, Source, Wish,
 };
-use crate::number::{brief, readable};
+use crate::number::brief;
 use crate::progress::Progress;
 use crate::scene::Mix;
 use crate::volume::{ByteOrder, HostMemory, RawLayout, Selection, Statistics, Unit, Volume, VoxelType};
@@ -598,19 +598,5 @@ pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
         Some(size) if size.iter().all(|side| (1..=LARGEST).contains(side)) => Ok(size),
         Some(_) => Err(format!("each side of a picture has 1 to {LARGEST} pixels")),
         None => Err("write WIDTHxHEIGHT, such as 800x600".to_owned()),
-    }
-}
-
-/// Warns of NaN and infinities in the data.
-pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
-    if statistics.not_a_number > 0 {
-        let count = statistics.not_a_number;
-        tracing::warn!("{count} voxels are NaN; they get the smallest value, {}", readable(statistics.min));
-    }
-    if statistics.infinite > 0 {
-        tracing::warn!(
-            "{} voxels are infinite; they get the smallest or the largest finite value",
-            statistics.infinite
-        );
     }
 }

@@ -204,7 +204,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let memory = HostMemory::Bounded { bytes: None };
     let (file, statistics) = args.scene.read(&Wanted::default(), memory, progress)?;
     files::check_outputs(&[&args.output], &file.inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
-    super::scene::warn_of_odd_values(&statistics);
+    super::warn_of(crate::render::RenderWarning::of_values(&statistics));
     let state = State::new(&file);
     let SceneFile { scene, .. } = &file;
     let (volume, geometry) = (scene.volume(), &scene.frame.geometry);

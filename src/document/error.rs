@@ -135,7 +135,7 @@ impl SceneError {
             Self::Invalid { key, .. } | Self::Spectrum { key, .. } => Some(key.as_str()).filter(|key| !key.is_empty()),
             // Flags stand for definitions too.
             Self::Define { given, .. } => {
-                given.split_once('=').map(|(key, _)| key).filter(|key| !key.contains([' ', '-']))
+                given.split_once('=').map(|(key, _)| key).filter(|key| !key.starts_with('-') && !key.contains(' '))
             }
             _ => None,
         }

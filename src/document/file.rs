@@ -157,7 +157,8 @@ pub fn parse_on(
     options: &SceneOptions,
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
-    parse_around(Some(Given { volumes, is_ready: false }), (name, text), base, options, progress)
+    let given = Given { volumes, is_ready: false, has_ready_labels: false };
+    parse_around(Some(given), (name, text), base, options, progress)
 }
 
 /// As [`parse_on`], for volumes that are as the scene wants them already, apart from their grid: those of a scene with this
@@ -174,7 +175,8 @@ pub fn parse_ready(
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
     let options = SceneOptions { definitions: definitions.to_vec(), ..SceneOptions::default() };
-    parse_around(Some(Given { volumes, is_ready: true }), (name, text), base, &options, progress)
+    let given = Given { volumes, is_ready: true, has_ready_labels: true };
+    parse_around(Some(given), (name, text), base, &options, progress)
 }
 
 /// The scene of `file` with further `definitions`, on its own volume, which is neither read nor copied.
@@ -200,7 +202,7 @@ pub fn redefined(
     let scene = &file.scene;
     let labels = scene.labels.as_ref().map(|labels| Arc::clone(&labels.volume));
     let volumes = InMemory { volume: Arc::clone(&scene.fields.first().volume), labels };
-    let made = parse_ready(volumes, (&scene.name, &file.text), &file.base, definitions, progress)?;
+    let made = parse_ready(volumes, (&file.name, &file.text), &file.base, definitions, progress)?;
     Ok(SceneFile { inputs: file.inputs.clone(), guess: file.guess.clone(), ..made })
 }
 
@@ -218,6 +220,8 @@ pub(super) struct Given {
     pub(super) volumes: InMemory,
     /// Whether the volume is as the scene and the options want it, apart from its grid.
     pub(super) is_ready: bool,
+    /// Whether the labels are on its grid, with their names.
+    pub(super) has_ready_labels: bool,
 }
 
 /// As [`parse`], for volumes that are `given`.
@@ -244,7 +248,7 @@ pub(super) fn volume_alone(
     };
     let definitions: Vec<Definition> = options.definitions.iter().filter(of_volume).cloned().collect();
     let read = |text: &Text<'_>, file: Root| {
-        let given = in_memory.map(|volumes| Given { volumes, is_ready: false });
+        let given = in_memory.map(|volumes| Given { volumes, is_ready: false, has_ready_labels: false });
         let (volume, stored) = text.volume(&file.volume, given, Path::new(""), options, progress)?;
         Ok(((volume, stored), file.volume.largest_part_above.is_some()))
     };
@@ -621,9 +625,10 @@ impl Text<'_> {
             self.scalar(key, "", scalars)?;
         }
 
+        let are_ready = given.as_ref().is_some_and(|given| given.has_ready_labels);
         let labels = given.as_ref().and_then(|given| given.volumes.labels.clone());
         let (volume, stored) = self.volume(&file.volume, given, base, options, progress)?;
-        let map = LabelMap { given: labels, grid: &stored, declared };
+        let map = LabelMap { given: labels, are_ready, grid: &stored, declared };
         let (volume, labels) = self.label_volume(&file.volume, volume, map, base, options, progress)?;
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
         let reflectances =
@@ -642,6 +647,7 @@ impl Text<'_> {
             let message = "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight";
             return Err(self.refuse(file.camera.map_or(0, |camera| camera.span().start), message.into()));
         }
-        Ok(SceneFile { scene, dial, light, text: self.text.into(), base: base.clone(), inputs, guess: None })
+        let name = self.name.clone();
+        Ok(SceneFile { name, scene, dial, light, text: self.text.into(), base: base.clone(), inputs, guess: None })
     }
 }

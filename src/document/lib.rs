@@ -43,6 +43,8 @@ use relume_scene::{Mix, Scene};
 /// A scene file as read: the scene, and the initial state of its document.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
+    /// Its name in messages, without definitions.
+    pub name: String,
     /// The scene.
     pub scene: Scene,
     /// The light dial.

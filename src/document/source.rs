@@ -461,7 +461,7 @@ fn look_at(
     if volume.geometry != stored {
         Arc::make_mut(&mut volume).geometry = stored;
     }
-    let given = Some(Given { volumes: InMemory { volume, labels }, is_ready: true });
+    let given = Some(Given { volumes: InMemory { volume, labels }, is_ready: true, has_ready_labels: false });
     let read = parse_around(given, (&whole_name, &text), Path::new(""), &options, progress);
     let file = read.map_err(of_volume)?;
     // Labels may be values by their ranks.

@@ -26,6 +26,18 @@ pub enum RenderWarning {
         /// The value.
         value: f64,
     },
+    /// Voxels without a value.
+    NotANumber {
+        /// Their number.
+        voxels: u64,
+        /// The smallest value, which they get.
+        smallest: f64,
+    },
+    /// Infinite voxels.
+    Infinite {
+        /// Their number.
+        voxels: u64,
+    },
     /// The device rounds the values of the volume visibly.
     Stored {
         /// Format of a voxel.
@@ -72,6 +84,8 @@ impl RenderWarning {
         match self {
             Self::Thin { .. } => "volume-thin",
             Self::Homogeneous { .. } => "volume-homogeneous",
+            Self::NotANumber { .. } => "values-not-a-number",
+            Self::Infinite { .. } => "values-infinite",
             Self::Stored { .. } => "values-rounded",
             Self::Undeclared { .. } => "labels-undeclared",
             Self::LabelsLost { .. } => "labels-lost",
@@ -80,6 +94,14 @@ impl RenderWarning {
             Self::NoLight => "light-none",
             Self::LightGrid { .. } => "light-grid-coarse",
         }
+    }
+
+    /// Those of values with `statistics`.
+    #[must_use]
+    pub fn of_values(statistics: &Statistics) -> Vec<Self> {
+        let &Statistics { not_a_number, infinite, min: smallest, .. } = statistics;
+        let nan = (not_a_number > 0).then_some(Self::NotANumber { voxels: not_a_number, smallest });
+        nan.into_iter().chain((infinite > 0).then_some(Self::Infinite { voxels: infinite })).collect()
     }
 
     /// Those of `scene`, whose values have `statistics`, in a picture of `size`.
@@ -185,6 +207,12 @@ impl fmt::Display for RenderWarning {
                  is black; set an ambient above 0, or shading = \"none\"",
                 readable(*value)
             ),
+            Self::NotANumber { voxels, smallest } => {
+                write!(out, "{voxels} voxels are NaN; they get the smallest value, {}", readable(*smallest))
+            }
+            Self::Infinite { voxels } => {
+                write!(out, "{voxels} voxels are infinite; they get the smallest or the largest finite value")
+            }
             Self::Stored { format, domain: [low, high], loss } => write!(
                 out,
                 "the device stores the values as {format:?}, for {} to {}; rounding changes a value by up to {loss:.1e}",

@@ -136,11 +136,16 @@ impl Text<'_> {
         &self,
         file: &VolumeFile,
         volume: Arc<Volume>,
-        LabelMap { given, grid: stored, declared }: LabelMap<'_>,
+        LabelMap { given, are_ready, grid: stored, declared }: LabelMap<'_>,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
     ) -> Result<(Arc<Volume>, Option<Labels>), SceneError> {
+        if let Some(labels) = given.as_ref().filter(|_| are_ready) {
+            let fail = |source| SceneError::Labels { scene: self.name.clone(), source };
+            let declared = declared.of_map(labels).map_err(fail)?;
+            return Ok((volume, Some(Labels { volume: Arc::clone(labels), declared })));
+        }
         let stated = file.labels.as_ref().map(|path| base.join(path)).filter(|_| options.volume.is_none());
         let is_frog = file.phantom.as_ref().is_some_and(|phantom| phantom.get_ref() == Phantom::Frog.name());
         let of_phantom = file.phantom_labels.as_ref().filter(|wanted| *wanted.get_ref());
@@ -237,6 +242,8 @@ impl Text<'_> {
 pub(super) struct LabelMap<'a> {
     /// The map, if it is in memory.
     pub(super) given: Option<Arc<Volume>>,
+    /// Whether it is on the grid of the volume, with its names.
+    pub(super) are_ready: bool,
     /// The grid of the volume, before the scene changes it.
     pub(super) grid: &'a Geometry,
     /// The labels that the scene declares.

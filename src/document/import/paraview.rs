@@ -34,8 +34,12 @@ pub(super) fn json(list: &[Value]) -> Result<Preset, String> {
             "its colours are those of categories (IndexedColors), and of no values".to_owned()
         });
     }
-    let is_logarithmic = is_set(&preset["UseLogScale"]);
-    let of_colours = points("RGBPoints", &preset["RGBPoints"], is_logarithmic)?;
+    if is_set(&preset["UseLogScale"]) {
+        return Err(
+            "its scale is logarithmic (UseLogScale), and that of a scene is not; switch it off in ParaView".to_owned()
+        );
+    }
+    let of_colours = points("RGBPoints", &preset["RGBPoints"])?;
     let of_colours =
         of_colours.into_iter().map(|[value, red, green, blue]| Point::plain(value, [red, green, blue])).collect();
     let opacity = match &preset["Points"] {
@@ -48,7 +52,7 @@ pub(super) fn json(list: &[Value]) -> Result<Preset, String> {
                 midpoint,
                 sharpness,
             };
-            points("Points", stated, is_logarithmic)?.into_iter().map(point).collect()
+            points("Points", stated)?.into_iter().map(point).collect()
         }
     };
     let space = match preset["ColorSpace"].as_str().unwrap_or("RGB") {
@@ -79,21 +83,13 @@ fn is_set(switch: &Value) -> bool {
     switch.as_bool().or_else(|| switch.as_f64().map(|number| number != 0.0)).unwrap_or(false)
 }
 
-/// Groups of four numbers, the first of which is a value, or of a logarithmic scale its logarithm.
-fn points(what: &str, list: &Value, is_logarithmic: bool) -> Result<Vec<[f64; 4]>, String> {
+/// Groups of four numbers, the first of which is a value.
+fn points(what: &str, list: &Value) -> Result<Vec<[f64; 4]>, String> {
     let numbers = numbers(what, list)?;
     let (groups, rest) = numbers.as_chunks::<4>();
     if !rest.is_empty() {
         return Err(format!("{what} has {} numbers, which are no groups of 4", numbers.len()));
     }
-    let mut groups = groups.to_vec();
-    if is_logarithmic {
-        for [value, ..] in &mut groups {
-            if *value <= 0.0 {
-                return Err(format!("{what} has the value {value} on a logarithmic scale (UseLogScale)"));
-            }
-            *value = value.log10();
-        }
-    }
+    let groups = groups.to_vec();
     Ok(groups)
 }
