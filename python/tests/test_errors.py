@@ -110,7 +110,7 @@ VALUES = st.recursive(
 KEYS = st.sampled_from(
     ["materials", "transfer", "lights", "camera", "display", "accuracy", "volume", "labels", "crop", "dial", "shadows"]
 )
-MANY = {"max_examples": 3000, "deadline": None, "suppress_health_check": list(HealthCheck)}
+MANY = {"max_examples": 2500, "deadline": None, "suppress_health_check": list(HealthCheck)}
 
 
 @settings(**MANY)
