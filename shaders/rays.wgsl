@@ -165,7 +165,7 @@ fn place_in_run(ray: Ray, n: u32) -> vec3f {
     return fma(vec3f(s), ray.direction, ray.base);
 }
 
-// Whether a macrocell holds anything visible.
+// True if a macrocell holds anything visible.
 fn is_occupied(cell: vec3f) -> bool {
     let index = u32(cell.x) + march.cells.x * (u32(cell.y) + march.cells.y * u32(cell.z));
     return ((occupancy[index / 32u] >> (index % 32u)) & 1u) != 0u;

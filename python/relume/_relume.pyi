@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 __version__: str
 WAVELENGTHS: NDArray[numpy.float64]
-SCRIPT: str
-STYLE: str
 
 _Path = str | os.PathLike[str]
 _Progress = Callable[[str, int, int], object]
@@ -196,7 +194,6 @@ class Film:
         progress: _Progress | None = None,
     ) -> None: ...
     def frame(self, title: str | None = None, tolerance: float | None = None, *, height: int = 760) -> Any: ...
-    def _packed(self, tolerance: float | None = None) -> tuple[str, list[bytes]]: ...
     def _repr_png_(self) -> bytes: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 

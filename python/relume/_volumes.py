@@ -1,4 +1,4 @@
-"""What an object tells of its voxels and their place in the world; no package of an object is imported."""
+"""Voxels of an image and their place in the world, by the methods of the object; no package of an object is imported."""
 
 import difflib
 import os

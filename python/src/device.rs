@@ -7,8 +7,9 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError, TryLockError};
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use relume::film::Film;
 use relume::progress::Progress;
-use relume::render::{DeviceFilm, PlannedJob, RenderWarning, Renderer, SceneRenderer};
+use relume::render::{PlannedJob, RenderWarning, Renderer, SceneRenderer};
 use relume::scene::Mix;
 use relume::vulkan::{self, Device, DeviceChoice, Validation, VulkanError};
 
@@ -29,7 +30,7 @@ static KEPT: LazyLock<Mutex<HashMap<String, Arc<Mutex<Kept>>>>> = LazyLock::new(
 /// The process that opened a device; 0 before one has.
 static OWNER: AtomicU32 = AtomicU32::new(0);
 
-/// Whether another process, from which this one was forked, has opened a device. Its locks may be held for ever.
+/// True in a process that was forked from one with an open device, whose locks may be held for ever.
 fn is_forked() -> bool {
     ![0, process::id()].contains(&OWNER.load(Ordering::Acquire))
 }
@@ -72,7 +73,7 @@ pub(crate) fn marched(
     mix: &Mix,
     size: [usize; 2],
     progress: &dyn Progress,
-) -> Made<Vec<relume::film::Film<f32>>> {
+) -> Made<Film<f32>> {
     let shared = kept(device)?;
     // A renderer marches one scene at a time; another thread has one of its own.
     let mut own = None;
@@ -106,16 +107,9 @@ pub(crate) fn marched(
     for warning in RenderWarning::of_storage(&job.scene, &uploaded.storage, uploaded.labels.as_deref()) {
         heard(warning);
     }
-    let mut films = Vec::new();
-    for camera in &job.cameras {
-        on_device.camera_mut().clone_from(camera);
-        let film: DeviceFilm = on_device.march(size, progress)?;
-        for warning in RenderWarning::of_film(on_device, &film, mix) {
-            heard(warning);
-        }
-        films.push(on_device.renderer().read(&film)?);
-    }
-    Ok(films)
+    let film = on_device.march(size, progress)?;
+    RenderWarning::of_film(on_device, &film, mix).into_iter().for_each(heard);
+    Ok(on_device.renderer().read(&film)?)
 }
 
 /// Vulkan devices of this machine: dicts with `name`, `kind`, `driver` and `missing`, which is empty for a usable one.

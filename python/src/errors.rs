@@ -37,7 +37,7 @@ impl Failed {
         Self { key: Some(key.to_owned()).filter(|key| !key.is_empty()), ..self }
     }
 
-    /// Whether there is no device, or it failed.
+    /// True if there is no device, or if it failed.
     pub(crate) fn is_of_device(&self) -> bool {
         self.class.starts_with("Device")
     }

@@ -36,6 +36,9 @@ struct Lit {
 
 impl Film {
     pub(crate) fn of(file: FilmFile) -> Made<Self> {
+        if let Some(part) = &file.part {
+            work::heard(format!("the film is a part: {}; `relume composite` makes the whole film", part.named()));
+        }
         Ok(Self(KeptFilm::new(file)?))
     }
 
@@ -396,11 +399,11 @@ impl Film {
     fn from_exr(_class: &Bound<'_, PyType>, py: Python<'_>, file: &Bound<'_, PyAny>) -> PyResult<Self> {
         if is_path(file)? {
             let path: PathBuf = file.extract()?;
-            return Ok(work::detached(py, || -> Made<Self> { Self::of(FilmFile::read(&path)?) })?);
+            return work::run(py, None, |_| Self::of(FilmFile::read(&path)?));
         }
         let bytes: Vec<u8> =
             file.extract().map_err(|_| PyTypeError::new_err("a film file is given by its path or its bytes"))?;
-        Ok(work::detached(py, || -> Made<Self> { Self::of(FilmFile::from_bytes(&bytes, "the film")?) })?)
+        work::run(py, None, |_| Self::of(FilmFile::from_bytes(&bytes, "the film")?))
     }
 
     /// Writes the picture under a light as a PNG, as `relume relight -o FILE.png`.
@@ -463,13 +466,6 @@ impl Film {
         let packed = work::run(py, None, |progress| self.packed(title, tolerance, progress))?;
         let framed = packed.framed(title.unwrap_or(page::TITLE), height);
         py.import("relume._notebook")?.getattr("Frame")?.call1((framed, self._repr_png_(py)?))
-    }
-
-    /// The JSON and the packed views of the page, for the widget.
-    #[pyo3(signature = (tolerance=None))]
-    fn _packed<'py>(&self, py: Python<'py>, tolerance: Option<f64>) -> PyResult<(String, Vec<Bound<'py, PyBytes>>)> {
-        let packed = work::run(py, None, |progress| self.packed(None, tolerance, progress))?;
-        Ok((packed.json, packed.views.iter().map(|view| PyBytes::new(py, view)).collect()))
     }
 
     /// The picture as rendered, in a notebook.

@@ -27,8 +27,6 @@ fn _relume(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("WAVELENGTHS", spectra::wavelengths(py))?;
-    module.add("SCRIPT", relume::output::page::SCRIPT)?;
-    module.add("STYLE", relume::output::page::STYLE)?;
     module.add_class::<volume::Volume>()?;
     module.add_class::<scene::Scene>()?;
     module.add_class::<film::Film>()?;

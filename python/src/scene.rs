@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use numpy::PyArray1;
-use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use relume::document::{
@@ -16,8 +16,9 @@ use relume::memory;
 use relume::output::FilmFile;
 use relume::plan::plan;
 use relume::progress::Progress;
-use relume::render::{Job, Keeps, PlannedJob, RenderWarning};
-use relume::scene::Camera;
+use relume::render::{Job, PlannedJob, RenderWarning};
+use relume::scene::Mix;
+use relume::spectrum::Light;
 use relume::volume::Statistics;
 
 use crate::device;
@@ -68,89 +69,68 @@ impl Scene {
         Ok(Self { file, statistics })
     }
 
-    /// The films by `cameras`.
-    fn films(&self, asked: &Asked, progress: &dyn Progress) -> Made<Vec<Film>> {
-        let Asked { size, cameras, device, lights, keeps } = asked;
+    /// The film of a render.
+    fn film(&self, asked: &Asked, progress: &dyn Progress) -> Made<Film> {
+        let &Asked { size, ref device, ref lights } = asked;
         let scene = self.file.scene.clone();
         let of_values = RenderWarning::of_values(&self.statistics).into_iter();
-        for warning in of_values.chain(RenderWarning::of_scene(&scene, &self.statistics, *size)) {
-            heard(warning);
-        }
+        of_values.chain(RenderWarning::of_scene(&scene, &self.statistics, size)).for_each(heard);
         let mix = self.file.opening_mix();
-        let cameras = cameras.clone().unwrap_or_else(|| vec![scene.camera.clone()]);
-        let job = Job::new(scene, self.statistics.clone()).of_pictures(*size, cameras);
-        let job = Job { lights: lights.clone(), keeps: *keeps, ..job }.planned(progress)?;
-        for warning in &job.planned.warnings {
-            heard(warning);
-        }
-        if let Some(warning) = job.level.as_ref().and_then(RenderWarning::of_level) {
-            heard(warning);
-        }
-        let cpu_bytes = match device.as_str() {
-            "cpu" => 4,
-            "reference" => 12,
-            _ => 0,
-        };
-        let plan = &job.planned.plan;
-        let numbers = plan.light.accumulators() * plan.components() + plan.transmittance_numbers();
-        let bytes = [size[0], size[1], numbers, cpu_bytes].into_iter().fold(1, usize::saturating_mul) as u64;
-        if let Some(free) = memory::available_bytes().filter(|&free| bytes > free) {
-            let message =
-                format!("a film of {}×{} pixels needs {bytes} bytes of memory, and {free} are free", size[0], size[1]);
-            return Err(Failed::new("DeviceMemoryError", "film-exceeds-memory", message));
-        }
-        let films = match device.as_str() {
-            "cpu" => on_cpu(&job, *size, &mix, progress)?,
-            "reference" => by_reference(&job, *size, &mix, progress)?,
-            device => device::marched(device, &job, &mix, *size, progress)?,
+        let camera = scene.camera.clone();
+        let job = Job::new(scene, self.statistics.clone()).of_pictures(size, vec![camera]);
+        let job = Job { lights: lights.clone(), ..job }.planned(progress)?;
+        job.planned.warnings.iter().for_each(heard);
+        job.level.as_ref().and_then(RenderWarning::of_level).into_iter().for_each(heard);
+        let film = match device.as_str() {
+            "cpu" | "reference" => without_device(&job, device, size, &mix, progress)?,
+            device => device::marched(device, &job, &mix, size, progress)?,
         };
         let dial = self.file.light.dial_of_film(&self.file.dial);
-        let file = |film| FilmFile::of_march(&job.scene, &job.planned, &mix, dial.clone(), film);
-        films.into_iter().map(|film| Film::of(file(film)?)).collect()
+        Film::of(FilmFile::of_march(&job.scene, &job.planned, &mix, dial, film)?)
     }
 }
 
 /// Settings of a render.
 struct Asked {
     size: [usize; 2],
-    cameras: Option<Vec<Camera>>,
     device: String,
-    lights: Vec<(String, relume::spectrum::Light)>,
-    keeps: Keeps,
+    lights: Vec<(String, Light)>,
 }
 
-fn on_cpu(
-    job: &PlannedJob,
-    size: [usize; 2],
-    mix: &relume::scene::Mix,
-    progress: &dyn Progress,
-) -> Made<Vec<Numbers<f32>>> {
-    let on_cpu = job.on_cpu()?;
-    let stored = &on_cpu.stored;
-    let warnings = RenderWarning::of_storage(&job.scene, &stored.storage, stored.labels.as_deref());
-    for warning in warnings.into_iter().chain(RenderWarning::of_nothing(&job.scene, &job.planned, mix, None)) {
-        heard(warning);
-    }
-    job.cameras.iter().map(|camera| Ok(on_cpu.film(camera, size, progress)?)).collect()
-}
-
+/// The film by all cores: of stored tables in f32 ("cpu"), or of exact samples in f64 ("reference").
 #[expect(clippy::cast_possible_truncation, reason = "films hold f32")]
-fn by_reference(
+fn without_device(
     job: &PlannedJob,
+    device: &str,
     size: [usize; 2],
-    mix: &relume::scene::Mix,
+    mix: &Mix,
     progress: &dyn Progress,
-) -> Made<Vec<Numbers<f32>>> {
-    let reference = job.reference()?;
-    for warning in RenderWarning::of_labels(reference.labels.as_ref()).into_iter().chain(RenderWarning::of_nothing(
-        &job.scene,
-        &job.planned,
-        mix,
-        None,
-    )) {
-        heard(warning);
+) -> Made<Numbers<f32>> {
+    let plan = &job.planned.plan;
+    let numbers = plan.light.accumulators() * plan.components() + plan.transmittance_numbers();
+    let bytes_of_number = if device == "cpu" { 4 } else { 12 };
+    let bytes = [size[0], size[1], numbers, bytes_of_number].into_iter().fold(1, usize::saturating_mul) as u64;
+    if let Some(free) = memory::available_bytes().filter(|&free| bytes > free) {
+        let message =
+            format!("a film of {}×{} pixels needs {bytes} bytes of memory, and {free} are free", size[0], size[1]);
+        return Err(Failed::new("DeviceMemoryError", "film-exceeds-memory", message));
     }
-    Ok(vec![reference.film(size, progress)?.map(|number| number as f32)])
+    let film = if device == "cpu" {
+        let on_cpu = job.on_cpu()?;
+        let stored = &on_cpu.stored;
+        let of_storage = RenderWarning::of_storage(&job.scene, &stored.storage, stored.labels.as_deref());
+        of_storage.into_iter().for_each(heard);
+        on_cpu.film(&job.scene.camera, size, progress)?
+    } else {
+        let reference = job.reference()?;
+        RenderWarning::of_labels(reference.labels.as_ref()).into_iter().for_each(heard);
+        reference.film(size, progress)?.map(|number| number as f32)
+    };
+    // A ray that loses and gains nothing entered no macrocell with anything visible.
+    let is_empty =
+        film.accumulators.iter().all(|&sum| sum == 0.0) && film.transmittance.iter().all(|&left| left >= 1.0);
+    RenderWarning::of_nothing(&job.scene, &job.planned, mix, is_empty.then_some(0)).into_iter().for_each(heard);
+    Ok(film)
 }
 
 #[pymethods]
@@ -260,9 +240,8 @@ impl Scene {
         lights: Option<&Bound<'_, PyDict>>,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Film> {
-        let asked = asked(size, device, lights, Keeps::Stated)?;
-        let films = work::run(py, progress, |progress| self.films(&asked, progress))?;
-        films.into_iter().next().ok_or_else(|| PyKeyError::new_err("no film"))
+        let asked = asked(size, device, lights)?;
+        work::run(py, progress, |progress| self.film(&asked, progress))
     }
 
     /// The volume.
@@ -303,7 +282,7 @@ impl Scene {
         by_name(py, of.map(|it| (it.name.as_str(), spectra::array(py, it.spectrum.spectrum()))))
     }
 
-    /// What a march of this scene computes and why, in sentences.
+    /// Features that a march of this scene computes, with reasons, in sentences.
     fn explain(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         work::run(py, None, |progress| {
             let planned = plan(&self.file.scene, progress)?;
@@ -344,18 +323,11 @@ impl Scene {
 
     /// A picture of 256 pixels, in a notebook.
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyBytes>> {
-        let small = |device: &str| Asked {
-            size: [256; 2],
-            cameras: None,
-            device: device.to_owned(),
-            lights: Vec::new(),
-            keeps: Keeps::Stated,
-        };
-        let films = work::run(py, None, |progress| match self.films(&small("auto"), progress) {
-            Err(failed) if failed.is_of_device() => self.films(&small("cpu"), progress),
-            films => films,
+        let small = |device: &str| Asked { size: [256; 2], device: device.to_owned(), lights: Vec::new() };
+        let film = work::run(py, None, |progress| match self.film(&small("auto"), progress) {
+            Err(failed) if failed.is_of_device() => self.film(&small("cpu"), progress),
+            film => film,
         })?;
-        let film = films.into_iter().next().ok_or_else(|| PyKeyError::new_err("no film"))?;
         film._repr_png_(py)
     }
 }
@@ -377,14 +349,13 @@ fn asked(
     size: Option<&Bound<'_, PyAny>>,
     device: Option<&Bound<'_, PyAny>>,
     lights: Option<&Bound<'_, PyDict>>,
-    keeps: Keeps,
 ) -> PyResult<Asked> {
     let device = device.map_or_else(|| Ok("auto".to_owned()), |device| device.str().map(|name| name.to_string()))?;
     let known = ["cpu", "reference"].into_iter().find(|known| device.eq_ignore_ascii_case(known));
     let device = known.map_or(device, str::to_owned);
     let lights = lights.into_iter().flatten();
     let lights = lights.map(|(name, light)| Ok((name.str()?.to_string(), spectra::light_of(&light)?)));
-    Ok(Asked { size: size_of(size)?, cameras: None, device, lights: lights.collect::<PyResult<_>>()?, keeps })
+    Ok(Asked { size: size_of(size)?, device, lights: lights.collect::<PyResult<_>>()? })
 }
 
 fn options_of(

@@ -89,7 +89,7 @@ fn wrong(path: &str, message: &str) -> Failed {
     Failed::new("SpectrumError", "spectrum", message).at(path)
 }
 
-/// Whether a dict states a spectrum: by a key of its forms, or by wavelengths.
+/// True if a dict states a spectrum: by a key of its forms, or by wavelengths.
 pub(crate) fn is_form(dict: &Bound<'_, PyDict>) -> bool {
     const FORMS: [&str; 6] = ["samples", "file", "gaussian", "srgb", "linear_srgb", "blackbody"];
     dict.keys().iter().any(|key| {

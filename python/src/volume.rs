@@ -236,7 +236,7 @@ impl Volume {
         self.0.intercept
     }
 
-    /// Whether the world is left-posterior-superior, as of DICOM.
+    /// True if the world is left-posterior-superior, as of DICOM.
     #[getter]
     fn anatomical(&self) -> bool {
         self.0.anatomical
@@ -336,7 +336,7 @@ pub(crate) fn path_of(object: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
     object.extract::<PathBuf>()
 }
 
-/// Whether an object is a path or a text.
+/// True for a path or a text.
 pub(crate) fn is_path(object: &Bound<'_, PyAny>) -> PyResult<bool> {
     Ok(object.cast::<PyString>().is_ok() || object.hasattr("__fspath__")?)
 }

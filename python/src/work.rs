@@ -25,7 +25,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// Stage, units done, and their total.
 type Stage = (String, u64, u64);
 
-/// What a work tells and is told.
+/// Progress, cancellation and end of a work, shared by its thread and the caller's.
 #[derive(Default)]
 struct Shared {
     stage: Mutex<Option<Stage>>,

@@ -1,6 +1,5 @@
 """Scenes and volumes of the tests, and the command."""
 
-import json
 import os
 import pathlib
 import subprocess
@@ -19,11 +18,6 @@ def command(*arguments, **options):
     done = subprocess.run([COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, **options)
     assert done.returncode == 0, done.stderr
     return done.stdout
-
-
-def info(path):
-    """What `relume info` says of a file."""
-    return json.loads(command("info", path, "--json"))
 
 
 @pytest.fixture(scope="session")

@@ -67,9 +67,10 @@ def test_errors_have_classes(scene, film, tmp_path):
         ({"lights.day.spectrum": {"samples": [-1.0] + [1.0] * 80}}, "negative"),
     ],
 )
-def test_oddities_are_warnings(scene, change, sentence):
+@pytest.mark.parametrize("device", ["auto", "cpu", "reference"])
+def test_oddities_are_warnings(scene, change, sentence, device):
     with pytest.warns(relume.RelumeWarning, match=sentence):
-        scene.define(change).render((16, 16))
+        scene.define(change).render((16, 16), device=device)
 
 
 def test_what_holds_itself_is_refused(scene, film):

@@ -1,4 +1,4 @@
-"""What the module makes is what the command makes, to the byte."""
+"""Films, pictures, pages and palettes of the module equal those of the command, to the byte."""
 
 import pathlib
 import struct

@@ -33,7 +33,7 @@ BRIGHT = AFFINE @ [2, 0, 4, 1]
 
 
 def at_bright(volume, where=BRIGHT):
-    """Whether the bright voxel is where it must be."""
+    """True if the bright voxel is at its place."""
     z, y, x = numpy.unravel_index(volume.array.argmax(), volume.array.shape)
     return numpy.allclose(volume.world((x, y, z)), where[:3], atol=1e-5)
 

@@ -1,4 +1,4 @@
-//! `relume completions` and `relume man`: what shells and `man` read of the command line.
+//! `relume completions` and `relume man`: the command line for shells and `man`.
 
 use std::path::PathBuf;
 

@@ -218,9 +218,9 @@ pub struct InMemory {
 /// Volumes in place of those that a scene names.
 pub(super) struct Given {
     pub(super) volumes: InMemory,
-    /// Whether the volume is as the scene and the options want it, apart from its grid.
+    /// True if the volume is as the scene and the options want it, apart from its grid.
     pub(super) is_ready: bool,
-    /// Whether the labels are on its grid, with their names.
+    /// True if the labels are on its grid, with their names.
     pub(super) has_ready_labels: bool,
 }
 

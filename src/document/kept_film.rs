@@ -13,7 +13,7 @@ use relume_scene::film::{Film, RelightMatrices, Relightable};
 /// A film with all that relighting needs: of a march, or of a file.
 #[derive(Clone, Debug)]
 pub struct KeptFilm {
-    /// What a film file has beside the numbers of the pixels.
+    /// The film file without the numbers of the pixels.
     pub header: FilmFile,
     /// The numbers of the pixels.
     pub film: Film<f32>,

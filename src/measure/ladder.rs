@@ -359,7 +359,7 @@ impl<'a> Ladder<'a> {
         Ok(self.march_exact(scene, &exact, &self.pixels, progress)?.into_iter().map(|(colour, _)| colour).collect())
     }
 
-    /// What a device stores of `scene` as `planned`.
+    /// Tables and volume of `scene` as a device stores them for `planned`.
     pub(super) fn store(&mut self, scene: &Scene, planned: &Planned) -> StoredScene {
         let statistics = &self.statistics;
         let stored = || {

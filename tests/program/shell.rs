@@ -1,4 +1,4 @@
-//! What shells and `man` read of the command line.
+//! Completions and manual pages of the command line.
 
 use crate::support;
 use support::program::Folder;

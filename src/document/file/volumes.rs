@@ -238,11 +238,11 @@ impl Text<'_> {
     }
 }
 
-/// What is known of a label map before it is read.
+/// A label map before it is read.
 pub(super) struct LabelMap<'a> {
     /// The map, if it is in memory.
     pub(super) given: Option<Arc<Volume>>,
-    /// Whether it is on the grid of the volume, with its names.
+    /// True if it is on the grid of the volume, with its names.
     pub(super) are_ready: bool,
     /// The grid of the volume, before the scene changes it.
     pub(super) grid: &'a Geometry,

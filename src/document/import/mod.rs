@@ -47,7 +47,7 @@ pub struct Preset {
     pub phase: f64,
     /// Interpolation between voxels.
     pub interpolation: Interpolation,
-    /// Whether the points are spread over the values of the volume.
+    /// True if the points are spread over the values of the volume.
     pub is_spread: bool,
 }
 
@@ -82,7 +82,7 @@ pub struct Channel {
     pub number: usize,
     /// Its name.
     pub label: Option<String>,
-    /// Whether it is shown.
+    /// True if it is shown.
     pub is_active: bool,
     /// Values from transparent to most opaque.
     pub window: [f64; 2],

@@ -8,7 +8,7 @@ use super::{Interpolation, Point, Preset, checked, heights, numbers};
 /// Keys of which a preset has at least one.
 const KEYS: [&str; 3] = ["RGBPoints", "IndexedColors", "Points"];
 
-/// Whether a JSON object is a preset.
+/// True for a JSON object that is a preset.
 pub(super) fn is_preset(table: &Map<String, Value>) -> bool {
     KEYS.iter().any(|key| table.contains_key(*key))
 }
@@ -78,7 +78,7 @@ pub(super) fn json(list: &[Value]) -> Result<Preset, String> {
     })
 }
 
-/// Whether a switch, a number or a word, is on.
+/// True for a switch, a number or a word, that is on.
 fn is_set(switch: &Value) -> bool {
     switch.as_bool().or_else(|| switch.as_f64().map(|number| number != 0.0)).unwrap_or(false)
 }

@@ -64,7 +64,7 @@ impl Part<'_> {
     }
 }
 
-/// Where an OpenEXR file is written.
+/// Destination of an OpenEXR file.
 #[derive(Debug)]
 pub(super) enum Target<'a> {
     /// A file, by [`write_atomically`].

@@ -7,7 +7,7 @@ use crate::Scene;
 use crate::plan::{Integrate, Planned};
 use relume_volume::{Statistics, VolumeError};
 
-/// What a march of the stored values reads.
+/// Volume and tables that a march reads.
 #[derive(Clone, Debug)]
 pub struct StoredScene {
     /// How the volume is stored.

@@ -802,7 +802,7 @@ pub(crate) fn first_look(
 pub(crate) struct Viewed {
     /// The table of its camera in a scene.
     pub(crate) text: String,
-    /// Whether the volume is a sheet, which is viewed face on.
+    /// True if the volume is a sheet, which is viewed face on.
     pub(crate) is_flat: bool,
 }
 
