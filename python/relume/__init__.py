@@ -12,6 +12,11 @@ Arrays, images of SimpleITK, ITK, nibabel, xarray, VTK and PyVista become a `Vol
 SCENE.md. Nothing but `render` needs Vulkan, and `device="cpu"` renders without it.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
 from ._errors import (
     Cancelled,
     DeviceError,
@@ -25,6 +30,7 @@ from ._errors import (
     UnknownNameError,
     VolumeError,
 )
+from ._notebook import Turntable, turntable
 from ._relume import (
     WAVELENGTHS,
     Film,
@@ -44,6 +50,28 @@ from ._relume import (
 
 WAVELENGTHS.flags.writeable = False
 
+
+def view(
+    scene: Scene,
+    size: Sequence[int] = (400, 400),
+    *,
+    device: str | int | None = None,
+    title: str | None = None,
+    tolerance: float | None = None,
+) -> Any:
+    """The scene as a live widget of a notebook, which needs `anywidget` (`pip install "relume[widget]"`).
+
+    The light changes in the browser, at its frame rate; a drag turns the camera by marches in Python. `widget.scene` and
+    `widget.film` are the scene as it is turned and its film; `widget.light` is the light as it is shown, for `film.relight`.
+    `device`, `title` and `tolerance` are those of `Scene.render` and `Film.page`.
+    """
+    try:
+        from ._view import View
+    except ImportError as error:
+        raise ImportError('the widget needs anywidget: pip install "relume[widget]"; a page of a film needs nothing') from error
+    return View(scene, size, device=device, title=title, tolerance=tolerance)
+
+
 __all__ = [
     "WAVELENGTHS",
     "Cancelled",
@@ -59,6 +87,7 @@ __all__ = [
     "SceneError",
     "Solution",
     "SpectrumError",
+    "Turntable",
     "UnknownNameError",
     "Volume",
     "VolumeError",
@@ -69,6 +98,8 @@ __all__ = [
     "release",
     "spectrum",
     "standards",
+    "turntable",
+    "view",
     "xyz",
 ]
 

@@ -8,9 +8,10 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError, TryLockError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use relume::film::Film;
+use relume::measure::{Choice, Wanted, cache_folder, choose};
 use relume::progress::Progress;
 use relume::render::{PlannedJob, RenderWarning, Renderer, SceneRenderer};
-use relume::scene::Mix;
+use relume::scene::{Mix, Scene};
 use relume::vulkan::{self, Device, DeviceChoice, Validation, VulkanError};
 
 use crate::errors::{Failed, Made};
@@ -66,6 +67,27 @@ fn opened(device: &str) -> Made<Kept> {
     Ok(Kept { renderer, on_device: None, uploads: 0 })
 }
 
+/// Runs `work` with the renderer of `device`; one of its own, where another thread uses it.
+fn with_renderer<T>(device: &str, work: impl FnOnce(&mut Kept) -> Made<T>) -> Made<T> {
+    let shared = kept(device)?;
+    match shared.try_lock() {
+        Ok(mut kept) => work(&mut kept),
+        Err(TryLockError::Poisoned(poisoned)) => {
+            let mut kept = poisoned.into_inner();
+            *kept = opened(device)?;
+            shared.clear_poison();
+            work(&mut kept)
+        }
+        Err(TryLockError::WouldBlock) => work(&mut opened(device)?),
+    }
+}
+
+/// The setting of `scene` for the picture `wanted`.
+pub(crate) fn chosen(device: &str, scene: &Scene, mix: &Mix, wanted: Wanted, progress: &dyn Progress) -> Made<Choice> {
+    scene.volume().require_voxels("a search for settings")?;
+    with_renderer(device, |kept| Ok(choose(&kept.renderer, scene, mix, wanted, cache_folder().as_deref(), progress)?))
+}
+
 /// Marches `job` on `device`; the volume that it marched last is not uploaded again.
 pub(crate) fn marched(
     device: &str,
@@ -74,27 +96,11 @@ pub(crate) fn marched(
     size: [usize; 2],
     progress: &dyn Progress,
 ) -> Made<Film<f32>> {
-    let shared = kept(device)?;
-    // A renderer marches one scene at a time; another thread has one of its own.
-    let mut own = None;
-    let mut guard = match shared.try_lock() {
-        Ok(guard) => Some(guard),
-        Err(TryLockError::Poisoned(poisoned)) => {
-            let mut guard = poisoned.into_inner();
-            *guard = opened(device)?;
-            shared.clear_poison();
-            Some(guard)
-        }
-        Err(TryLockError::WouldBlock) => {
-            own = Some(opened(device)?);
-            None
-        }
-    };
-    let Kept { renderer, on_device, uploads } = match (&mut guard, &mut own) {
-        (Some(guard), _) => &mut **guard,
-        (None, Some(own)) => own,
-        (None, None) => return Err(Failed::new("DeviceError", "device", "no renderer")),
-    };
+    with_renderer(device, |kept| march(kept, job, mix, size, progress))
+}
+
+fn march(kept: &mut Kept, job: &PlannedJob, mix: &Mix, size: [usize; 2], progress: &dyn Progress) -> Made<Film<f32>> {
+    let Kept { renderer, on_device, uploads } = kept;
     renderer.check_picture(&job.planned.plan, size, 0)?;
     if !on_device.as_ref().is_some_and(|before| before.holds(&job.scene, &job.planned)) {
         *uploads += 1;

@@ -3,7 +3,8 @@
 use std::error::Error;
 
 use pyo3::prelude::*;
-use relume::document::{OpenError, SceneError, chain};
+use relume::document::{OpenError, SceneError, SessionError, chain};
+use relume::measure::MeasureError;
 use relume::model::ModelError;
 use relume::output::OutputError;
 use relume::output::page::PageError;
@@ -140,6 +141,8 @@ macro_rules! raised_as {
 raised_as! {
     VolumeError => "VolumeError",
     PlanError => "SceneError",
+    MeasureError => "SceneError",
+    SessionError => "SceneError",
     ReferenceError => "SceneError",
     OutputError => "OutputError",
     PageError => "OutputError",

@@ -10,9 +10,12 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyString, PyTuple, PyType};
 use relume::document::{KeptFilm, LightRequest, requested, spread};
 use relume::film::{Components, RelightMatrices, Relightable};
+use relume::measure::Choice;
 use relume::output::page::{self, PackedPage, Page};
 use relume::output::{Alpha, Depth, FilmFile, Picture, display_codes, png_bytes, write_png};
 use relume::scene::{INTENSITY, Mix, MixLight};
+use relume::spectrum::BANDS;
+use relume::tables::Reflected;
 
 use crate::errors::{Failed, Made};
 use crate::spectra;
@@ -21,7 +24,7 @@ use crate::work;
 
 /// The film of a march: per pixel, numbers that do not depend on the spectrum of any light.
 #[pyclass(frozen, module = "relume")]
-pub(crate) struct Film(KeptFilm);
+pub(crate) struct Film(KeptFilm, Option<Choice>);
 
 /// The error of a name that the film does not have.
 fn unknown(message: String) -> PyErr {
@@ -39,7 +42,17 @@ impl Film {
         if let Some(part) = &file.part {
             work::heard(format!("the film is a part: {}; `relume composite` makes the whole film", part.named()));
         }
-        Ok(Self(KeptFilm::new(file)?))
+        Ok(Self(KeptFilm::new(file)?, None))
+    }
+
+    /// The same with the reason of its setting.
+    pub(crate) fn chosen(self, choice: Option<Choice>) -> Self {
+        Self(self.0, choice)
+    }
+
+    /// The film and its meaning.
+    pub(crate) const fn kept(&self) -> &KeptFilm {
+        &self.0
     }
 
     fn rows_and_columns(&self) -> [usize; 2] {
@@ -201,11 +214,19 @@ impl Film {
         tolerance: Option<f64>,
         progress: &dyn relume::progress::Progress,
     ) -> Made<PackedPage> {
+        Ok(self.as_page(title, tolerance).packed(progress)?)
+    }
+
+    /// The film as a page of one view.
+    fn as_page<'a>(&'a self, title: Option<&'a str>, tolerance: Option<f64>) -> Page<'a> {
         let kept = &self.0;
-        let tolerance = tolerance.unwrap_or(page::TOLERANCE);
-        let title = title.unwrap_or(page::TITLE);
-        let page = Page { film: &kept.header, views: std::slice::from_ref(&kept.film), columns: 1, title, tolerance };
-        Ok(page.packed(progress)?)
+        Page {
+            film: &kept.header,
+            views: std::slice::from_ref(&kept.film),
+            columns: 1,
+            title: title.unwrap_or(page::TITLE),
+            tolerance: tolerance.unwrap_or(page::TOLERANCE),
+        }
     }
 }
 
@@ -290,6 +311,15 @@ impl Film {
             Components::Model(model, _) => Some(model.description()),
             Components::Surfaces(_) => None,
         }
+    }
+
+    /// The setting of a render with `max_error` or `budget_ms`, as measured: `why` in a sentence, `setting`, and what is
+    /// `expected` of time and error; `None` without these, and after a pickle or a file.
+    #[getter]
+    fn choice<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(choice) = &self.1 else { return Ok(None) };
+        let text = serde_json::json!({"why": choice.why, "setting": choice.setting, "expected": choice.point, "untried": choice.untried});
+        Ok(Some(py.import("json")?.call_method1("loads", (text.to_string(),))?))
     }
 
     /// The light dial: `nodes` (light, place, on), `presets` (name, caption, hand), `normalise`, `master`.
@@ -383,6 +413,28 @@ impl Film {
         Ok((of_weights, behind))
     }
 
+    /// Radiance of every pixel under a light, float32 (rows, columns, 81), at `relume.WAVELENGTHS`. With a colour model, spectra
+    /// are estimates.
+    #[pyo3(signature = (light=None, *, hand=None, preset=None))]
+    fn spectra<'py>(
+        &self,
+        py: Python<'py>,
+        light: Option<&Bound<'py, PyAny>>,
+        hand: Option<[f64; 2]>,
+        preset: Option<&str>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let Lit { mix, means } = self.lit(py, &Asked { light, hand, preset, ..Asked::default() })?;
+        let film = &self.0.film;
+        let numbers = work::detached(py, || {
+            let reflected = Reflected::new(&means.components, means.background.as_ref());
+            let mut numbers = vec![0.0; film.pixels() * BANDS];
+            Reflected::write(&reflected.under(&mix, means.positions), film, 0, &mut numbers);
+            numbers
+        });
+        let [rows, columns] = self.rows_and_columns();
+        PyArray1::from_vec(py, numbers).reshape([rows, columns, BANDS])
+    }
+
     /// Writes the film file of `relume render --accumulators`.
     fn to_exr(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         Ok(work::detached(py, || self.0.write(&path).map_err(Failed::from))?)
@@ -452,6 +504,28 @@ impl Film {
             page::check_name(&path)?;
             Ok(self.packed(title, tolerance, progress)?.write(&path)?)
         })
+    }
+
+    /// The parts of a page for a widget: its JSON, its packed view, and the step of its rounding; with a `step`, that of an earlier
+    /// page in place of a search.
+    #[pyo3(signature = (title, tolerance=None, step=None, *, progress=None))]
+    fn _packed<'py>(
+        &self,
+        py: Python<'py>,
+        title: Option<&str>,
+        tolerance: Option<f64>,
+        step: Option<f64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(String, Bound<'py, PyBytes>, f64)> {
+        let (json, views, step) = work::run(py, progress, |progress| {
+            if let Some(step) = step {
+                let (json, views) = self.as_page(title, tolerance).packed_at(step, progress)?;
+                return Ok((json, views, step));
+            }
+            let packed = self.packed(title, tolerance, progress)?;
+            Ok((packed.json, packed.views, packed.summary.step))
+        })?;
+        Ok((json, PyBytes::new(py, views.first().map_or(&[], Vec::as_slice)), step))
     }
 
     /// The page in a frame of a notebook, and the PNG for front ends without frames.

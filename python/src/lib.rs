@@ -8,6 +8,7 @@ mod palette;
 mod scene;
 mod spectra;
 mod tables;
+mod turntable;
 mod volume;
 mod work;
 
@@ -42,6 +43,8 @@ fn _relume(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(device::devices, module)?)?;
     module.add_function(wrap_pyfunction!(device::release, module)?)?;
     module.add_function(wrap_pyfunction!(device::_uploads, module)?)?;
+    module.add_function(wrap_pyfunction!(turntable::_page_of, module)?)?;
+    module.add_function(wrap_pyfunction!(turntable::_apng, module)?)?;
     module.add_function(wrap_pyfunction!(_command, module)?)?;
     Ok(())
 }

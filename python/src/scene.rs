@@ -7,11 +7,14 @@ use numpy::PyArray1;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
+use relume::document::moves::{Move, around, moved};
+use relume::document::session::with_camera;
 use relume::document::{
     Definition, InMemory, Look, SceneFile, SceneOptions, Source, Wish, first_look_of, load, parse, parse_on,
     parse_ready, redefined,
 };
 use relume::film::Film as Numbers;
+use relume::measure::{Enlargement, Goal, Pixels, Wanted};
 use relume::memory;
 use relume::output::FilmFile;
 use relume::plan::plan;
@@ -71,11 +74,16 @@ impl Scene {
 
     /// The film of a render.
     fn film(&self, asked: &Asked, progress: &dyn Progress) -> Made<Film> {
-        let &Asked { size, ref device, ref lights } = asked;
+        let &Asked { size, ref device, ref lights, goal } = asked;
         let scene = self.file.scene.clone();
         let of_values = RenderWarning::of_values(&self.statistics).into_iter();
         of_values.chain(RenderWarning::of_scene(&scene, &self.statistics, size)).for_each(heard);
         let mix = self.file.opening_mix();
+        let wanted = goal.map(|goal| Wanted { size, goal, pixels: Pixels::Fewer });
+        let choice = wanted.map(|wanted| device::chosen(device, &scene, &mix, wanted, progress)).transpose()?;
+        let (scene, marched) = choice
+            .as_ref()
+            .map_or_else(|| (scene.clone(), size), |it| (it.setting.applied(&scene), it.setting.marched_size(size)));
         let camera = scene.camera.clone();
         let job = Job::new(scene, self.statistics.clone()).of_pictures(size, vec![camera]);
         let job = Job { lights: lights.clone(), ..job }.planned(progress)?;
@@ -83,10 +91,12 @@ impl Scene {
         job.level.as_ref().and_then(RenderWarning::of_level).into_iter().for_each(heard);
         let film = match device.as_str() {
             "cpu" | "reference" => without_device(&job, device, size, &mix, progress)?,
-            device => device::marched(device, &job, &mix, size, progress)?,
+            device => device::marched(device, &job, &mix, marched, progress)?,
         };
+        let enlargement = Enlargement::new(marched, size);
+        let film = if enlargement.is_none() { film } else { enlargement.accumulation(&film) };
         let dial = self.file.light.dial_of_film(&self.file.dial);
-        Film::of(FilmFile::of_march(&job.scene, &job.planned, &mix, dial, film)?)
+        Ok(Film::of(FilmFile::of_march(&job.scene, &job.planned, &mix, dial, film)?)?.chosen(choice))
     }
 }
 
@@ -95,6 +105,7 @@ struct Asked {
     size: [usize; 2],
     device: String,
     lights: Vec<(String, Light)>,
+    goal: Option<Goal>,
 }
 
 /// The film by all cores: of stored tables in f32 ("cpu"), or of exact samples in f64 ("reference").
@@ -228,19 +239,89 @@ impl Scene {
         })
     }
 
+    /// The scene from a moved camera, as the window moves it: `orbit` in degrees to the right and up about the target, `pan` in
+    /// picture heights to the right and up, `dolly` so that the target appears this many times as large, `roll` in degrees
+    /// clockwise; in this order. `size` is that of the pictures.
+    #[pyo3(signature = (*, orbit=None, pan=None, dolly=None, roll=None, size=None))]
+    fn moved(
+        &self,
+        orbit: Option<[f64; 2]>,
+        pan: Option<[f64; 2]>,
+        dolly: Option<f64>,
+        roll: Option<f64>,
+        size: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let aspect = aspect(size_of(size)?);
+        let steps = [
+            orbit.map(|[right, up]| Move::Orbit { right, up }),
+            pan.map(|[right, up]| Move::Pan { right, up }),
+            dolly.map(Move::Dolly),
+            roll.map(Move::Roll),
+        ];
+        let numbers = orbit.into_iter().chain(pan).flatten().chain(dolly).chain(roll);
+        if let Some(number) = numbers.chain(dolly.map(f64::recip)).find(|number| !number.is_finite()) {
+            return Err(PyValueError::new_err(format!("a camera cannot move by {number}")));
+        }
+        let opened = &self.file.scene.camera;
+        let mut scene = self.file.scene.clone();
+        for step in steps.into_iter().flatten() {
+            scene.camera = moved(&scene, opened, aspect, step);
+        }
+        let file = with_camera(&self.file, scene.camera).map_err(Failed::from)?;
+        Ok(Self { file, statistics: self.statistics.clone() })
+    }
+
+    /// The scene from the cameras of a turntable, `columns` by `rows` of them, row by row from the top.
+    fn _around(&self, columns: u16, rows: u16, size: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Self>> {
+        let scene = &self.file.scene;
+        scene.volume().prepare_coarse(&relume::progress::Quiet).map_err(Failed::from)?;
+        let cameras = around(scene, aspect(size_of(size)?), [columns, rows]);
+        let none = || Failed::new("SceneError", "camera", "the camera has no line of sight to turn about");
+        let of = |camera| {
+            let file = with_camera(&self.file, camera).map_err(Failed::from)?;
+            Ok(Self { file, statistics: self.statistics.clone() })
+        };
+        cameras.ok_or_else(none)?.into_iter().map(of).collect()
+    }
+
+    /// The camera of pictures of `size`: a dict of `position`, the unit vectors `forward`, `right` and `up`, `half` (half the
+    /// width and height of the picture, at distance 1 or, with `parallel` rays, in world units).
+    #[pyo3(signature = (size=None))]
+    fn view<'py>(&self, py: Python<'py>, size: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyDict>> {
+        let scene = &self.file.scene;
+        let view = scene.camera.view(&scene.frame.geometry, aspect(size_of(size)?));
+        let view = view.ok_or_else(|| Failed::new("SceneError", "camera", "the camera has no line of sight"))?;
+        let of = PyDict::new(py);
+        for (name, vector) in
+            [("position", view.eye), ("forward", view.forward), ("right", view.right), ("up", view.up)]
+        {
+            of.set_item(name, vector.to_array())?;
+        }
+        of.set_item("half", view.half)?;
+        of.set_item("parallel", view.parallel)?;
+        Ok(of)
+    }
+
     /// Marches the scene once: the film, which any light relights. `size` is (width, height). `device` is "auto", a part of the name of a Vulkan
     /// device, its number, "cpu" (all cores, without Vulkan) or "reference" (f64, slow). `lights` are further lights, by
-    /// name, for which a colour model is planned. `progress(stage, done, total)` may cancel by returning False.
-    #[pyo3(signature = (size=None, *, device=None, lights=None, progress=None))]
+    /// name, for which a colour model is planned. `max_error` takes the fastest setting within this ΔE00 in 95 % of the pixels,
+    /// `budget_ms` the most accurate one of which a frame takes so many milliseconds; both measure first, and `film.choice` says
+    /// what was found. `progress(stage, done, total)` may cancel by returning False.
+    #[pyo3(signature = (size=None, *, device=None, lights=None, max_error=None, budget_ms=None, progress=None))]
     fn render(
         &self,
         py: Python<'_>,
         size: Option<&Bound<'_, PyAny>>,
         device: Option<&Bound<'_, PyAny>>,
         lights: Option<&Bound<'_, PyDict>>,
+        max_error: Option<f64>,
+        budget_ms: Option<f64>,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Film> {
-        let asked = asked(size, device, lights)?;
+        let asked = Asked { goal: goal_of(max_error, budget_ms)?, ..asked(size, device, lights)? };
+        if asked.goal.is_some() && ["cpu", "reference"].contains(&asked.device.as_str()) {
+            return Err(PyValueError::new_err("max_error and budget_ms choose a setting for a Vulkan device"));
+        }
         work::run(py, progress, |progress| self.film(&asked, progress))
     }
 
@@ -323,13 +404,19 @@ impl Scene {
 
     /// A picture of 256 pixels, in a notebook.
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyBytes>> {
-        let small = |device: &str| Asked { size: [256; 2], device: device.to_owned(), lights: Vec::new() };
+        let small = |device: &str| Asked { size: [256; 2], device: device.to_owned(), lights: Vec::new(), goal: None };
         let film = work::run(py, None, |progress| match self.film(&small("auto"), progress) {
             Err(failed) if failed.is_of_device() => self.film(&small("cpu"), progress),
             film => film,
         })?;
         film._repr_png_(py)
     }
+}
+
+/// Width over height of a picture.
+fn aspect(size: [usize; 2]) -> f64 {
+    let [width, height] = size.map(|side| u32::try_from(side).map_or(f64::INFINITY, f64::from));
+    width / height
 }
 
 /// The size of a picture: (width, height), by default 800 × 800.
@@ -355,7 +442,21 @@ fn asked(
     let device = known.map_or(device, str::to_owned);
     let lights = lights.into_iter().flatten();
     let lights = lights.map(|(name, light)| Ok((name.str()?.to_string(), spectra::light_of(&light)?)));
-    Ok(Asked { size: size_of(size)?, device, lights: lights.collect::<PyResult<_>>()? })
+    Ok(Asked { size: size_of(size)?, device, lights: lights.collect::<PyResult<_>>()?, goal: None })
+}
+
+/// The goal of a search for settings.
+fn goal_of(max_error: Option<f64>, budget_ms: Option<f64>) -> PyResult<Option<Goal>> {
+    let checked = |name: &str, number: f64| match number > 0.0 && number.is_finite() {
+        true => Ok(number),
+        false => Err(PyValueError::new_err(format!("{name} {number}: it is a number above 0"))),
+    };
+    match (max_error, budget_ms) {
+        (None, None) => Ok(None),
+        (Some(error), None) => checked("max_error", error).map(|error| Some(Goal::MaxError(error))),
+        (None, Some(ms)) => checked("budget_ms", ms).map(|ms| Some(Goal::Budget(ms))),
+        _ => Err(PyTypeError::new_err("give max_error or budget_ms")),
+    }
 }
 
 fn options_of(

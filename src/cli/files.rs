@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use glam::DVec3;
-use rayon::prelude::*;
 use serde_json::Value;
 
 use crate::annotate::{Frame, Overlay};
@@ -17,7 +16,6 @@ use crate::memory;
 use crate::number::count;
 use crate::output::{Alpha, Depth, FilmFile, Picture, PictureKind, check_writable, draw_over, write_exr, write_png};
 use crate::scene::Mix;
-use crate::spectrum::BANDS;
 use crate::spectrum::colour::decode_srgb;
 use crate::tables::Reflected;
 
@@ -342,7 +340,6 @@ pub(crate) fn from_file(path: &Path) -> Result<KeptFilm, CliError> {
 }
 
 /// Writes the spectrum of every pixel under `mix`; returns the errors of reconstructed spectra as JSON.
-#[expect(clippy::cast_possible_truncation, reason = "spectra are stored in f32")]
 pub(crate) fn write_spectra(
     path: &Path,
     means: &Relightable,
@@ -351,9 +348,8 @@ pub(crate) fn write_spectra(
     preview: &[f32],
 ) -> Result<Option<Value>, CliError> {
     let reflected = Reflected::new(&means.components, means.background.as_ref());
-    let [parts, behind] = reflected.under(mix, means.positions);
+    let under = reflected.under(mix, means.positions);
     let [width, height] = accumulation.size;
-    let pixels = width * height;
     let quality = match (&means.components, &reflected.reconstruction) {
         (Components::Model(model, _), Some(made)) => Some(reconstruction_json(model, made)),
         _ => None,
@@ -361,19 +357,7 @@ pub(crate) fn write_spectra(
     let note = quality.as_ref().map(Value::to_string);
     let notes: Vec<(&str, &str)> = note.iter().map(|text| ("relumeReconstruction", text.as_str())).collect();
     crate::output::write_spectral(path, width, height, &notes, |y, row| {
-        row.radiance.par_iter_mut().enumerate().for_each(|(x, radiance)| {
-            let pixel = y * width + x;
-            let mut sum = [0.0; BANDS];
-            let kept = [(&parts, &accumulation.accumulators), (&behind, &accumulation.transmittance)];
-            for (spectra, numbers) in kept {
-                for (spectrum, &number) in spectra.iter().zip(numbers.iter().skip(pixel).step_by(pixels)) {
-                    for (sum, sample) in sum.iter_mut().zip(spectrum.samples()) {
-                        *sum += f64::from(number) * sample;
-                    }
-                }
-            }
-            *radiance = sum.map(|sample| sample as f32);
-        });
+        Reflected::write(&under, accumulation, y * width, row.radiance.as_flattened_mut());
         for (x, colour) in row.preview.iter_mut().enumerate() {
             colour.copy_from_slice(&preview[(y * width + x) * 4..][..3]);
         }

@@ -1,7 +1,6 @@
 //! `--max-error`, `--budget` and `--preset`: settings chosen by measurement.
 
 use std::io::IsTerminal as _;
-use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -9,7 +8,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use crate::document::Look;
-use crate::measure::{Choice, Goal, Limit, Pixels, Preset, Wanted, check_within, choose};
+use crate::measure::{Choice, Goal, Limit, Pixels, Preset, Wanted, cache_folder, check_within, choose};
 use crate::progress::Progress;
 use crate::render::Renderer;
 use crate::scene::{Mix, Scene};
@@ -59,15 +58,6 @@ fn preset(name: &str) -> Result<Preset, String> {
 fn milliseconds(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number.is_finite());
     number.ok_or_else(|| "write a time in ms above 0, such as 40".to_owned())
-}
-
-/// Folder of the measurements: the user's cache folder, if the system has one.
-pub(crate) fn cache_folder() -> Option<PathBuf> {
-    let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-    let home =
-        || folder("HOME").map(|home| home.join(if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" }));
-    let base = folder("XDG_CACHE_HOME").or_else(|| if cfg!(windows) { folder("LOCALAPPDATA") } else { home() });
-    base.map(|base| base.join("relume"))
 }
 
 /// Times of a frame that the check of the picture takes at most, and its least time in ms; but for 256 pixels.

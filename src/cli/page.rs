@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::annotate::pixel_length;
-use crate::document::moves::{Move, moved, turntable};
+use crate::document::moves::around;
 use crate::document::{Placed, Requested, SceneFile};
 use crate::film::Film;
 use crate::measure::{Stopwatch, Timing, peak_mb};
@@ -16,7 +16,7 @@ use crate::output::film::{self, Component};
 use crate::output::page::{self, PackedPage, Page, PageError, Summary, escaped};
 use crate::progress::Progress;
 use crate::render::{Job, Keeps, PlannedJob, RenderWarning, Renderer};
-use crate::scene::{Aim, Camera, Mix, Placement, Projection, Scene, positions};
+use crate::scene::{Camera, Mix, Placement, Scene, positions};
 use crate::spectrum::{Light, Reflectance};
 use crate::volume::HostMemory;
 use crate::vulkan::{Device, DeviceChoice, Validation};
@@ -34,9 +34,6 @@ Examples:
   relume page acc.exr -o small.html --tolerance 1
 
 Open the file in a browser: it needs no server, no network and no Relume. docs/PAGE.md describes it.";
-
-/// Degrees between the rows of a turntable.
-const ROW_DEGREES: f64 = 25.0;
 
 /// Effect of the flag here: for a colour model it is also the tolerance of the scene.
 const TOLERANCE_HELP: &str = "Largest ΔE00 that packing adds to any pixel under any light of the page (1 is just visible). \
@@ -222,41 +219,13 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     Ok(Films { header, views, columns, placed, times })
 }
 
-/// Cameras of the views, row by row from the top, and the number of views in a row. All see the volume at one size.
+/// Cameras of the views, row by row from the top, and the number of views in a row.
 fn cameras(args: &Args, scene: &Scene, size: [usize; 2]) -> Result<(Vec<Camera>, usize), CliError> {
     let Some(columns) = args.views.filter(|&views| views > 1 || args.elevations.is_some()) else {
         return Ok((vec![scene.camera.clone()], 1));
     };
-    let rows = args.elevations.unwrap_or(1);
-    let aspect = count(size[0]) / count(size[1]);
-    let row = |row: u16| {
-        let up = ROW_DEGREES * (f64::from(rows / 2) - f64::from(row));
-        let raised = match row == rows / 2 {
-            true => scene.camera.clone(),
-            false => moved(scene, &scene.camera, aspect, Move::Orbit { right: 0.0, up }),
-        };
-        turntable(scene, &raised, aspect, columns)
-    };
-    let no_line = || CliError::Failed("the camera has no line of sight to turn about".into());
-    let mut all: Vec<Camera> = (0..rows).map(row).collect::<Option<Vec<_>>>().ok_or_else(no_line)?.concat();
-    let distance = |camera: &Camera| match camera.aim {
-        Aim::LookAt { position, target } => position.distance(target),
-        Aim::Orbit { .. } => 0.0,
-    };
-    let far = all.iter().map(distance).fold(0.0, f64::max);
-    let tall = all.iter().filter_map(|camera| match camera.projection {
-        Projection::Orthographic { height } => height,
-        Projection::Perspective { .. } => None,
-    });
-    let tall = tall.fold(0.0, f64::max);
-    for camera in &mut all {
-        if let Aim::LookAt { position, target } = &mut camera.aim {
-            *position = *target + (*position - *target).normalize_or_zero() * far;
-        }
-        if let Projection::Orthographic { height } = &mut camera.projection {
-            *height = height.map(|_| tall);
-        }
-    }
+    let all = around(scene, count(size[0]) / count(size[1]), [columns, args.elevations.unwrap_or(1)]);
+    let all = all.ok_or_else(|| CliError::Failed("the camera has no line of sight to turn about".into()))?;
     Ok((all, columns.into()))
 }
 

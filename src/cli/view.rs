@@ -67,7 +67,7 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
         frames: args.frames,
         script,
         display_gone: Some(super::terminal::end_without_display),
-        cache: super::goal::cache_folder(),
+        cache: crate::measure::cache_folder(),
     })?;
     let [median, _, longest] = report.frame_ms;
     let mut text = format!(

@@ -15,7 +15,7 @@ use crate::output::{OutputError, write_atomically};
 use relume_colour::palette::{Palette, Solution};
 use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
 use relume_scene::key::{self, Key};
-use relume_scene::{Aim, Interval, Projection, Scene, Term};
+use relume_scene::{Aim, Camera, Interval, Projection, Scene, Term};
 use relume_volume::{ByteOrder, is_built_in};
 
 /// Why a session cannot be saved.
@@ -320,6 +320,21 @@ fn numbers<const N: usize>(numbers: [f64; N]) -> Array {
 
 fn names<'a>(names: impl Iterator<Item = &'a str>) -> Array {
     names.collect()
+}
+
+/// `file` with this camera, in its scene and its text.
+///
+/// # Errors
+///
+/// [`SessionError::Text`].
+pub fn with_camera(file: &SceneFile, seen: Camera) -> Result<SceneFile, SessionError> {
+    let unreadable = |source| SessionError::Text { name: file.scene.name.clone(), source };
+    let mut document: DocumentMut = file.text.parse().map_err(unreadable)?;
+    let mut file = file.clone();
+    file.scene.camera = seen;
+    document.insert("camera", Item::Table(camera(&file.scene)));
+    file.text = document.to_string().into();
+    Ok(file)
 }
 
 fn camera(scene: &Scene) -> Table {

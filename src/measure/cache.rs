@@ -15,6 +15,16 @@ use relume_scene::{Mix, Scene};
 /// Size limit of a cache file, in bytes.
 const LONGEST: u64 = 1 << 20;
 
+/// Folder of the measurements: the user's cache folder, if the system has one.
+#[must_use]
+pub fn cache_folder() -> Option<PathBuf> {
+    let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let home =
+        || folder("HOME").map(|home| home.join(if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" }));
+    let base = folder("XDG_CACHE_HOME").or_else(|| if cfg!(windows) { folder("LOCALAPPDATA") } else { home() });
+    base.map(|base| base.join("relume"))
+}
+
 /// Measurements of a setting.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {

@@ -30,7 +30,7 @@ mod table;
 mod written;
 
 pub use bench::{Bench, Errors, Ready};
-pub use cache::Point;
+pub use cache::{Point, cache_folder};
 pub use choice::{Choice, Patience, Tried, choose, choose_within, curve};
 pub use clock::{Limit, Stopwatch, Summary, Timing, peak_mb, summary};
 pub use difference::Difference;

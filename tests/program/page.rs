@@ -30,6 +30,9 @@ use support::browser::Browser;
 use support::program::Folder;
 use support::rungs::Rungs;
 
+/// The widget of the Python module.
+const WIDGET: &str = include_str!("../../python/relume/widget.js");
+
 /// Deterministic numbers from 0 to 1 (Steele et al. 2014).
 struct Random(u64);
 
@@ -517,11 +520,18 @@ fn the_parser_of_browsers_finds_errors() {
 
 #[test]
 fn the_script_of_pages_is_made_of_its_source_and_small() {
-    let source =
-        std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/document/output/page/relume.js")).unwrap();
-    let digest: String = Sha256::digest(&source).iter().take(8).map(|byte| format!("{byte:02x}")).collect();
-    let first = SCRIPT.lines().next().unwrap();
-    assert_eq!(first, format!("// relume.js {digest}"), "run scripts/page_script");
+    const PAGE: &str = "src/document/output/page/";
+    let digest = |files: &[String]| -> String {
+        let read = |file: &String| std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+        let text = files.iter().flat_map(read).collect::<Vec<u8>>();
+        Sha256::digest(&text).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+    };
+    let of_page = ["relume.js", "style.css"].map(|name| format!("{PAGE}{name}"));
+    let own = ["widget.js", "widget.css"].map(|name| format!("python/widget/{name}"));
+    let first = |text: &'static str| text.lines().next().unwrap();
+    let run = "run scripts/page_script";
+    assert_eq!(first(SCRIPT), format!("// relume.js {}", digest(&of_page[..1])), "{run}");
+    assert_eq!(first(WIDGET), format!("// widget.js {}", digest(&[own, of_page].concat())), "{run}");
     assert!(SCRIPT.len() <= 32 * 1024, "{} bytes", SCRIPT.len());
 }
 
@@ -859,39 +869,116 @@ fn a_finger_moves_lights_once_they_may_be_moved() {
     assert_eq!(page.value(place), opened);
 }
 
+/// Every second pixel of every second row.
+fn halved(film: &Film<f32>) -> Film<f32> {
+    let [width, height] = film.size;
+    let pixels = (0..height / 2).flat_map(|y| (0..width / 2).map(move |x| 2 * (y * width + x)));
+    Film { size: [width / 2, height / 2], ..film.of_pixels(&pixels.collect::<Vec<_>>()) }
+}
+
 #[test]
-fn the_module_is_a_widget_of_a_notebook() {
+fn the_widget_of_notebooks_lights_in_the_browser_and_moves_the_camera_in_python() {
     let (header, film) = read("glass.exr");
-    let html = page(&header, std::slice::from_ref(&film), 0.5).packed(&Quiet).unwrap().html;
-    let block = |id: &str| html.split_once(&format!("id=\"{id}\">")).unwrap().1.split_once("</script>").unwrap().0;
-    let [text, view] = ["relume-page", "relume-view-0"].map(|id| json!(block(id)).to_string().replace('<', "\\u003c"));
+    let whole = page(&header, std::slice::from_ref(&film), 0.5).packed(&Quiet).unwrap();
+    let small = halved(&film);
+    let (quick, views) =
+        page(&header, std::slice::from_ref(&small), 0.5).packed_at(whole.summary.step, &Quiet).unwrap();
+    let quick_page: Value = serde_json::from_str(&quick).unwrap();
+    assert_eq!([&quick_page["size"], &quick_page["largest_error"]], [&json!(small.size), &Value::Null]);
+    let text = |text: &str| json!(text).to_string().replace('<', "\\u003c");
+    let view = |bytes: &[u8]| {
+        format!(
+            "new DataView(Uint8Array.from(atob({}), (letter) => letter.charCodeAt(0)).buffer)",
+            json!(STANDARD.encode(bytes))
+        )
+    };
     // What anywidget hands over: traits, binary ones as views of a buffer.
     let stub = format!(
-        "<!DOCTYPE html><html lang=\"en\"><title>cell</title><body><div id=\"cell\"><div id=\"relume\"></div></div><script type=\"module\">\n\
-         const source = {};\n\
-         const widget = (await import('data:text/javascript,' + encodeURIComponent(source))).default;\n\
-         const bytes = Uint8Array.from(atob({view}), (letter) => letter.charCodeAt(0)), heard = {{}};\n\
-         const traits = {{page: {text}, views: [new DataView(bytes.buffer)], hand: [0, 0], picked: []}};\n\
-         globalThis.saved = 0;\n\
+        "<!DOCTYPE html><html lang=\"en\"><title>cell</title><body><div id=\"cell\"></div><script type=\"module\">\n\
+         const source = {}, cell = document.getElementById('cell');\n\
+         const widget = (await import('data:text/javascript,' + encodeURIComponent(source))).default, heard = {{}};\n\
+         const traits = {{_page: {}, _views: [{}], hand: [0, 0], picked: []}};\n\
+         globalThis.quick = {{_page: {}, _views: [{}]}};\n\
+         globalThis.saved = 0; globalThis.sent = [];\n\
          globalThis.model = {{get: (name) => traits[name], set: (name, value) => {{ traits[name] = value; }}, save_changes: () => {{ saved++; }},\n\
-         on: (name, act) => {{ heard[name] = act; }}, off: (name) => {{ delete heard[name]; }}, tell: (name, value) => {{ traits[name] = value; heard[`change:${{name}}`]?.(); }}}};\n\
-         globalThis.leave = widget.render({{model, el: document.getElementById('relume')}});\n</script></body></html>",
-        json!(SCRIPT).to_string().replace('<', "\\u003c")
+         send: ({{ moves }}) => sent.push(...moves), on: (name, act) => {{ heard[name] = act; }}, off: (name) => {{ delete heard[name]; }},\n\
+         tell: (all) => {{ Object.assign(traits, all); for (const name in all) heard[`change:${{name}}`]?.(); }}, say: (content) => heard['msg:custom'](content)}};\n\
+         globalThis.leave = widget.render({{model, el: cell}});\n\
+         const shadow = cell.firstChild.shadowRoot;\n\
+         document.querySelector = (name) => shadow.querySelector(name);\n\
+         document.getElementById = () => shadow.querySelector('.relume');\n</script></body></html>",
+        text(WIDGET),
+        text(&whole.json),
+        view(&whole.views[0]),
+        text(&quick),
+        view(&views[0])
     );
     let folder = Folder::new().with("cell.html", stub);
     let mut browser = Browser::new();
-    let mut cell = browser.open(&folder.path("cell.html"), "", [900, 700]);
+    let mut cell = browser.open(&folder.path("cell.html"), "", [1200, 900]);
     let before = cell.pixels();
     assert!(before.iter().any(|&code| code > 40), "a black picture proves nothing");
-    // Python moves the hand, and hears of the hand.
-    cell.value("model.tell('hand', [0.4, -0.3])");
-    assert_eq!(cell.value("document.querySelector('.hand').getAttribute('aria-valuenow') !== null && saved > 0"), true);
+    // Python hears of the light once it rests, and moves the hand.
+    let mixed = cell
+        .value("[saved, model.get('_mix').map(([spectrum, weight, position]) => [spectrum.length, weight, position])]");
+    assert_eq!(mixed[0], 1, "the light as it opens");
+    let positions: Vec<&str> = header.positions.iter().map(|position| position.name.as_str()).collect();
+    for light in mixed[1].as_array().unwrap() {
+        assert_eq!(light[0], BANDS);
+        assert!(light[1].as_f64().unwrap() > 0.0 && positions.contains(&light[2].as_str().unwrap()), "{light}");
+    }
+    cell.value("model.tell({hand: [0.4, -0.3]})");
     assert!(cell.pixels() != before, "the light has not changed");
     cell.value("document.querySelector('.hand').focus()");
     cell.press("Home");
+    assert_eq!(cell.value("[saved, sent.length]"), json!([1, 0]), "the light is drawn without a message");
+    cell.wait("saved > 1");
     assert_eq!(cell.value("model.get('hand')"), json!([0, 0]));
+    // Drags, keys and the wheel move the camera; one message for each picture of the browser.
+    let at = cell.value("(() => { const box = document.querySelector('.frame').getBoundingClientRect(); return [box.x + box.width / 2, box.y + box.height / 2, box.height]; })()");
+    let [x, y, high]: [f64; 3] = serde_json::from_value(at).unwrap();
+    let mouse = |cell: &mut support::browser::Page<'_>, kind: &str, [x, y]: [f64; 2], more: Value| {
+        let mut event = json!({"type": kind, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1});
+        event.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        cell.send("Input.dispatchMouseEvent", event);
+    };
+    mouse(&mut cell, "mousePressed", [x, y], json!({}));
+    mouse(&mut cell, "mouseMoved", [x + 0.1 * high, y + 0.2 * high], json!({}));
+    mouse(&mut cell, "mouseReleased", [x + 0.1 * high, y + 0.2 * high], json!({}));
+    cell.wait("sent.length > 0");
+    let [right, up] = [1, 2].map(|part| cell.value(&format!("sent[0][{part}]")).as_f64().unwrap());
+    assert_eq!(cell.value("sent[0][0]"), "orbit");
+    assert!(
+        (right + 18.0).abs() < 0.5 && (up - 36.0).abs() < 0.5,
+        "{right} {up}: half a turn for the height of the picture"
+    );
+    assert_eq!(cell.value("model.get('picked').length"), 0, "a drag picks no pixel");
+    mouse(&mut cell, "mouseWheel", [x, y], json!({"deltaX": 0, "deltaY": -50}));
+    cell.wait("sent.length > 1");
+    let closer = cell.value("sent[1][1]").as_f64().unwrap();
+    assert!(cell.value("sent[1][0]") == "dolly" && closer > 1.05 && closer < 1.2, "{closer}");
+    cell.value("document.querySelector('.frame').focus()");
+    cell.press("ArrowLeft");
+    cell.wait("sent.length > 2");
+    assert_eq!(cell.value("sent[2]"), json!(["orbit", -5, 0]));
+    // Another picture takes the place of this one: the same elements under the same light.
+    cell.value("model.tell({hand: [0.4, -0.3]}); globalThis.frame = document.querySelector('.frame')");
+    cell.value("document.getElementById().removeAttribute('data-ready'); model.tell(quick)");
+    cell.wait("document.getElementById().dataset.ready");
+    assert_eq!(cell.value("[...document.querySelector('.frame').querySelectorAll('canvas')].map((one) => [one.width, one.height, one.hidden])"), json!([[small.size[0], small.size[1], false]]));
+    assert_eq!(cell.value("document.querySelector('.frame') === frame && model.get('hand')"), json!([0.4, -0.3]));
+    // As if it had been opened with it.
+    let moved = cell.pixels();
+    page(&header, std::slice::from_ref(&small), 0.5).packed(&Quiet).unwrap().write(&folder.path("small.html")).unwrap();
+    let mut plain = browser.open(&folder.path("small.html"), "", [900, 700]);
+    plain.value("relume.set({by: 'dial', hand: [0.4, -0.3]})");
+    let off: Vec<u8> = plain.pixels().iter().zip(&moved).map(|(one, two)| one.abs_diff(*two)).collect();
+    assert!(off.iter().all(|&off| off <= 4), "{:?} codes off", off.iter().max());
+    let mut cell = browser.open(&folder.path("cell.html"), "", [1200, 900]);
+    cell.value("model.say({error: 'SceneError: lost'})");
+    assert_eq!(cell.value("document.querySelector('.status').textContent"), "SceneError: lost");
     cell.value("leave()");
-    assert_eq!(cell.value("document.getElementById('relume').childElementCount"), 0);
+    assert_eq!(cell.value("document.getElementById().childElementCount"), 0);
     assert_eq!(cell.complaints(), Vec::<String>::new());
 }
 

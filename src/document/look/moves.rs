@@ -153,6 +153,43 @@ pub fn turntable(scene: &Scene, camera: &Camera, aspect: f64, frames: u16) -> Op
     Some(views.iter().map(placed).collect())
 }
 
+/// Degrees between the rows of [`around`].
+const ROW_DEGREES: f64 = 25.0;
+
+/// Cameras of `columns` by `rows` views about `scene`, row by row from the top, for pictures of `width / height = aspect`. All see the
+/// volume at one size. `None` if the camera has no line of sight.
+#[must_use]
+pub fn around(scene: &Scene, aspect: f64, [columns, rows]: [u16; 2]) -> Option<Vec<Camera>> {
+    let row = |row: u16| {
+        let up = ROW_DEGREES * (f64::from(rows / 2) - f64::from(row));
+        let raised = match row == rows / 2 {
+            true => scene.camera.clone(),
+            false => moved(scene, &scene.camera, aspect, Move::Orbit { right: 0.0, up }),
+        };
+        turntable(scene, &raised, aspect, columns)
+    };
+    let mut all: Vec<Camera> = (0..rows).map(row).collect::<Option<Vec<_>>>()?.concat();
+    let distance = |camera: &Camera| match camera.aim {
+        Aim::LookAt { position, target } => position.distance(target),
+        Aim::Orbit { .. } => 0.0,
+    };
+    let far = all.iter().map(distance).fold(0.0, f64::max);
+    let tall = all.iter().filter_map(|camera| match camera.projection {
+        Projection::Orthographic { height } => height,
+        Projection::Perspective { .. } => None,
+    });
+    let tall = tall.fold(0.0, f64::max);
+    for camera in &mut all {
+        if let Aim::LookAt { position, target } = &mut camera.aim {
+            *position = *target + (*position - *target).normalize_or_zero() * far;
+        }
+        if let Projection::Orthographic { height } = &mut camera.projection {
+            *height = height.map(|_| tall);
+        }
+    }
+    Some(all)
+}
+
 fn from_side(camera: &Camera, opened: &Camera, side: Side) -> Camera {
     let front = side.outward();
     let level = opened.up.try_normalize().is_some_and(|up| up.dot(front).abs() < 0.9);

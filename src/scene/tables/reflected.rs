@@ -1,8 +1,9 @@
 //! Reflectance and radiance spectra that the numbers of a pixel represent.
 
 use crate::Mix;
-use crate::film::Components;
+use crate::film::{Components, Film};
 use crate::plan::Transmittance;
+use relume_base::parallel;
 use relume_colour::model::Reconstruction;
 use relume_colour::spectrum::{BANDS, Reflectance, Spectrum};
 
@@ -46,6 +47,25 @@ impl Reflected {
                 Self { components, behind, reconstruction: Some(made).filter(|_| model.dimension() < BANDS) }
             }
         }
+    }
+
+    /// Writes the radiance spectra of the pixels of `film` from `first` on into `spectra`, [`BANDS`] samples a pixel; `under` is what
+    /// [`Self::under`] returns.
+    #[expect(clippy::cast_possible_truncation, reason = "spectra are stored in f32")]
+    pub fn write(under: &[Vec<Spectrum>; 2], film: &Film<f32>, first: usize, spectra: &mut [f32]) {
+        let [parts, behind] = under;
+        parallel::rows_mut(spectra, BANDS, &|index, radiance: &mut [f32]| {
+            let pixel = first + index;
+            let mut sum = [0.0; BANDS];
+            for (spectra, numbers) in [(parts, &film.accumulators), (behind, &film.transmittance)] {
+                for (spectrum, &number) in spectra.iter().zip(numbers.iter().skip(pixel).step_by(film.pixels())) {
+                    for (sum, sample) in sum.iter_mut().zip(spectrum.samples()) {
+                        *sum += f64::from(number) * sample;
+                    }
+                }
+            }
+            radiance.iter_mut().zip(sum).for_each(|(radiance, sum)| *radiance = sum as f32);
+        });
     }
 
     /// Returns the radiance spectra under `mix`: per unit of each accumulator component, position by position, and per

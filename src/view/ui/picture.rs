@@ -19,7 +19,7 @@ use crate::scene::Projection;
 use crate::view::action::{Action, File};
 use crate::view::layout::{Arrange, Note};
 
-/// Rotation in degrees for a drag over the height of the picture.
+/// Rotation in degrees for a drag over the height of the picture; the widget of notebooks turns alike (python/widget).
 const TURN: f64 = 180.0;
 /// Rotation in degrees per arrow key.
 const KEY_TURN: f64 = 5.0;

@@ -24,11 +24,11 @@ const SAMPLE: usize = 1 << 14;
 /// Pixels above the tolerance with which a comparison ends before all are compared.
 const ENOUGH: usize = 1 << 8;
 
-/// A step of the search, and the largest ΔE00 that it adds to any pixel under any light of the page.
+/// A step, and the largest ΔE00 that it adds to any pixel under any light of the page, if that was searched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Found {
     pub(super) step: f64,
-    pub(super) largest: f64,
+    pub(super) largest: Option<f64>,
 }
 
 /// The step of index `index`.
@@ -95,7 +95,7 @@ pub(super) fn search(
             }
         }
         if worst <= tolerance {
-            return Ok(Found { step: step(index), largest: worst });
+            return Ok(Found { step: step(index), largest: Some(worst) });
         }
         loop {
             if index >= finest {

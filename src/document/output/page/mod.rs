@@ -234,7 +234,7 @@ impl Page<'_> {
     /// [`PageError`].
     pub fn packed(&self, progress: &dyn Progress) -> Result<PackedPage, PageError> {
         let lights = self.checked()?;
-        let planes = self.planes(&lights, progress)?;
+        let planes = self.planes(&lights, None, progress)?;
         let still = self.still(&lights)?;
         let (html, json) = text::page(self, &lights, &planes, &still);
         let summary = Summary {
@@ -245,10 +245,22 @@ impl Page<'_> {
             views: self.views.len(),
             channels: planes.kept.len(),
             step: planes.found.step,
-            largest_error: planes.found.largest,
+            largest_error: planes.found.largest.unwrap_or(f64::NAN),
             tolerance: self.tolerance,
         };
         Ok(PackedPage { html, json, views: planes.views, summary })
+    }
+
+    /// Packs the views for a page that is open, with the `step` of its [`Summary`] or the finest one that two bytes allow, in place of
+    /// a search: the errors are not known. Returns the JSON and the views.
+    ///
+    /// # Errors
+    ///
+    /// [`PageError`].
+    pub fn packed_at(&self, step: f64, progress: &dyn Progress) -> Result<(String, Vec<Vec<u8>>), PageError> {
+        let lights = self.checked()?;
+        let planes = self.planes(&lights, Some(step), progress)?;
+        Ok((text::json(self, &lights, &planes), planes.views))
     }
 
     /// Index of the view with which the page opens: the first of the middle row.
@@ -283,8 +295,8 @@ impl Page<'_> {
         Ok(lights)
     }
 
-    /// Searches the step, and packs all views with it.
-    fn planes(&self, lights: &Lights, progress: &dyn Progress) -> Result<Planes, PageError> {
+    /// Packs all views with `step`, or one that is searched.
+    fn planes(&self, lights: &Lights, step: Option<f64>, progress: &dyn Progress) -> Result<Planes, PageError> {
         let total = self.views.len() as u64 + 1;
         let report = |done: usize| {
             progress.report("packing", done as u64, total);
@@ -293,7 +305,10 @@ impl Page<'_> {
         report(0)?;
         let conditions = lights.conditions();
         let channels = Channels::new(self.views, lights, gains(&conditions, lights.planes()));
-        let found = check::search(self.views, lights, &channels, &conditions, self.tolerance, progress)?;
+        let found = match step {
+            Some(step) => Found { step: channels.finest(step), largest: None },
+            None => check::search(self.views, lights, &channels, &conditions, self.tolerance, progress)?,
+        };
         let refused = |what: &str| OutputError::Inconsistent { detail: what.to_owned() };
         let mut kept = channels.at(found.step).ok_or_else(|| refused("its numbers span too much"))?;
         let failed = |error: std::io::Error| refused(&error.to_string());
@@ -313,7 +328,9 @@ impl Page<'_> {
             report(self.views.len())?;
             let bytes = residuals.packed(&kept).map_err(failed)?;
             // The codes were compared with the film in the search.
-            if packing::unpacked(&bytes, &kept, residuals.large(), view.size).map_err(failed)? != codes(view, &kept) {
+            if found.largest.is_some()
+                && packing::unpacked(&bytes, &kept, residuals.large(), view.size).map_err(failed)? != codes(view, &kept)
+            {
                 return Err(refused("its packed numbers do not come back").into());
             }
             views.push(bytes);
@@ -361,7 +378,7 @@ impl Page<'_> {
     /// [`PageError`] as in [`Self::packed`].
     pub fn shown(&self, progress: &dyn Progress) -> Result<Vec<Film<f32>>, PageError> {
         let lights = self.checked()?;
-        let Planes { channels, kept, found, views, large } = self.planes(&lights, progress)?;
+        let Planes { channels, kept, found, views, large } = self.planes(&lights, None, progress)?;
         let accumulators = lights.of_position() * lights.opened.positions;
         let view = |((bytes, &large), film): ((&Vec<u8>, &usize), &Film<f32>)| {
             let codes = packing::unpacked(bytes, &kept, large, film.size);

@@ -162,6 +162,12 @@ impl Channels {
         self.ranges.iter().map(channel).collect()
     }
 
+    /// `step`, or a coarser one for which two bytes are enough.
+    pub(super) fn finest(&self, step: f64) -> f64 {
+        let halved = std::iter::successors(Some(step), |step| Some(step / 2.0));
+        halved.take_while(|step| *step > 0.0).find(|step| self.at(*step).is_some()).unwrap_or(step)
+    }
+
     /// Codes of a part of the planes of a view. `kept` is the result of [`Self::at`] for `step`.
     pub(super) fn codes(&self, planes: &[&[f32]], kept: &[Channel], step: f64) -> Codes {
         let code = |root: f32, zero: i32| {

@@ -19,13 +19,13 @@ function inverse(m) {
 }
 
 /** A light of relative powers, scaled so that a perfect reflector has Y = 1. */
-export function lightOf(page, powers) {
+function lightOf(page, powers) {
   const luminance = dot(page.observers[0][1], powers);
   return { spectrum: luminance > 0 ? powers.map((power) => power / luminance) : powers };
 }
 
 /** Planck's law at 380, 385, … 780 nm, relative to 560 nm. */
-export function blackBody(kelvin) {
+function blackBody(kelvin) {
   const exponent = (nm) => 1.438776877e7 / (nm * kelvin);
   return Array.from({ length: BANDS }, (_, band) => {
     const nm = 380 + 5 * band;
@@ -51,7 +51,7 @@ function coloursOf(page, light, seen) {
 }
 
 /** Linear sRGB of each plane under `mix`: lights with `position`, `weight`, and `light`. */
-export function matrices(page, mix, display) {
+function matrices(page, mix, display) {
   const seen = display.observer === "1964" ? 1 : 0, k = (page.model ? page.model.spectra : page.components).length;
   const planes = page.channels.map(() => [0, 0, 0]), everywhere = Array.from({ length: k }, () => [0, 0, 0]);
   const white = [0, 0, 0], first = k * page.positions.length;
@@ -75,7 +75,7 @@ export function matrices(page, mix, display) {
 }
 
 /** Weights of the nodes of the dial: 1/distance from the hand, normalised over the nodes that are on. */
-export function dialWeights(nodes, hand) {
+function dialWeights(nodes, hand) {
   const far = nodes.map(({ place }) => hypot(place[0] - hand[0], place[1] - hand[1])).map((d) => d < 1e-9 ? 0 : d);
   const nearest = min(Infinity, ...far.filter((_, i) => nodes[i].on));
   const near = far.map((d, i) => !nodes[i].on ? 0 : d <= nearest ? 1 : nearest / d);
@@ -90,7 +90,8 @@ function mastered(page, mix, normalise, master) {
 }
 
 const encoded = (linear) => linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055;
-const css = (rgb) => `rgb(${rgb.map((part) => round(255 * encoded(clamp(part, 0, 1)))).join(" ")})`;
+const codes = (rgb) => rgb.map((part) => round(255 * encoded(clamp(part, 0, 1))));
+const css = (rgb) => `rgb(${codes(rgb).join(" ")})`;
 
 /** Colour of a light itself, as bright as the screen can show it. */
 function swatch(page, light) {
@@ -109,7 +110,7 @@ function pauses() {
 }
 
 /** Bytes of base64; a loop takes a twentieth of the time of `Uint8Array.from`. */
-export function fromBase64(text) {
+function fromBase64(text) {
   const letters = atob(text), bytes = new Uint8Array(letters.length);
   for (let i = 0; i < bytes.length; i++) bytes[i] = letters.charCodeAt(i);
   return bytes;
@@ -160,7 +161,7 @@ function nextRow(row, all, first, added, escaped) {
 }
 
 /** Planes of codes of a packed view, decoded in slices between which the page is heard. */
-export async function unpack(page, view, bytes) {
+async function unpack(page, view, bytes) {
   const [width, height] = page.size, pixels = width * height, stored = page.channels.filter((one) => !one.empty).length * pixels;
   const all = await inflated(bytes, stored + 2 * page.large[view]), pause = pauses(), planes = [];
   let first = 0, large = stored;
@@ -243,8 +244,11 @@ function codesTable() {
   return table;
 }
 
-/** Draws on a canvas by JavaScript. */
-export function plain(page, canvas) {
+/** What a drawer is made for: size, channels and groups of a page. */
+const shapeOf = ({ size, channels, groups }) => JSON.stringify([size, channels.length, channels.some(({ wide }) => wide), groups.map(({ first, matrix }) => [first, matrix.length])]);
+
+/** Draws on a canvas by JavaScript. A drawer `takes` another page of the same shape. */
+function plain(page, canvas) {
   const [width, height] = page.size, context = canvas.getContext("2d", { alpha: false });
   const image = context.createImageData(width, height), out = new Uint32Array(image.data.buffer), table = codesTable();
   const BLOCK = 4096, red = new Float32Array(BLOCK), green = new Float32Array(BLOCK), blue = new Float32Array(BLOCK);
@@ -266,6 +270,7 @@ export function plain(page, canvas) {
   let shown = [], runs = [0];
   return {
     name: "JavaScript",
+    takes(next) { page = next; },
     async load(planes) {
       const fresh = runsOf(planes), turning = await turned(page, planes.map((codes) => {
         const firsts = new codes.constructor(fresh.length - 1);
@@ -297,7 +302,7 @@ export function plain(page, canvas) {
 }
 
 /** Draws on a canvas by WebGL2; `null` where there is none, or its limits are too low. `forced` takes slow ones too. */
-export function accelerated(page, canvas, forced) {
+function accelerated(page, canvas, forced) {
   const gl = contexts < 8 && canvas.getContext("webgl2", {
     alpha: false, antialias: false, depth: false, preserveDrawingBuffer: true, failIfMajorPerformanceCaveat: !forced,
   });
@@ -307,14 +312,14 @@ export function accelerated(page, canvas, forced) {
   const groups = page.groups.map(({ first, matrix }) => {
     const layer = slots.length / 4, layers = Math.ceil(matrix.length / 4);
     for (let i = 0; i < 4 * layers; i++) slots.push(i < matrix.length ? first + i : -1);
-    return { layer, layers, matrix };
+    return { layer, layers };
   });
   const grouped = new Set(slots);
   page.channels.forEach((_, i) => { if (!grouped.has(i)) slots.push(i); });
   while (slots.length % 4) slots.push(-1);
   const [width, height] = page.size, layers = slots.length / 4, wide = page.channels.some((channel) => channel.wide);
-  const turns = groups.flatMap(({ layers: n, matrix }) => {
-    const blocks = [];
+  const turns = () => groups.flatMap(({ layers: n }, g) => {
+    const blocks = [], { matrix } = page.groups[g];
     for (let to = 0; to < n; to++) for (let from = 0; from < n; from++) {
       for (let c = 0; c < 4; c++) for (let r = 0; r < 4; r++) blocks.push(matrix[4 * from + c]?.[4 * to + r] ?? 0);
     }
@@ -322,7 +327,7 @@ export function accelerated(page, canvas, forced) {
   });
   const limit = (name) => gl.getParameter(gl[name]);
   if (max(width, height) > limit("MAX_TEXTURE_SIZE") || layers > limit("MAX_ARRAY_TEXTURE_LAYERS")
-    || 4 * layers + turns.length / 4 + 2 > limit("MAX_FRAGMENT_UNIFORM_VECTORS")) return null;
+    || 4 * layers + turns().length / 4 + 2 > limit("MAX_FRAGMENT_UNIFORM_VECTORS")) return null;
   let turn = 0;
   const add = (layer, root) => `{ vec4 u = ${root}; vec4 v = u * abs(u); sum += vec3(dot(v, red[${layer}]), dot(v, green[${layer}]), dot(v, blue[${layer}])); }\n`;
   const code = (layer) => `(vec4(texelFetch(planes, ivec3(at, ${layer}), 0)) - zeros[${layer}])`;
@@ -358,8 +363,11 @@ pixel = vec4(mix(12.92 * sum, 1.055 * pow(sum, vec3(1.0 / 2.4)) - 0.055, step(0.
   gl.useProgram(program);
   const place = (name) => gl.getUniformLocation(program, name);
   const places = ["red", "green", "blue"].map(place);
-  gl.uniform4fv(place("zeros"), slots.map((slot) => page.channels[slot]?.zero ?? 0));
-  if (turn) gl.uniformMatrix4fv(place("turn"), false, turns);
+  const stored = () => {
+    gl.uniform4fv(place("zeros"), slots.map((slot) => page.channels[slot]?.zero ?? 0));
+    if (turn) gl.uniformMatrix4fv(place("turn"), false, turns());
+  };
+  stored();
   gl.viewport(0, 0, width, height);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   const target = gl.TEXTURE_2D_ARRAY;
@@ -369,6 +377,7 @@ pixel = vec4(mix(12.92 * sum, 1.055 * pow(sum, vec3(1.0 / 2.4)) - 0.055, step(0.
   return {
     name: "WebGL",
     gl,
+    takes(next) { page = next; stored(); },
     async load(planes) {
       const texels = new (wide ? Uint16Array : Uint8Array)(4 * width * height);
       for (let layer = 0; layer < layers; layer++) {
@@ -405,6 +414,11 @@ function el(tag, attributes = {}, ...children) {
 }
 
 const listen = (node, types, act) => types.split(" ").forEach((type) => node.addEventListener(type, act));
+/** Place of an event in a node, as fractions of its width and height. */
+const placeIn = (node, { clientX, clientY }) => {
+  const { left, top, width, height } = node.getBoundingClientRect();
+  return [(clientX - left) / width, (clientY - top) / height];
+};
 const button = (text, onclick, attributes) => el("button", { type: "button", onclick, ...attributes }, text);
 const slider = (label, min, max, step, oninput) => el("input", { type: "range", min, max, step, "aria-label": label, oninput });
 const paragraph = (kind, ...children) => el("p", { class: kind }, ...children);
@@ -491,11 +505,12 @@ function commandOf(page, state, dial, mix) {
 
 /**
  * Builds the page in `root`. `bytes(view)` returns a packed view as a Uint8Array. Options: `draw` ("gl", "cpu"),
- * `address` (keeps the state in the page's address), `changed(state)`. Returns the state, `set`, and `end`.
+ * `address` (keeps the state in the page's address), `changed(state)`, `hint` (what a drag of the picture does). Returns the
+ * state, the mix, `set`, `replace(page, bytes)` for other views of the same lights, and `end`.
  */
 export function mount(root, page, bytes, options = {}) {
   if (page.format !== 2) throw new Error(`format ${page.format}, not 2`);
-  const id = `relume-${++roots}`, [width, height] = page.size, columns = page.columns;
+  const id = `relume-${++roots}`, columns = page.columns;
   const many = page.lights.length > 1, still = matchMedia("(prefers-reduced-motion: reduce)");
   const corner = (i, n) => [Math.sin(2 * Math.PI * i / n), Math.cos(2 * Math.PI * i / n)];
   const dial = page.dial ?? { normalise: true, master: 1, presets: [], nodes: page.lights.map((light, i) => ({ light: light.name, place: corner(i, page.lights.length), on: true })) };
@@ -535,14 +550,18 @@ export function mount(root, page, bytes, options = {}) {
   // The picture.
   const status = el("p", { class: "status", role: "status" }, ""), live = el("p", { class: "unseen", "aria-live": "polite" });
   const cross = el("span", { class: "cross", hidden: true }), frame = el("div", { class: "frame", tabindex: 0, role: "group", "aria-label": "Picture" }, cross);
-  frame.style.setProperty("--aspect", width / height);
-  const views = page.views > 1 && slider("View around the volume", 0, columns - 1, 1, () => change({ view: floor(state.view / columns) * columns + +views.value }));
-  const heights = page.views > columns && slider("Height of the view, in rows from the lowest", 0, page.views / columns - 1, 1, () => change({ view: state.view % columns + (page.views / columns - 1 - heights.value) * columns }));
-  let canvas, drawer, planes, losses = 0, waiting = false, shownView = -1, looking = false, measured = options.draw === "gl", ended = false;
+  const proportioned = () => frame.style.setProperty("--aspect", page.size[0] / page.size[1]);
+  proportioned();
+  const lastRow = page.views / columns - 1, rowOf = (view) => floor(view / columns);
+  const views = page.views > 1 && slider("View around the volume", 0, columns - 1, 1, () => change({ view: rowOf(state.view) * columns + +views.value }));
+  const heights = page.views > columns && slider("Height of the view, in rows from the lowest", 0, lastRow, 1, () => change({ view: state.view % columns + (lastRow - heights.value) * columns }));
+  let canvas, drawer, planes, losses = 0, waiting = false, shownView = -1, looking = false, measured = options.draw === "gl", ended = false, next = null, past = () => {};
   const packed = new Map();
+  /** Makes canvas and drawer; those before stay until the picture is drawn. */
   const start = (software) => {
-    drawer?.end();
-    const fresh = () => { canvas?.remove(); canvas = el("canvas", { width, height, role: "img", "aria-label": label() }); frame.prepend(canvas); };
+    const before = drawer, old = canvas, gone = past;
+    past = () => { gone(); before?.end(); old?.remove(); canvas.hidden = false; past = () => {}; };
+    const fresh = () => { if (canvas !== old) canvas.remove(); canvas = el("canvas", { width: page.size[0], height: page.size[1], role: "img", "aria-label": label(), hidden: !!old }); frame.prepend(canvas); };
     fresh();
     drawer = software ? null : accelerated(page, canvas, options.draw === "gl");
     if (!drawer) { fresh(); drawer = plain(page, canvas); }
@@ -565,11 +584,26 @@ export function mount(root, page, bytes, options = {}) {
     looking = true;
     try {
       while (!ended) {
+        if (next) {
+          const fresh = next, first = await unpack(fresh.page, state.view, fresh.bytes(state.view));
+          if (fresh !== next) continue;
+          next = null;
+          state.pixel &&= state.pixel.map((at, axis) => floor((at + 0.5) * fresh.page.size[axis] / page.size[axis]));
+          const alike = shapeOf(page) === shapeOf(fresh.page);
+          ({ page, bytes } = fresh);
+          made.clear();
+          packed.clear();
+          packed.set(state.view, first);
+          proportioned();
+          rounded();
+          shownView = -1;
+          if (alike) drawer.takes(page); else start(!drawer.gl);
+        }
         const { view } = state, mine = drawer;
-        const next = view === shownView ? [1, -1].map((step) => turnedBy(view, step)).find((near) => !packed.has(near)) : view;
-        if (next === undefined) break;
-        if (!packed.has(next)) packed.set(next, await unpack(page, next, bytes(next)));
-        if (next !== view || view !== state.view || mine !== drawer || ended) continue;
+        const wanted = view === shownView ? [1, -1].map((step) => turnedBy(view, step)).find((near) => !packed.has(near)) : view;
+        if (wanted === undefined) break;
+        if (!packed.has(wanted)) packed.set(wanted, await unpack(page, wanted, bytes(wanted)));
+        if (next || wanted !== view || view !== state.view || mine !== drawer || ended) continue;
         while (packed.size > 10) packed.delete([...packed.keys()].sort((a, b) => abs(b - view) - abs(a - view))[0]);
         await mine.load(packed.get(view));
         if (mine !== drawer || ended) continue;
@@ -577,6 +611,8 @@ export function mount(root, page, bytes, options = {}) {
         shownView = view;
         if (isSlow(mine)) { start(true); continue; }
         status.textContent = "";
+        drawer.draw(coloursNow());
+        past();
         root.dataset.ready = drawer.name;
         draw();
       }
@@ -586,7 +622,7 @@ export function mount(root, page, bytes, options = {}) {
     } finally { looking = false; }
   };
   const turnedBy = (view, step, rows = 0) => {
-    const row = clamp(floor(view / columns) + rows, 0, page.views / columns - 1);
+    const row = clamp(rowOf(view) + rows, 0, lastRow);
     return row * columns + (view % columns + step + columns) % columns;
   };
   const draw = () => {
@@ -602,7 +638,7 @@ export function mount(root, page, bytes, options = {}) {
   const [[left, right], [bottom, top]] = [span(0), span(1)], size = max(right - left, top - bottom, 1e-6), scale = (SIDE - 110) / size;
   const onScreen = ([x, y]) => [SIDE / 2 + (x - (left + right) / 2) * scale, MIDDLE - (y - (bottom + top) / 2) * scale];
   const onPlane = (event) => {
-    const box = svg.getBoundingClientRect(), at = [event.clientX - box.left, event.clientY - box.top].map((part) => clamp(part * SIDE / box.width, 8, SIDE - 8));
+    const at = placeIn(svg, event).map((part) => clamp(part * SIDE, 8, SIDE - 8));
     return [(at[0] - SIDE / 2) / scale + (left + right) / 2, (MIDDLE - at[1]) / scale + (bottom + top) / 2];
   };
   const rays = el("g"), svg = el("svg", { viewBox: `0 0 ${SIDE} ${SIDE}`, class: "dial", role: "group", "aria-label": "Light dial" }, rays);
@@ -716,8 +752,8 @@ export function mount(root, page, bytes, options = {}) {
     listen(drawing, "pointermove", (event) => { if (before !== null) drawn(event); });
     listen(drawing, "pointerup", () => { before = null; });
     const drawn = (event) => {
-      const box = drawing.getBoundingClientRect(), at = clamp(round((event.clientX - box.left) / box.width * 80), 0, 80);
-      for (let b = before < 0 ? at : before; ; b += Math.sign(at - b)) { point(b, 1 - (event.clientY - box.top) / box.height); if (b === at) break; }
+      const [across, down] = placeIn(drawing, event), at = clamp(round(across * 80), 0, 80);
+      for (let b = before < 0 ? at : before; ; b += Math.sign(at - b)) { point(b, 1 - down); if (b === at) break; }
       before = at;
     };
     const disc = el("span", { class: "swatch" }), part = el("output"), note = paragraph("note");
@@ -780,7 +816,7 @@ export function mount(root, page, bytes, options = {}) {
   const probe = () => {
     told.hidden = cross.hidden = !state.pixel;
     if (!state.pixel || !planes) return;
-    const [x, y] = state.pixel, at = y * width + x, roots = page.channels.map(({ zero }, c) => planes[c][at] - zero);
+    const [x, y] = state.pixel, [width, height] = page.size, at = y * width + x, roots = page.channels.map(({ zero }, c) => planes[c][at] - zero);
     for (const { first, matrix } of page.groups) {
       const back = matrix.map((_, j) => matrix.reduce((sum, row, i) => sum + row[j] * roots[first + i], 0));
       back.forEach((root, j) => { roots[first + j] = root; });
@@ -803,14 +839,13 @@ export function mount(root, page, bytes, options = {}) {
     plotted(sum);
     disc.style.background = css(rgb);
     told.replaceChildren(el("h2", {}, disc, ` Pixel ${x}, ${y}`), chart, ticks(),
-      paragraph("hint", `sRGB ${rgb.map((part) => round(255 * encoded(clamp(part, 0, 1)))).join(", ")}; relative spectrum`),
+      paragraph("hint", `sRGB ${codes(rgb).join(", ")}; relative spectrum`),
       weights.length ? el("h3", {}, "Material along the ray") : "", 
       ...weights.slice(0, 6).map(([name, weight]) => el("div", { class: "head" }, el("bdi", {}, short(name.replaceAll("_", " "), 24)), el("output", {}, weight.toFixed(3)))),
       ...page.model || weights.length ? [] : ["Background only."]);
   };
   const pick = (event) => {
-    const box = canvas.getBoundingClientRect();
-    const at = [(event.clientX - box.left) / box.width * width, (event.clientY - box.top) / box.height * height].map(floor);
+    const at = placeIn(canvas, event).map((part, axis) => floor(part * page.size[axis]));
     change({ pixel: at.every((part, axis) => part >= 0 && part < page.size[axis]) ? at : null });
   };
   let grabbed = null;
@@ -883,13 +918,15 @@ export function mount(root, page, bytes, options = {}) {
     if (command.value !== told) { command.value = told; copying.textContent = "Copy"; }
     curves.hidden = state.lights.every(({ source }) => source !== "drawn");
     if (views) { views.value = state.view % columns; views.ariaValueText = `${round(360 * (state.view % columns) / columns)}°`; }
-    if (heights) heights.value = page.views / columns - 1 - floor(state.view / columns);
+    if (heights) heights.value = lastRow - rowOf(state.view);
   };
 
+  const about = el("p"), rounded = () => { if (page.largest_error != null) about.textContent = `Written by ${page.software}. The file holds the picture for every light, not the volume. Rounding changes no colour by more than ΔE00 ${page.largest_error} (1 is just visible) under each light alone, each standard light, and the presets of the dial. The page loads and sends nothing.`; };
+  rounded();
   const words = paragraph("words"), settings = el("span"), hint = paragraph("hint");
   root.classList.add("relume");
   root.replaceChildren(
-    el("main", {}, el("h1", {}, el("bdi", {}, page.title)), el("div", { class: "surround" }, frame), views || "", heights || "", paragraph("hint", `${views ? "Drag to turn. " : ""}Click the picture for the spectrum of a pixel.`), status, words, live),
+    el("main", {}, el("h1", {}, el("bdi", {}, page.title)), el("div", { class: "surround" }, frame), views || "", heights || "", paragraph("hint", `${options.hint ?? (views ? "Drag to turn. " : "")}Click the picture for the spectrum of a pixel.`), status, words, live),
     el("aside", { "aria-label": "Light and display" },
       el("svg", { width: 0, height: 0, class: "unseen", "aria-hidden": "true" }, hues),
       el("section", { "aria-label": "Light" }, el("h2", {}, "Light"),
@@ -902,7 +939,7 @@ export function mount(root, page, bytes, options = {}) {
         options.address ? paragraph("hint", "The address of this page holds light and display: send it with the file.") : "",
         paragraph("hint", "The same light by Relume, from the film of the picture (without exposure, white balance and colour vision):"),
         el("div", { class: "source" }, command, copying)),
-      el("details", {}, el("summary", {}, "Keys and about"), el("p", {}, HELP + (views ? TURNING : "")), el("p", {}, `Written by ${page.software}. The file holds the picture for every light, not the volume. Rounding changes no colour by more than ΔE00 ${page.largest_error} (1 is just visible) under each light alone, each standard light, and the presets of the dial. The page loads and sends nothing.`))));
+      el("details", {}, el("summary", {}, "Keys and about"), el("p", {}, HELP + (views ? TURNING : "")), about)));
   listen(root, "keydown", (event) => { if (event.key === "Escape") change({ pixel: null }); });
   listen(hand, "pointerdown", () => svg.classList.add("used"));
   if (options.address && location.hash.length > 1) state = stateOf(page, location.hash.slice(1), opened());
@@ -913,30 +950,20 @@ export function mount(root, page, bytes, options = {}) {
   start(options.draw === "cpu");
   return {
     get state() { return state; }, get drawer() { return drawer?.name; }, get colours() { return coloursNow(); },
+    get mix() { return mixed(); },
     set: change,
-    end() { ended = true; rest(); clearTimeout(later); removeEventListener("hashchange", heard); drawer?.end(); root.replaceChildren(); },
+    replace(page, bytes) { next = { page, bytes }; look(); },
+    end() { ended = true; rest(); clearTimeout(later); removeEventListener("hashchange", heard); past(); drawer?.end(); root.replaceChildren(); },
   };
 }
 
 /** Opens the page of this document: its data blocks, in place of the picture without JavaScript. */
-export function openPage() {
+function openPage() {
   const text = (name) => document.getElementById(name).textContent, page = JSON.parse(text("relume-page"));
   const bytes = (view) => fromBase64(text(`relume-view-${view}`));
   const draw = /^#draw=(gl|cpu)/.exec(location.hash)?.[1];
   globalThis.relume = mount(document.getElementById("relume"), page, bytes, { address: true, draw });
 }
-
-/** A widget of anywidget: `page` is the JSON, `views` the packed views; `hand` and `picked` are shared with Python. */
-function render({ model, el: root }) {
-  const pages = model.get("views"), shown = mount(root, JSON.parse(model.get("page")), (view) => new Uint8Array(pages[view].buffer, pages[view].byteOffset, pages[view].byteLength), {
-    changed({ hand, pixel }) { model.set("hand", hand); model.set("picked", pixel ?? []); model.save_changes(); },
-  });
-  const moved = () => { const hand = model.get("hand"); if (String(hand) !== String(shown.state.hand)) shown.set({ by: "dial", hand: [...hand] }); };
-  model.on("change:hand", moved);
-  return () => { model.off?.("change:hand", moved); shown.end(); };
-}
-
-export default { render };
 
 // In a page, and not in a notebook; once.
 if (document.querySelector("#relume-page") && !globalThis.relume?.set) openPage();

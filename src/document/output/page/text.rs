@@ -24,7 +24,7 @@ const FORMAT: u32 = 2;
 
 /// The HTML of `page`, and its JSON.
 pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u8]) -> (String, String) {
-    let json = json_of(page, lights, planes);
+    let json = json(page, lights, planes);
     let views = planes.views.iter().enumerate().map(|(index, bytes)| {
         format!("<script type=\"text/plain\" id=\"relume-view-{index}\">{}</script>\n", STANDARD.encode(bytes))
     });
@@ -175,7 +175,7 @@ fn rows(matrix: DMat3) -> Value {
 }
 
 /// The JSON of a page, with no `<` in it.
-fn json_of(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String {
+pub(super) fn json(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String {
     let film = page.film;
     let of_light = |light: &Light| -> Vec<(&'static str, Value)> {
         let mut keys = vec![("spectrum", spectrum(light.spectrum()))];
@@ -216,7 +216,7 @@ fn json_of(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String {
         "columns": page.columns,
         "first": page.first(),
         "tolerance": page.tolerance,
-        "largest_error": (planes.found.largest * 1e4).ceil() / 1e4,
+        "largest_error": planes.found.largest.map(|largest| (largest * 1e4).ceil() / 1e4),
         "positions": film.positions.iter().map(|position| &position.name).collect::<Vec<_>>(),
         "lights": of_film.collect::<Vec<_>>(),
         "standards": standards.collect::<Vec<_>>(),
