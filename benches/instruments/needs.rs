@@ -8,10 +8,10 @@ use glam::DVec3;
 use serde::Serialize;
 
 use relume::document::{SceneError, SceneOptions, parse};
-use relume::measure::{RungError, Rungs, Skipping, occupancy};
+use relume::measure::{RungError, Rungs, occupancy};
 use relume::plan::{Accumulate, LightPlan, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
 use relume::progress::{Progress, Quiet};
-use relume::reference::{End, Samples, Step, march};
+use relume::reference::{End, Samples, Skipping, Step, march};
 use relume::render::{RenderError, Renderer, SceneRenderer, shaders_of};
 use relume::scene::{
     AccumulateAs, Direction, Gradients, Interpolation, LabelEntry, LabelInterpolation, Labels, Lookup, Placement,

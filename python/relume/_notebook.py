@@ -38,6 +38,10 @@ class Turntable:
         if not self.films or len(self.films) % self.columns:
             raise ValueError(f"{len(self.films)} films are no rows of {self.columns}")
 
+    def _repr_png_(self) -> bytes:
+        middle = len(self.films) // self.columns // 2 * self.columns
+        return self.films[middle]._repr_png_()
+
     def __repr__(self) -> str:
         return f"<relume.Turntable of {len(self.films)} films, {self.columns} in a row>"
 
@@ -90,6 +94,8 @@ def turntable(
 
     `progress(stage, done, total)` counts the views, and may cancel by returning False.
     """
+    if views < 1 or elevations < 1:
+        raise ValueError(f"{views} views in {elevations} rows: both are at least 1")
     films = []
     scenes = scene._around(views, elevations, size)
     for done, turned in enumerate(scenes):

@@ -253,7 +253,7 @@ class Solution:
     def _repr_svg_(self) -> str: ...
 
 def open(
-    path: _Path,
+    path: _Path | _Image,
     *,
     look: str | None = None,
     preset: _Path | None = None,

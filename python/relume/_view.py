@@ -35,7 +35,10 @@ class View(anywidget.AnyWidget):
     def __init__(self, scene, size=(400, 400), *, device=None, title=None, tolerance=None):
         if not isinstance(scene, Scene):
             raise TypeError(f"a scene is shown, not {type(scene).__name__}: relume.open(path), Scene.first_look(volume)")
-        self._size = tuple(size)
+        try:
+            self._size = tuple(int(side) for side in size)
+        except TypeError:
+            raise ValueError(f"size {size}: write (width, height)") from None
         self._asked = {"device": device}
         self._packing = (title, tolerance)
         self._opened = scene
@@ -57,8 +60,13 @@ class View(anywidget.AnyWidget):
 
     @property
     def light(self):
-        """The light as it is shown: (spectrum, weight, position) of each, for `film.relight`."""
+        """The light as it is shown: (spectrum, weight, position) of each, for `film.relight`; `None` until a browser has shown it."""
+        if not self._mix:
+            return None
         return [(numpy.array(spectrum), weight, position) for spectrum, weight, position in self._mix]
+
+    def __repr__(self):
+        return f"<relume.view of {self.scene!r}>"
 
     def _repr_mimebundle_(self, **options):
         # Front ends without widgets, and notebooks without a kernel, show the picture.

@@ -113,7 +113,7 @@ def _turned(array, axes):
     if sorted(axes) != sorted(AXES):
         raise VolumeError(f"axes {axes!r}: write the letters x, y and z in the order of the array's axes", "volume-axes")
     if array.ndim != 3:
-        way = "a slice becomes a volume by array[None]" if array.ndim < 3 else "choose a channel or a time, such as array[0]"
+        way = "a slice becomes a volume by array[None]" if array.ndim < 3 else "choose a channel or a time, such as array[0] or, where it is the last axis, array[..., 0]"
         raise VolumeError(f"the array has {array.ndim} axes {array.shape}, and a volume has three; {way}", "volume-axes")
     return array.transpose([axes.index(axis) for axis in AXES])
 

@@ -10,7 +10,7 @@ use pyo3::types::{PyDict, PyList};
 use relume::film::Film;
 use relume::measure::{Choice, Wanted, cache_folder, choose};
 use relume::progress::Progress;
-use relume::render::{PlannedJob, RenderWarning, Renderer, SceneRenderer};
+use relume::render::{KeptVolume, PlannedJob, RenderWarning, Renderer, SceneRenderer};
 use relume::scene::{Mix, Scene};
 use relume::vulkan::{self, Device, DeviceChoice, Validation, VulkanError};
 
@@ -27,6 +27,9 @@ struct Kept {
 
 /// Renderers by the name of their device.
 static KEPT: LazyLock<Mutex<HashMap<String, Arc<Mutex<Kept>>>>> = LazyLock::new(Mutex::default);
+
+/// The volume of the last render without a device.
+pub(crate) static KEPT_VOLUME: Mutex<Option<KeptVolume>> = Mutex::new(None);
 
 /// The process that opened a device; 0 before one has.
 static OWNER: AtomicU32 = AtomicU32::new(0);
@@ -134,9 +137,13 @@ pub(crate) fn devices(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     Ok(list)
 }
 
-/// Frees all devices and the volumes on them.
+/// Frees all devices and the volumes that are kept for them.
 #[pyfunction]
 pub(crate) fn release(py: Python<'_>) {
+    // In a forked process, a thread that is not there may hold it.
+    if let Ok(mut kept) = KEPT_VOLUME.try_lock() {
+        *kept = None;
+    }
     if !is_forked() {
         py.detach(|| KEPT.lock().unwrap_or_else(PoisonError::into_inner).clear());
     }

@@ -471,6 +471,10 @@ impl Film {
         observer: Option<&Bound<'py, PyAny>>,
         adapt: Option<bool>,
     ) -> PyResult<()> {
+        if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+            let message = format!("{}: the name of a PNG must end in .png", path.display());
+            return Err(Failed::new("OutputError", "picture-name", message).into());
+        }
         let linear = self.linear(py, &Asked { light, hand, preset, exposure, observer, adapt })?;
         let [rows, columns] = self.rows_and_columns();
         Ok(work::detached(py, || -> Made<()> {

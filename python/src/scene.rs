@@ -127,7 +127,10 @@ fn without_device(
         return Err(Failed::new("DeviceMemoryError", "film-exceeds-memory", message));
     }
     let film = if device == "cpu" {
-        let on_cpu = job.on_cpu()?;
+        // Another thread stores its volume for itself.
+        let mut kept = device::KEPT_VOLUME.try_lock();
+        let on_cpu = job.on_cpu(kept.as_deref_mut().unwrap_or(&mut None))?;
+        drop(kept);
         let stored = &on_cpu.stored;
         let of_storage = RenderWarning::of_storage(&job.scene, &stored.storage, stored.labels.as_deref());
         of_storage.into_iter().for_each(heard);
@@ -224,11 +227,7 @@ impl Scene {
         if is_path(volume)? && labels.is_none() {
             return opened(py, path_of(volume)?, options, progress);
         }
-        let given = in_memory(volume, labels)?;
-        work::run(py, progress, |progress| {
-            let (file, statistics) = first_look_of(given, &options, progress)?;
-            Self::new_of(file, Some(statistics))
-        })
+        first_looked(py, volume, labels, &options, progress)
     }
 
     /// The scene with other values of keys, `{"camera.azimuth": 40}` or nested, on the same volume.
@@ -245,12 +244,24 @@ impl Scene {
     #[pyo3(signature = (*, orbit=None, pan=None, dolly=None, roll=None, size=None))]
     fn moved(
         &self,
-        orbit: Option<[f64; 2]>,
-        pan: Option<[f64; 2]>,
+        orbit: Option<&Bound<'_, PyAny>>,
+        pan: Option<&Bound<'_, PyAny>>,
         dolly: Option<f64>,
         roll: Option<f64>,
         size: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let pair = |name: &str, stated: Option<&Bound<'_, PyAny>>| -> PyResult<Option<[f64; 2]>> {
+            let wrong = |stated: &Bound<'_, PyAny>| {
+                PyValueError::new_err(format!("{name}={stated}: two numbers are needed, (to the right, up)"))
+            };
+            stated.map(|stated| stated.extract().map_err(|_| wrong(stated))).transpose()
+        };
+        let (orbit, pan) = (pair("orbit", orbit)?, pair("pan", pan)?);
+        if let Some(dolly) = dolly.filter(|dolly| !(*dolly > 0.0 && dolly.is_finite())) {
+            return Err(PyValueError::new_err(format!(
+                "dolly={dolly}: it is how many times as large the target appears, a number above 0"
+            )));
+        }
         let aspect = aspect(size_of(size)?);
         let steps = [
             orbit.map(|[right, up]| Move::Orbit { right, up }),
@@ -258,8 +269,8 @@ impl Scene {
             dolly.map(Move::Dolly),
             roll.map(Move::Roll),
         ];
-        let numbers = orbit.into_iter().chain(pan).flatten().chain(dolly).chain(roll);
-        if let Some(number) = numbers.chain(dolly.map(f64::recip)).find(|number| !number.is_finite()) {
+        let mut numbers = orbit.into_iter().chain(pan).flatten().chain(roll);
+        if let Some(number) = numbers.find(|number| !number.is_finite()) {
             return Err(PyValueError::new_err(format!("a camera cannot move by {number}")));
         }
         let opened = &self.file.scene.camera;
@@ -489,18 +500,38 @@ fn opened(
     })
 }
 
-/// The scene of a file: a scene, or a volume with a first look, as `relume render FILE`.
+/// The scene of a file: a scene, or a volume with a first look, as `relume render FILE`; or the first look of an array or an image, as
+/// `Scene.first_look`.
 #[pyfunction]
 #[pyo3(signature = (path, *, look=None, preset=None, define=None, progress=None))]
 pub(crate) fn open(
     py: Python<'_>,
-    path: PathBuf,
+    path: &Bound<'_, PyAny>,
     look: Option<&str>,
     preset: Option<PathBuf>,
     define: Option<&Bound<'_, PyDict>>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Scene> {
-    opened(py, path, options_of(look, preset, define)?, progress)
+    let options = options_of(look, preset, define)?;
+    if is_path(path)? {
+        return opened(py, path_of(path)?, options, progress);
+    }
+    first_looked(py, path, None, &options, progress)
+}
+
+/// The first look of a volume in memory.
+fn first_looked(
+    py: Python<'_>,
+    volume: &Bound<'_, PyAny>,
+    labels: Option<&Bound<'_, PyAny>>,
+    options: &SceneOptions,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Scene> {
+    let given = in_memory(volume, labels)?;
+    work::run(py, progress, |progress| {
+        let (file, statistics) = first_look_of(given, options, progress)?;
+        Scene::new_of(file, Some(statistics))
+    })
 }
 
 /// The built-in scene.

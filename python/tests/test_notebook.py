@@ -25,8 +25,10 @@ def test_a_moved_camera_is_that_of_the_window(scene):
     assert scene.moved(dolly=2.0).moved(dolly=0.5).view()["position"] == pytest.approx(scene.view()["position"])
     with pytest.raises(ValueError, match="cannot move by NaN"):
         scene.moved(pan=(0.1, float("nan")))
-    with pytest.raises(ValueError, match="cannot move by inf"):
+    with pytest.raises(ValueError, match="dolly=0: .* above 0"):
         scene.moved(dolly=0.0)
+    with pytest.raises(ValueError, match="orbit=30: two numbers"):
+        scene.moved(orbit=30)
 
 
 def test_spectra_have_the_colours_of_the_picture(film):
@@ -73,8 +75,23 @@ def test_a_turntable_is_a_page_and_an_animation(scene, tmp_path):
         turned.page(tmp_path / "all.png")
     with pytest.raises(ValueError, match="12 films are no rows of 5"):
         relume.Turntable(turned.films, 5)
+    with pytest.raises(ValueError, match="0 views in 1 rows"):
+        relume.turntable(scene, 0)
     with pytest.raises(relume.Cancelled):
         relume.turntable(scene, 3, (8, 8), progress=lambda *_: False)
+
+
+def test_arrays_are_opened_and_pictures_saved_by_name(ball, tmp_path):
+    opened = relume.open(ball)
+    assert opened.toml == relume.Scene.first_look(ball).toml and opened.guess
+    film = relume.open(relume.Volume(ball, spacing=(1, 1, 2)), look="grey").render((24, 16))
+    film.to_png(tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes() == film._repr_png_()
+    with pytest.raises(relume.OutputError, match=r"must end in \.png"):
+        film.to_png(tmp_path / "a.jpg")
+    with pytest.raises(relume.SceneError, match="an array of length 3") as wrong:
+        opened.define({"camera.up": [0, 0, 1, 5]})
+    assert wrong.value.key == "camera.up"
 
 
 def pictures_of(widget):
@@ -116,7 +133,7 @@ def test_the_widget_marches_what_the_browser_moves(scene):
     widget.send = told.append
     widget._heard(widget, {"moves": [["dolly", 0.0]]}, [])
     until(lambda: told)
-    assert "cannot move by" in told[0]["error"]
+    assert "dolly=0" in told[0]["error"]
     widget._heard(widget, {"moves": [["orbit", 1, 0]]}, [])
     until(lambda: len(told) > 1)
     assert told[1] == {"error": None}
@@ -125,6 +142,8 @@ def test_the_widget_marches_what_the_browser_moves(scene):
 
 def test_the_light_of_the_widget_relights_its_film(scene):
     widget = relume.view(scene, (48, 32))
+    assert widget.light is None and repr(scene) in repr(widget), "no browser has shown it"
+    assert numpy.array_equal(widget.film.relight(widget.light), widget.film.relight())
     lights = scene.lights
     widget._mix = [[lights["day"].tolist(), 0.5, "day"], [lights["lamp"].tolist(), 0.25, "lamp"]]
     expected = widget.film.relight([("day", 0.5), ("lamp", 0.5)])
@@ -135,6 +154,8 @@ def test_the_light_of_the_widget_relights_its_film(scene):
     assert "application/vnd.jupyter.widget-view+json" in data
     with pytest.raises(TypeError, match="a scene is shown, not Film"):
         relume.view(widget.film)
+    with pytest.raises(ValueError, match="size 300: write"):
+        relume.view(scene, 300)
 
 
 @pytest.mark.parametrize("name", ["figure_1", "ct"])

@@ -7,13 +7,13 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::clock::{Limit, Stopwatch};
-use super::skipping::{Skipping, occupancy};
+use super::skipping::occupancy;
 use relume_base::number::{count, whole};
 use relume_base::progress::Progress;
 use relume_colour::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use relume_scene::film::RelightMatrices;
 use relume_scene::plan::{Planned, ScenePlan, plan_full_spectrum};
-use relume_scene::reference::{Exact, KeptDepths, Marching, ReferenceError, Stored, render_pixels};
+use relume_scene::reference::{Exact, KeptDepths, Marching, ReferenceError, Skipping, Stored, render_pixels};
 use relume_scene::tables::{LabelMap, Occupancy, Storage, StoredScene, StoredVolume};
 use relume_scene::{
     Accuracy, AmbientShares, Integration, Interpolation, LabelInterpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs,

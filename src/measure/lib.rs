@@ -46,7 +46,7 @@ pub use report::{CostCurve, CostTable, Findings, costs_html, html, trade};
 pub use rungs::{RungError, Rungs};
 pub use sample::{Checked, check, check_within};
 pub use setting::{Knob, Setting, Value};
-pub use skipping::{Skipping, occupancy};
+pub use skipping::occupancy;
 pub use survey::{Survey, SurveyOptions};
 pub use sweep::{SweepError, settings};
 pub use table::{to_csv, to_markdown, to_text};

@@ -1,5 +1,8 @@
 //! From a scene to its films: the level of its volume, its plan, and its march on a device or by the reference.
 
+use std::ptr;
+use std::sync::{Arc, Weak};
+
 use glam::DVec3;
 
 use super::{RenderError, Renderer, SceneRenderer};
@@ -7,10 +10,10 @@ use relume_base::progress::{Progress, unreported};
 use relume_colour::spectrum::Light;
 use relume_scene::film::{Film, RelightMatrices};
 use relume_scene::plan::{PlanError, Planned, plan_for, plan_full_spectrum};
-use relume_scene::reference::{Exact, ReferenceError, Stored, march, render};
-use relume_scene::tables::{LabelMap, Storage, StoredScene};
+use relume_scene::reference::{Exact, ReferenceError, Skipping, Stored, march, render};
+use relume_scene::tables::{Cells, LabelMap, Occupancy, Storage, StoredScene, StoredVolume};
 use relume_scene::{AccumulateAs, Camera, Coarse, LabelLeft, Level, Mix, Scene};
-use relume_volume::Statistics;
+use relume_volume::{Statistics, Volume};
 
 /// Contents of a pixel of a film.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -195,15 +198,38 @@ impl PlannedJob {
         Ok(films)
     }
 
-    /// The scene without a device, in f32 on stored tables as on a device: all that it marches is ready.
+    /// The scene without a device, in f32 on stored tables as on a device: all that it marches is ready. What is `kept` of a volume is
+    /// taken if it is that of this scene, and otherwise replaced.
     ///
     /// # Errors
     ///
     /// [`RenderError::Labels`].
-    pub fn on_cpu(&self) -> Result<OnCpu<'_>, RenderError> {
-        self.scene.volume().require_voxels("a march without a device").map_err(RenderError::Volume)?;
-        let stored = StoredScene::new(&self.scene, &self.planned, &self.statistics);
-        Ok(OnCpu { job: self, stored: stored.map_err(RenderError::Labels)? })
+    pub fn on_cpu(&self, kept: &mut Option<KeptVolume>) -> Result<OnCpu<'_>, RenderError> {
+        let Self { scene, planned, statistics, .. } = self;
+        scene.volume().require_voxels("a march without a device").map_err(RenderError::Volume)?;
+        let storage = Storage::new(&planned.plan, scene.volume(), statistics);
+        let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose();
+        let labels = labels.map_err(RenderError::Labels)?.map(Arc::new);
+        let volume = &scene.fields.first().volume;
+        let is_of = |kept: &&mut KeptVolume| ptr::eq(kept.of.as_ptr(), &raw const **volume) && kept.storage == storage;
+        let stored = match kept.as_mut().filter(is_of) {
+            Some(kept) => Arc::clone(&kept.stored),
+            None => {
+                // There may be no room for two.
+                *kept = None;
+                let stored = Arc::new(StoredVolume::new(volume, &storage));
+                let of = Arc::downgrade(volume);
+                *kept = Some(KeptVolume { of, storage: storage.clone(), stored: Arc::clone(&stored) });
+                stored
+            }
+        };
+        let cells = Cells::new(volume, &storage, labels.as_deref());
+        let stored = StoredScene::of(scene, planned, (storage, stored), labels);
+        let occupancy = match &stored.segments {
+            None => cells.occupancy(&stored.table.active_entries()),
+            Some((table, _)) => cells.occupancy_of_segments(&self.scene, &table.active_entries()),
+        };
+        Ok(OnCpu { job: self, stored, occupancy })
     }
 
     /// The scene without a device, in f64.
@@ -219,6 +245,15 @@ impl PlannedJob {
     }
 }
 
+/// A volume as a device would store it, for marches without one.
+#[derive(Debug)]
+pub struct KeptVolume {
+    /// The volume; while this is known, no other one has its place in memory.
+    of: Weak<Volume>,
+    storage: Storage,
+    stored: Arc<StoredVolume>,
+}
+
 /// A scene that the reference marches on all cores, in f32 on stored tables. Its film is that of a device within
 /// rounding.
 #[derive(Debug)]
@@ -226,6 +261,7 @@ pub struct OnCpu<'a> {
     job: &'a PlannedJob,
     /// The tables and the volume.
     pub stored: StoredScene,
+    occupancy: Occupancy,
 }
 
 impl OnCpu<'_> {
@@ -241,7 +277,14 @@ impl OnCpu<'_> {
         progress: &dyn Progress,
     ) -> Result<Film<f32>, ReferenceError> {
         let scene = Scene { camera: camera.clone(), ..self.job.scene.clone() };
-        march(&scene, &self.job.planned, &Stored::<f32>::new(&self.job.planned, &self.stored), size, progress)
+        let planned = &self.job.planned;
+        let stored = Stored::<f32>::new(planned, &self.stored);
+        if planned.plan.skipping {
+            let stored = Skipping::new(stored, &self.occupancy, &scene, planned).of_tables();
+            march(&scene, planned, &stored, size, progress)
+        } else {
+            march(&scene, planned, &stored, size, progress)
+        }
     }
 }
 

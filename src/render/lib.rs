@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-pub use job::{Job, Keeps, OnCpu, PictureLevel, PlannedJob, Reference};
+pub use job::{Job, Keeps, KeptVolume, OnCpu, PictureLevel, PlannedJob, Reference};
 pub use level::finest_level;
 pub use march::{BrickCounts, DeviceFilm, Dispatching, March, MarchUniform, Speed, TableMemory};
 pub use pool::Residence;

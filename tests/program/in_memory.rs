@@ -118,7 +118,7 @@ fn the_cpu_marches_as_a_device_within_rounding() {
     let statistics = file.scene.volume().statistics().unwrap();
     let job: PlannedJob = Job::new(file.scene, statistics).planned(&Quiet).unwrap();
     let size = [24, 18];
-    let found = job.on_cpu().unwrap().film(&job.cameras[0], size, &Quiet).unwrap();
+    let found = job.on_cpu(&mut None).unwrap().film(&job.cameras[0], size, &Quiet).unwrap();
     let planned: Planned = job.planned.clone();
     let rungs = Rungs::planned(job.scene.clone(), planned, size);
     let expected = rungs.march::<f32>(&rungs.stored::<f32>());

@@ -249,3 +249,26 @@ fn the_documentation_states_every_key_with_its_range_and_default() {
     let light = SceneLight::new("", scene.lights[0].spectrum.clone());
     documents(key::LIGHT, |name| ("lights.day".to_owned(), name.to_owned()), &light);
 }
+
+#[test]
+fn a_list_of_a_stated_length_has_no_number_too_much() {
+    for (definition, length) in [
+        ("camera.up=[0, 0, 1, 5]", 3),
+        ("camera.around=[[0, 0, 0], [1, 1, 1], [2, 2, 2]]", 2),
+        ("camera.around=[[0, 0, 0], [1, 1, 1, 9]]", 3),
+        ("crop={min=[1, 1, 1, 1], max=[3, 3, 3]}", 3),
+        ("volume.spacing=[1, 1, 1, 1]", 3),
+        ("volume.direction=[1, 0, 0, 0, 1, 0, 0, 0, 1, 0]", 9),
+        ("volume.downsample=[2, 2, 2, 2]", 3),
+        ("transfer.intervals=[{material=\"bone\", range=[1, 2, 3], opacity=0.1}]", 2),
+        ("transfer.gradient_opacity=[[0, 0.1], [1, 0.2, 0.3]]", 2),
+        ("transfer.opacity=[[0, 0.1, 1], [9, 1]]", 2),
+        ("transfer.material=[[0, \"bone\", 1]]", 2),
+        ("dial.nodes.day=[0, 1, 2]", 2),
+        ("lights.day.direction=[0, 0, -1, 5]", 3),
+        ("palette={lights={a={bounds=[0, 1, 2]}}, materials={}, cells={}}", 2),
+    ] {
+        let error = with(definition).unwrap_err();
+        assert!(error.contains(&format!("expected an array of length {length}")), "{definition}: {error}");
+    }
+}

@@ -9,6 +9,7 @@ use relume::document;
 use relume::document::{Definition, SceneOptions};
 use relume::plan::{Accumulate, Shares, Transmittance, plan};
 use relume::progress::Quiet;
+use relume::render::Job;
 use relume::scene::{AccumulateAs, Material, Scene, SceneLight, Term, positions};
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz, xyz_of};
 use relume::spectrum::{Spectrum, standard};
@@ -281,4 +282,22 @@ fn an_interval_one_value_wide_survives_in_16_bit_data() {
     for entries in ["entries = 1024", "entries = 4096"] {
         assert!(opacity_at(31000.0, entries) < 0.25, "{entries}: {}", opacity_at(31000.0, entries));
     }
+}
+
+/// Marches on all cores leave out empty macrocells, in steps and in segments.
+#[test]
+fn a_march_without_a_device_has_the_numbers_of_all_samples() {
+    const SIZE: [usize; 2] = [10, 8];
+    let mut compared = 0;
+    let mut kept = None;
+    for (name, row) in support::scenes::all() {
+        let scene = support::scenes::named(name);
+        let statistics = scene.volume().statistics().unwrap();
+        let Ok(job) = Job::new(scene, statistics).planned(&Quiet) else { continue };
+        let found = job.on_cpu(&mut kept).unwrap().film(&job.cameras[0], SIZE, &Quiet).unwrap();
+        let rungs = Rungs::planned(job.scene.clone(), job.planned.clone(), SIZE);
+        assert_eq!(found, rungs.march::<f32>(&rungs.stored::<f32>()), "{name}: {}", row.plan);
+        compared += 1;
+    }
+    assert!(compared > 150, "{compared} scenes");
 }

@@ -154,7 +154,7 @@ fn fractions_in_16_bits_lose_half_a_code_at_most_and_say_so() {
     let bound = 0.5 * largest / 65535.0;
     assert!((short.storage.loss - bound).abs() <= 1e-3 * bound, "{}", short.storage.loss);
     let [scale, offset] = short.storage.normalised_from_texel();
-    for (texel, value) in short.volume.texels.iter().zip(&values) {
+    for (texel, value) in short.volume.values.iter().zip(&values) {
         let found = (f64::from(*texel) * scale + offset) * largest;
         assert!((found - f64::from(*value)).abs() <= 1.01 * bound, "{value}: {found}");
     }

@@ -242,7 +242,7 @@ pub fn of_tables(rungs: &Rungs, expected: &Film<f64>) -> Film<f64> {
         exact.sample(place, &mut here);
         here.normal = exact.normal(place);
         let texel = texels.at(place);
-        let value = (high - low).mul_add(texel[texels.parts - 1].mul_add(value_scale, value_offset), low);
+        let value = (high - low).mul_add(texel[3].mul_add(value_scale, value_offset), low);
         let at = |entries: f64| steps.of_value(entry.mul_add(entries, value));
         let around: Vec<_> = (-3..=3).map(|entries| at(f64::from(entries))).collect();
         let lost = (rungs.storage.loss + (high - low) * ROUNDING_UNIT) / entry;
@@ -288,7 +288,7 @@ pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], ro
             there.normal = stored.normal(moved);
             difference.include(&here, &there);
         }
-        if texels.parts == 4 {
+        if rungs.volume.gradients.is_some() {
             // Three interpolations, each with at most three roundings of numbers up to 1.
             difference.normal += direction_error(&texels.at(place), scale, 9.0 * ROUNDING_UNIT) + 8.0 * ROUNDING_UNIT;
         }
@@ -307,14 +307,14 @@ fn direction_error(texel: &[f64; 4], scale: DVec3, error: f64) -> f64 {
 /// Independent implementation of trilinear interpolation in a stored volume.
 struct Texels<'a> {
     volume: &'a StoredVolume,
-    parts: usize,
 }
 
 impl<'a> Texels<'a> {
     fn new(volume: &'a StoredVolume) -> Self {
-        Self { volume, parts: if volume.has_gradient { 4 } else { 1 } }
+        Self { volume }
     }
 
+    /// The differences and the value.
     fn at(&self, place: [f64; 3]) -> [f64; 4] {
         let dims = self.volume.dims;
         let mut sum = [0.0; 4];
@@ -327,8 +327,9 @@ impl<'a> Texels<'a> {
                 weight *= if upper { voxel - below } else { 1.0 - (voxel - below) };
                 index[axis] = (whole(below) + usize::from(upper)).min(dims[axis] - 1);
             }
-            let first = (index[0] + dims[0] * (index[1] + dims[1] * index[2])) * self.parts;
-            for (sum, &texel) in sum.iter_mut().zip(&self.volume.texels[first..first + self.parts]) {
+            let index = index[0] + dims[0] * (index[1] + dims[1] * index[2]);
+            let [x, y, z] = self.volume.gradients.as_ref().map_or([0.0; 3], |gradients| gradients[index]);
+            for (sum, texel) in sum.iter_mut().zip([x, y, z, self.volume.values[index]]) {
                 *sum += weight * f64::from(texel);
             }
         }

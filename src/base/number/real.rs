@@ -53,9 +53,16 @@ pub trait Real:
     fn index(self) -> usize;
 }
 
+/// `self · factor + summand` of f32. The product is exact in f64, and the sum rounded twice differs from one rounded once in a bit of
+/// one of 2²⁹ numbers; a processor without the instruction, for which programs are built, would take a call of a function.
+#[expect(clippy::cast_possible_truncation, reason = "rounds")]
+fn fused_f32(number: f32, factor: f32, summand: f32) -> f32 {
+    (f64::from(number) * f64::from(factor) + f64::from(summand)) as f32
+}
+
 macro_rules! real {
-    ($($type:ident),*) => {$(
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_lossless, trivial_numeric_casts,
+    ($($type:ident $fused:path, $whole:ty, $odd:literal);*) => {$(
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_lossless, clippy::cast_precision_loss, trivial_numeric_casts,
             reason = "one text for both; `from_f64` rounds, `index` saturates")]
         impl Real for $type {
             fn from_f64(value: f64) -> Self {
@@ -65,7 +72,7 @@ macro_rules! real {
                 self as f64
             }
             fn mul_add(self, factor: Self, summand: Self) -> Self {
-                Self::mul_add(self, factor, summand)
+                $fused(self, factor, summand)
             }
             fn sqrt(self) -> Self {
                 Self::sqrt(self)
@@ -80,10 +87,16 @@ macro_rules! real {
                 Self::abs(self)
             }
             fn floor(self) -> Self {
-                Self::floor(self)
+                // A call of a function for which programs are built; from this on all numbers are whole.
+                if Self::abs(self) < $odd {
+                    let whole = self as $whole as Self;
+                    if whole > self { whole - 1.0 } else { whole }
+                } else {
+                    self
+                }
             }
             fn ceil(self) -> Self {
-                Self::ceil(self)
+                -Real::floor(-self)
             }
             fn min(self, other: Self) -> Self {
                 Self::min(self, other)
@@ -98,7 +111,7 @@ macro_rules! real {
     )*};
 }
 
-real!(f32, f64);
+real!(f32 fused_f32, i32, 8_388_608.0; f64 f64::mul_add, i64, 4_503_599_627_370_496.0);
 
 /// `base^exponent` by repeated squaring, lowest bit first.
 pub fn power<R: Real>(base: R, exponent: u32) -> R {

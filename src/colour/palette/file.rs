@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
-use serde::de::IgnoredAny;
+use serde::de::{Error as _, IgnoredAny};
+use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 
 use super::{
@@ -21,6 +21,13 @@ use relume_base::number::readable;
 
 /// A value with its position in the file.
 type At<T> = Spanned<T>;
+
+/// Two numbers: a reader of TOML into an array leaves out what is too much.
+fn bounds<'de, D: Deserializer<'de>>(stated: D) -> Result<Option<At<[f64; 2]>>, D::Error> {
+    let stated = At::<Vec<f64>>::deserialize(stated)?;
+    let wrong = |list: Vec<f64>| D::Error::invalid_length(list.len(), &"an array of length 2");
+    Ok(Some(At::new(stated.span(), stated.into_inner().try_into().map_err(wrong)?)))
+}
 
 /// Largest size of a palette file in bytes; larger than any that a person writes.
 const LONGEST: u64 = 1 << 19;
@@ -47,6 +54,7 @@ pub struct PaletteFile {
 #[serde(deny_unknown_fields)]
 struct RowFile {
     reflectance: Option<At<SpectrumSource>>,
+    #[serde(default, deserialize_with = "bounds")]
     bounds: Option<At<[f64; 2]>>,
     smoothness: Option<At<f64>>,
 }
@@ -55,6 +63,7 @@ struct RowFile {
 #[serde(deny_unknown_fields)]
 struct ColumnFile {
     spectrum: Option<At<SpectrumSource>>,
+    #[serde(default, deserialize_with = "bounds")]
     bounds: Option<At<[f64; 2]>>,
     smoothness: Option<At<f64>>,
 }

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::marker::PhantomData;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use serde::de::{Error, Visitor};
+use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 use toml::{Spanned, Value};
@@ -18,6 +19,89 @@ use relume_volume::ByteOrder;
 
 /// A value with its place in the file.
 pub(super) type At<T> = Spanned<T>;
+
+/// A key that may be stated.
+type Stated<T, E> = Result<Option<At<T>>, E>;
+
+/// A list of exactly `N`: a reader of TOML into an array leaves out what is too much.
+struct List<T, const N: usize>([T; N]);
+
+impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for List<T, N> {
+    fn deserialize<D: Deserializer<'de>>(stated: D) -> Result<Self, D::Error> {
+        struct Of<T, const N: usize>(PhantomData<T>);
+        impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Of<T, N> {
+            type Value = List<T, N>;
+
+            fn expecting(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(to, "an array of length {N}")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+                let mut found = Vec::with_capacity(N);
+                while let Some(element) = list.next_element()? {
+                    found.push(element);
+                }
+                let length = found.len();
+                found.try_into().map(List).map_err(|_| A::Error::invalid_length(length, &self))
+            }
+        }
+        stated.deserialize_tuple(N, Of(PhantomData))
+    }
+}
+
+/// `of` a value, at its place.
+fn at<T, U>(stated: At<T>, of: impl FnOnce(T) -> U) -> At<U> {
+    let place = stated.span();
+    At::new(place, of(stated.into_inner()))
+}
+
+fn plain_numbers<'de, D: Deserializer<'de>, const N: usize>(stated: D) -> Result<[f64; N], D::Error> {
+    List::deserialize(stated).map(|list| list.0)
+}
+
+fn stated_numbers<'de, D: Deserializer<'de>, const N: usize>(stated: D) -> Result<At<[f64; N]>, D::Error> {
+    At::<List<f64, N>>::deserialize(stated).map(|stated| at(stated, |list| list.0))
+}
+
+fn numbers<'de, D: Deserializer<'de>, const N: usize>(stated: D) -> Stated<[f64; N], D::Error> {
+    stated_numbers(stated).map(Some)
+}
+
+fn counts<'de, D: Deserializer<'de>>(stated: D) -> Result<Option<[NonZeroUsize; 3]>, D::Error> {
+    List::deserialize(stated).map(|list| Some(list.0))
+}
+
+/// Lists of `N` numbers each.
+fn lists<'de, D: Deserializer<'de>, const N: usize>(stated: D) -> Stated<Vec<[f64; N]>, D::Error> {
+    let stated = At::<Vec<List<f64, N>>>::deserialize(stated)?;
+    Ok(Some(at(stated, |lists| lists.into_iter().map(|list| list.0).collect())))
+}
+
+fn corners<'de, D: Deserializer<'de>>(stated: D) -> Stated<[[f64; 3]; 2], D::Error> {
+    let stated = At::<List<List<f64, 3>, 2>>::deserialize(stated)?;
+    Ok(Some(at(stated, |corners| corners.0.map(|corner| corner.0))))
+}
+
+/// A value, and the material from there on.
+struct MaterialFrom(f64, String);
+
+impl<'de> Deserialize<'de> for MaterialFrom {
+    fn deserialize<D: Deserializer<'de>>(stated: D) -> Result<Self, D::Error> {
+        let wrong = |error: toml::de::Error| D::Error::custom(error.message());
+        let List([value, name]) = List::<Value, 2>::deserialize(stated)?;
+        Ok(Self(value.try_into().map_err(wrong)?, name.try_into().map_err(wrong)?))
+    }
+}
+
+fn materials_from<'de, D: Deserializer<'de>>(stated: D) -> Stated<Vec<(f64, String)>, D::Error> {
+    let stated = At::<Vec<MaterialFrom>>::deserialize(stated)?;
+    Ok(Some(at(stated, |pairs| pairs.into_iter().map(|pair| (pair.0, pair.1)).collect())))
+}
+
+fn places<'de, D: Deserializer<'de>>(stated: D) -> Result<BTreeMap<String, At<[f64; 2]>>, D::Error> {
+    let stated = BTreeMap::<String, At<List<f64, 2>>>::deserialize(stated)?;
+    Ok(stated.into_iter().map(|(name, place)| (name, at(place, |list| list.0))).collect())
+}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -126,12 +210,17 @@ pub(super) struct VolumeFile {
     #[serde(default)]
     pub(super) are_labels: bool,
     pub(super) label_names: Option<PathBuf>,
+    #[serde(default, deserialize_with = "counts")]
     pub(super) downsample: Option<[NonZeroUsize; 3]>,
     pub(super) largest_part_above: Option<At<f64>>,
+    #[serde(default, deserialize_with = "counts")]
     pub(super) dims: Option<[NonZeroUsize; 3]>,
+    #[serde(default, deserialize_with = "numbers")]
     pub(super) spacing: Option<At<[f64; 3]>>,
     pub(super) unit: Option<At<String>>,
+    #[serde(default, deserialize_with = "numbers")]
     pub(super) origin: Option<At<[f64; 3]>>,
+    #[serde(default, deserialize_with = "numbers")]
     pub(super) direction: Option<At<[f64; 9]>>,
     pub(super) r#type: Option<At<String>>,
     #[serde(default)]
@@ -176,9 +265,13 @@ pub(super) struct ThinFilmFile {
 pub(super) struct TransferFile {
     #[serde(default)]
     pub(super) intervals: Vec<IntervalFile>,
+    #[serde(default, deserialize_with = "lists")]
     pub(super) opacity: Option<At<Vec<[f64; 2]>>>,
+    #[serde(default, deserialize_with = "lists")]
     pub(super) absorption: Option<At<Vec<[f64; 2]>>>,
+    #[serde(default, deserialize_with = "materials_from")]
     pub(super) material: Option<At<Vec<(f64, String)>>>,
+    #[serde(default, deserialize_with = "lists")]
     pub(super) gradient_opacity: Option<At<Vec<[f64; 2]>>>,
 }
 
@@ -186,6 +279,7 @@ pub(super) struct TransferFile {
 #[serde(deny_unknown_fields)]
 pub(super) struct IntervalFile {
     pub(super) material: At<String>,
+    #[serde(deserialize_with = "stated_numbers")]
     pub(super) range: At<[f64; 2]>,
     pub(super) ramp: Option<At<f64>>,
     pub(super) opacity: At<f64>,
@@ -209,7 +303,9 @@ pub(super) struct LightFile {
     pub(super) spectrum: Option<At<SpectrumSource>>,
     #[serde(default)]
     pub(super) kind: LightKind,
+    #[serde(default, deserialize_with = "numbers")]
     pub(super) direction: Option<At<[f64; 3]>>,
+    #[serde(default, deserialize_with = "numbers")]
     pub(super) position: Option<At<[f64; 3]>>,
 }
 
@@ -220,7 +316,7 @@ pub(super) struct DialFile {
     pub(super) master: Option<At<f64>>,
     #[serde(default)]
     pub(super) off: Vec<At<String>>,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "places")]
     pub(super) nodes: BTreeMap<String, At<[f64; 2]>>,
     #[serde(default)]
     pub(super) presets: Vec<PresetFile>,
@@ -281,11 +377,16 @@ pub(super) enum FillFile {
 pub(super) struct CameraFile {
     #[serde(default)]
     pub(super) projection: ProjectionFile,
+    #[serde(default, deserialize_with = "numbers")]
     pub(super) position: Option<At<[f64; 3]>>,
+    #[serde(default, deserialize_with = "numbers")]
     pub(super) target: Option<At<[f64; 3]>>,
+    #[serde(default, deserialize_with = "numbers")]
     pub(super) up: Option<At<[f64; 3]>>,
+    #[serde(default, deserialize_with = "numbers")]
     pub(super) front: Option<At<[f64; 3]>>,
     pub(super) fill: Option<At<FillFile>>,
+    #[serde(default, deserialize_with = "corners")]
     pub(super) around: Option<At<[[f64; 3]; 2]>>,
 }
 
@@ -300,6 +401,8 @@ pub(super) enum ProjectionFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CropFile {
+    #[serde(deserialize_with = "plain_numbers")]
     pub(super) min: [f64; 3],
+    #[serde(deserialize_with = "plain_numbers")]
     pub(super) max: [f64; 3],
 }

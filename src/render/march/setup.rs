@@ -12,10 +12,10 @@ use super::schedule::{Schedule, Speed, longest_slice};
 use super::source::{UNIFORM_BYTES, VECTOR_BYTES, formats, source};
 use super::{DeviceFilm, March};
 use crate::{RenderError, Renderer, Uploaded};
-use relume_base::number::{count, rounded, unsigned, whole};
+use relume_base::number::{count, rounded, unsigned};
 use relume_scene::plan::{Integrate, LANE, Planned, Transmittance};
 use relume_scene::tables::{
-    BlockBox, CELL, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
+    BlockBox, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
     ThinFilmTable, TransferTable, ray_places,
 };
 use relume_scene::{Interpolation, Scene, ShadowMethod, StoreAs};
@@ -121,19 +121,11 @@ impl Values {
     }
 }
 
-/// Occupancy of the macrocells of `uploaded` under the table `values`. A segment belongs to the macrocell of its middle,
-/// and reaches half a step beyond it.
+/// Occupancy of the macrocells of `uploaded` under the table `values`.
 fn occupancy_of(scene: &Scene, uploaded: &Uploaded, values: &Values) -> Occupancy {
     match values {
         Values::Steps(table) => uploaded.cells.occupancy(&table.active_entries()),
-        Values::Segments(table) => {
-            let occupancy = uploaded.cells.occupancy(&table.active_entries());
-            let half = scene.step_length() / 2.0 / scene.frame.geometry.spacing.min_element();
-            // The range of a macrocell includes one voxel more on each side, of which the cubic filter reads one.
-            let spare = if scene.accuracy.interpolation == Interpolation::Cubic { 0.0 } else { 1.0 };
-            let reach = whole(((half - spare).max(0.0) / count(CELL)).ceil());
-            if reach > 0 { occupancy.within(reach) } else { occupancy }
-        }
+        Values::Segments(table) => uploaded.cells.occupancy_of_segments(scene, &table.active_entries()),
     }
 }
 

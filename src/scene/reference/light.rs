@@ -14,12 +14,13 @@ use relume_base::progress::Progress;
 
 /// The light of a frame.
 pub(super) struct Light<'a, R> {
-    scene: &'a Scene,
     planned: &'a Planned,
     /// Vectors of the arrivals, and their weights.
     vectors: Vec<([R; 3], R)>,
     /// Specular exponents.
     exponents: Vec<u32>,
+    /// Of the materials of the plan.
+    shades: Vec<Shade<R>>,
     /// Phase functions of the components.
     phases: Vec<Phase<R>>,
     /// Thin films, those of the diffuse part first.
@@ -27,6 +28,27 @@ pub(super) struct Light<'a, R> {
     /// Light that reaches a sample, if the medium dims light other than along rays of the eye.
     reaching: Option<Reaching<R>>,
     local_scale: [R; 3],
+}
+
+/// Shading of a material without that of its thin films.
+struct Shade<R> {
+    ambient: R,
+    diffuse: R,
+    specular: R,
+    exponent: u32,
+}
+
+impl<R: Real> Shade<R> {
+    fn of(material: &Material) -> Self {
+        let [ambient, diffuse, specular] =
+            [material.ambient, material.own_diffuse(), material.white_specular()].map(R::from_f64);
+        Self { ambient, diffuse, specular, exponent: material.exponent }
+    }
+
+    /// The part of its own light that it reflects, of which this arrives as diffuse and the fraction `open` as ambient light.
+    fn reflected(&self, facing: R, open: R) -> R {
+        self.diffuse.mul_add(facing, self.ambient * open)
+    }
 }
 
 /// A step of a ray.
@@ -95,12 +117,17 @@ impl<'a, R: Real> Light<'a, R> {
             Some(Reaching::new(scene, planned, samples, local_scale, pixels, progress)?)
         };
         Ok(Self {
-            scene,
             planned,
             vectors: vectors
                 .map(|vector| (vector.truncate().to_array().map(R::from_f64), R::from_f64(vector.w)))
                 .collect(),
             exponents: planned.exponents(scene),
+            shades: planned
+                .materials
+                .iter()
+                .filter_map(|&material| scene.materials.get(material))
+                .map(Shade::of)
+                .collect(),
             phases: tables::Phase::of_plan(scene, planned).iter().map(Phase::new).collect(),
             thin_films: tables::ThinFilmRows::of_plan(scene, planned).iter().map(ThinFilm::new).collect(),
             reaching,
@@ -267,21 +294,19 @@ impl<'a, R: Real> Light<'a, R> {
     fn reflect(&self, step: &Step<R>, facing: impl Fn(usize) -> R, open: R, source: &mut [R]) {
         let plan = &self.planned.plan;
         let parts = plan.parts();
-        let shade = |material: &Material, facing: R| {
-            R::from_f64(material.own_diffuse()).mul_add(facing, R::from_f64(material.ambient) * open)
-        };
         match plan.accumulate {
             Accumulate::Weights { .. } => {
-                for ((part, &weight), material) in source.iter_mut().zip(&step.source).zip(self.used()) {
-                    *part = weight * shade(material, facing(0));
+                let facing = facing(0);
+                for ((part, &weight), shade) in source.iter_mut().zip(&step.source).zip(&self.shades) {
+                    *part = weight * shade.reflected(facing, open);
                 }
             }
             Accumulate::Spectral { shares: Shares::Equal, .. } => {
-                let first = self.used().next();
+                let first = self.shades.first();
                 for (component, (part, &reflected)) in
                     source.iter_mut().zip(&step.source[parts.unshaded * LANE..]).enumerate()
                 {
-                    *part = reflected * first.map_or(R::default(), |first| shade(first, facing(component)));
+                    *part = reflected * first.map_or(R::default(), |first| first.reflected(facing(component), open));
                 }
             }
             Accumulate::Spectral { shares: Shares::Own, .. } => {
@@ -301,9 +326,8 @@ impl<'a, R: Real> Light<'a, R> {
         match (plan.accumulate, plan.transmittance) {
             (Accumulate::Weights { materials }, _) => {
                 let mut white = R::default();
-                for (&weight, material) in step.source.iter().zip(self.used()) {
-                    white = (weight * R::from_f64(material.white_specular()))
-                        .mul_add(power(facing, material.exponent), white);
+                for (&weight, shade) in step.source.iter().zip(&self.shades) {
+                    white = (weight * shade.specular).mul_add(power(facing, shade.exponent), white);
                 }
                 source[materials] = share(0).mul_add(white, source[materials]);
             }
@@ -326,10 +350,5 @@ impl<'a, R: Real> Light<'a, R> {
                 }
             }
         }
-    }
-
-    /// Materials of the plan.
-    fn used(&self) -> impl Iterator<Item = &Material> {
-        self.planned.materials.iter().filter_map(|&material| self.scene.materials.get(material))
     }
 }

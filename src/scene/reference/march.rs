@@ -206,9 +206,19 @@ impl<'a, R: Real> Frame<'a, R> {
         let mut transmittance = self.all_light();
         let (mut step, mut scratch) = (Step::default(), Scratch::default());
         let mut lost = self.lost(sums.len(), transmittance.len());
-        for n in self.within_block(ray) {
+        let (mut steps, mut leave) = (self.within_block(ray), 0);
+        let along = ray.direction.map(|part| part * self.step_length);
+        while let Some(n) = steps.next() {
             let [from, to] = ray.part(n);
             let place = ray.place(n, (from + to) * R::from_f64(0.5), self.step_length);
+            if n >= leave {
+                let (is_occupied, ahead) = samples.ahead(place, along);
+                leave = n.saturating_add(ahead);
+                if !is_occupied {
+                    steps.start = leave.min(steps.end);
+                    continue;
+                }
+            }
             samples.sample(place, &mut step);
             let length = to - from;
             thin([&mut step.source, &mut step.opacity], &self.planned.plan, length);
@@ -255,10 +265,20 @@ impl<'a, R: Real> Frame<'a, R> {
             let [from, to] = ray.part(n);
             ray.place(n, (to - from).mul_add(fraction, from), self.step_length)
         };
-        let mut before = samples.end(place(steps.start, zero));
-        for n in steps {
+        let (mut steps, mut leave, mut known) = (steps, 0, None);
+        let along = ray.direction.map(|part| part * self.step_length);
+        while let Some(n) = steps.next() {
             let [from, to] = ray.part(n);
             let inside = to - from;
+            if n >= leave {
+                let (is_occupied, ahead) = samples.ahead(place(n, half), along);
+                leave = n.saturating_add(ahead);
+                if !is_occupied {
+                    (steps.start, known) = (leave.min(steps.end), None);
+                    continue;
+                }
+            }
+            let before = known.unwrap_or_else(|| samples.end(place(n, zero)));
             let after = samples.end(place(n, one));
             let varied = samples.mean([&before, &after], place(n, half), &mut density);
             let parts = self.parts([&before, &after], varied, &density);
@@ -287,7 +307,7 @@ impl<'a, R: Real> Frame<'a, R> {
                 }
                 (from, done) = (to, end);
             }
-            before = after;
+            known = Some(after);
         }
         transmittance
     }

@@ -9,6 +9,7 @@ mod marching;
 mod phase;
 mod samples;
 mod shadows;
+mod skipping;
 mod store;
 mod thin_film;
 
@@ -17,6 +18,7 @@ pub use kept::{Keeping, KeptDepths};
 pub use march::{Marched, RaySample};
 pub use marching::{Marching, march, march_ray, render, render_pixels};
 pub use samples::{End, Exact, Label, Samples, Step, Stored};
+pub use skipping::Skipping;
 pub use store::store;
 
 use relume_base::number::readable;

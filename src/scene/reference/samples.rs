@@ -173,6 +173,12 @@ pub trait Samples<R: Real>: Sync {
     /// the others are those of the plan's coloured absorbers.
     fn extinction(&self, place: [R; 3], number: usize) -> R;
 
+    /// True if anything around `place` may be visible, and the number of steps of the ray through it, `step` in texture coordinates
+    /// each, for which this holds.
+    fn ahead(&self, _place: [R; 3], _step: [R; 3]) -> (bool, usize) {
+        (true, usize::MAX)
+    }
+
     /// A depth as the light grid keeps it.
     fn stored_depth(&self, depth: R) -> R {
         depth
@@ -442,21 +448,22 @@ impl<'a, R: Real> Stored<'a, R> {
         }
     }
 
-    /// `N` numbers of the texel at `place`, from the number `first` on.
-    fn fetch<const N: usize>(&self, place: [R; 3], first: usize) -> [R; N] {
-        let volume = self.volume;
-        let parts = if volume.has_gradient { 4 } else { 1 };
-        let number = |i: usize| R::from_f64(volume.texels.get(i).copied().map_or(0.0, f64::from));
-        let texel = |index| {
-            let texel = clamped(index, volume.dims) * parts + first;
-            std::array::from_fn(|part| number(texel + part))
+    /// The numbers of `texels` at `place`.
+    fn fetch<const N: usize>(&self, place: [R; 3], texels: &[[f32; N]]) -> [R; N] {
+        let dims = self.volume.dims;
+        let texel = |index: usize| {
+            let texel = texels.get(index).copied().unwrap_or([0.0; N]);
+            texel.map(|number| R::from_f64(f64::from(number)))
         };
-        interpolate(place, volume.dims, self.planned.plan.interpolation, texel)
+        match self.planned.plan.interpolation {
+            Interpolation::Linear | Interpolation::ExactLinear => linear(place, dims, texel),
+            other => interpolate(place, dims, other, |index| texel(clamped(index, dims))),
+        }
     }
 
     /// The value at `place`, as stored.
     fn value_at(&self, place: [R; 3]) -> R {
-        let [value] = self.fetch(place, if self.volume.has_gradient { 3 } else { 0 });
+        let [value] = self.fetch(place, self.volume.values.as_chunks().0);
         value
     }
 
@@ -468,8 +475,8 @@ impl<'a, R: Real> Stored<'a, R> {
 
     /// The gradient of the data at `place`; 0 if the plan needs none.
     fn gradient_at(&self, place: [R; 3]) -> [R; 3] {
-        if self.volume.has_gradient {
-            let difference = self.fetch::<3>(place, 0);
+        if let Some(gradients) = &self.volume.gradients {
+            let difference = self.fetch(place, gradients);
             return std::array::from_fn(|axis| difference[axis] * self.gradient_scale[axis]);
         }
         if !self.planned.plan.gradient() {
@@ -678,6 +685,23 @@ fn interpolate<R: Real, const N: usize>(
     let line = |y, z| lerp(at(0, y, z), at(1, y, z), fraction[0]);
     let plane = |z| lerp(line(0, z), line(1, z), fraction[1]);
     lerp(plane(0), plane(1), fraction[2])
+}
+
+/// [`interpolate`] with the linear filter; `texel` takes the index of a voxel in the grid.
+fn linear<R: Real, const N: usize>(place: [R; 3], dims: [usize; 3], texel: impl Fn(usize) -> [R; N]) -> [R; N] {
+    let (mut fraction, mut ends, mut stride) = ([R::default(); 3], [[0; 2]; 3], 1);
+    for axis in 0..3 {
+        let voxel = place[axis].mul_add(R::from_f64(count(dims[axis])), R::from_f64(-0.5));
+        let base = voxel.floor();
+        fraction[axis] = voxel - base;
+        let (base, last) = (whole(base), dims[axis] - 1);
+        ends[axis] = [base, base + 1].map(|at| usize::try_from(at).unwrap_or(0).min(last) * stride);
+        stride *= dims[axis];
+    }
+    let lerp = |a: [R; N], b: [R; N], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
+    let line = |row: usize| lerp(texel(row + ends[0][0]), texel(row + ends[0][1]), fraction[0]);
+    let plane = |slice: usize| lerp(line(slice + ends[1][0]), line(slice + ends[1][1]), fraction[1]);
+    lerp(plane(ends[2][0]), plane(ends[2][1]), fraction[2])
 }
 
 /// Weights of the four voxels around a position in a cubic B-spline.

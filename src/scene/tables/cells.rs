@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use super::{LabelMap, Storage};
+use crate::{Interpolation, Scene};
 use relume_base::number::{count, rounded, whole};
 use relume_base::parallel;
 use relume_volume::{BrickCache, Volume, VolumeError, cell_ranges, macrocells};
@@ -84,9 +85,28 @@ impl Cells {
         }
         Occupancy { dims: self.dims, words, occupied }
     }
+
+    /// The occupancy of the segments of `scene` under a table as in [`Self::occupancy`]. A segment belongs to the macrocell of its
+    /// middle, and reaches half a step beyond it.
+    #[must_use]
+    pub fn occupancy_of_segments(&self, scene: &Scene, active: &[bool]) -> Occupancy {
+        let occupancy = self.occupancy(active);
+        let half = scene.step_length() / 2.0 / scene.frame.geometry.spacing.min_element();
+        // The range of a macrocell includes one voxel more on each side, of which the cubic filter reads one.
+        let spare = if scene.accuracy.interpolation == Interpolation::Cubic { 0.0 } else { 1.0 };
+        let reach = whole(((half - spare).max(0.0) / count(CELL)).ceil());
+        if reach > 0 { occupancy.within(reach) } else { occupancy }
+    }
 }
 
 impl Occupancy {
+    /// True if any sample in a macrocell can be visible.
+    #[must_use]
+    pub fn is_set(&self, cell: [usize; 3]) -> bool {
+        let i = cell[0] + self.dims[0] * (cell[1] + self.dims[1] * cell[2]);
+        self.words.get(i / 32).is_some_and(|word| word >> (i % 32) & 1 == 1)
+    }
+
     /// The occupancy grown by `reach` macrocells along every axis.
     #[must_use]
     pub fn within(&self, reach: usize) -> Self {

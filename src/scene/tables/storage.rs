@@ -503,10 +503,10 @@ impl<T: Voxel> Grid<'_, T> {
 pub struct StoredVolume {
     /// Voxels along each axis.
     pub dims: [usize; 3],
-    /// Whether texels have four numbers (differences, value) instead of one (value).
-    pub has_gradient: bool,
-    /// Decoded texels, x fastest.
-    pub texels: Vec<f32>,
+    /// Values as decoded, x fastest.
+    pub values: Vec<f32>,
+    /// Differences along the axes as decoded, if they are stored with the values.
+    pub gradients: Option<Vec<[f32; 3]>>,
 }
 
 impl StoredVolume {
@@ -514,25 +514,36 @@ impl StoredVolume {
     #[must_use]
     pub fn new(volume: &Volume, storage: &Storage) -> Self {
         let dims = volume.geometry.dims;
-        let texels = (0..dims[2])
-            .flat_map(|z| {
-                let bytes = storage.slab(volume, z..z + 1);
-                let decoded: Vec<f32> = match storage.format {
-                    VolumeFormat::R16Unorm => {
-                        bytes.chunks_exact(2).map(|c| f32::from(u16::from_ne_bytes([c[0], c[1]])) / 65535.0).collect()
-                    }
-                    VolumeFormat::Rgba16Snorm => bytes
-                        .chunks_exact(2)
-                        .map(|c| (f32::from(i16::from_ne_bytes([c[0], c[1]])) / 32767.0).max(-1.0))
-                        .collect(),
-                    VolumeFormat::R32Float | VolumeFormat::Rgba32Float => {
-                        bytes.chunks_exact(4).map(|c| f32::from_ne_bytes([c[0], c[1], c[2], c[3]])).collect()
-                    }
+        let slice = dims[0] * dims[1];
+        let mut values = vec![0.0; slice * dims[2]];
+        let mut gradients = vec![[0.0; 3]; if storage.format.has_gradient() { values.len() } else { 0 }];
+        let of_slices = gradients.chunks_mut(slice).map(Some).chain(std::iter::repeat_with(|| None));
+        let mut slices: Vec<_> = values.chunks_mut(slice).zip(of_slices).collect();
+        parallel::rows_mut(&mut slices, 1, &|z, slices| {
+            let bytes = storage.slab(volume, z..z + 1);
+            let snorm = |code: [u8; 2]| (f32::from(i16::from_ne_bytes(code)) / 32767.0).max(-1.0);
+            let numbers: Vec<f32> = match storage.format {
+                VolumeFormat::R16Unorm => {
+                    bytes.as_chunks().0.iter().map(|&code| f32::from(u16::from_ne_bytes(code)) / 65535.0).collect()
+                }
+                VolumeFormat::Rgba16Snorm => bytes.as_chunks().0.iter().map(|&code| snorm(code)).collect(),
+                VolumeFormat::R32Float | VolumeFormat::Rgba32Float => {
+                    bytes.as_chunks().0.iter().map(|&bits| f32::from_ne_bytes(bits)).collect()
+                }
+            };
+            for (values, gradients) in slices {
+                let Some(gradients) = gradients else {
+                    values.copy_from_slice(&numbers);
+                    continue;
                 };
-                decoded
-            })
-            .collect();
-        Self { dims, has_gradient: storage.format.has_gradient(), texels }
+                let places = values.iter_mut().zip(gradients.iter_mut());
+                for ((value, gradient), &[x, y, z, number]) in places.zip(numbers.as_chunks().0) {
+                    (*value, *gradient) = (number, [x, y, z]);
+                }
+            }
+        });
+        let gradients = Some(gradients).filter(|_| storage.format.has_gradient());
+        Self { dims, values, gradients }
     }
 }
 

@@ -1,0 +1,112 @@
+//! Empty-space skipping. What is skipped contributes nothing, so the numbers stay the same and take less time.
+
+use super::{End, Keeping, Samples, Step};
+use crate::Scene;
+use crate::plan::{Integrate, LANE, Planned};
+use crate::tables::{CELL, Occupancy};
+use relume_base::number::{Real, count, whole};
+
+/// Samples of `inner` in occupied macrocells, and empty steps elsewhere.
+#[derive(Debug)]
+pub struct Skipping<'a, S> {
+    inner: S,
+    occupancy: &'a Occupancy,
+    /// Macrocells along the texture.
+    cells_from_texture: [f64; 3],
+    /// Length of a step's source, padded to whole lanes.
+    source: usize,
+    opacity_numbers: usize,
+    /// True if marches leave out empty steps.
+    leaves_out: bool,
+    /// True if shadows are empty where steps are.
+    dims_alike: bool,
+}
+
+impl<'a, S> Skipping<'a, S> {
+    /// Wraps `inner` to skip macrocells whose bit in `occupancy` is 0.
+    #[must_use]
+    pub fn new(inner: S, occupancy: &'a Occupancy, scene: &Scene, planned: &Planned) -> Self {
+        Self {
+            inner,
+            occupancy,
+            cells_from_texture: scene.frame.geometry.dims.map(|voxels| count(voxels) / count(CELL)),
+            source: planned.plan.parts().lanes * LANE,
+            opacity_numbers: planned.plan.transmittance_numbers(),
+            leaves_out: planned.plan.integration == Integrate::Samples,
+            dims_alike: true,
+        }
+    }
+
+    /// The same for the occupancy of tables, and for segments [`occupancy_of_segments`](crate::tables::Cells::occupancy_of_segments),
+    /// without which a segment that crosses from cell to cell may not be empty. A table of shadows has entries of its own.
+    #[must_use]
+    pub fn of_tables(self) -> Self {
+        Self { leaves_out: true, dims_alike: false, ..self }
+    }
+
+    /// Coordinate in macrocells along `axis`, as in [`RayTable`](crate::tables::RayTable): from voxel 0, half a voxel into the texture.
+    fn along<R: Real>(&self, axis: usize, place: R) -> f64 {
+        place.to_f64() * self.cells_from_texture[axis] - 0.5 / count(CELL)
+    }
+
+    fn cell<R: Real>(&self, place: [R; 3]) -> [usize; 3] {
+        std::array::from_fn(|axis| whole(self.along(axis, place[axis])).min(self.occupancy.dims[axis] - 1))
+    }
+
+    fn is_empty<R: Real>(&self, place: [R; 3]) -> bool {
+        !self.occupancy.is_set(self.cell(place))
+    }
+}
+
+impl<R: Real, S: Samples<R>> Samples<R> for Skipping<'_, S> {
+    fn sample(&self, place: [R; 3], step: &mut Step<R>) {
+        if !self.leaves_out && self.is_empty(place) {
+            step.source.clear();
+            step.source.resize(self.source, R::default());
+            step.opacity.clear();
+            step.opacity.resize(self.opacity_numbers, R::default());
+        } else {
+            self.inner.sample(place, step);
+        }
+    }
+
+    fn normal(&self, place: [R; 3]) -> [R; 3] {
+        self.inner.normal(place)
+    }
+
+    fn end(&self, place: [R; 3]) -> End<R> {
+        self.inner.end(place)
+    }
+
+    fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R {
+        self.inner.mean(ends, middle, density)
+    }
+
+    fn extinction(&self, place: [R; 3], number: usize) -> R {
+        if self.dims_alike && self.is_empty(place) { R::default() } else { self.inner.extinction(place, number) }
+    }
+
+    // Twin of `march_whole` in `shaders/slices.wgsl`.
+    fn ahead(&self, place: [R; 3], step: [R; 3]) -> (bool, usize) {
+        if !self.leaves_out {
+            return (true, usize::MAX);
+        }
+        let cell = self.cell(place);
+        let mut steps = f64::from(u16::MAX);
+        for axis in 0..3 {
+            let step = step[axis].to_f64() * self.cells_from_texture[axis];
+            let face = count(cell[axis]) + if step > 0.0 { 1.0 } else { 0.0 };
+            steps = steps.min((face - self.along(axis, place[axis])).abs() / step.abs().max(1e-30));
+        }
+        // A sample in the face between two macrocells has a value of both.
+        (self.occupancy.is_set(cell), whole(steps) + 1)
+    }
+
+    fn stored_depth(&self, depth: R) -> R {
+        self.inner.stored_depth(depth)
+    }
+
+    fn keeping(&self) -> Option<Keeping<'_, R>> {
+        self.inner.keeping()
+    }
+}
