@@ -19,7 +19,7 @@ pub struct Skipping<'a, S> {
     /// True if marches leave out empty steps.
     leaves_out: bool,
     /// True if shadows are empty where steps are.
-    dims_alike: bool,
+    skips_shadows: bool,
 }
 
 impl<'a, S> Skipping<'a, S> {
@@ -33,7 +33,7 @@ impl<'a, S> Skipping<'a, S> {
             source: planned.plan.parts().lanes * LANE,
             opacity_numbers: planned.plan.transmittance_numbers(),
             leaves_out: planned.plan.integration == Integrate::Samples,
-            dims_alike: true,
+            skips_shadows: true,
         }
     }
 
@@ -41,7 +41,7 @@ impl<'a, S> Skipping<'a, S> {
     /// without which a segment that crosses from cell to cell may not be empty. A table of shadows has entries of its own.
     #[must_use]
     pub fn of_tables(self) -> Self {
-        Self { leaves_out: true, dims_alike: false, ..self }
+        Self { leaves_out: true, skips_shadows: false, ..self }
     }
 
     /// Coordinate in macrocells along `axis`, as in [`RayTable`](crate::tables::RayTable): from voxel 0, half a voxel into the texture.
@@ -83,7 +83,7 @@ impl<R: Real, S: Samples<R>> Samples<R> for Skipping<'_, S> {
     }
 
     fn extinction(&self, place: [R; 3], number: usize) -> R {
-        if self.dims_alike && self.is_empty(place) { R::default() } else { self.inner.extinction(place, number) }
+        if self.skips_shadows && self.is_empty(place) { R::default() } else { self.inner.extinction(place, number) }
     }
 
     // Twin of `march_whole` in `shaders/slices.wgsl`.
