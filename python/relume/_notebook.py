@@ -38,9 +38,14 @@ class Turntable:
         if not self.films or len(self.films) % self.columns:
             raise ValueError(f"{len(self.films)} films are no rows of {self.columns}")
 
+    @property
+    def _middle(self) -> list[Film]:
+        """The row in the middle, whose first film is that with which a page opens."""
+        first = len(self.films) // self.columns // 2 * self.columns
+        return self.films[first : first + self.columns]
+
     def _repr_png_(self) -> bytes:
-        middle = len(self.films) // self.columns // 2 * self.columns
-        return self.films[middle]._repr_png_()
+        return self._middle[0]._repr_png_()
 
     def __repr__(self) -> str:
         return f"<relume.Turntable of {len(self.films)} films, {self.columns} in a row>"
@@ -69,16 +74,13 @@ class Turntable:
     def frame(self, title: str | None = None, tolerance: float | None = None, *, height: int = 760) -> Frame:
         """The page in a frame of a notebook."""
         _, framed = _page_of(self.films, self.columns, title, tolerance, height)
-        middle = len(self.films) // self.columns // 2 * self.columns
-        return Frame(framed, self.films[middle]._repr_png_())
+        return Frame(framed, self._repr_png_())
 
     def apng(
         self, path: str | os.PathLike[str], light: Any = None, *, per_second: int = 15, **display: Any
     ) -> None:
         """Writes the middle row as an animated PNG under a light; `display` is that of `Film.relight`."""
-        middle = len(self.films) // self.columns // 2 * self.columns
-        row = self.films[middle : middle + self.columns]
-        _apng(path, [film.relight(light, **display) for film in row], per_second)
+        _apng(path, [film.relight(light, **display) for film in self._middle], per_second)
 
 
 def turntable(
@@ -96,14 +98,4 @@ def turntable(
     """
     if views < 1 or elevations < 1:
         raise ValueError(f"{views} views in {elevations} rows: both are at least 1")
-    films = []
-    scenes = scene._around(views, elevations, size)
-    for done, turned in enumerate(scenes):
-        if progress is not None and progress("marching views", done, len(scenes)) is False:
-            from ._errors import Cancelled
-
-            raise Cancelled("progress returned False", "cancelled")
-        films.append(turned.render(size, device=device))
-    if progress is not None:
-        progress("marching views", len(scenes), len(scenes))
-    return Turntable(films, views)
+    return Turntable(scene._around(views, elevations, size, device, progress), views)

@@ -101,7 +101,14 @@ class Scene:
         progress: _Progress | None = None,
     ) -> Scene: ...
     def define(self, definitions: Mapping[str, Any]) -> Scene: ...
-    def _around(self, columns: int, rows: int, size: Sequence[int] | None) -> list[Scene]: ...
+    def _around(
+        self,
+        columns: int,
+        rows: int,
+        size: Sequence[int] | None,
+        device: str | int | None = None,
+        progress: _Progress | None = None,
+    ) -> list[Film]: ...
     def moved(
         self,
         *,

@@ -91,18 +91,24 @@ pub(crate) fn chosen(device: &str, scene: &Scene, mix: &Mix, wanted: Wanted, pro
     with_renderer(device, |kept| Ok(choose(&kept.renderer, scene, mix, wanted, cache_folder().as_deref(), progress)?))
 }
 
-/// Marches `job` on `device`; the volume that it marched last is not uploaded again.
+/// Marches the cameras of `job` on `device`; the volume that it marched last is not uploaded again.
 pub(crate) fn marched(
     device: &str,
     job: &PlannedJob,
     mix: &Mix,
     size: [usize; 2],
     progress: &dyn Progress,
-) -> Made<Film<f32>> {
+) -> Made<Vec<Film<f32>>> {
     with_renderer(device, |kept| march(kept, job, mix, size, progress))
 }
 
-fn march(kept: &mut Kept, job: &PlannedJob, mix: &Mix, size: [usize; 2], progress: &dyn Progress) -> Made<Film<f32>> {
+fn march(
+    kept: &mut Kept,
+    job: &PlannedJob,
+    mix: &Mix,
+    size: [usize; 2],
+    progress: &dyn Progress,
+) -> Made<Vec<Film<f32>>> {
     let Kept { renderer, on_device, uploads } = kept;
     renderer.check_picture(&job.planned.plan, size, 0)?;
     if !on_device.as_ref().is_some_and(|before| before.holds(&job.scene, &job.planned)) {
@@ -116,9 +122,9 @@ fn march(kept: &mut Kept, job: &PlannedJob, mix: &Mix, size: [usize; 2], progres
     for warning in RenderWarning::of_storage(&job.scene, &uploaded.storage, uploaded.labels.as_deref()) {
         heard(warning);
     }
-    let film = on_device.march(size, progress)?;
-    RenderWarning::of_film(on_device, &film, mix).into_iter().for_each(heard);
-    Ok(on_device.renderer().read(&film)?)
+    Ok(job.films(on_device, size, progress, |on_device, film| {
+        RenderWarning::of_film(on_device, film, mix).into_iter().for_each(heard);
+    })?)
 }
 
 /// Vulkan devices of this machine: dicts with `name`, `kind`, `driver` and `missing`, which is empty for a usable one.

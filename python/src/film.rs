@@ -12,7 +12,7 @@ use relume::document::{KeptFilm, LightRequest, requested, spread};
 use relume::film::{Components, RelightMatrices, Relightable};
 use relume::measure::Choice;
 use relume::output::page::{self, PackedPage, Page};
-use relume::output::{Alpha, Depth, FilmFile, Picture, display_codes, png_bytes, write_png};
+use relume::output::{Alpha, Depth, FilmFile, Picture, PictureKind, display_codes, png_bytes, write_png};
 use relume::scene::{INTENSITY, Mix, MixLight};
 use relume::spectrum::BANDS;
 use relume::tables::Reflected;
@@ -471,7 +471,7 @@ impl Film {
         observer: Option<&Bound<'py, PyAny>>,
         adapt: Option<bool>,
     ) -> PyResult<()> {
-        if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+        if !matches!(PictureKind::of(&path), Ok(PictureKind::Png)) {
             let message = format!("{}: the name of a PNG must end in .png", path.display());
             return Err(Failed::new("OutputError", "picture-name", message).into());
         }

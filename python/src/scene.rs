@@ -18,9 +18,9 @@ use relume::measure::{Enlargement, Goal, Pixels, Wanted};
 use relume::memory;
 use relume::output::FilmFile;
 use relume::plan::plan;
-use relume::progress::Progress;
+use relume::progress::{Progress, unreported};
 use relume::render::{Job, PlannedJob, RenderWarning};
-use relume::scene::Mix;
+use relume::scene::{Camera, Mix};
 use relume::spectrum::Light;
 use relume::volume::Statistics;
 
@@ -74,6 +74,12 @@ impl Scene {
 
     /// The film of a render.
     fn film(&self, asked: &Asked, progress: &dyn Progress) -> Made<Film> {
+        let none = || Failed::new("RelumeError", "film", "there is no film");
+        self.films(asked, vec![self.file.scene.camera.clone()], progress)?.into_iter().next().ok_or_else(none)
+    }
+
+    /// The films of `cameras`, of one plan and one upload.
+    fn films(&self, asked: &Asked, cameras: Vec<Camera>, progress: &dyn Progress) -> Made<Vec<Film>> {
         let &Asked { size, ref device, ref lights, goal } = asked;
         let scene = self.file.scene.clone();
         let of_values = RenderWarning::of_values(&self.statistics).into_iter();
@@ -84,19 +90,22 @@ impl Scene {
         let (scene, marched) = choice
             .as_ref()
             .map_or_else(|| (scene.clone(), size), |it| (it.setting.applied(&scene), it.setting.marched_size(size)));
-        let camera = scene.camera.clone();
-        let job = Job::new(scene, self.statistics.clone()).of_pictures(size, vec![camera]);
+        let job = Job::new(scene, self.statistics.clone()).of_pictures(size, cameras);
         let job = Job { lights: lights.clone(), ..job }.planned(progress)?;
         job.planned.warnings.iter().for_each(heard);
         job.level.as_ref().and_then(RenderWarning::of_level).into_iter().for_each(heard);
-        let film = match device.as_str() {
+        let films = match device.as_str() {
             "cpu" | "reference" => without_device(&job, device, size, &mix, progress)?,
             device => device::marched(device, &job, &mix, marched, progress)?,
         };
         let enlargement = Enlargement::new(marched, size);
-        let film = if enlargement.is_none() { film } else { enlargement.accumulation(&film) };
         let dial = self.file.light.dial_of_film(&self.file.dial);
-        Ok(Film::of(FilmFile::of_march(&job.scene, &job.planned, &mix, dial, film)?)?.chosen(choice))
+        let made = |(camera, film): (&Camera, Numbers<f32>)| {
+            let film = if enlargement.is_none() { film } else { enlargement.accumulation(&film) };
+            let scene = seen_by(&job.scene, camera);
+            Ok(Film::of(FilmFile::of_march(&scene, &job.planned, &mix, dial.clone(), film)?)?.chosen(choice.clone()))
+        };
+        job.cameras.iter().zip(films).map(made).collect()
     }
 }
 
@@ -108,7 +117,12 @@ struct Asked {
     goal: Option<Goal>,
 }
 
-/// The film by all cores: of stored tables in f32 ("cpu"), or of exact samples in f64 ("reference").
+/// `scene` with this camera.
+fn seen_by(scene: &relume::scene::Scene, camera: &Camera) -> relume::scene::Scene {
+    relume::scene::Scene { camera: camera.clone(), ..scene.clone() }
+}
+
+/// The films of all cameras by all cores: of stored tables in f32 ("cpu"), or of exact samples in f64 ("reference").
 #[expect(clippy::cast_possible_truncation, reason = "films hold f32")]
 fn without_device(
     job: &PlannedJob,
@@ -116,17 +130,28 @@ fn without_device(
     size: [usize; 2],
     mix: &Mix,
     progress: &dyn Progress,
-) -> Made<Numbers<f32>> {
+) -> Made<Vec<Numbers<f32>>> {
     let plan = &job.planned.plan;
     let numbers = plan.light.accumulators() * plan.components() + plan.transmittance_numbers();
     let bytes_of_number = if device == "cpu" { 4 } else { 12 };
-    let bytes = [size[0], size[1], numbers, bytes_of_number].into_iter().fold(1, usize::saturating_mul) as u64;
+    let bytes = [size[0], size[1], numbers, bytes_of_number, job.cameras.len()]
+        .into_iter()
+        .fold(1, usize::saturating_mul) as u64;
     if let Some(free) = memory::available_bytes().filter(|&free| bytes > free) {
         let message =
             format!("a film of {}×{} pixels needs {bytes} bytes of memory, and {free} are free", size[0], size[1]);
         return Err(Failed::new("DeviceMemoryError", "film-exceeds-memory", message));
     }
-    let film = if device == "cpu" {
+    // Several count as films, and one by its rows.
+    let each = |index: usize, march: &dyn Fn(&dyn Progress) -> Made<Numbers<f32>>| match job.cameras.len() {
+        1 => march(progress),
+        number => {
+            progress.report("marching", index as u64, number as u64);
+            march(&unreported(progress))
+        }
+    };
+    let cameras = job.cameras.iter().enumerate();
+    let films: Vec<Numbers<f32>> = if device == "cpu" {
         // Another thread stores its volume for itself.
         let mut kept = device::KEPT_VOLUME.try_lock();
         let on_cpu = job.on_cpu(kept.as_deref_mut().unwrap_or(&mut None))?;
@@ -134,17 +159,23 @@ fn without_device(
         let stored = &on_cpu.stored;
         let of_storage = RenderWarning::of_storage(&job.scene, &stored.storage, stored.labels.as_deref());
         of_storage.into_iter().for_each(heard);
-        on_cpu.film(&job.scene.camera, size, progress)?
+        let film = |(index, camera)| each(index, &|progress| Ok(on_cpu.film(camera, size, progress)?));
+        cameras.map(film).collect::<Made<_>>()?
     } else {
-        let reference = job.reference()?;
-        RenderWarning::of_labels(reference.labels.as_ref()).into_iter().for_each(heard);
-        reference.film(size, progress)?.map(|number| number as f32)
+        RenderWarning::of_labels(job.reference()?.labels.as_ref()).into_iter().for_each(heard);
+        let film = |(index, camera): (usize, &Camera)| {
+            let job = PlannedJob { scene: seen_by(&job.scene, camera), ..job.clone() };
+            each(index, &|progress| Ok(job.reference()?.film(size, progress)?.map(|number| number as f32)))
+        };
+        cameras.map(film).collect::<Made<_>>()?
     };
-    // A ray that loses and gains nothing entered no macrocell with anything visible.
-    let is_empty =
-        film.accumulators.iter().all(|&sum| sum == 0.0) && film.transmittance.iter().all(|&left| left >= 1.0);
-    RenderWarning::of_nothing(&job.scene, &job.planned, mix, is_empty.then_some(0)).into_iter().for_each(heard);
-    Ok(film)
+    for film in &films {
+        // A ray that loses and gains nothing entered no macrocell with anything visible.
+        let is_empty =
+            film.accumulators.iter().all(|&sum| sum == 0.0) && film.transmittance.iter().all(|&left| left >= 1.0);
+        RenderWarning::of_nothing(&job.scene, &job.planned, mix, is_empty.then_some(0)).into_iter().for_each(heard);
+    }
+    Ok(films)
 }
 
 #[pymethods]
@@ -282,17 +313,25 @@ impl Scene {
         Ok(Self { file, statistics: self.statistics.clone() })
     }
 
-    /// The scene from the cameras of a turntable, `columns` by `rows` of them, row by row from the top.
-    fn _around(&self, columns: u16, rows: u16, size: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Self>> {
-        let scene = &self.file.scene;
-        scene.volume().prepare_coarse(&relume::progress::Quiet).map_err(Failed::from)?;
-        let cameras = around(scene, aspect(size_of(size)?), [columns, rows]);
-        let none = || Failed::new("SceneError", "camera", "the camera has no line of sight to turn about");
-        let of = |camera| {
-            let file = with_camera(&self.file, camera).map_err(Failed::from)?;
-            Ok(Self { file, statistics: self.statistics.clone() })
-        };
-        cameras.ok_or_else(none)?.into_iter().map(of).collect()
+    /// The films of a turntable, `columns` by `rows` of them, row by row from the top.
+    #[pyo3(signature = (columns, rows, size, device=None, progress=None))]
+    fn _around(
+        &self,
+        py: Python<'_>,
+        columns: u16,
+        rows: u16,
+        size: Option<&Bound<'_, PyAny>>,
+        device: Option<&Bound<'_, PyAny>>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Vec<Film>> {
+        let asked = asked(size, device, None)?;
+        work::run(py, progress, |progress| {
+            let scene = &self.file.scene;
+            scene.volume().prepare_coarse(progress)?;
+            let none = || Failed::new("SceneError", "camera", "the camera has no line of sight to turn about");
+            let cameras = around(scene, aspect(asked.size), [columns, rows]).ok_or_else(none)?;
+            self.films(&asked, cameras, progress)
+        })
     }
 
     /// The camera of pictures of `size`: a dict of `position`, the unit vectors `forward`, `right` and `up`, `half` (half the

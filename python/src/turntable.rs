@@ -55,11 +55,11 @@ pub(crate) fn _apng(
         return Err(PyValueError::new_err("an animation has pictures of one size, and at least one a second"));
     }
     let pictures = pictures.iter().map(|picture| Ok(picture.as_slice()?.to_vec()));
-    let pictures: Vec<Vec<f32>> = pictures.collect::<PyResult<_>>()?;
+    let mut pictures: Vec<Vec<f32>> = pictures.collect::<PyResult<_>>()?;
     let animation = Animation { frames, per_second };
     work::detached(py, || {
         write_apng(&path, size, animation, Depth::Eight, Alpha::OverBlack, |index| {
-            Ok::<_, OutputError>(pictures[index].clone())
+            Ok::<_, OutputError>(std::mem::take(&mut pictures[index]))
         })
     })
     .map_err(|error| Failed::from(error).into())

@@ -48,6 +48,14 @@ impl Progress for Shared {
     }
 }
 
+/// Cancelled if `progress` answered `False`.
+fn answered(py: Python<'_>, answer: &Bound<'_, PyAny>) -> PyResult<()> {
+    if answer.cast::<PyBool>().is_ok_and(|answer| !answer.is_true()) {
+        return Err(Failed::new("Cancelled", "cancelled", "progress returned False").raised(py));
+    }
+    Ok(())
+}
+
 /// Sets the end, however the work ends.
 struct Ending<'a>(&'a Shared);
 
@@ -74,9 +82,7 @@ impl Shared {
         if let (Some(progress), Some(stage)) = (progress, stage.filter(|stage| told.as_ref() != Some(stage))) {
             let answer = progress.call1(stage.clone())?;
             *told = Some(stage);
-            if answer.cast::<PyBool>().is_ok_and(|answer| !answer.is_true()) {
-                return Err(Failed::new("Cancelled", "cancelled", "progress returned False").raised(py));
-            }
+            answered(py, &answer)?;
         }
         Ok(())
     }
@@ -144,7 +150,7 @@ pub(crate) fn run<T: Send>(
         return Err(error);
     }
     if let (Ok(_), Some(progress), Some((stage, _, total))) = (&made, progress, locked(&shared.stage).take()) {
-        progress.call1((stage, total, total))?;
+        answered(py, &progress.call1((stage, total, total))?)?;
     }
     let made = made.map_err(|failed| failed.raised(py))?;
     raised?;

@@ -65,6 +65,10 @@ def test_a_turntable_is_a_page_and_an_animation(scene, tmp_path):
     turned = relume.turntable(scene, 6, (40, 32), elevations=2, progress=lambda *stage: stages.append(stage))
     assert len(turned.films) == 12 and turned.columns == 6 and stages[-1][1:] == (12, 12)
     assert turned.films[0] != turned.films[1] != turned.films[6]
+    # Without a device it is the same turn, within rounding.
+    alone = relume.turntable(scene, 6, (40, 32), elevations=2, device="cpu")
+    for one, two in zip(turned.films, alone.films):
+        assert numpy.abs(one.weights - two.weights).max() < 1e-4
     turned.page(tmp_path / "all.html", title="All sides")
     html = (tmp_path / "all.html").read_text()
     assert html == turned.html(title="All sides") and html.count('id="relume-view-') == 12

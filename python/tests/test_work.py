@@ -56,6 +56,9 @@ def test_progress_is_told_and_may_cancel(long):
     with pytest.raises(relume.Cancelled) as cancelled:
         long.render((1500, 1500), progress=lambda *stage: stages.append(stage) or False)
     assert cancelled.value.code == "cancelled" and len(stages) == 1
+    # One that is asked when the work is done cancels too.
+    with pytest.raises(relume.Cancelled):
+        long.define({"accuracy.step": 1, "accuracy.rays": 1}).render((8, 8), progress=lambda *_: False)
     stage, done, total = stages[0]
     assert isinstance(stage, str) and 0 <= done <= total
 

@@ -64,9 +64,9 @@ function render({ model, el }) {
 
   const pageNow = () => JSON.parse(model.get("_page")), views = () => model.get("_views");
   const bytesOf = (all) => (view) => new Uint8Array(all[view].buffer, all[view].byteOffset, all[view].byteLength);
-  let shown, opened, later = 0, moves = [], frame = 0;
+  let shown, lights, positions, later = 0, moves = [], frame = 0;
   const told = () => {
-    const { state, mix } = shown, { positions } = JSON.parse(opened);
+    const { state, mix } = shown;
     model.set("hand", [...state.hand]);
     model.set("picked", state.pixel ? [...state.pixel] : []);
     model.set("_mix", mix.map(({ light, weight, position }) => [light.spectrum, weight, positions[position]]));
@@ -82,11 +82,14 @@ function render({ model, el }) {
   };
   const show = () => {
     const page = pageNow(), bytes = bytesOf(views());
-    if (shown && lightsOf(page) === lightsOf(JSON.parse(opened))) return shown.replace(page, bytes);
+    const now = lightsOf(page);
+    if (now === lights) return shown.replace(page, bytes);
     shown?.end();
-    opened = model.get("_page");
+    lights = now;
+    ({ positions } = page);
     shown = mount(root, page, bytes, { changed, hint: "Drag to turn; Shift and drag to move; scroll to come nearer. " });
     listenTo(root.querySelector(".frame"), () => shown.state.pixel, move);
+    told();
   };
   const hand = () => {
     const asked = model.get("hand");
@@ -94,7 +97,6 @@ function render({ model, el }) {
   };
   const heard = ({ error }) => { root.querySelector(".status").textContent = error ?? ""; };
   show();
-  told();
   model.on("change:_page", show);
   model.on("change:hand", hand);
   model.on("msg:custom", heard);

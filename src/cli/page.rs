@@ -241,7 +241,7 @@ fn marched(
     if let Some([x, y, z]) = on_device.uploaded().light_block() {
         tracing::warn!("shadows of this volume in bricks come from means of {x}×{y}×{z} voxels (docs/SCALE.md)");
     }
-    Ok(job.films(&mut on_device, size, progress)?)
+    Ok(job.films(&mut on_device, size, progress, |_, _| {})?)
 }
 
 /// Width and height of the page of a report, in pixels.

@@ -5,7 +5,7 @@ use std::sync::{Arc, Weak};
 
 use glam::DVec3;
 
-use super::{RenderError, Renderer, SceneRenderer};
+use super::{DeviceFilm, RenderError, Renderer, SceneRenderer};
 use relume_base::progress::{Progress, unreported};
 use relume_colour::spectrum::Light;
 use relume_scene::film::{Film, RelightMatrices};
@@ -172,7 +172,7 @@ impl PlannedJob {
         Ok(())
     }
 
-    /// Films of `size` by all cameras, one after the other.
+    /// Films of `size` by all cameras, one after the other; `seen` gets each before it is read.
     ///
     /// # Errors
     ///
@@ -182,6 +182,7 @@ impl PlannedJob {
         on_device: &mut SceneRenderer,
         size: [usize; 2],
         progress: &dyn Progress,
+        mut seen: impl FnMut(&SceneRenderer, &DeviceFilm),
     ) -> Result<Vec<Film<f32>>, RenderError> {
         let number = self.cameras.len() as u64;
         let mut films = Vec::new();
@@ -193,6 +194,7 @@ impl PlannedJob {
             } else {
                 on_device.march(size, progress)?
             };
+            seen(on_device, &film);
             films.push(on_device.renderer().read(&film)?);
         }
         Ok(films)

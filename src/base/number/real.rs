@@ -22,7 +22,7 @@ pub trait Real:
     fn from_f64(value: f64) -> Self;
     /// Converts to f64, exactly.
     fn to_f64(self) -> f64;
-    /// `self · factor + summand`, rounded once.
+    /// `self · factor + summand`, rounded once; in f32 by way of f64.
     #[must_use]
     fn mul_add(self, factor: Self, summand: Self) -> Self;
     /// Square root √x.
@@ -61,7 +61,7 @@ fn fused_f32(number: f32, factor: f32, summand: f32) -> f32 {
 }
 
 macro_rules! real {
-    ($($type:ident $fused:path, $whole:ty, $odd:literal);*) => {$(
+    ($($type:ident $fused:path, $whole:ty, $from:literal);*) => {$(
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_lossless, clippy::cast_precision_loss, trivial_numeric_casts,
             reason = "one text for both; `from_f64` rounds, `index` saturates")]
         impl Real for $type {
@@ -88,7 +88,7 @@ macro_rules! real {
             }
             fn floor(self) -> Self {
                 // A call of a function for which programs are built; from this on all numbers are whole.
-                if Self::abs(self) < $odd {
+                if Self::abs(self) < $from {
                     let whole = self as $whole as Self;
                     if whole > self { whole - 1.0 } else { whole }
                 } else {

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use serde::de::{Error as _, IgnoredAny};
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
+use serde::de::IgnoredAny;
 use toml::Spanned;
 
 use super::{
@@ -15,19 +15,12 @@ use super::{
 use crate::model::LARGEST_DIMENSION;
 use crate::spectrum::colour::{Lab, Xyz};
 use crate::spectrum::{Kind, Spectrum, SpectrumError, SpectrumSource, nearest, srgb_code};
-use crate::written::{place, with_suggestion};
+use crate::written::{numbers, place, with_suggestion};
 use relume_base::input;
 use relume_base::number::readable;
 
 /// A value with its position in the file.
 type At<T> = Spanned<T>;
-
-/// Two numbers: a reader of TOML into an array leaves out what is too much.
-fn bounds<'de, D: Deserializer<'de>>(stated: D) -> Result<Option<At<[f64; 2]>>, D::Error> {
-    let stated = At::<Vec<f64>>::deserialize(stated)?;
-    let wrong = |list: Vec<f64>| D::Error::invalid_length(list.len(), &"an array of length 2");
-    Ok(Some(At::new(stated.span(), stated.into_inner().try_into().map_err(wrong)?)))
-}
 
 /// Largest size of a palette file in bytes; larger than any that a person writes.
 const LONGEST: u64 = 1 << 19;
@@ -54,7 +47,7 @@ pub struct PaletteFile {
 #[serde(deny_unknown_fields)]
 struct RowFile {
     reflectance: Option<At<SpectrumSource>>,
-    #[serde(default, deserialize_with = "bounds")]
+    #[serde(default, deserialize_with = "numbers")]
     bounds: Option<At<[f64; 2]>>,
     smoothness: Option<At<f64>>,
 }
@@ -63,7 +56,7 @@ struct RowFile {
 #[serde(deny_unknown_fields)]
 struct ColumnFile {
     spectrum: Option<At<SpectrumSource>>,
-    #[serde(default, deserialize_with = "bounds")]
+    #[serde(default, deserialize_with = "numbers")]
     bounds: Option<At<[f64; 2]>>,
     smoothness: Option<At<f64>>,
 }

@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::marker::PhantomData;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use serde::de::{Error, SeqAccess, Visitor};
+use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 use toml::{Spanned, Value};
@@ -14,57 +13,15 @@ use toml::{Spanned, Value};
 use crate::Mixing;
 use relume_colour::palette::PaletteFile;
 use relume_colour::spectrum::{SpectrumSource, ThinFilmAngle};
+use relume_colour::written::{List, Stated, at, numbers, stated_numbers};
 use relume_scene::{LightKind, key};
 use relume_volume::ByteOrder;
 
 /// A value with its place in the file.
 pub(super) type At<T> = Spanned<T>;
 
-/// A key that may be stated.
-type Stated<T, E> = Result<Option<At<T>>, E>;
-
-/// A list of exactly `N`: a reader of TOML into an array leaves out what is too much.
-struct List<T, const N: usize>([T; N]);
-
-impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for List<T, N> {
-    fn deserialize<D: Deserializer<'de>>(stated: D) -> Result<Self, D::Error> {
-        struct Of<T, const N: usize>(PhantomData<T>);
-        impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Of<T, N> {
-            type Value = List<T, N>;
-
-            fn expecting(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write!(to, "an array of length {N}")
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
-                let mut found = Vec::with_capacity(N);
-                while let Some(element) = list.next_element()? {
-                    found.push(element);
-                }
-                let length = found.len();
-                found.try_into().map(List).map_err(|_| A::Error::invalid_length(length, &self))
-            }
-        }
-        stated.deserialize_tuple(N, Of(PhantomData))
-    }
-}
-
-/// `of` a value, at its place.
-fn at<T, U>(stated: At<T>, of: impl FnOnce(T) -> U) -> At<U> {
-    let place = stated.span();
-    At::new(place, of(stated.into_inner()))
-}
-
 fn plain_numbers<'de, D: Deserializer<'de>, const N: usize>(stated: D) -> Result<[f64; N], D::Error> {
     List::deserialize(stated).map(|list| list.0)
-}
-
-fn stated_numbers<'de, D: Deserializer<'de>, const N: usize>(stated: D) -> Result<At<[f64; N]>, D::Error> {
-    At::<List<f64, N>>::deserialize(stated).map(|stated| at(stated, |list| list.0))
-}
-
-fn numbers<'de, D: Deserializer<'de>, const N: usize>(stated: D) -> Stated<[f64; N], D::Error> {
-    stated_numbers(stated).map(Some)
 }
 
 fn counts<'de, D: Deserializer<'de>>(stated: D) -> Result<Option<[NonZeroUsize; 3]>, D::Error> {

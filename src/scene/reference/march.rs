@@ -256,16 +256,12 @@ impl<'a, R: Real> Frame<'a, R> {
         let mut transmittance = self.all_light();
         let (mut density, mut step, mut scratch) = (Step::default(), Step::default(), Scratch::default());
         let mut lost = self.lost(sums.len(), transmittance.len());
-        let steps = self.within_block(ray);
-        if steps.is_empty() {
-            return transmittance;
-        }
+        let (mut steps, mut leave, mut known) = (self.within_block(ray), 0, None);
         // Place at a fraction of the part of step `n` inside the crop box.
         let place = |n: usize, fraction: R| {
             let [from, to] = ray.part(n);
             ray.place(n, (to - from).mul_add(fraction, from), self.step_length)
         };
-        let (mut steps, mut leave, mut known) = (steps, 0, None);
         let along = ray.direction.map(|part| part * self.step_length);
         while let Some(n) = steps.next() {
             let [from, to] = ray.part(n);

@@ -287,22 +287,21 @@ impl<'a> Exact<'a> {
         interpolate(place, self.volume.geometry.dims, self.scene.accuracy.interpolation, |index| self.gradient(index))
     }
 
-    /// Normalised value of a voxel; indices are clamped to the grid.
-    fn voxel(&self, index: [i64; 3]) -> f64 {
-        let place = clamped(index, self.volume.geometry.dims);
+    /// Normalised value of a voxel.
+    fn voxel(&self, [x, y, z]: [usize; 3]) -> f64 {
+        let [width, height, _] = self.volume.geometry.dims;
+        let place = x + width * (y + height * z);
         self.volume.voxels.value(place).map_or(0.0, |stored| self.storage.normalised(stored))
     }
 
     /// Derivatives of the normalised value at a voxel, per world unit: central, one-sided at faces, 0 along an axis of
     /// one voxel.
-    fn gradient(&self, index: [i64; 3]) -> [f64; 3] {
+    fn gradient(&self, index: [usize; 3]) -> [f64; 3] {
         let geometry = &self.volume.geometry;
         std::array::from_fn(|axis| {
-            let last = geometry.dims[axis] as i64 - 1;
             let (mut before, mut after) = (index, index);
-            let here = index[axis].clamp(0, last);
-            before[axis] = (here - 1).max(0);
-            after[axis] = (here + 1).min(last);
+            before[axis] = index[axis].saturating_sub(1);
+            after[axis] = (index[axis] + 1).min(geometry.dims[axis] - 1);
             let voxels = match after[axis] - before[axis] {
                 0 => return 0.0,
                 1 => 1.0,
@@ -451,14 +450,10 @@ impl<'a, R: Real> Stored<'a, R> {
     /// The numbers of `texels` at `place`.
     fn fetch<const N: usize>(&self, place: [R; 3], texels: &[[f32; N]]) -> [R; N] {
         let dims = self.volume.dims;
-        let texel = |index: usize| {
-            let texel = texels.get(index).copied().unwrap_or([0.0; N]);
+        interpolate(place, dims, self.planned.plan.interpolation, |[x, y, z]| {
+            let texel = texels.get(x + dims[0] * (y + dims[1] * z)).copied().unwrap_or([0.0; N]);
             texel.map(|number| R::from_f64(f64::from(number)))
-        };
-        match self.planned.plan.interpolation {
-            Interpolation::Linear | Interpolation::ExactLinear => linear(place, dims, texel),
-            other => interpolate(place, dims, other, |index| texel(clamped(index, dims))),
-        }
+        })
     }
 
     /// The value at `place`, as stored.
@@ -652,56 +647,42 @@ fn numbers_of(table: &TransferTable, i: usize) -> [&[f32]; 2] {
     [table.source[i * lanes..][..lanes].as_flattened(), &table.opacity[i * numbers..][..numbers]]
 }
 
-/// Interpolates `texel` at `place` (texture coordinates), x first, or returns the nearest texel.
+/// Interpolates `texel` at `place` (texture coordinates), x first, or returns the nearest texel. Voxels beyond the grid are those at
+/// its faces.
 fn interpolate<R: Real, const N: usize>(
     place: [R; 3],
     dims: [usize; 3],
     interpolation: Interpolation,
-    texel: impl Fn([i64; 3]) -> [R; N],
+    texel: impl Fn([usize; 3]) -> [R; N],
 ) -> [R; N] {
     let voxel: [R; 3] =
         std::array::from_fn(|axis| place[axis].mul_add(R::from_f64(count(dims[axis])), R::from_f64(-0.5)));
+    let on = |axis: usize, at: i64| usize::try_from(at).unwrap_or(0).min(dims[axis] - 1);
     if interpolation == Interpolation::Nearest {
-        return texel(voxel.map(|place| whole((place + R::from_f64(0.5)).floor())));
+        let half = R::from_f64(0.5);
+        return texel(std::array::from_fn(|axis| on(axis, whole((voxel[axis] + half).floor()))));
     }
     let base = voxel.map(Real::floor);
     let fraction: [R; 3] = std::array::from_fn(|axis| voxel[axis] - base[axis]);
     let base = base.map(whole);
     if interpolation == Interpolation::Cubic {
-        let [x, y, z] = fraction.map(cubic_weights);
-        let mix = |weights: [R; 4], parts: [[R; N]; 4]| -> [R; N] {
+        let weights = fraction.map(cubic_weights);
+        let mix = |axis: usize, parts: [[R; N]; 4]| -> [R; N] {
             std::array::from_fn(|i| {
                 let sum = |sum: R, (weight, part): (&R, &[R; N])| *weight * part[i] + sum;
-                weights.iter().zip(&parts).fold(R::default(), sum)
+                weights[axis].iter().zip(&parts).fold(R::default(), sum)
             })
         };
-        let around = |at: i64| [at - 1, at, at + 1, at + 2];
-        let line = |y, z| mix(x, around(base[0]).map(|x| texel([x, y, z])));
-        let plane = |z| mix(y, around(base[1]).map(|y| line(y, z)));
-        return mix(z, around(base[2]).map(plane));
+        let around = |axis: usize| [-1, 0, 1, 2].map(|step| on(axis, base[axis] + step));
+        let line = |y, z| mix(0, around(0).map(|x| texel([x, y, z])));
+        let plane = |z| mix(1, around(1).map(|y| line(y, z)));
+        return mix(2, around(2).map(plane));
     }
-    let lerp = |a: [R; N], b: [R; N], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
-    let at = |x: i64, y: i64, z: i64| texel([base[0] + x, base[1] + y, base[2] + z]);
-    let line = |y, z| lerp(at(0, y, z), at(1, y, z), fraction[0]);
-    let plane = |z| lerp(line(0, z), line(1, z), fraction[1]);
-    lerp(plane(0), plane(1), fraction[2])
-}
-
-/// [`interpolate`] with the linear filter; `texel` takes the index of a voxel in the grid.
-fn linear<R: Real, const N: usize>(place: [R; 3], dims: [usize; 3], texel: impl Fn(usize) -> [R; N]) -> [R; N] {
-    let (mut fraction, mut ends, mut stride) = ([R::default(); 3], [[0; 2]; 3], 1);
-    for axis in 0..3 {
-        let voxel = place[axis].mul_add(R::from_f64(count(dims[axis])), R::from_f64(-0.5));
-        let base = voxel.floor();
-        fraction[axis] = voxel - base;
-        let (base, last) = (whole(base), dims[axis] - 1);
-        ends[axis] = [base, base + 1].map(|at| usize::try_from(at).unwrap_or(0).min(last) * stride);
-        stride *= dims[axis];
-    }
-    let lerp = |a: [R; N], b: [R; N], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
-    let line = |row: usize| lerp(texel(row + ends[0][0]), texel(row + ends[0][1]), fraction[0]);
-    let plane = |slice: usize| lerp(line(slice + ends[1][0]), line(slice + ends[1][1]), fraction[1]);
-    lerp(plane(ends[2][0]), plane(ends[2][1]), fraction[2])
+    let [xs, ys, zs]: [[usize; 2]; 3] = std::array::from_fn(|axis| [0, 1].map(|step| on(axis, base[axis] + step)));
+    let lerp = |[a, b]: [[R; N]; 2], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
+    let line = |y, z| lerp(xs.map(|x| texel([x, y, z])), fraction[0]);
+    let plane = |z| lerp(ys.map(|y| line(y, z)), fraction[1]);
+    lerp(zs.map(plane), fraction[2])
 }
 
 /// Weights of the four voxels around a position in a cubic B-spline.

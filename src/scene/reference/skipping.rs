@@ -2,20 +2,17 @@
 
 use super::{End, Keeping, Samples, Step};
 use crate::Scene;
-use crate::plan::{Integrate, LANE, Planned};
+use crate::plan::{Integrate, Planned};
 use crate::tables::{CELL, Occupancy};
 use relume_base::number::{Real, count, whole};
 
-/// Samples of `inner` in occupied macrocells, and empty steps elsewhere.
+/// Samples of `inner`, of which marches leave out those in empty macrocells.
 #[derive(Debug)]
 pub struct Skipping<'a, S> {
     inner: S,
     occupancy: &'a Occupancy,
     /// Macrocells along the texture.
     cells_from_texture: [f64; 3],
-    /// Length of a step's source, padded to whole lanes.
-    source: usize,
-    opacity_numbers: usize,
     /// True if marches leave out empty steps.
     leaves_out: bool,
     /// True if shadows are empty where steps are.
@@ -30,8 +27,6 @@ impl<'a, S> Skipping<'a, S> {
             inner,
             occupancy,
             cells_from_texture: scene.frame.geometry.dims.map(|voxels| count(voxels) / count(CELL)),
-            source: planned.plan.parts().lanes * LANE,
-            opacity_numbers: planned.plan.transmittance_numbers(),
             leaves_out: planned.plan.integration == Integrate::Samples,
             skips_shadows: true,
         }
@@ -60,14 +55,7 @@ impl<'a, S> Skipping<'a, S> {
 
 impl<R: Real, S: Samples<R>> Samples<R> for Skipping<'_, S> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
-        if !self.leaves_out && self.is_empty(place) {
-            step.source.clear();
-            step.source.resize(self.source, R::default());
-            step.opacity.clear();
-            step.opacity.resize(self.opacity_numbers, R::default());
-        } else {
-            self.inner.sample(place, step);
-        }
+        self.inner.sample(place, step);
     }
 
     fn normal(&self, place: [R; 3]) -> [R; 3] {

@@ -103,16 +103,19 @@ impl Occupancy {
     /// True if any sample in a macrocell can be visible.
     #[must_use]
     pub fn is_set(&self, cell: [usize; 3]) -> bool {
-        let i = cell[0] + self.dims[0] * (cell[1] + self.dims[1] * cell[2]);
-        self.words.get(i / 32).is_some_and(|word| word >> (i % 32) & 1 == 1)
+        self.holds(cell[0] + self.dims[0] * (cell[1] + self.dims[1] * cell[2]))
+    }
+
+    /// [`Self::is_set`] of the macrocell of this index.
+    fn holds(&self, index: usize) -> bool {
+        self.words.get(index / 32).is_some_and(|word| word >> (index % 32) & 1 == 1)
     }
 
     /// The occupancy grown by `reach` macrocells along every axis.
     #[must_use]
     pub fn within(&self, reach: usize) -> Self {
         let [width, height, depth] = self.dims;
-        let is_set = |i: usize| self.words.get(i / 32).is_some_and(|word| word >> (i % 32) & 1 == 1);
-        let mut near: Vec<bool> = (0..width * height * depth).map(is_set).collect();
+        let mut near: Vec<bool> = (0..width * height * depth).map(|index| self.holds(index)).collect();
         // Axis by axis: a search of the whole box would take minutes for steps of hundreds of voxels.
         for (stride, n) in [(1, width), (width, height), (width * height, depth)] {
             let is_near = |i: usize| {

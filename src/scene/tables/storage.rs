@@ -516,8 +516,9 @@ impl StoredVolume {
         let dims = volume.geometry.dims;
         let slice = dims[0] * dims[1];
         let mut values = vec![0.0; slice * dims[2]];
-        let mut gradients = vec![[0.0; 3]; if storage.format.has_gradient() { values.len() } else { 0 }];
-        let of_slices = gradients.chunks_mut(slice).map(Some).chain(std::iter::repeat_with(|| None));
+        let mut gradients = storage.format.has_gradient().then(|| vec![[0.0; 3]; values.len()]);
+        let of_slices = gradients.iter_mut().flat_map(|all| all.chunks_mut(slice)).map(Some);
+        let of_slices = of_slices.chain(std::iter::repeat_with(|| None));
         let mut slices: Vec<_> = values.chunks_mut(slice).zip(of_slices).collect();
         parallel::rows_mut(&mut slices, 1, &|z, slices| {
             let bytes = storage.slab(volume, z..z + 1);
@@ -542,7 +543,6 @@ impl StoredVolume {
                 }
             }
         });
-        let gradients = Some(gradients).filter(|_| storage.format.has_gradient());
         Self { dims, values, gradients }
     }
 }
