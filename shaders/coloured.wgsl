@@ -18,11 +18,11 @@ fn opacity_at(i: u32) -> Transmittance {
     return opacity;
 }
 
-fn opacity_between(i: u32, fraction: f32) -> Transmittance {
+fn opacity_between(i: u32, after: u32, fraction: f32) -> Transmittance {
     var between: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {
         let opacity = table_opacity[i * LANES + lane];
-        between[lane] = fma(vec4f(fraction), table_opacity[(i + 1u) * LANES + lane] - opacity, opacity);
+        between[lane] = fma(vec4f(fraction), table_opacity[after * LANES + lane] - opacity, opacity);
     }
     return between;
 }

@@ -10,9 +10,9 @@ fn opacity_at(i: u32) -> Transmittance {
     return table_opacity[i / 4u][i % 4u];
 }
 
-fn opacity_between(i: u32, fraction: f32) -> Transmittance {
+fn opacity_between(i: u32, after: u32, fraction: f32) -> Transmittance {
     let opacity = opacity_at(i);
-    return fma(fraction, opacity_at(i + 1u) - opacity, opacity);
+    return fma(fraction, opacity_at(after) - opacity, opacity);
 }
 
 fn opacity_of_label(row: u32) -> Transmittance {

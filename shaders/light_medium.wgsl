@@ -78,6 +78,19 @@ fn extinction_entry(i: u32) -> f32 {
     return extinctions[i / 4u][i % 4u];
 }
 
+// Extinction of a `group` of terms, before its factor, at a table coordinate.
+fn extinction_of(coordinate: f32, group: u32) -> f32 {
+    var extinction: f32;
+    if (NEAREST_LOOKUP) {
+        extinction = extinction_entry(u32(coordinate + 0.5) * GROUPS + group);
+    } else {
+        let i = min(u32(coordinate), u32(sweep.coordinate_last) - 1u);
+        let here = extinction_entry(i * GROUPS + group);
+        extinction = fma(coordinate - f32(i), extinction_entry((i + 1u) * GROUPS + group) - here, here);
+    }
+    return extinction;
+}
+
 // Optical depth per unit of length.
 fn extinction_at(place: vec3f) -> f32 {
     let texel = fetch(place);
@@ -86,20 +99,19 @@ fn extinction_at(place: vec3f) -> f32 {
         value = texel.w;
     }
     let coordinate = clamp(fma(value, sweep.coordinate_scale, sweep.coordinate_offset), 0.0, sweep.coordinate_last);
-    var extinction: f32;
-    if (NEAREST_LOOKUP) {
-        extinction = extinction_entry(u32(coordinate + 0.5));
-    } else {
-        let i = min(u32(coordinate), u32(sweep.coordinate_last) - 1u);
-        let here = extinction_entry(i);
-        extinction = fma(coordinate - f32(i), extinction_entry(i + 1u) - here, here);
-    }
-    if (GRADIENT_OPACITY) {
+    var extinction = 0.0;
+    if (FACTORS) {
         var difference = texel.xyz;
         if (!STORED_GRADIENT) {
             difference = central_difference(place);
         }
-        extinction *= gradient_factor(difference * sweep.gradient_scale);
+        let gradient = difference * sweep.gradient_scale;
+        let magnitude = sqrt(dot(gradient, gradient));
+        for (var group = 0u; group < GROUPS; group += 1u) {
+            extinction = fma(factor_at(magnitude, group), extinction_of(coordinate, group), extinction);
+        }
+    } else {
+        extinction = extinction_of(coordinate, 0u);
     }
     if (LABELS) {
         let label = label_at(place);

@@ -2,8 +2,9 @@
 // them.
 // The reflected light of a step is in `weights.wgsl` or `spectral.wgsl`, its transmittance in `grey.wgsl`,
 // `coloured.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, the
-// factor on its opacity by the gradient magnitude in `gradient_opacity.wgsl`, and the integration of a run of steps in
-// `samples.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or `segments_coloured.wgsl`. The rays are in
+// factors on its medium by the gradient magnitude in `factors.wgsl`, and the integration of a run of steps in
+// `samples.wgsl` with `samples_of_steps.wgsl` or `samples_of_groups.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or
+// `segments_coloured.wgsl`; the medium as densities is in `densities.wgsl`, with `densities_grey.wgsl` or `densities_coloured.wgsl`. The rays are in
 // `rays.wgsl`, the values between voxels in `fetch.wgsl`, the light in `light.wgsl`, its part that arrives in `share_grey.wgsl`
 // or `share_coloured.wgsl`, that of phase functions in `phase.wgsl`, with `phase_weights.wgsl` or `phase_spectral.wgsl`, that of
 // thin films in `thin_film.wgsl`, and the entry point in `slices.wgsl` for a whole volume or in `rounds.wgsl` for one in bricks.

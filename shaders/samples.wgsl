@@ -1,25 +1,5 @@
 // Integration by point samples, one in the middle of each step. Twin of `reference::march` and `Samples::sample`. Part of
-// `march.wgsl`.
-
-// Reads source and opacity at `coordinate` in the table.
-fn look_up(coordinate: f32, step: ptr<function, Step>) {
-    if (NEAREST_LOOKUP) {
-        let i = u32(coordinate + 0.5);
-        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            (*step).source[lane] = table_source[i * TABLE_LANES + lane];
-        }
-        (*step).opacity = opacity_at(i);
-    } else {
-        let i = min(u32(coordinate), u32(march.coordinate_last) - 1u);
-        let fraction = coordinate - f32(i);
-        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            let source = table_source[i * TABLE_LANES + lane];
-            let after = table_source[(i + 1u) * TABLE_LANES + lane];
-            (*step).source[lane] = fma(vec4f(fraction), after - source, source);
-        }
-        (*step).opacity = opacity_between(i, fraction);
-    }
-}
+// `march.wgsl`. The medium of a sample is in `samples_of_steps.wgsl`, or in `samples_of_groups.wgsl` where factors scale it.
 
 // Texel, table coordinate and label of a sample.
 struct Key {
@@ -48,32 +28,8 @@ fn is_active(key: Key) -> bool {
     return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.label > 0u;
 }
 
-// Decoded differences along the volume's own axes.
-fn decoded_gradient(place: vec3f, key: Key) -> vec3f {
-    var difference: vec3f;
-    if (STORED_GRADIENT) {
-        difference = key.texel.xyz;
-    } else {
-        difference = central_difference(place);
-    }
-    return difference * march.gradient_scale;
-}
-
 fn sample(place: vec3f, key: Key) -> Step {
-    var step: Step;
-    if (GRADIENT_OPACITY) {
-        let gradient = decoded_gradient(place, key);
-        step.normal = unit(gradient);
-        look_up(key.coordinate, &step);
-        step = thin(step, gradient_factor(gradient));
-    } else {
-        if (STORED_GRADIENT) {
-            step.normal = unit(key.texel.xyz * march.gradient_scale);
-        } else if (GRADIENT) {
-            step.normal = unit(central_difference(place) * march.gradient_scale);
-        }
-        look_up(key.coordinate, &step);
-    }
+    var step = medium_at(place, key);
     if (SMOOTH_LABELS) {
         step = shared_by_labels(place, key.label, step);
     } else if (LABELS) {
@@ -99,7 +55,9 @@ fn add_sample(
     var step = sample(place, key);
     if (CUT_IN_RUNS) {
         let part = part_of(ray, n);
-        step = thin(step, part.y - part.x);
+        step = part_of_step(step, part.y - part.x);
+    } else if (FACTORS) {
+        step = part_of_step(step, 1.0);
     }
     add_light(ray, place, step, transmittance, sums);
     return attenuate(transmittance, step.opacity);

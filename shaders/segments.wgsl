@@ -18,12 +18,12 @@ struct End {
     label: u32,
 }
 
-// Integrals of the medium at a table coordinate: at the first bound of its cell, and their differences to the next.
+// Integrals of the groups of terms at a table coordinate: at the first bound of its cell, and their differences to the next.
 struct Integrals {
-    source: array<vec4i, TABLE_LANES>,
-    slope: array<vec4f, TABLE_LANES>,
-    depth: DepthIntegral,
-    depth_slope: Transmittance,
+    source: array<vec4i, GROUP_LANES>,
+    slope: array<vec4f, GROUP_LANES>,
+    depth: array<DepthIntegral, GROUPS>,
+    depth_slope: array<Transmittance, GROUPS>,
     // Place within the cell, 0 to 1.
     fraction: f32,
 }
@@ -34,10 +34,9 @@ struct Between {
     distance: f32,
 }
 
-// Mean medium between two ends, per step length.
-struct Density {
-    source: array<vec4f, TABLE_LANES>,
-    depth: Transmittance,
+// Mean medium between two ends.
+struct Mean {
+    density: Step,
     variation: f32,
 }
 
@@ -81,14 +80,17 @@ fn gradient_at(end: End, place: vec3f) -> vec3f {
 fn integrals_at(coordinate: f32) -> Integrals {
     let cell = min(u32(coordinate), u32(march.coordinate_last) - 1u);
     var integrals: Integrals;
-    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-        let here = bitcast<vec4i>(table_source[cell * TABLE_LANES + lane]);
-        let next = bitcast<vec4i>(table_source[(cell + 1u) * TABLE_LANES + lane]);
+    for (var lane = 0u; lane < GROUP_LANES; lane += 1u) {
+        let here = bitcast<vec4i>(table_source[cell * GROUP_LANES + lane]);
+        let next = bitcast<vec4i>(table_source[(cell + 1u) * GROUP_LANES + lane]);
         integrals.source[lane] = here;
         integrals.slope[lane] = vec4f(next - here);
     }
-    integrals.depth = depth_integral_at(cell);
-    integrals.depth_slope = depth_difference(integrals.depth, depth_integral_at(cell + 1u));
+    for (var group = 0u; group < GROUPS; group += 1u) {
+        let depth = depth_integral_at(cell * GROUPS + group);
+        integrals.depth[group] = depth;
+        integrals.depth_slope[group] = depth_difference(depth, depth_integral_at((cell + 1u) * GROUPS + group));
+    }
     integrals.fraction = coordinate - f32(cell);
     return integrals;
 }
@@ -100,25 +102,47 @@ fn mean_of(whole: vec4f, a: vec4f, b: vec4f, between: Between) -> vec4f {
     return select(far, (a + b) * 0.5, abs(between.distance) < CLOSE);
 }
 
-fn mean_between(a: Integrals, b: Integrals, distance: f32) -> Density {
+// Mean between two ends, of the sum of the groups where the data have this `gradient`.
+fn mean_between(a: Integrals, b: Integrals, distance: f32, gradient: vec3f) -> Mean {
     let between = Between(vec2f(a.fraction, b.fraction), distance);
     let unit = segments_uniform.unit;
-    var density: Density;
-    var most = vec4f();
-    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-        let mean = mean_of(vec4f(b.source[lane] - a.source[lane]), a.slope[lane], b.slope[lane], between);
-        most = max(most, abs(mean - a.slope[lane]) + abs(b.slope[lane] - mean));
-        density.source[lane] = mean * unit;
+    var magnitude = 0.0;
+    if (FACTORS) {
+        magnitude = sqrt(dot(gradient, gradient));
     }
-    let depth = mean_depth(depth_difference(a.depth, b.depth), a.depth_slope, b.depth_slope, between);
-    let of_depth = depth_variation(depth, a.depth_slope, b.depth_slope);
-    density.depth = scaled_depth(depth, unit);
-    density.variation = max(max(max(most.x, most.y), max(most.z, most.w)), of_depth) * unit;
-    return density;
+    var density: Step;
+    var most = 0.0;
+    for (var group = 0u; group < GROUPS; group += 1u) {
+        var factor = 1.0;
+        if (FACTORS) {
+            factor = factor_at(magnitude, group);
+        }
+        var of_source = vec4f();
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            let i = group * TABLE_LANES + lane;
+            let mean = mean_of(vec4f(b.source[i] - a.source[i]), a.slope[i], b.slope[i], between);
+            of_source = max(of_source, abs(mean - a.slope[i]) + abs(b.slope[i] - mean));
+            if (FACTORS) {
+                density.source[lane] = fma(vec4f(factor), mean * unit, density.source[lane]);
+            } else {
+                density.source[lane] = mean * unit;
+            }
+        }
+        let whole = depth_difference(a.depth[group], b.depth[group]);
+        let depth = mean_depth(whole, a.depth_slope[group], b.depth_slope[group], between);
+        let of_depth = depth_variation(depth, a.depth_slope[group], b.depth_slope[group]);
+        most = max(most, max(max(max(of_source.x, of_source.y), max(of_source.z, of_source.w)), of_depth));
+        if (FACTORS) {
+            density.opacity = plus_share(density.opacity, factor, scaled_depth(depth, unit));
+        } else {
+            density.opacity = scaled_depth(depth, unit);
+        }
+    }
+    return Mean(density, most * unit);
 }
 
 // Largest number of the scattered light.
-fn most_scattered(density: Density) -> f32 {
+fn most_scattered(density: Step) -> f32 {
     var most = vec4f();
     for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
         most = max(most, abs(density.source[lane]));
@@ -126,19 +150,9 @@ fn most_scattered(density: Density) -> f32 {
     return max(max(most.x, most.y), max(most.z, most.w));
 }
 
-// Effect of a segment of `length`, in steps.
-fn across(density: Density, length: f32) -> Step {
-    var step: Step;
-    step.opacity = lost_light(scaled_depth(density.depth, length));
-    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-        step.source[lane] = density.source[lane] * gain_of(step.opacity, density.depth, length, lane);
-    }
-    return step;
-}
-
 // Number of parts of segment `n`, from `a` to `b`: 1 to MOST_PARTS, not necessarily whole.
-fn parts_between(ray: Ray, n: u32, a: End, b: End, turn: vec3f, density: Density) -> f32 {
-    var variation = density.variation;
+fn parts_between(ray: Ray, n: u32, a: End, b: End, turn: vec3f, mean: Mean) -> f32 {
+    var variation = mean.variation;
     if (LABELS) {
         if (a.label != b.label || label_of(place_at(ray, n, 0.5)) != a.label || is_mixed(a.label)) {
             variation = 1.0;
@@ -147,7 +161,7 @@ fn parts_between(ray: Ray, n: u32, a: End, b: End, turn: vec3f, density: Density
         }
     }
     if (GRADIENT) {
-        variation = fma(sqrt(dot(turn, turn)), most_scattered(density), variation);
+        variation = fma(sqrt(dot(turn, turn)), most_scattered(mean.density), variation);
     }
     return clamp(sqrt(min(variation, 1.0) / segments_uniform.variation), 1.0, MOST_PARTS);
 }
@@ -207,38 +221,30 @@ fn march_run(
         let next = place_at(ray, n, reach);
         let next_gradient = gradient_at(b, next);
         let next_integrals = integrals_at(b.coordinate);
-        var density = mean_between(integrals, next_integrals, b.coordinate - a.coordinate);
-        if (GRADIENT_OPACITY) {
-            let factor = gradient_factor((gradient + next_gradient) * 0.5);
-            for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-                density.source[lane] *= factor;
-            }
-            density.depth = scaled_depth(density.depth, factor);
-        }
+        let half_way = (gradient + next_gradient) * 0.5;
+        var mean = mean_between(integrals, next_integrals, b.coordinate - a.coordinate, half_way);
         let middle = place_at(ray, n, (done + reach) * 0.5);
         if (SMOOTH_LABELS) {
-            let blend = shared_by_labels(middle, label_of(middle), Step(density.source, density.depth, vec3f()));
-            density.source = blend.source;
-            density.depth = blend.opacity;
+            mean.density = shared_by_labels(middle, label_of(middle), mean.density);
         } else if (LABELS) {
             let label = label_of(middle);
             if (label > 0u) {
                 for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-                    density.source[lane] = label_source[label * TABLE_LANES + lane];
+                    mean.density.source[lane] = label_source[label * TABLE_LANES + lane];
                 }
-                density.depth = opacity_of_label(label);
+                mean.density.opacity = opacity_of_label(label);
             }
         }
         let inside = part_of(ray, n);
         var length = (reach - done) * (inside.y - inside.x);
         var wanted = 0.0;
         if (parts == 0.0) {
-            wanted = parts_between(ray, n, a, b, unit(next_gradient) - unit(gradient), density);
+            wanted = parts_between(ray, n, a, b, unit(next_gradient) - unit(gradient), mean);
             length = select(length, 0.0, wanted > 1.0);
         }
-        var step = across(density, length);
+        var step = across(mean.density, length);
         if (GRADIENT) {
-            step.normal = unit((gradient + next_gradient) * 0.5);
+            step.normal = unit(half_way);
         }
         add_light(ray, middle, step, transmittance, sums);
         transmittance = attenuate(transmittance, step.opacity);

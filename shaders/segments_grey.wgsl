@@ -18,16 +18,3 @@ fn mean_depth(whole: Transmittance, a: Transmittance, b: Transmittance, between:
 fn depth_variation(mean: Transmittance, a: Transmittance, b: Transmittance) -> f32 {
     return abs(mean - a) + abs(b - mean);
 }
-
-fn scaled_depth(depth: Transmittance, factor: f32) -> Transmittance {
-    return depth * factor;
-}
-
-fn lost_light(depth: Transmittance) -> Transmittance {
-    return lost(vec4f(depth)).x;
-}
-
-// Gain of the light that a segment scatters, in the components of a lane.
-fn gain_of(lost: Transmittance, depth: Transmittance, length: f32, lane: u32) -> vec4f {
-    return vec4f(select(length, lost / depth, depth > 0.0 && length > 0.0));
-}

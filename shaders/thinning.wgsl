@@ -1,5 +1,5 @@
 // Opacities of parts of a step, and of media that a factor thins. Part of `march.wgsl`; `thin` is in `grey.wgsl` and `coloured.wgsl`.
-// Twin of `reference::gradient`.
+// Twin of `reference::factors`.
 
 // 1 − e^(−depth), with the relative precision of f32 near 0: 2^f − 1 by its series, |f| ≤ ½.
 fn lost(depth: vec4f) -> vec4f {

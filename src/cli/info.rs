@@ -742,7 +742,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "phase_functions": plan.phases > 0,
         "thin_films": plan.thin_films.total(),
         "one_sided": plan.shading.is_some_and(|terms| terms.one_sided),
-        "gradient_opacity": plan.gradient_opacity > 0,
+        "gradient_opacity": plan.factors.any(),
         "labels": plan.labels,
         "smooth_labels": plan.smooth_labels,
         "background": plan.background,

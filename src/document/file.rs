@@ -36,8 +36,8 @@ use relume_colour::spectrum::{
 use relume_colour::written::{place, with_suggestion};
 use relume_scene::key::{self, Key, KeyError};
 use relume_scene::{
-    Aim, Camera, Fill, GRADIENT_POINTS, INTENSITY, LabelEntry, Labels, LightKind, Material, MaterialCurve,
-    OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Term, unit,
+    Aim, Camera, FACTORS, Fill, GRADIENT_POINTS, GradientFactor, INTENSITY, LabelEntry, Labels, LightKind, Material,
+    MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Term, different_factors, unit,
 };
 use relume_volume::{
     self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,

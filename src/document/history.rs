@@ -1,10 +1,11 @@
 //! The open document: its state, the state last saved, and the undo history.
 
 use std::mem::Discriminant;
+use std::sync::{Arc, OnceLock};
 
 use super::{DialPreset, Edit, Mixing, SceneFile, State};
 use relume_scene::{Labels, Scene};
-use relume_volume::Statistics;
+use relume_volume::{JointHistogram, Statistics};
 
 /// Largest number of undo steps.
 const DEPTH: usize = 200;
@@ -14,6 +15,8 @@ const DEPTH: usize = 200;
 pub struct Document {
     opened: SceneFile,
     statistics: Option<Statistics>,
+    /// Of the volume, once it is asked for; `None` in it without voxels in memory.
+    joint: Arc<OnceLock<Option<JointHistogram>>>,
     now: State,
     /// The state as opened or last saved.
     saved: State,
@@ -29,7 +32,16 @@ impl Document {
     pub fn new(file: SceneFile) -> Self {
         let now = State::new(&file);
         let saved = now.clone();
-        Self { opened: file, statistics: None, now, saved, past: Vec::new(), future: Vec::new(), gesture: Vec::new() }
+        Self {
+            opened: file,
+            statistics: None,
+            joint: Arc::default(),
+            now,
+            saved,
+            past: Vec::new(),
+            future: Vec::new(),
+            gesture: Vec::new(),
+        }
     }
 
     /// A newly opened scene with an initial `edit`, which is part of the saved state.
@@ -55,7 +67,7 @@ impl Document {
     /// The same document with the `statistics` of its volume's values.
     #[must_use]
     pub fn with_statistics(self, statistics: Statistics) -> Self {
-        Self { statistics: Some(statistics), ..self }
+        Self { statistics: Some(statistics), joint: Arc::default(), ..self }
     }
 
     /// Whether the volume of `scene` has the same grid.
@@ -89,13 +101,22 @@ impl Document {
         };
         let [past, future] = [self.past, self.future].map(|states| states.into_iter().map(onto).collect());
         let [now, saved] = [self.now, self.saved].map(onto);
-        Self { now, saved, past, future, statistics: None, gesture: Vec::new(), opened: file }
+        Self { now, saved, past, future, statistics: None, joint: Arc::default(), gesture: Vec::new(), opened: file }
     }
 
     /// Statistics of the volume's values, if known.
     #[must_use]
     pub fn statistics(&self) -> Option<&Statistics> {
         self.statistics.as_ref()
+    }
+
+    /// Histogram of the values and gradient magnitudes of the volume; `None` before its statistics are known, and without voxels in
+    /// memory. Of a volume that stays in a file, it is that of the coarse level.
+    #[must_use]
+    pub fn joint_histogram(&self) -> Option<&JointHistogram> {
+        let Statistics { min, max, .. } = self.statistics()?;
+        let at_hand = || self.now.scene.fields.first().at_hand().0.joint_histogram([*min, *max]);
+        self.joint.get_or_init(at_hand).as_ref()
     }
 
     /// The scene file as opened.

@@ -15,7 +15,7 @@ use crate::output::{OutputError, write_atomically};
 use relume_colour::palette::{Palette, Solution};
 use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
 use relume_scene::key::{self, Key};
-use relume_scene::{Aim, Camera, Interval, Projection, Scene, Term};
+use relume_scene::{Aim, Camera, Projection, Scene};
 use relume_volume::{ByteOrder, is_built_in};
 
 /// Why a session cannot be saved.
@@ -480,8 +480,8 @@ fn spectra(
 
 /// Writes the intervals and the factor by the gradient magnitude, and keeps stated curves that have not been removed.
 fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError> {
-    let found: Vec<Option<Interval>> = scene.transfer.terms.iter().map(Term::as_interval).collect();
-    let curves = found.iter().filter(|interval| interval.is_none()).count();
+    let found = scene.transfer.terms.iter().map(|term| (term.as_interval(), &term.gradient));
+    let curves = found.clone().filter(|(interval, _)| interval.is_none()).count();
     if curves > 1 {
         return Err(SessionError::Curves(curves));
     }
@@ -491,7 +491,7 @@ fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError
         }
     }
     let mut intervals = Array::new();
-    for interval in found.into_iter().flatten() {
+    for (interval, gradient) in found.filter_map(|(interval, gradient)| Some((interval?, gradient))) {
         let mut row = InlineTable::new();
         row.insert("material", scene.materials.get(interval.material).map_or("", |it| &it.name).into());
         row.insert("range", numbers(interval.range).into());
@@ -500,19 +500,25 @@ fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError
         if interval.absorption > 0.0 {
             row.insert("absorption", interval.absorption.into());
         }
+        if !gradient.is_empty() {
+            row.insert("gradient", points(gradient).into());
+        }
         let mut row = Value::InlineTable(row);
         row.decor_mut().set_prefix("\n    ");
         intervals.push_formatted(row);
     }
     intervals.set_trailing("\n");
     table.insert("intervals", value(intervals));
-    let factors = &scene.transfer.gradient_opacity;
-    let points = factors.iter().map(|&(magnitude, factor)| Value::Array(numbers([magnitude, factor])));
-    match factors.len() {
-        0 => table.remove("gradient_opacity"),
-        _ => table.insert("gradient_opacity", value(points.collect::<Array>())),
+    match &scene.transfer.gradient_opacity {
+        none if none.is_empty() => table.remove("gradient_opacity"),
+        factor => table.insert("gradient_opacity", value(points(factor))),
     };
     Ok(())
+}
+
+/// Points of a factor, as files state them.
+fn points(factor: &[(f64, f64)]) -> Array {
+    factor.iter().map(|&(magnitude, factor)| Value::Array(numbers([magnitude, factor]))).collect()
 }
 
 fn labels(document: &mut DocumentMut, scene: &Scene, opened: &Scene) -> Result<(), SessionError> {

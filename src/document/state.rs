@@ -14,7 +14,8 @@ use relume_colour::spectrum::ThinFilm;
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
 use relume_scene::{
-    Accuracy, AmbientShares, BRIGHTEST, GRADIENT_POINTS, Interval, LabelEntry, Lighting, Mix, PHASES, Scene, key,
+    Accuracy, AmbientShares, BRIGHTEST, FACTORS, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry, Lighting, Mix,
+    PHASES, Scene, Term, key,
 };
 
 /// All editable state of a document.
@@ -100,11 +101,13 @@ pub enum Edit {
     /// no effect.
     Interval(usize, Interval),
     /// Adds an interval, before the scene's curves.
-    AddInterval(Interval),
+    AddInterval(Interval, GradientFactor),
     /// Removes a term of the transfer function, by its index.
     RemoveTerm(usize),
     /// Points of the factor on the opacity by the gradient magnitude; none is a factor of 1.
-    GradientOpacity(Vec<(f64, f64)>),
+    GradientOpacity(GradientFactor),
+    /// Factor of a term by the gradient magnitude, in place of that; without points, the term takes that one.
+    TermGradient(usize, GradientFactor),
     /// Material and opacity of a label, by its index among the declared labels.
     Label(usize, usize, f64),
     /// Restores the transfer function and the labels of the scene.
@@ -138,9 +141,10 @@ impl Edit {
             | Self::AmbientShares(_)
             | Self::Reach(_)
             | Self::Interval(..)
-            | Self::AddInterval(_)
+            | Self::AddInterval(..)
             | Self::RemoveTerm(_)
             | Self::GradientOpacity(_)
+            | Self::TermGradient(..)
             | Self::Intervals(_)
             | Self::Crop(_)
             | Self::ResetCrop
@@ -327,6 +331,7 @@ impl State {
     pub(super) fn apply(&mut self, edit: &Edit, opened: &SceneFile) {
         let shares = self.shares();
         let (light, dial, scene) = (&mut self.light, &mut self.dial, &mut self.scene);
+        let transfer = scene.transfer.clone();
         match *edit {
             Edit::Weight(index, weight) => {
                 if light.mixing == Mixing::Dial {
@@ -466,15 +471,15 @@ impl State {
                 if let (Some(interval), Some(term)) =
                     (interval.allowed(&scene.materials), scene.transfer.terms.get_mut(index))
                 {
-                    *term = interval.term();
+                    *term = Term { gradient: std::mem::take(&mut term.gradient), ..interval.term() };
                 }
             }
-            Edit::AddInterval(interval) => {
+            Edit::AddInterval(interval, ref gradient) => {
                 let terms = &mut scene.transfer.terms;
                 // A file states its intervals before its curves, and sums follow the order of the file.
                 let end = terms.iter().position(|term| term.as_interval().is_none()).unwrap_or(terms.len());
                 if let Some(interval) = interval.allowed(&scene.materials) {
-                    terms.insert(end, interval.term());
+                    terms.insert(end, Term { gradient: gradient_points(gradient), ..interval.term() });
                 }
             }
             Edit::RemoveTerm(index) => {
@@ -483,6 +488,11 @@ impl State {
                 }
             }
             Edit::GradientOpacity(ref points) => scene.transfer.gradient_opacity = gradient_points(points),
+            Edit::TermGradient(index, ref points) => {
+                if let Some(term) = scene.transfer.terms.get_mut(index) {
+                    term.gradient = gradient_points(points);
+                }
+            }
             Edit::Label(index, material, opacity) => {
                 let entry = scene.labels.as_mut().and_then(|labels| labels.declared.get_mut(index));
                 if let (Some(entry), Some(shown)) = (entry, scene.materials.get(material)) {
@@ -505,6 +515,10 @@ impl State {
                 scene.accuracy.clone_from(accuracy);
                 key::clamp(scene, "accuracy.");
             }
+        }
+        // More would be no scene that a file may state.
+        if scene.transfer.factors().len() > FACTORS {
+            scene.transfer = transfer;
         }
         light.preset = match *edit {
             Edit::DialPreset(index) => Some(index).filter(|&index| index < dial.presets.len()),

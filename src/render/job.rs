@@ -229,7 +229,7 @@ impl PlannedJob {
         let stored = StoredScene::of(scene, planned, (storage, stored), labels);
         let occupancy = match &stored.segments {
             None => cells.occupancy(&stored.table.active_entries()),
-            Some((table, _)) => cells.occupancy_of_segments(&self.scene, &table.active_entries()),
+            Some(table) => cells.occupancy_of_segments(&self.scene, &table.active_entries()),
         };
         Ok(OnCpu { job: self, stored, occupancy })
     }

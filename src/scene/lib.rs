@@ -28,7 +28,10 @@ pub use frame::Frame;
 pub use lights::{BRIGHTEST, INTENSITY};
 pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
 pub use transfer::depth_from_opacity;
-pub use transfer::{Depths, GRADIENT_POINTS, Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
+pub use transfer::{
+    Depths, FACTORS, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term,
+    Transfer, different_factors, factor_at,
+};
 
 use relume_colour::model::ModelKind;
 use relume_colour::spectrum::deficiency::Deficiency;

@@ -57,8 +57,8 @@ pub struct ScenePlan {
     pub phases: usize,
     /// Thin films that reflect directed light.
     pub thin_films: FilmCounts,
-    /// Points of the factor on the opacity by the gradient magnitude; 0 without such a factor.
-    pub gradient_opacity: usize,
+    /// Factors on the medium by the gradient magnitude.
+    pub factors: Factors,
     /// Whether labels take precedence over the transfer function.
     pub labels: bool,
     /// Whether labels are interpolated between voxels.
@@ -83,6 +83,36 @@ pub struct ScenePlan {
     pub compensated: bool,
     /// Storage of finished accumulators.
     pub storage: StoreAs,
+}
+
+/// Factors on the medium by the gradient magnitude. Terms of the transfer function with equal factors are a group, whose densities
+/// are summed apart from others. Without factors, there is no group.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Factors {
+    /// Number of groups.
+    pub groups: usize,
+    /// Points of the longest factor.
+    pub points: usize,
+}
+
+impl Factors {
+    fn of(scene: &Scene) -> Self {
+        let factors = scene.transfer.factors();
+        let points = factors.iter().map(|factor| factor.len()).max().unwrap_or(0);
+        if points > 0 { Self { groups: factors.len(), points } } else { Self::default() }
+    }
+
+    /// True if any factor is not 1.
+    #[must_use]
+    pub const fn any(self) -> bool {
+        self.groups > 0
+    }
+
+    /// Groups of numbers in a table entry: at least one.
+    #[must_use]
+    pub fn in_tables(self) -> usize {
+        self.groups.max(1)
+    }
 }
 
 /// Largest number of steps of a ray whose sums in f32 are plain. Rounding may take up to 2⁻²⁶ of a sum in each step, always
@@ -353,10 +383,16 @@ impl ScenePlan {
         (self.layers() * LANE * number + transmittance) as u64
     }
 
+    /// True if a march adds densities before it closes a step, rather than reading the effect of a step at a value.
+    #[must_use]
+    pub fn adds_densities(&self) -> bool {
+        self.integration == Integrate::Segments || self.factors.any()
+    }
+
     /// Whether the gradient of the data is needed.
     #[must_use]
     pub fn gradient(&self) -> bool {
-        self.gradient_opacity > 0 || self.shades_by_gradient()
+        self.factors.any() || self.shades_by_gradient()
     }
 
     /// Whether shading needs the gradient of the data.
@@ -437,6 +473,11 @@ pub enum PlanError {
         "the model peercy keeps a transmittance matrix, which transfer.gradient_opacity cannot scale; take another model, or remove gradient_opacity"
     )]
     GradientMatrix,
+    /// Terms whose factors differ are summed at each sample, and depths that a model projects step by step have no sum.
+    #[error(
+        "the model projects the transmittance of each step, so terms with different factors by the gradient have no sum; take another model, or one factor for all: transfer.gradient_opacity"
+    )]
+    GradientProjected,
     /// A matrix of transmittance has no spectrum per component, by which a film could be multiplied.
     #[error(
         "the model peercy multiplies matrices, and the film of {materials} changes with the angle; take another model, or remove `film`"
@@ -476,6 +517,7 @@ impl PlanError {
             Self::HalfPrecision { .. } => "half-imprecise",
             Self::HalfRange => "half-overflow",
             Self::GradientMatrix => "gradient-opacity-matrix",
+            Self::GradientProjected => "gradient-projected",
             Self::FilmMatrix { .. } => "film-matrix",
             Self::HalfMatrix => "half-matrix",
             Self::NoSegments { .. } => "segments-impossible",
@@ -514,8 +556,11 @@ pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progre
 
 /// Refuses matrices with a factor by the gradient magnitude, and 16-bit storage with an error above the tolerance.
 fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
-    if planned.plan.gradient_opacity > 0 && planned.plan.transmittance == Transmittance::Mixed {
+    if planned.plan.factors.any() && planned.plan.transmittance == Transmittance::Mixed {
         return Err(PlanError::GradientMatrix);
+    }
+    if planned.plan.factors.groups > 1 && projects_steps(&planned.plan, planned.model.as_deref()) {
+        return Err(PlanError::GradientProjected);
     }
     if planned.plan.thin_films.total() > 0 && planned.plan.transmittance == Transmittance::Mixed {
         let materials: Vec<&str> = planned.thin_films(scene).iter().map(|film| film.material.name.as_str()).collect();
@@ -640,7 +685,6 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         Accumulate::Spectral { .. } => needs::phases(used()).len(),
     };
     let labels = scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty());
-    let factors = &scene.transfer.gradient_opacity;
     let mut plan = ScenePlan {
         accumulate,
         transmittance: match (transmittance, model.as_ref().map(|model| model.kind())) {
@@ -651,8 +695,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         shading,
         phases,
         thin_films,
-        // A factor of 1 at all magnitudes has no effect.
-        gradient_opacity: if factors.iter().any(|point| point.1 < 1.0) { factors.len() } else { 0 },
+        factors: Factors::of(scene),
         labels,
         smooth_labels: labels && scene.accuracy.labels == LabelInterpolation::Smooth,
         background: scene.background.is_some(),
@@ -685,15 +728,19 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
 fn no_segments(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static str> {
     if plan.transmittance == Transmittance::Mixed {
         Some("the model peercy multiplies matrices")
-    } else if plan.transmittance == Transmittance::Coloured
-        && model.is_some_and(|model| model.kind() == ModelKind::Sharpened(Order::Step))
-    {
+    } else if projects_steps(plan, model) {
         Some("the model projects the transmittance of each step")
     } else if plan.interpolation == Interpolation::Nearest {
         Some("the values of nearest interpolation jump")
     } else {
         None
     }
+}
+
+/// True if the model projects the transmittance of each step.
+fn projects_steps(plan: &ScenePlan, model: Option<&ColourModel>) -> bool {
+    plan.transmittance == Transmittance::Coloured
+        && model.is_some_and(|model| model.kind() == ModelKind::Sharpened(Order::Step))
 }
 
 impl Planned {

@@ -30,13 +30,19 @@ pub struct Transfer {
     pub entries: Option<usize>,
     /// The terms, which are summed.
     pub terms: Vec<Term>,
-    /// Factor on scattering and absorption by the gradient magnitude |∇v|: points (data units per world unit, factor
-    /// from 0 to 1), magnitudes from 0 ascending; constant beyond the ends. Empty is a factor of 1. Labels ignore it.
-    pub gradient_opacity: Vec<(f64, f64)>,
+    /// Factor on the terms without one of their own. Labels ignore it.
+    pub gradient_opacity: GradientFactor,
 }
 
-/// Largest number of points of [`Transfer::gradient_opacity`].
+/// Factor on scattering and absorption by the gradient magnitude |∇v|: points (data units per world unit, factor from 0 to 1),
+/// magnitudes from 0 ascending; constant beyond the ends. Empty is a factor of 1.
+pub type GradientFactor = Vec<(f64, f64)>;
+
+/// Largest number of points of a [`GradientFactor`].
 pub const GRADIENT_POINTS: usize = 16;
+
+/// Largest number of different factors on the terms of a scene.
+pub const FACTORS: usize = 4;
 
 /// A term: an [`Interval`], or opacity, absorption and material as curves over the values.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +57,8 @@ pub struct Term {
     pub absorption: Vec<(f64, f64)>,
     /// Material curve.
     pub material: MaterialCurve,
+    /// Factor on this term in place of that of the transfer function; empty takes that one.
+    pub gradient: GradientFactor,
 }
 
 /// Material as a function of the value: points (value, index into the scene's materials), values ascending. Between
@@ -83,9 +91,25 @@ impl Transfer {
     /// the same share of the absorption.
     #[must_use]
     pub fn medium(&self, value: f64, materials: usize) -> Medium {
+        self.medium_by(value, materials, |_| 1.0)
+    }
+
+    /// [`Self::medium`] where the gradient has this `magnitude`, in data units per world unit: with the factors of the terms.
+    #[must_use]
+    pub fn medium_with(&self, value: f64, magnitude: f64, materials: usize) -> Medium {
+        self.medium_by(value, materials, |term| factor_at(self.factor_of(&self.terms[term]), magnitude))
+    }
+
+    /// [`Self::medium`] with a factor for each term, by its index.
+    pub(crate) fn medium_by(&self, value: f64, materials: usize, factor: impl Fn(usize) -> f64) -> Medium {
         let mut medium = Medium::nothing(materials);
-        for term in &self.terms {
+        for (index, term) in self.terms.iter().enumerate() {
+            let factor = factor(index);
+            if factor <= 0.0 {
+                continue;
+            }
             let depths = [depth_from_opacity(height_at(&term.opacity, value)), height_at(&term.absorption, value)];
+            let depths = depths.map(|depth| depth * factor);
             for (depth, sums) in depths.into_iter().zip([&mut medium.scattering, &mut medium.absorption]) {
                 if depth > 0.0 {
                     for (material, share) in term.material.at(value) {
@@ -99,10 +123,22 @@ impl Transfer {
         medium
     }
 
-    /// The factor on scattering and absorption where the gradient has this `magnitude`, in data units per world unit.
+    /// The factor on `term`, its own or that of all others. Empty if it is 1 at all magnitudes.
     #[must_use]
-    pub fn gradient_factor(&self, magnitude: f64) -> f64 {
-        if self.gradient_opacity.is_empty() { 1.0 } else { height_at(&self.gradient_opacity, magnitude) }
+    pub fn factor_of<'a>(&'a self, term: &'a Term) -> &'a [(f64, f64)] {
+        term.factor_among(&self.gradient_opacity)
+    }
+
+    /// The different factors on the terms, in the order of their first terms.
+    #[must_use]
+    pub fn factors(&self) -> Vec<&[(f64, f64)]> {
+        different_factors(&self.terms, &self.gradient_opacity)
+    }
+
+    /// Each of [`Self::factors`] where the gradient has this `magnitude`, in data units per world unit.
+    #[must_use]
+    pub fn factors_at(&self, magnitude: f64) -> SmallVec<[f64; FACTORS]> {
+        self.factors().into_iter().map(|factor| factor_at(factor, magnitude)).collect()
     }
 
     /// Values at which the function has a corner or a jump, ascending.
@@ -118,6 +154,18 @@ impl Transfer {
     }
 }
 
+/// The different factors on `terms`, in the order of their first terms; `all` is that of terms without one of their own.
+#[must_use]
+pub fn different_factors<'a>(terms: &'a [Term], all: &'a [(f64, f64)]) -> Vec<&'a [(f64, f64)]> {
+    let mut factors = Vec::new();
+    for factor in terms.iter().map(|term| term.factor_among(all)) {
+        if !factors.contains(&factor) {
+            factors.push(factor);
+        }
+    }
+    factors
+}
+
 /// Optical depth of `opacity` (0 to 1), at most [`OPAQUE_DEPTH`].
 #[must_use]
 pub fn depth_from_opacity(opacity: f64) -> f64 {
@@ -125,6 +173,12 @@ pub fn depth_from_opacity(opacity: f64) -> f64 {
 }
 
 impl Term {
+    /// The factor on the term, its own or that of `all` others. Empty if it is 1 at all magnitudes.
+    fn factor_among<'a>(&'a self, all: &'a [(f64, f64)]) -> &'a [(f64, f64)] {
+        let factor = if self.gradient.is_empty() { all } else { &self.gradient };
+        if factor.iter().all(|point| point.1 >= 1.0) { &[] } else { factor }
+    }
+
     /// Optical depth per opacity length at `value`, of scattering and of absorption at its peak.
     pub fn depth(&self, value: f64) -> f64 {
         depth_from_opacity(height_at(&self.opacity, value)) + height_at(&self.absorption, value)
@@ -136,7 +190,7 @@ impl Term {
         let trapezoid = |height| vec![(low - ramp, 0.0), (low, height), (high, height), (high + ramp, 0.0)];
         let absorption = if absorption > 0.0 { trapezoid(absorption) } else { Vec::new() };
         let material = MaterialCurve(vec![(low, material)]);
-        Self { ramp: Some(ramp), opacity: trapezoid(opacity), absorption, material }
+        Self { ramp: Some(ramp), opacity: trapezoid(opacity), absorption, material, gradient: Vec::new() }
     }
 
     /// The interval, if it is one.
@@ -188,6 +242,12 @@ impl Interval {
             ..*self
         })
     }
+}
+
+/// A factor where the gradient has this `magnitude`; 1 without points.
+#[must_use]
+pub fn factor_at(factor: &[(f64, f64)], magnitude: f64) -> f64 {
+    if factor.is_empty() { 1.0 } else { height_at(factor, magnitude) }
 }
 
 /// The height of a curve at `value`, linear between its points; 0 without points.
@@ -269,6 +329,25 @@ mod tests {
         };
         let medium = transfer.medium(5.0, 2);
         assert!(medium.scattering.iter().all(|&depth| close(depth, std::f64::consts::LN_2)), "{medium:?}");
+    }
+
+    #[test]
+    fn a_term_has_its_own_factor_or_that_of_all() {
+        let term = |gradient| Term { gradient, ..Term::interval(0, [0.0, 10.0], 0.0, 0.5, 0.0) };
+        let [all, own] = [vec![(2.0, 0.0), (4.0, 1.0)], vec![(0.0, 0.25)]];
+        let terms = vec![term(Vec::new()), term(own.clone()), term(vec![(0.0, 1.0), (9.0, 1.0)]), term(Vec::new())];
+        let transfer = Transfer {
+            opacity_length: 1.0,
+            lookup: Lookup::Linear,
+            entries: None,
+            terms,
+            gradient_opacity: all.clone(),
+        };
+        assert_eq!(transfer.factors(), [&all[..], &own[..], &[]], "each once; 1 everywhere is none");
+        let depth = |magnitude| transfer.medium_with(5.0, magnitude, 1).scattering[0] / std::f64::consts::LN_2;
+        for (magnitude, factors) in [(0.0, 1.25), (3.0, 2.25), (8.0, 3.25)] {
+            assert!(close(depth(magnitude), factors), "{} at {magnitude}", depth(magnitude));
+        }
     }
 
     #[test]

@@ -328,6 +328,8 @@ pub struct Stretch {
     pub place: DVec3,
     /// Mean data value.
     pub value: f64,
+    /// Mean gradient magnitude, in data units per world unit.
+    pub magnitude: f64,
     /// Opacity of the segment.
     pub opacity: f64,
     /// Transmittance from the segment to the eye.
@@ -405,8 +407,8 @@ impl Ray {
         let dims = DVec3::from_array(scene.frame.geometry.dims.map(count));
         let own = march_ray(scene, &planned, &exact, [size, place], progress, |sample: &RaySample<'_, f64>| {
             let place = DVec3::from_array(sample.place) * dims - 0.5;
-            let factor = exact.gradient_factor(sample.place);
-            profile.add(place, exact.at(sample.place), [factor, sample.length], sample.transmittance);
+            let magnitude = exact.magnitude_at(sample.place);
+            profile.add(place, exact.at(sample.place), [magnitude, sample.length], sample.transmittance);
         })?;
         let mut finer = scene.clone();
         finer.accuracy.step_length /= FINER;
@@ -477,20 +479,20 @@ impl<'a> Profile<'a> {
         }
     }
 
-    /// Adds the next sample: its place, its value, the label that replaces the transfer function, the factor on the
-    /// transfer function by the gradient magnitude and the length in steps, and the transmittance to the eye.
+    /// Adds the next sample: its place, its value, the label that replaces the transfer function, the gradient magnitude
+    /// and the length in steps, and the transmittance to the eye.
     fn add(
         &mut self,
         place: DVec3,
         (value, label): (f64, Option<usize>),
-        [factor, length]: [f64; 2],
+        [magnitude, length]: [f64; 2],
         transmittance: &[f64],
     ) {
         let scene = self.scene;
         let materials = scene.materials.len();
         let entry = label.and_then(|label| scene.labels.as_ref()?.declared.get(label));
         let medium = match entry {
-            None => scene.transfer.medium(value, materials),
+            None => scene.transfer.medium_with(value, magnitude, materials),
             Some(entry) => {
                 let alone =
                     |depth: f64| (0..materials).map(|at| if at == entry.material { depth } else { 0.0 }).collect();
@@ -498,8 +500,7 @@ impl<'a> Profile<'a> {
                 crate::scene::Medium { scattering, absorption: alone(entry.absorption) }
             }
         };
-        let factor = if entry.is_some() { 1.0 } else { factor };
-        let lengths = factor * length * scene.step_length() / scene.transfer.opacity_length;
+        let lengths = length * scene.step_length() / scene.transfer.opacity_length;
         let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
         let grey: f64 = occluding.map(|(_, depth)| depth * lengths).sum();
         let [scattering, absorption] = [medium.scattering, medium.absorption]
@@ -533,6 +534,7 @@ impl<'a> Profile<'a> {
                 distance: 0.0,
                 place: DVec3::ZERO,
                 value: 0.0,
+                magnitude: 0.0,
                 opacity: 0.0,
                 transmittance: transmitted,
                 scattering: vec![0.0; materials],
@@ -544,6 +546,7 @@ impl<'a> Profile<'a> {
             stretch.distance += (at - stretch.distance) / here;
             stretch.place += (place - stretch.place) / here;
             stretch.value += (value - stretch.value) / here;
+            stretch.magnitude += (magnitude - stretch.magnitude) / here;
             stretch.opacity += (1.0 - stretch.opacity) * hides;
             let depths = [(&mut stretch.scattering, &scattering), (&mut stretch.absorption, &absorption)];
             for (sums, depths) in depths {
@@ -560,6 +563,7 @@ impl<'a> Profile<'a> {
             distance: f64::midpoint(pair[0].distance, pair[1].distance),
             place: pair[0].place.midpoint(pair[1].place),
             value: f64::midpoint(pair[0].value, pair[1].value),
+            magnitude: f64::midpoint(pair[0].magnitude, pair[1].magnitude),
             opacity: pair[0].opacity + (1.0 - pair[0].opacity) * pair[1].opacity,
             transmittance: pair[0].transmittance,
             scattering: sum(&pair[0].scattering, &pair[1].scattering),

@@ -265,6 +265,10 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             [index, "material", name @ ..] if !name.is_empty() => {
                 Command::Named(About::IntervalMaterial(numbers::<usize, 1>(verb, &[index])?[0]), name.join(" "))
             }
+            [index, "gradient", "off"] => edit(Edit::TermGradient(numbers::<usize, 1>(verb, &[index])?[0], Vec::new())),
+            [index, "gradient", points @ ..] => {
+                edit(Edit::TermGradient(numbers::<usize, 1>(verb, &[index])?[0], factor_points(verb, points)?))
+            }
             [index, numbers_of_it @ ..] => {
                 Command::Interval(numbers::<usize, 1>(verb, &[index])?[0], numbers(verb, numbers_of_it)?)
             }
@@ -272,12 +276,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         },
         "gradient" => match rest {
             ["off"] => edit(Edit::GradientOpacity(Vec::new())),
-            points if !points.is_empty() && points.len().is_multiple_of(2) => {
-                let point =
-                    |pair: &[&str]| numbers(verb, pair).map(|[magnitude, factor]: [f64; 2]| (magnitude, factor));
-                edit(Edit::GradientOpacity(points.chunks_exact(2).map(point).collect::<Result<_, _>>()?))
-            }
-            _ => return Err("write gradient off, or gradient MAGNITUDE FACTOR once or more".to_owned()),
+            points => edit(Edit::GradientOpacity(factor_points(verb, points)?)),
         },
         "label" => {
             let (opacity, name) = rest.split_last().ok_or("label NAME OPACITY")?;
@@ -479,6 +478,15 @@ fn above_zero(verb: &str, word: &str) -> Result<f64, String> {
     number.ok_or_else(|| format!("{verb} needs a number above 0, not {word:?}"))
 }
 
+/// Points of a factor by the gradient, as magnitudes and factors in turn.
+fn factor_points(verb: &str, words: &[&str]) -> Result<Vec<(f64, f64)>, String> {
+    if words.is_empty() || !words.len().is_multiple_of(2) {
+        return Err("write off, or MAGNITUDE FACTOR once or more".to_owned());
+    }
+    let point = |pair: &[&str]| numbers(verb, pair).map(|[magnitude, factor]: [f64; 2]| (magnitude, factor));
+    words.chunks_exact(2).map(point).collect()
+}
+
 fn switch(verb: &str, words: &[&str]) -> Result<bool, String> {
     match words {
         ["on"] => Ok(true),
@@ -516,7 +524,7 @@ impl About {
             Self::Forget => Edit::Forget(preset()?),
             Self::AddInterval([from, to, ramp, opacity]) => {
                 let interval = Interval { material: material()?, range: [from, to], ramp, opacity, absorption: 0.0 };
-                Edit::AddInterval(interval)
+                Edit::AddInterval(interval, Vec::new())
             }
             Self::IntervalMaterial(index) => {
                 Edit::Interval(index, Interval { material: material()?, ..interval(state, index)? })

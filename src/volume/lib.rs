@@ -9,6 +9,7 @@ mod connected;
 mod data;
 mod error;
 mod geometry;
+mod joint;
 mod label_names;
 mod labels;
 mod layout;
@@ -41,6 +42,7 @@ pub use phantom::Phantom;
 pub use readers::open::{extensions, make_bricks, open, open_by, open_raw, packed_blocks};
 pub use readers::open::{has_header, is_volume, refusal};
 
+pub use joint::{JOINT_BINS, JointHistogram};
 pub use label_names::{BUILT_IN_NAMES, is_built_in, label_names};
 pub use labels::{LabelCounts, MOST_LABELS, NoLabels, is_background};
 pub use layout::{ByteOrder, RawLayout};

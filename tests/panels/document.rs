@@ -62,7 +62,11 @@ fn an_edit_makes_stale_what_it_must() {
     let camera = [Edit::Camera(Move::Orbit { right: 10.0, up: 0.0 }, 1.0), Edit::Camera(Move::Projection, 1.0)];
     let tables = [
         Edit::Interval(0, Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
-        Edit::AddInterval(Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
+        Edit::TermGradient(0, vec![(1.0, 0.5)]),
+        Edit::AddInterval(
+            Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 },
+            Vec::new(),
+        ),
         Edit::RemoveTerm(0),
         Edit::Accuracy(Accuracy { step_length: 0.7, ..document().state().scene.accuracy.clone() }),
     ];

@@ -97,13 +97,16 @@ fn what_colours_the_light_that_passes_is_named() {
     );
     let scene = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
     let mut document = Document::new(scene);
-    document.edit(&Edit::AddInterval(Interval {
-        material: document.state().scene.materials.iter().position(|material| material.name == "stain").unwrap(),
-        range: [-1e6, 1e6],
-        ramp: 0.0,
-        opacity: 0.0,
-        absorption: 0.05,
-    }));
+    document.edit(&Edit::AddInterval(
+        Interval {
+            material: document.state().scene.materials.iter().position(|material| material.name == "stain").unwrap(),
+            range: [-1e6, 1e6],
+            ramp: 0.0,
+            opacity: 0.0,
+            absorption: 0.05,
+        },
+        Vec::new(),
+    ));
     let mut window = wide(document.clone());
     let probe = probed_of(&document);
     assert!(probe.absorbed.iter().sum::<f64>() > 0.1, "{:?}", probe.absorbed);

@@ -266,3 +266,62 @@ fn the_opacity_by_gradient_is_switched_edited_and_kept_while_it_is_off() {
     window.run();
     assert!(points(&window).is_empty());
 }
+
+#[test]
+fn a_drag_over_values_and_gradients_adds_a_rectangle_whose_edges_move() {
+    let mut window = with_histogram();
+    window.run();
+    assert!(window.query_by_label("values and gradients").is_none());
+    window.get_by_label("By gradient").click();
+    window.run();
+    let plane = window.get_by_label("values and gradients").rect();
+    let before = intervals(&window).len();
+    let rest = |window: &mut Harness<'_, App>| window.state_mut().document.as_mut().unwrap().rest();
+    let [from, to] =
+        [plane.left_bottom().lerp(plane.right_top(), 0.3), plane.left_bottom().lerp(plane.right_top(), 0.6)];
+    drag_along(&mut window, &[from, from.lerp(to, 0.5), to]);
+    rest(&mut window);
+    let document = window.state().document.as_ref().unwrap();
+    let transfer = document.state().scene.transfer.clone();
+    let statistics = document.statistics().unwrap().clone();
+    let steepest = document.joint_histogram().unwrap().steepest;
+    assert_eq!(transfer.terms.len(), before + 1, "one more");
+    let added = transfer.terms.last().unwrap();
+    let span = statistics.max - statistics.min;
+    let range = added.as_interval().unwrap().range.map(|end| (end - statistics.min) / span);
+    assert!((range[0] - 0.3).abs() < 0.02 && (range[1] - 0.6).abs() < 0.02, "{range:?}");
+    let points: Vec<(f64, f64)> = added.gradient.iter().map(|point| (point.0 / steepest, point.1)).collect();
+    let expected = [(0.25, 0.0), (0.3, 1.0), (0.6, 1.0), (0.65, 0.0)];
+    for (found, expected) in points.iter().zip(expected) {
+        assert!((found.0 - expected.0).abs() < 0.02 && (found.1 - expected.1).abs() < 1e-9, "{points:?}");
+    }
+    assert_eq!(points.len(), 4, "{points:?}");
+
+    // Its upper edge, then its left one; each drag is one step back.
+    let dragged = |window: &mut Harness<'_, App>, (label, part): (&str, f32), by: Vec2| {
+        let edge = window.get_by_label(label).rect();
+        let at = edge.center_bottom().lerp(edge.center_top(), part);
+        drag_along(window, &[at, at + by / 2.0, at + by]);
+        window.state_mut().document.as_mut().unwrap().rest();
+        window.state().document.as_ref().unwrap().state().scene.transfer.terms.last().unwrap().clone()
+    };
+    let index = before;
+    let lower = dragged(&mut window, (&format!("rectangle {index}: gradient point 2"), 0.5), Vec2::new(0.0, 12.0));
+    assert!(lower.gradient[2].0 < added.gradient[2].0 && lower.gradient[3] == added.gradient[3], "{lower:?}");
+    let left = dragged(&mut window, (&format!("rectangle {index}: from"), 0.4), Vec2::new(-20.0, 0.0));
+    assert!(left.opacity[1].0 < lower.opacity[1].0 && left.gradient == lower.gradient, "{left:?}");
+    let undo = |window: &mut Harness<'_, App>| window.state_mut().document.as_mut().unwrap().undo();
+    assert!((0..3).all(|_| undo(&mut window)));
+    assert_eq!(intervals(&window).len(), before, "three steps back");
+
+    // Its numbers stand below, and an interval takes the factor of all again.
+    window.run();
+    window.get_all_by_label("own factor").next().unwrap().click();
+    window.run();
+    window.run();
+    assert_eq!(window.state().document.as_ref().unwrap().state().scene.transfer.terms[0].gradient.len(), 2);
+    retype(&mut window, "interval 0: gradient point 0: magnitude", "3");
+    assert!(
+        (window.state().document.as_ref().unwrap().state().scene.transfer.terms[0].gradient[0].0 - 3.0).abs() < 1e-9
+    );
+}

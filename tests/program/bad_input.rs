@@ -176,6 +176,11 @@ fn points_of_the_opacity_by_gradient_and_kinds_of_lighting_that_do_not_exist_are
     let many: Vec<String> = (0..17).map(|magnitude| format!("[{magnitude},0]")).collect();
     let many = format!("transfer.gradient_opacity=[{}]", many.join(","));
     definition_refused(&many, &["17 points", "the limit is 16"]);
+    definition_refused("transfer.intervals.bone.gradient=[[-1,0],[5,1]]", &["gradient starts at -1", "at least 0"]);
+    let five: Vec<String> =
+        (1..=5).map(|n| format!("{{material=\"bone\",range=[1,9],opacity=0.1,gradient=[[{n},0],[9,1]]}}")).collect();
+    let five = format!("transfer.intervals=[{}]", five.join(","));
+    definition_refused(&five, &["5 different factors by the gradient", "the limit is 4"]);
     definition_refused("lighting=\"both\"", &["`both`", "`two_sided`", "`one_sided`"]);
     definition_refused(
         "lights.day={spectrum=\"D65\",kind=\"three_point\",direction=[1,0,0]}",

@@ -262,6 +262,7 @@ fn a_list_of_a_stated_length_has_no_number_too_much() {
         ("volume.downsample=[2, 2, 2, 2]", 3),
         ("transfer.intervals=[{material=\"bone\", range=[1, 2, 3], opacity=0.1}]", 2),
         ("transfer.gradient_opacity=[[0, 0.1], [1, 0.2, 0.3]]", 2),
+        ("transfer.intervals=[{material=\"bone\", range=[1, 2], opacity=0.1, gradient=[[0, 0.1, 1]]}]", 2),
         ("transfer.opacity=[[0, 0.1, 1], [9, 1]]", 2),
         ("transfer.material=[[0, \"bone\", 1]]", 2),
         ("dial.nodes.day=[0, 1, 2]", 2),

@@ -82,8 +82,10 @@ fn edits() -> Vec<Edit> {
         Edit::Camera(Move::Dolly(1.3), 1.5),
         Edit::Camera(Move::Axis(Side::Top), 1.5),
         Edit::Interval(0, Interval { range: [31.7, 88.8], ..interval(1) }),
-        Edit::AddInterval(interval(1)),
+        Edit::AddInterval(interval(1), vec![(4.0, 0.5)]),
         Edit::GradientOpacity(vec![(100.0, 0.1), (50.0, 2.0), (50.0, 0.4), (f64::NAN, 0.3)]),
+        Edit::TermGradient(1, vec![(9.0, 1.0), (4.5, 0.25)]),
+        Edit::Interval(1, Interval { range: [41.0, 66.0], ..interval(1) }),
         Edit::RemoveTerm(0),
         Edit::Crop(Some([DVec3::NAN, DVec3::splat(-1.0)])),
         Edit::Intervals(vec![interval(0), interval(1)]),
@@ -182,7 +184,7 @@ fn a_curve_of_the_transfer_function_stays_or_goes() {
     let curve = "[transfer]\nopacity = [[0, 0], [9, 0.5]]\nmaterial = [[0, \"bone\"]]\n";
     let mut document = Document::new(parse(&SCENE.replace("[transfer]\n", curve)));
     assert_eq!(document.state().scene.transfer.terms.len(), 3);
-    document.edit(&Edit::AddInterval(interval(0)));
+    document.edit(&Edit::AddInterval(interval(0), Vec::new()));
     let (text, scene) = saved(&document);
     assert_eq!(scene.scene.transfer, document.state().scene.transfer, "{text}");
     document.edit(&Edit::RemoveTerm(3));
@@ -204,7 +206,7 @@ fn intervals_that_no_scene_may_state_are_not_made() {
             interval(9),
         ] {
             document.edit(&Edit::Interval(0, changed));
-            document.edit(&Edit::AddInterval(changed));
+            document.edit(&Edit::AddInterval(changed, Vec::new()));
             document.edit(&Edit::Label(0, 0, number));
             document.edit(&Edit::Label(7, 9, number));
             let (text, scene) = saved(&document);

@@ -11,7 +11,7 @@ use relume::number::Real;
 use relume::plan::{FilmCounts, Integrate, ScenePlan};
 use relume::reference::{End, Samples, Step, Stored};
 use relume::render::Renderer;
-use relume::scene::{Gradients, Interpolation, Lookup};
+use relume::scene::{Gradients, Integration, Interpolation, Lookup};
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, lab_from_xyz, xyz_of};
 use relume::volume::{Geometry, Volume, Voxels};
@@ -139,8 +139,8 @@ pub(super) fn climb(name: &str, rungs: &Rungs, renderer: Option<&Renderer>) {
     let all = vec![false; SIZE[0] * SIZE[1]];
     let places = places(rungs);
     let undecided = places.undecided.iter().filter(|&&undecided| undecided).count();
-    // 18 more roundings within a step by its gradient (`reference::gradient`).
-    let more = if rungs.planned.plan.gradient_opacity > 0 { 18.0 / longest(rungs) } else { 0.0 };
+    // 18 more roundings within a step by its gradient (`reference::factors`).
+    let more = if rungs.planned.plan.factors.any() { 18.0 / longest(rungs) } else { 0.0 };
     let lit = |accumulation: &Film<f64>| accumulation.relight(&rungs.xyz_matrices());
 
     // Basis: weights are exact up to the order of sums; a colour model may be off by its tolerance.
@@ -569,9 +569,14 @@ fn check_ramp(what: &str, rungs: &Rungs, accumulators: &[f64], transmittances: &
     let steps = longest(rungs);
     check("reference f64", &rungs.march::<f64>(&rungs.exact()), 1e-12);
     // The entry, the three numbers of a piece of the factor, and twelve within a step, of a factor of 0.5.
-    let tables = 2.0 * 16.0 * ROUNDING_UNIT;
+    let mut tables = 2.0 * 16.0 * ROUNDING_UNIT;
+    if rungs.planned.plan.integration == Integrate::Segments {
+        // A cell's part of an integral is rounded to one of 2³¹ parts of the whole.
+        let depth = transmittances.iter().map(|left| -left.ln()).fold(0.0, f64::max);
+        tables += depth * 4096.0 * 0.5_f64.powi(31);
+    }
     check("stored f64", &rungs.march::<f64>(&rungs.stored::<f64>()), tables);
-    // 18 more within a step (`reference::gradient`).
+    // 18 more within a step (`reference::factors`).
     let rounded = ROUNDINGS_PER_STEP * steps * ROUNDING_UNIT + 18.0 * ROUNDING_UNIT + tables;
     check("stored f32", &rungs.march::<f32>(&rungs.stored::<f32>()).map(f64::from), rounded);
     with_renderer(|renderer| check("device", &rungs.gpu(renderer).map(f64::from), 2.0 * rounded));
@@ -607,6 +612,25 @@ fn a_ramp_is_thinned_by_its_gradient_as_in_its_closed_form_on_every_rung() {
     let weights: Vec<f64> =
         weights.map(|((extinction, part), left)| part * scattering / extinction * (1.0 - left)).collect();
     check_ramp("coloured", &rungs, &weights, &left);
+}
+
+#[test]
+fn terms_with_factors_of_their_own_are_their_closed_form_on_every_rung() {
+    // A quarter of one term by its own factor, a half of another one by that of all.
+    let terms = "gradient = [[100, 0], [900, 0.5]]\n[[transfer.intervals]]\nmaterial = \"only\"\nrange = [-1e6, 1e6]\nopacity = 0.3\n";
+    let depths = [0.2_f64, 0.3].map(|opacity| -(-opacity).ln_1p());
+    let left = (-(0.25 * depths[0] + 0.5 * depths[1]) * RAMP_LENGTH).exp();
+    for integration in ["samples", "segments"] {
+        for gradients in [Gradients::Packed, Gradients::Central] {
+            let mut scene = ramp("", &[terms, DAY].concat(), "").scene.clone();
+            scene.accuracy.integration =
+                if integration == "samples" { Integration::Samples } else { Integration::Segments };
+            scene.accuracy.gradients = gradients;
+            let rungs = Rungs::new(scene, [8, 8]);
+            assert_eq!(rungs.planned.plan.factors.groups, 2);
+            check_ramp(integration, &rungs, &[1.0 - left], &[left]);
+        }
+    }
 }
 
 #[test]

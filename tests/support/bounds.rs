@@ -15,9 +15,9 @@
 
 use glam::DVec3;
 use relume::film::Film;
-use relume::number::Real;
-use relume::plan::{Accumulate, FilmCounts, LightPlan, Planned, ScenePlan, Shares, Transmittance};
-use relume::reference::{End, Samples, Step};
+use relume::number::{Real, rounded as single};
+use relume::plan::{Accumulate, Factors, FilmCounts, LANE, LightPlan, Planned, ScenePlan, Shares, Transmittance};
+use relume::reference::{End, Samples, Step, Stored, across};
 use relume::scene::{Direction, Lookup, Material, Placement, Position, View};
 use relume::tables::{RayTable, Steps, StoredVolume};
 
@@ -182,6 +182,8 @@ pub fn bounds<R: Real>(
         shading: None,
         phases: 0,
         thin_films: FilmCounts::default(),
+        // Samples close their densities.
+        factors: Factors::default(),
         ..planned.plan.clone()
     };
     let everywhere =
@@ -274,18 +276,28 @@ pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], ro
     let stored = rungs.stored::<f64>();
     let texels = Texels::new(&rungs.volume);
     let scale = DVec3::from_array(rungs.storage.gradient_scale());
+    // Magnitudes of gradients that are a little shorter and longer.
+    let rounded: Vec<Rungs> = if rungs.planned.plan.factors.any() {
+        vec![with_longer_gradients(rungs, -MAGNITUDE), with_longer_gradients(rungs, MAGNITUDE)]
+    } else {
+        Vec::new()
+    };
+    let rounded: Vec<Stored<'_, f64>> = rounded.iter().map(|rungs| rungs.stored()).collect();
     bounds(rungs, expected, roundings, |place| {
-        let mut here = Step::default();
-        stored.sample(place, &mut here);
+        let mut here = step_of(rungs, &stored, place);
         here.normal = stored.normal(place);
         let mut difference = Difference::default();
         for corner in 0..8 {
             let moved = std::array::from_fn(|axis| {
                 if corner >> axis & 1 == 0 { place[axis] - reach[axis] } else { place[axis] + reach[axis] }
             });
-            let mut there = Step::default();
-            stored.sample(moved, &mut there);
+            let mut there = step_of(rungs, &stored, moved);
             there.normal = stored.normal(moved);
+            difference.include(&here, &there);
+        }
+        for stored in &rounded {
+            let mut there = step_of(rungs, stored, place);
+            there.normal = here.normal;
             difference.include(&here, &there);
         }
         if rungs.volume.gradients.is_some() {
@@ -295,6 +307,33 @@ pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], ro
         // The roundings of a value are covered by those of its place: three interpolations, a scale and an offset.
         (here, difference)
     })
+}
+
+/// Relative error of a gradient magnitude: three interpolations, with at most three roundings each, a scale, and six of the length and
+/// its place in a piece of a factor.
+const MAGNITUDE: f64 = 16.0 * ROUNDING_UNIT;
+
+/// The same rungs; every gradient counts as longer by a part of it.
+fn with_longer_gradients(rungs: &Rungs, part: f64) -> Rungs {
+    let mut rungs = rungs.clone();
+    let length = 1.0 + part;
+    for [start, steepness, ..] in &mut rungs.factors.0 {
+        *start = single(f64::from(*start) / length);
+        *steepness = single(f64::from(*steepness) * length);
+    }
+    rungs
+}
+
+/// The effect of a step at `place`.
+fn step_of(rungs: &Rungs, samples: &impl Samples<f64>, place: [f64; 3]) -> Step<f64> {
+    let (mut found, mut closed) = (Step::default(), Step::default());
+    samples.sample(place, &mut found);
+    let plan = &rungs.planned.plan;
+    if !plan.adds_densities() {
+        return found;
+    }
+    across(&found, 1.0, plan.lanes() * LANE, &mut closed);
+    closed
 }
 
 /// Largest change of a normal if each stored gradient component is off by `error`.

@@ -241,6 +241,8 @@ pub(super) struct IntervalFile {
     pub(super) ramp: Option<At<f64>>,
     pub(super) opacity: At<f64>,
     pub(super) absorption: Option<At<f64>>,
+    #[serde(default, deserialize_with = "lists")]
+    pub(super) gradient: Option<At<Vec<[f64; 2]>>>,
 }
 
 #[derive(Deserialize)]

@@ -2,9 +2,6 @@
 
 use super::*;
 
-/// Points of a curve: value and height.
-type Points = Vec<(f64, f64)>;
-
 impl Text<'_> {
     pub(super) fn materials(
         &self,
@@ -98,7 +95,7 @@ impl Text<'_> {
         &self,
         file: &TransferFile,
         materials: &[Material],
-    ) -> Result<(Vec<Term>, Points), SceneError> {
+    ) -> Result<(Vec<Term>, GradientFactor), SceneError> {
         let mut terms = Vec::new();
         for interval in &file.intervals {
             let material = self.material(&interval.material, materials)?;
@@ -116,7 +113,8 @@ impl Text<'_> {
             let ramp = self.optional("ramp", interval.ramp.as_ref(), &(0.0..=f64::MAX), 0.0)?;
             let opacity = self.opacity("opacity", &interval.opacity, &materials[material])?;
             let absorption = self.absorption("absorption", interval.absorption.as_ref(), &materials[material])?;
-            terms.push(Term::interval(material, [low, high], ramp, opacity, absorption));
+            let term = Term::interval(material, [low, high], ramp, opacity, absorption);
+            terms.push(Term { gradient: self.factor("gradient", interval.gradient.as_ref())?, ..term });
         }
         match (&file.opacity, &file.material) {
             (None, None) => {}
@@ -130,20 +128,29 @@ impl Text<'_> {
                 return Err(self.invalid(alone, "a material curve needs an `opacity` curve"));
             }
         }
-        let gradient_opacity =
-            file.gradient_opacity.as_ref().map(|stated| self.gradient_opacity(stated)).transpose()?;
-        Ok((terms, gradient_opacity.unwrap_or_default()))
+        let all = self.factor("gradient_opacity", file.gradient_opacity.as_ref())?;
+        let factors = different_factors(&terms, &all).len();
+        if let Some(last) =
+            file.intervals.iter().rev().find_map(|it| it.gradient.as_ref()).filter(|_| factors > FACTORS)
+        {
+            let message = format!(
+                "the terms have {factors} different factors by the gradient; the limit is {FACTORS}, because each group of terms with one is looked up apart"
+            );
+            return Err(self.invalid(last, message));
+        }
+        Ok((terms, all))
     }
 
-    /// Points of the factor on the opacity by the gradient magnitude.
-    fn gradient_opacity(&self, stated: &At<Vec<[f64; 2]>>) -> Result<Vec<(f64, f64)>, SceneError> {
+    /// Points of a factor by the gradient magnitude; none if the file states none.
+    fn factor(&self, key: &str, stated: Option<&At<Vec<[f64; 2]>>>) -> Result<GradientFactor, SceneError> {
+        let Some(stated) = stated else { return Ok(Vec::new()) };
         let points = self.curve("a factor", stated, &UNIT)?;
         if points.len() > GRADIENT_POINTS {
-            let message = format!("gradient_opacity has {} points; the limit is {GRADIENT_POINTS}", points.len());
+            let message = format!("{key} has {} points; the limit is {GRADIENT_POINTS}", points.len());
             return Err(self.invalid(stated, message));
         }
         if let Some(point) = points.first().filter(|point| point.0 < 0.0) {
-            let message = format!("gradient_opacity starts at {}; a magnitude is at least 0", readable(point.0));
+            let message = format!("{key} starts at {}; a magnitude is at least 0", readable(point.0));
             return Err(self.invalid(stated, message));
         }
         match points.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
@@ -212,7 +219,8 @@ impl Text<'_> {
         if let Some(pair) = curve.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
             return Err(self.invalid(material, descends(pair[0].0, pair[1].0)));
         }
-        Ok(Term { ramp: None, opacity: points, absorption: depths, material: MaterialCurve(curve) })
+        let material = MaterialCurve(curve);
+        Ok(Term { ramp: None, opacity: points, absorption: depths, material, gradient: Vec::new() })
     }
 
     /// The declared labels, and the entry of all others.

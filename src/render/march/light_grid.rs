@@ -15,7 +15,7 @@ use crate::{RenderError, Renderer, Source, Uploaded};
 use relume_base::number::{count, rounded, unsigned, whole};
 use relume_scene::plan::{Planned, ScenePlan};
 use relume_scene::tables::{
-    ExtinctionTable, GRID_LIGHTS, GradientTable, GridDepth, GridLight, LARGEST_RISE, LightGrid, PositionTable,
+    ExtinctionTable, FactorTable, GRID_LIGHTS, GridDepth, GridLight, LARGEST_RISE, LightGrid, PositionTable,
     SKY_SPACING, Sweep, Within, sky_direction, sky_reach,
 };
 use relume_scene::{Interpolation, Lookup, Scene};
@@ -137,7 +137,7 @@ struct Key {
     start: f64,
     /// Of each depth of a light.
     extinctions: Vec<ExtinctionTable>,
-    gradients: GradientTable,
+    factors: FactorTable,
     lookup: Lookup,
     interpolation: Interpolation,
 }
@@ -259,7 +259,7 @@ impl Renderer {
             sky,
             start: scene.shadow_start(),
             extinctions: ExtinctionTable::of_plan(scene, planned, medium.storage.domain),
-            gradients: GradientTable::new(scene, &medium.storage),
+            factors: FactorTable::new(scene, planned, &medium.storage),
             lookup: plan.lookup,
             interpolation: plan.interpolation,
         };
@@ -554,8 +554,7 @@ impl DeviceGrid {
         sweep: Sweep,
         summing: Option<Summing>,
     ) -> Result<Current, RenderError> {
-        let (device, plan, Key { grid, sky, extinctions, gradients, .. }) =
-            (&renderer.device, &planned.plan, &self.key);
+        let (device, plan, Key { grid, sky, extinctions, factors, .. }) = (&renderer.device, &planned.plan, &self.key);
         let extinctions = &extinctions[number];
         let (grid, fill) = match (&summing, sweep.to) {
             (Some(_), _) => (sky, Fill::Sky { within: sweep.within.is_some() }),
@@ -587,7 +586,7 @@ impl DeviceGrid {
             high,
             coordinate_offset: rounded(offset),
             gradient_scale: medium.storage.gradient_scale().map(rounded),
-            coordinate_last: rounded(count(extinctions.values.len() - 1)),
+            coordinate_last: rounded(count(extinctions.entries() - 1)),
             shear: sweep.shear.map(rounded),
             first: sweep.first.map(rounded),
             columns: sweep.columns.map(unsigned),
@@ -606,7 +605,7 @@ impl DeviceGrid {
             directions: unsigned(summing.as_ref().map_or(1, |summing| summing.directions)),
         };
         let sweep_buffer = uniform("sweep", bytemuck::bytes_of(&sweep_uniform))?;
-        let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients.0))?;
+        let factors = uniform("factors", bytemuck::cast_slice(&factors.0))?;
         let table: Vec<f32> = extinctions.values.iter().chain(&extinctions.labels).copied().collect();
         let (memory, table) = renderer.numbers("extinctions", bytemuck::cast_slice(&table))?;
         let planes = sweep.kept() * sweep.columns[0] * sweep.columns[1] * size_of::<f32>();
@@ -632,7 +631,7 @@ impl DeviceGrid {
         let (pipeline, set) = renderer.bind(light_grid_source(plan, GROUP, memory, fill, self.texel()), |name| {
             Some(match name {
                 "sweep_uniform" => Resource::Uniform(&sweep_buffer),
-                "gradient_table" => Resource::Uniform(&gradients),
+                "factor_table" => Resource::Uniform(&factors),
                 "volume" => Resource::Texture(&medium.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "labels" => Resource::Texture(medium.label_image.as_ref()?),

@@ -15,7 +15,7 @@ use crate::{RenderError, Renderer, Uploaded};
 use relume_base::number::{count, rounded, unsigned};
 use relume_scene::plan::{Integrate, LANE, Planned, Transmittance};
 use relume_scene::tables::{
-    BlockBox, GradientTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
+    BlockBox, FactorTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
     ThinFilmTable, TransferTable, ray_places,
 };
 use relume_scene::{Interpolation, Scene, ShadowMethod, StoreAs};
@@ -92,7 +92,7 @@ impl BlockUniform {
 
 /// The table of the transfer function.
 enum Values {
-    /// Effects of steps.
+    /// Effects of steps, or densities at samples.
     Steps(TransferTable),
     /// Integrals of densities.
     Segments(SegmentTable),
@@ -101,15 +101,11 @@ enum Values {
 impl Values {
     /// Builds the tables of `scene`: of values, and of labels.
     fn new(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> (Self, TransferTable) {
-        match planned.plan.integration {
-            Integrate::Samples => {
-                (Self::Steps(TransferTable::new(scene, planned, domain)), TransferTable::of_labels(scene, planned))
-            }
-            Integrate::Segments => (
-                Self::Segments(SegmentTable::new(scene, planned, domain)),
-                TransferTable::densities_of_labels(scene, planned),
-            ),
-        }
+        let values = match planned.plan.integration {
+            Integrate::Samples => Self::Steps(TransferTable::new(scene, planned, domain)),
+            Integrate::Segments => Self::Segments(SegmentTable::new(scene, planned, domain)),
+        };
+        (values, TransferTable::of_labels(scene, planned))
     }
 
     /// Source and opacity as bytes.
@@ -243,8 +239,8 @@ impl Renderer {
         let film_table = ThinFilmTable::new(scene, planned);
         let thin_films = uniform("thin films", &film_bytes(&film_table))?;
         let thin_film_angles = storage("film angles", bytemuck::cast_slice(&film_table.angles))?;
-        let gradients = GradientTable::new(scene, &uploaded.storage).0;
-        let gradients = uniform("gradient opacity", bytemuck::cast_slice(&gradients))?;
+        let factors = FactorTable::new(scene, planned, &uploaded.storage).0;
+        let factors = uniform("factors", bytemuck::cast_slice(&factors))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
         let unit = match &values {
             Values::Steps(_) => 0.0,
@@ -301,7 +297,7 @@ impl Renderer {
                 "thin_film_angles" => Resource::Storage(&thin_film_angles),
                 "absorbers" => Resource::Uniform(&absorbers),
                 "segments_uniform" => Resource::Uniform(&segments),
-                "gradient_table" => Resource::Uniform(&gradients),
+                "factor_table" => Resource::Uniform(&factors),
                 "volume" => Resource::Texture(&uploaded.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "occupancy" => Resource::Storage(&occupied),

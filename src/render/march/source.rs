@@ -25,7 +25,7 @@ macro_rules! text {
     };
 }
 
-/// Shader texts by name: source, transmittance, memory of tables, factor on the opacity, the march through a whole volume
+/// Shader texts by name: source, transmittance, memory of tables, factors on the medium, the march through a whole volume
 /// or through bricks, and its integration.
 fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -> Vec<Part> {
     let mut parts = vec![
@@ -43,7 +43,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
             TableMemory::Uniform => text!("tables_uniform.wgsl"),
         },
         text!("thinning.wgsl"),
-        text!("gradient_opacity.wgsl"),
+        text!("factors.wgsl"),
         text!("rays.wgsl"),
         text!("fetch.wgsl"),
     ];
@@ -55,11 +55,21 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         Residence::Whole => vec![text!("whole.wgsl"), text!("march.wgsl"), text!("slices.wgsl"), steps],
         Residence::Bricked { .. } => vec![text!("bricks.wgsl"), text!("march.wgsl"), text!("rounds.wgsl")],
     });
-    parts.extend(match (plan.integration, plan.transmittance) {
-        (Integrate::Samples, _) => vec![text!("samples.wgsl")],
-        (Integrate::Segments, Transmittance::Grey) => vec![text!("segments_grey.wgsl"), text!("segments.wgsl")],
-        (Integrate::Segments, _) => vec![text!("segments_coloured.wgsl"), text!("segments.wgsl")],
-    });
+    let grey = plan.transmittance == Transmittance::Grey;
+    if plan.adds_densities() {
+        parts.push(if grey { text!("densities_grey.wgsl") } else { text!("densities_coloured.wgsl") });
+        parts.push(text!("densities.wgsl"));
+    }
+    match plan.integration {
+        Integrate::Samples if plan.factors.any() => {
+            parts.extend([text!("samples.wgsl"), text!("samples_of_groups.wgsl")]);
+        }
+        Integrate::Samples => parts.extend([text!("samples.wgsl"), text!("samples_of_steps.wgsl")]),
+        Integrate::Segments => {
+            parts.push(if grey { text!("segments_grey.wgsl") } else { text!("segments_coloured.wgsl") });
+            parts.push(text!("segments.wgsl"));
+        }
+    }
     parts.push(match plan.light.absorbers {
         0 => text!("share_grey.wgsl"),
         _ => text!("share_coloured.wgsl"),
@@ -150,6 +160,8 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .u32("LANES", unsigned(plan.lanes().max(1)))
         .u32("COMPONENTS", unsigned(dimension))
         .u32("TABLE_LANES", table_lanes)
+        // Of all groups of terms.
+        .u32("GROUP_LANES", table_lanes * unsigned(plan.factors.in_tables()))
         .u32("SHADING_LANES", unsigned(plan.shading_lanes()))
         .u32("UNSHADED", unsigned(parts.unshaded))
         .u32("DIFFUSE", unsigned(parts.diffuse))
@@ -167,8 +179,9 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .u32("THIN_FILMS", unsigned(if plan.layers() == 0 { 0 } else { plan.thin_films.total() }))
         .bool("GRADIENT", plan.gradient())
         .bool("STORED_GRADIENT", plan.stores_gradient())
-        .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
-        .u32("GRADIENT_PIECES", unsigned(plan.gradient_opacity.saturating_sub(1)))
+        .bool("FACTORS", plan.factors.any())
+        .u32("GROUPS", unsigned(plan.factors.in_tables()))
+        .u32("FACTOR_VECTORS", unsigned(plan.factors.points.max(1)))
         .bool("ONE_SIDED", plan.shading.is_some_and(|terms| terms.one_sided))
         .bool("SPECULAR", specular.is_some())
         .bool("ONE_EXPONENT", one_exponent.is_some())
@@ -235,8 +248,9 @@ pub(super) fn light_grid_source(
         .bool("SKY", matches!(fill, Fill::Sky { .. }))
         .bool("POINT_LIGHT", fill == Fill::Point)
         .bool("STORED_GRADIENT", plan.stores_gradient())
-        .bool("GRADIENT_OPACITY", plan.gradient_opacity > 0)
-        .u32("GRADIENT_PIECES", unsigned(plan.gradient_opacity.saturating_sub(1)))
+        .bool("FACTORS", plan.factors.any())
+        .u32("GROUPS", unsigned(plan.factors.in_tables()))
+        .u32("FACTOR_VECTORS", unsigned(plan.factors.points.max(1)))
         .bool("LABELS", plan.labels)
         .bool("SMOOTH_LABELS", plan.smooth_labels)
         .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
@@ -255,7 +269,7 @@ pub(super) fn light_grid_source(
     let half = text!("nearest_half.wgsl");
     let parts = vec![
         extinctions,
-        text!("gradient_opacity.wgsl"),
+        text!("factors.wgsl"),
         text!("fetch.wgsl"),
         text!("whole.wgsl"),
         half,
@@ -298,7 +312,7 @@ pub(crate) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
 mod tests {
     use super::*;
     use crate::march::MarchUniform;
-    use relume_scene::plan::{FilmCounts, LightPlan, ShadingTerms};
+    use relume_scene::plan::{Factors, FilmCounts, LightPlan, ShadingTerms};
     use relume_scene::{Direction, Gradients, VolumeAs};
 
     fn plan_of(materials: usize) -> ScenePlan {
@@ -309,7 +323,7 @@ mod tests {
             shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
             phases: 0,
             thin_films: FilmCounts::default(),
-            gradient_opacity: 0,
+            factors: Factors::default(),
             labels: false,
             smooth_labels: false,
             background: false,

@@ -258,11 +258,14 @@ impl Planned {
         }
         sentences.extend(self.explain_thin_films(scene));
         sentences.extend(self.explain_shadows(scene));
-        if plan.gradient_opacity > 0 {
-            sentences.push(format!(
-                "The opacity follows the magnitude of the gradient, which is {}; labels are unaffected.",
-                gradients(plan.gradients)
-            ));
+        if plan.factors.any() {
+            let opacity = match plan.factors.groups {
+                1 => "The opacity follows the magnitude of the gradient".to_owned(),
+                groups => format!(
+                    "The opacity of terms follows the magnitude of the gradient, by {groups} different factors, whose parts are looked up apart"
+                ),
+            };
+            sentences.push(format!("{opacity}. The gradient is {}; labels are unaffected.", gradients(plan.gradients)));
         }
         if plan.labels {
             sentences.push(

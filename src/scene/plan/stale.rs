@@ -89,7 +89,7 @@ impl Stale {
             shading,
             phases,
             thin_films,
-            gradient_opacity,
+            factors,
             labels: _,
             smooth_labels: _,
             background,
@@ -104,16 +104,15 @@ impl Stale {
             storage,
         } = *plan;
         let later = &after.plan;
-        let tables =
-            (accumulate, transmittance, light, (shading, phases, thin_films), gradient_opacity, (lookup, integration))
-                != (
-                    later.accumulate,
-                    later.transmittance,
-                    &later.light,
-                    (later.shading, later.phases, later.thin_films),
-                    later.gradient_opacity,
-                    (later.lookup, later.integration),
-                );
+        let tables = (accumulate, transmittance, light, (shading, phases, thin_films), factors, (lookup, integration))
+            != (
+                later.accumulate,
+                later.transmittance,
+                &later.light,
+                (later.shading, later.phases, later.thin_films),
+                later.factors,
+                (later.lookup, later.integration),
+            );
         if tables || *materials != after.materials || positions.len() != after.positions.len() {
             return Self::Tables;
         }

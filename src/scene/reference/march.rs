@@ -6,7 +6,7 @@ use glam::DVec3;
 use smallvec::SmallVec;
 
 use super::composite::{Lost, attenuate_all, attenuate_matrix};
-use super::gradient::thin;
+use super::factors::thin;
 use super::light::{At, Light, Scratch};
 use super::{End, ReferenceError, Samples, Step, store};
 use crate::Scene;
@@ -203,8 +203,9 @@ impl<'a, R: Real> Frame<'a, R> {
             return self.march_segments(samples, ray, sums, seen);
         }
         let mixed = self.planned.plan.transmittance == Transmittance::Mixed;
+        let plan = &self.planned.plan;
         let mut transmittance = self.all_light();
-        let (mut step, mut scratch) = (Step::default(), Scratch::default());
+        let (mut read, mut closed, mut scratch) = (Step::default(), Step::default(), Scratch::default());
         let mut lost = self.lost(sums.len(), transmittance.len());
         let (mut steps, mut leave) = (self.within_block(ray), 0);
         let along = ray.direction.map(|part| part * self.step_length);
@@ -219,9 +220,15 @@ impl<'a, R: Real> Frame<'a, R> {
                     continue;
                 }
             }
-            samples.sample(place, &mut step);
+            samples.sample(place, &mut read);
             let length = to - from;
-            thin([&mut step.source, &mut step.opacity], &self.planned.plan, length);
+            let step = if plan.adds_densities() {
+                across(&read, length, plan.lanes() * LANE, &mut closed);
+                &mut closed
+            } else {
+                thin([&mut read.source, &mut read.opacity], plan, length);
+                &mut read
+            };
             if !seen(&RaySample { index: n, place, length, transmittance: &transmittance }) {
                 break;
             }
@@ -229,10 +236,10 @@ impl<'a, R: Real> Frame<'a, R> {
                 continue;
             }
             step.normal = samples.normal(place);
-            let at = At { view: ray.view, place, step: &step, transmittance: &transmittance };
+            let at = At { view: ray.view, place, step, transmittance: &transmittance };
             self.light.add(&at, samples, sums, &mut lost, &mut scratch);
             if mixed {
-                transmittance = attenuate_matrix(&transmittance, &step.opacity, self.planned.plan.components());
+                transmittance = attenuate_matrix(&transmittance, &step.opacity, plan.components());
             } else {
                 attenuate_all(&mut transmittance, &step.opacity, lost.as_mut());
             }
@@ -358,9 +365,9 @@ impl<'a, R: Real> Frame<'a, R> {
     }
 }
 
-/// Sets `step` to the effect of a segment of `length`, in steps, with this mean density: α = 1 − e^(−τ·length), and the
+/// Sets `step` to the effect of a medium of this density over a `length`, in steps: α = 1 − e^(−τ·length), and the
 /// scattered light times α/τ. Component c of each `components` numbers of the source has opacity c, or the only one.
-fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &mut Step<R>) {
+pub fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &mut Step<R>) {
     step.opacity.clear();
     step.opacity.extend(density.opacity.iter().map(|&depth| -(-(depth * length)).exp_m1()));
     let gain = |(&depth, &opacity): (&R, &R)| {

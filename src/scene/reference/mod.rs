@@ -1,7 +1,7 @@
 //! Reference renderer, written for readability: full spectra in f64, and the planned model in f64 and f32.
 
 mod composite;
-mod gradient;
+mod factors;
 mod kept;
 mod light;
 mod march;
@@ -15,7 +15,7 @@ mod thin_film;
 
 pub use composite::{attenuate, attenuate_matrix, composite, composite_matrix};
 pub use kept::{Keeping, KeptDepths};
-pub use march::{Marched, RaySample};
+pub use march::{Marched, RaySample, across};
 pub use marching::{Marching, march, march_ray, render, render_pixels};
 pub use samples::{End, Exact, Label, Samples, Step, Stored};
 pub use skipping::Skipping;

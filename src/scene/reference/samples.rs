@@ -1,22 +1,22 @@
 //! Samples of the volume: exact, or with the device's tables and textures.
 
-use super::gradient::{gradient_factor, thin};
+use super::factors::{factors_at, sum_groups};
 use super::kept::{Keeping, KeptDepths};
-use crate::plan::{LANE, Planned};
+use crate::plan::Planned;
 use crate::tables::{
-    self, ExtinctionTable, GradientTable, LabelMap, SegmentTable, Steps, Storage, StoredScene, StoredVolume,
+    self, ExtinctionTable, FactorTable, LabelMap, SegmentTable, Steps, Storage, StoredScene, StoredVolume,
     TransferTable,
 };
 use crate::{Interpolation, Lookup, Scene};
 use relume_base::number::{Real, count, unit};
 use relume_volume::Volume;
 
-/// Effect of one step at a sample, in the layout of a table entry.
+/// Effect of one step at a sample, or the density of the medium there, in the layout of a table entry.
 #[derive(Clone, Debug, Default)]
 pub struct Step<R> {
-    /// Light added by the step.
+    /// Light added by the step; of a density, light scattered per step length.
     pub source: Vec<R>,
-    /// Light removed by the step: as many numbers as the plan's transmittance.
+    /// Light removed by the step, or optical depth per step length: as many numbers as the plan's transmittance.
     pub opacity: Vec<R>,
     /// Unit gradient of the data in the volume's axes, [`Samples::normal`], where a march needs it.
     pub normal: [R; 3],
@@ -155,7 +155,8 @@ impl<R: Real> Shares<R> {
 
 /// A source of samples.
 pub trait Samples<R: Real>: Sync {
-    /// Sets the source and the opacity of `step` to those of a step at `place`, in texture coordinates.
+    /// Sets the source and the opacity of `step` to those of a step at `place`, in texture coordinates, or of the density there if the
+    /// plan adds densities ([`ScenePlan::adds_densities`](crate::plan::ScenePlan::adds_densities)).
     fn sample(&self, place: [R; 3], step: &mut Step<R>);
 
     /// Unit gradient of the data at `place` in the volume's axes; 0 if it vanishes or the plan needs none.
@@ -200,8 +201,8 @@ pub struct Exact<'a> {
     storage: Storage,
     labels: Option<&'a LabelMap>,
     steps: Steps<'a>,
+    /// Steps or densities of labels.
     label_steps: Vec<tables::Step>,
-    label_densities: Vec<tables::Step>,
     /// Of each depth of shadows.
     label_extinctions: Vec<Vec<f64>>,
     bends: Vec<f64>,
@@ -213,8 +214,7 @@ impl<'a> Exact<'a> {
     #[must_use]
     pub fn new(scene: &'a Scene, planned: &'a Planned, storage: Storage, labels: Option<&'a LabelMap>) -> Self {
         let steps = Steps::new(scene, planned);
-        let label_steps = steps.of_labels();
-        let label_densities = steps.densities_of_labels();
+        let label_steps = if planned.plan.adds_densities() { steps.densities_of_labels() } else { steps.of_labels() };
         let label_extinctions =
             (0..=planned.plan.light.absorbers).map(|number| steps.extinctions_of_labels(number)).collect();
         let bends = scene.transfer.bends();
@@ -226,7 +226,6 @@ impl<'a> Exact<'a> {
             labels,
             steps,
             label_steps,
-            label_densities,
             label_extinctions,
             bends,
             kept: None,
@@ -271,15 +270,16 @@ impl<'a> Exact<'a> {
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
 
-    /// The factor on the medium at `place` by the gradient magnitude; 1 if the plan has none.
+    /// The gradient magnitude at `place`, in data units per world unit.
     #[must_use]
-    pub fn gradient_factor(&self, place: [f64; 3]) -> f64 {
-        if self.planned.plan.gradient_opacity == 0 {
-            return 1.0;
-        }
+    pub fn magnitude_at(&self, place: [f64; 3]) -> f64 {
+        self.magnitude_of(self.gradient_at(place))
+    }
+
+    /// Length of a gradient of normalised values, in data units per world unit.
+    fn magnitude_of(&self, gradient: [f64; 3]) -> f64 {
         let [low, high] = self.storage.domain;
-        let gradient = glam::DVec3::from_array(self.gradient_at(place));
-        self.scene.transfer.gradient_factor((high - low) * gradient.length())
+        (high - low) * glam::DVec3::from_array(gradient).length()
     }
 
     /// Derivatives of the normalised value at `place`, per world unit.
@@ -316,11 +316,13 @@ impl Samples<f64> for Exact<'_> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         let shares = self.shares(place);
         if shares.has_own() {
-            self.steps.write(self.value_at(place), [&mut step.source, &mut step.opacity]);
-            self.truncate(step);
-            if self.planned.plan.gradient_opacity > 0 && !step.does_nothing() {
-                thin([&mut step.source, &mut step.opacity], &self.planned.plan, self.gradient_factor(place));
+            let (value, into) = (self.value_at(place), [&mut step.source, &mut step.opacity]);
+            if self.planned.plan.factors.any() {
+                self.steps.write_density_with(value, self.magnitude_at(place), into);
+            } else {
+                self.steps.write(value, into);
             }
+            self.truncate(step);
         } else {
             self.set(step, &self.label_steps[0]);
         }
@@ -342,25 +344,29 @@ impl Samples<f64> for Exact<'_> {
         tables::mean_density(&self.steps, &self.bends, ends.map(|end| end.value), [source, opacity], &mut parts[0]);
         let variation = variation(ends, shares.label(), || {
             for (part, end) in parts.iter_mut().zip(ends) {
-                self.steps.write_density(end.value, [&mut part.source, &mut part.opacity]);
+                self.steps.write_densities(end.value, [&mut part.source, &mut part.opacity]);
             }
             let of = |mean: &[f64], numbers: fn(&tables::Step) -> &[f64]| {
                 largest_difference(mean, parts.each_ref().map(numbers))
             };
             of(source, |density| &density.source).max(of(opacity, |density| &density.opacity))
         });
-        self.truncate(density);
-        if self.planned.plan.gradient_opacity > 0 {
-            let [low, high] = self.storage.domain;
-            let gradient = glam::DVec3::from_array(middle_of(ends));
-            scale(density, self.scene.transfer.gradient_factor((high - low) * gradient.length()));
+        if self.planned.plan.factors.any() {
+            sum_groups(
+                [&mut density.source, &mut density.opacity],
+                &self.scene.transfer.factors_at(self.magnitude_of(middle_of(ends))),
+            );
         }
-        shares.mix(density, |row, density| self.set(density, &self.label_densities[row]));
+        self.truncate(density);
+        shares.mix(density, |row, density| self.set(density, &self.label_steps[row]));
         variation
     }
 
     fn extinction(&self, place: [f64; 3], number: usize) -> f64 {
-        let own = || self.steps.extinction(self.value_at(place), number) * self.gradient_factor(place);
+        let own = || {
+            let magnitude = if self.planned.plan.factors.any() { self.magnitude_at(place) } else { 0.0 };
+            self.steps.extinction_with(self.value_at(place), magnitude, number)
+        };
         self.shares(place).number(own, |row| self.label_extinctions[number][row])
     }
 
@@ -386,11 +392,6 @@ fn middle_of<R: Real>([a, b]: [&End<R>; 2]) -> [R; 3] {
     std::array::from_fn(|axis| (a.gradient[axis] + b.gradient[axis]) * R::from_f64(0.5))
 }
 
-/// Multiplies all numbers of a density by `factor`.
-fn scale<R: Real>(density: &mut Step<R>, factor: R) {
-    density.source.iter_mut().chain(&mut density.opacity).for_each(|number| *number = *number * factor);
-}
-
 /// The largest sum of differences between `mean` and the numbers at both ends.
 fn largest_difference<R: Real>(mean: &[R], [a, b]: [&[R]; 2]) -> R {
     let differences = mean.iter().zip(a).zip(b).map(|((&mean, &a), &b)| (mean - a).abs() + (b - mean).abs());
@@ -405,7 +406,7 @@ pub struct Stored<'a, R> {
     volume: &'a StoredVolume,
     table: &'a TransferTable,
     labels: Option<(&'a LabelMap, &'a TransferTable)>,
-    gradients: &'a GradientTable,
+    factors: &'a FactorTable,
     coordinate_scale: R,
     coordinate_offset: R,
     gradient_scale: [R; 3],
@@ -417,8 +418,6 @@ pub struct Stored<'a, R> {
 #[derive(Debug)]
 struct Segments<'a, R> {
     table: &'a SegmentTable,
-    /// Of labels.
-    densities: &'a TransferTable,
     scale: R,
     offset: R,
 }
@@ -427,18 +426,18 @@ impl<'a, R: Real> Stored<'a, R> {
     /// Creates samples of a scene `stored` for this plan.
     #[must_use]
     pub fn new(planned: &'a Planned, stored: &'a StoredScene) -> Self {
-        let StoredScene { storage, volume, table, label_table, segments, extinctions, gradients, labels } = stored;
+        let StoredScene { storage, volume, table, label_table, segments, extinctions, factors, labels } = stored;
         let [scale, offset] = table.coordinate_from_texel(storage);
-        let of_segments = |(table, densities): &'a (SegmentTable, TransferTable)| {
+        let of_segments = |table: &'a SegmentTable| {
             let [scale, offset] = table.coordinate_from_texel(storage).map(R::from_f64);
-            Segments { table, densities, scale, offset }
+            Segments { table, scale, offset }
         };
         Self {
             planned,
             volume,
             table,
             labels: labels.as_deref().map(|labels| (labels, label_table)),
-            gradients,
+            factors,
             coordinate_scale: R::from_f64(scale),
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
@@ -486,6 +485,15 @@ impl<'a, R: Real> Stored<'a, R> {
         })
     }
 
+    /// Leaves the sum of the groups of a density, times their factors by the `gradient`, which is asked for where there is any medium.
+    fn scale_groups(&self, density: &mut Step<R>, gradient: impl FnOnce() -> [R; 3]) {
+        let gradient = if density.does_nothing() { [R::default(); 3] } else { gradient() };
+        sum_groups(
+            [&mut density.source, &mut density.opacity],
+            &factors_at(self.factors, &self.planned.plan, gradient),
+        );
+    }
+
     fn shares(&self, place: [R; 3]) -> Shares<R> {
         Shares::at(self.labels.map(|(labels, _)| labels), self.planned, self.volume.dims, place)
     }
@@ -494,9 +502,8 @@ impl<'a, R: Real> Stored<'a, R> {
 impl<R: Real> Samples<R> for Stored<'_, R> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
         self.look_up(self.coordinate_at(place, self.table.entries()), step);
-        if self.planned.plan.gradient_opacity > 0 && !step.does_nothing() {
-            let factor = gradient_factor(self.gradients, self.gradient_at(place));
-            thin([&mut step.source, &mut step.opacity], &self.planned.plan, factor);
+        if self.planned.plan.factors.any() {
+            self.scale_groups(step, || self.gradient_at(place));
         }
         if let Some((_, table)) = self.labels {
             self.shares(place).mix(step, |row, step| entry(table, row, step));
@@ -519,7 +526,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
 
     // Twin of `mean_between` in `shaders/segments.wgsl`.
     fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R {
-        let Some(Segments { table, densities, .. }) = &self.segments else { return R::default() };
+        let Some(Segments { table, .. }) = &self.segments else { return R::default() };
         let [a, b] = ends.map(|end| Integrals::at(table, end.value));
         let between = ends[1].value - ends[0].value;
         let unit = R::from_f64(table.unit);
@@ -534,36 +541,28 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             most = most.max(((mean - slopes[0]).abs() + (slopes[1] - mean).abs()) * unit);
             mean * unit
         };
-        density.source.clear();
-        density.opacity.clear();
-        for lane in 0..table.lanes {
-            for part in 0..LANE {
-                let at = |integrals: &Integrals<R>| {
-                    let here = table.source[integrals.cell * table.lanes + lane][part];
-                    let next = table.source[(integrals.cell + 1) * table.lanes + lane][part];
-                    (here, R::from_f64(f64::from(next.wrapping_sub(here))))
-                };
-                let ((from, before), (to, after)) = (at(&a), at(&b));
-                density.source.push(number(from, to, [before, after]));
-            }
-        }
-        for i in 0..self.planned.plan.transmittance_numbers() {
-            let at = |integrals: &Integrals<R>| {
-                let here = table.depth[integrals.cell * table.opacity_numbers + i];
-                let next = table.depth[(integrals.cell + 1) * table.opacity_numbers + i];
-                (here, R::from_f64(f64::from(next.wrapping_sub(here))))
+        let bounds = [&a, &b].map(|integrals| [table.bound(integrals.cell), table.bound(integrals.cell + 1)]);
+        for (kind, numbers) in [&mut density.source, &mut density.opacity].into_iter().enumerate() {
+            numbers.clear();
+            let of_end = |[here, next]: &[[&[i32]; 2]; 2], i: usize| {
+                (here[kind][i], R::from_f64(f64::from(next[kind][i].wrapping_sub(here[kind][i]))))
             };
-            let ((from, before), (to, after)) = (at(&a), at(&b));
-            density.opacity.push(number(from, to, [before, after]));
+            numbers.extend((0..bounds[0][0][kind].len()).map(|i| {
+                let ((from, before), (to, after)) = (of_end(&bounds[0], i), of_end(&bounds[1], i));
+                number(from, to, [before, after])
+            }));
         }
-        if self.planned.plan.gradient_opacity > 0 {
-            scale(density, gradient_factor(self.gradients, middle_of(ends)));
+        if self.planned.plan.factors.any() {
+            sum_groups(
+                [&mut density.source, &mut density.opacity],
+                &factors_at(self.factors, &self.planned.plan, middle_of(ends)),
+            );
         }
         let shares = self.shares(middle);
-        shares.mix(density, |row, density| {
-            entry(densities, row, density);
-            density.opacity.truncate(self.planned.plan.transmittance_numbers());
-        });
+        if let Some((_, table)) = self.labels {
+            shares.mix(density, |row, density| entry(table, row, density));
+        }
+        density.opacity.truncate(self.planned.plan.transmittance_numbers());
         variation(ends, shares.label(), || most)
     }
 
@@ -572,20 +571,24 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         let Some(table) = self.extinctions.get(number) else { return R::default() };
         let number = |number: &f32| R::from_f64(f64::from(*number));
         let own = || {
-            let coordinate = self.coordinate_at(place, table.values.len());
-            let extinction = match self.planned.plan.lookup {
-                Lookup::Nearest => number(&table.values[(coordinate + R::from_f64(0.5)).floor().index()]),
-                Lookup::Linear => {
-                    let before = coordinate.floor().index().min(table.values.len() - 2);
-                    let [here, next] = [before, before + 1].map(|entry| number(&table.values[entry]));
-                    (coordinate - R::from_f64(count(before))).mul_add(next - here, here)
+            let coordinate = self.coordinate_at(place, table.entries());
+            let of_group = |group: usize| {
+                let entry = |entry: usize| number(&table.values[entry * table.groups + group]);
+                match self.planned.plan.lookup {
+                    Lookup::Nearest => entry((coordinate + R::from_f64(0.5)).floor().index()),
+                    Lookup::Linear => {
+                        let before = coordinate.floor().index().min(table.entries() - 2);
+                        let [here, next] = [before, before + 1].map(entry);
+                        (coordinate - R::from_f64(count(before))).mul_add(next - here, here)
+                    }
                 }
             };
-            if self.planned.plan.gradient_opacity > 0 {
-                extinction * gradient_factor(self.gradients, self.gradient_at(place))
-            } else {
-                extinction
+            if !self.planned.plan.factors.any() {
+                return of_group(0);
             }
+            let factors = factors_at(self.factors, &self.planned.plan, self.gradient_at(place));
+            let scaled = factors.iter().enumerate().map(|(group, &factor)| (factor, of_group(group)));
+            scaled.fold(R::default(), |sum, (factor, extinction)| factor.mul_add(extinction, sum))
         };
         self.shares(place).number(own, |row| table.labels.get(row).map_or(R::default(), number))
     }
@@ -623,7 +626,7 @@ impl<R: Real> Stored<'_, R> {
                 let fraction = coordinate - R::from_f64(count(before));
                 entry(self.table, before, step);
                 let numbers = [&mut step.source, &mut step.opacity];
-                for (numbers, after) in numbers.into_iter().zip(numbers_of(self.table, before + 1)) {
+                for (numbers, after) in numbers.into_iter().zip(self.table.entry(before + 1)) {
                     for (number, &after) in numbers.iter_mut().zip(after) {
                         *number = fraction.mul_add(R::from_f64(f64::from(after)) - *number, *number);
                     }
@@ -635,16 +638,10 @@ impl<R: Real> Stored<'_, R> {
 
 /// Sets `step` to entry `i` of a table.
 fn entry<R: Real>(table: &TransferTable, i: usize, step: &mut Step<R>) {
-    for (numbers, of_entry) in [&mut step.source, &mut step.opacity].into_iter().zip(numbers_of(table, i)) {
+    for (numbers, of_entry) in [&mut step.source, &mut step.opacity].into_iter().zip(table.entry(i)) {
         numbers.clear();
         numbers.extend(of_entry.iter().map(|&number| R::from_f64(f64::from(number))));
     }
-}
-
-/// The source and the opacity of entry `i` of a table.
-fn numbers_of(table: &TransferTable, i: usize) -> [&[f32]; 2] {
-    let (lanes, numbers) = (table.lanes, table.opacity_numbers);
-    [table.source[i * lanes..][..lanes].as_flattened(), &table.opacity[i * numbers..][..numbers]]
 }
 
 /// Interpolates `texel` at `place` (texture coordinates), x first, or returns the nearest texel. Voxels beyond the grid are those at

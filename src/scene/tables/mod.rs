@@ -3,7 +3,7 @@
 mod boxes;
 mod bricks;
 mod cells;
-mod gradient;
+mod factors;
 mod lights;
 mod phase;
 mod rays;
@@ -19,7 +19,7 @@ mod whole;
 pub use boxes::read_for_box;
 pub use bricks::{BRICK, BrickGrid, apron, slot_edge};
 pub use cells::{CELL, Cells, Occupancy};
-pub use gradient::GradientTable;
+pub use factors::FactorTable;
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction, sky_reach};
 pub use phase::{Phase, PhaseTable};
 pub use rays::{BlockBox, MOST_SAMPLES, RayTable, ray_places};

@@ -31,14 +31,16 @@ const EIGHT_POINTS: [(f64, f64); 8] = [
 /// difference of two integrals is exact in 32 bits, so the mean between two values has the same error everywhere.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SegmentTable {
-    /// Integrals of the scattered light per step length: `(cells + 1) × lanes` vectors.
+    /// Integrals of the scattered light per step length: `(cells + 1) × groups × lanes` vectors.
     pub source: Vec<[i32; LANE]>,
-    /// Integrals of the optical depth per step length: [`Self::opacity_numbers`] per bound.
+    /// Integrals of the optical depth per step length: [`Self::opacity_numbers`] per bound and group.
     pub depth: Vec<i32>,
-    /// Vectors per bound of [`Self::source`].
+    /// Vectors per bound and group of [`Self::source`].
     pub lanes: usize,
-    /// Numbers per bound of [`Self::depth`].
+    /// Numbers per bound and group of [`Self::depth`].
     pub opacity_numbers: usize,
+    /// Groups of terms, whose densities have factors of their own.
+    pub groups: usize,
     /// Unit of the integrals.
     pub unit: f64,
     /// Whether a cell surrounds the value of an entry, rather than lying between two.
@@ -51,17 +53,18 @@ impl SegmentTable {
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned, domain @ [low, high]: [f64; 2]) -> Self {
         let (lanes, opacity_numbers) = (planned.plan.parts().lanes, opacity_numbers(planned));
+        let groups = planned.plan.factors.in_tables();
         let centred = planned.plan.lookup == Lookup::Nearest;
-        let cells = cells(scene, domain, lanes, centred);
+        let cells = cells(scene, domain, groups * lanes, centred);
         let steps = Steps::new(scene, planned);
         let bends = scene.transfer.bends();
-        let mut sums = vec![vec![0.0; lanes * LANE + opacity_numbers]];
+        let mut sums = vec![vec![0.0; groups * (lanes * LANE + opacity_numbers)]];
         let (mut density, mut part) = (Step::default(), Step::default());
         for cell in 0..cells {
             let at = |place: f64| (high - low).mul_add(place, low);
             let into = [&mut density.source, &mut density.opacity];
             if centred {
-                steps.write_density(at(count(cell) / count(cells - 1)), into);
+                steps.write_densities(at(count(cell) / count(cells - 1)), into);
             } else {
                 let ends = [count(cell), count(cell + 1)].map(|bound| at(bound / count(cells)));
                 mean(&steps, &bends, ends, &TWO_POINTS, into, &mut part);
@@ -79,17 +82,17 @@ impl SegmentTable {
         let whole = |sum: f64| to_i32((sum / unit).round());
         let (mut source, mut depth) = (Vec::new(), Vec::new());
         for sum in sums {
-            let (lit, deep) = sum.split_at(lanes * LANE);
+            let (lit, deep) = sum.split_at(groups * lanes * LANE);
             source.extend(lit.chunks_exact(LANE).map(|lane| std::array::from_fn(|part| whole(lane[part]))));
             depth.extend(deep.iter().map(|&sum| whole(sum)));
         }
-        Self { source, depth, lanes, opacity_numbers, unit, centred }
+        Self { source, depth, lanes, opacity_numbers, groups, unit, centred }
     }
 
     /// Number of cells.
     #[must_use]
     pub fn cells(&self) -> usize {
-        self.depth.len() / self.opacity_numbers - 1
+        self.depth.len() / (self.groups * self.opacity_numbers) - 1
     }
 
     /// Scale and offset from a texel's value to a table coordinate, 0 to [`Self::cells`].
@@ -127,10 +130,13 @@ impl SegmentTable {
 
     /// Whether a density of cell `i` is not 0.
     fn is_active(&self, i: usize) -> bool {
-        let moved = |from: &[i32], to: &[i32]| from != to;
-        let lit = |bound: usize| self.source[bound * self.lanes..][..self.lanes].as_flattened();
-        let deep = |bound: usize| &self.depth[bound * self.opacity_numbers..][..self.opacity_numbers];
-        moved(lit(i), lit(i + 1)) || moved(deep(i), deep(i + 1))
+        self.bound(i) != self.bound(i + 1)
+    }
+
+    /// The integrals of scattered light and optical depth at bound `i`, of all groups.
+    pub(crate) fn bound(&self, i: usize) -> [&[i32]; 2] {
+        let (lanes, numbers) = (self.groups * self.lanes, self.groups * self.opacity_numbers);
+        [self.source[i * lanes..][..lanes].as_flattened(), &self.depth[i * numbers..][..numbers]]
     }
 }
 
@@ -151,7 +157,7 @@ fn cells(scene: &Scene, [low, high]: [f64; 2], lanes: usize, centred: bool) -> u
     cells
 }
 
-/// Sets `density` to the mean density over the values between `ends`, in either order, in f64: Gauss quadrature between
+/// Sets `density` to the mean densities of the groups of terms over the values between `ends`, in either order, in f64: Gauss quadrature between
 /// `bends`, the values at which the density has a corner or a jump. `part` is memory for the densities of single values.
 pub(crate) fn mean_density(
     steps: &Steps<'_>,
@@ -173,7 +179,7 @@ fn mean(
 ) {
     let (low, high) = (a.min(b), a.max(b));
     if high - low <= 1e-12 * (low.abs() + high.abs()) {
-        return steps.write_density(f64::midpoint(low, high), [source, opacity]);
+        return steps.write_densities(f64::midpoint(low, high), [source, opacity]);
     }
     let within = bends.partition_point(|&bend| bend <= low)..bends.partition_point(|&bend| bend < high);
     let mut from = low;
@@ -183,11 +189,11 @@ fn mean(
             let value = f64::midpoint(from, to) + node * (to - from) / 2.0;
             let share = weight / 2.0 * ((to - from) / (high - low));
             if std::mem::take(&mut first) {
-                steps.write_density(value, [source, opacity]);
+                steps.write_densities(value, [source, opacity]);
                 source.iter_mut().chain(&mut *opacity).for_each(|number| *number *= share);
                 continue;
             }
-            steps.write_density(value, [&mut part.source, &mut part.opacity]);
+            steps.write_densities(value, [&mut part.source, &mut part.opacity]);
             let parts = part.source.iter().chain(&part.opacity);
             for (sum, part) in source.iter_mut().chain(&mut *opacity).zip(parts) {
                 *sum = part.mul_add(share, *sum);

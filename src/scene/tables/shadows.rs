@@ -28,8 +28,10 @@ pub const GRID_LIGHTS: usize = 4;
 /// transfer table and of each row of the label table. X-ray materials count only with their absorption.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExtinctionTable {
-    /// By value.
+    /// By value: one for each group of terms.
     pub values: Vec<f32>,
+    /// Groups of terms, whose extinctions have factors of their own.
+    pub groups: usize,
     /// By label; row 0 is 0.
     pub labels: Vec<f32>,
 }
@@ -40,19 +42,28 @@ impl ExtinctionTable {
     #[must_use]
     pub fn of_plan(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> Vec<Self> {
         let steps = Steps::new(scene, planned);
+        let groups = planned.plan.factors.in_tables();
         let table = |number: usize| Self {
             values: TransferTable::values(scene, domain)
-                .map(|value| rounded(steps.extinction(value, number)))
+                .flat_map(|value| (0..groups).map(move |group| (value, group)))
+                .map(|(value, group)| rounded(steps.extinction(value, group, number)))
                 .collect(),
+            groups,
             labels: steps.extinctions_of_labels(number).into_iter().map(rounded).collect(),
         };
         (0..=planned.plan.light.absorbers).map(table).collect()
     }
 
-    /// Scale and offset from a texel's value to a coordinate, 0 to `values.len() − 1`.
+    /// Number of entries by value.
+    #[must_use]
+    pub fn entries(&self) -> usize {
+        self.values.len() / self.groups
+    }
+
+    /// Scale and offset from a texel's value to a coordinate, 0 to `entries − 1`.
     #[must_use]
     pub fn coordinate_from_texel(&self, storage: &Storage) -> [f64; 2] {
-        storage.normalised_from_texel().map(|term| term * count(self.values.len() - 1))
+        storage.normalised_from_texel().map(|term| term * count(self.entries() - 1))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{ExtinctionTable, GradientTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
+use super::{ExtinctionTable, FactorTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
 use crate::Scene;
 use crate::plan::{Integrate, Planned};
 use relume_volume::{Statistics, VolumeError};
@@ -16,14 +16,14 @@ pub struct StoredScene {
     pub volume: Arc<StoredVolume>,
     /// The transfer table.
     pub table: TransferTable,
-    /// Table of the media of labels.
+    /// Table of the media of labels: steps, or densities if the plan adds these.
     pub label_table: TransferTable,
-    /// Table of segments, and the densities of labels, if the plan integrates in segments.
-    pub segments: Option<(SegmentTable, TransferTable)>,
+    /// Table of segments, if the plan integrates in segments.
+    pub segments: Option<SegmentTable>,
     /// Extinction of shadows, if lights with a direction cast them.
     pub extinctions: Vec<ExtinctionTable>,
-    /// Table of the gradient opacity.
-    pub gradients: GradientTable,
+    /// Table of the factors by the gradient.
+    pub factors: FactorTable,
     /// Label of every voxel, if the plan uses labels.
     pub labels: Option<Arc<LabelMap>>,
 }
@@ -52,16 +52,14 @@ impl StoredScene {
         Self {
             table: TransferTable::new(scene, planned, storage.domain),
             label_table: TransferTable::of_labels(scene, planned),
-            segments: (planned.plan.integration == Integrate::Segments).then(|| {
-                let table = SegmentTable::new(scene, planned, storage.domain);
-                (table, TransferTable::densities_of_labels(scene, planned))
-            }),
+            segments: (planned.plan.integration == Integrate::Segments)
+                .then(|| SegmentTable::new(scene, planned, storage.domain)),
             extinctions: if planned.plan.light.grid_lights() > 0 {
                 ExtinctionTable::of_plan(scene, planned, storage.domain)
             } else {
                 Vec::new()
             },
-            gradients: GradientTable::new(scene, &storage),
+            factors: FactorTable::new(scene, planned, &storage),
             labels,
             storage,
             volume,

@@ -1,7 +1,7 @@
 //! Transfer function sampled as a table over the range of the data, for one step length.
 
 use super::Storage;
-use crate::plan::{Accumulate, LANE, Planned, Shares, Transmittance};
+use crate::plan::{Accumulate, Integrate, LANE, Planned, Shares, Transmittance};
 use crate::{Lookup, Material, Medium, Scene, depth_from_opacity};
 use relume_base::number::count;
 use relume_base::number::rounded;
@@ -21,21 +21,29 @@ const PER_FEATURE: f64 = 8.0;
 /// density is kept in 32 bits, so a limit of the largest density is one of the rounding of all others.
 pub const LARGEST_DEPTH: f64 = 64.0;
 
+/// The same of a density that samples read, in f32: large enough that a factor of a thousandth leaves an opaque medium opaque.
+const LARGEST_SAMPLED_DEPTH: f64 = 65_536.0;
+
 /// Transfer table: entry `i` of `n` belongs to the value `low + i/(n−1)·(high − low)`.
 ///
 /// An entry describes a step Δs through the medium (docs/theory/march.md), in vectors laid out by the plan: the lost
 /// light α = 1 − e^(−τΔs), and the gained light `σ_m (1 − e^(−τΔs))/τ`, or `σ_m Δs` without loss, per material or times
 /// its spectrum. X-ray materials count in σ but not in τ.
+///
+/// Where factors scale the medium of a sample, an entry is a density in place of a step: the scattered light `σ_m Δs`, and the optical
+/// depth τΔs in place of α, for each group of terms, one behind the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferTable {
-    /// Gained light: `entries × lanes` vectors; unused numbers are zero.
+    /// Gained light: `entries × groups × lanes` vectors; unused numbers are zero.
     pub source: Vec<[f32; LANE]>,
-    /// Lost light α: [`Self::opacity_numbers`] numbers per entry; unused numbers are zero.
+    /// Lost light α: [`Self::opacity_numbers`] numbers per entry and group; unused numbers are zero.
     pub opacity: Vec<f32>,
-    /// Vectors per entry of [`Self::source`].
+    /// Vectors per entry and group of [`Self::source`].
     pub lanes: usize,
-    /// Numbers per entry of [`Self::opacity`].
+    /// Numbers per entry and group of [`Self::opacity`].
     pub opacity_numbers: usize,
+    /// Groups of terms per entry.
+    pub groups: usize,
 }
 
 /// Effect of one step in f64, laid out like a table entry.
@@ -64,7 +72,17 @@ impl TransferTable {
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> Self {
         let steps = Steps::new(scene, planned);
-        Self::of_steps(planned, Self::values(scene, domain).map(|value| steps.of_value(value)))
+        let groups = planned.plan.factors.in_tables();
+        let values = Self::values(scene, domain);
+        if planned.plan.factors.any() {
+            Self::of_steps(
+                planned,
+                groups,
+                values.map(|value| Step::written(|step| steps.write_densities(value, step))),
+            )
+        } else {
+            Self::of_steps(planned, groups, values.map(|value| steps.of_value(value)))
+        }
     }
 
     /// Values of the entries of the table of `scene` over `domain`.
@@ -77,28 +95,24 @@ impl TransferTable {
     /// Builds a table with one row per declared label, in their order. Row 0 is empty, so that label rows start at 1.
     #[must_use]
     pub fn of_labels(scene: &Scene, planned: &Planned) -> Self {
-        Self::of_steps(planned, Steps::new(scene, planned).of_labels().into_iter())
+        let steps = Steps::new(scene, planned);
+        let rows = if planned.plan.adds_densities() { steps.densities_of_labels() } else { steps.of_labels() };
+        Self::of_steps(planned, 1, rows.into_iter())
     }
 
-    /// [`Self::of_labels`] with densities in place of steps: scattered light and optical depth per step length.
-    #[must_use]
-    pub fn densities_of_labels(scene: &Scene, planned: &Planned) -> Self {
-        Self::of_steps(planned, Steps::new(scene, planned).densities_of_labels().into_iter())
-    }
-
-    fn of_steps(planned: &Planned, steps: impl Iterator<Item = Step>) -> Self {
+    fn of_steps(planned: &Planned, groups: usize, steps: impl Iterator<Item = Step>) -> Self {
         let (mut source, mut opacity) = (Vec::new(), Vec::new());
         for step in steps {
             source.extend(step.source.chunks_exact(LANE).map(|lane| std::array::from_fn(|part| rounded(lane[part]))));
             opacity.extend(step.opacity.iter().copied().map(rounded));
         }
-        Self { source, opacity, lanes: planned.plan.parts().lanes, opacity_numbers: opacity_numbers(planned) }
+        Self { source, opacity, lanes: planned.plan.parts().lanes, opacity_numbers: opacity_numbers(planned), groups }
     }
 
     /// Number of entries.
     #[must_use]
     pub fn entries(&self) -> usize {
-        self.opacity.len() / self.opacity_numbers
+        self.opacity.len() / (self.groups * self.opacity_numbers)
     }
 
     /// Scale and offset from a texel's value to a table coordinate, 0 to `entries − 1`.
@@ -124,9 +138,13 @@ impl TransferTable {
 
     /// Whether entry `i` has any nonzero number.
     pub(crate) fn is_active(&self, i: usize) -> bool {
-        let source = &self.source[i * self.lanes..][..self.lanes];
-        let opacity = &self.opacity[i * self.opacity_numbers..][..self.opacity_numbers];
-        source.iter().flatten().chain(opacity).any(|&number| number != 0.0)
+        self.entry(i).into_iter().flatten().any(|&number| number != 0.0)
+    }
+
+    /// The source and the opacity of entry `i`, of all its groups.
+    pub(crate) fn entry(&self, i: usize) -> [&[f32]; 2] {
+        let (lanes, numbers) = (self.groups * self.lanes, self.groups * self.opacity_numbers);
+        [self.source[i * lanes..][..lanes].as_flattened(), &self.opacity[i * numbers..][..numbers]]
     }
 }
 
@@ -155,6 +173,8 @@ pub struct Steps<'a> {
     thin_films: Vec<Option<usize>>,
     /// Coloured absorbers of shadows.
     absorbers: Vec<usize>,
+    /// Group of each term of the transfer function: terms of equal factors by the gradient.
+    groups: Vec<usize>,
     /// Model that projects the transmittance of each step (the paper's order).
     by_step: Option<&'a ColourModel>,
     /// Matrices of the model, if the transmittance is a matrix.
@@ -186,6 +206,7 @@ impl<'a> Steps<'a> {
             phases: planned.phases(scene),
             thin_films: thin_film_numbers(scene, planned),
             absorbers: planned.absorbers(scene),
+            groups: groups(scene, planned),
             by_step: model.filter(|model| {
                 model.kind() == ModelKind::Sharpened(Order::Step)
                     && planned.plan.transmittance == Transmittance::Coloured
@@ -205,12 +226,24 @@ impl<'a> Steps<'a> {
         self.write_medium(&self.scene.transfer.medium(value, self.scene.materials.len()), step);
     }
 
-    /// Returns the extinction at a data value that light with shadows meets: optical depth per unit of length, the smallest
-    /// spacing. Depth `number` 0 is that of all that is grey, the others are those of the plan's coloured absorbers, at the peak
-    /// of their spectra.
+    /// Returns the extinction of the terms of a `group` at a data value that light with shadows meets: optical depth per unit of
+    /// length, the smallest spacing. Depth `number` 0 is that of all that is grey, the others are those of the plan's coloured
+    /// absorbers, at the peak of their spectra.
     #[must_use]
-    pub fn extinction(&self, value: f64, number: usize) -> f64 {
-        self.extinction_of(&self.scene.transfer.medium(value, self.scene.materials.len()), number)
+    pub fn extinction(&self, value: f64, group: usize, number: usize) -> f64 {
+        self.extinction_of(&self.of_group(value, group), number)
+    }
+
+    /// [`Self::extinction`] of all terms, where the gradient has this `magnitude`.
+    #[must_use]
+    pub fn extinction_with(&self, value: f64, magnitude: f64, number: usize) -> f64 {
+        self.extinction_of(&self.scene.transfer.medium_with(value, magnitude, self.scene.materials.len()), number)
+    }
+
+    /// The medium of the terms of a `group` at a data value, before its factor.
+    fn of_group(&self, value: f64, group: usize) -> Medium {
+        let factor = |term: usize| if self.groups[term] == group { 1.0 } else { 0.0 };
+        self.scene.transfer.medium_by(value, self.scene.materials.len(), factor)
     }
 
     /// Coefficients of each coloured absorber of shadows.
@@ -236,9 +269,20 @@ impl<'a> Steps<'a> {
         self.depths(medium, self.occluding(medium), lengths).first().copied().unwrap_or(0.0)
     }
 
-    /// Sets a source and an opacity to the density at a data value.
-    pub fn write_density(&self, value: f64, density: [&mut Vec<f64>; 2]) {
-        self.write_density_of(&self.scene.transfer.medium(value, self.scene.materials.len()), density);
+    /// Sets a source and an opacity to the densities of the groups of terms at a data value, one behind the other, before their
+    /// factors.
+    pub fn write_densities(&self, value: f64, [source, opacity]: [&mut Vec<f64>; 2]) {
+        self.write_density_of(&self.of_group(value, 0), [source, opacity]);
+        for group in 1..self.planned.plan.factors.in_tables() {
+            let of_group = Step::written(|density| self.write_density_of(&self.of_group(value, group), density));
+            source.extend(of_group.source);
+            opacity.extend(of_group.opacity);
+        }
+    }
+
+    /// Sets a source and an opacity to the density at a data value where the gradient has this `magnitude`.
+    pub fn write_density_with(&self, value: f64, magnitude: f64, density: [&mut Vec<f64>; 2]) {
+        self.write_density_of(&self.scene.transfer.medium_with(value, magnitude, self.scene.materials.len()), density);
     }
 
     /// Returns the effects of a step at each declared label: label `i` of the scene at index `i + 1`, none at 0.
@@ -269,18 +313,23 @@ impl<'a> Steps<'a> {
     }
 
     /// Sets a source and an opacity to the density of `medium`: the light that it scatters per step length, and its
-    /// optical depth per step length, at most [`LARGEST_DEPTH`]. Of a deeper medium, both are reduced by the same factor.
+    /// optical depth per step length, at most [`LARGEST_DEPTH`] or [`LARGEST_SAMPLED_DEPTH`]. Of a deeper medium, both are reduced by
+    /// the same factor.
     fn write_density_of(&self, medium: &Medium, [source, opacity]: [&mut Vec<f64>; 2]) {
         if self.is_nothing(medium) {
             return self.write_nothing([source, opacity]);
         }
         let steps = self.step_in_opacity_lengths();
         let depths = self.depths(medium, self.occluding(medium), steps);
-        let of_depth = |&depth: &f64| if depth > LARGEST_DEPTH { steps * (LARGEST_DEPTH / depth) } else { steps };
+        let largest = match self.planned.plan.integration {
+            Integrate::Samples => LARGEST_SAMPLED_DEPTH,
+            Integrate::Segments => LARGEST_DEPTH,
+        };
+        let of_depth = |&depth: &f64| if depth > largest { steps * (largest / depth) } else { steps };
         let gains: Components = depths.iter().map(of_depth).collect();
         self.write_source(medium, &Gains { gains: &gains, reflected: &self.reflectances }, source);
         opacity.clear();
-        opacity.extend(depths.iter().map(|depth| depth.min(LARGEST_DEPTH)));
+        opacity.extend(depths.iter().map(|depth| depth.min(largest)));
         opacity.resize(opacity_numbers(self.planned), 0.0);
     }
 
@@ -492,6 +541,17 @@ fn thin_film_numbers(scene: &Scene, planned: &Planned) -> Vec<Option<usize>> {
         }
     }
     numbers
+}
+
+/// Group of each term, terms of equal factors by the gradient; one group if the plan has no factors.
+fn groups(scene: &Scene, planned: &Planned) -> Vec<usize> {
+    let transfer = &scene.transfer;
+    if !planned.plan.factors.any() {
+        return vec![0; transfer.terms.len()];
+    }
+    let factors = transfer.factors();
+    let of_term = |term| factors.iter().position(|factor| *factor == transfer.factor_of(term)).unwrap_or(0);
+    transfer.terms.iter().map(of_term).collect()
 }
 
 /// Number of entries: as stated in the scene, else as needed for the narrowest feature.

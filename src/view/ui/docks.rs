@@ -65,7 +65,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, docked: bool, frame: Frame, a
         Panel::left("column").frame(frame).default_size(WIDTH).size_range(WIDTH..=widest).show(ui, |ui| {
             scrolled(ui, |ui| {
                 light(ui, shown, document, asked);
-                transfer::show(ui, document, asked);
+                transfer::show(ui, document, seen(shown), asked);
                 for tab in [Tab::Display, Tab::Camera, Tab::Crop, Tab::Spectra, Tab::Accuracy] {
                     contents(ui, shown, document, tab, asked);
                 }
@@ -120,7 +120,7 @@ fn bottom(ui: &mut Ui, shown: &Shown<'_>, document: &Document, asked: &mut Vec<A
     if all.width() < ROOM_FOR_BOTH {
         tabs(ui, shown, &Tab::BOTTOM, shown.layout.bottom, asked);
         tab(ui, |ui| match shown.layout.bottom {
-            Tab::Transfer => transfer::wide(ui, document, asked),
+            Tab::Transfer => transfer::wide(ui, document, seen(shown), asked),
             other => scrolled(ui, |ui| contents(ui, shown, document, other, asked)),
         });
         return;
@@ -135,9 +135,15 @@ fn bottom(ui: &mut Ui, shown: &Shown<'_>, document: &Document, asked: &mut Vec<A
         ui
     };
     let mut transfer = side(ui, left.with_max_x(left.right() - 12.0), Tab::Transfer);
-    tab(&mut transfer, |ui| transfer::wide(ui, document, asked));
+    tab(&mut transfer, |ui| transfer::wide(ui, document, seen(shown), asked));
     let mut spectra = side(ui, right, Tab::Spectra);
     tab(&mut spectra, |ui| scrolled(ui, |ui| contents(ui, shown, document, Tab::Spectra, asked)));
+}
+
+/// Value and gradient magnitude where the probe sees most.
+fn seen(shown: &Shown<'_>) -> Option<[f64; 2]> {
+    let brightest = shown.probe?.1?.brightest()?;
+    Some([brightest.value, brightest.magnitude])
 }
 
 /// Stage that the controls of a tab make stale.
@@ -156,7 +162,7 @@ fn contents(ui: &mut Ui, shown: &Shown<'_>, document: &Document, tab: Tab, asked
         Tab::Crop => crop::show(ui, document, asked),
         Tab::Display => display::show(ui, document, asked),
         Tab::Accuracy => accuracy::show(ui, document, shown.effort, asked),
-        Tab::Transfer => transfer::show(ui, document, asked),
+        Tab::Transfer => transfer::show(ui, document, seen(shown), asked),
         Tab::Spectra => spectra::show(ui, document, shown.effort, asked),
     }
 }

@@ -2,9 +2,9 @@
 
 use egui::{Checkbox, RichText, Ui, Vec2};
 
+use super::axis::places;
 use super::controls::{number, panel, sides, slider, toggle};
 use super::spectrum::{curve, swatch};
-use super::transfer::places;
 use crate::document::Mixing;
 use crate::document::{Document, Edit};
 use crate::plan::Stale;

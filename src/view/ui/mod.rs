@@ -3,6 +3,7 @@
 mod accuracy;
 mod annotations;
 mod axes;
+mod axis;
 mod chooser;
 mod controls;
 mod crop;
@@ -19,6 +20,7 @@ mod picture;
 mod previews;
 mod probe;
 mod reading;
+mod rectangles;
 mod slices;
 mod spectra;
 mod spectrum;

@@ -5,18 +5,20 @@ use std::ops::RangeInclusive;
 use egui::style::ScrollStyle;
 use egui::{
     Color32, ComboBox, CursorIcon, Id, Pos2, Rect, Response, RichText, ScrollArea, Sense, Shape, Stroke, StrokeKind,
-    Ui, UiBuilder, Vec2, WidgetInfo, WidgetType, pos2, vec2,
+    Ui, UiBuilder, Vec2, WidgetInfo, WidgetType, pos2,
 };
 
+use super::axis::{HANDLE, Map, choose, chosen, middle, places, snapped};
 use super::controls::{number, panel, say_beside, sides, text};
+use super::rectangles;
 use super::spectrum::{code, narrow};
 use crate::annotate::material_colours;
 use crate::document::transfer_presets::{TransferPreset, of_window};
 use crate::document::{Document, Edit, State};
-use crate::number::{brief_in, count, whole};
+use crate::number::{brief_in, count};
 use crate::plan::Stale;
 use crate::plan::is_constant;
-use crate::scene::{GRADIENT_POINTS, Interval, Material, OPAQUE_DEPTH, Scene, Term};
+use crate::scene::{GRADIENT_POINTS, GradientFactor, Interval, Material, OPAQUE_DEPTH, Scene, Term};
 use crate::spectrum::colour::display_code;
 use crate::view::action::Action;
 use crate::volume::{Statistics, Window};
@@ -25,20 +27,15 @@ use crate::volume::{Statistics, Window};
 const HEIGHT: f32 = 110.0;
 /// Width of the numbers beside a wide graph.
 const NUMBERS: f32 = 300.0;
-/// Size of a handle in points.
-const HANDLE: f32 = 9.0;
-/// Drag steps over the value range.
-const PARTS: f64 = 1000.0;
-
 const HELP: &str = "Grey: histogram of the values, on a log scale. Drag the inside of an interval to shift it, its corners to \
     move an end, its feet to widen its ramps, and the middle of its top for its opacity; the height is the square root of the \
     opacity.";
 
-/// Shows the transfer function and the labels.
-pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+/// Shows the transfer function and the labels. `seen` is the value and the gradient magnitude of what the probe sees.
+pub(super) fn show(ui: &mut Ui, document: &Document, seen: Option<[f64; 2]>, asked: &mut Vec<Action>) {
     panel(ui, "Transfer function", Stale::Tables, |ui| {
         let colours = colours(document.state());
-        graph(ui, document, &colours, HEIGHT, asked);
+        graph(ui, document, (&colours, seen), HEIGHT, asked);
         rows(ui, document, &colours, asked);
         buttons(ui, document, asked);
         window(ui, document, asked);
@@ -48,13 +45,13 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
 }
 
 /// Shows the transfer function in a wide dock: the graph on the left, the numbers of the intervals on the right.
-pub(super) fn wide(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+pub(super) fn wide(ui: &mut Ui, document: &Document, seen: Option<[f64; 2]>, asked: &mut Vec<Action>) {
     let colours = colours(document.state());
     let all = ui.available_rect_before_wrap();
     let (left, right) = all.split_left_right_at_x(all.right() - NUMBERS.min(0.5 * all.width()));
     let left = &mut ui.new_child(UiBuilder::new().max_rect(left.with_max_x(left.right() - 12.0)));
     // The presets and the ends of the histogram lie below it.
-    graph(left, document, &colours, (left.available_height() - 76.0).max(40.0), asked);
+    graph(left, document, (&colours, seen), (left.available_height() - 76.0).max(40.0), asked);
     buttons(left, document, asked);
     window(left, document, asked);
     let right = &mut ui.new_child(UiBuilder::new().max_rect(right));
@@ -67,10 +64,21 @@ pub(super) fn wide(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
 }
 
 /// The histogram with the intervals over it.
-fn graph(ui: &mut Ui, document: &Document, colours: &[Color32], height: f32, asked: &mut Vec<Action>) {
+fn graph(
+    ui: &mut Ui,
+    document: &Document,
+    (colours, seen): (&[Color32], Option<[f64; 2]>),
+    height: f32,
+    asked: &mut Vec<Action>,
+) {
     let Some(statistics) = document.statistics() else { return };
     let transfer = &document.state().scene.transfer;
     let map = Map::new(ui, statistics, height);
+    if let Some(joint) = by_gradient(ui).then(|| document.joint_histogram()).flatten() {
+        rectangles::show(ui, document, (&map, joint), (colours, seen), asked);
+        ends(ui, statistics, rectangles::HELP);
+        return;
+    }
     let terms: Vec<Option<Interval>> = transfer.terms.iter().map(Term::as_interval).collect();
     histogram(ui, statistics, &map);
     // The last one lies on top: the chosen interval over others, and handles over all bodies.
@@ -87,7 +95,16 @@ fn graph(ui: &mut Ui, document: &Document, colours: &[Color32], height: f32, ask
     for (index, interval) in intervals() {
         handles(ui, index, interval, &map, asked);
     }
-    ends(ui, statistics);
+    ends(ui, statistics, HELP);
+}
+
+fn gradient_switch() -> Id {
+    Id::new("values by gradient")
+}
+
+/// True if the graph shows values and gradient magnitudes.
+fn by_gradient(ui: &Ui) -> bool {
+    ui.data(|data| data.get_temp(gradient_switch())).unwrap_or(false)
 }
 
 /// The numbers of the intervals.
@@ -103,7 +120,14 @@ fn buttons(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
         let help = "Adds an interval in the middle of the values.";
         if ui.button("Add interval").on_hover_text(help).clicked() {
-            asked.extend(document.statistics().map(|it| Action::Edit(Edit::AddInterval(middle(it)))));
+            let add = |it: &Statistics| Action::Edit(Edit::AddInterval(middle([it.min, it.max]), Vec::new()));
+            asked.extend(document.statistics().map(add));
+        }
+        let mut on = by_gradient(ui);
+        let help = "Shows values and gradient magnitudes, with the intervals as rectangles: boundaries between materials are arcs, \
+            and the materials themselves lie at the bottom.";
+        if ui.checkbox(&mut on, "By gradient").on_hover_text(help).changed() {
+            ui.data_mut(|data| data.insert_temp(gradient_switch(), on));
         }
         let opened = &document.opened().scene;
         let labels = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
@@ -151,20 +175,43 @@ fn window(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     ui.data_mut(|data| data.insert_temp(id, kept));
 }
 
-/// The factor on the opacity by the gradient magnitude: a switch, and its points in ascending order.
+/// The factor on all terms without one of their own.
 fn gradient(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     let scene = &document.state().scene;
-    let points = &scene.transfer.gradient_opacity;
-    // Points that were switched off, kept while the window is open.
-    let id = Id::new("gradient opacity");
-    let mut next = points.clone();
-    let mut on = !points.is_empty();
-    let steepest = document.statistics().map_or(1.0, |it| (it.max - it.min).max(f64::MIN_POSITIVE))
-        / scene.frame.geometry.spacing.min_element();
     let help = "Multiplies the opacity by a factor that depends on how fast the values change: noise and the inside of \
-        materials disappear, and boundaries stay.";
+        materials disappear, and boundaries stay. Intervals may have a factor of their own.";
+    let switch = Switch { text: "Opacity by gradient", help, name: "gradient point".to_owned() };
+    let found = factor(ui, &switch, &scene.transfer.gradient_opacity, steepest(scene, document.statistics()));
+    asked.extend(found.map(|next| Action::Edit(Edit::GradientOpacity(next))));
+}
+
+/// Change of the value from one voxel to the next over all of its range.
+fn steepest(scene: &Scene, statistics: Option<&Statistics>) -> f64 {
+    let span = statistics.map_or(1.0, |it| (it.max - it.min).max(f64::MIN_POSITIVE));
+    span / scene.frame.geometry.spacing.min_element()
+}
+
+/// The switch of a factor by the gradient magnitude.
+struct Switch<'a> {
+    text: &'a str,
+    help: &'a str,
+    /// Of a point, in the names of fields.
+    name: String,
+}
+
+/// A factor by the gradient magnitude: a switch, and its points in ascending order. Returns its points after a change.
+fn factor(
+    ui: &mut Ui,
+    Switch { text, help, name }: &Switch<'_>,
+    points: &[(f64, f64)],
+    steepest: f64,
+) -> Option<GradientFactor> {
+    // Points that were switched off, kept while the window is open.
+    let id = Id::new(("gradient factor", name));
+    let mut next = points.to_vec();
+    let mut on = !points.is_empty();
     ui.horizontal_wrapped(|ui| {
-        let switch = ui.checkbox(&mut on, "Opacity by gradient").on_hover_text(help);
+        let switch = ui.checkbox(&mut on, *text).on_hover_text(*help);
         if switch.changed() && on {
             // A boundary between two materials takes a few voxels, over which the values change by much of their range.
             let usual =
@@ -183,10 +230,10 @@ fn gradient(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     for (index, (magnitude, factor)) in next.iter_mut().enumerate().take(points.len()) {
         ui.horizontal_wrapped(|ui| {
             ui.spacing_mut().item_spacing.x = 4.0;
-            let field = |ui: &mut Ui, value: &mut f64, decimals, speed, most, name: &str, help: &str| {
+            let field = |ui: &mut Ui, value: &mut f64, decimals, speed, most, part: &str, help: &str| {
                 let dragged = number(ui, value, decimals, |drag| drag.speed(speed).range(0.0..=most));
                 let value = *value;
-                dragged.widget_info(|| WidgetInfo::slider(true, value, format!("gradient point {index}: {name}")));
+                dragged.widget_info(|| WidgetInfo::slider(true, value, format!("{name} {index}: {part}")));
                 dragged.on_hover_text(help);
             };
             ui.label("at");
@@ -196,18 +243,14 @@ fn gradient(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let help = "Factor on the opacity, 0 to 1; linear between the points.";
             field(ui, factor, 3, 0.005, 1.0, "factor", help);
             let remove = ui.small_button("remove");
-            remove.widget_info(|| {
-                WidgetInfo::labeled(WidgetType::Button, true, format!("remove gradient point {index}"))
-            });
+            remove.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("remove {name} {index}")));
             removed = removed.or(remove.clicked().then_some(index));
         });
     }
     if let Some(index) = removed {
         next.remove(index);
     }
-    if next != *points {
-        asked.push(Action::Edit(Edit::GradientOpacity(next)));
-    }
+    (next != points).then_some(next)
 }
 
 /// Menu of transfer presets.
@@ -239,73 +282,10 @@ fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &
     menu.response.on_hover_text("Replaces the transfer function by a preset. One undo reverts it.");
 }
 
-/// Default interval, in the middle of the value range.
-fn middle(statistics: &Statistics) -> Interval {
-    let (low, span) = (statistics.min, statistics.max - statistics.min);
-    let at = |part: f64| snapped(low + part * span, span);
-    Interval {
-        material: 0,
-        range: [at(0.45), at(0.55)],
-        ramp: snapped(0.03 * span, span),
-        opacity: 0.1,
-        absorption: 0.0,
-    }
-}
-
 /// Colours of the scene's materials under the current light, lit from all its positions.
 pub(super) fn colours(state: &State) -> Vec<Color32> {
     let colours = material_colours(&state.scene, &state.mix_of_swatches()).into_iter();
     colours.map(|colour| Color32::from_hex(&display_code(colour)).unwrap_or(Color32::GRAY)).collect()
-}
-
-/// Mapping between values and opacities, and screen coordinates.
-struct Map {
-    rect: Rect,
-    low: f64,
-    span: f64,
-}
-
-impl Map {
-    fn new(ui: &mut Ui, statistics: &Statistics, height: f32) -> Self {
-        let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), height), Sense::hover());
-        response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "histogram and intervals"));
-        let span = statistics.max - statistics.min;
-        let span = if span > 0.0 && span.is_finite() { span } else { 1.0 };
-        Self { rect: rect.shrink(HANDLE / 2.0), low: statistics.min, span }
-    }
-
-    fn x(&self, value: f64) -> f32 {
-        self.rect.left() + narrow((value - self.low) / self.span).clamp(-1.0, 2.0) * self.rect.width()
-    }
-
-    fn y(&self, opacity: f64) -> f32 {
-        self.rect.bottom() - narrow(opacity.clamp(0.0, 1.0).sqrt()) * self.rect.height()
-    }
-
-    fn value(&self, x: f32) -> f64 {
-        let part = f64::from((x - self.rect.left()) / self.rect.width().max(1.0));
-        snapped(self.low + part.clamp(0.0, 1.0) * self.span, self.span)
-    }
-
-    fn opacity(&self, y: f32) -> f64 {
-        let part = f64::from((self.rect.bottom() - y) / self.rect.height().max(1.0)).clamp(0.0, 1.0);
-        (part * part * 1000.0).round() / 1000.0
-    }
-}
-
-/// Rounds `value` to the precision of a drag over a range of `span`.
-fn snapped(value: f64, span: f64) -> f64 {
-    let step = 10.0_f64.powf((span / PARTS).log10().floor());
-    // Parsed from text, to be exactly the short decimal that files and fields show.
-    let places = usize::try_from(places(span).min(400)).unwrap_or(0);
-    format!("{:.places$}", (value / step).round() * step).parse().unwrap_or(value)
-}
-
-/// Decimals that resolve a thousandth of `span`; negative for tens, hundreds and so on.
-pub(super) fn places(span: f64) -> i32 {
-    let digits = (span / PARTS).log10().floor();
-    let decimals = i32::try_from(whole(digits.abs().min(400.0))).unwrap_or(0);
-    if digits > 0.0 { -decimals } else { decimals }
 }
 
 fn histogram(ui: &Ui, statistics: &Statistics, map: &Map) {
@@ -323,8 +303,8 @@ fn histogram(ui: &Ui, statistics: &Statistics, map: &Map) {
     }
 }
 
-/// Shows the values at both ends of the histogram.
-fn ends(ui: &mut Ui, statistics: &Statistics) {
+/// Shows the values at both ends of the histogram, and `help` between them.
+fn ends(ui: &mut Ui, statistics: &Statistics, help: &str) {
     let places = places(statistics.max - statistics.min);
     let end = |value: f64| RichText::new(text(value, places)).small().weak();
     ui.horizontal(|ui| {
@@ -333,7 +313,7 @@ fn ends(ui: &mut Ui, statistics: &Statistics) {
             ui.label(end(statistics.max));
             ui.with_layout(egui::Layout::top_down(egui::Align::Center), |ui| {
                 // Not on the histogram, where the tooltip would cover the handles and the numbers below.
-                let icon = ui.label(RichText::new("ℹ").weak()).on_hover_text(HELP);
+                let icon = ui.label(RichText::new("ℹ").weak()).on_hover_text(help);
                 icon.widget_info(|| WidgetInfo::labeled(WidgetType::Label, true, "help"));
             });
         });
@@ -383,7 +363,7 @@ pub(super) fn nothing_shown(document: &Document) -> Option<(&'static str, Edit)>
         return Some(("Reset transfer", Edit::ResetTransfer));
     }
     let range = [statistics.min, statistics.max];
-    Some(("Show all values", Edit::AddInterval(Interval { range, ramp: 0.0, ..middle(statistics) })))
+    Some(("Show all values", Edit::AddInterval(Interval { range, ramp: 0.0, ..middle(range) }, Vec::new())))
 }
 
 /// Draggable part of an interval.
@@ -477,18 +457,6 @@ fn handles(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Ve
             ui.painter().rect_filled(Rect::from_center_size(at, size), 2.0, colour);
         }
     }
-}
-
-fn choice() -> Id {
-    Id::new("chosen interval")
-}
-
-fn chosen(ui: &Ui) -> Option<usize> {
-    ui.data(|data| data.get_temp(choice()))
-}
-
-fn choose(ui: &Ui, index: usize) {
-    ui.data_mut(|data| data.insert_temp(choice(), index));
 }
 
 /// A term with its number fields.
@@ -595,6 +563,12 @@ fn row(
     }
     if now != interval {
         asked.push(Action::Edit(Edit::Interval(index, now)));
+    }
+    if by_gradient(ui) || !term.gradient.is_empty() {
+        let help = "A factor on this interval alone, in place of that of all: with its values, a rectangle.";
+        let switch = Switch { text: "own factor", help, name: format!("interval {index}: gradient point") };
+        let found = factor(ui, &switch, &term.gradient, steepest(&state.scene, statistics));
+        asked.extend(found.map(|next| Action::Edit(Edit::TermGradient(index, next))));
     }
 }
 

@@ -1097,7 +1097,13 @@ fn terms(shape: &Shape, opacities: &[f64], most: f64) -> Vec<Term> {
             .collect(),
         Shape::Ramp { layer, rise } => {
             let opacity = ramp(layer, *rise, opacities);
-            vec![Term { ramp: None, opacity, absorption: Vec::new(), material: MaterialCurve(Vec::new()) }]
+            vec![Term {
+                ramp: None,
+                opacity,
+                absorption: Vec::new(),
+                material: MaterialCurve(Vec::new()),
+                gradient: Vec::new(),
+            }]
         }
     }
 }

@@ -1,20 +1,37 @@
-//! Factor on the opacity by the gradient magnitude, and opacities that a factor thins. Twin of `shaders/gradient_opacity.wgsl` and
+//! Factors on the medium by the gradient magnitude, and opacities of parts of a step. Twin of `shaders/factors.wgsl` and
 //! `shaders/thinning.wgsl`.
 
 use crate::plan::{LANE, ScenePlan, Transmittance};
-use crate::tables::GradientTable;
+use crate::tables::FactorTable;
 use relume_base::number::{Real, dot};
+use smallvec::SmallVec;
 
-/// Evaluates `table` at a decoded gradient.
-pub(super) fn gradient_factor<R: Real>(table: &GradientTable, gradient: [R; 3]) -> R {
+/// The factors of the groups of terms where the data have this `gradient`.
+pub(super) fn factors_at<R: Real>(table: &FactorTable, plan: &ScenePlan, gradient: [R; 3]) -> SmallVec<[R; 4]> {
     let number = |number: f32| R::from_f64(f64::from(number));
     let length = dot(gradient, gradient).sqrt();
-    let mut factor = table.0.first().map_or(R::from_f64(1.0), |vector| number(vector[0]));
-    for &[start, steepness, rise, _] in table.0.iter().skip(1) {
-        let part = ((length - number(start)) * number(steepness)).max(R::default()).min(R::from_f64(1.0));
-        factor = part.mul_add(number(rise), factor);
+    let of_group = |vectors: &[[f32; LANE]]| {
+        let first = vectors.first().map_or(R::from_f64(1.0), |vector| number(vector[0]));
+        vectors.iter().skip(1).fold(first, |factor, &[start, steepness, rise, _]| {
+            let part = ((length - number(start)) * number(steepness)).max(R::default()).min(R::from_f64(1.0));
+            part.mul_add(number(rise), factor)
+        })
+    };
+    table.0.chunks(plan.factors.points.max(1)).map(of_group).collect()
+}
+
+/// Leaves the sum of the densities of groups of terms, whose sources and depths lie one behind the other, times their `factors`.
+pub(super) fn sum_groups<R: Real>(densities: [&mut Vec<R>; 2], factors: &[R]) {
+    for numbers in densities {
+        let of_group = numbers.len() / factors.len();
+        for (group, &factor) in factors.iter().enumerate() {
+            for i in 0..of_group {
+                let number = numbers[group * of_group + i];
+                numbers[i] = if group == 0 { factor * number } else { factor.mul_add(number, numbers[i]) };
+            }
+        }
+        numbers.truncate(of_group);
     }
-    factor
 }
 
 /// Multiplies extinction and scattering of a step, given by its source and opacity, by `factor`: each opacity becomes

@@ -1,0 +1,15 @@
+// Factors on the medium by the gradient magnitude, one for each group of terms. Part of `march.wgsl` and `light_grid.wgsl`. Twin of
+// `reference::factors`.
+
+// `tables::FactorTable`.
+@group(0) @binding(12) var<uniform> factor_table: array<vec4f, GROUPS * FACTOR_VECTORS>;
+
+// The factor of a `group` where the gradient has this `magnitude`.
+fn factor_at(magnitude: f32, group: u32) -> f32 {
+    var factor = factor_table[group * FACTOR_VECTORS].x;
+    for (var i = 1u; i < FACTOR_VECTORS; i += 1u) {
+        let piece = factor_table[group * FACTOR_VECTORS + i];
+        factor = fma(clamp((magnitude - piece.x) * piece.y, 0.0, 1.0), piece.z, factor);
+    }
+    return factor;
+}

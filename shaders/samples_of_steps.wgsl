@@ -1,0 +1,37 @@
+// The transfer table of samples as effects of steps. Part of `march.wgsl`.
+
+// Reads source and opacity at `coordinate` in the table.
+fn look_up(coordinate: f32, step: ptr<function, Step>) {
+    if (NEAREST_LOOKUP) {
+        let i = u32(coordinate + 0.5);
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            (*step).source[lane] = table_source[i * TABLE_LANES + lane];
+        }
+        (*step).opacity = opacity_at(i);
+    } else {
+        let i = min(u32(coordinate), u32(march.coordinate_last) - 1u);
+        let fraction = coordinate - f32(i);
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            let source = table_source[i * TABLE_LANES + lane];
+            let after = table_source[(i + 1u) * TABLE_LANES + lane];
+            (*step).source[lane] = fma(vec4f(fraction), after - source, source);
+        }
+        (*step).opacity = opacity_between(i, i + 1u, fraction);
+    }
+}
+
+fn medium_at(place: vec3f, key: Key) -> Step {
+    var step: Step;
+    if (STORED_GRADIENT) {
+        step.normal = unit(key.texel.xyz * march.gradient_scale);
+    } else if (GRADIENT) {
+        step.normal = unit(central_difference(place) * march.gradient_scale);
+    }
+    look_up(key.coordinate, &step);
+    return step;
+}
+
+// The part of a step of this `length`, in steps.
+fn part_of_step(step: Step, length: f32) -> Step {
+    return thin(step, length);
+}
