@@ -17,7 +17,7 @@ fn host(criterion: &mut Criterion) {
     let planned = plan(&scene, &Quiet).expect("weights need no fit");
     let statistics = scene.volume().statistics().expect("the phantom has values");
     let storage = Storage::new(&planned.plan, scene.volume(), &statistics);
-    let table = TransferTable::new(&scene, &planned, storage.domain);
+    let table = TransferTable::new(&scene, &planned, &[storage.domain]);
     let cells = Cells::new(scene.volume(), &storage, None);
     let mut group = criterion.benchmark_group("host");
     group.sample_size(10);
@@ -26,7 +26,7 @@ fn host(criterion: &mut Criterion) {
     group.bench_function("cells", |bencher| bencher.iter(|| Cells::new(scene.volume(), &storage, None)));
     group.bench_function("occupancy", |bencher| bencher.iter(|| cells.occupancy(&black_box(&table).active_entries())));
     group.bench_function("transfer table", |bencher| {
-        bencher.iter(|| TransferTable::new(&scene, &planned, black_box(storage.domain)));
+        bencher.iter(|| TransferTable::new(&scene, &planned, &[black_box(storage.domain)]));
     });
 
     let (size, means, mix) = ([400, 400], Relightable::new(&scene, &planned), Mix::of_scene(&scene));

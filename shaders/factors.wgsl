@@ -4,6 +4,13 @@
 // `tables::FactorTable`.
 @group(0) @binding(12) var<uniform> factor_table: array<vec4f, GROUPS * FACTOR_VECTORS>;
 
+// Table coordinate of a `group` in a texel of several fields, of a table that ends at `last`.
+fn coordinate_of(texel: vec4f, group: u32, last: f32) -> f32 {
+    var values = texel;
+    let place = factor_table[group * FACTOR_VECTORS];
+    return clamp(fma(values[u32(place.y)], place.z, place.w), 0.0, last);
+}
+
 // The factor of a `group` where the gradient has this `magnitude`.
 fn factor_at(magnitude: f32, group: u32) -> f32 {
     var factor = factor_table[group * FACTOR_VECTORS].x;

@@ -101,14 +101,25 @@ fn extinction_at(place: vec3f) -> f32 {
     let coordinate = clamp(fma(value, sweep.coordinate_scale, sweep.coordinate_offset), 0.0, sweep.coordinate_last);
     var extinction = 0.0;
     if (FACTORS) {
-        var difference = texel.xyz;
-        if (!STORED_GRADIENT) {
-            difference = central_difference(place);
+        var magnitude = 0.0;
+        if (BY_GRADIENT) {
+            var difference = texel.xyz;
+            if (!STORED_GRADIENT) {
+                difference = central_difference(place);
+            }
+            let gradient = difference * sweep.gradient_scale;
+            magnitude = sqrt(dot(gradient, gradient));
         }
-        let gradient = difference * sweep.gradient_scale;
-        let magnitude = sqrt(dot(gradient, gradient));
         for (var group = 0u; group < GROUPS; group += 1u) {
-            extinction = fma(factor_at(magnitude, group), extinction_of(coordinate, group), extinction);
+            var of_group = coordinate;
+            if (SEVERAL_FIELDS) {
+                of_group = coordinate_of(texel, group, sweep.coordinate_last);
+            }
+            var factor = 1.0;
+            if (BY_GRADIENT) {
+                factor = factor_at(magnitude, group);
+            }
+            extinction = fma(factor, extinction_of(of_group, group), extinction);
         }
     } else {
         extinction = extinction_of(coordinate, 0u);

@@ -1,12 +1,19 @@
 // The transfer table of samples as densities of groups of terms, which have factors of their own. Part of `march.wgsl`.
 
-// Reads the sum of the densities at `coordinate` in the table, times their factors where the data have this `gradient`.
-fn look_up(coordinate: f32, gradient: vec3f, step: ptr<function, Step>) {
+// Reads the sum of the densities of a sample, times their factors where the data have this `gradient`.
+fn look_up(key: Key, gradient: vec3f, step: ptr<function, Step>) {
     let magnitude = sqrt(dot(gradient, gradient));
-    let i = select(min(u32(coordinate), u32(march.coordinate_last) - 1u), u32(coordinate + 0.5), NEAREST_LOOKUP);
-    let fraction = coordinate - f32(i);
     for (var group = 0u; group < GROUPS; group += 1u) {
-        let factor = factor_at(magnitude, group);
+        var coordinate = key.coordinate;
+        if (SEVERAL_FIELDS) {
+            coordinate = coordinate_of(key.texel, group, march.coordinate_last);
+        }
+        let i = select(min(u32(coordinate), u32(march.coordinate_last) - 1u), u32(coordinate + 0.5), NEAREST_LOOKUP);
+        let fraction = coordinate - f32(i);
+        var factor = 1.0;
+        if (BY_GRADIENT) {
+            factor = factor_at(magnitude, group);
+        }
         let entry = i * GROUPS + group;
         for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
             var source = table_source[entry * TABLE_LANES + lane];
@@ -27,15 +34,15 @@ fn look_up(coordinate: f32, gradient: vec3f, step: ptr<function, Step>) {
 }
 
 fn medium_at(place: vec3f, key: Key) -> Step {
-    var gradient: vec3f;
+    var gradient = vec3f();
     if (STORED_GRADIENT) {
         gradient = key.texel.xyz * march.gradient_scale;
-    } else {
+    } else if (GRADIENT) {
         gradient = central_difference(place) * march.gradient_scale;
     }
     var step: Step;
     step.normal = unit(gradient);
-    look_up(key.coordinate, gradient, &step);
+    look_up(key, gradient, &step);
     return step;
 }
 

@@ -184,6 +184,9 @@ fn of_volume(error: &VolumeError) -> Option<String> {
         VolumeError::AxesUnknown { .. } => Some(" with --axes".to_owned()),
         VolumeError::Lean { .. } | VolumeError::Uneven { .. } => Some("; --resample does it".to_owned()),
         VolumeError::Choose { there, .. } => Some(match there {
+            Several::Components { kind, .. } if kind.is_empty() => {
+                " with --component N, or several with --channels A,B".to_owned()
+            }
             Several::Components { .. } => " with --component N".to_owned(),
             Several::Times(_) | Several::Steps { .. } => " with --time N".to_owned(),
             Several::Series(_) => " with --series N".to_owned(),

@@ -34,6 +34,10 @@ pub(crate) struct SceneArgs {
     /// totalsegmentator for their own numbering.
     #[arg(long, value_name = "FILE|NAME")]
     pub(crate) label_names: Option<PathBuf>,
+    /// Show these channels of a volume of several together, by name or number, separated by commas: each is a material, and a light of its
+    /// name shows it alone. Default: all, up to four.
+    #[arg(long, value_name = "NAMES", conflicts_with = "component")]
+    pub(crate) channels: Option<String>,
     /// Average blocks of A×B×C voxels after loading, for less memory and time but less detail.
     #[arg(long, value_name = "AxBxC", value_parser = three)]
     pub(crate) downsample: Option<[usize; 3]>,
@@ -350,6 +354,7 @@ impl SceneArgs {
             definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),
             wish: Wish::default(),
             preset: None,
+            channels: self.channels.as_ref().map(|names| names.split(',').map(|name| name.trim().to_owned()).collect()),
         }
     }
 
@@ -357,6 +362,7 @@ impl SceneArgs {
     fn flags(&self) -> Vec<(&'static str, bool)> {
         let others = [
             ("--volume", self.volume.is_some()),
+            ("--channels", self.channels.is_some()),
             ("--labels", self.labels.is_some()),
             ("--label-names", self.label_names.is_some()),
             ("--downsample", self.downsample.is_some()),
@@ -396,6 +402,12 @@ impl SceneArgs {
             )));
         }
         let source = source.or_its_volume();
+        let is_bare = source.bare_volume().is_some() || source.path.is_none() && source.options.volume.is_some();
+        if self.channels.is_some() && !is_bare {
+            let message =
+                "--channels has no effect on a scene, which states its channels in [volumes]; name the volume alone";
+            return Err(CliError::Usage(message.to_owned()));
+        }
         if let Some(path) = &wanted.preset {
             // A volume takes longer to read than a mistake.
             import::read(path)?;

@@ -36,8 +36,9 @@ use relume_colour::spectrum::{
 use relume_colour::written::{place, with_suggestion};
 use relume_scene::key::{self, Key, KeyError};
 use relume_scene::{
-    Aim, Camera, FACTORS, Fill, GRADIENT_POINTS, GradientFactor, INTENSITY, LabelEntry, Labels, LightKind, Material,
-    MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Term, different_factors, unit,
+    Aim, Camera, FACTORS, FIELDS, Field, Fill, GRADIENT_POINTS, GradientFactor, INTENSITY, LabelEntry, Labels,
+    LightKind, Material, MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Term,
+    different_factors, unit,
 };
 use relume_volume::{
     self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,
@@ -71,6 +72,8 @@ pub struct SceneOptions {
     pub wish: Wish,
     /// Preset of another program that makes this picture.
     pub preset: Option<PathBuf>,
+    /// Names or numbers of the channels that a volume without a scene shows together; all of them by default.
+    pub channels: Option<Vec<String>>,
 }
 
 /// Reads the scene file `path`.
@@ -640,7 +643,10 @@ impl Text<'_> {
             Some((_, definitions)) => format!("{} with {}", self.name, all_given(definitions)),
             None => self.name.clone(),
         };
+        let further = self.further(&file, (&volume, &stored), &materials, base, options, progress)?;
+        inputs.extend(further.iter().flat_map(|field| field.volume.files.iter().cloned()));
         let mut scene = Scene { labels, materials, lights, background, camera, crop, ..Scene::new(&name, volume) };
+        scene.fields = scene.fields.with(further);
         (scene.transfer.terms, scene.transfer.gradient_opacity) = (terms, gradient_opacity);
         self.set(&mut scene, key::SCENE, "", scalars)?;
         if scene.camera.view(&scene.frame.geometry, 1.0).is_none() {

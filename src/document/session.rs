@@ -257,7 +257,9 @@ fn volume(document: &mut DocumentMut, source: &Source, base: &Path) -> Result<()
             table.insert("spacing", value(numbers(layout.spacing)));
         }
     }
-    if volume.is_some() || options.selection.asks {
+    // Those of a scene are for its own volume; a look at the volume has chosen for it.
+    let has_look = source.bare_volume().is_some() || source.path.is_none();
+    if volume.is_some() && !has_look || options.selection.asks {
         for key in ["component", "time", "array", "series", "level", "axes", "resample"] {
             table.remove(key);
         }

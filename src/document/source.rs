@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::file::{Given, InMemory, parse_around, volume_alone};
 use super::import::{self, Import, ImportError};
+use super::look::channels::{ChannelVolume, channels as look_channels};
 use super::look::first_look::{
     Channel, FirstLook, LookError, NoCt, Shown, Subject, Wish, first_look, is_speckled, labels_text,
 };
@@ -12,6 +13,7 @@ use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded
 use relume_base::input;
 use relume_base::number::readable;
 use relume_base::progress::{Progress, Quiet};
+use relume_scene::FIELDS;
 use relume_volume::{RawLayout, Selection, Several, Statistics, Volume, VolumeError, has_header, is_volume};
 
 /// A file to open, with options.
@@ -454,7 +456,21 @@ fn look_at(
     let whole_name = path.display().to_string();
     let labels = in_memory.as_ref().and_then(|volumes| volumes.labels.clone());
     let has_map = labels.is_some();
-    let ((volume, stored), has_parts) = volume_alone(&whole_name, in_memory, &options, progress).map_err(of_volume)?;
+    let is_of_file = in_memory.is_none();
+    let ((volume, stored), has_parts) = match volume_alone(&whole_name, in_memory, &options, progress) {
+        Ok(found) => found,
+        Err(error) => {
+            let chosen = channels_of(&error, &options)?.filter(|_| is_of_file);
+            return match chosen {
+                Some(chosen) => look_at_channels(path, options, chosen, progress),
+                None => Err(of_volume(error)),
+            };
+        }
+    };
+    if let Some(stated) = options.channels.as_ref() {
+        let problem = format!("it has one channel, and the channels {} were asked for", stated.join(", "));
+        return Err(VolumeError::Layout { source_name: whole_name, problem }.into());
+    }
     let subject = Subject { has_parts, is_of_times: false };
     let volumes = InMemory { volume, labels: labels.clone() };
     let Looked { mut volume, text, guess, statistics } = looked(path, volumes, (&mut options, subject), progress)?;
@@ -468,6 +484,72 @@ fn look_at(
     let own = file.scene.labels.is_some() && options.labels.is_none() && !has_map;
     let statistics = if own { file.scene.volume().statistics()? } else { statistics };
     Ok((SceneFile { guess: Some(guess), ..file }, statistics))
+}
+
+/// The channels, by their component and name, that are shown together where a volume of several was not chosen: those that the options
+/// name, or else all of a few.
+fn channels_of(error: &SceneError, options: &SceneOptions) -> Result<Option<Vec<(usize, String)>>, OpenError> {
+    let SceneError::Volume { source: VolumeError::Choose { source_name, there }, .. } = error else { return Ok(None) };
+    let Several::Components { count, kind, names } = there else { return Ok(None) };
+    let is_one =
+        !options.wish.is_none() || options.preset.is_some() || options.labels.is_some() || options.selection.asks;
+    let name = |component: usize| names.get(component).cloned().unwrap_or_default();
+    let Some(stated) = &options.channels else {
+        // Colours are no channels of their own.
+        let all = !is_one && kind.is_empty() && (2..=FIELDS).contains(count);
+        return Ok(all.then(|| (0..*count).map(|component| (component, name(component))).collect()));
+    };
+    let wrong = |problem: String| OpenError::from(VolumeError::Layout { source_name: source_name.clone(), problem });
+    let mut chosen: Vec<(usize, String)> = Vec::new();
+    for wanted in stated {
+        let named = names.iter().position(|name| name == wanted);
+        let found = named.or_else(|| wanted.parse().ok().filter(|number| number < count));
+        let Some(component) = found else {
+            let known = match names.is_empty() {
+                true => format!("0 to {}", count - 1),
+                false => names.join(", "),
+            };
+            return Err(wrong(format!("it has no channel {wanted:?}; it has {known}")));
+        };
+        if chosen.iter().any(|(known, _)| *known == component) {
+            return Err(wrong(format!("the channel {wanted:?} is named twice")));
+        }
+        chosen.push((component, name(component)));
+    }
+    if chosen.len() > FIELDS {
+        return Err(wrong(format!("{} channels are named; a picture shows up to {FIELDS}", chosen.len())));
+    }
+    Ok(Some(chosen))
+}
+
+/// The scene of several channels of the volume of `options`, made from their values.
+fn look_at_channels(
+    path: &Path,
+    mut options: SceneOptions,
+    chosen: Vec<(usize, String)>,
+    progress: &dyn Progress,
+) -> Result<(SceneFile, Statistics), OpenError> {
+    let name = path.display().to_string();
+    let mut channels = Vec::new();
+    for (component, of_file) in chosen {
+        options.selection.component = Some(component);
+        let ((volume, _), _) = volume_alone(&name, None, &options, progress).map_err(of_volume)?;
+        channels.push(ChannelVolume { component, name: of_file, volume });
+    }
+    options.selection.component = channels.first().map(|channel| channel.component);
+    let of_file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let look = look_channels(&of_file, &mut channels, progress).map_err(|error| match error {
+        LookError::NoCt(error) => OpenError::from(error),
+        LookError::Volume(error) => error.into(),
+    })?;
+    let Some(first) = channels.into_iter().next() else {
+        return Err(OpenError::Scene(SceneError::NoVolume { scene: name }));
+    };
+    let statistics = first.volume.statistics()?;
+    let volumes = InMemory { volume: first.volume, labels: None };
+    let given = Some(Given { volumes, is_ready: true, has_ready_labels: false });
+    let file = parse_around(given, (&name, &look.text), Path::new(""), &options, progress).map_err(of_volume)?;
+    Ok((SceneFile { guess: Some(look.guess), ..file }, statistics))
 }
 
 /// The error of a scene around a volume; where the file is the volume itself, it needs no scene.

@@ -239,7 +239,7 @@ impl<'a> Survey<'a> {
         let integration = planned.plan.integration;
         let other_integration = stated.accuracy.integration == Integration::Auto && integration != self.integration;
         let size = setting.marched_size(self.options.size);
-        let table = TransferTable::new(scene, planned, uploaded.storage.domain);
+        let table = TransferTable::new(scene, planned, &uploaded.domains());
         let same = Same {
             level,
             plan: planned.plan.clone(),

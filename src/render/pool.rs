@@ -398,7 +398,7 @@ fn pool_bytes(stated: Option<u64>, [heap, free]: [u64; 2], level: u64) -> u64 {
 }
 
 /// Bytes of a voxel and its label.
-pub(super) fn voxel_bytes(storage: &Storage, labels: Option<&LabelMap>, smooth: bool) -> u64 {
+fn voxel_bytes(storage: &Storage, labels: Option<&LabelMap>, smooth: bool) -> u64 {
     (storage.format.bytes() + labels.map_or(0, |map| map.texel_bytes(smooth))) as u64
 }
 

@@ -6,13 +6,13 @@ use std::sync::{Arc, Mutex};
 use glam::DVec3;
 
 use super::level::finest_level;
-use super::pool::{Filled, Pool, PoolSize, Residence, is_one_allocation, voxel_bytes};
+use super::pool::{Filled, Pool, PoolSize, Residence, is_one_allocation};
 use super::{RenderError, Renderer};
 use relume_base::number::{count, unsigned};
 use relume_base::progress::Progress;
 use relume_scene::plan::{Planned, ScenePlan};
 use relume_scene::tables::{BrickGrid, Cells, LabelMap, Storage, VolumeFormat, apron, slot_edge};
-use relume_scene::{Interpolation, Scene};
+use relume_scene::{FIELDS, Interpolation, Scene};
 use relume_volume::{Statistics, macrocells};
 use relume_vulkan::{Buffer, Format, HostUse, Image3d};
 
@@ -32,6 +32,8 @@ pub struct Uploaded {
     pub storage: Storage,
     /// Its macrocells with their value ranges.
     pub cells: Cells,
+    /// Storages and macrocells of further fields, whose values are in the same texels.
+    pub further: Vec<(Storage, Cells)>,
     /// Row of the label table for each voxel, if the plan has labels.
     pub labels: Option<Arc<LabelMap>>,
     pub(super) volume: Image3d,
@@ -72,6 +74,24 @@ impl Uploaded {
 }
 
 impl Uploaded {
+    /// Storages of all fields.
+    #[must_use]
+    pub fn storages(&self) -> Vec<&Storage> {
+        std::iter::once(&self.storage).chain(self.further.iter().map(|field| &field.0)).collect()
+    }
+
+    /// Macrocells of all fields.
+    #[must_use]
+    pub fn all_cells(&self) -> Vec<&Cells> {
+        std::iter::once(&self.cells).chain(self.further.iter().map(|field| &field.1)).collect()
+    }
+
+    /// Lowest and highest value of all fields.
+    #[must_use]
+    pub fn domains(&self) -> Vec<[f64; 2]> {
+        self.storages().iter().map(|storage| storage.domain).collect()
+    }
+
     /// The textures that a pool fills.
     pub(super) fn filled(&self) -> Filled<'_> {
         Filled { volume: &self.volume, label_image: self.label_image.as_ref() }
@@ -123,20 +143,32 @@ impl Uploaded {
 /// Texture format of the volume of `scene`, whose values have `statistics`, as `planned` stores it, and bytes of a voxel and its
 /// label.
 fn stored_as(scene: &Scene, planned: &Planned, statistics: &Statistics) -> (Format, u64) {
-    let format = Storage::format_of(&planned.plan, &scene.fields.first().volume, statistics);
+    let format = texels(Storage::format_of(&planned.plan, &scene.fields.first().volume, statistics), &planned.plan);
     let declared = scene.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| labels.declared.len());
     let label_bytes = declared.map_or(0, |declared| LabelMap::bytes_of(declared, planned.plan.smooth_labels));
-    (texels(format), format.bytes() as u64 + label_bytes as u64)
+    (format, u64::from(format.texel_bytes()) + label_bytes as u64)
 }
 
-/// Texture format of the texels of a volume.
-fn texels(format: VolumeFormat) -> Format {
+/// Texture format of the texels of a volume, or of the values of all fields.
+fn texels(format: VolumeFormat, plan: &ScenePlan) -> Format {
     match format {
+        VolumeFormat::R16Unorm if plan.groups.further > 0 => Format::Rgba16Unorm,
+        VolumeFormat::R32Float if plan.groups.further > 0 => Format::Rgba32Float,
         VolumeFormat::R16Unorm => Format::R16Unorm,
         VolumeFormat::R32Float => Format::R32Float,
         VolumeFormat::Rgba16Snorm => Format::Rgba16Snorm,
         VolumeFormat::Rgba32Float => Format::Rgba32Float,
     }
+}
+
+/// Texels of four numbers of so many `bytes` each, from the texels of each field; the rest of them is 0.
+fn interleaved(fields: &[Vec<u8>], bytes: usize) -> Vec<u8> {
+    let mut texels = vec![0; fields.first().map_or(0, Vec::len) * FIELDS];
+    for (field, numbers) in fields.iter().enumerate() {
+        let places = texels.chunks_exact_mut(FIELDS * bytes).zip(numbers.chunks_exact(bytes));
+        places.for_each(|(texel, number)| texel[field * bytes..][..bytes].copy_from_slice(number));
+    }
+    texels
 }
 
 impl Renderer {
@@ -160,7 +192,7 @@ impl Renderer {
         }
         let storage = Storage::of(&planned.plan, &field.volume, statistics, progress).map_err(RenderError::Volume)?;
         let dims = field.volume.geometry.dims;
-        let format = texels(storage.format);
+        let format = texels(storage.format, &planned.plan);
         self.check_filter(planned, &storage)?;
         let labels = match &scene.labels {
             Some(labels) if planned.plan.labels => Some(Arc::new(LabelMap::new(labels).map_err(RenderError::Labels)?)),
@@ -172,7 +204,8 @@ impl Renderer {
             2 => Format::R16Uint,
             _ => Format::R32Uint,
         });
-        let voxel_bytes = voxel_bytes(&storage, labels.as_deref(), smooth);
+        let label_bytes = labels.as_ref().map_or(0, |map| map.texel_bytes(smooth)) as u64;
+        let voxel_bytes = u64::from(format.texel_bytes()) + label_bytes;
         let limit = self.largest_texture(format);
         if field.bricks().is_some()
             || self.always_bricked
@@ -186,6 +219,9 @@ impl Renderer {
             };
             if progress.cancelled() {
                 return Err(RenderError::Cancelled);
+            }
+            if planned.plan.groups.further > 0 {
+                return Err(RenderError::Bricked { what: "several fields" });
             }
             let (grid, apron) = (BrickGrid::new(cells.dims), apron(scene, &planned.plan));
             let pool_of = |budget: u64| PoolSize::new(&self.device, grid, apron, (format, voxel_bytes), budget, limit);
@@ -202,16 +238,52 @@ impl Renderer {
                 .transpose()?;
             let (source, labelled) = ((&field.volume, &storage), (labels.as_ref(), smooth));
             let pool = Some(Pool::new(&self.device, size, grid, source, labelled)?);
-            return Ok(Uploaded { storage, cells, labels, volume, label_image, pool, level, kept: Kept::default() });
+            let further = Vec::new();
+            return Ok(Uploaded {
+                storage,
+                cells,
+                further,
+                labels,
+                volume,
+                label_image,
+                pool,
+                level,
+                kept: Kept::default(),
+            });
         }
-        let volume = self.fill("volume", format, dims, progress, |slices| storage.slab(&field.volume, slices))?;
+        let storages = Storage::of_further(&planned.plan, scene);
+        let volume = self.fill("volume", format, dims, progress, |slices| {
+            let first = storage.slab(&field.volume, slices.clone());
+            if storages.is_empty() {
+                return first;
+            }
+            let further = storages.iter().zip(scene.fields.further());
+            let further = further.map(|(storage, field)| storage.slab(&field.volume, slices.clone()));
+            interleaved(&std::iter::once(first).chain(further).collect::<Vec<_>>(), storage.format.bytes())
+        })?;
         let label_image = labels
             .as_ref()
             .zip(label_format)
             .map(|(map, format)| self.fill("labels", format, dims, progress, |slices| map.texels(dims, slices, smooth)))
             .transpose()?;
         let cells = Cells::new(&field.volume, &storage, labels.as_deref());
-        Ok(Uploaded { storage, cells, labels, volume, label_image, pool: None, level: None, kept: Kept::default() })
+        let further = storages.into_iter().zip(scene.fields.further());
+        let further = further.map(|(storage, field)| {
+            let cells = Cells::new(&field.volume, &storage, None);
+            (storage, cells)
+        });
+        let further = further.collect();
+        Ok(Uploaded {
+            storage,
+            cells,
+            further,
+            labels,
+            volume,
+            label_image,
+            pool: None,
+            level: None,
+            kept: Kept::default(),
+        })
     }
 
     /// Uploads the finest coarse level of the volume of `scene` for which there is room beside its bricks.
@@ -293,7 +365,7 @@ impl Renderer {
 
     /// Refuses a volume that the device cannot filter.
     fn check_filter(&self, planned: &Planned, storage: &Storage) -> Result<(), RenderError> {
-        let format = texels(storage.format);
+        let format = texels(storage.format, &planned.plan);
         if planned.plan.interpolation == Interpolation::Linear && !self.device.limits().linear_filter(format) {
             let device = self.device.info().name.clone();
             return Err(RenderError::Filter { format: storage.format, device });

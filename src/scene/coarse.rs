@@ -222,7 +222,8 @@ impl Scene {
             if unit > 0.0 && unit.is_finite() { unit * edges.max_element() } else { unit }
         };
         let allowed = self.accuracy.voxel_pixels;
-        let coarsest = self.volume().coarser_levels();
+        // Levels are of one volume.
+        let coarsest = if self.fields.further().is_empty() { self.volume().coarser_levels() } else { 0 };
         let is_allowed = |level: &u32| unit > 0.0 && pixels(*level) <= allowed;
         let level = (1..=coarsest).take_while(is_allowed).last().unwrap_or(0);
         let [pixels, next_pixels] = [level, (level + 1).min(coarsest)].map(pixels);

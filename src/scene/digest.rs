@@ -39,6 +39,7 @@ impl Scene {
         for field in fields.iter() {
             hash_voxels(&field.volume, &mut hasher);
         }
+        format!("{:?}", fields.terms()).hash(&mut hasher);
         if let Some(labels) = labels {
             format!("{:?}", labels.declared).hash(&mut hasher);
             hash_voxels(&labels.volume, &mut hasher);

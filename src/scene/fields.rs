@@ -1,17 +1,41 @@
 //! The fields of a scene: values at each place of its frame.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use relume_volume::{BrickCache, CacheCounts, Volume};
+use super::Term;
+use relume_volume::{BrickCache, CacheCounts, Statistics, Volume, VolumeError};
 
 /// A field: the values of a volume, wherever its voxels reside.
 #[derive(Clone, Debug)]
 pub struct Field {
+    /// Name of a further field; empty for the first.
+    pub name: String,
     /// Voxel values and their grid.
     pub volume: Arc<Volume>,
+    /// What a further field shows: terms as of [`Transfer`](super::Transfer), by its own values. The first has those of the scene.
+    pub terms: Vec<Term>,
+    statistics: Arc<OnceLock<Statistics>>,
 }
 
 impl Field {
+    /// The further field of `volume`, which shows `terms`.
+    #[must_use]
+    pub fn new(name: String, volume: Arc<Volume>, terms: Vec<Term>) -> Self {
+        Self { name, volume, terms, statistics: Arc::default() }
+    }
+
+    /// Statistics of its values; of a volume without a finite value, those of zeros.
+    #[must_use]
+    pub fn statistics(&self) -> &Statistics {
+        self.statistics.get_or_init(|| match self.volume.statistics() {
+            Ok(statistics) => statistics,
+            Err(VolumeError::NothingFinite { not_a_number, infinite, .. }) => {
+                Statistics { not_a_number, infinite, ..Statistics::of_nothing() }
+            }
+            Err(_) => Statistics::of_nothing(),
+        })
+    }
+
     /// The file of bricks with the voxels, unless these are in memory.
     #[must_use]
     pub fn bricks(&self) -> Option<&BrickCache> {
@@ -36,37 +60,60 @@ impl Field {
     #[must_use]
     pub fn is(&self, other: &Self) -> bool {
         // Complete on purpose: a new part does not compile until somebody decides.
-        let Self { volume } = self;
+        let Self { name: _, volume, terms: _, statistics: _ } = self;
         Arc::ptr_eq(volume, &other.volume)
     }
 }
 
-/// All fields of a scene. A march takes one.
+/// Largest number of fields of a scene: their values share a texel.
+pub const FIELDS: usize = 4;
+
+/// All fields of a scene, on one grid.
 #[derive(Clone, Debug)]
-pub struct Fields([Field; 1]);
+pub struct Fields {
+    first: Field,
+    further: Vec<Field>,
+}
 
 impl Fields {
     /// The field of `volume` alone.
     #[must_use]
-    pub const fn of(volume: Arc<Volume>) -> Self {
-        Self([Field { volume }])
+    pub fn of(volume: Arc<Volume>) -> Self {
+        Self { first: Field::new(String::new(), volume, Vec::new()), further: Vec::new() }
+    }
+
+    /// The same with further fields, on the grid of the first.
+    #[must_use]
+    pub fn with(self, further: Vec<Field>) -> Self {
+        Self { further, ..self }
     }
 
     /// The field whose volume gives the scene its frame.
     #[must_use]
     pub const fn first(&self) -> &Field {
-        let [first] = &self.0;
-        first
+        &self.first
+    }
+
+    /// The others.
+    #[must_use]
+    pub fn further(&self) -> &[Field] {
+        &self.further
     }
 
     /// All of them in their order.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = &Field> {
-        self.0.iter()
+    pub fn iter(&self) -> impl Iterator<Item = &Field> {
+        std::iter::once(&self.first).chain(&self.further)
+    }
+
+    /// What the further ones show.
+    #[must_use]
+    pub fn terms(&self) -> Vec<&[Term]> {
+        self.further.iter().map(|field| field.terms.as_slice()).collect()
     }
 
     /// True if both have the same voxels in the same order.
     #[must_use]
     pub fn are(&self, other: &Self) -> bool {
-        self.0.len() == other.0.len() && self.iter().zip(other.iter()).all(|(ours, theirs)| ours.is(theirs))
+        self.further.len() == other.further.len() && self.iter().zip(other.iter()).all(|(ours, theirs)| ours.is(theirs))
     }
 }

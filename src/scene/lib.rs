@@ -23,7 +23,7 @@ pub use blocks::{Block, Blocks, MOST_BLOCKS, Node, low_leaves};
 pub use camera::{Aim, Camera, Fill, Projection, View};
 pub use camera::{centre, unit};
 pub use coarse::{Coarse, LabelLeft, Level};
-pub use fields::{Field, Fields};
+pub use fields::{FIELDS, Field, Fields};
 pub use frame::Frame;
 pub use lights::{BRIGHTEST, INTENSITY};
 pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
@@ -132,7 +132,7 @@ impl Scene {
 
     /// Volume of the first field, whose grid is that of the frame: the one that texts, slices and histograms are about.
     #[must_use]
-    pub const fn volume(&self) -> &Arc<Volume> {
+    pub fn volume(&self) -> &Arc<Volume> {
         &self.fields.first().volume
     }
 
@@ -147,6 +147,28 @@ impl Scene {
     pub fn with_volume(mut self, volume: Arc<Volume>) -> Self {
         self.set_volume(volume);
         self
+    }
+
+    /// What field `index` shows.
+    #[must_use]
+    pub fn terms_of(&self, index: usize) -> &[Term] {
+        match index.checked_sub(1) {
+            None => &self.transfer.terms,
+            Some(further) => self.fields.further().get(further).map_or(&[], |field| &field.terms),
+        }
+    }
+
+    /// Groups of terms that a march looks up apart, those of the first field first.
+    #[must_use]
+    pub fn groups(&self) -> Vec<Group<'_>> {
+        let mut groups = Vec::new();
+        for field in 0..=self.fields.further().len() {
+            // The factor of all is that of the first field.
+            let all = if field == 0 { &self.transfer.gradient_opacity[..] } else { &[] };
+            let factors = different_factors(self.terms_of(field), all).into_iter();
+            groups.extend(factors.map(|factor| Group { field, factor }));
+        }
+        groups
     }
 
     /// Whether the material `index` is visible, through a value of the transfer function or a label.
@@ -226,7 +248,8 @@ impl Scene {
         height: impl Fn(&Term) -> &Vec<(f64, f64)>,
         of_label: impl Fn(&LabelEntry) -> f64,
     ) -> bool {
-        let in_transfer = self.transfer.terms.iter().any(|term| {
+        let further = self.fields.further().iter().flat_map(|field| &field.terms);
+        let in_transfer = self.transfer.terms.iter().chain(further).any(|term| {
             height(term).iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == index)
         });
         let in_labels = self
@@ -235,6 +258,15 @@ impl Scene {
             .is_some_and(|labels| labels.declared.iter().any(|entry| entry.material == index && of_label(entry) > 0.0));
         in_transfer || in_labels
     }
+}
+
+/// Terms of a field with equal factors by the gradient.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Group<'a> {
+    /// Index of the field.
+    pub field: usize,
+    /// The factor; empty is 1.
+    pub factor: &'a [(f64, f64)],
 }
 
 /// A spectral material.

@@ -22,8 +22,8 @@ use needs::{exponents, longest_way, transmittance};
 pub use warning::PlanWarning;
 
 use crate::{
-    AccumulateAs, Accuracy, AmbientShares, Gradients, Integration, Interpolation, LabelInterpolation, Lighting, Lookup,
-    Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
+    AccumulateAs, Accuracy, AmbientShares, Field, Gradients, Integration, Interpolation, LabelInterpolation, Lighting,
+    Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
 };
 use relume_base::progress::Progress;
 use relume_colour::model::{ColourModel, ModelError, ModelKind, Order};
@@ -57,8 +57,8 @@ pub struct ScenePlan {
     pub phases: usize,
     /// Thin films that reflect directed light.
     pub thin_films: FilmCounts,
-    /// Factors on the medium by the gradient magnitude.
-    pub factors: Factors,
+    /// Groups of terms whose densities a sample adds.
+    pub groups: Groups,
     /// Whether labels take precedence over the transfer function.
     pub labels: bool,
     /// Whether labels are interpolated between voxels.
@@ -85,33 +85,42 @@ pub struct ScenePlan {
     pub storage: StoreAs,
 }
 
-/// Factors on the medium by the gradient magnitude. Terms of the transfer function with equal factors are a group, whose densities
-/// are summed apart from others. Without factors, there is no group.
+/// Terms of one field with equal factors by the gradient magnitude are a group, whose density is looked up by itself. Without factors and
+/// further fields there is no group: a sample reads the effect of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Factors {
+pub struct Groups {
     /// Number of groups.
-    pub groups: usize,
-    /// Points of the longest factor.
+    pub number: usize,
+    /// Points of the longest factor; 0 if every factor is 1.
     pub points: usize,
+    /// Fields besides the first.
+    pub further: usize,
 }
 
-impl Factors {
+impl Groups {
     fn of(scene: &Scene) -> Self {
-        let factors = scene.transfer.factors();
-        let points = factors.iter().map(|factor| factor.len()).max().unwrap_or(0);
-        if points > 0 { Self { groups: factors.len(), points } } else { Self::default() }
+        let groups = scene.groups();
+        let points = groups.iter().map(|group| group.factor.len()).max().unwrap_or(0);
+        let further = scene.fields.further().len();
+        if points > 0 || further > 0 { Self { number: groups.len(), points, further } } else { Self::default() }
     }
 
-    /// True if any factor is not 1.
+    /// True if a sample adds densities.
     #[must_use]
     pub const fn any(self) -> bool {
-        self.groups > 0
+        self.number > 0
+    }
+
+    /// True if any factor by the gradient is not 1.
+    #[must_use]
+    pub const fn by_gradient(self) -> bool {
+        self.points > 0
     }
 
     /// Groups of numbers in a table entry: at least one.
     #[must_use]
     pub fn in_tables(self) -> usize {
-        self.groups.max(1)
+        self.number.max(1)
     }
 }
 
@@ -386,13 +395,13 @@ impl ScenePlan {
     /// True if a march adds densities before it closes a step, rather than reading the effect of a step at a value.
     #[must_use]
     pub fn adds_densities(&self) -> bool {
-        self.integration == Integrate::Segments || self.factors.any()
+        self.integration == Integrate::Segments || self.groups.any()
     }
 
     /// Whether the gradient of the data is needed.
     #[must_use]
     pub fn gradient(&self) -> bool {
-        self.factors.any() || self.shades_by_gradient()
+        self.groups.by_gradient() || self.shades_by_gradient()
     }
 
     /// Whether shading needs the gradient of the data.
@@ -419,7 +428,9 @@ impl ScenePlan {
         let differences = if self.gradient() && self.gradients == Gradients::Central { 6 * voxels } else { 0 };
         // A fetch of four lights.
         let light = if self.light.reads_grid() { 8 * LANE } else { 0 };
-        self.skipping && entries * (self.parts().lanes * LANE + opacity) + differences + light >= 2 * voxels
+        self.groups.further == 0
+            && self.skipping
+            && entries * (self.parts().lanes * LANE + opacity) + differences + light >= 2 * voxels
     }
 
     /// Whether a volume stored on a device for `other` suits this plan: same format, gradients, labels and filter.
@@ -427,7 +438,7 @@ impl ScenePlan {
     pub fn is_stored_as(&self, other: &Self) -> bool {
         let kept = |plan: &Self| {
             let labels = (plan.labels, plan.smooth_labels);
-            (plan.volume, plan.gradient(), plan.gradients, labels, plan.interpolation)
+            (plan.volume, plan.gradient(), plan.gradients, labels, plan.interpolation, plan.groups.further)
         };
         kept(self) == kept(other)
     }
@@ -473,6 +484,12 @@ pub enum PlanError {
         "the model peercy keeps a transmittance matrix, which transfer.gradient_opacity cannot scale; take another model, or remove gradient_opacity"
     )]
     GradientMatrix,
+    /// A march of several fields does not do this yet.
+    #[error("a scene of several fields cannot have {what}")]
+    Fields {
+        /// The feature and the way out.
+        what: &'static str,
+    },
     /// Terms whose factors differ are summed at each sample, and depths that a model projects step by step have no sum.
     #[error(
         "the model projects the transmittance of each step, so terms with different factors by the gradient have no sum; take another model, or one factor for all: transfer.gradient_opacity"
@@ -518,6 +535,7 @@ impl PlanError {
             Self::HalfRange => "half-overflow",
             Self::GradientMatrix => "gradient-opacity-matrix",
             Self::GradientProjected => "gradient-projected",
+            Self::Fields { .. } => "fields-impossible",
             Self::FilmMatrix { .. } => "film-matrix",
             Self::HalfMatrix => "half-matrix",
             Self::NoSegments { .. } => "segments-impossible",
@@ -556,10 +574,14 @@ pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progre
 
 /// Refuses matrices with a factor by the gradient magnitude, and 16-bit storage with an error above the tolerance.
 fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
-    if planned.plan.factors.any() && planned.plan.transmittance == Transmittance::Mixed {
+    let Groups { number, further, .. } = planned.plan.groups;
+    if further > 0 {
+        check_fields(planned, scene)?;
+    }
+    if planned.plan.groups.any() && planned.plan.transmittance == Transmittance::Mixed {
         return Err(PlanError::GradientMatrix);
     }
-    if planned.plan.factors.groups > 1 && projects_steps(&planned.plan, planned.model.as_deref()) {
+    if number > 1 && projects_steps(&planned.plan, planned.model.as_deref()) {
         return Err(PlanError::GradientProjected);
     }
     if planned.plan.thin_films.total() > 0 && planned.plan.transmittance == Transmittance::Mixed {
@@ -571,6 +593,23 @@ fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     }
     shadows::check(planned, scene)?;
     half::check(planned, scene)
+}
+
+/// Refuses what a march of several fields does not do.
+fn check_fields(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
+    let plan = &planned.plan;
+    let what = if plan.shading.is_some() {
+        "shading by the gradient; write shading = \"none\", or ambient lights"
+    } else if plan.labels {
+        "labels; leave them out, or show one field"
+    } else if plan.transmittance == Transmittance::Mixed || projects_steps(plan, planned.model.as_deref()) {
+        "the model, which projects each step; take another model"
+    } else if scene.fields.iter().any(|field| field.bricks().is_some()) {
+        "a file of bricks; open the volumes that it was made of"
+    } else {
+        return Ok(());
+    };
+    Err(PlanError::Fields { what })
 }
 
 /// Names of the materials with coloured absorption.
@@ -695,14 +734,14 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         shading,
         phases,
         thin_films,
-        factors: Factors::of(scene),
+        groups: Groups::of(scene),
         labels,
         smooth_labels: labels && scene.accuracy.labels == LabelInterpolation::Smooth,
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
         integration: Integrate::Samples,
         interpolation: scene.accuracy.interpolation,
-        volume: scene.accuracy.volume,
+        volume: stored_volume(scene),
         gradients: Gradients::Packed,
         skipping: scene.accuracy.skipping,
         rays: scene.accuracy.rays,
@@ -710,7 +749,8 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         storage: scene.accuracy.storage,
     };
     if plan.gradient() {
-        plan.gradients = scene.accuracy.gradients;
+        // Texels of several fields have no room for gradients.
+        plan.gradients = if plan.groups.further > 0 { Gradients::Central } else { scene.accuracy.gradients };
     }
     let wanted = match scene.accuracy.integration {
         Integration::Samples => false,
@@ -730,11 +770,22 @@ fn no_segments(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static
         Some("the model peercy multiplies matrices")
     } else if projects_steps(plan, model) {
         Some("the model projects the transmittance of each step")
+    } else if plan.groups.further > 0 {
+        Some("several fields have no common value between the ends of a segment")
     } else if plan.interpolation == Interpolation::Nearest {
         Some("the values of nearest interpolation jump")
     } else {
         None
     }
+}
+
+/// Storage of the values: all fields of a scene have the same, by the types of their voxels.
+fn stored_volume(scene: &Scene) -> VolumeAs {
+    if scene.fields.further().is_empty() || scene.accuracy.volume != VolumeAs::Auto {
+        return scene.accuracy.volume;
+    }
+    let is_short = |field: &Field| field.volume.voxels.voxel_type().bytes() <= 2;
+    if scene.fields.iter().all(is_short) { VolumeAs::Short } else { VolumeAs::Single }
 }
 
 /// True if the model projects the transmittance of each step.

@@ -86,41 +86,27 @@ impl Medium {
     }
 }
 
+impl Medium {
+    /// Adds `other`, of as many materials.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.scattering.iter_mut().zip(&other.scattering).for_each(|(sum, depth)| *sum += depth);
+        self.absorption.iter_mut().zip(&other.absorption).for_each(|(sum, depth)| *sum += depth);
+    }
+}
+
 impl Transfer {
     /// The medium at `value` for `materials` materials: `σ_m = −ln(1 − opacity)·share_m` (docs/theory/march.md), and
     /// the same share of the absorption.
     #[must_use]
     pub fn medium(&self, value: f64, materials: usize) -> Medium {
-        self.medium_by(value, materials, |_| 1.0)
+        medium_of(&self.terms, value, materials, |_| 1.0)
     }
 
     /// [`Self::medium`] where the gradient has this `magnitude`, in data units per world unit: with the factors of the terms.
     #[must_use]
     pub fn medium_with(&self, value: f64, magnitude: f64, materials: usize) -> Medium {
-        self.medium_by(value, materials, |term| factor_at(self.factor_of(&self.terms[term]), magnitude))
-    }
-
-    /// [`Self::medium`] with a factor for each term, by its index.
-    pub(crate) fn medium_by(&self, value: f64, materials: usize, factor: impl Fn(usize) -> f64) -> Medium {
-        let mut medium = Medium::nothing(materials);
-        for (index, term) in self.terms.iter().enumerate() {
-            let factor = factor(index);
-            if factor <= 0.0 {
-                continue;
-            }
-            let depths = [depth_from_opacity(height_at(&term.opacity, value)), height_at(&term.absorption, value)];
-            let depths = depths.map(|depth| depth * factor);
-            for (depth, sums) in depths.into_iter().zip([&mut medium.scattering, &mut medium.absorption]) {
-                if depth > 0.0 {
-                    for (material, share) in term.material.at(value) {
-                        if let Some(sum) = sums.get_mut(material) {
-                            *sum += share * depth;
-                        }
-                    }
-                }
-            }
-        }
-        medium
+        let factor = |term: usize| factor_at(self.factor_of(&self.terms[term]), magnitude);
+        medium_of(&self.terms, value, materials, factor)
     }
 
     /// The factor on `term`, its own or that of all others. Empty if it is 1 at all magnitudes.
@@ -144,14 +130,41 @@ impl Transfer {
     /// Values at which the function has a corner or a jump, ascending.
     #[must_use]
     pub fn bends(&self) -> Vec<f64> {
-        let heights =
-            self.terms.iter().flat_map(|term| term.opacity.iter().chain(&term.absorption)).map(|point| point.0);
-        let material = self.terms.iter().flat_map(|term| term.material.0.iter().map(|point| point.0));
-        let mut bends: Vec<f64> = heights.chain(material).collect();
-        bends.sort_by(f64::total_cmp);
-        bends.dedup();
-        bends
+        bends(&self.terms)
     }
+}
+
+/// The medium of `terms` at `value`, with a factor for each, by its index.
+pub(crate) fn medium_of(terms: &[Term], value: f64, materials: usize, factor: impl Fn(usize) -> f64) -> Medium {
+    let mut medium = Medium::nothing(materials);
+    for (index, term) in terms.iter().enumerate() {
+        let factor = factor(index);
+        if factor <= 0.0 {
+            continue;
+        }
+        let depths = [depth_from_opacity(height_at(&term.opacity, value)), height_at(&term.absorption, value)];
+        let depths = depths.map(|depth| depth * factor);
+        for (depth, sums) in depths.into_iter().zip([&mut medium.scattering, &mut medium.absorption]) {
+            if depth > 0.0 {
+                for (material, share) in term.material.at(value) {
+                    if let Some(sum) = sums.get_mut(material) {
+                        *sum += share * depth;
+                    }
+                }
+            }
+        }
+    }
+    medium
+}
+
+/// Values at which `terms` have a corner or a jump, ascending.
+pub(crate) fn bends(terms: &[Term]) -> Vec<f64> {
+    let heights = terms.iter().flat_map(|term| term.opacity.iter().chain(&term.absorption)).map(|point| point.0);
+    let material = terms.iter().flat_map(|term| term.material.0.iter().map(|point| point.0));
+    let mut bends: Vec<f64> = heights.chain(material).collect();
+    bends.sort_by(f64::total_cmp);
+    bends.dedup();
+    bends
 }
 
 /// The different factors on `terms`, in the order of their first terms; `all` is that of terms without one of their own.
@@ -174,7 +187,7 @@ pub fn depth_from_opacity(opacity: f64) -> f64 {
 
 impl Term {
     /// The factor on the term, its own or that of `all` others. Empty if it is 1 at all magnitudes.
-    fn factor_among<'a>(&'a self, all: &'a [(f64, f64)]) -> &'a [(f64, f64)] {
+    pub(crate) fn factor_among<'a>(&'a self, all: &'a [(f64, f64)]) -> &'a [(f64, f64)] {
         let factor = if self.gradient.is_empty() { all } else { &self.gradient };
         if factor.iter().all(|point| point.1 >= 1.0) { &[] } else { factor }
     }

@@ -34,6 +34,14 @@ pub struct Statistics {
     pub infinite: u64,
 }
 
+impl Statistics {
+    /// Those of a volume of zeros, of which none is counted.
+    #[must_use]
+    pub const fn of_nothing() -> Self {
+        Self { min: 0.0, max: 0.0, mean: 0.0, histogram: [0; BINS], not_a_number: 0, infinite: 0 }
+    }
+}
+
 impl Volume {
     /// Computes the statistics of all voxels in parallel; the result does not depend on the number of threads.
     ///

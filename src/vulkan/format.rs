@@ -22,6 +22,8 @@ pub enum Format {
     R32Float,
     /// Four 16-bit numbers; −32767..=32767 is read as −1..=1 (−32768 is also −1). 0 is exactly 0.
     Rgba16Snorm,
+    /// Four 16-bit numbers; 0..=65535 is read as 0..=1.
+    Rgba16Unorm,
     /// Four 16-bit floats.
     Rgba16Float,
     /// Four f32.
@@ -41,10 +43,11 @@ pub enum Format {
 
 impl Format {
     /// All formats, in declaration order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::R16Unorm,
         Self::R32Float,
         Self::Rgba16Snorm,
+        Self::Rgba16Unorm,
         Self::Rgba16Float,
         Self::Rgba32Float,
         Self::Rgba8Unorm,
@@ -61,7 +64,7 @@ impl Format {
             Self::R8Uint => 1,
             Self::R16Unorm | Self::R16Uint => 2,
             Self::R32Float | Self::R32Uint | Self::Rgba8Unorm | Self::Bgra8Unorm => 4,
-            Self::Rgba16Snorm | Self::Rgba16Float => 8,
+            Self::Rgba16Snorm | Self::Rgba16Unorm | Self::Rgba16Float => 8,
             Self::Rgba32Float => 16,
         }
     }
@@ -77,6 +80,7 @@ impl Format {
             Self::R16Unorm => vk::Format::R16_UNORM,
             Self::R32Float => vk::Format::R32_SFLOAT,
             Self::Rgba16Snorm => vk::Format::R16G16B16A16_SNORM,
+            Self::Rgba16Unorm => vk::Format::R16G16B16A16_UNORM,
             Self::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
             Self::Rgba32Float => vk::Format::R32G32B32A32_SFLOAT,
             Self::Rgba8Unorm => vk::Format::R8G8B8A8_UNORM,

@@ -146,8 +146,34 @@ fn channels_are_listed_by_their_names() {
     let json = folder.done(&["info", file, "--json"]).json();
     assert_eq!((&json["components"], &json["component_names"]), (&2.into(), &serde_json::json!(["DAPI", "GFP"])));
     folder.refused(2, &["info", file, "--voxel", "0,0,0"], &["--voxel has no effect", "--component N"]);
-    let words = ["2 components per voxel (DAPI, GFP)", "choose a component from 0 to 1 with --component N"];
-    folder.refused(1, &["render", file, "-o", "c.png"], &words);
+    // All of them, those that are named, or one.
+    let small = ["--size", "32x32"];
+    let both = folder.done(&[&["render", file, "-o", "c.png", "--save-scene", "c.toml"][..], &small].concat());
+    for words in ["2 channels", "DAPI from", "GFP from"] {
+        assert!(both.err.contains(words), "no {words:?} in {}", both.err);
+    }
+    assert!(both.out.contains("lit by all"), "{}", both.out);
+    let scene = std::fs::read_to_string(folder.path("c.toml")).unwrap();
+    for words in ["[volumes.GFP]", "component = 0", "component = 1", "[materials.DAPI]", "[lights.GFP]", "2 channels"] {
+        assert!(scene.contains(words), "no {words:?} in {scene}");
+    }
+    folder.done(&[&["render", "c.toml", "-o", "again.png"][..], &small].concat());
+    let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+    assert_eq!(bytes("c.png"), bytes("again.png"), "the saved scene is the same picture");
+    folder.done(&[&["render", file, "--channels", "GFP,0", "-o", "two.png"][..], &small].concat());
+    folder.done(&[&["render", file, "--channels", "GFP", "-o", "one.png"][..], &small].concat());
+    folder.refused(1, &["render", file, "--channels", "RFP"], &["no channel \"RFP\"", "DAPI, GFP"]);
+    folder.refused(1, &["render", file, "--channels", "GFP,1"], &["\"1\" is named twice"]);
+    folder.refused(
+        2,
+        &["render", "c.toml", "--channels", "GFP"],
+        &["--channels has no effect on a scene", "[volumes]"],
+    );
+    folder.refused(2, &["render", file, "--channels", "GFP", "--component", "1"], &["--channels", "--component"]);
+    // A look is at one of them.
+    let words =
+        ["2 components per voxel (DAPI, GFP)", "choose a component from 0 to 1 with --component N", "--channels A,B"];
+    folder.refused(1, &["render", file, "--look", "grey", "-o", "c.png"], &words);
     assert!(folder.done(&["info", file, "--component", "1"]).out.contains("2 (DAPI, GFP), one of which is read"));
     let json = folder.done(&["info", file, "--component", "1", "--json"]).json();
     assert_eq!((&json["component_names"], &json["unit"]), (&serde_json::json!(["DAPI", "GFP"]), &"nm".into()));

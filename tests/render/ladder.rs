@@ -139,8 +139,9 @@ pub(super) fn climb(name: &str, rungs: &Rungs, renderer: Option<&Renderer>) {
     let all = vec![false; SIZE[0] * SIZE[1]];
     let places = places(rungs);
     let undecided = places.undecided.iter().filter(|&&undecided| undecided).count();
-    // 18 more roundings within a step by its gradient (`reference::factors`).
-    let more = if rungs.planned.plan.factors.any() { 18.0 / longest(rungs) } else { 0.0 };
+    // 18 more roundings within a step that is closed (`shaders/densities.wgsl`), and a product and a sum for each group in it.
+    let groups = rungs.planned.plan.groups;
+    let more = if groups.any() { 18.0 / longest(rungs) + 2.0 * float(groups.number - 1) } else { 0.0 };
     let lit = |accumulation: &Film<f64>| accumulation.relight(&rungs.xyz_matrices());
 
     // Basis: weights are exact up to the order of sums; a colour model may be off by its tolerance.
@@ -627,7 +628,7 @@ fn terms_with_factors_of_their_own_are_their_closed_form_on_every_rung() {
                 if integration == "samples" { Integration::Samples } else { Integration::Segments };
             scene.accuracy.gradients = gradients;
             let rungs = Rungs::new(scene, [8, 8]);
-            assert_eq!(rungs.planned.plan.factors.groups, 2);
+            assert_eq!(rungs.planned.plan.groups.number, 2);
             check_ramp(integration, &rungs, &[1.0 - left], &[left]);
         }
     }

@@ -4,6 +4,7 @@
 mod blocks;
 mod bricks;
 mod coloured_shadows;
+mod fields;
 mod films;
 mod harness;
 mod interpolation;

@@ -13,7 +13,7 @@ use relume::film::Film;
 use relume::number::Real;
 use relume::output::film::{Dial, FilmFile};
 use relume::plan::{
-    Accumulate, Factors, FilmCounts, Integrate, Planned, ScenePlan, ShadingTerms, Share, Shares, Specular, Stale,
+    Accumulate, FilmCounts, Groups, Integrate, Planned, ScenePlan, ShadingTerms, Share, Shares, Specular, Stale,
     Transmittance, plan,
 };
 use relume::progress::Quiet;
@@ -409,7 +409,7 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         shading,
         phases,
         thin_films,
-        factors,
+        groups,
         labels,
         smooth_labels,
         background,
@@ -480,9 +480,10 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         *thin_films != FilmCounts::default(),
         format!("films: {facing} facing, {lobe} lobes, {terms} terms, {exponent_bits} bits"),
     );
-    let Factors { groups, points } = *factors;
-    let apart = if groups > 1 { format!(" in {groups} groups") } else { String::new() };
-    add(groups > 0, format!("thinned at {points}{apart}"));
+    let Groups { number, points, further } = *groups;
+    let apart = if number > 1 && further == 0 { format!(" in {number} groups") } else { String::new() };
+    add(points > 0, format!("thinned at {points}{apart}"));
+    add(further > 0, format!("{} fields in {number} groups", further + 1));
     add(*labels, if *smooth_labels { "labels" } else { "nearest labels" }.into());
     add(*background, "background".into());
     add(*lookup != Lookup::Linear, "nearest entry".into());
@@ -592,7 +593,7 @@ matrix! {
     segments_coloured_xray segments_sharpened_semigroup segments_central segments_cubic segments_exact_linear
     segments_nearest_lookup segments_thinned segments_unskipped segments_long_steps segments_unshaded_cubic
     segments_unshaded_exact_linear thinned_unshaded_one thinned_diffuse_three thinned_specular_three thinned_labels
-    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows interpolation_nearest_three
+    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
     interpolation_exact_linear_three interpolation_cubic_three interpolation_nearest_unshaded
     interpolation_exact_linear_unshaded interpolation_cubic_unshaded interpolation_nearest_labels
     interpolation_exact_linear_labels interpolation_cubic_labels interpolation_nearest_coloured

@@ -249,7 +249,7 @@ fn table(entries: &str) -> Option<TransferTable> {
     let scene = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet);
     scene.ok().and_then(|file| {
         let scene = file.scene;
-        plan(&scene, &Quiet).ok().map(|planned| TransferTable::new(&scene, &planned, [0.0, 65535.0]))
+        plan(&scene, &Quiet).ok().map(|planned| TransferTable::new(&scene, &planned, &[[0.0, 65535.0]]))
     })
 }
 

@@ -16,7 +16,7 @@
 use glam::DVec3;
 use relume::film::Film;
 use relume::number::{Real, rounded as single};
-use relume::plan::{Accumulate, Factors, FilmCounts, LANE, LightPlan, Planned, ScenePlan, Shares, Transmittance};
+use relume::plan::{Accumulate, FilmCounts, Groups, LANE, LightPlan, Planned, ScenePlan, Shares, Transmittance};
 use relume::reference::{End, Samples, Step, Stored, across};
 use relume::scene::{Direction, Lookup, Material, Placement, Position, View};
 use relume::tables::{RayTable, Steps, StoredVolume};
@@ -183,7 +183,7 @@ pub fn bounds<R: Real>(
         phases: 0,
         thin_films: FilmCounts::default(),
         // Samples close their densities.
-        factors: Factors::default(),
+        groups: Groups::default(),
         ..planned.plan.clone()
     };
     let everywhere =
@@ -277,7 +277,7 @@ pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], ro
     let texels = Texels::new(&rungs.volume);
     let scale = DVec3::from_array(rungs.storage.gradient_scale());
     // Magnitudes of gradients that are a little shorter and longer.
-    let rounded: Vec<Rungs> = if rungs.planned.plan.factors.any() {
+    let rounded: Vec<Rungs> = if rungs.planned.plan.groups.by_gradient() {
         vec![with_longer_gradients(rungs, -MAGNITUDE), with_longer_gradients(rungs, MAGNITUDE)]
     } else {
         Vec::new()

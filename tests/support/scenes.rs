@@ -146,7 +146,10 @@ pub fn changed(name: &str, changes: &str) -> Scene {
         _ => return scene,
     };
     let volume = Volume::new("sampled", voxels, scene.frame.geometry).unwrap();
-    scene.with_volume(Arc::new(volume))
+    let further = scene.fields.further().to_vec();
+    let mut scene = scene.with_volume(Arc::new(volume));
+    scene.fields = scene.fields.with(further);
+    scene
 }
 
 /// Parses the scene `text`.

@@ -68,6 +68,8 @@ pub(super) struct Root {
     pub(super) background: Option<At<SpectrumSource>>,
     #[serde(default)]
     pub(super) volume: VolumeFile,
+    #[serde(default)]
+    pub(super) volumes: BTreeMap<String, At<FurtherFile>>,
     pub(super) palette: Option<At<PaletteFile>>,
     #[serde(default)]
     pub(super) materials: BTreeMap<String, At<MaterialFile>>,
@@ -215,6 +217,20 @@ pub(super) struct ThinFilmFile {
     pub(super) below: Option<At<f64>>,
     #[serde(default)]
     pub(super) angle: ThinFilmAngle,
+}
+
+/// A further field: values on the grid of the volume.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FurtherFile {
+    pub(super) file: Option<PathBuf>,
+    pub(super) phantom: Option<At<String>>,
+    pub(super) component: Option<usize>,
+    pub(super) time: Option<usize>,
+    pub(super) array: Option<String>,
+    #[serde(default, deserialize_with = "number_or_text")]
+    pub(super) series: Option<String>,
+    pub(super) transfer: At<TransferFile>,
 }
 
 #[derive(Default, Deserialize)]

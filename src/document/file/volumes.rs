@@ -131,6 +131,83 @@ impl Text<'_> {
         Ok((volume, stored))
     }
 
+    /// The further fields of a scene: volumes on the grid of `first`, with what they show.
+    pub(super) fn further(
+        &self,
+        file: &Root,
+        (first, stored): (&Volume, &Geometry),
+        materials: &[Material],
+        base: &Path,
+        options: &SceneOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Field>, SceneError> {
+        if let Some((name, stated)) = file.volumes.iter().nth(FIELDS - 1) {
+            let message = format!(
+                "volumes.{name}: the scene has {} fields; the limit is {FIELDS}, whose values share a texel",
+                file.volumes.len() + 1
+            );
+            return Err(self.invalid(stated, message));
+        }
+        let of = |(name, stated): (&String, &At<FurtherFile>)| {
+            let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
+            let FurtherFile { file: path, phantom, component, time, array, series, transfer } = stated.get_ref();
+            let of_volume = options.volume.clone().or_else(|| file.volume.file.as_ref().map(|path| base.join(path)));
+            let path = path.as_ref().map(|path| base.join(path)).or_else(|| of_volume.filter(|_| phantom.is_none()));
+            let selection = Selection {
+                component: *component,
+                time: time.or(first.selection.time),
+                array: array.clone().or_else(|| first.selection.array.clone()),
+                series: series.clone().or_else(|| first.selection.series.clone()),
+                ..first.selection.clone()
+            };
+            let mut volume = match (path, phantom) {
+                (Some(path), _) => {
+                    let layout = options.raw.clone().or(file.volume.raw_layout(self)?);
+                    relume_volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?
+                }
+                (None, Some(phantom)) => {
+                    let kind: Phantom =
+                        phantom.get_ref().parse().map_err(|error| self.invalid(phantom, format!("{error}")))?;
+                    let blocks = file.volume.blocks(options).unwrap_or([1; 3]);
+                    let dims = std::array::from_fn(|axis| stored.dims[axis] * blocks[axis]);
+                    Volume::phantom(kind, Some(dims)).map_err(fail)?
+                }
+                (None, None) => {
+                    let message = format!(
+                        "volumes.{name}: the volume has no file of which this could be another component; state its `file`"
+                    );
+                    return Err(self.invalid(stated, message));
+                }
+            };
+            volume.require_voxels("one of several fields").map_err(fail)?;
+            if let Some(blocks) = file.volume.blocks(options) {
+                volume = volume.downsample(blocks).map_err(fail)?;
+            }
+            if volume.geometry.dims != stored.dims {
+                let [ours, theirs] = [volume.geometry.dims, stored.dims].map(|dims| format!("{dims:?}"));
+                let message = format!(
+                    "volumes.{name}: {} has {ours} voxels, and the volume {theirs}; the fields of a scene share one grid",
+                    volume.source
+                );
+                return Err(self.invalid(stated, message));
+            }
+            if phantom.is_none() && !volume.geometry.lies_on(stored) {
+                volume.notes.push(format!(
+                    "{}: volumes.{name} differs from the volume in spacing, origin or direction; it is assigned voxel by voxel to its grid",
+                    volume.source
+                ));
+            }
+            (volume.geometry, volume.anatomical) = (first.geometry, first.anatomical);
+            let (terms, all) = self.transfer(transfer.get_ref(), materials)?;
+            if !all.is_empty() || terms.iter().any(|term| !term.gradient.is_empty()) {
+                let message = format!("volumes.{name}.transfer: only the first field has factors by the gradient");
+                return Err(self.invalid(transfer, message));
+            }
+            Ok(Field::new(name.clone(), Arc::new(volume), terms))
+        };
+        file.volumes.iter().map(of).collect()
+    }
+
     /// The volume, and the label map on its grid with the `declared` labels.
     pub(super) fn label_volume(
         &self,

@@ -254,12 +254,18 @@ impl Renderer {
         let grids = |spacing: f64| [spacing, SKY_SPACING * spacing].map(|spacing| LightGrid::new(scene, spacing));
         let [grid, sky] = grids(spacing);
         let (medium, _) = uploaded.medium();
+        let extinctions = ExtinctionTable::of_plan(scene, planned, &medium.domains());
         let mut key = Key {
             grid,
             sky,
             start: scene.shadow_start(),
-            extinctions: ExtinctionTable::of_plan(scene, planned, medium.storage.domain),
-            factors: FactorTable::new(scene, planned, &medium.storage),
+            factors: FactorTable::new(
+                scene,
+                planned,
+                &medium.storages(),
+                extinctions.first().map_or(1, ExtinctionTable::entries),
+            ),
+            extinctions,
             lookup: plan.lookup,
             interpolation: plan.interpolation,
         };

@@ -16,7 +16,7 @@ use relume_base::number::{count, rounded, unsigned};
 use relume_scene::plan::{Integrate, LANE, Planned, Transmittance};
 use relume_scene::tables::{
     BlockBox, FactorTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
-    ThinFilmTable, TransferTable, ray_places,
+    ThinFilmTable, TransferTable, occupancy_of_fields, ray_places,
 };
 use relume_scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
@@ -100,10 +100,12 @@ enum Values {
 
 impl Values {
     /// Builds the tables of `scene`: of values, and of labels.
-    fn new(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> (Self, TransferTable) {
+    fn new(scene: &Scene, planned: &Planned, domains: &[[f64; 2]]) -> (Self, TransferTable) {
         let values = match planned.plan.integration {
-            Integrate::Samples => Self::Steps(TransferTable::new(scene, planned, domain)),
-            Integrate::Segments => Self::Segments(SegmentTable::new(scene, planned, domain)),
+            Integrate::Samples => Self::Steps(TransferTable::new(scene, planned, domains)),
+            Integrate::Segments => {
+                Self::Segments(SegmentTable::new(scene, planned, domains.first().copied().unwrap_or_default()))
+            }
         };
         (values, TransferTable::of_labels(scene, planned))
     }
@@ -118,8 +120,9 @@ impl Values {
 }
 
 /// Occupancy of the macrocells of `uploaded` under the table `values`.
-fn occupancy_of(scene: &Scene, uploaded: &Uploaded, values: &Values) -> Occupancy {
+fn occupancy_of(scene: &Scene, planned: &Planned, uploaded: &Uploaded, values: &Values) -> Occupancy {
     match values {
+        Values::Steps(table) if planned.plan.groups.further > 0 => occupancy_of_fields(&uploaded.all_cells(), table),
         Values::Steps(table) => uploaded.cells.occupancy(&table.active_entries()),
         Values::Segments(table) => uploaded.cells.occupancy_of_segments(scene, &table.active_entries()),
     }
@@ -215,8 +218,8 @@ impl Renderer {
         let view = scene.camera.view(&scene.frame.geometry, aspect).ok_or(RenderError::Camera)?;
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(RenderError::TooManySamples { step_length })?;
-        let (values, label_table) = Values::new(scene, planned, uploaded.storage.domain);
-        let occupancy = occupancy_of(scene, uploaded, &values);
+        let (values, label_table) = Values::new(scene, planned, &uploaded.domains());
+        let occupancy = occupancy_of(scene, planned, uploaded, &values);
         let extent = size.map(unsigned);
 
         let storage = |name: &str, bytes: &[u8]| -> Result<Buffer, RenderError> {
@@ -239,7 +242,11 @@ impl Renderer {
         let film_table = ThinFilmTable::new(scene, planned);
         let thin_films = uniform("thin films", &film_bytes(&film_table))?;
         let thin_film_angles = storage("film angles", bytemuck::cast_slice(&film_table.angles))?;
-        let factors = FactorTable::new(scene, planned, &uploaded.storage).0;
+        let entries = match &values {
+            Values::Steps(table) => table.entries(),
+            Values::Segments(table) => table.cells() + 1,
+        };
+        let factors = FactorTable::new(scene, planned, &uploaded.storages(), entries).0;
         let factors = uniform("factors", bytemuck::cast_slice(&factors))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
         let unit = match &values {

@@ -61,7 +61,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         parts.push(text!("densities.wgsl"));
     }
     match plan.integration {
-        Integrate::Samples if plan.factors.any() => {
+        Integrate::Samples if plan.groups.any() => {
             parts.extend([text!("samples.wgsl"), text!("samples_of_groups.wgsl")]);
         }
         Integrate::Samples => parts.extend([text!("samples.wgsl"), text!("samples_of_steps.wgsl")]),
@@ -161,7 +161,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .u32("COMPONENTS", unsigned(dimension))
         .u32("TABLE_LANES", table_lanes)
         // Of all groups of terms.
-        .u32("GROUP_LANES", table_lanes * unsigned(plan.factors.in_tables()))
+        .u32("GROUP_LANES", table_lanes * unsigned(plan.groups.in_tables()))
         .u32("SHADING_LANES", unsigned(plan.shading_lanes()))
         .u32("UNSHADED", unsigned(parts.unshaded))
         .u32("DIFFUSE", unsigned(parts.diffuse))
@@ -179,9 +179,11 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .u32("THIN_FILMS", unsigned(if plan.layers() == 0 { 0 } else { plan.thin_films.total() }))
         .bool("GRADIENT", plan.gradient())
         .bool("STORED_GRADIENT", plan.stores_gradient())
-        .bool("FACTORS", plan.factors.any())
-        .u32("GROUPS", unsigned(plan.factors.in_tables()))
-        .u32("FACTOR_VECTORS", unsigned(plan.factors.points.max(1)))
+        .bool("FACTORS", plan.groups.any())
+        .u32("GROUPS", unsigned(plan.groups.in_tables()))
+        .bool("BY_GRADIENT", plan.groups.by_gradient())
+        .bool("SEVERAL_FIELDS", plan.groups.further > 0)
+        .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
         .bool("ONE_SIDED", plan.shading.is_some_and(|terms| terms.one_sided))
         .bool("SPECULAR", specular.is_some())
         .bool("ONE_EXPONENT", one_exponent.is_some())
@@ -248,9 +250,11 @@ pub(super) fn light_grid_source(
         .bool("SKY", matches!(fill, Fill::Sky { .. }))
         .bool("POINT_LIGHT", fill == Fill::Point)
         .bool("STORED_GRADIENT", plan.stores_gradient())
-        .bool("FACTORS", plan.factors.any())
-        .u32("GROUPS", unsigned(plan.factors.in_tables()))
-        .u32("FACTOR_VECTORS", unsigned(plan.factors.points.max(1)))
+        .bool("FACTORS", plan.groups.any())
+        .u32("GROUPS", unsigned(plan.groups.in_tables()))
+        .bool("BY_GRADIENT", plan.groups.by_gradient())
+        .bool("SEVERAL_FIELDS", plan.groups.further > 0)
+        .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
         .bool("LABELS", plan.labels)
         .bool("SMOOTH_LABELS", plan.smooth_labels)
         .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
@@ -312,7 +316,7 @@ pub(crate) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
 mod tests {
     use super::*;
     use crate::march::MarchUniform;
-    use relume_scene::plan::{Factors, FilmCounts, LightPlan, ShadingTerms};
+    use relume_scene::plan::{FilmCounts, Groups, LightPlan, ShadingTerms};
     use relume_scene::{Direction, Gradients, VolumeAs};
 
     fn plan_of(materials: usize) -> ScenePlan {
@@ -323,7 +327,7 @@ mod tests {
             shading: Some(ShadingTerms { diffuse: true, specular: None, one_sided: false }),
             phases: 0,
             thin_films: FilmCounts::default(),
-            factors: Factors::default(),
+            groups: Groups::default(),
             labels: false,
             smooth_labels: false,
             background: false,

@@ -258,11 +258,18 @@ impl Planned {
         }
         sentences.extend(self.explain_thin_films(scene));
         sentences.extend(self.explain_shadows(scene));
-        if plan.factors.any() {
-            let opacity = match plan.factors.groups {
+        if plan.groups.further > 0 {
+            let names = scene.fields.further().iter().map(|field| field.name.as_str());
+            sentences.push(format!(
+                "The volume and {} have values at each place of one grid: a sample reads all of them, and adds their densities.",
+                listed(names)
+            ));
+        }
+        if plan.groups.by_gradient() {
+            let opacity = match plan.groups.number {
                 1 => "The opacity follows the magnitude of the gradient".to_owned(),
                 groups => format!(
-                    "The opacity of terms follows the magnitude of the gradient, by {groups} different factors, whose parts are looked up apart"
+                    "The opacity of terms follows the magnitude of the gradient, in {groups} groups with different factors, which are looked up apart"
                 ),
             };
             sentences.push(format!("{opacity}. The gradient is {}; labels are unaffected.", gradients(plan.gradients)));

@@ -1,7 +1,8 @@
 //! Requirements of a scene on its plan: transmittance, optical depth, spectra, exponents and phase functions.
 
 use super::{Accumulate, FilmCounts, Planned, Transmittance};
-use crate::{Material, Scene};
+use crate::transfer::{bends, medium_of};
+use crate::{Material, Scene, Term};
 use relume_base::number::count;
 use relume_colour::model::{ColourModel, Ingredients, LightMatrix};
 use relume_colour::spectrum::{Light, Spectrum, ThinFilm, ThinFilmAngle};
@@ -69,14 +70,18 @@ pub(super) fn transmittance(scene: &Scene) -> Transmittance {
         !is_constant(&sum)
     };
     // Between two bends the sum is quadratic at each wavelength, so three points determine it.
-    let bends = scene.transfer.bends();
-    let halves = bends.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
-    let by_value = bends.iter().copied().chain(halves).any(|value| {
-        // Also on both sides of a jump.
-        [value.next_down(), value, value.next_up()]
-            .into_iter()
-            .any(|value| coloured(&scene.transfer.medium(value, scene.materials.len()).absorption))
-    });
+    let of_field = |terms: &[Term]| {
+        let bends = bends(terms);
+        let halves = bends.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
+        bends.iter().copied().chain(halves).any(|value| {
+            // Also on both sides of a jump.
+            [value.next_down(), value, value.next_up()]
+                .into_iter()
+                .any(|value| coloured(&medium_of(terms, value, scene.materials.len(), |_| 1.0).absorption))
+        })
+    };
+    // Their values are independent, so each is grey by itself.
+    let by_value = (0..=scene.fields.further().len()).any(|field| of_field(scene.terms_of(field)));
     let by_label = scene.labels.iter().flat_map(|labels| &labels.declared).any(|entry| {
         let mut absorption = vec![0.0; scene.materials.len()];
         if let Some(depth) = absorption.get_mut(entry.material) {
@@ -97,10 +102,14 @@ pub fn is_constant(spectrum: &Spectrum) -> bool {
 /// Largest optical depth of absorption along a ray: that of the most absorbing value, summed over its materials, along
 /// the volume's diagonal.
 pub(super) fn largest_depth(scene: &Scene) -> f64 {
-    let of_value = |value| scene.transfer.medium(value, scene.materials.len()).absorption.iter().sum();
-    let of_values = scene.transfer.bends().into_iter().map(of_value);
+    let of_field = |field: usize| {
+        let terms = scene.terms_of(field);
+        let of_value = |value| medium_of(terms, value, scene.materials.len(), |_| 1.0).absorption.iter().sum();
+        bends(terms).into_iter().map(of_value).fold(0.0, f64::max)
+    };
+    let of_values: f64 = (0..=scene.fields.further().len()).map(of_field).sum();
     let of_labels = scene.labels.iter().flat_map(|labels| &labels.declared).map(|entry| entry.absorption);
-    of_values.chain(of_labels).fold(0.0, f64::max) * longest_way(scene)
+    of_labels.fold(of_values, f64::max) * longest_way(scene)
 }
 
 /// Longest path through the volume (its diagonal), in opacity lengths.

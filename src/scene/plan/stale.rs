@@ -38,6 +38,7 @@ impl Stale {
         let mut stale = Self::of_plans(before, after);
         let mut add = |changed: bool, stage: Self| stale = stale.max(if changed { stage } else { Self::Nothing });
         add(!fields.are(&after.fields) || *frame != after.frame, Self::Volume);
+        add(fields.terms() != after.fields.terms(), Self::Tables);
         add(true, of_labels(labels.as_ref(), after.labels.as_ref()));
         let phases = match planned.plan.phases {
             // A phase function that has an effect in one of the scenes changes the plan.
@@ -89,7 +90,7 @@ impl Stale {
             shading,
             phases,
             thin_films,
-            factors,
+            groups,
             labels: _,
             smooth_labels: _,
             background,
@@ -104,13 +105,13 @@ impl Stale {
             storage,
         } = *plan;
         let later = &after.plan;
-        let tables = (accumulate, transmittance, light, (shading, phases, thin_films), factors, (lookup, integration))
+        let tables = (accumulate, transmittance, light, (shading, phases, thin_films), groups, (lookup, integration))
             != (
                 later.accumulate,
                 later.transmittance,
                 &later.light,
                 (later.shading, later.phases, later.thin_films),
-                later.factors,
+                later.groups,
                 (later.lookup, later.integration),
             );
         if tables || *materials != after.materials || positions.len() != after.positions.len() {

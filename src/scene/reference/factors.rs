@@ -9,6 +9,9 @@ use smallvec::SmallVec;
 /// The factors of the groups of terms where the data have this `gradient`.
 pub(super) fn factors_at<R: Real>(table: &FactorTable, plan: &ScenePlan, gradient: [R; 3]) -> SmallVec<[R; 4]> {
     let number = |number: f32| R::from_f64(f64::from(number));
+    if !plan.groups.by_gradient() {
+        return table.0.iter().map(|_| R::from_f64(1.0)).collect();
+    }
     let length = dot(gradient, gradient).sqrt();
     let of_group = |vectors: &[[f32; LANE]]| {
         let first = vectors.first().map_or(R::from_f64(1.0), |vector| number(vector[0]));
@@ -17,7 +20,17 @@ pub(super) fn factors_at<R: Real>(table: &FactorTable, plan: &ScenePlan, gradien
             part.mul_add(number(rise), factor)
         })
     };
-    table.0.chunks(plan.factors.points.max(1)).map(of_group).collect()
+    table.0.chunks(plan.groups.points.max(1)).map(of_group).collect()
+}
+
+/// Index of the field of each group, and scale and offset from its value to a table coordinate.
+pub(super) fn coordinates_of<'a, R: Real>(
+    table: &'a FactorTable,
+    plan: &ScenePlan,
+) -> impl Iterator<Item = (usize, [R; 2])> + 'a {
+    let number = |number: f32| R::from_f64(f64::from(number));
+    let first = table.0.iter().step_by(plan.groups.points.max(1));
+    first.map(move |&[_, field, scale, offset]| (number(field).index(), [number(scale), number(offset)]))
 }
 
 /// Leaves the sum of the densities of groups of terms, whose sources and depths lie one behind the other, times their `factors`.

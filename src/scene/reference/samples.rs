@@ -1,15 +1,16 @@
 //! Samples of the volume: exact, or with the device's tables and textures.
 
-use super::factors::{factors_at, sum_groups};
+use super::factors::{coordinates_of, factors_at, sum_groups};
 use super::kept::{Keeping, KeptDepths};
-use crate::plan::Planned;
+use crate::plan::{LANE, Planned};
 use crate::tables::{
     self, ExtinctionTable, FactorTable, LabelMap, SegmentTable, Steps, Storage, StoredScene, StoredVolume,
     TransferTable,
 };
-use crate::{Interpolation, Lookup, Scene};
+use crate::{FIELDS, Interpolation, Lookup, Scene};
 use relume_base::number::{Real, count, unit};
 use relume_volume::Volume;
+use smallvec::{SmallVec, smallvec};
 
 /// Effect of one step at a sample, or the density of the medium there, in the layout of a table entry.
 #[derive(Clone, Debug, Default)]
@@ -195,8 +196,10 @@ pub trait Samples<R: Real>: Sync {
 #[derive(Debug)]
 pub struct Exact<'a> {
     scene: &'a Scene,
-    /// Of the field.
+    /// Of the first field.
     volume: &'a Volume,
+    /// Further fields.
+    further: Vec<(&'a Volume, Storage)>,
     planned: &'a Planned,
     storage: Storage,
     labels: Option<&'a LabelMap>,
@@ -218,9 +221,11 @@ impl<'a> Exact<'a> {
         let label_extinctions =
             (0..=planned.plan.light.absorbers).map(|number| steps.extinctions_of_labels(number)).collect();
         let bends = scene.transfer.bends();
+        let further = scene.fields.further().iter().map(|field| &*field.volume);
         Self {
             scene,
             volume: scene.volume(),
+            further: further.zip(Storage::of_further(&planned.plan, scene)).collect(),
             planned,
             storage,
             labels,
@@ -248,10 +253,22 @@ impl<'a> Exact<'a> {
 
     /// The data value at `place`.
     fn value_at(&self, place: [f64; 3]) -> f64 {
-        let (dims, interpolation) = (self.volume.geometry.dims, self.scene.accuracy.interpolation);
-        let normalised = interpolate(place, dims, interpolation, |index| [self.voxel(index)])[0];
-        let [low, high] = self.storage.domain;
+        self.value_of((self.volume, &self.storage), place)
+    }
+
+    /// The value of a volume at `place`.
+    fn value_of(&self, (volume, storage): (&Volume, &Storage), place: [f64; 3]) -> f64 {
+        let (dims, interpolation) = (volume.geometry.dims, self.scene.accuracy.interpolation);
+        let normalised = interpolate(place, dims, interpolation, |index| [normalised_voxel(volume, storage, index)])[0];
+        let [low, high] = storage.domain;
         (high - low).mul_add(normalised, low)
+    }
+
+    /// The values of all fields at `place`.
+    fn values_at(&self, place: [f64; 3]) -> SmallVec<[f64; FIELDS]> {
+        let first = self.value_at(place);
+        let further = self.further.iter().map(|(volume, storage)| self.value_of((volume, storage), place));
+        std::iter::once(first).chain(further).collect()
     }
 
     fn shares(&self, place: [f64; 3]) -> Shares<f64> {
@@ -276,6 +293,11 @@ impl<'a> Exact<'a> {
         self.magnitude_of(self.gradient_at(place))
     }
 
+    /// The magnitude that factors depend on; 0 without any.
+    fn magnitude_of_factors(&self, place: [f64; 3]) -> f64 {
+        if self.planned.plan.groups.by_gradient() { self.magnitude_at(place) } else { 0.0 }
+    }
+
     /// Length of a gradient of normalised values, in data units per world unit.
     fn magnitude_of(&self, gradient: [f64; 3]) -> f64 {
         let [low, high] = self.storage.domain;
@@ -288,10 +310,8 @@ impl<'a> Exact<'a> {
     }
 
     /// Normalised value of a voxel.
-    fn voxel(&self, [x, y, z]: [usize; 3]) -> f64 {
-        let [width, height, _] = self.volume.geometry.dims;
-        let place = x + width * (y + height * z);
-        self.volume.voxels.value(place).map_or(0.0, |stored| self.storage.normalised(stored))
+    fn voxel(&self, index: [usize; 3]) -> f64 {
+        normalised_voxel(self.volume, &self.storage, index)
     }
 
     /// Derivatives of the normalised value at a voxel, per world unit: central, one-sided at faces, 0 along an axis of
@@ -312,15 +332,21 @@ impl<'a> Exact<'a> {
     }
 }
 
+/// Normalised value of a voxel.
+fn normalised_voxel(volume: &Volume, storage: &Storage, [x, y, z]: [usize; 3]) -> f64 {
+    let [width, height, _] = volume.geometry.dims;
+    volume.voxels.value(x + width * (y + height * z)).map_or(0.0, |stored| storage.normalised(stored))
+}
+
 impl Samples<f64> for Exact<'_> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         let shares = self.shares(place);
         if shares.has_own() {
-            let (value, into) = (self.value_at(place), [&mut step.source, &mut step.opacity]);
-            if self.planned.plan.factors.any() {
-                self.steps.write_density_with(value, self.magnitude_at(place), into);
+            let into = [&mut step.source, &mut step.opacity];
+            if self.planned.plan.groups.any() {
+                self.steps.write_density_with(&self.values_at(place), self.magnitude_of_factors(place), into);
             } else {
-                self.steps.write(value, into);
+                self.steps.write(self.value_at(place), into);
             }
             self.truncate(step);
         } else {
@@ -344,14 +370,14 @@ impl Samples<f64> for Exact<'_> {
         tables::mean_density(&self.steps, &self.bends, ends.map(|end| end.value), [source, opacity], &mut parts[0]);
         let variation = variation(ends, shares.label(), || {
             for (part, end) in parts.iter_mut().zip(ends) {
-                self.steps.write_densities(end.value, [&mut part.source, &mut part.opacity]);
+                self.steps.write_densities(|_| end.value, [&mut part.source, &mut part.opacity]);
             }
             let of = |mean: &[f64], numbers: fn(&tables::Step) -> &[f64]| {
                 largest_difference(mean, parts.each_ref().map(numbers))
             };
             of(source, |density| &density.source).max(of(opacity, |density| &density.opacity))
         });
-        if self.planned.plan.factors.any() {
+        if self.planned.plan.groups.any() {
             sum_groups(
                 [&mut density.source, &mut density.opacity],
                 &self.scene.transfer.factors_at(self.magnitude_of(middle_of(ends))),
@@ -363,10 +389,7 @@ impl Samples<f64> for Exact<'_> {
     }
 
     fn extinction(&self, place: [f64; 3], number: usize) -> f64 {
-        let own = || {
-            let magnitude = if self.planned.plan.factors.any() { self.magnitude_at(place) } else { 0.0 };
-            self.steps.extinction_with(self.value_at(place), magnitude, number)
-        };
+        let own = || self.steps.extinction_with(&self.values_at(place), self.magnitude_of_factors(place), number);
         self.shares(place).number(own, |row| self.label_extinctions[number][row])
     }
 
@@ -404,6 +427,8 @@ fn largest_difference<R: Real>(mean: &[R], [a, b]: [&[R]; 2]) -> R {
 pub struct Stored<'a, R> {
     planned: &'a Planned,
     volume: &'a StoredVolume,
+    /// Of further fields.
+    further: Vec<&'a StoredVolume>,
     table: &'a TransferTable,
     labels: Option<(&'a LabelMap, &'a TransferTable)>,
     factors: &'a FactorTable,
@@ -426,7 +451,8 @@ impl<'a, R: Real> Stored<'a, R> {
     /// Creates samples of a scene `stored` for this plan.
     #[must_use]
     pub fn new(planned: &'a Planned, stored: &'a StoredScene) -> Self {
-        let StoredScene { storage, volume, table, label_table, segments, extinctions, factors, labels } = stored;
+        let StoredScene { storage, volume, further, table, label_table, segments, extinctions, factors, labels } =
+            stored;
         let [scale, offset] = table.coordinate_from_texel(storage);
         let of_segments = |table: &'a SegmentTable| {
             let [scale, offset] = table.coordinate_from_texel(storage).map(R::from_f64);
@@ -435,6 +461,7 @@ impl<'a, R: Real> Stored<'a, R> {
         Self {
             planned,
             volume,
+            further: further.iter().map(|field| &field.1).collect(),
             table,
             labels: labels.as_deref().map(|labels| (labels, label_table)),
             factors,
@@ -485,6 +512,35 @@ impl<'a, R: Real> Stored<'a, R> {
         })
     }
 
+    /// The table coordinate of each group at `place`.
+    fn coordinates_of_groups(&self, place: [R; 3], entries: usize) -> SmallVec<[R; 4]> {
+        let plan = &self.planned.plan;
+        if plan.groups.further == 0 {
+            return smallvec![self.coordinate_at(place, entries); plan.groups.in_tables()];
+        }
+        let [first] = self.fetch(place, self.volume.values.as_chunks().0);
+        let further = self.further.iter().map(|volume| self.fetch(place, volume.values.as_chunks().0));
+        let values: SmallVec<[R; FIELDS]> = std::iter::once(first).chain(further.map(|[value]| value)).collect();
+        let last = R::from_f64(count(entries - 1));
+        let of_group = |(field, [scale, offset]): (usize, [R; 2])| {
+            values[field].mul_add(scale, offset).max(R::default()).min(last)
+        };
+        coordinates_of(self.factors, plan).map(of_group).collect()
+    }
+
+    /// Reads the table for each group at the value of its field.
+    fn look_up_fields(&self, place: [R; 3], step: &mut Step<R>) {
+        let (lanes, numbers) = (self.table.lanes * LANE, self.table.opacity_numbers);
+        step.source.clear();
+        step.opacity.clear();
+        let mut read = Step::default();
+        for (group, coordinate) in self.coordinates_of_groups(place, self.table.entries()).into_iter().enumerate() {
+            self.look_up(coordinate, &mut read);
+            step.source.extend_from_slice(&read.source[group * lanes..][..lanes]);
+            step.opacity.extend_from_slice(&read.opacity[group * numbers..][..numbers]);
+        }
+    }
+
     /// Leaves the sum of the groups of a density, times their factors by the `gradient`, which is asked for where there is any medium.
     fn scale_groups(&self, density: &mut Step<R>, gradient: impl FnOnce() -> [R; 3]) {
         let gradient = if density.does_nothing() { [R::default(); 3] } else { gradient() };
@@ -501,8 +557,12 @@ impl<'a, R: Real> Stored<'a, R> {
 
 impl<R: Real> Samples<R> for Stored<'_, R> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
-        self.look_up(self.coordinate_at(place, self.table.entries()), step);
-        if self.planned.plan.factors.any() {
+        if self.planned.plan.groups.further > 0 {
+            self.look_up_fields(place, step);
+        } else {
+            self.look_up(self.coordinate_at(place, self.table.entries()), step);
+        }
+        if self.planned.plan.groups.any() {
             self.scale_groups(step, || self.gradient_at(place));
         }
         if let Some((_, table)) = self.labels {
@@ -552,7 +612,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
                 number(from, to, [before, after])
             }));
         }
-        if self.planned.plan.factors.any() {
+        if self.planned.plan.groups.any() {
             sum_groups(
                 [&mut density.source, &mut density.opacity],
                 &factors_at(self.factors, &self.planned.plan, middle_of(ends)),
@@ -571,8 +631,9 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         let Some(table) = self.extinctions.get(number) else { return R::default() };
         let number = |number: &f32| R::from_f64(f64::from(*number));
         let own = || {
-            let coordinate = self.coordinate_at(place, table.entries());
+            let coordinates = self.coordinates_of_groups(place, table.entries());
             let of_group = |group: usize| {
+                let coordinate = coordinates[group];
                 let entry = |entry: usize| number(&table.values[entry * table.groups + group]);
                 match self.planned.plan.lookup {
                     Lookup::Nearest => entry((coordinate + R::from_f64(0.5)).floor().index()),
@@ -583,7 +644,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
                     }
                 }
             };
-            if !self.planned.plan.factors.any() {
+            if !self.planned.plan.groups.any() {
                 return of_group(0);
             }
             let factors = factors_at(self.factors, &self.planned.plan, self.gradient_at(place));

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::{LabelMap, Storage};
+use super::{LabelMap, Storage, TransferTable};
 use crate::{Interpolation, Scene};
 use relume_base::number::{count, rounded, whole};
 use relume_base::parallel;
@@ -99,7 +99,29 @@ impl Cells {
     }
 }
 
+/// The occupancy of the samples of fields with these `cells` under `table`: a macrocell of any of them.
+#[must_use]
+pub fn occupancy_of_fields(cells: &[&Cells], table: &TransferTable) -> Occupancy {
+    let mut found: Option<Occupancy> = None;
+    for (field, cells) in cells.iter().enumerate() {
+        let of_field = cells.occupancy(&table.active_entries_of(field));
+        found = Some(match found {
+            None => of_field,
+            Some(found) => found.or(&of_field),
+        });
+    }
+    found.unwrap_or(Occupancy { dims: [0; 3], words: Vec::new(), occupied: 0 })
+}
+
 impl Occupancy {
+    /// The macrocells that either has.
+    #[must_use]
+    pub fn or(mut self, other: &Self) -> Self {
+        self.words.iter_mut().zip(&other.words).for_each(|(word, other)| *word |= other);
+        self.occupied = self.words.iter().map(|word| word.count_ones() as usize).sum();
+        self
+    }
+
     /// True if any sample in a macrocell can be visible.
     #[must_use]
     pub fn is_set(&self, cell: [usize; 3]) -> bool {

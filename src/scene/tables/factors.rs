@@ -1,40 +1,45 @@
 //! Factors on the medium by the gradient magnitude, as the march evaluates them.
 
 use super::Storage;
-use crate::Scene;
 use crate::plan::{LANE, Planned};
-use relume_base::number::rounded;
+use crate::{Group, Scene};
+use relume_base::number::{count, rounded};
 
 /// Largest start and reciprocal width of a piece; f32 holds their products with any gradient.
 const LARGEST: f64 = 1e30;
 
 /// The factor of each group of terms as a sum of clamped ramps over the length of a decoded gradient: as many vectors for each group as
-/// the longest factor has points. The first has the factor at 0; each further one has the start, the reciprocal width and the rise of a
-/// piece between two points.
+/// the longest factor has points, at least one. The first has the factor at 0, and where the group finds its table coordinate: the index of
+/// its field in a texel, and scale and offset from its value. Each further one has the start, the reciprocal width and the rise of a piece
+/// between two points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FactorTable(pub Vec<[f32; LANE]>);
 
 impl FactorTable {
-    /// Builds the table of `scene` for gradients decoded by `storage`; a single factor of 1 if the plan has none.
+    /// Builds the table of `scene` for fields decoded by `storages`, gradients of the first, and tables of so many `entries`; a single
+    /// factor of 1 if the plan has no groups.
     #[must_use]
-    pub fn new(scene: &Scene, planned: &Planned, storage: &Storage) -> Self {
-        let factors = if planned.plan.factors.any() { scene.transfer.factors() } else { vec![&[][..]] };
-        let points = planned.plan.factors.points.max(1);
-        let unit = storage.magnitude_scale();
+    pub fn new(scene: &Scene, planned: &Planned, storages: &[&Storage], entries: usize) -> Self {
+        let groups = if planned.plan.groups.any() { scene.groups() } else { vec![Group { field: 0, factor: &[] }] };
+        let points = planned.plan.groups.points.max(1);
+        let unit = storages.first().map_or(0.0, |storage| storage.magnitude_scale());
         // Without any gradient the unit is 0, and every magnitude lies before the second point.
         let length = |magnitude: f64| if unit > 0.0 { (magnitude / unit).min(LARGEST) } else { LARGEST };
-        let of_group = |factor: &[(f64, f64)]| {
+        let of_group = |Group { field, factor }: Group<'_>| {
+            let scales = storages.get(field).map_or([0.0; 2], |storage| storage.normalised_from_texel());
+            let [scale, offset] = scales.map(|term| term * count(entries - 1));
             let first = factor.first().map_or(1.0, |point| point.1);
             let pieces = factor.windows(2).map(|pair| {
                 let ((start, low), (end, high)) = (pair[0], pair[1]);
                 let steepness = (unit / (end - start)).min(LARGEST);
                 [length(start), steepness, high - low, 0.0]
             });
-            let mut vectors: Vec<[f64; LANE]> = std::iter::once([first, 0.0, 0.0, 0.0]).chain(pieces).collect();
+            let mut vectors: Vec<[f64; LANE]> =
+                std::iter::once([first, count(field), scale, offset]).chain(pieces).collect();
             // A piece of 0 adds nothing.
             vectors.resize(points, [0.0; LANE]);
             vectors
         };
-        Self(factors.into_iter().flat_map(of_group).map(|vector| vector.map(rounded)).collect())
+        Self(groups.into_iter().flat_map(of_group).map(|vector| vector.map(rounded)).collect())
     }
 }

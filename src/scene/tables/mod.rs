@@ -18,7 +18,7 @@ mod whole;
 
 pub use boxes::read_for_box;
 pub use bricks::{BRICK, BrickGrid, apron, slot_edge};
-pub use cells::{CELL, Cells, Occupancy};
+pub use cells::{CELL, Cells, Occupancy, occupancy_of_fields};
 pub use factors::FactorTable;
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction, sky_reach};
 pub use phase::{Phase, PhaseTable};

@@ -53,7 +53,7 @@ impl SegmentTable {
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned, domain @ [low, high]: [f64; 2]) -> Self {
         let (lanes, opacity_numbers) = (planned.plan.parts().lanes, opacity_numbers(planned));
-        let groups = planned.plan.factors.in_tables();
+        let groups = planned.plan.groups.in_tables();
         let centred = planned.plan.lookup == Lookup::Nearest;
         let cells = cells(scene, domain, groups * lanes, centred);
         let steps = Steps::new(scene, planned);
@@ -64,7 +64,7 @@ impl SegmentTable {
             let at = |place: f64| (high - low).mul_add(place, low);
             let into = [&mut density.source, &mut density.opacity];
             if centred {
-                steps.write_densities(at(count(cell) / count(cells - 1)), into);
+                steps.write_densities(|_| at(count(cell) / count(cells - 1)), into);
             } else {
                 let ends = [count(cell), count(cell + 1)].map(|bound| at(bound / count(cells)));
                 mean(&steps, &bends, ends, &TWO_POINTS, into, &mut part);
@@ -179,7 +179,7 @@ fn mean(
 ) {
     let (low, high) = (a.min(b), a.max(b));
     if high - low <= 1e-12 * (low.abs() + high.abs()) {
-        return steps.write_densities(f64::midpoint(low, high), [source, opacity]);
+        return steps.write_densities(|_| f64::midpoint(low, high), [source, opacity]);
     }
     let within = bends.partition_point(|&bend| bend <= low)..bends.partition_point(|&bend| bend < high);
     let mut from = low;
@@ -189,11 +189,11 @@ fn mean(
             let value = f64::midpoint(from, to) + node * (to - from) / 2.0;
             let share = weight / 2.0 * ((to - from) / (high - low));
             if std::mem::take(&mut first) {
-                steps.write_densities(value, [source, opacity]);
+                steps.write_densities(|_| value, [source, opacity]);
                 source.iter_mut().chain(&mut *opacity).for_each(|number| *number *= share);
                 continue;
             }
-            steps.write_densities(value, [&mut part.source, &mut part.opacity]);
+            steps.write_densities(|_| value, [&mut part.source, &mut part.opacity]);
             let parts = part.source.iter().chain(&part.opacity);
             for (sum, part) in source.iter_mut().chain(&mut *opacity).zip(parts) {
                 *sum = part.mul_add(share, *sum);

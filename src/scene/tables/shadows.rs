@@ -37,16 +37,18 @@ pub struct ExtinctionTable {
 }
 
 impl ExtinctionTable {
-    /// Builds the tables of `scene` over `domain`, with the entries of its transfer table: of all that is grey, and of each
+    /// Builds the tables of `scene` over the `domains` of its fields, with the entries of its transfer table: of all that is grey, and of each
     /// coloured absorber.
     #[must_use]
-    pub fn of_plan(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> Vec<Self> {
+    pub fn of_plan(scene: &Scene, planned: &Planned, domains: &[[f64; 2]]) -> Vec<Self> {
         let steps = Steps::new(scene, planned);
-        let groups = planned.plan.factors.in_tables();
+        let groups = planned.plan.groups.in_tables();
         let table = |number: usize| Self {
-            values: TransferTable::values(scene, domain)
-                .flat_map(|value| (0..groups).map(move |group| (value, group)))
-                .map(|(value, group)| rounded(steps.extinction(value, group, number)))
+            values: TransferTable::values(scene, domains)
+                .flat_map(|value| {
+                    let of_group = |group| rounded(steps.extinction(value(steps.field_of(group)), group, number));
+                    (0..groups).map(of_group).collect::<Vec<f32>>()
+                })
                 .collect(),
             groups,
             labels: steps.extinctions_of_labels(number).into_iter().map(rounded).collect(),

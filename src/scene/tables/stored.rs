@@ -14,6 +14,8 @@ pub struct StoredScene {
     pub storage: Storage,
     /// The volume as stored on a device.
     pub volume: Arc<StoredVolume>,
+    /// Those of further fields.
+    pub further: Vec<(Storage, StoredVolume)>,
     /// The transfer table.
     pub table: TransferTable,
     /// Table of the media of labels: steps, or densities if the plan adds these.
@@ -49,17 +51,29 @@ impl StoredScene {
         (storage, volume): (Storage, Arc<StoredVolume>),
         labels: Option<Arc<LabelMap>>,
     ) -> Self {
+        let further: Vec<(Storage, StoredVolume)> = Storage::of_further(&planned.plan, scene)
+            .into_iter()
+            .zip(scene.fields.further())
+            .map(|(storage, field)| {
+                let stored = StoredVolume::new(&field.volume, &storage);
+                (storage, stored)
+            })
+            .collect();
+        let storages: Vec<&Storage> = std::iter::once(&storage).chain(further.iter().map(|field| &field.0)).collect();
+        let domains: Vec<[f64; 2]> = storages.iter().map(|storage| storage.domain).collect();
+        let table = TransferTable::new(scene, planned, &domains);
         Self {
-            table: TransferTable::new(scene, planned, storage.domain),
             label_table: TransferTable::of_labels(scene, planned),
             segments: (planned.plan.integration == Integrate::Segments)
                 .then(|| SegmentTable::new(scene, planned, storage.domain)),
             extinctions: if planned.plan.light.grid_lights() > 0 {
-                ExtinctionTable::of_plan(scene, planned, storage.domain)
+                ExtinctionTable::of_plan(scene, planned, &domains)
             } else {
                 Vec::new()
             },
-            factors: FactorTable::new(scene, planned, &storage),
+            factors: FactorTable::new(scene, planned, &storages, table.entries()),
+            table,
+            further,
             labels,
             storage,
             volume,

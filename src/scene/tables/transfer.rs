@@ -2,7 +2,8 @@
 
 use super::Storage;
 use crate::plan::{Accumulate, Integrate, LANE, Planned, Shares, Transmittance};
-use crate::{Lookup, Material, Medium, Scene, depth_from_opacity};
+use crate::transfer::{bends, medium_of};
+use crate::{Group, Lookup, Material, Medium, Scene, Term, depth_from_opacity};
 use relume_base::number::count;
 use relume_base::number::rounded;
 use relume_colour::model::{Amplification, ColourModel, Matrices, ModelKind, Order};
@@ -44,6 +45,8 @@ pub struct TransferTable {
     pub opacity_numbers: usize,
     /// Groups of terms per entry.
     pub groups: usize,
+    /// The field of each group; empty without groups.
+    pub fields: Vec<usize>,
 }
 
 /// Effect of one step in f64, laid out like a table entry.
@@ -68,28 +71,33 @@ impl Step {
 type Components = SmallVec<[f64; BANDS]>;
 
 impl TransferTable {
-    /// Builds the table of `scene` over `domain` (lowest and highest value).
+    /// Builds the table of `scene` over the `domains` (lowest and highest value) of its fields.
     #[must_use]
-    pub fn new(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> Self {
+    pub fn new(scene: &Scene, planned: &Planned, domains: &[[f64; 2]]) -> Self {
         let steps = Steps::new(scene, planned);
-        let groups = planned.plan.factors.in_tables();
-        let values = Self::values(scene, domain);
-        if planned.plan.factors.any() {
-            Self::of_steps(
-                planned,
-                groups,
-                values.map(|value| Step::written(|step| steps.write_densities(value, step))),
-            )
-        } else {
-            Self::of_steps(planned, groups, values.map(|value| steps.of_value(value)))
+        let groups = planned.plan.groups.in_tables();
+        let values = Self::values(scene, domains);
+        if !planned.plan.groups.any() {
+            return Self::of_steps(planned, groups, values.map(|value| steps.of_value(value(0))));
         }
+        let table = Self::of_steps(
+            planned,
+            groups,
+            values.map(|value| Step::written(|step| steps.write_densities(&value, step))),
+        );
+        Self { fields: scene.groups().iter().map(|group| group.field).collect(), ..table }
     }
 
-    /// Values of the entries of the table of `scene` over `domain`.
-    pub(super) fn values(scene: &Scene, domain: [f64; 2]) -> impl Iterator<Item = f64> + use<> {
-        let entries = entries(scene, domain);
+    /// Values of the entries of the table of `scene` over the `domains` of its fields, by the index of a field.
+    pub(super) fn values(scene: &Scene, domains: &[[f64; 2]]) -> impl Iterator<Item = impl Fn(usize) -> f64> {
+        let entries = entries(scene, domains);
         let last = count(entries - 1);
-        (0..entries).map(move |i| (domain[1] - domain[0]).mul_add(count(i) / last, domain[0]))
+        (0..entries).map(move |i| {
+            move |field: usize| {
+                let [low, high] = domains.get(field).copied().unwrap_or_default();
+                (high - low).mul_add(count(i) / last, low)
+            }
+        })
     }
 
     /// Builds a table with one row per declared label, in their order. Row 0 is empty, so that label rows start at 1.
@@ -106,7 +114,14 @@ impl TransferTable {
             source.extend(step.source.chunks_exact(LANE).map(|lane| std::array::from_fn(|part| rounded(lane[part]))));
             opacity.extend(step.opacity.iter().copied().map(rounded));
         }
-        Self { source, opacity, lanes: planned.plan.parts().lanes, opacity_numbers: opacity_numbers(planned), groups }
+        Self {
+            source,
+            opacity,
+            lanes: planned.plan.parts().lanes,
+            opacity_numbers: opacity_numbers(planned),
+            groups,
+            fields: Vec::new(),
+        }
     }
 
     /// Number of entries.
@@ -134,6 +149,20 @@ impl TransferTable {
     #[must_use]
     pub fn active_entries(&self) -> Vec<bool> {
         (0..self.entries()).map(|i| self.is_active(i)).collect()
+    }
+
+    /// [`Self::active_entries`] of the groups of a `field`.
+    #[must_use]
+    pub fn active_entries_of(&self, field: usize) -> Vec<bool> {
+        let (lanes, numbers) = (self.lanes * LANE, self.opacity_numbers);
+        let is_active = |i: usize| {
+            let [source, opacity] = self.entry(i);
+            self.fields.iter().enumerate().filter(|(_, of)| **of == field).any(|(group, _)| {
+                let numbers = source[group * lanes..][..lanes].iter().chain(&opacity[group * numbers..][..numbers]);
+                numbers.into_iter().any(|&number| number != 0.0)
+            })
+        };
+        (0..self.entries()).map(is_active).collect()
     }
 
     /// Whether entry `i` has any nonzero number.
@@ -173,8 +202,8 @@ pub struct Steps<'a> {
     thin_films: Vec<Option<usize>>,
     /// Coloured absorbers of shadows.
     absorbers: Vec<usize>,
-    /// Group of each term of the transfer function: terms of equal factors by the gradient.
-    groups: Vec<usize>,
+    /// The field of each group, and the group of each term of each field.
+    groups: (Vec<usize>, Vec<Vec<usize>>),
     /// Model that projects the transmittance of each step (the paper's order).
     by_step: Option<&'a ColourModel>,
     /// Matrices of the model, if the transmittance is a matrix.
@@ -234,16 +263,34 @@ impl<'a> Steps<'a> {
         self.extinction_of(&self.of_group(value, group), number)
     }
 
-    /// [`Self::extinction`] of all terms, where the gradient has this `magnitude`.
+    /// [`Self::extinction`] of all terms, where the fields have these `values` and the gradient this `magnitude`.
     #[must_use]
-    pub fn extinction_with(&self, value: f64, magnitude: f64, number: usize) -> f64 {
-        self.extinction_of(&self.scene.transfer.medium_with(value, magnitude, self.scene.materials.len()), number)
+    pub fn extinction_with(&self, values: &[f64], magnitude: f64, number: usize) -> f64 {
+        self.extinction_of(&self.medium_with(values, magnitude), number)
     }
 
-    /// The medium of the terms of a `group` at a data value, before its factor.
+    /// The medium of the terms of a `group` at a data value of its field, before its factor.
     fn of_group(&self, value: f64, group: usize) -> Medium {
-        let factor = |term: usize| if self.groups[term] == group { 1.0 } else { 0.0 };
-        self.scene.transfer.medium_by(value, self.scene.materials.len(), factor)
+        let (fields, of_terms) = &self.groups;
+        let field = fields.get(group).copied().unwrap_or(0);
+        let factor = |term: usize| if of_terms[field][term] == group { 1.0 } else { 0.0 };
+        medium_of(self.scene.terms_of(field), value, self.scene.materials.len(), factor)
+    }
+
+    /// Index of the field whose values a group depends on.
+    pub(super) fn field_of(&self, group: usize) -> usize {
+        self.groups.0.get(group).copied().unwrap_or(0)
+    }
+
+    /// The medium where the fields have these `values`, and the gradient of the first this `magnitude`.
+    fn medium_with(&self, values: &[f64], magnitude: f64) -> Medium {
+        let materials = self.scene.materials.len();
+        let first = values.first().copied().unwrap_or_default();
+        let mut medium = self.scene.transfer.medium_with(first, magnitude, materials);
+        for (field, &value) in values.iter().enumerate().skip(1) {
+            medium.add(&medium_of(self.scene.terms_of(field), value, materials, |_| 1.0));
+        }
+        medium
     }
 
     /// Coefficients of each coloured absorber of shadows.
@@ -269,20 +316,21 @@ impl<'a> Steps<'a> {
         self.depths(medium, self.occluding(medium), lengths).first().copied().unwrap_or(0.0)
     }
 
-    /// Sets a source and an opacity to the densities of the groups of terms at a data value, one behind the other, before their
-    /// factors.
-    pub fn write_densities(&self, value: f64, [source, opacity]: [&mut Vec<f64>; 2]) {
-        self.write_density_of(&self.of_group(value, 0), [source, opacity]);
-        for group in 1..self.planned.plan.factors.in_tables() {
-            let of_group = Step::written(|density| self.write_density_of(&self.of_group(value, group), density));
+    /// Sets a source and an opacity to the densities of the groups of terms, one behind the other, before their factors. `value` is that
+    /// of a field.
+    pub fn write_densities(&self, value: impl Fn(usize) -> f64, [source, opacity]: [&mut Vec<f64>; 2]) {
+        let medium = |group: usize| self.of_group(value(self.field_of(group)), group);
+        self.write_density_of(&medium(0), [source, opacity]);
+        for group in 1..self.planned.plan.groups.in_tables() {
+            let of_group = Step::written(|density| self.write_density_of(&medium(group), density));
             source.extend(of_group.source);
             opacity.extend(of_group.opacity);
         }
     }
 
-    /// Sets a source and an opacity to the density at a data value where the gradient has this `magnitude`.
-    pub fn write_density_with(&self, value: f64, magnitude: f64, density: [&mut Vec<f64>; 2]) {
-        self.write_density_of(&self.scene.transfer.medium_with(value, magnitude, self.scene.materials.len()), density);
+    /// Sets a source and an opacity to the density where the fields have these `values`, and the gradient of the first this `magnitude`.
+    pub fn write_density_with(&self, values: &[f64], magnitude: f64, density: [&mut Vec<f64>; 2]) {
+        self.write_density_of(&self.medium_with(values, magnitude), density);
     }
 
     /// Returns the effects of a step at each declared label: label `i` of the scene at index `i + 1`, none at 0.
@@ -543,29 +591,40 @@ fn thin_film_numbers(scene: &Scene, planned: &Planned) -> Vec<Option<usize>> {
     numbers
 }
 
-/// Group of each term, terms of equal factors by the gradient; one group if the plan has no factors.
-fn groups(scene: &Scene, planned: &Planned) -> Vec<usize> {
-    let transfer = &scene.transfer;
-    if !planned.plan.factors.any() {
-        return vec![0; transfer.terms.len()];
+/// The field of each group of the plan, and the group of each term of each field; without groups, all terms are of group 0.
+fn groups(scene: &Scene, planned: &Planned) -> (Vec<usize>, Vec<Vec<usize>>) {
+    if !planned.plan.groups.any() {
+        return (vec![0], vec![vec![0; scene.transfer.terms.len()]]);
     }
-    let factors = transfer.factors();
-    let of_term = |term| factors.iter().position(|factor| *factor == transfer.factor_of(term)).unwrap_or(0);
-    transfer.terms.iter().map(of_term).collect()
+    let groups = scene.groups();
+    let of_field = |field: usize| {
+        let all = if field == 0 { &scene.transfer.gradient_opacity[..] } else { &[] };
+        let of_term = |term: &Term| {
+            let wanted = Group { field, factor: term.factor_among(all) };
+            groups.iter().position(|group| *group == wanted).unwrap_or(0)
+        };
+        scene.terms_of(field).iter().map(of_term).collect()
+    };
+    (groups.iter().map(|group| group.field).collect(), (0..=scene.fields.further().len()).map(of_field).collect())
 }
 
 /// Number of entries: as stated in the scene, else as needed for the narrowest feature.
-fn entries(scene: &Scene, [low, high]: [f64; 2]) -> usize {
+fn entries(scene: &Scene, domains: &[[f64; 2]]) -> usize {
     if let Some(entries) = scene.transfer.entries {
         return entries;
     }
     if scene.transfer.lookup == Lookup::Nearest {
         return 256;
     }
-    let bends: Vec<f64> = scene.transfer.bends().into_iter().filter(|bend| (low..=high).contains(bend)).collect();
-    let narrowest = bends.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
+    // As a part of the domain of its field.
+    let of_field = |(field, &[low, high]): (usize, &[f64; 2])| {
+        let bends = bends(scene.terms_of(field)).into_iter().filter(|bend| (low..=high).contains(bend));
+        let bends: Vec<f64> = bends.collect();
+        bends.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min) / (high - low)
+    };
+    let narrowest = domains.iter().enumerate().map(of_field).fold(f64::INFINITY, f64::min);
     let mut entries = FEWEST;
-    while entries < MOST && narrowest / (high - low) * count(entries) < PER_FEATURE {
+    while entries < MOST && narrowest * count(entries) < PER_FEATURE {
         entries *= 2;
     }
     entries

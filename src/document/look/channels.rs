@@ -1,0 +1,228 @@
+//! The first look at all channels of a file: a channel is a material, and a light is a filter (docs/theory/fields.md).
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
+
+use super::first_look::{Look, LookError, Subject, Wish, first_look};
+use relume_base::number::{brief_in, count, readable};
+use relume_base::progress::Progress;
+use relume_colour::spectrum::colour::{linear_srgb_from_xyz, xyz_of};
+use relume_colour::spectrum::{BANDS, Spectrum, standard, wavelength_nm};
+use relume_volume::Volume;
+
+/// Name of the light that shows all channels.
+const ALL: &str = "all";
+/// Bounds of the parts of a comb, in nm: blue, green and red.
+const PARTS: [f64; 2] = [490.0, 580.0];
+/// Colours of channels whose file states none, in their order: those of stains from short to long waves.
+const COLOURS: [[f64; 3]; 4] = [[0.25, 0.45, 1.0], [0.2, 0.85, 0.3], [1.0, 0.3, 0.2], [0.9, 0.3, 0.9]];
+
+/// A channel of a file.
+pub(crate) struct ChannelVolume {
+    /// Index of its component in the file.
+    pub(crate) component: usize,
+    /// Its name in the file; may be empty.
+    pub(crate) name: String,
+    /// Its values.
+    pub(crate) volume: Arc<Volume>,
+}
+
+/// The scene of channels, without the file, and the guess in a sentence.
+pub(crate) struct ChannelLook {
+    pub(crate) text: String,
+    pub(crate) guess: String,
+}
+
+/// The scene of `channels`, whose file is called `name`: each is an X-ray material that reflects in bands of its own, so that a light of
+/// these bands shows it alone, exactly.
+///
+/// # Errors
+///
+/// [`LookError`].
+pub(crate) fn channels(
+    name: &str,
+    channels: &mut [ChannelVolume],
+    progress: &dyn Progress,
+) -> Result<ChannelLook, LookError> {
+    let number = channels.len();
+    let names = names(channels);
+    let mut document = DocumentMut::new();
+    let (mut described, mut materials, mut lights, mut further) =
+        (Vec::new(), Table::new(), Table::new(), Table::new());
+    let daylight = standard::d65().spectrum();
+    let bright = count(number);
+    lights.insert(ALL, light(value("D65"), bright));
+    for (index, (channel, called)) in channels.iter_mut().zip(&names).enumerate() {
+        let statistics = channel.volume.statistics()?;
+        let wish = (Wish { look: Some(Look::Fluorescence), ..Wish::default() }, Subject::default());
+        let look = first_look(name, &mut channel.volume, &statistics, wish, progress)?;
+        let mut looked: DocumentMut = look.text.parse().unwrap_or_default();
+        let colour = channel.volume.presets.colour.unwrap_or(COLOURS[index % COLOURS.len()]);
+        let comb = comb(index, number, colour);
+        let mut material = looked["materials"]["stain"].as_table().cloned().unwrap_or_default();
+        material.insert("reflectance", samples(&comb));
+        materials.insert(called, Item::Table(material));
+        let own = |band: usize| if band % number == index { daylight.samples()[band] } else { 0.0 };
+        // The part of the light of all in these bands; a light of samples has the luminance 1 at intensity 1.
+        let part = Spectrum::from_samples(std::array::from_fn(own));
+        let luminance = xyz_of(&part).0[1] / xyz_of(daylight).0[1];
+        lights.insert(called, light(samples(&part), bright * luminance));
+        let mut transfer = looked["transfer"].as_table().cloned().unwrap_or_default();
+        rename(&mut transfer, called);
+        let opacity = transfer["opacity"].as_array();
+        let ends =
+            opacity.and_then(|points| Some([first_of(points.get(0)?)?, first_of(points.get(points.len() - 1)?)?]));
+        if let Some(ends) = ends {
+            let span = statistics.max - statistics.min;
+            let [low, high] = ends.map(|end| brief_in(end, span));
+            described.push(format!("{called} from {low} to {high}"));
+        }
+        if index == 0 {
+            document = std::mem::take(&mut looked);
+            document["transfer"] = Item::Table(transfer);
+        } else {
+            // One opacity length and one lookup for all of them.
+            let mut own = Table::new();
+            own.insert("component", number_of(channel.component));
+            transfer.remove("opacity_length");
+            own.insert("transfer", Item::Table(transfer));
+            further.insert(called, Item::Table(own));
+        }
+    }
+    document["materials"] = Item::Table(materials);
+    document["lights"] = Item::Table(lights);
+    document["volumes"] = Item::Table(further);
+    for name in ["materials", "lights", "volumes"] {
+        document[name].as_table_mut().into_iter().for_each(|table| table.set_implicit(true));
+    }
+    document["volume"]["component"] = number_of(channels.first().map_or(0, |channel| channel.component));
+    document["mix"]["by"] = value("dial");
+    document["mix"]["hand"] = value(ALL);
+    let guess = format!(
+        "{name} has no scene, so Relume made one: {number} channels, each in bands of the spectrum of its own, which add up: {}. The light \
+         of its name shows one of them alone.",
+        described.join(", ")
+    );
+    // The first look at the first channel describes itself in the second line.
+    let text = document.to_string();
+    let lines =
+        text.lines().enumerate().map(|(line, text)| if line == 1 { format!("# {guess}") } else { text.to_owned() });
+    let text: String = lines.map(|line| line + "\n").collect();
+    Ok(ChannelLook { text, guess })
+}
+
+/// Names of the channels for keys: those of the file, made different; a number where there is none.
+fn names(channels: &[ChannelVolume]) -> Vec<String> {
+    let mut taken = BTreeSet::from([ALL.to_owned()]);
+    let of = |channel: &ChannelVolume| {
+        let stated: String = channel.name.chars().filter(|letter| !letter.is_control()).collect();
+        let stated = match stated.trim() {
+            "" => format!("channel {}", channel.component + 1),
+            name => name.to_owned(),
+        };
+        let different = (2..).map(|number| format!("{stated} {number}"));
+        let free = std::iter::once(stated.clone()).chain(different).find(|name| taken.insert(name.clone()));
+        free.unwrap_or(stated)
+    };
+    channels.iter().map(of).collect()
+}
+
+/// The reflectance of channel `index` of `number`: every `number`-th band, in three heights by which it has the chromaticity of `colour`
+/// in daylight, as far as heights from 0 to 1 give it.
+fn comb(index: usize, number: usize, colour: [f64; 3]) -> Spectrum {
+    let part_of = |band: usize| PARTS.iter().filter(|&&bound| wavelength_nm(band) >= bound).count();
+    let daylight = standard::d65().spectrum();
+    let of_part = |part: usize| {
+        let band = |band: usize| {
+            if band % number == index && part_of(band) == part { daylight.samples()[band] } else { 0.0 }
+        };
+        DVec3::from_array(linear_srgb_from_xyz(xyz_of(&Spectrum::from_samples(std::array::from_fn(band)))).0)
+    };
+    let linear = DVec3::from_array(
+        colour.map(|code| if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }),
+    );
+    let parts = DMat3::from_cols(of_part(0), of_part(1), of_part(2));
+    let wanted = if parts.determinant().abs() > 1e-12 { parts.inverse() * linear } else { DVec3::ONE };
+    let heights = wanted.max(DVec3::ZERO);
+    let heights = if heights.max_element() > 0.0 { heights / heights.max_element() } else { DVec3::ONE };
+    let band = |band: usize| if band % number == index { heights[part_of(band)] } else { 0.0 };
+    // Five decimals, as written.
+    Spectrum::from_samples(std::array::from_fn(|i: usize| (band(i) * 1e5).round() / 1e5))
+}
+
+/// A number of a component.
+fn number_of(component: usize) -> Item {
+    value(i64::try_from(component).unwrap_or(i64::MAX))
+}
+
+/// An ambient light.
+fn light(spectrum: Item, intensity: f64) -> Item {
+    let mut light = Table::new();
+    light.insert("spectrum", spectrum);
+    light.insert("kind", value("ambient"));
+    light.insert("intensity", value(intensity));
+    Item::Table(light)
+}
+
+/// A spectrum as its samples.
+fn samples(spectrum: &Spectrum) -> Item {
+    const _: () = assert!(BANDS == 81, "of 5 nm");
+    let samples: Array = spectrum.samples().iter().map(|&sample| number(sample)).collect();
+    let mut table = InlineTable::new();
+    table.insert("samples", Value::Array(samples));
+    value(table)
+}
+
+/// A number, without decimals if it is whole.
+fn number(number: f64) -> Value {
+    readable(number).parse().unwrap_or_else(|_| number.into())
+}
+
+/// Gives the material of a transfer function, all of one, another name.
+fn rename(transfer: &mut Table, name: &str) {
+    if let Some(points) = transfer.get_mut("material").and_then(Item::as_array_mut) {
+        for point in points.iter_mut().filter_map(Value::as_array_mut) {
+            point.replace(1, name);
+        }
+    }
+    let intervals = transfer.get_mut("intervals").and_then(Item::as_array_mut);
+    for interval in intervals.into_iter().flat_map(Array::iter_mut).filter_map(Value::as_inline_table_mut) {
+        interval.insert("material", name.into());
+    }
+}
+
+/// The first number of a point.
+fn first_of(point: &Value) -> Option<f64> {
+    let number = point.as_array()?.get(0)?;
+    number.as_float().or_else(|| Some(f64::from(i32::try_from(number.as_integer()?).ok()?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use relume_colour::spectrum::colour::xyz_of;
+
+    #[test]
+    fn combs_keep_the_chromaticity_of_their_colours_and_no_band_is_in_two() {
+        let light = standard::d65().spectrum();
+        for number in 2..=4 {
+            for (index, colour) in COLOURS.iter().enumerate().take(number) {
+                let found = comb(index, number, *colour);
+                let shown = linear_srgb_from_xyz(xyz_of(&(&found * light))).0.map(|it| it.max(0.0));
+                let most = shown.iter().fold(0.0_f64, |a, &b| a.max(b));
+                let codes = shown.map(|it| (it / most).powf(1.0 / 2.2));
+                let wanted = colour.iter().fold(0.0_f64, |a, &b| a.max(b));
+                for (found, wanted) in codes.iter().zip(colour.map(|it| it / wanted)) {
+                    assert!((found - wanted).abs() < 0.12, "{index} of {number}: {codes:?} for {colour:?}");
+                }
+                for other in (0..number).filter(|other| *other != index) {
+                    let both = &found * &comb(other, number, *colour);
+                    assert!(both.samples().iter().all(|&sample| sample == 0.0), "exactly apart");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Several fields on one grid: closed forms, order, shares, lights as filters, and what is refused.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+use relume::document::{self, InMemory, SceneOptions};
+use relume::film::{Film, RelightMatrices};
+use relume::number::Real;
+use relume::plan::{Planned, plan};
+use relume::progress::Quiet;
+use relume::scene::{Field, Integration, Mix, MixLight, Placement, Scene, Shading};
+use relume::volume::{Geometry, Volume, Voxels};
+
+use crate::support::rungs::Rungs;
+use crate::support::rungs::with_renderer;
+use crate::support::scenes::float;
+
+/// A grid of one value, 24 units thick.
+fn slab(value: u8) -> Volume {
+    let dims = [9, 9, 25];
+    let geometry = Geometry::new("slab", dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    Volume::new("slab", Voxels::U8(vec![value; 9 * 9 * 25]), geometry).unwrap()
+}
+
+/// The scene `text` around a slab, with further fields of these values, seen along z.
+fn scene(text: &str, value: u8, further: &[(&str, u8)]) -> Scene {
+    let view = "version = 1\nshading = \"none\"\n[camera]\nprojection = \"orthographic\"\nheight = 4\nposition = [4, 4, -10]\n\
+                target = [4, 4, 0]\n[accuracy]\nstep = 0.7\ntermination = 0\n[lights.day]\nspectrum = \"D65\"\nkind = \"ambient\"\n\
+                [materials.one]\nreflectance = \"orange\"\n[materials.two]\nreflectance = \"blue\"\n";
+    let text = format!("{view}{text}");
+    let volumes = InMemory { volume: Arc::new(slab(value)), labels: None };
+    let file = document::parse_on(volumes, "fields", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let mut scene = file.scene;
+    let fields = scene.fields.further().iter().map(|field| {
+        let value = further.iter().find(|(name, _)| *name == field.name).map_or(0, |found| found.1);
+        Field::new(field.name.clone(), Arc::new(slab(value)), field.terms.clone())
+    });
+    let fields = fields.collect();
+    scene.fields = scene.fields.with(fields);
+    scene
+}
+
+/// A field of an opacity at the values from 90 to 110.
+fn field(name: &str, material: &str, opacity: f64) -> String {
+    format!(
+        "[volumes.{name}]\nphantom = \"slab\"\ntransfer = {{ intervals = [{{ material = \"{material}\", range = [90, 110], \
+         opacity = {opacity} }}] }}\n"
+    )
+}
+
+fn first(opacity: f64) -> String {
+    format!(
+        "[transfer]\nopacity_length = 1\nintervals = [{{ material = \"one\", range = [90, 110], opacity = {opacity} }}]\n"
+    )
+}
+
+/// Optical depth of the slab at an opacity.
+fn depth(opacity: f64) -> f64 {
+    -(-opacity).ln_1p() * 24.0
+}
+
+fn check<R: Real>(what: &str, film: &Film<R>, expected: [f64; 3], limit: f64) {
+    let pixels = film.size[0] * film.size[1];
+    let found = film.accumulators.iter().chain(&film.transmittance).map(|number| number.to_f64());
+    for (i, found) in found.enumerate() {
+        let expected = expected[i / pixels];
+        assert!((found - expected).abs() <= limit, "{what}: {found} for {expected}");
+    }
+}
+
+#[test]
+fn overlapping_slabs_are_their_closed_form_on_every_rung() {
+    for (one, two) in [(0.02, 0.05), (0.3, 0.001), (1e-6, 1e-6)] {
+        let text = [first(one), field("other", "two", two)].concat();
+        let rungs = Rungs::new(scene(&text, 100, &[("other", 100)]), [4, 4]);
+        let (a, b) = (depth(one), depth(two));
+        let left = (-(a + b)).exp();
+        let gained = (1.0 - left) / (a + b);
+        let expected = [a * gained, b * gained, left];
+        check("f64", &rungs.march::<f64>(&rungs.exact()), expected, 1e-12);
+        check("tables", &rungs.march::<f64>(&rungs.stored::<f64>()), expected, 1e-6);
+        check("f32", &rungs.march::<f32>(&rungs.stored::<f32>()), expected, 4e-6);
+        with_renderer(|renderer| check("device", &rungs.gpu(renderer), expected, 6e-6));
+    }
+}
+
+#[test]
+fn the_order_of_fields_does_not_matter_and_half_a_field_twice_is_one() {
+    let film = |fields: &[(&str, &str, f64)], value: u8| {
+        let text: String = std::iter::once(first(0.05))
+            .chain(fields.iter().map(|&(name, material, o)| field(name, material, o)))
+            .collect();
+        let values: Vec<(&str, u8)> = fields.iter().map(|field| (field.0, value)).collect();
+        Rungs::new(scene(&text, 100, &values), [4, 4])
+    };
+    let largest = |a: &Film<f32>, b: &Film<f32>| {
+        let pairs = a.accumulators.iter().zip(&b.accumulators).chain(a.transmittance.iter().zip(&b.transmittance));
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    // Fields are in the order of their names.
+    let one = film(&[("a", "one", 0.04), ("b", "two", 0.07)], 100);
+    let other = film(&[("b", "one", 0.04), ("a", "two", 0.07)], 100);
+    let half = 1.0 - (1.0_f64 - 0.09).sqrt();
+    let whole = film(&[("a", "two", 0.09)], 100);
+    let halves = film(&[("a", "two", half), ("b", "two", half)], 100);
+    let single = |rungs: &Rungs| rungs.march::<f32>(&rungs.stored::<f32>());
+    assert!(largest(&single(&one), &single(&other)) <= 1e-6);
+    assert!(largest(&single(&whole), &single(&halves)) <= 1e-6);
+    with_renderer(|renderer| {
+        assert!(largest(&one.gpu(renderer), &other.gpu(renderer)) <= 1e-6, "order");
+        assert!(largest(&whole.gpu(renderer), &halves.gpu(renderer)) <= 1e-6, "halves");
+    });
+    // A field whose values show nothing changes nothing.
+    let nothing = film(&[("a", "two", 0.09)], 7);
+    let alone = Rungs::new(scene(&first(0.05), 100, &[]), [4, 4]);
+    let [nothing, alone] = [nothing, alone].map(|rungs| rungs.march::<f64>(&rungs.exact()));
+    assert!((nothing.transmittance[5] - alone.transmittance[5]).abs() < 1e-12);
+}
+
+/// The matrices under a light of the scene alone.
+fn matrices(scene: &Scene, planned: &Planned, index: usize) -> RelightMatrices {
+    let light = &scene.lights[index];
+    let position = planned.positions.iter().position(|position| position.lights.contains(&index)).unwrap();
+    let spectrum = light.spectrum.clone();
+    let mix = Mix(vec![MixLight { name: light.name.clone(), spectrum, weight: light.intensity, position }]);
+    RelightMatrices::of_scene(scene, planned, &mix)
+}
+
+#[test]
+fn the_light_of_a_channel_leaves_the_others_black_to_the_bit() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");
+    let (file, _) = document::Source::of(Path::new(file)).read(&Quiet).unwrap();
+    let scene = &file.scene;
+    assert_eq!(scene.fields.further().len(), 1);
+    assert_eq!(scene.materials.iter().map(|it| it.name.as_str()).collect::<Vec<_>>(), ["DAPI", "GFP"]);
+    let planned = plan(scene, &Quiet).unwrap();
+    for (index, light) in scene.lights.iter().enumerate() {
+        let shown = planned.materials.iter().position(|&material| scene.materials[material].name == light.name);
+        let matrices = matrices(scene, &planned, index);
+        for (weight, colour) in matrices.colours.iter().enumerate() {
+            let is_shown = shown.is_none_or(|shown| shown == weight);
+            assert_eq!(
+                *colour != DVec3::ZERO,
+                is_shown,
+                "{} under {}: {colour}",
+                planned.materials[weight],
+                light.name
+            );
+        }
+    }
+    // All channels under the light of all are as bright as each under its own.
+    let colours = |name: &str| {
+        let index = scene.lights.iter().position(|light| light.name == name).unwrap();
+        matrices(scene, &planned, index).colours
+    };
+    let sum = |name: &str| colours(name).iter().fold(DVec3::ZERO, |sum, colour| sum + *colour);
+    assert!((sum("all") - sum("DAPI") - sum("GFP")).abs().max_element() < 1e-9 * float(scene.lights.len()));
+}
+
+#[test]
+fn what_several_fields_cannot_have_is_refused_with_the_way_out() {
+    let text = [first(0.05), field("other", "two", 0.05)].concat();
+    let refused = |change: &dyn Fn(&mut Scene), words: &[&str]| {
+        let mut scene = scene(&text, 100, &[("other", 100)]);
+        change(&mut scene);
+        let error = plan(&scene, &Quiet).unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{words:?} in {error}");
+    };
+    refused(
+        &|scene| {
+            scene.shading = Shading::Gradient;
+            scene.lights[0].placement = Placement::Headlight;
+        },
+        &["several fields", "shading = \"none\""],
+    );
+    refused(&|scene| scene.accuracy.integration = Integration::Segments, &["segments", "several fields"]);
+}
