@@ -160,7 +160,7 @@ pub fn parse_on(
     options: &SceneOptions,
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
-    let given = Given { volumes, is_ready: false, has_ready_labels: false };
+    let given = Given { volumes, is_ready: false, has_ready_labels: false, further: Vec::new() };
     parse_around(Some(given), (name, text), base, options, progress)
 }
 
@@ -178,7 +178,7 @@ pub fn parse_ready(
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
     let options = SceneOptions { definitions: definitions.to_vec(), ..SceneOptions::default() };
-    let given = Given { volumes, is_ready: true, has_ready_labels: true };
+    let given = Given { volumes, is_ready: true, has_ready_labels: true, further: Vec::new() };
     parse_around(Some(given), (name, text), base, &options, progress)
 }
 
@@ -205,7 +205,10 @@ pub fn redefined(
     let scene = &file.scene;
     let labels = scene.labels.as_ref().map(|labels| Arc::clone(&labels.volume));
     let volumes = InMemory { volume: Arc::clone(&scene.fields.first().volume), labels };
-    let made = parse_ready(volumes, (&file.name, &file.text), &file.base, definitions, progress)?;
+    let options = SceneOptions { definitions: definitions.to_vec(), ..SceneOptions::default() };
+    let further = scene.fields.further().to_vec();
+    let given = Given { volumes, is_ready: true, has_ready_labels: true, further };
+    let made = parse_around(Some(given), (&file.name, &file.text), &file.base, &options, progress)?;
     Ok(SceneFile { inputs: file.inputs.clone(), guess: file.guess.clone(), ..made })
 }
 
@@ -225,6 +228,8 @@ pub(super) struct Given {
     pub(super) is_ready: bool,
     /// True if the labels are on its grid, with their names.
     pub(super) has_ready_labels: bool,
+    /// Further fields that are in memory, on the grid of the volume.
+    pub(super) further: Vec<Field>,
 }
 
 /// As [`parse`], for volumes that are `given`.
@@ -251,7 +256,8 @@ pub(super) fn volume_alone(
     };
     let definitions: Vec<Definition> = options.definitions.iter().filter(of_volume).cloned().collect();
     let read = |text: &Text<'_>, file: Root| {
-        let given = in_memory.map(|volumes| Given { volumes, is_ready: false, has_ready_labels: false });
+        let given =
+            in_memory.map(|volumes| Given { volumes, is_ready: false, has_ready_labels: false, further: Vec::new() });
         let (volume, stored) = text.volume(&file.volume, given, Path::new(""), options, progress)?;
         Ok(((volume, stored), file.volume.largest_part_above.is_some()))
     };
@@ -595,7 +601,7 @@ impl Text<'_> {
     fn resolve(
         &self,
         mut file: Root,
-        given: Option<Given>,
+        mut given: Option<Given>,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
@@ -630,6 +636,7 @@ impl Text<'_> {
 
         let are_ready = given.as_ref().is_some_and(|given| given.has_ready_labels);
         let labels = given.as_ref().and_then(|given| given.volumes.labels.clone());
+        let further = given.as_mut().map_or_else(Vec::new, |given| std::mem::take(&mut given.further));
         let (volume, stored) = self.volume(&file.volume, given, base, options, progress)?;
         let map = LabelMap { given: labels, are_ready, grid: &stored, declared };
         let (volume, labels) = self.label_volume(&file.volume, volume, map, base, options, progress)?;
@@ -643,7 +650,8 @@ impl Text<'_> {
             Some((_, definitions)) => format!("{} with {}", self.name, all_given(definitions)),
             None => self.name.clone(),
         };
-        let further = self.further(&file, (&volume, &stored), &materials, base, options, progress)?;
+        let grid = (&*volume, &stored, further.as_slice());
+        let further = self.further(&file, grid, &materials, base, options, progress)?;
         inputs.extend(further.iter().flat_map(|field| field.volume.files.iter().cloned()));
         let mut scene = Scene { labels, materials, lights, background, camera, crop, ..Scene::new(&name, volume) };
         scene.fields = scene.fields.with(further);

@@ -477,7 +477,12 @@ fn look_at(
     if volume.geometry != stored {
         Arc::make_mut(&mut volume).geometry = stored;
     }
-    let given = Some(Given { volumes: InMemory { volume, labels }, is_ready: true, has_ready_labels: false });
+    let given = Some(Given {
+        volumes: InMemory { volume, labels },
+        is_ready: true,
+        has_ready_labels: false,
+        further: Vec::new(),
+    });
     let read = parse_around(given, (&whole_name, &text), Path::new(""), &options, progress);
     let file = read.map_err(of_volume)?;
     // Labels may be values by their ranks.
@@ -547,7 +552,7 @@ fn look_at_channels(
     };
     let statistics = first.volume.statistics()?;
     let volumes = InMemory { volume: first.volume, labels: None };
-    let given = Some(Given { volumes, is_ready: true, has_ready_labels: false });
+    let given = Some(Given { volumes, is_ready: true, has_ready_labels: false, further: Vec::new() });
     let file = parse_around(given, (&name, &look.text), Path::new(""), &options, progress).map_err(of_volume)?;
     Ok((SceneFile { guess: Some(look.guess), ..file }, statistics))
 }

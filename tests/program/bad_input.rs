@@ -925,3 +925,38 @@ fn an_error_names_the_same_flags_whichever_work_met_it() {
     // The search for a setting passes the error on.
     folder.refused(1, &[&["render", "--max-error", "1"], &small[..]].concat(), &[way]);
 }
+
+#[test]
+fn fields_that_do_not_belong_together_are_refused() {
+    let field = "{phantom=\"frog\",transfer={intervals=[{material=\"bone\",range=[1,9],opacity=0.1}]}}";
+    let four: Vec<String> = ["a", "b", "c", "d"].iter().map(|name| format!("{name}={field}")).collect();
+    definition_refused(&format!("volumes={{{}}}", four.join(",")), &["5 fields", "the limit is 4"]);
+    definition_refused("volumes.a={component=1}", &["transfer"]);
+    definition_refused("volumes.a={component=1,transfer={gradient=[[0,1]]}}", &["gradient"]);
+    let graded = field.replace("opacity=0.1", "opacity=0.1,gradient=[[5,0],[9,1]]");
+    definition_refused(&format!("volumes.a={graded}"), &["volumes.a.transfer", "only the first field"]);
+    definition_refused(&format!("volumes.a={}", field.replace("frog", "toad")), &["toad"]);
+    definition_refused(&format!("volumes.a={}", field.replace("bone", "stone")), &["stone"]);
+
+    let nrrd = |sizes: &str, voxels: usize| {
+        let head = format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: {sizes}\nspacings: 1 1 1\nencoding: raw\n\n");
+        [head.as_bytes(), &vec![7; voxels]].concat()
+    };
+    let scene = |file: &str| {
+        format!(
+            "version = 1\nshading = \"none\"\n[volume]\nfile = \"a.nrrd\"\n[materials.bone]\nreflectance = \"white 9.5\"\n\
+             [transfer]\nintervals = [{{ material = \"bone\", range = [1, 9], opacity = 0.1 }}]\n[lights.day]\nspectrum = \"D65\"\n\
+             [volumes.other]\nfile = \"{file}\"\ntransfer = {{ intervals = [{{ material = \"bone\", range = [1, 9], opacity = 0.1 }}] }}\n"
+        )
+    };
+    let folder = Folder::new()
+        .with("a.nrrd", nrrd("2 2 2", 8))
+        .with("b.nrrd", nrrd("3 2 2", 12))
+        .with("other.toml", scene("b.nrrd"))
+        .with("none.toml", scene("c.nrrd"))
+        .with("lit.toml", scene("a.nrrd").replace("shading = \"none\"\n", ""));
+    let words = ["volumes.other", "[3, 2, 2] voxels", "[2, 2, 2]", "share one grid"];
+    folder.refused(1, &["render", "other.toml", "-o", "a.png"], &words);
+    folder.refused(1, &["render", "none.toml", "-o", "a.png"], &["c.nrrd"]);
+    folder.refused(1, &["render", "lit.toml", "-o", "a.png"], &["several fields", "shading = \"none\""]);
+}

@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
-use relume::document::{self, InMemory, SceneOptions};
+use relume::document::{self, Definition, InMemory, SceneOptions};
 use relume::film::{Film, RelightMatrices};
 use relume::number::Real;
-use relume::plan::{Planned, plan};
+use relume::plan::{Planned, Stale, plan};
 use relume::progress::Quiet;
 use relume::scene::{Field, Integration, Mix, MixLight, Placement, Scene, Shading};
 use relume::volume::{Geometry, Volume, Voxels};
@@ -156,6 +156,18 @@ fn the_light_of_a_channel_leaves_the_others_black_to_the_bit() {
     };
     let sum = |name: &str| colours(name).iter().fold(DVec3::ZERO, |sum, colour| sum + *colour);
     assert!((sum("all") - sum("DAPI") - sum("GFP")).abs().max_element() < 1e-9 * float(scene.lights.len()));
+}
+
+#[test]
+fn a_scene_of_channels_is_defined_anew_on_the_same_voxels() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");
+    let (file, _) = document::Source::of(Path::new(file)).read(&Quiet).unwrap();
+    let define = |text: &str| document::redefined(&file, &[Definition::new(text)], &Quiet);
+    let finer = define("accuracy.step=0.25").unwrap();
+    assert!(finer.scene.fields.are(&file.scene.fields), "nothing is read or copied");
+    let other = define("volumes.GFP.transfer.opacity=[[0, 0], [9, 0.5]]").unwrap();
+    assert!(other.scene.fields.are(&file.scene.fields) && other.scene.terms_of(1) != file.scene.terms_of(1));
+    assert_eq!(Stale::between(&file.scene, &plan(&file.scene, &Quiet).unwrap(), &other.scene), Stale::Tables);
 }
 
 #[test]

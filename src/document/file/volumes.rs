@@ -131,11 +131,11 @@ impl Text<'_> {
         Ok((volume, stored))
     }
 
-    /// The further fields of a scene: volumes on the grid of `first`, with what they show.
+    /// The further fields of a scene: volumes on the grid of `first`, with what they show. Those that are `given` are not read.
     pub(super) fn further(
         &self,
         file: &Root,
-        (first, stored): (&Volume, &Geometry),
+        (first, stored, given): (&Volume, &Geometry, &[Field]),
         materials: &[Material],
         base: &Path,
         options: &SceneOptions,
@@ -151,6 +151,14 @@ impl Text<'_> {
         let of = |(name, stated): (&String, &At<FurtherFile>)| {
             let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
             let FurtherFile { file: path, phantom, component, time, array, series, transfer } = stated.get_ref();
+            let (terms, all) = self.transfer(transfer.get_ref(), materials)?;
+            if !all.is_empty() || terms.iter().any(|term| !term.gradient.is_empty()) {
+                let message = format!("volumes.{name}.transfer: only the first field has factors by the gradient");
+                return Err(self.invalid(transfer, message));
+            }
+            if let Some(known) = given.iter().find(|field| field.name == *name) {
+                return Ok(known.showing(terms));
+            }
             let of_volume = options.volume.clone().or_else(|| file.volume.file.as_ref().map(|path| base.join(path)));
             let path = path.as_ref().map(|path| base.join(path)).or_else(|| of_volume.filter(|_| phantom.is_none()));
             let selection = Selection {
@@ -198,11 +206,6 @@ impl Text<'_> {
                 ));
             }
             (volume.geometry, volume.anatomical) = (first.geometry, first.anatomical);
-            let (terms, all) = self.transfer(transfer.get_ref(), materials)?;
-            if !all.is_empty() || terms.iter().any(|term| !term.gradient.is_empty()) {
-                let message = format!("volumes.{name}.transfer: only the first field has factors by the gradient");
-                return Err(self.invalid(transfer, message));
-            }
             Ok(Field::new(name.clone(), Arc::new(volume), terms))
         };
         file.volumes.iter().map(of).collect()
