@@ -41,7 +41,7 @@ pub(crate) struct Scene {
 
 /// The volumes in memory of two arguments.
 fn in_memory(volume: &Bound<'_, PyAny>, labels: Option<&Bound<'_, PyAny>>) -> PyResult<InMemory> {
-    Ok(InMemory { volume: Volume::of(volume)?, labels: labels.map(Volume::of).transpose()? })
+    Ok(InMemory { volume: Volume::of(volume)?, labels: labels.map(Volume::of).transpose()?, further: Vec::new() })
 }
 
 /// Definitions of a dict: keys such as `camera.azimuth`, or nested dicts.
@@ -434,11 +434,13 @@ impl Scene {
 
     fn __reduce__<'py>(
         slf: &Bound<'py, Self>,
-    ) -> PyResult<(Bound<'py, PyAny>, (String, Volume, Option<Volume>, PathBuf, String))> {
+    ) -> PyResult<(Bound<'py, PyAny>, (String, Volume, Option<Volume>, PathBuf, String, Vec<(String, Volume)>))> {
         let scene = slf.get();
         let made = slf.py().import("relume._relume")?.getattr("_scene_of")?;
         let (text, base) = (scene.file.text.to_string(), scene.file.base.clone());
-        Ok((made, (text, scene.volume(), scene.labels(), base, scene.file.scene.name.clone())))
+        let further = scene.file.scene.fields.further().iter();
+        let further = further.map(|field| (field.name.clone(), Volume(Arc::clone(&field.volume)))).collect();
+        Ok((made, (text, scene.volume(), scene.labels(), base, scene.file.scene.name.clone(), further)))
     }
 
     fn __repr__(&self) -> String {
@@ -591,8 +593,11 @@ pub(crate) fn _scene_of(
     labels: Option<&Bound<'_, PyAny>>,
     base: PathBuf,
     name: &str,
+    further: Vec<(String, Bound<'_, PyAny>)>,
 ) -> PyResult<Scene> {
-    let given = in_memory(volume, labels)?;
+    let mut given = in_memory(volume, labels)?;
+    let of = |(name, volume): (String, Bound<'_, PyAny>)| PyResult::Ok((name, Volume::of(&volume)?));
+    given.further = further.into_iter().map(of).collect::<PyResult<_>>()?;
     work::run(py, None, |progress| {
         let file = parse_ready(given, (name, &text), &base, &[], progress)?;
         Scene::new_of(file, None)

@@ -189,3 +189,17 @@ def test_what_is_no_volume_is_refused(array, geometry, sentence):
 def test_what_is_no_image_is_refused():
     with pytest.raises(TypeError, match="no image"):
         relume.Volume(object())
+
+
+def test_a_scene_of_channels_is_pickled_with_all_of_them():
+    import copy
+    import pathlib
+    import pickle
+
+    file = pathlib.Path(__file__).parents[2] / "tests" / "data" / "tiff" / "channels.ome.tif"
+    scene = relume.open(file)
+    again = pickle.loads(pickle.dumps(scene))
+    assert again == scene and copy.deepcopy(scene) == scene
+    film = scene.render((16, 16), device="cpu")
+    assert (again.render((16, 16), device="cpu").accumulators == film.accumulators).all()
+    assert scene.define({"volumes.GFP.transfer.opacity": [[0, 0], [9, 0.1]]}) != scene

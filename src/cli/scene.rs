@@ -496,7 +496,8 @@ impl SceneArgs {
         let (file, statistics) = source.read(progress)?;
         let scene = &file.scene;
         let labels = scene.labels.iter().flat_map(|labels| &labels.volume.notes);
-        for note in scene.volume().notes.iter().chain(labels) {
+        let further = scene.fields.further().iter().flat_map(|field| &field.volume.notes);
+        for note in scene.volume().notes.iter().chain(further).chain(labels) {
             tracing::warn!("{note}");
         }
         if let Some(unlike) = design::unlike(&file) {

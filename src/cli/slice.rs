@@ -208,6 +208,13 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let state = State::new(&file);
     let SceneFile { scene, .. } = &file;
     let (volume, geometry) = (scene.volume(), &scene.frame.geometry);
+    if let Some(other) = scene.fields.further().first() {
+        tracing::warn!(
+            "a slice shows one of the {} fields, the first; --component N chooses another, such as {}",
+            scene.fields.further().len() + 1,
+            other.name
+        );
+    }
     if args.over.contains(&Over::Labels) && scene.labels.as_ref().is_none_or(|labels| labels.declared.is_empty()) {
         return Err(CliError::Usage(
             "--over labels: the scene declares no labels; give a label map with --labels FILE".to_owned(),

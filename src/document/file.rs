@@ -160,7 +160,7 @@ pub fn parse_on(
     options: &SceneOptions,
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
-    let given = Given { volumes, is_ready: false, has_ready_labels: false, further: Vec::new() };
+    let given = Given { volumes, is_ready: false, has_ready_labels: false };
     parse_around(Some(given), (name, text), base, options, progress)
 }
 
@@ -178,7 +178,7 @@ pub fn parse_ready(
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
     let options = SceneOptions { definitions: definitions.to_vec(), ..SceneOptions::default() };
-    let given = Given { volumes, is_ready: true, has_ready_labels: true, further: Vec::new() };
+    let given = Given { volumes, is_ready: true, has_ready_labels: true };
     parse_around(Some(given), (name, text), base, &options, progress)
 }
 
@@ -194,8 +194,12 @@ pub fn redefined(
 ) -> Result<SceneFile, SceneError> {
     const OF_GRID: [&str; 4] = ["spacing", "origin", "direction", "unit"];
     let is_fixed = |definition: &&Definition| {
-        let mut parts = definition.text.split(['.', '=', '[']).map(str::trim);
-        parts.next() == Some("volume") && parts.next().is_none_or(|key| !OF_GRID.contains(&key))
+        let parts: Vec<&str> = definition.text.split(['.', '=', '[']).map(str::trim).collect();
+        match parts[0] {
+            "volume" => parts.get(1).is_none_or(|key| !OF_GRID.contains(key)),
+            "volumes" => parts.get(2).is_none_or(|key| *key != "transfer"),
+            _ => false,
+        }
     };
     if let Some(definition) = definitions.iter().find(is_fixed) {
         let message =
@@ -204,11 +208,9 @@ pub fn redefined(
     }
     let scene = &file.scene;
     let labels = scene.labels.as_ref().map(|labels| Arc::clone(&labels.volume));
-    let volumes = InMemory { volume: Arc::clone(&scene.fields.first().volume), labels };
-    let options = SceneOptions { definitions: definitions.to_vec(), ..SceneOptions::default() };
-    let further = scene.fields.further().to_vec();
-    let given = Given { volumes, is_ready: true, has_ready_labels: true, further };
-    let made = parse_around(Some(given), (&file.name, &file.text), &file.base, &options, progress)?;
+    let further = scene.fields.further().iter().map(|field| (field.name.clone(), Arc::clone(&field.volume)));
+    let volumes = InMemory { volume: Arc::clone(&scene.fields.first().volume), labels, further: further.collect() };
+    let made = parse_ready(volumes, (&file.name, &file.text), &file.base, definitions, progress)?;
     Ok(SceneFile { inputs: file.inputs.clone(), guess: file.guess.clone(), ..made })
 }
 
@@ -219,6 +221,8 @@ pub struct InMemory {
     pub volume: Arc<Volume>,
     /// Its label map, if it has one.
     pub labels: Option<Arc<Volume>>,
+    /// Further fields by their names, on the grid of the volume.
+    pub further: Vec<(String, Arc<Volume>)>,
 }
 
 /// Volumes in place of those that a scene names.
@@ -228,8 +232,6 @@ pub(super) struct Given {
     pub(super) is_ready: bool,
     /// True if the labels are on its grid, with their names.
     pub(super) has_ready_labels: bool,
-    /// Further fields that are in memory, on the grid of the volume.
-    pub(super) further: Vec<Field>,
 }
 
 /// As [`parse`], for volumes that are `given`.
@@ -256,8 +258,7 @@ pub(super) fn volume_alone(
     };
     let definitions: Vec<Definition> = options.definitions.iter().filter(of_volume).cloned().collect();
     let read = |text: &Text<'_>, file: Root| {
-        let given =
-            in_memory.map(|volumes| Given { volumes, is_ready: false, has_ready_labels: false, further: Vec::new() });
+        let given = in_memory.map(|volumes| Given { volumes, is_ready: false, has_ready_labels: false });
         let (volume, stored) = text.volume(&file.volume, given, Path::new(""), options, progress)?;
         Ok(((volume, stored), file.volume.largest_part_above.is_some()))
     };
@@ -636,7 +637,7 @@ impl Text<'_> {
 
         let are_ready = given.as_ref().is_some_and(|given| given.has_ready_labels);
         let labels = given.as_ref().and_then(|given| given.volumes.labels.clone());
-        let further = given.as_mut().map_or_else(Vec::new, |given| std::mem::take(&mut given.further));
+        let further = given.as_mut().map_or_else(Vec::new, |given| std::mem::take(&mut given.volumes.further));
         let (volume, stored) = self.volume(&file.volume, given, base, options, progress)?;
         let map = LabelMap { given: labels, are_ready, grid: &stored, declared };
         let (volume, labels) = self.label_volume(&file.volume, volume, map, base, options, progress)?;

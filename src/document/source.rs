@@ -152,8 +152,11 @@ impl Source {
     /// The same source with an open choice among the volumes of its file.
     #[must_use]
     pub fn reselected(&self) -> Self {
-        let options =
-            SceneOptions { selection: Selection { asks: true, ..Selection::default() }, ..self.options.clone() };
+        let options = SceneOptions {
+            selection: Selection { asks: true, ..Selection::default() },
+            channels: None,
+            ..self.options.clone()
+        };
         Self { options, ..self.clone() }
     }
 
@@ -263,7 +266,7 @@ impl Source {
         let look = match largest {
             Some((volume, has_parts)) => {
                 let subject = Subject { has_parts, is_of_times: true };
-                let volumes = InMemory { volume, labels: None };
+                let volumes = InMemory { volume, labels: None, further: Vec::new() };
                 let Looked { text, guess, .. } = looked(path, volumes, (&mut options, subject), progress)?;
                 let [least, most] = ends.map(readable);
                 let of_all = format!(
@@ -331,7 +334,7 @@ struct Looked {
 /// of labels that it does not use leave the options.
 fn looked(
     path: &Path,
-    InMemory { mut volume, labels }: InMemory,
+    InMemory { mut volume, labels, .. }: InMemory,
     (options, subject): (&mut SceneOptions, Subject),
     progress: &dyn Progress,
 ) -> Result<Looked, OpenError> {
@@ -455,6 +458,7 @@ fn look_at(
 ) -> Result<(SceneFile, Statistics), OpenError> {
     let whole_name = path.display().to_string();
     let labels = in_memory.as_ref().and_then(|volumes| volumes.labels.clone());
+    let further = in_memory.as_ref().map_or_else(Vec::new, |volumes| volumes.further.clone());
     let has_map = labels.is_some();
     let is_of_file = in_memory.is_none();
     let ((volume, stored), has_parts) = match volume_alone(&whole_name, in_memory, &options, progress) {
@@ -468,21 +472,16 @@ fn look_at(
         }
     };
     if let Some(stated) = options.channels.as_ref() {
-        let problem = format!("it has one channel, and the channels {} were asked for", stated.join(", "));
+        let problem = format!("one volume of it is read, and the channels {} were asked for", stated.join(", "));
         return Err(VolumeError::Layout { source_name: whole_name, problem }.into());
     }
     let subject = Subject { has_parts, is_of_times: false };
-    let volumes = InMemory { volume, labels: labels.clone() };
+    let volumes = InMemory { volume, labels: labels.clone(), further: Vec::new() };
     let Looked { mut volume, text, guess, statistics } = looked(path, volumes, (&mut options, subject), progress)?;
     if volume.geometry != stored {
         Arc::make_mut(&mut volume).geometry = stored;
     }
-    let given = Some(Given {
-        volumes: InMemory { volume, labels },
-        is_ready: true,
-        has_ready_labels: false,
-        further: Vec::new(),
-    });
+    let given = Some(Given { volumes: InMemory { volume, labels, further }, is_ready: true, has_ready_labels: false });
     let read = parse_around(given, (&whole_name, &text), Path::new(""), &options, progress);
     let file = read.map_err(of_volume)?;
     // Labels may be values by their ranks.
@@ -499,6 +498,11 @@ fn channels_of(error: &SceneError, options: &SceneOptions) -> Result<Option<Vec<
     let is_one =
         !options.wish.is_none() || options.preset.is_some() || options.labels.is_some() || options.selection.asks;
     let name = |component: usize| names.get(component).cloned().unwrap_or_default();
+    if let (Some(_), true) = (&options.channels, !options.wish.is_none() || options.preset.is_some()) {
+        let problem =
+            "several channels have a look of their own; omit --channels, or the look, window or preset".to_owned();
+        return Err(VolumeError::Layout { source_name: source_name.clone(), problem }.into());
+    }
     let Some(stated) = &options.channels else {
         // Colours are no channels of their own.
         let all = !is_one && kind.is_empty() && (2..=FIELDS).contains(count);
@@ -547,12 +551,15 @@ fn look_at_channels(
         LookError::NoCt(error) => OpenError::from(error),
         LookError::Volume(error) => error.into(),
     })?;
+    // They are in memory by the names of their keys.
+    let further = look.names.iter().cloned().zip(channels.iter().map(|channel| Arc::clone(&channel.volume))).skip(1);
+    let further = further.collect();
     let Some(first) = channels.into_iter().next() else {
         return Err(OpenError::Scene(SceneError::NoVolume { scene: name }));
     };
     let statistics = first.volume.statistics()?;
-    let volumes = InMemory { volume: first.volume, labels: None };
-    let given = Some(Given { volumes, is_ready: true, has_ready_labels: false, further: Vec::new() });
+    let volumes = InMemory { volume: first.volume, labels: None, further };
+    let given = Some(Given { volumes, is_ready: true, has_ready_labels: false });
     let file = parse_around(given, (&name, &look.text), Path::new(""), &options, progress).map_err(of_volume)?;
     Ok((SceneFile { guess: Some(look.guess), ..file }, statistics))
 }

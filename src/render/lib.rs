@@ -97,6 +97,11 @@ pub enum RenderError {
         /// The feature that needs it, in the plural.
         what: &'static str,
     },
+    /// The device does not hold the fields of a scene whole.
+    #[error(
+        "the device has no room for all fields of the scene at once, and several are not marched in bricks; use --downsample, or show fewer"
+    )]
+    Fields,
     /// A sample reads more voxels around a brick than were uploaded with it.
     #[error("the march reads {needed} voxels around each brick, and the bricks were uploaded with {has}")]
     Apron {
@@ -164,6 +169,7 @@ impl RenderError {
             Self::TooManySamples { .. } => "samples-too-many",
             Self::Slot { .. } => "volume-memory-exceeded",
             Self::Bricked { .. } => "bricks-unsupported",
+            Self::Fields => "fields-too-large",
             Self::Apron { .. } => "bricks-too-narrow",
             Self::PictureSize { .. } => "picture-too-large",
             Self::PictureMemory { .. } => "picture-memory-exceeded",

@@ -221,7 +221,7 @@ impl Renderer {
                 return Err(RenderError::Cancelled);
             }
             if planned.plan.groups.further > 0 {
-                return Err(RenderError::Bricked { what: "several fields" });
+                return Err(RenderError::Fields);
             }
             let (grid, apron) = (BrickGrid::new(cells.dims), apron(scene, &planned.plan));
             let pool_of = |budget: u64| PoolSize::new(&self.device, grid, apron, (format, voxel_bytes), budget, limit);

@@ -24,12 +24,6 @@ impl Field {
         Self { name, volume, terms, statistics: Arc::default() }
     }
 
-    /// The same values, of which other `terms` are shown.
-    #[must_use]
-    pub fn showing(&self, terms: Vec<Term>) -> Self {
-        Self { terms, ..self.clone() }
-    }
-
     /// Statistics of its values; of a volume without a finite value, those of zeros.
     #[must_use]
     pub fn statistics(&self) -> &Statistics {

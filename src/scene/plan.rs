@@ -481,7 +481,7 @@ pub enum PlanError {
     HalfRange,
     /// A matrix of transmittance has no power by a factor that is known from the matrix alone.
     #[error(
-        "the model peercy keeps a transmittance matrix, which transfer.gradient_opacity cannot scale; take another model, or remove gradient_opacity"
+        "the model peercy keeps a transmittance matrix, which factors by the gradient cannot scale; take another model, or remove transfer.gradient_opacity and every `gradient`"
     )]
     GradientMatrix,
     /// A march of several fields does not do this yet.

@@ -163,6 +163,7 @@ impl Loaded {
         let is_held = |job: &PlannedJob| renderer.holds_whole(&job.scene, &job.planned, &job.statistics);
         let (job, coarse) = match whole.filter(is_held) {
             Some(whole) => (whole, None),
+            None if !job.scene.fields.further().is_empty() => return Err(RenderError::Fields.into()),
             None => {
                 let coarse = finest_level(&job.scene, |dims| renderer.has_room_for_coarse(dims), progress)?;
                 (Job { scene: coarse.scene(&job.scene), ..job }.planned(progress)?, Some(coarse))

@@ -8,7 +8,7 @@ use crate::number::count;
 use crate::plan::{Planned, Transmittance, plan_full_spectrum};
 use crate::progress::Progress;
 use crate::reference::{Exact, RaySample, ReferenceError, march_ray};
-use crate::scene::{Mix, MixLight, Scene, ShadowMethod, depth_from_opacity};
+use crate::scene::{Medium, Mix, MixLight, Scene, ShadowMethod, depth_from_opacity};
 use crate::spectrum::colour::{
     Lab, LinearSrgb, OBSERVER, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, display_code, lab_from_xyz,
 };
@@ -408,7 +408,8 @@ impl Ray {
         let own = march_ray(scene, &planned, &exact, [size, place], progress, |sample: &RaySample<'_, f64>| {
             let place = DVec3::from_array(sample.place) * dims - 0.5;
             let magnitude = exact.magnitude_at(sample.place);
-            profile.add(place, exact.at(sample.place), [magnitude, sample.length], sample.transmittance);
+            let own = exact.medium_at(sample.place);
+            profile.add((place, own), exact.at(sample.place), [magnitude, sample.length], sample.transmittance);
         })?;
         let mut finer = scene.clone();
         finer.accuracy.step_length /= FINER;
@@ -479,11 +480,11 @@ impl<'a> Profile<'a> {
         }
     }
 
-    /// Adds the next sample: its place, its value, the label that replaces the transfer function, the gradient magnitude
+    /// Adds the next sample: its place and the medium there without labels, its value, the label that replaces the transfer function, the gradient magnitude
     /// and the length in steps, and the transmittance to the eye.
     fn add(
         &mut self,
-        place: DVec3,
+        (place, own): (DVec3, Medium),
         (value, label): (f64, Option<usize>),
         [magnitude, length]: [f64; 2],
         transmittance: &[f64],
@@ -492,12 +493,12 @@ impl<'a> Profile<'a> {
         let materials = scene.materials.len();
         let entry = label.and_then(|label| scene.labels.as_ref()?.declared.get(label));
         let medium = match entry {
-            None => scene.transfer.medium_with(value, magnitude, materials),
+            None => own,
             Some(entry) => {
                 let alone =
                     |depth: f64| (0..materials).map(|at| if at == entry.material { depth } else { 0.0 }).collect();
                 let scattering = alone(depth_from_opacity(entry.opacity));
-                crate::scene::Medium { scattering, absorption: alone(entry.absorption) }
+                Medium { scattering, absorption: alone(entry.absorption) }
             }
         };
         let lengths = length * scene.step_length() / scene.transfer.opacity_length;

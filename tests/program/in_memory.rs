@@ -46,7 +46,7 @@ fn ball() -> Arc<Volume> {
 }
 
 fn of(volume: &Arc<Volume>) -> InMemory {
-    InMemory { volume: Arc::clone(volume), labels: None }
+    InMemory { volume: Arc::clone(volume), labels: None, further: Vec::new() }
 }
 
 fn parsed(volumes: InMemory, text: &str) -> Result<relume::document::SceneFile, SceneError> {
@@ -71,7 +71,7 @@ fn labels_in_memory_are_those_of_the_scene() {
     let voxels = Voxels::U8((0..DIMS.iter().product()).map(|i: usize| u8::from(i % DIMS[0] < 12)).collect());
     let labels = Arc::new(Volume::new("labels", voxels, volume.geometry).unwrap());
     let text = format!("{SCENE}[labels.1]\nmaterial = \"bone\"\nopacity = 0.5\n");
-    let volumes = InMemory { volume, labels: Some(Arc::clone(&labels)) };
+    let volumes = InMemory { volume, labels: Some(Arc::clone(&labels)), further: Vec::new() };
     let file = parsed(volumes, &text).unwrap();
     let of_scene = file.scene.labels.unwrap();
     assert!(Arc::ptr_eq(&of_scene.volume, &labels) && of_scene.declared.len() == 1);

@@ -29,7 +29,7 @@ fn scene(text: &str, value: u8, further: &[(&str, u8)]) -> Scene {
                 target = [4, 4, 0]\n[accuracy]\nstep = 0.7\ntermination = 0\n[lights.day]\nspectrum = \"D65\"\nkind = \"ambient\"\n\
                 [materials.one]\nreflectance = \"orange\"\n[materials.two]\nreflectance = \"blue\"\n";
     let text = format!("{view}{text}");
-    let volumes = InMemory { volume: Arc::new(slab(value)), labels: None };
+    let volumes = InMemory { volume: Arc::new(slab(value)), labels: None, further: Vec::new() };
     let file = document::parse_on(volumes, "fields", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
     let mut scene = file.scene;
     let fields = scene.fields.further().iter().map(|field| {
@@ -134,6 +134,11 @@ fn the_light_of_a_channel_leaves_the_others_black_to_the_bit() {
     let scene = &file.scene;
     assert_eq!(scene.fields.further().len(), 1);
     assert_eq!(scene.materials.iter().map(|it| it.name.as_str()).collect::<Vec<_>>(), ["DAPI", "GFP"]);
+    // It opens in the light of all, as bright as it is.
+    let mix = file.opening_mix();
+    let on: Vec<(&str, f64)> =
+        mix.0.iter().filter(|it| it.weight > 0.0).map(|it| (it.name.as_str(), it.weight)).collect();
+    assert!(on == [("all", 2.0)] && !file.dial.normalise, "{on:?}");
     let planned = plan(scene, &Quiet).unwrap();
     for (index, light) in scene.lights.iter().enumerate() {
         let shown = planned.materials.iter().position(|&material| scene.materials[material].name == light.name);
@@ -167,6 +172,8 @@ fn a_scene_of_channels_is_defined_anew_on_the_same_voxels() {
     assert!(finer.scene.fields.are(&file.scene.fields), "nothing is read or copied");
     let other = define("volumes.GFP.transfer.opacity=[[0, 0], [9, 0.5]]").unwrap();
     assert!(other.scene.fields.are(&file.scene.fields) && other.scene.terms_of(1) != file.scene.terms_of(1));
+    let voxels = define("volumes.GFP.component=0").unwrap_err().to_string();
+    assert!(voxels.contains("chooses voxels"), "{voxels}");
     assert_eq!(Stale::between(&file.scene, &plan(&file.scene, &Quiet).unwrap(), &other.scene), Stale::Tables);
 }
 

@@ -135,7 +135,7 @@ impl Text<'_> {
     pub(super) fn further(
         &self,
         file: &Root,
-        (first, stored, given): (&Volume, &Geometry, &[Field]),
+        (first, stored, given): (&Volume, &Geometry, &[(String, Arc<Volume>)]),
         materials: &[Material],
         base: &Path,
         options: &SceneOptions,
@@ -156,21 +156,28 @@ impl Text<'_> {
                 let message = format!("volumes.{name}.transfer: only the first field has factors by the gradient");
                 return Err(self.invalid(transfer, message));
             }
-            if let Some(known) = given.iter().find(|field| field.name == *name) {
-                return Ok(known.showing(terms));
+            if let Some((_, known)) = given.iter().find(|(of, _)| of == name) {
+                return Ok(Field::new(name.clone(), Arc::clone(known), terms));
             }
             let of_volume = options.volume.clone().or_else(|| file.volume.file.as_ref().map(|path| base.join(path)));
             let path = path.as_ref().map(|path| base.join(path)).or_else(|| of_volume.filter(|_| phantom.is_none()));
+            // Of the same file, as the first is read; of another, as it says.
+            let same = stated.get_ref().file.is_none();
+            let of_first = if same {
+                first.selection.clone()
+            } else {
+                Selection { memory: first.selection.memory, ..Selection::default() }
+            };
             let selection = Selection {
                 component: *component,
-                time: time.or(first.selection.time),
-                array: array.clone().or_else(|| first.selection.array.clone()),
-                series: series.clone().or_else(|| first.selection.series.clone()),
-                ..first.selection.clone()
+                time: time.or(of_first.time),
+                array: array.clone().or_else(|| of_first.array.clone()),
+                series: series.clone().or_else(|| of_first.series.clone()),
+                ..of_first
             };
             let mut volume = match (path, phantom) {
                 (Some(path), _) => {
-                    let layout = options.raw.clone().or(file.volume.raw_layout(self)?);
+                    let layout = options.raw.clone().or(file.volume.raw_layout(self)?).filter(|_| same);
                     relume_volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?
                 }
                 (None, Some(phantom)) => {

@@ -34,6 +34,8 @@ pub(crate) struct ChannelVolume {
 pub(crate) struct ChannelLook {
     pub(crate) text: String,
     pub(crate) guess: String,
+    /// Names of the channels in it.
+    pub(crate) names: Vec<String>,
 }
 
 /// The scene of `channels`, whose file is called `name`: each is an X-ray material that reflects in bands of its own, so that a light of
@@ -50,8 +52,8 @@ pub(crate) fn channels(
     let number = channels.len();
     let names = names(channels);
     let mut document = DocumentMut::new();
-    let (mut described, mut materials, mut lights, mut further) =
-        (Vec::new(), Table::new(), Table::new(), Table::new());
+    let (mut described, mut boxes) = (Vec::new(), Vec::new());
+    let (mut materials, mut lights, mut further) = (Table::new(), Table::new(), Table::new());
     let daylight = standard::d65().spectrum();
     let bright = count(number);
     lights.insert(ALL, light(value("D65"), bright));
@@ -60,6 +62,7 @@ pub(crate) fn channels(
         let wish = (Wish { look: Some(Look::Fluorescence), ..Wish::default() }, Subject::default());
         let look = first_look(name, &mut channel.volume, &statistics, wish, progress)?;
         let mut looked: DocumentMut = look.text.parse().unwrap_or_default();
+        boxes.extend(around(&looked));
         let colour = channel.volume.presets.colour.unwrap_or(COLOURS[index % COLOURS.len()]);
         let comb = comb(index, number, colour);
         let mut material = looked["materials"]["stain"].as_table().cloned().unwrap_or_default();
@@ -92,6 +95,7 @@ pub(crate) fn channels(
             further.insert(called, Item::Table(own));
         }
     }
+    fit_all(&mut document, &boxes);
     document["materials"] = Item::Table(materials);
     document["lights"] = Item::Table(lights);
     document["volumes"] = Item::Table(further);
@@ -99,6 +103,8 @@ pub(crate) fn channels(
         document[name].as_table_mut().into_iter().for_each(|table| table.set_implicit(true));
     }
     document["volume"]["component"] = number_of(channels.first().map_or(0, |channel| channel.component));
+    // Brightness is that of the lights.
+    document["dial"]["normalise"] = value(false);
     document["mix"]["by"] = value("dial");
     document["mix"]["hand"] = value(ALL);
     let guess = format!(
@@ -111,7 +117,29 @@ pub(crate) fn channels(
     let lines =
         text.lines().enumerate().map(|(line, text)| if line == 1 { format!("# {guess}") } else { text.to_owned() });
     let text: String = lines.map(|line| line + "\n").collect();
-    Ok(ChannelLook { text, guess })
+    Ok(ChannelLook { text, guess, names })
+}
+
+/// The box that the camera of a first look orbits.
+fn around(look: &DocumentMut) -> Option<[DVec3; 2]> {
+    let corners = look.get("camera")?.get("around")?.as_array()?;
+    let corner = |index: usize| {
+        let corner = corners.get(index)?.as_array()?;
+        Some(DVec3::new(number_in(corner.get(0)?)?, number_in(corner.get(1)?)?, number_in(corner.get(2)?)?))
+    };
+    Some([corner(0)?, corner(1)?])
+}
+
+/// Lets the camera orbit the box of all channels, if the first one does not fill it.
+fn fit_all(document: &mut DocumentMut, boxes: &[[DVec3; 2]]) {
+    let Some(&first) = boxes.first() else { return };
+    let [low, high] = boxes.iter().fold(first, |[low, high], other| [low.min(other[0]), high.max(other[1])]);
+    if [low, high] != first {
+        let corner = |corner: DVec3| Value::Array(corner.to_array().into_iter().map(Value::from).collect());
+        document["camera"]["around"] = value([low, high].map(corner).into_iter().collect::<Array>());
+        // The box spans the picture.
+        document["camera"]["fill"] = value(1.0);
+    }
 }
 
 /// Names of the channels for keys: those of the file, made different; a number where there is none.
@@ -196,7 +224,10 @@ fn rename(transfer: &mut Table, name: &str) {
 
 /// The first number of a point.
 fn first_of(point: &Value) -> Option<f64> {
-    let number = point.as_array()?.get(0)?;
+    number_in(point.as_array()?.get(0)?)
+}
+
+fn number_in(number: &Value) -> Option<f64> {
     number.as_float().or_else(|| Some(f64::from(i32::try_from(number.as_integer()?).ok()?)))
 }
 

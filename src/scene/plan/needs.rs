@@ -2,7 +2,7 @@
 
 use super::{Accumulate, FilmCounts, Planned, Transmittance};
 use crate::transfer::{bends, medium_of};
-use crate::{Material, Scene, Term};
+use crate::{Group, Material, Scene};
 use relume_base::number::count;
 use relume_colour::model::{ColourModel, Ingredients, LightMatrix};
 use relume_colour::spectrum::{Light, Spectrum, ThinFilm, ThinFilmAngle};
@@ -70,18 +70,20 @@ pub(super) fn transmittance(scene: &Scene) -> Transmittance {
         !is_constant(&sum)
     };
     // Between two bends the sum is quadratic at each wavelength, so three points determine it.
-    let of_field = |terms: &[Term]| {
+    let of_group = |Group { field, factor }: Group<'_>| {
+        let (terms, all) = (scene.terms_of(field), if field == 0 { &scene.transfer.gradient_opacity[..] } else { &[] });
+        let share = |term: usize| if terms[term].factor_among(all) == factor { 1.0 } else { 0.0 };
         let bends = bends(terms);
         let halves = bends.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
         bends.iter().copied().chain(halves).any(|value| {
             // Also on both sides of a jump.
             [value.next_down(), value, value.next_up()]
                 .into_iter()
-                .any(|value| coloured(&medium_of(terms, value, scene.materials.len(), |_| 1.0).absorption))
+                .any(|value| coloured(&medium_of(terms, value, scene.materials.len(), share).absorption))
         })
     };
-    // Their values are independent, so each is grey by itself.
-    let by_value = (0..=scene.fields.further().len()).any(|field| of_field(scene.terms_of(field)));
+    // Values of fields, and factors, are independent, so each group is grey by itself.
+    let by_value = scene.groups().into_iter().any(of_group);
     let by_label = scene.labels.iter().flat_map(|labels| &labels.declared).any(|entry| {
         let mut absorption = vec![0.0; scene.materials.len()];
         if let Some(depth) = absorption.get_mut(entry.material) {

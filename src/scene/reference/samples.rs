@@ -7,7 +7,7 @@ use crate::tables::{
     self, ExtinctionTable, FactorTable, LabelMap, SegmentTable, Steps, Storage, StoredScene, StoredVolume,
     TransferTable,
 };
-use crate::{FIELDS, Interpolation, Lookup, Scene};
+use crate::{FIELDS, Interpolation, Lookup, Medium, Scene};
 use relume_base::number::{Real, count, unit};
 use relume_volume::Volume;
 use smallvec::{SmallVec, smallvec};
@@ -285,6 +285,12 @@ impl<'a> Exact<'a> {
     /// Leaves as many opacities as the plan's transmittance has.
     fn truncate(&self, step: &mut Step<f64>) {
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
+    }
+
+    /// The medium of all fields at `place`, without labels.
+    #[must_use]
+    pub fn medium_at(&self, place: [f64; 3]) -> Medium {
+        self.steps.medium_with(&self.values_at(place), self.magnitude_of_factors(place))
     }
 
     /// The gradient magnitude at `place`, in data units per world unit.

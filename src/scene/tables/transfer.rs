@@ -283,7 +283,7 @@ impl<'a> Steps<'a> {
     }
 
     /// The medium where the fields have these `values`, and the gradient of the first this `magnitude`.
-    fn medium_with(&self, values: &[f64], magnitude: f64) -> Medium {
+    pub(crate) fn medium_with(&self, values: &[f64], magnitude: f64) -> Medium {
         let materials = self.scene.materials.len();
         let first = values.first().copied().unwrap_or_default();
         let mut medium = self.scene.transfer.medium_with(first, magnitude, materials);

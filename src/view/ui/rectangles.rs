@@ -18,7 +18,7 @@ const RAMP: f64 = 0.05;
 
 pub(super) const HELP: &str = "Grey: voxels by value (to the right) and gradient magnitude (upwards), on a log scale; boundaries between \
     materials are arcs. Drag over an area to add an interval with a factor of its own, and a rectangle's edges to move them. A cross marks \
-    what the probe sees.";
+    what the probe sees. Terms may have four different factors, none counted as one.";
 
 /// Values and magnitudes on the screen.
 struct Plane<'a> {

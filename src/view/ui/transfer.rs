@@ -355,7 +355,9 @@ pub(super) fn nothing_shown(document: &Document) -> Option<(&'static str, Edit)>
     };
     let labels = scene.labels.iter().flat_map(|labels| &labels.declared);
     let by_label = labels.into_iter().any(|label| label.opacity > 0.0 || label.absorption > 0.0);
-    if by_label || scene.transfer.terms.iter().any(|term| shows(&term.opacity) || shows(&term.absorption)) {
+    let by_further = scene.fields.further().iter().any(|field| !field.terms.is_empty());
+    if by_label || by_further || scene.transfer.terms.iter().any(|term| shows(&term.opacity) || shows(&term.absorption))
+    {
         return None;
     }
     let declared = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
