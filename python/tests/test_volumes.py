@@ -201,5 +201,5 @@ def test_a_scene_of_channels_is_pickled_with_all_of_them():
     again = pickle.loads(pickle.dumps(scene))
     assert again == scene and copy.deepcopy(scene) == scene
     film = scene.render((16, 16), device="cpu")
-    assert (again.render((16, 16), device="cpu").accumulators == film.accumulators).all()
+    assert (again.render((16, 16), device="cpu").weights == film.weights).all()
     assert scene.define({"volumes.GFP.transfer.opacity": [[0, 0], [9, 0.1]]}) != scene

@@ -500,7 +500,7 @@ fn channels_of(error: &SceneError, options: &SceneOptions) -> Result<Option<Vec<
     let name = |component: usize| names.get(component).cloned().unwrap_or_default();
     if let (Some(_), true) = (&options.channels, !options.wish.is_none() || options.preset.is_some()) {
         let problem =
-            "several channels have a look of their own; omit --channels, or the look, window or preset".to_owned();
+            "several channels have a look of their own; omit their names, or the look, window or preset".to_owned();
         return Err(VolumeError::Layout { source_name: source_name.clone(), problem }.into());
     }
     let Some(stated) = &options.channels else {

@@ -43,7 +43,8 @@ const RAW: [(&str, Use); 5] = [
 ];
 
 /// Flags of a scene and its colour accuracy.
-const SCENE: [(&str, Use); 9] = [
+const SCENE: [(&str, Use); 10] = [
+    ("--channels", Not(&["slice", "ball.nrrd", "--channels", "GFP", "-o", "p.png"], 1, "channels GFP")),
     ("--volume", Always),
     ("--labels", Not(&["render", "scene.toml", "--labels", "ball.nrrd", "-o", "p.png", "--size", "8x8"], 1, "labels")),
     ("--label-names", Always),
@@ -271,7 +272,7 @@ fn every_flag_is_used_or_refused() {
             ],
         ),
         ("measure", vec![&SCENE, &SELECTION, &RAW, &MEASURE, &GOAL, &[("--output", Always)]]),
-        ("bench", vec![&SELECTION, &SCENE[5..], &BENCH]),
+        ("bench", vec![&SELECTION, &SCENE[6..], &BENCH]),
         ("convert", vec![&SELECTION, &RAW, &[("--downsample", Always)]]),
         ("bricks", vec![&SELECTION, &RAW, &[("--memory", Always), ("--output", Always)]]),
     ];
