@@ -8,7 +8,14 @@
 fn coordinate_of(texel: vec4f, group: u32, last: f32) -> f32 {
     var values = texel;
     let place = factor_table[group * FACTOR_VECTORS];
-    return clamp(fma(values[u32(place.y)], place.z, place.w), 0.0, last);
+    var value: f32;
+    if (ONE_GROUP_EACH) {
+        // Known once the loop over the groups is unrolled.
+        value = values[group];
+    } else {
+        value = values[u32(place.y)];
+    }
+    return clamp(fma(value, place.z, place.w), 0.0, last);
 }
 
 // The factor of a `group` where the gradient has this `magnitude`.

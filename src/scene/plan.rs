@@ -95,6 +95,8 @@ pub struct Groups {
     pub points: usize,
     /// Fields besides the first.
     pub further: usize,
+    /// True if each field has one group, in the order of the fields: a march needs not look up which is whose.
+    pub is_one_each: bool,
 }
 
 impl Groups {
@@ -102,7 +104,13 @@ impl Groups {
         let groups = scene.groups();
         let points = groups.iter().map(|group| group.factor.len()).max().unwrap_or(0);
         let further = scene.fields.further().len();
-        if points > 0 || further > 0 { Self { number: groups.len(), points, further } } else { Self::default() }
+        let is_one_each =
+            groups.len() == further + 1 && groups.iter().enumerate().all(|(index, group)| group.field == index);
+        if points > 0 || further > 0 {
+            Self { number: groups.len(), points, further, is_one_each }
+        } else {
+            Self::default()
+        }
     }
 
     /// True if a sample adds densities.

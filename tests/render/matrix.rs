@@ -480,7 +480,7 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         *thin_films != FilmCounts::default(),
         format!("films: {facing} facing, {lobe} lobes, {terms} terms, {exponent_bits} bits"),
     );
-    let Groups { number, points, further } = *groups;
+    let Groups { number, points, further, is_one_each: _ } = *groups;
     let apart = if number > 1 && further == 0 { format!(" in {number} groups") } else { String::new() };
     add(points > 0, format!("thinned at {points}{apart}"));
     add(further > 0, format!("{} fields in {number} groups", further + 1));
