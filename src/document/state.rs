@@ -489,7 +489,9 @@ impl State {
             }
             Edit::GradientOpacity(ref points) => scene.transfer.gradient_opacity = gradient_points(points),
             Edit::TermGradient(index, ref points) => {
-                if let Some(term) = scene.transfer.terms.get_mut(index) {
+                // Files state one for intervals alone; the others would lose theirs in a session.
+                let term = scene.transfer.terms.get_mut(index).filter(|term| term.as_interval().is_some());
+                if let Some(term) = term {
                     term.gradient = gradient_points(points);
                 }
             }

@@ -144,6 +144,17 @@ fn filmed(constants: Constants, plan: &ScenePlan) -> Constants {
         .bool("FILM_WEIGHTS", matches!(plan.accumulate, Accumulate::Weights { .. }))
 }
 
+/// Adds the constants of `factors.wgsl`, and of whoever reads groups of terms.
+fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
+    constants
+        .bool("FACTORS", plan.groups.any())
+        .u32("GROUPS", unsigned(plan.groups.in_tables()))
+        .bool("BY_GRADIENT", plan.groups.by_gradient())
+        .bool("SEVERAL_FIELDS", plan.groups.further > 0)
+        .bool("ONE_GROUP_EACH", plan.groups.is_one_each)
+        .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
+}
+
 /// Constants of the march shader for `plan`.
 fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Dispatching) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
@@ -154,7 +165,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
     };
-    filmed(bricked(common(plan), residence), plan)
+    grouped(filmed(bricked(common(plan), residence), plan), plan)
         .bool("BLOCK", block)
         .bool("COMPENSATED", plan.compensated)
         .u32("LANES", unsigned(plan.lanes().max(1)))
@@ -179,12 +190,6 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .u32("THIN_FILMS", unsigned(if plan.layers() == 0 { 0 } else { plan.thin_films.total() }))
         .bool("GRADIENT", plan.gradient())
         .bool("STORED_GRADIENT", plan.stores_gradient())
-        .bool("FACTORS", plan.groups.any())
-        .u32("GROUPS", unsigned(plan.groups.in_tables()))
-        .bool("BY_GRADIENT", plan.groups.by_gradient())
-        .bool("SEVERAL_FIELDS", plan.groups.further > 0)
-        .bool("ONE_GROUP_EACH", plan.groups.is_one_each)
-        .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
         .bool("ONE_SIDED", plan.shading.is_some_and(|terms| terms.one_sided))
         .bool("SPECULAR", specular.is_some())
         .bool("ONE_EXPONENT", one_exponent.is_some())
@@ -247,16 +252,10 @@ pub(super) fn light_grid_source(
     fill: Fill,
     texel: Texel,
 ) -> Source {
-    let constants = Constants::new()
+    let constants = grouped(Constants::new(), plan)
         .bool("SKY", matches!(fill, Fill::Sky { .. }))
         .bool("POINT_LIGHT", fill == Fill::Point)
         .bool("STORED_GRADIENT", plan.stores_gradient())
-        .bool("FACTORS", plan.groups.any())
-        .u32("GROUPS", unsigned(plan.groups.in_tables()))
-        .bool("BY_GRADIENT", plan.groups.by_gradient())
-        .bool("SEVERAL_FIELDS", plan.groups.further > 0)
-        .bool("ONE_GROUP_EACH", plan.groups.is_one_each)
-        .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
         .bool("LABELS", plan.labels)
         .bool("SMOOTH_LABELS", plan.smooth_labels)
         .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
