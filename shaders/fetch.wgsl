@@ -1,6 +1,15 @@
 // Values and labels between voxels. Part of `march.wgsl` and `light_grid.wgsl`; the voxels are in `whole.wgsl` or
 // `bricks.wgsl`.
 
+// The value in a texel.
+fn value_of(texel: vec4f) -> f32 {
+    var value = texel.x;
+    if (STORED_GRADIENT) {
+        value = texel.w;
+    }
+    return value;
+}
+
 // Linear interpolation along x, then y, then z, in f32, because a device's filter may have only eight bits.
 fn linear_line(base: vec3f, x: f32) -> vec4f {
     let before = texel_at(base);

@@ -46,13 +46,24 @@ fn own_samples(invocation: u32) -> u32 {
 fn rise(column: vec2u) -> f32 {
     let start = fma(vec3f(f32(column.x)), sweep.across, fma(vec3f(f32(column.y)), sweep.down, sweep.corner));
     let first = f32(slice.number) - sweep.behind;
+    var left = vec2f(-FAR, FAR);
+    if (PLANES > 0u) {
+        left = left_by_planes(start, sweep.per_slice, left);
+    }
     var sum = 0.0;
     let samples = own_samples(column.x);
     for (var i = 0u; i < samples; i += 1u) {
         let slices = fma(f32(i) + 0.5, sweep.step, first);
         let place = fma(vec3f(slices), sweep.per_slice, start);
         let inside = all(sweep.low <= place) && all(place <= sweep.high);
-        sum += select(0.0, extinction_at(place), inside);
+        var extinction = select(0.0, extinction_at(place), inside);
+        if (PLANES > 0u) {
+            // Of a sample that a plane cuts, the part that is left.
+            let half = 0.5 * sweep.step;
+            let part = (min(slices + half, left.y) - max(slices - half, left.x)) / sweep.step;
+            extinction *= clamp(part, 0.0, 1.0);
+        }
+        sum += extinction;
     }
     return min(sum * sweep.length, sweep.largest_rise);
 }
@@ -67,7 +78,11 @@ fn depth_to_point(node: vec2u) -> f32 {
     let is_parallel = abs(along) < vec3f(1e-30);
     let reach = (select(sweep.low, sweep.high, along > vec3f()) - place) / select(along, vec3f(1.0), is_parallel);
     let to_face = select(reach, vec3f(1e30), is_parallel);
-    let open = max(min(min(distance, to_face.x), min(to_face.y, to_face.z)) - sweep.start, 0.0);
+    var way_left = vec2f(sweep.start, min(min(distance, to_face.x), min(to_face.y, to_face.z)));
+    if (PLANES > 0u) {
+        way_left = left_by_planes(place, along, way_left);
+    }
+    let open = max(way_left.y - way_left.x, 0.0);
     // Rounding does not add a part.
     let parts = max(ceil(open / sweep.path - 1e-3), 0.0);
     let of_sample = open / (max(parts, 1.0) * f32(sweep.samples));
@@ -76,7 +91,7 @@ fn depth_to_point(node: vec2u) -> f32 {
     for (var part = 0u; part < u32(parts); part += 1u) {
         var sum = 0.0;
         for (var i = 0u; i < samples; i += 1u) {
-            let reached = fma(f32(part * sweep.samples + i) + 0.5, of_sample, sweep.start);
+            let reached = fma(f32(part * sweep.samples + i) + 0.5, of_sample, way_left.x);
             sum += extinction_at(fma(vec3f(reached), along, place));
         }
         depth += min(sum * of_sample, sweep.largest_rise);

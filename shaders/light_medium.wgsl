@@ -94,11 +94,7 @@ fn extinction_of(coordinate: f32, group: u32) -> f32 {
 // Optical depth per unit of length.
 fn extinction_at(place: vec3f) -> f32 {
     let texel = fetch(place);
-    var value = texel.x;
-    if (STORED_GRADIENT) {
-        value = texel.w;
-    }
-    let coordinate = clamp(fma(value, sweep.coordinate_scale, sweep.coordinate_offset), 0.0, sweep.coordinate_last);
+    let coordinate = clamp(fma(value_of(texel), sweep.coordinate_scale, sweep.coordinate_offset), 0.0, sweep.coordinate_last);
     var extinction = 0.0;
     if (FACTORS) {
         var magnitude = 0.0;

@@ -81,7 +81,7 @@ struct Ray {
     start: f32,
     // Number of the first step, from `start`.
     first: f32,
-    // Where the ray enters and leaves the crop box, in steps from the beginning of the first step.
+    // Where the ray enters and leaves the part that the crop box and the clip planes leave, in steps from the beginning of the first step.
     inside: vec2f,
     samples: u32,
     view: vec3f,
@@ -92,9 +92,6 @@ struct Step {
     opacity: Transmittance,
     normal: vec3f,
 }
-
-// Beyond any box.
-const FAR: f32 = 1e30;
 
 fn unit(a: vec3f) -> vec3f {
     let square = dot(a, a);
@@ -126,11 +123,14 @@ fn ray_through(pixel: vec2u) -> Ray {
     let length = sqrt(fma(v * v, march.spread_v, fma(u * u, march.spread_u, 1.0)));
     let direction = slant / length;
 
-    // Steps are numbered from the volume's box; the crop box selects some of them, and parts of the first and the last.
+    // Steps are numbered from the volume's box; crop box and clip planes select some of them, and parts of the first and the last.
     // Rays start at the eye.
     let eye = -(march.eye_distance * length);
     let start = clip(eye, base, direction, march.low, march.high).x;
-    let shown = clip(eye, base, direction, march.crop_low, march.crop_high);
+    var shown = clip(eye, base, direction, march.crop_low, march.crop_high);
+    if (PLANES > 0u) {
+        shown = left_by_planes(base, direction, shown);
+    }
     let steps = max((shown - start) / march.step_length, vec2f());
     let first = floor(steps.x);
     let inside = steps - first;

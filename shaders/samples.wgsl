@@ -11,11 +11,7 @@ struct Key {
 
 fn key_at(place: vec3f) -> Key {
     let texel = fetch(place);
-    var value = texel.x;
-    if (STORED_GRADIENT) {
-        value = texel.w;
-    }
-    let coordinate = clamp(fma(value, march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
+    let coordinate = clamp(fma(value_of(texel), march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
     var label = 0u;
     if (LABELS) {
         label = label_at(place);

@@ -41,7 +41,7 @@ fn medium_at(place: vec3f, key: Key) -> Step {
         gradient = central_difference(place) * march.gradient_scale;
     }
     var step: Step;
-    step.normal = unit(gradient);
+    step.normal = unit(capped(gradient, value_of(key.texel), place));
     look_up(key, gradient, &step);
     return step;
 }

@@ -23,9 +23,9 @@ fn look_up(coordinate: f32, step: ptr<function, Step>) {
 fn medium_at(place: vec3f, key: Key) -> Step {
     var step: Step;
     if (STORED_GRADIENT) {
-        step.normal = unit(key.texel.xyz * march.gradient_scale);
+        step.normal = unit(capped(key.texel.xyz * march.gradient_scale, value_of(key.texel), place));
     } else if (GRADIENT) {
-        step.normal = unit(central_difference(place) * march.gradient_scale);
+        step.normal = unit(capped(central_difference(place) * march.gradient_scale, value_of(key.texel), place));
     }
     look_up(key.coordinate, &step);
     return step;

@@ -59,11 +59,7 @@ fn label_of(place: vec3f) -> u32 {
 
 fn end_at(place: vec3f) -> End {
     let texel = fetch(place);
-    var value = texel.x;
-    if (STORED_GRADIENT) {
-        value = texel.w;
-    }
-    let coordinate = clamp(fma(value, march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
+    let coordinate = clamp(fma(value_of(texel), march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
     return End(texel, coordinate, label_of(place));
 }
 
@@ -244,7 +240,7 @@ fn march_run(
         }
         var step = across(mean.density, length);
         if (GRADIENT) {
-            step.normal = unit(half_way);
+            step.normal = unit(capped(half_way, (value_of(a.texel) + value_of(b.texel)) * 0.5, middle));
         }
         add_light(ray, middle, step, transmittance, sums);
         transmittance = attenuate(transmittance, step.opacity);

@@ -38,6 +38,11 @@ pub(crate) struct SceneArgs {
     /// name shows it alone. Default: all, up to four.
     #[arg(long, value_name = "NAMES", conflicts_with = "component")]
     pub(crate) channels: Option<String>,
+    /// Cut away what lies beyond a plane (repeatable, up to 8): z:50% leaves the lower half, -x:12 cuts what is below 12 along x,
+    /// 1,0,1:5,0,5 what is beyond a point in a direction, left:40% of a patient all but 40 % from the right. In place of the planes
+    /// of the scene.
+    #[arg(long, value_name = "DIRECTION:PLACE", allow_hyphen_values = true)]
+    clip: Vec<String>,
     /// Average blocks of A×B×C voxels after loading, for less memory and time but less detail.
     #[arg(long, value_name = "AxBxC", value_parser = three)]
     pub(crate) downsample: Option<[usize; 3]>,
@@ -322,7 +327,8 @@ const OF_SCENES_VOLUME: [&str; 16] = [
 ];
 
 /// Keys of a scene that a flag overrides.
-const OVERRIDDEN: [(&str, &[&str]); 15] = [
+const OVERRIDDEN: [(&str, &[&str]); 16] = [
+    ("--clip", &["clip.planes"]),
     ("--labels", &["volume.labels", "volume.phantom_labels"]),
     ("--downsample", &["volume.downsample"]),
     ("--spacing", &["volume.spacing"]),
@@ -351,11 +357,22 @@ impl SceneArgs {
             label_names: self.label_names.clone(),
             spacing: self.raw.spacing(),
             downsample: self.downsample,
-            definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),
+            definitions: self
+                .define
+                .definitions()
+                .chain(self.accuracy.definitions())
+                .chain(self.clip_planes())
+                .collect(),
             wish: Wish::default(),
             preset: None,
             channels: self.channels.as_ref().map(|names| names.split(',').map(|name| name.trim().to_owned()).collect()),
         }
+    }
+
+    /// The definition of the clip planes, if flags give any.
+    fn clip_planes(&self) -> Option<Definition> {
+        let given = self.clip.iter().map(|plane| format!("--clip {plane}")).collect::<Vec<_>>().join(" ");
+        (!self.clip.is_empty()).then(|| Definition { given, text: format!("clip.planes={:?}", self.clip) })
     }
 
     /// Flags that change the scene or its volume, and whether each is given.
@@ -363,6 +380,7 @@ impl SceneArgs {
         let others = [
             ("--volume", self.volume.is_some()),
             ("--channels", self.channels.is_some()),
+            ("--clip", !self.clip.is_empty()),
             ("--labels", self.labels.is_some()),
             ("--label-names", self.label_names.is_some()),
             ("--downsample", self.downsample.is_some()),

@@ -1,5 +1,6 @@
 //! Reads scene files, and reports each mistake with its line and column.
 
+mod clip;
 mod keys;
 mod media;
 mod view;
@@ -36,9 +37,9 @@ use relume_colour::spectrum::{
 use relume_colour::written::{place, with_suggestion};
 use relume_scene::key::{self, Key, KeyError};
 use relume_scene::{
-    Aim, Camera, FACTORS, FIELDS, Field, Fill, GRADIENT_POINTS, GradientFactor, INTENSITY, LabelEntry, Labels,
-    LightKind, Material, MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene, SceneLight, Term,
-    different_factors, unit,
+    Aim, CLIP_PLANES, Camera, Clip, ClipPlane, FACTORS, FIELDS, Field, Fill, GRADIENT_POINTS, GradientFactor,
+    INTENSITY, LabelEntry, Labels, LightKind, Material, MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene,
+    SceneLight, Term, different_factors, unit,
 };
 use relume_volume::{
     self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,
@@ -642,6 +643,7 @@ impl Text<'_> {
         let map = LabelMap { given: labels, are_ready, grid: &stored, declared };
         let (volume, labels) = self.label_volume(&file.volume, volume, map, base, options, progress)?;
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
+        let clip = self.clip(&file.clip, &volume)?;
         let reflectances =
             file.materials.values().flat_map(|material| &material.get_ref().reflectance).chain(&file.background);
         let spectra = reflectances.chain(file.lights.values().flat_map(|light| &light.get_ref().spectrum));
@@ -654,7 +656,8 @@ impl Text<'_> {
         let grid = (&*volume, &stored, further.as_slice());
         let further = self.further(&file, grid, &materials, base, options, progress)?;
         inputs.extend(further.iter().flat_map(|field| field.volume.files.iter().cloned()));
-        let mut scene = Scene { labels, materials, lights, background, camera, crop, ..Scene::new(&name, volume) };
+        let mut scene =
+            Scene { labels, materials, lights, background, camera, crop, clip, ..Scene::new(&name, volume) };
         scene.fields = scene.fields.with(further);
         (scene.transfer.terms, scene.transfer.gradient_opacity) = (terms, gradient_opacity);
         self.set(&mut scene, key::SCENE, "", scalars)?;

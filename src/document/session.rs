@@ -15,7 +15,7 @@ use crate::output::{OutputError, write_atomically};
 use relume_colour::palette::{Palette, Solution};
 use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
 use relume_scene::key::{self, Key};
-use relume_scene::{Aim, Camera, Projection, Scene};
+use relume_scene::{Aim, Camera, Clip, ClipPlane, Projection, Scene};
 use relume_volume::{ByteOrder, is_built_in};
 
 /// Why a session cannot be saved.
@@ -137,6 +137,12 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
             document.insert("crop", Item::Table(crop));
         }
     }
+    if scene.clip != then.clip {
+        document.remove("clip");
+        if scene.clip != Clip::default() {
+            document.insert("clip", Item::Table(clip(&scene.clip)));
+        }
+    }
     if let Some(dial) = document.get_mut("dial").and_then(Item::as_table_like_mut) {
         // Its former name.
         if let Some(presets) = dial.remove("situations") {
@@ -202,7 +208,26 @@ fn placed_like(document: &DocumentMut, name: &str, palette: &Palette) -> Vec<(&'
 /// Whether a definition may name a file.
 fn names_files(definition: &Definition) -> bool {
     let key = definition.text.split(['.', '=']).next().unwrap_or_default().trim();
-    !["accuracy", "camera", "crop", "display", "lighting", "mix", "shading", "shadows", "transfer"].contains(&key)
+    !["accuracy", "camera", "clip", "crop", "display", "lighting", "mix", "shading", "shadows", "transfer"]
+        .contains(&key)
+}
+
+fn clip(Clip { planes, cap }: &Clip) -> Table {
+    let mut table = Table::new();
+    let plane = |plane: &ClipPlane| {
+        let mut row = InlineTable::new();
+        row.insert("point", Value::from(numbers(plane.point.to_array())));
+        row.insert("normal", Value::from(numbers(plane.normal.to_array())));
+        if !plane.on {
+            row.insert("on", false.into());
+        }
+        row
+    };
+    table.insert("planes", value(planes.iter().map(plane).collect::<Array>()));
+    if !cap {
+        table.insert("cap", value(false));
+    }
+    table
 }
 
 /// `path` as a scene in `folder` names it: relative if it lies in the folder, so that both can be moved together, and

@@ -14,8 +14,8 @@ use relume_colour::spectrum::ThinFilm;
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
 use relume_scene::{
-    Accuracy, AmbientShares, BRIGHTEST, FACTORS, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry, Lighting, Mix,
-    PHASES, Scene, Term, key,
+    Accuracy, AmbientShares, BRIGHTEST, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry, Lighting,
+    Mix, PHASES, Scene, Term, key,
 };
 
 /// All editable state of a document.
@@ -93,6 +93,8 @@ pub enum Edit {
     Crop(Option<[DVec3; 2]>),
     /// Restores the crop box of the scene.
     ResetCrop,
+    /// Replaces the clip planes.
+    Clip(Clip),
     /// Replaces all terms by these intervals.
     Intervals(Vec<Interval>),
     /// Moves the camera, for a picture of this width over height.
@@ -148,6 +150,7 @@ impl Edit {
             | Self::Intervals(_)
             | Self::Crop(_)
             | Self::ResetCrop
+            | Self::Clip(_)
             | Self::Label(..)
             | Self::ResetTransfer
             | Self::Accuracy(_)
@@ -315,6 +318,7 @@ impl State {
             background,
             camera,
             crop,
+            clip,
             block: _,
             accuracy,
             shadows,
@@ -322,7 +326,8 @@ impl State {
         } = scene;
         let to = &other.scene;
         (dial, light, palette) == (&other.dial, &other.light, &other.palette)
-            && (camera, crop, accuracy, display) == (&to.camera, &to.crop, &to.accuracy, &to.display)
+            && (camera, crop, clip) == (&to.camera, &to.crop, &to.clip)
+            && (accuracy, display) == (&to.accuracy, &to.display)
             && (*lighting, *shadows) == (to.lighting, to.shadows)
             && (materials, lights, background) == (&to.materials, &to.lights, &to.background)
             && (transfer, declared(scene)) == (&to.transfer, declared(to))
@@ -455,6 +460,7 @@ impl State {
                 scene.crop = parts.map(|parts| crop_from_parts(parts, scene.frame.geometry.dims));
             }
             Edit::ResetCrop => scene.crop = opened.scene.crop,
+            Edit::Clip(ref clip) => scene.clip = clip.allowed(),
             Edit::Intervals(ref intervals) => {
                 let allowed = intervals.iter().filter_map(|interval| interval.allowed(&scene.materials));
                 scene.transfer.terms = allowed.map(|interval| interval.term()).collect();

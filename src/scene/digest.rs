@@ -24,6 +24,7 @@ impl Scene {
             background,
             camera,
             crop,
+            clip,
             block,
             accuracy,
             shadows,
@@ -31,7 +32,7 @@ impl Scene {
         } = self;
         let mut hasher = DefaultHasher::new();
         format!("{materials:?} {transfer:?} {lights:?} {shading:?} {lighting:?} {background:?}").hash(&mut hasher);
-        format!("{camera:?} {crop:?} {accuracy:?} {shadows:?} {display:?}").hash(&mut hasher);
+        format!("{camera:?} {crop:?} {clip:?} {accuracy:?} {shadows:?} {display:?}").hash(&mut hasher);
         if let Some(block) = block {
             block.hash(&mut hasher);
         }

@@ -3,6 +3,7 @@
 
 mod blocks;
 mod camera;
+mod clip;
 mod coarse;
 mod digest;
 mod fields;
@@ -22,6 +23,7 @@ use glam::DVec3;
 pub use blocks::{Block, Blocks, MOST_BLOCKS, Node, low_leaves};
 pub use camera::{Aim, Camera, Fill, Projection, View};
 pub use camera::{centre, unit};
+pub use clip::{CLIP_PLANES, Clip, ClipPlane};
 pub use coarse::{Coarse, LabelLeft, Level};
 pub use fields::{FIELDS, Field, Fields};
 pub use frame::Frame;
@@ -66,6 +68,8 @@ pub struct Scene {
     pub camera: Camera,
     /// Crop box: opposite corners in voxel indices; `None` is the whole volume.
     pub crop: Option<[DVec3; 2]>,
+    /// Clip planes.
+    pub clip: Clip,
     /// The block to march, if only one: a part of the picture. Gradients and shadows are those of the whole volume.
     pub block: Option<Block>,
     /// Accuracy settings.
@@ -123,6 +127,7 @@ impl Scene {
             background: None,
             camera: Camera::default(),
             crop: None,
+            clip: Clip::default(),
             block: None,
             accuracy: Accuracy::new(spacing),
             shadows: Shadows::default(),

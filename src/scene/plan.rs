@@ -22,8 +22,8 @@ use needs::{exponents, longest_way, transmittance};
 pub use warning::PlanWarning;
 
 use crate::{
-    AccumulateAs, Accuracy, AmbientShares, Field, Gradients, Integration, Interpolation, LabelInterpolation, Lighting,
-    Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
+    AccumulateAs, Accuracy, AmbientShares, CLIP_PLANES, Field, Gradients, Integration, Interpolation,
+    LabelInterpolation, Lighting, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
 };
 use relume_base::progress::Progress;
 use relume_colour::model::{ColourModel, ModelError, ModelKind, Order};
@@ -59,6 +59,8 @@ pub struct ScenePlan {
     pub thin_films: FilmCounts,
     /// Groups of terms whose densities a sample adds.
     pub groups: Groups,
+    /// Clip planes.
+    pub clip: ClipPlan,
     /// Whether labels take precedence over the transfer function.
     pub labels: bool,
     /// Whether labels are interpolated between voxels.
@@ -97,6 +99,15 @@ pub struct Groups {
     pub further: usize,
     /// True if each field has one group, in the order of the fields: a march needs not look up which is whose.
     pub is_one_each: bool,
+}
+
+/// Clip planes as a march meets them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct ClipPlan {
+    /// Number of planes that are on.
+    pub planes: usize,
+    /// True if shading by gradients sees cut faces.
+    pub caps: bool,
 }
 
 impl Groups {
@@ -743,6 +754,10 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         phases,
         thin_films,
         groups: Groups::of(scene),
+        clip: ClipPlan {
+            planes: scene.clip.in_force().count().min(CLIP_PLANES),
+            caps: scene.clip.cap && (diffuse || specular.is_some() || thin_films.total() > 0),
+        },
         labels,
         smooth_labels: labels && scene.accuracy.labels == LabelInterpolation::Smooth,
         background: scene.background.is_some(),

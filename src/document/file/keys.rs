@@ -85,6 +85,8 @@ pub(super) struct Root {
     pub(super) mix: MixFile,
     pub(super) camera: Option<At<CameraFile>>,
     pub(super) crop: Option<At<CropFile>>,
+    #[serde(default)]
+    pub(super) clip: ClipFile,
     #[serde(default, rename = "shadows")]
     _shadows: ScalarsAlone,
     #[serde(default, rename = "accuracy")]
@@ -371,6 +373,34 @@ pub(super) enum ProjectionFile {
     #[default]
     Perspective,
     Orthographic,
+}
+
+/// Clip planes.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ClipFile {
+    #[serde(default)]
+    pub(super) planes: Vec<At<ClipPlaneFile>>,
+    pub(super) cap: Option<bool>,
+}
+
+/// A clip plane by its numbers, or in short.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "a clip plane is { point = [x, y, z], normal = [x, y, z] }, also with on = false, or a text such as \"z:50%\""
+)]
+pub(super) enum ClipPlaneFile {
+    Short(String),
+    Numbers(ClipNumbers),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ClipNumbers {
+    pub(super) point: [f64; 3],
+    pub(super) normal: [f64; 3],
+    pub(super) on: Option<bool>,
 }
 
 #[derive(Deserialize)]

@@ -83,7 +83,8 @@ fn outermost(points: impl Iterator<Item = DVec2>, outward: f64) -> Vec<DVec2> {
     corners
 }
 
-/// World points whose hull is that of the voxels of `scene` that its crop box, transfer function and labels show.
+/// World points whose hull is that of the voxels of `scene` that its crop box, clip planes, transfer function and labels
+/// show.
 pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
     // Of voxels that stay in a file, those of a coarse level.
     let (volume, block) = scene.fields.first().at_hand();
@@ -114,9 +115,17 @@ pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
         let label = labels.volume.label(x + dims[0] * (y + dims[1] * z))?;
         declared.get(&label).copied()
     };
-    let shows = |index: usize, value: f64| match label(index) {
-        Some(entry) => entry.opacity > 0.0 || entry.absorption > 0.0,
-        None => by_value(value),
+    let is_clipped = scene.clip.in_force().next().is_some();
+    let is_left = |index: usize| {
+        let index = DVec3::from_array([index % nx, index / nx % ny, index / (nx * ny)].map(count));
+        !is_clipped || !scene.clip.hides(volume.geometry.world_from_index(index))
+    };
+    let shows = |index: usize, value: f64| {
+        let is_visible = match label(index) {
+            Some(entry) => entry.opacity > 0.0 || entry.absorption > 0.0,
+            None => by_value(value),
+        };
+        is_visible && is_left(index)
     };
     outline(volume, [1, step.min(lines(1).div_ceil(8)), step.min(lines(2).div_ceil(8))], crop, shows)
 }

@@ -9,13 +9,14 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::dispatching::TableMemory;
+use super::setup::clip_bytes;
 use super::source::{Fill, Texel, light_grid_source, light_order_source, sky_source};
 use crate::pool::is_one_allocation;
 use crate::{RenderError, Renderer, Source, Uploaded};
 use relume_base::number::{count, rounded, unsigned, whole};
 use relume_scene::plan::{Planned, ScenePlan};
 use relume_scene::tables::{
-    ExtinctionTable, FactorTable, GRID_LIGHTS, GridDepth, GridLight, LARGEST_RISE, LightGrid, PositionTable,
+    CapTable, ExtinctionTable, FactorTable, GRID_LIGHTS, GridDepth, GridLight, LARGEST_RISE, LightGrid, PositionTable,
     SKY_SPACING, Sweep, Within, sky_direction, sky_reach,
 };
 use relume_scene::{Interpolation, Lookup, Scene};
@@ -612,6 +613,7 @@ impl DeviceGrid {
         };
         let sweep_buffer = uniform("sweep", bytemuck::bytes_of(&sweep_uniform))?;
         let factors = uniform("factors", bytemuck::cast_slice(&factors.0))?;
+        let clip = uniform("clip planes", &clip_bytes(&grid.clip, &CapTable::default(), to_medium))?;
         let table: Vec<f32> = extinctions.values.iter().chain(&extinctions.labels).copied().collect();
         let (memory, table) = renderer.numbers("extinctions", bytemuck::cast_slice(&table))?;
         let planes = sweep.kept() * sweep.columns[0] * sweep.columns[1] * size_of::<f32>();
@@ -638,6 +640,7 @@ impl DeviceGrid {
             Some(match name {
                 "sweep_uniform" => Resource::Uniform(&sweep_buffer),
                 "factor_table" => Resource::Uniform(&factors),
+                "clip_uniform" => Resource::Uniform(&clip),
                 "volume" => Resource::Texture(&medium.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "labels" => Resource::Texture(medium.label_image.as_ref()?),

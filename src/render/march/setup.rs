@@ -4,6 +4,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
 
 use super::dispatching::{Dispatching, TableMemory};
 use super::mean::Mean;
@@ -15,8 +16,8 @@ use crate::{RenderError, Renderer, Uploaded};
 use relume_base::number::{count, rounded, unsigned};
 use relume_scene::plan::{Integrate, LANE, Planned, Transmittance};
 use relume_scene::tables::{
-    BlockBox, FactorTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable, ShadingTable, Steps,
-    ThinFilmTable, TransferTable, occupancy_of_fields, ray_places,
+    BlockBox, CapTable, ClipTable, FactorTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable,
+    ShadingTable, Steps, ThinFilmTable, TransferTable, occupancy_of_fields, ray_places,
 };
 use relume_scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
@@ -133,7 +134,7 @@ type Tables = [(&'static str, Buffer); 4];
 
 impl MarchUniform {
     fn new(scene: &Scene, uploaded: &Uploaded, rays: &RayTable, values: &Values, size: [usize; 2]) -> Self {
-        let vector = |vector: glam::DVec3| vector.to_array().map(rounded);
+        let vector = |vector: DVec3| vector.to_array().map(rounded);
         let (coordinate_last, [scale, offset], [active_low, active_high]) = match values {
             Values::Steps(table) => {
                 (table.entries() - 1, table.coordinate_from_texel(&uploaded.storage), table.active())
@@ -248,6 +249,8 @@ impl Renderer {
         };
         let factors = FactorTable::new(scene, planned, &uploaded.storages(), entries).0;
         let factors = uniform("factors", bytemuck::cast_slice(&factors))?;
+        let caps = CapTable::new(scene, &uploaded.storage);
+        let clip = uniform("clip planes", &clip_bytes(&rays.clip, &caps, DVec3::ONE))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
         let unit = match &values {
             Values::Steps(_) => 0.0,
@@ -305,6 +308,7 @@ impl Renderer {
                 "absorbers" => Resource::Uniform(&absorbers),
                 "segments_uniform" => Resource::Uniform(&segments),
                 "factor_table" => Resource::Uniform(&factors),
+                "clip_uniform" => Resource::Uniform(&clip),
                 "volume" => Resource::Texture(&uploaded.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "occupancy" => Resource::Storage(&occupied),
@@ -405,6 +409,19 @@ fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
     table.exponent.resize(lanes, [0; LANE]);
     bytes.extend_from_slice(bytemuck::cast_slice(&table.exponent));
     bytes
+}
+
+/// Bytes of the shader's struct `Clip`, for texture coordinates that are `scale` times those of the volume.
+pub(super) fn clip_bytes(planes: &ClipTable, caps: &CapTable, scale: DVec3) -> Vec<u8> {
+    let planes = planes.planes().iter().map(|plane| (plane.truncate() / scale).extend(plane.w));
+    let mut planes: Vec<[f32; LANE]> = planes.map(|plane| plane.to_array().map(rounded)).collect();
+    let mut outward: Vec<[f32; LANE]> =
+        caps.outward.iter().map(|outward| outward.extend(0.0).to_array().map(rounded)).collect();
+    let vectors = planes.len().max(1);
+    planes.resize(vectors, [0.0; LANE]);
+    outward.resize(vectors, [0.0; LANE]);
+    let fall = [caps.fall[0], caps.fall[1], 0.0, 0.0].map(rounded);
+    [planes, outward, vec![fall]].iter().flat_map(|vectors| bytemuck::cast_slice(vectors).to_vec()).collect()
 }
 
 /// Bytes of the shader's struct `Phases`.

@@ -44,6 +44,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         },
         text!("thinning.wgsl"),
         text!("factors.wgsl"),
+        text!("clip.wgsl"),
         text!("rays.wgsl"),
         text!("fetch.wgsl"),
     ];
@@ -155,6 +156,14 @@ fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
         .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
 }
 
+/// Adds the constants of `clip.wgsl`.
+fn clipped(constants: Constants, plan: &ScenePlan) -> Constants {
+    constants
+        .u32("PLANES", unsigned(plan.clip.planes))
+        .u32("CLIP_VECTORS", unsigned(plan.clip.planes.max(1)))
+        .bool("CAPS", plan.clip.caps)
+}
+
 /// Constants of the march shader for `plan`.
 fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Dispatching) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
@@ -165,7 +174,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
     };
-    grouped(filmed(bricked(common(plan), residence), plan), plan)
+    clipped(grouped(filmed(bricked(common(plan), residence), plan), plan), plan)
         .bool("BLOCK", block)
         .bool("COMPENSATED", plan.compensated)
         .u32("LANES", unsigned(plan.lanes().max(1)))
@@ -252,7 +261,7 @@ pub(super) fn light_grid_source(
     fill: Fill,
     texel: Texel,
 ) -> Source {
-    let constants = grouped(Constants::new(), plan)
+    let constants = clipped(grouped(Constants::new(), plan), plan)
         .bool("SKY", matches!(fill, Fill::Sky { .. }))
         .bool("POINT_LIGHT", fill == Fill::Point)
         .bool("STORED_GRADIENT", plan.stores_gradient())
@@ -275,6 +284,7 @@ pub(super) fn light_grid_source(
     let parts = vec![
         extinctions,
         text!("factors.wgsl"),
+        text!("clip.wgsl"),
         text!("fetch.wgsl"),
         text!("whole.wgsl"),
         half,
@@ -317,7 +327,7 @@ pub(crate) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
 mod tests {
     use super::*;
     use crate::march::MarchUniform;
-    use relume_scene::plan::{FilmCounts, Groups, LightPlan, ShadingTerms};
+    use relume_scene::plan::{ClipPlan, FilmCounts, Groups, LightPlan, ShadingTerms};
     use relume_scene::{Direction, Gradients, VolumeAs};
 
     fn plan_of(materials: usize) -> ScenePlan {
@@ -329,6 +339,7 @@ mod tests {
             phases: 0,
             thin_films: FilmCounts::default(),
             groups: Groups::default(),
+            clip: ClipPlan::default(),
             labels: false,
             smooth_labels: false,
             background: false,

@@ -1,6 +1,6 @@
 //! Explains plans in sentences, for people who know volumes but not this program.
 
-use super::{Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower};
+use super::{ClipPlan, Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower};
 use crate::{AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lookup, Scene, Shading, ShadowMethod};
 use relume_base::number::{brief, readable};
 use relume_colour::model::ModelKind;
@@ -195,6 +195,15 @@ impl Planned {
                     None => format!("With fewer numbers, some colour errors would exceed {}.", self.allowed(scene)),
                 });
             }
+        }
+        let ClipPlan { planes, caps } = plan.clip;
+        if planes > 0 {
+            let (planes, are) =
+                if planes == 1 { ("A clip plane".to_owned(), "is") } else { (format!("{planes} clip planes"), "are") };
+            let caps = if caps { ", and shading sees the cut faces" } else { "" };
+            sentences.push(format!(
+                "{planes} {are} cut exactly: of the steps that a plane cuts, the part that is left counts{caps}. What goes casts no shadows."
+            ));
         }
         if let Some(error) = self.half_precision_error(scene) {
             sentences.push(format!(

@@ -27,6 +27,7 @@ impl Stale {
             background,
             camera,
             crop,
+            clip,
             block,
             // By their keys.
             accuracy: _,
@@ -59,7 +60,7 @@ impl Stale {
         add(*background != after.background, spectra);
         // A march completes its light grid first: directions of three-point lights turn with the camera.
         add(*camera != after.camera, Self::Accumulators);
-        add(*crop != after.crop || *block != after.block, Self::Accumulators);
+        add(*crop != after.crop || !clip.acts_as(&after.clip) || *block != after.block, Self::Accumulators);
         // Only a light grid or rays depend on them, not the shadows of a headlight.
         if planned.plan.light.grid_lights() > 0 {
             // The method and the ambient shares are compared in the plan.
@@ -82,7 +83,7 @@ impl Stale {
         if !plan.is_stored_as(&after.plan) {
             return Self::Volume;
         }
-        // Interpolation, storage of the volume and labels are compared above.
+        // Interpolation, storage of the volume and labels are compared above; clip planes in the scene.
         let ScenePlan {
             accumulate,
             transmittance,
@@ -91,6 +92,7 @@ impl Stale {
             phases,
             thin_films,
             groups,
+            clip: _,
             labels: _,
             smooth_labels: _,
             background,

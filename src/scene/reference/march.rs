@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 use smallvec::SmallVec;
 
+use super::clip::{FAR, Planes};
 use super::composite::{Lost, attenuate_all, attenuate_matrix};
 use super::factors::thin;
 use super::light::{At, Light, Scratch};
@@ -13,7 +14,7 @@ use crate::Scene;
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
 use crate::plan::{Integrate, LANE, MOST_PARTS, Planned, Transmittance};
-use crate::tables::{RayTable, ray_places};
+use crate::tables::{CapTable, RayTable, ray_places};
 use relume_base::number::{Real, count, dot, unit};
 use relume_base::parallel;
 use relume_base::progress::Progress;
@@ -44,7 +45,8 @@ struct Ray<R> {
     start: R,
     /// Number of the first step, from `start`.
     first: R,
-    /// Where the ray enters and leaves the crop box, in steps from the beginning of the first step.
+    /// Where the ray enters and leaves the part that the crop box and the clip planes leave, in steps from the beginning of the
+    /// first step.
     inside: [R; 2],
     /// Number of samples.
     samples: usize,
@@ -53,7 +55,7 @@ struct Ray<R> {
 }
 
 impl<R: Real> Ray<R> {
-    /// Where the part of step `n` inside the crop box begins and ends, in steps from the beginning of that step.
+    /// Where the part of step `n` that is left begins and ends, in steps from the beginning of that step.
     fn part(&self, n: usize) -> [R; 2] {
         let (n, one) = (R::from_f64(count(n)), R::from_f64(1.0));
         [(self.inside[0] - n).max(R::default()), (self.inside[1] - n).min(one)]
@@ -69,11 +71,11 @@ impl<R: Real> Ray<R> {
 /// A sample along a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct RaySample<'a, R> {
-    /// Index from 0 at the first sample in the crop box.
+    /// Index from 0 at the first sample that the crop box and the clip planes leave.
     pub index: usize,
     /// Position in texture coordinates.
     pub place: [R; 3],
-    /// Length in steps: 1, less for a step that is cut by the crop box and for a part of a segment.
+    /// Length in steps: 1, less for a step that a face cuts and for a part of a segment.
     pub length: R,
     /// Transmittance from the sample to the eye.
     pub transmittance: &'a [R],
@@ -86,6 +88,7 @@ struct Frame<'a, R> {
     step_length: R,
     termination: R,
     variation: R,
+    clip: Planes<R>,
     light: Light<'a, R>,
     size: [usize; 2],
     /// Places of the rays in a pixel.
@@ -100,6 +103,8 @@ impl<'a, R: Real> Frame<'a, R> {
         let view = scene.camera.view(&scene.frame.geometry, aspect).ok_or(ReferenceError::Camera)?;
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(ReferenceError::TooManySamples { step_length })?;
+        let caps = if planned.plan.clip.caps { CapTable::outward(scene) } else { Vec::new() };
+        let clip = Planes::new(&rays.clip, &caps);
         let light = Light::new(scene, planned, samples, rays.local_scale, pixels, progress)?;
         Ok(Self {
             planned,
@@ -107,6 +112,7 @@ impl<'a, R: Real> Frame<'a, R> {
             step_length: R::from_f64(rays.step_length),
             termination: R::from_f64(scene.accuracy.termination),
             variation: R::from_f64(scene.accuracy.variation),
+            clip,
             light,
             size,
             places: ray_places(planned.plan.rays),
@@ -131,7 +137,8 @@ impl<'a, R: Real> Frame<'a, R> {
         let length = (v * v).mul_add(spread_v, (u * u).mul_add(spread_u, one)).sqrt();
         let direction = slant.map(|component| component / length);
 
-        // Steps are numbered from the volume's box; the crop box selects some of them, and parts of the first and the last.
+        // Steps are numbered from the volume's box; crop box and clip planes select some of them, and parts of the first and
+        // the last.
         // Rays start at the eye.
         let eye = -(R::from_f64(rays.eye_distance) * length);
         let clip = |low: [R; 3], high: [R; 3]| {
@@ -141,7 +148,8 @@ impl<'a, R: Real> Frame<'a, R> {
             })
         };
         let [start, _] = clip(from(rays.low), from(rays.high));
-        let [near, far] = clip(from(rays.crop_low), from(rays.crop_high));
+        let shown = clip(from(rays.crop_low), from(rays.crop_high));
+        let [near, far] = self.clip.left(base, direction, shown);
         let zero = R::default();
         let steps = |s: R| ((s - start) / self.step_length).max(zero);
         let first = steps(near).floor();
@@ -235,7 +243,7 @@ impl<'a, R: Real> Frame<'a, R> {
             if step.does_nothing() {
                 continue;
             }
-            step.normal = samples.normal(place);
+            step.normal = self.normal(samples.gradient(place), || samples.fall(place), place);
             let at = At { view: ray.view, place, step, transmittance: &transmittance };
             self.light.add(&at, samples, sums, &mut lost, &mut scratch);
             if mixed {
@@ -264,7 +272,7 @@ impl<'a, R: Real> Frame<'a, R> {
         let (mut density, mut step, mut scratch) = (Step::default(), Step::default(), Scratch::default());
         let mut lost = self.lost(sums.len(), transmittance.len());
         let (mut steps, mut leave, mut known) = (self.within_block(ray), 0, None);
-        // Place at a fraction of the part of step `n` inside the crop box.
+        // Place at a fraction of the part of step `n` that is left.
         let place = |n: usize, fraction: R| {
             let [from, to] = ray.part(n);
             ray.place(n, (to - from).mul_add(fraction, from), self.step_length)
@@ -298,7 +306,8 @@ impl<'a, R: Real> Frame<'a, R> {
                 let length = (end - done) * inside;
                 samples.mean([&from, &to], middle, &mut density);
                 across(&density, length, self.planned.plan.lanes() * LANE, &mut step);
-                step.normal = unit(std::array::from_fn(|axis| (from.gradient[axis] + to.gradient[axis]) * half));
+                let gradient = std::array::from_fn(|axis| (from.gradient[axis] + to.gradient[axis]) * half);
+                step.normal = self.normal(gradient, || (from.fall + to.fall) * half, middle);
                 if !seen(&RaySample { index: n, place: middle, length, transmittance: &transmittance }) {
                     return transmittance;
                 }
@@ -313,6 +322,11 @@ impl<'a, R: Real> Frame<'a, R> {
             known = Some(after);
         }
         transmittance
+    }
+
+    /// Unit normal of a surface with this `gradient`, for shading; `fall` is that of [`Samples::fall`].
+    fn normal(&self, gradient: [R; 3], fall: impl FnOnce() -> R, place: [R; 3]) -> [R; 3] {
+        unit(if self.clip.caps() { self.clip.capped(gradient, fall(), place) } else { gradient })
     }
 
     /// Number of parts of a segment, 1 to [`MOST_PARTS`], not necessarily whole: the last part is shorter, so that a
@@ -380,9 +394,6 @@ pub fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &m
     step.source.clear();
     step.source.extend(density.source.iter().zip(gains.iter().cycle()).map(|(&lit, &gain)| lit * gain));
 }
-
-/// A distance beyond any box.
-const FAR: f64 = 1e30;
 
 /// Range of `s` where the coordinate `base + s·direction` lies between `low` and `high`. For a ray parallel to the
 /// faces the range is unbounded or empty.

@@ -1,5 +1,6 @@
 //! Reference renderer, written for readability: full spectra in f64, and the planned model in f64 and f32.
 
+mod clip;
 mod composite;
 mod factors;
 mod kept;

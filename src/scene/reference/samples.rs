@@ -8,7 +8,7 @@ use crate::tables::{
     TransferTable,
 };
 use crate::{FIELDS, Interpolation, Lookup, Medium, Scene};
-use relume_base::number::{Real, count, unit};
+use relume_base::number::{Real, count};
 use relume_volume::Volume;
 use smallvec::{SmallVec, smallvec};
 
@@ -19,7 +19,7 @@ pub struct Step<R> {
     pub source: Vec<R>,
     /// Light removed by the step, or optical depth per step length: as many numbers as the plan's transmittance.
     pub opacity: Vec<R>,
-    /// Unit gradient of the data in the volume's axes, [`Samples::normal`], where a march needs it.
+    /// Unit vector along [`Samples::gradient`], where a march needs it.
     pub normal: [R; 3],
     /// Memory of [`Exact`] from step to step.
     parts: [tables::Step; 2],
@@ -46,6 +46,8 @@ pub struct End<R> {
     pub value: R,
     /// Gradient of the data in the volume's axes; 0 if the plan needs none.
     pub gradient: [R; 3],
+    /// [`Samples::fall`]; 0 if the plan needs none.
+    pub fall: R,
     /// The labels around.
     pub label: Label,
 }
@@ -160,8 +162,13 @@ pub trait Samples<R: Real>: Sync {
     /// plan adds densities ([`ScenePlan::adds_densities`](crate::plan::ScenePlan::adds_densities)).
     fn sample(&self, place: [R; 3], step: &mut Step<R>);
 
-    /// Unit gradient of the data at `place` in the volume's axes; 0 if it vanishes or the plan needs none.
-    fn normal(&self, place: [R; 3]) -> [R; 3];
+    /// Gradient of the data at `place` in the volume's axes, in a unit of the samples; 0 if the plan needs none.
+    fn gradient(&self, place: [R; 3]) -> [R; 3];
+
+    /// Gradient, in the same unit, of a fall from the value at `place` to the lowest of the data within two units of length.
+    fn fall(&self, _place: [R; 3]) -> R {
+        R::default()
+    }
 
     /// The end of a segment at `place`, in texture coordinates.
     fn end(&self, place: [R; 3]) -> End<R>;
@@ -312,7 +319,9 @@ impl<'a> Exact<'a> {
 
     /// Derivatives of the normalised value at `place`, per world unit.
     fn gradient_at(&self, place: [f64; 3]) -> [f64; 3] {
-        interpolate(place, self.volume.geometry.dims, self.scene.accuracy.interpolation, |index| self.gradient(index))
+        interpolate(place, self.volume.geometry.dims, self.scene.accuracy.interpolation, |index| {
+            self.gradient_of_voxel(index)
+        })
     }
 
     /// Normalised value of a voxel.
@@ -322,7 +331,7 @@ impl<'a> Exact<'a> {
 
     /// Derivatives of the normalised value at a voxel, per world unit: central, one-sided at faces, 0 along an axis of
     /// one voxel.
-    fn gradient(&self, index: [usize; 3]) -> [f64; 3] {
+    fn gradient_of_voxel(&self, index: [usize; 3]) -> [f64; 3] {
         let geometry = &self.volume.geometry;
         std::array::from_fn(|axis| {
             let (mut before, mut after) = (index, index);
@@ -361,13 +370,19 @@ impl Samples<f64> for Exact<'_> {
         shares.mix(step, |row, step| self.set(step, &self.label_steps[row]));
     }
 
-    fn normal(&self, place: [f64; 3]) -> [f64; 3] {
-        if self.planned.plan.gradient() { unit(self.gradient_at(place)) } else { [0.0; 3] }
+    fn gradient(&self, place: [f64; 3]) -> [f64; 3] {
+        if self.planned.plan.gradient() { self.gradient_at(place) } else { [0.0; 3] }
+    }
+
+    fn fall(&self, place: [f64; 3]) -> f64 {
+        let [low, high] = self.storage.domain;
+        let length = self.scene.frame.geometry.spacing.min_element();
+        if high > low { (self.value_at(place) - low) / ((high - low) * 2.0 * length) } else { 0.0 }
     }
 
     fn end(&self, place: [f64; 3]) -> End<f64> {
-        let gradient = if self.planned.plan.gradient() { self.gradient_at(place) } else { [0.0; 3] };
-        End { value: self.value_at(place), gradient, label: self.shares(place).label() }
+        let fall = if self.planned.plan.clip.caps { self.fall(place) } else { 0.0 };
+        End { value: self.value_at(place), gradient: self.gradient(place), fall, label: self.shares(place).label() }
     }
 
     fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
@@ -441,6 +456,8 @@ pub struct Stored<'a, R> {
     coordinate_scale: R,
     coordinate_offset: R,
     gradient_scale: [R; 3],
+    fall_scale: R,
+    fall_offset: R,
     segments: Option<Segments<'a, R>>,
     extinctions: &'a [ExtinctionTable],
 }
@@ -457,8 +474,9 @@ impl<'a, R: Real> Stored<'a, R> {
     /// Creates samples of a scene `stored` for this plan.
     #[must_use]
     pub fn new(planned: &'a Planned, stored: &'a StoredScene) -> Self {
-        let StoredScene { storage, volume, further, table, label_table, segments, extinctions, factors, labels } =
+        let StoredScene { storage, volume, further, table, label_table, segments, extinctions, factors, caps, labels } =
             stored;
+        let [fall_scale, fall_offset] = caps.fall.map(R::from_f64);
         let [scale, offset] = table.coordinate_from_texel(storage);
         let of_segments = |table: &'a SegmentTable| {
             let [scale, offset] = table.coordinate_from_texel(storage).map(R::from_f64);
@@ -474,6 +492,8 @@ impl<'a, R: Real> Stored<'a, R> {
             coordinate_scale: R::from_f64(scale),
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
+            fall_scale,
+            fall_offset,
             segments: segments.as_ref().map(of_segments),
             extinctions,
         }
@@ -577,17 +597,22 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
 
-    fn normal(&self, place: [R; 3]) -> [R; 3] {
-        unit(self.gradient_at(place))
+    fn gradient(&self, place: [R; 3]) -> [R; 3] {
+        self.gradient_at(place)
+    }
+
+    fn fall(&self, place: [R; 3]) -> R {
+        self.value_at(place).mul_add(self.fall_scale, self.fall_offset)
     }
 
     fn end(&self, place: [R; 3]) -> End<R> {
         let (value, gradient) = (self.value_at(place), self.gradient_at(place));
+        let fall = value.mul_add(self.fall_scale, self.fall_offset);
         let value = self.segments.as_ref().map_or(value, |segments| {
             let last = R::from_f64(count(segments.table.cells()));
             value.mul_add(segments.scale, segments.offset).max(R::default()).min(last)
         });
-        End { value, gradient, label: self.shares(place).label() }
+        End { value, gradient, fall, label: self.shares(place).label() }
     }
 
     // Twin of `mean_between` in `shaders/segments.wgsl`.

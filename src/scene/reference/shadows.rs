@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use super::clip::{FAR, Planes};
 use super::kept::{DepthKey, Keeping};
 use super::{ReferenceError, Samples};
 use crate::plan::Planned;
@@ -19,8 +20,6 @@ use relume_base::progress::Progress;
 
 /// Longest step of a ray to a light, in units of length.
 const LONGEST_STEP: f64 = 0.25;
-/// A distance beyond any box.
-const FAR: f64 = 1e30;
 /// Spacing of the grid of the sky beside rays to the other lights, as a multiple of that of the device's.
 const FINER_SKY: f64 = 0.5;
 /// Directions of the sky beside rays to the other lights, as a multiple of the stated ones.
@@ -34,6 +33,7 @@ pub(super) struct Reaching<R> {
     absorbers: Vec<Vec<R>>,
     /// Corners of the crop box.
     crop: [[R; 3]; 2],
+    clip: Planes<R>,
     start: R,
     step_length: R,
 }
@@ -128,6 +128,7 @@ impl<R: Real> Reaching<R> {
                 .map(|coefficients| coefficients.into_iter().map(R::from_f64).collect())
                 .collect(),
             crop: grid.crop.map(from),
+            clip: Planes::new(&grid.clip, &[]),
             start: R::from_f64(start),
             step_length: R::from_f64(
                 (scene.accuracy.step_length / scene.frame.geometry.spacing.min_element()).min(LONGEST_STEP),
@@ -170,13 +171,16 @@ impl<R: Real> Reaching<R> {
         }
     }
 
-    /// Optical depth from `place` in a direction, for this `distance` or to the face of the crop box, in steps of at most `step`.
+    /// Optical depth from `place` in a direction, for this `distance` or to the face of the crop box, of what the clip planes leave,
+    /// in steps of at most `step`.
     fn along(&self, along: [R; 3], distance: R, place: [R; 3], step: R, samples: &dyn Samples<R>, number: usize) -> R {
-        let way = (distance.min(to_face(along, place, &self.crop)) - self.start).max(R::default());
+        let end = distance.min(to_face(along, place, &self.crop));
+        let [start, end] = self.clip.left(place, along, [self.start, end]);
+        let way = (end - start).max(R::default());
         let steps = (way / step).ceil();
         let length = way / steps.max(R::from_f64(1.0));
         (0..steps.index()).fold(R::default(), |depth, step| {
-            let reached = (R::from_f64(count(step)) + R::from_f64(0.5)).mul_add(length, self.start);
+            let reached = (R::from_f64(count(step)) + R::from_f64(0.5)).mul_add(length, start);
             let at = std::array::from_fn(|axis| reached.mul_add(along[axis], place[axis]));
             samples.extinction(at, number).mul_add(length, depth)
         })
@@ -250,6 +254,7 @@ fn fill<R: Real>(
     number: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<R>, ReferenceError> {
+    let clip = Planes::new(&grid.clip, &[]);
     let mut depths = vec![R::default(); grid.dims.iter().product()];
     let mut columns = vec![R::default(); sweep.columns[0] * sweep.columns[1]];
     let strides = [1, grid.dims[0], grid.dims[0] * grid.dims[1]];
@@ -264,7 +269,9 @@ fn fill<R: Real>(
         };
         if let Some(to) = &sweep.to {
             let row = |j: usize| -> Vec<R> {
-                (0..sweep.nodes[0]).map(|i| depth_to(to, grid, sweep, (samples, number), [i, j, slice])).collect()
+                (0..sweep.nodes[0])
+                    .map(|i| depth_to(to, (grid, &clip), sweep, (samples, number), [i, j, slice]))
+                    .collect()
             };
             let rows = parallel::map(sweep.nodes[1], &row);
             for (j, row) in rows.into_iter().enumerate() {
@@ -289,7 +296,7 @@ fn fill<R: Real>(
         parallel::rows_mut(&mut columns, sweep.columns[0], &|j, row| {
             if down.contains(&j) {
                 for i in across.clone() {
-                    row[i] = row[i] + rise(grid, sweep, (samples, number), slice, [i, j]);
+                    row[i] = row[i] + rise((grid, &clip), sweep, (samples, number), slice, [i, j]);
                 }
             }
         });
@@ -316,7 +323,7 @@ fn columns_within<R: Real>(within: Within, columns: &[R], before: &VecDeque<Vec<
 /// Optical depth between a node and a point light; each part of the ray adds at most as much as a slice does.
 fn depth_to<R: Real>(
     to: &PointRays,
-    grid: &LightGrid,
+    (grid, clip): (&LightGrid, &Planes<R>),
     sweep: &Sweep,
     (samples, number): (&dyn Samples<R>, usize),
     [i, j, slice]: [usize; 3],
@@ -328,8 +335,10 @@ fn depth_to<R: Real>(
         i.mul_add(across[axis], j.mul_add(down[axis], slice.mul_add(per_slice[axis], corner[axis])))
     });
     let (along, distance) = to_point(to, place);
-    let (start, one) = (R::from_f64(to.start), R::from_f64(1.0));
-    let open = (distance.min(to_face(along, place, &grid.room().map(from))) - start).max(R::default());
+    let one = R::from_f64(1.0);
+    let end = distance.min(to_face(along, place, &grid.room().map(from)));
+    let [start, end] = clip.left(place, along, [R::from_f64(to.start), end]);
+    let open = (end - start).max(R::default());
     // Rounding does not add a part.
     let parts = (open * R::from_f64(1.0 / sweep.path) - R::from_f64(1e-3)).ceil().max(R::default());
     let length = open / (parts.max(one) * R::from_f64(count(sweep.samples)));
@@ -454,7 +463,7 @@ fn weighted<R: Real>([a, b, c, d]: [R; 4], [first, second, third, fourth]: [R; 4
 
 /// Optical depth that a column gains over a slice.
 fn rise<R: Real>(
-    grid: &LightGrid,
+    (grid, clip): (&LightGrid, &Planes<R>),
     sweep: &Sweep,
     (samples, number): (&dyn Samples<R>, usize),
     slice: usize,
@@ -466,13 +475,20 @@ fn rise<R: Real>(
     let [i, j] = column.map(|column| R::from_f64(count(column)));
     let step = R::from_f64(1.0 / count(sweep.samples));
     let first = R::from_f64(count(slice)) - R::from_f64(sweep.behind);
+    // Of the line of the column, in slices.
+    let base = std::array::from_fn(|axis| i.mul_add(across[axis], j.mul_add(down[axis], corner[axis])));
+    let far = R::from_f64(FAR);
+    let [enter, leave] = clip.left(base, per_slice, [-far, far]);
+    let (zero, one, half) = (R::default(), R::from_f64(1.0), R::from_f64(0.5) * step);
     let sum = (0..sweep.samples).fold(R::default(), |sum, sample| {
         let slices = (R::from_f64(count(sample)) + R::from_f64(0.5)).mul_add(step, first);
         let place: [R; 3] = std::array::from_fn(|axis| {
             slices.mul_add(per_slice[axis], i.mul_add(across[axis], j.mul_add(down[axis], corner[axis])))
         });
+        // Of a sample that a plane cuts, the part that is left.
+        let part = (((slices + half).min(leave) - (slices - half).max(enter)) / step).max(zero).min(one);
         let inside = (0..3).all(|axis| low[axis] <= place[axis] && place[axis] <= high[axis]);
-        if inside { sum + samples.extinction(place, number) } else { sum }
+        if inside && part > zero { sum + samples.extinction(place, number) * part } else { sum }
     });
     (sum * R::from_f64(sweep.path / count(sweep.samples))).min(R::from_f64(LARGEST_RISE))
 }

@@ -58,8 +58,12 @@ impl<R: Real, S: Samples<R>> Samples<R> for Skipping<'_, S> {
         self.inner.sample(place, step);
     }
 
-    fn normal(&self, place: [R; 3]) -> [R; 3] {
-        self.inner.normal(place)
+    fn gradient(&self, place: [R; 3]) -> [R; 3] {
+        self.inner.gradient(place)
+    }
+
+    fn fall(&self, place: [R; 3]) -> R {
+        self.inner.fall(place)
     }
 
     fn end(&self, place: [R; 3]) -> End<R> {

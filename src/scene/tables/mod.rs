@@ -3,6 +3,7 @@
 mod boxes;
 mod bricks;
 mod cells;
+mod clip;
 mod factors;
 mod lights;
 mod phase;
@@ -19,6 +20,7 @@ mod whole;
 pub use boxes::read_for_box;
 pub use bricks::{BRICK, BrickGrid, apron, slot_edge};
 pub use cells::{CELL, Cells, Occupancy, occupancy_of_fields};
+pub use clip::{CapTable, ClipTable};
 pub use factors::FactorTable;
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction, sky_reach};
 pub use phase::{Phase, PhaseTable};

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::CELL;
+use super::{CELL, ClipTable};
 use crate::{Blocks, Frame, Scene, View};
 use relume_base::number::{count, unsigned, whole};
 use relume_volume::Geometry;
@@ -12,7 +12,7 @@ use relume_volume::Geometry;
 /// With u and v a place in a pixel, the centre if it has one ray, from −1 to 1 (right and up), the ray through it is
 /// `base + u·base_u + v·base_v + s·(direction + u·direction_u + v·direction_v)/√(1 + u²·spread_u + v²·spread_v)`,
 /// with s in units of the smallest spacing, so that volumes of every size stay within the range of f32. Steps begin at
-/// s₀ + nΔs; the ray enters the volume at s₀, or starts there if the eye is inside. The crop box selects some of these
+/// s₀ + nΔs; the ray enters the volume at s₀, or starts there if the eye is inside. The crop box and the clip planes select some of these
 /// steps, and parts of the first and the last; a sample lies in the middle of its step, or of the part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayTable {
@@ -42,6 +42,8 @@ pub struct RayTable {
     pub crop_low: DVec3,
     /// Upper corner of the crop box.
     pub crop_high: DVec3,
+    /// The clip planes.
+    pub clip: ClipTable,
     /// The marched block, if it is not the whole volume.
     pub block: Option<BlockBox>,
     /// Macrocells along the texture: scales texture coordinates to macrocells, before `cell_offset` is added.
@@ -191,6 +193,7 @@ impl RayTable {
             high,
             crop_low,
             crop_high,
+            clip: ClipTable::new(scene),
             block,
             cell_scale: dims / cell,
             cell_offset: DVec3::splat(-0.5 / cell),

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::rays::{crop_box, unit_length};
-use super::{Steps, Storage, TransferTable};
+use super::{ClipTable, Steps, Storage, TransferTable};
 use crate::Scene;
 use crate::plan::Planned;
 use relume_base::number::{brief, count, readable, rounded, whole};
@@ -82,6 +82,8 @@ pub struct LightGrid {
     pub offset: DVec3,
     /// The crop box in texture coordinates.
     pub crop: [DVec3; 2],
+    /// The clip planes.
+    pub clip: ClipTable,
     /// Spacing of the voxels in units of length.
     voxel: DVec3,
 }
@@ -160,6 +162,7 @@ impl LightGrid {
             scale,
             offset: -crop[0] * scale,
             crop,
+            clip: ClipTable::new(scene),
             voxel: geometry.spacing / unit_length(geometry),
         }
     }
@@ -174,7 +177,7 @@ impl LightGrid {
             _ => format!(", through each of {absorbers} coloured absorbers and all else"),
         };
         format!(
-            "A light grid of {x}×{y}×{z} nodes, one every {} voxels, keeps the optical depth towards light from {lights} direction{}{through} ({} MB). It is filled again only if the medium, the crop box or a direction changes.",
+            "A light grid of {x}×{y}×{z} nodes, one every {} voxels, keeps the optical depth towards light from {lights} direction{}{through} ({} MB). It is filled again only if the medium, the crop box, a clip plane or a direction changes.",
             brief(self.spacing.max_element()),
             if lights == 1 { "" } else { "s" },
             readable((self.bytes(lights * (1 + absorbers)) / 1e5).ceil() / 10.0)

@@ -253,6 +253,17 @@ impl Storage {
         self.magnitude_scale
     }
 
+    /// Scale and offset from a texel's value to the gradient of a fall to the lowest value within twice this `length`, in world
+    /// units, as decoded differences times [`Self::gradient_scale`] measure.
+    #[must_use]
+    pub fn fall_from_texel(&self, length: f64) -> [f64; 2] {
+        if self.magnitude_scale <= 0.0 {
+            return [0.0; 2];
+        }
+        let fall = (self.domain[1] - self.domain[0]) / (2.0 * length * self.magnitude_scale);
+        self.normalised_from_texel().map(|term| term * fall)
+    }
+
     /// Describes the storage of a volume of `dims` voxels in a sentence.
     #[must_use]
     pub fn explain(&self, dims: [usize; 3]) -> String {

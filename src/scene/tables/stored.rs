@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{ExtinctionTable, FactorTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
+use super::{CapTable, ExtinctionTable, FactorTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
 use crate::Scene;
 use crate::plan::{Integrate, Planned};
 use relume_volume::{Statistics, VolumeError};
@@ -26,6 +26,8 @@ pub struct StoredScene {
     pub extinctions: Vec<ExtinctionTable>,
     /// Table of the factors by the gradient.
     pub factors: FactorTable,
+    /// Numbers of the shading of cut faces.
+    pub caps: CapTable,
     /// Label of every voxel, if the plan uses labels.
     pub labels: Option<Arc<LabelMap>>,
 }
@@ -72,6 +74,7 @@ impl StoredScene {
                 Vec::new()
             },
             factors: FactorTable::new(scene, planned, &storages, table.entries()),
+            caps: CapTable::new(scene, &storage),
             table,
             further,
             labels,

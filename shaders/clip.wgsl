@@ -1,0 +1,46 @@
+// Clip planes: what lies beyond any of them is not there. Part of `march.wgsl` and `light_grid.wgsl`. Twin of `reference::clip`.
+
+// `tables::ClipTable`.
+struct Clip {
+    // Distance beyond each plane, in units of length: of a place in texture coordinates, by the first three numbers, and the fourth.
+    planes: array<vec4f, CLIP_VECTORS>,
+    // Unit vectors towards the side that goes, in the volume's axes.
+    outward: array<vec4f, CLIP_VECTORS>,
+    // Scale and offset from the value of a texel to the gradient of a fall to the lowest value within two units of length.
+    fall: vec4f,
+}
+
+@group(0) @binding(26) var<uniform> clip_uniform: Clip;
+
+// Beyond any box.
+const FAR: f32 = 1e30;
+
+// The part of a line from `range.x` to `range.y` that all planes leave.
+fn left_by_planes(base: vec3f, direction: vec3f, range: vec2f) -> vec2f {
+    var left = range;
+    for (var i = 0u; i < PLANES; i += 1u) {
+        let plane = clip_uniform.planes[i];
+        let beyond = dot(plane.xyz, base) + plane.w;
+        let along = dot(plane.xyz, direction);
+        let is_parallel = abs(along) < 1e-30;
+        let at = -beyond / select(along, 1.0, is_parallel);
+        let enters = select(left.x, max(left.x, at), along < 0.0);
+        let leaves = select(left.y, min(left.y, at), along > 0.0);
+        left = select(vec2f(enters, leaves), select(left, vec2f(FAR, -FAR), beyond > 0.0), is_parallel);
+    }
+    return left;
+}
+
+// A gradient as shading sees it: near a plane, as though the lowest value lay beyond it.
+fn capped(gradient: vec3f, value: f32, place: vec3f) -> vec3f {
+    var seen = gradient;
+    if (CAPS) {
+        let fall = fma(value, clip_uniform.fall.x, clip_uniform.fall.y);
+        for (var i = 0u; i < PLANES; i += 1u) {
+            let plane = clip_uniform.planes[i];
+            let near = clamp(dot(plane.xyz, place) + plane.w + 1.5, 0.0, 1.0);
+            seen = fma(vec3f(-(near * fall)), clip_uniform.outward[i].xyz, seen);
+        }
+    }
+    return seen;
+}

@@ -1,0 +1,117 @@
+//! Reads the clip planes of a scene file.
+
+use super::keys::{ClipFile, ClipNumbers, ClipPlaneFile};
+use super::*;
+use relume_scene::Frame;
+
+/// Sides of a patient and their directions in a left-posterior-superior world.
+const SIDES: [(&str, DVec3); 6] = [
+    ("left", DVec3::X),
+    ("right", DVec3::NEG_X),
+    ("posterior", DVec3::Y),
+    ("anterior", DVec3::NEG_Y),
+    ("superior", DVec3::Z),
+    ("inferior", DVec3::NEG_Z),
+];
+
+impl Text<'_> {
+    /// The clip planes of a scene around `volume`.
+    pub(super) fn clip(&self, ClipFile { planes, cap }: &ClipFile, volume: &Volume) -> Result<Clip, SceneError> {
+        let plane = |place: &At<ClipPlaneFile>| {
+            match place.get_ref() {
+                ClipPlaneFile::Short(text) => plane_of(text, &Frame::of(volume)),
+                &ClipPlaneFile::Numbers(ClipNumbers { point, normal, on }) => {
+                    let plane = ClipPlane::new(point.into(), normal.into()).ok_or_else(|| {
+                        format!("a clip plane with the normal {normal:?}; write a direction, such as [0, 0, 1]: what lies that way goes")
+                    });
+                    plane.map(|plane| ClipPlane { on: on.unwrap_or(true), ..plane })
+                }
+            }
+            .map_err(|message| self.invalid(place, message))
+        };
+        if let Some(place) = planes.get(CLIP_PLANES) {
+            let message = format!("{} clip planes; a scene may have {CLIP_PLANES}", planes.len());
+            return Err(self.invalid(place, message));
+        }
+        Ok(Clip { planes: planes.iter().map(plane).collect::<Result<_, _>>()?, cap: cap.unwrap_or(true) })
+    }
+}
+
+/// The plane of a `text` such as `z:50%`: the direction in which all goes, and a place on the plane.
+fn plane_of(text: &str, frame: &Frame) -> Result<ClipPlane, String> {
+    let wrong = |what: &str| {
+        format!(
+            "the clip plane {text:?}: {what}; write DIRECTION:PLACE. What lies in that direction goes: x, -y, 1,0,1, or of a patient left, \
+             right, anterior, posterior, superior, inferior. The place is a coordinate, a point such as 12,3,4, or the part that stays, \
+             such as 50%"
+        )
+    };
+    let (direction, place) = text.split_once(':').ok_or_else(|| wrong("there is no colon"))?;
+    let (direction, place) = (direction.trim(), place.trim());
+    let triple = |text: &str| -> Option<DVec3> {
+        let numbers: Vec<f64> = text.split(',').map(|number| number.trim().parse().ok()).collect::<Option<_>>()?;
+        <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array).filter(|vector| vector.is_finite())
+    };
+    let axis = |name: &str| Some(DVec3::AXES[["x", "y", "z"].iter().position(|axis| *axis == name)?]);
+    let along_axis = match direction.strip_prefix('-') {
+        Some(name) => axis(name).map(|axis| -axis),
+        None => axis(direction.strip_prefix('+').unwrap_or(direction)),
+    };
+    let side = SIDES.iter().find(|side| side.0 == direction).map(|side| side.1);
+    if side.is_some() && !frame.anatomical {
+        return Err(wrong("the volume does not state where a patient's sides are"));
+    }
+    let normal = along_axis.or(side).or_else(|| triple(direction).filter(|vector| vector.try_normalize().is_some()));
+    let normal = normal.ok_or_else(|| wrong("there is no such direction"))?;
+    let outward = normal.normalize();
+    let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.is_finite());
+    let point = if let Some(percent) = place.strip_suffix('%') {
+        let part = number(percent).filter(|percent| (0.0..=100.0).contains(percent));
+        let part = part.ok_or_else(|| wrong("a part is from 0% to 100%"))? / 100.0;
+        let [low, high] = frame.whole_box();
+        let corner = |bits: usize| {
+            let index = DVec3::from_array(std::array::from_fn(|axis| [low, high][bits >> axis & 1][axis]));
+            frame.geometry.world_from_index(index)
+        };
+        let corners: Vec<DVec3> = (0..8).map(corner).collect();
+        let along = || corners.iter().map(|corner| corner.dot(outward));
+        let (least, most) = (along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max));
+        let centre = corners.iter().sum::<DVec3>() / 8.0;
+        centre + outward * ((most - least).mul_add(part, least) - centre.dot(outward))
+    } else if let Some(coordinate) = number(place) {
+        // Along an axis, its coordinate, also where what is below it goes.
+        outward.abs().cmpeq(DVec3::ONE).any().then(|| outward.abs() * coordinate).unwrap_or(outward * coordinate)
+    } else {
+        triple(place).ok_or_else(|| wrong("there is no such place"))?
+    };
+    ClipPlane::new(point, normal).ok_or_else(|| wrong("its numbers are too large"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_short_plane_is_a_direction_and_a_place() {
+        let mut volume = Volume::phantom(relume_volume::Phantom::Shells, Some([5, 5, 9])).expect("a phantom");
+        volume.geometry.spacing = DVec3::splat(2.0);
+        volume.geometry.origin = DVec3::new(-4.0, 10.0, 0.0);
+        let mut frame = Frame::of(&volume);
+        let plane = |text: &str, frame: &Frame| {
+            let plane = plane_of(text, frame)?;
+            Ok::<_, String>((plane.outward().to_array(), plane.beyond(DVec3::ZERO)))
+        };
+        assert_eq!(plane("z:12", &frame), Ok(([0.0, 0.0, 1.0], -12.0)));
+        assert_eq!(plane("-z: 12", &frame), Ok(([0.0, 0.0, -1.0], 12.0)), "what is below 12 goes");
+        assert_eq!(plane("z:25%", &frame), Ok(([0.0, 0.0, 1.0], -4.0)), "a quarter stays");
+        assert_eq!(plane("-y:25%", &frame), Ok(([0.0, -1.0, 0.0], 16.0)));
+        assert_eq!(plane("0,2,0:1,12,3", &frame), Ok(([0.0, 1.0, 0.0], -12.0)));
+        for text in ["z", "w:1", "z:101%", "0,0,0:1", "1,2:1", "z:nan", "z:1,2"] {
+            let message = plane(text, &frame).expect_err(text);
+            assert!(message.contains(text) && message.contains("DIRECTION:PLACE"), "{text}: {message}");
+        }
+        assert!(plane("left:50%", &frame).is_err_and(|message| message.contains("patient")));
+        frame.anatomical = true;
+        assert_eq!(plane("left:50%", &frame), Ok(([1.0, 0.0, 0.0], 0.0)));
+    }
+}

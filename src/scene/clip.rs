@@ -1,0 +1,79 @@
+//! Clip planes: what lies beyond any of them is not there, neither for the eye nor for shadows.
+
+use glam::DVec3;
+
+/// Most clip planes of a scene.
+pub const CLIP_PLANES: usize = 8;
+
+/// The clip planes of a scene. What is left is convex.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Clip {
+    /// Planes; what lies beyond any that is on goes.
+    pub planes: Vec<ClipPlane>,
+    /// True if shading sees cut faces: within a unit of length (the smallest spacing) of a plane, as though the lowest value lay
+    /// beyond it.
+    pub cap: bool,
+}
+
+/// A plane in the world of the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClipPlane {
+    /// A point on it.
+    pub point: DVec3,
+    /// The direction of the side that goes, of any length but 0.
+    pub normal: DVec3,
+    /// False for a plane that is kept without an effect.
+    pub on: bool,
+}
+
+impl Default for Clip {
+    fn default() -> Self {
+        Self { planes: Vec::new(), cap: true }
+    }
+}
+
+impl Clip {
+    /// The planes that a scene may have: the first [`CLIP_PLANES`], without those of numbers that are not finite or of no direction.
+    #[must_use]
+    pub fn allowed(&self) -> Self {
+        let planes = self.planes.iter().filter(|plane| ClipPlane::new(plane.point, plane.normal).is_some());
+        Self { planes: planes.take(CLIP_PLANES).copied().collect(), cap: self.cap }
+    }
+
+    /// The planes that are on.
+    pub fn in_force(&self) -> impl Iterator<Item = &ClipPlane> {
+        self.planes.iter().filter(|plane| plane.on)
+    }
+
+    /// True if a place of the world lies beyond a plane that is on.
+    #[must_use]
+    pub fn hides(&self, place: DVec3) -> bool {
+        self.in_force().any(|plane| plane.beyond(place) > 0.0)
+    }
+
+    /// True if both leave the same part, and shade it alike.
+    pub(crate) fn acts_as(&self, other: &Self) -> bool {
+        self.in_force().eq(other.in_force()) && (self.cap == other.cap || self.in_force().next().is_none())
+    }
+}
+
+impl ClipPlane {
+    /// A plane that is on. `None` unless all numbers are finite and the normal has a length.
+    #[must_use]
+    pub fn new(point: DVec3, normal: DVec3) -> Option<Self> {
+        let has_length = normal.try_normalize().is_some();
+        (has_length && point.is_finite()).then_some(Self { point, normal, on: true })
+    }
+
+    /// Unit vector towards the side that goes.
+    #[must_use]
+    pub fn outward(&self) -> DVec3 {
+        self.normal.normalize_or_zero()
+    }
+
+    /// Distance of a place of the world from the plane; negative on the side that stays.
+    #[must_use]
+    pub fn beyond(&self, place: DVec3) -> f64 {
+        self.outward().dot(place - self.point)
+    }
+}
