@@ -3,6 +3,7 @@
 
 mod blocks;
 mod bricks;
+mod clip;
 mod coloured_shadows;
 mod fields;
 mod films;

@@ -13,8 +13,8 @@ use relume::film::Film;
 use relume::number::Real;
 use relume::output::film::{Dial, FilmFile};
 use relume::plan::{
-    Accumulate, FilmCounts, Groups, Integrate, Planned, ScenePlan, ShadingTerms, Share, Shares, Specular, Stale,
-    Transmittance, plan,
+    Accumulate, ClipPlan, FilmCounts, Groups, Integrate, Planned, ScenePlan, ShadingTerms, Share, Shares, Specular,
+    Stale, Transmittance, plan,
 };
 use relume::progress::Quiet;
 use relume::render::{Dispatching, Renderer, TableMemory};
@@ -410,6 +410,7 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         phases,
         thin_films,
         groups,
+        clip,
         labels,
         smooth_labels,
         background,
@@ -484,6 +485,8 @@ pub(super) fn features(plan: &ScenePlan) -> String {
     let apart = if number > 1 && further == 0 { format!(" in {number} groups") } else { String::new() };
     add(points > 0, format!("thinned at {points}{apart}"));
     add(further > 0, format!("{} fields in {number} groups", further + 1));
+    let ClipPlan { planes, caps } = *clip;
+    add(planes > 0, format!("{planes} planes{}", if caps { " with caps" } else { "" }));
     add(*labels, if *smooth_labels { "labels" } else { "nearest labels" }.into());
     add(*background, "background".into());
     add(*lookup != Lookup::Linear, "nearest entry".into());
@@ -593,7 +596,7 @@ matrix! {
     segments_coloured_xray segments_sharpened_semigroup segments_central segments_cubic segments_exact_linear
     segments_nearest_lookup segments_thinned segments_unskipped segments_long_steps segments_unshaded_cubic
     segments_unshaded_exact_linear thinned_unshaded_one thinned_diffuse_three thinned_specular_three thinned_labels
-    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
+    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured clipped_unshaded clipped_diffuse_three clipped_coloured_three clipped_labels clipped_segments clipped_segments_coloured clipped_central clipped_rectangles clipped_shadows clipped_rotated clipped_fields fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
     interpolation_exact_linear_three interpolation_cubic_three interpolation_nearest_unshaded
     interpolation_exact_linear_unshaded interpolation_cubic_unshaded interpolation_nearest_labels
     interpolation_exact_linear_labels interpolation_cubic_labels interpolation_nearest_coloured

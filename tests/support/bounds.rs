@@ -283,7 +283,7 @@ pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], ro
         Vec::new()
     };
     let rounded: Vec<Stored<'_, f64>> = rounded.iter().map(|rungs| rungs.stored()).collect();
-    bounds(rungs, expected, roundings, |place| {
+    let mut bounds = bounds(rungs, expected, roundings, |place| {
         let mut here = step_of(rungs, &stored, place);
         here.normal = stored.normal(place);
         let mut difference = Difference::default();
@@ -306,7 +306,24 @@ pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], ro
         }
         // The roundings of a value are covered by those of its place: three interpolations, a scale and an offset.
         (here, difference)
-    })
+    });
+    let cut = of_cuts(rungs, reach);
+    bounds.accumulators.iter_mut().chain(&mut bounds.transmittance).for_each(|bound| *bound += cut);
+    bounds
+}
+
+/// Bound of the light and the opacity that the rounded lengths of a first and a last step add or take, where the faces of a crop box
+/// or clip planes cut them.
+fn of_cuts(rungs: &Rungs, reach: [f64; 3]) -> f64 {
+    let scene = &rungs.scene;
+    if scene.crop.is_none() && scene.clip.in_force().next().is_none() {
+        return 0.0;
+    }
+    let rays = rays(rungs).0;
+    let length = (DVec3::from_array(reach) * rays.local_scale).max_element() / rays.step_length;
+    let numbers = rungs.table.source.iter().flatten().chain(&rungs.table.opacity);
+    let largest = numbers.fold(0.0_f64, |most, &number| most.max(f64::from(number).abs()));
+    2.0 * GRAZING * length * largest
 }
 
 /// Relative error of a gradient magnitude: three interpolations, with at most three roundings each, a scale, and six of the length and

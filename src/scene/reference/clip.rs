@@ -1,6 +1,7 @@
 //! Clip planes along rays. Twin of `shaders/clip.wgsl`.
 
-use crate::tables::ClipTable;
+use crate::plan::Planned;
+use crate::tables::{CapTable, ClipTable};
 use relume_base::number::{Real, dot};
 
 /// A distance beyond any box.
@@ -10,20 +11,20 @@ pub(super) const FAR: f64 = 1e30;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Planes<R> {
     planes: Vec<([R; 3], R)>,
-    /// Empty if shading sees no cut faces.
+    /// Of planes that shading sees.
     outward: Vec<[R; 3]>,
 }
 
 impl<R: Real> Planes<R> {
-    pub(super) fn new(table: &ClipTable, outward: &[glam::DVec3]) -> Self {
-        let from = |vector: glam::DVec3| vector.to_array().map(R::from_f64);
+    pub(super) fn new(table: &ClipTable) -> Self {
         let planes = table.planes().iter().map(|plane| (from(plane.truncate()), R::from_f64(plane.w)));
-        Self { planes: planes.collect(), outward: outward.iter().copied().map(from).collect() }
+        Self { planes: planes.collect(), outward: Vec::new() }
     }
 
-    /// True if shading sees cut faces.
-    pub(super) fn caps(&self) -> bool {
-        !self.outward.is_empty()
+    /// Those that shading sees, if any.
+    pub(super) fn of_caps(planned: &Planned, table: &CapTable) -> Option<Self> {
+        let outward = table.outward.iter().copied().map(from).collect();
+        planned.plan.clip.caps.then(|| Self { outward, ..Self::new(&table.planes) })
     }
 
     /// The part of a line between two distances that all planes leave.
@@ -47,4 +48,8 @@ impl<R: Real> Planes<R> {
             std::array::from_fn(|axis| (-(near * fall)).mul_add(outward[axis], seen[axis]))
         })
     }
+}
+
+fn from<R: Real>(vector: glam::DVec3) -> [R; 3] {
+    vector.to_array().map(R::from_f64)
 }

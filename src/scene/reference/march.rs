@@ -14,7 +14,7 @@ use crate::Scene;
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
 use crate::plan::{Integrate, LANE, MOST_PARTS, Planned, Transmittance};
-use crate::tables::{CapTable, RayTable, ray_places};
+use crate::tables::{RayTable, ray_places};
 use relume_base::number::{Real, count, dot, unit};
 use relume_base::parallel;
 use relume_base::progress::Progress;
@@ -103,8 +103,7 @@ impl<'a, R: Real> Frame<'a, R> {
         let view = scene.camera.view(&scene.frame.geometry, aspect).ok_or(ReferenceError::Camera)?;
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(ReferenceError::TooManySamples { step_length })?;
-        let caps = if planned.plan.clip.caps { CapTable::outward(scene) } else { Vec::new() };
-        let clip = Planes::new(&rays.clip, &caps);
+        let clip = Planes::new(&rays.clip);
         let light = Light::new(scene, planned, samples, rays.local_scale, pixels, progress)?;
         Ok(Self {
             planned,
@@ -243,7 +242,7 @@ impl<'a, R: Real> Frame<'a, R> {
             if step.does_nothing() {
                 continue;
             }
-            step.normal = self.normal(samples.gradient(place), || samples.fall(place), place);
+            step.normal = samples.normal(place);
             let at = At { view: ray.view, place, step, transmittance: &transmittance };
             self.light.add(&at, samples, sums, &mut lost, &mut scratch);
             if mixed {
@@ -306,8 +305,7 @@ impl<'a, R: Real> Frame<'a, R> {
                 let length = (end - done) * inside;
                 samples.mean([&from, &to], middle, &mut density);
                 across(&density, length, self.planned.plan.lanes() * LANE, &mut step);
-                let gradient = std::array::from_fn(|axis| (from.gradient[axis] + to.gradient[axis]) * half);
-                step.normal = self.normal(gradient, || (from.fall + to.fall) * half, middle);
+                step.normal = samples.normal_between([&from, &to], middle);
                 if !seen(&RaySample { index: n, place: middle, length, transmittance: &transmittance }) {
                     return transmittance;
                 }
@@ -322,11 +320,6 @@ impl<'a, R: Real> Frame<'a, R> {
             known = Some(after);
         }
         transmittance
-    }
-
-    /// Unit normal of a surface with this `gradient`, for shading; `fall` is that of [`Samples::fall`].
-    fn normal(&self, gradient: [R; 3], fall: impl FnOnce() -> R, place: [R; 3]) -> [R; 3] {
-        unit(if self.clip.caps() { self.clip.capped(gradient, fall(), place) } else { gradient })
     }
 
     /// Number of parts of a segment, 1 to [`MOST_PARTS`], not necessarily whole: the last part is shorter, so that a

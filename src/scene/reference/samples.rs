@@ -1,14 +1,15 @@
 //! Samples of the volume: exact, or with the device's tables and textures.
 
+use super::clip::Planes;
 use super::factors::{coordinates_of, factors_at, sum_groups};
 use super::kept::{Keeping, KeptDepths};
 use crate::plan::{LANE, Planned};
 use crate::tables::{
-    self, ExtinctionTable, FactorTable, LabelMap, SegmentTable, Steps, Storage, StoredScene, StoredVolume,
+    self, CapTable, ExtinctionTable, FactorTable, LabelMap, SegmentTable, Steps, Storage, StoredScene, StoredVolume,
     TransferTable,
 };
 use crate::{FIELDS, Interpolation, Lookup, Medium, Scene};
-use relume_base::number::{Real, count};
+use relume_base::number::{Real, count, unit};
 use relume_volume::Volume;
 use smallvec::{SmallVec, smallvec};
 
@@ -19,7 +20,7 @@ pub struct Step<R> {
     pub source: Vec<R>,
     /// Light removed by the step, or optical depth per step length: as many numbers as the plan's transmittance.
     pub opacity: Vec<R>,
-    /// Unit vector along [`Samples::gradient`], where a march needs it.
+    /// [`Samples::normal`], where a march needs it.
     pub normal: [R; 3],
     /// Memory of [`Exact`] from step to step.
     parts: [tables::Step; 2],
@@ -46,7 +47,7 @@ pub struct End<R> {
     pub value: R,
     /// Gradient of the data in the volume's axes; 0 if the plan needs none.
     pub gradient: [R; 3],
-    /// [`Samples::fall`]; 0 if the plan needs none.
+    /// Gradient of a fall from the value to the lowest of the data within two units of length; 0 if the plan needs none.
     pub fall: R,
     /// The labels around.
     pub label: Label,
@@ -162,12 +163,12 @@ pub trait Samples<R: Real>: Sync {
     /// plan adds densities ([`ScenePlan::adds_densities`](crate::plan::ScenePlan::adds_densities)).
     fn sample(&self, place: [R; 3], step: &mut Step<R>);
 
-    /// Gradient of the data at `place` in the volume's axes, in a unit of the samples; 0 if the plan needs none.
-    fn gradient(&self, place: [R; 3]) -> [R; 3];
+    /// Unit vector along the gradient that shading sees at `place`, in the volume's axes; 0 if it vanishes or the plan needs none.
+    fn normal(&self, place: [R; 3]) -> [R; 3];
 
-    /// Gradient, in the same unit, of a fall from the value at `place` to the lowest of the data within two units of length.
-    fn fall(&self, _place: [R; 3]) -> R {
-        R::default()
+    /// The same in the `middle` between two ends.
+    fn normal_between(&self, ends: [&End<R>; 2], _middle: [R; 3]) -> [R; 3] {
+        unit(middle_of(ends))
     }
 
     /// The end of a segment at `place`, in texture coordinates.
@@ -216,6 +217,8 @@ pub struct Exact<'a> {
     /// Of each depth of shadows.
     label_extinctions: Vec<Vec<f64>>,
     bends: Vec<f64>,
+    /// If shading sees cut faces.
+    clip: Option<Planes<f64>>,
     kept: Option<&'a KeptDepths<f64>>,
 }
 
@@ -228,6 +231,7 @@ impl<'a> Exact<'a> {
         let label_extinctions =
             (0..=planned.plan.light.absorbers).map(|number| steps.extinctions_of_labels(number)).collect();
         let bends = scene.transfer.bends();
+        let clip = Planes::of_caps(planned, &CapTable::new(scene, &storage));
         let further = scene.fields.further().iter().map(|field| &*field.volume);
         Self {
             scene,
@@ -240,6 +244,7 @@ impl<'a> Exact<'a> {
             label_steps,
             label_extinctions,
             bends,
+            clip,
             kept: None,
         }
     }
@@ -298,6 +303,13 @@ impl<'a> Exact<'a> {
     #[must_use]
     pub fn medium_at(&self, place: [f64; 3]) -> Medium {
         self.steps.medium_with(&self.values_at(place), self.magnitude_of_factors(place))
+    }
+
+    /// Gradient of normalised values in a fall from `value` to the lowest one within two units of length.
+    fn fall(&self, value: f64) -> f64 {
+        let [low, high] = self.storage.domain;
+        let length = self.scene.frame.geometry.spacing.min_element();
+        if high > low { (value - low) / ((high - low) * 2.0 * length) } else { 0.0 }
     }
 
     /// The gradient magnitude at `place`, in data units per world unit.
@@ -370,19 +382,22 @@ impl Samples<f64> for Exact<'_> {
         shares.mix(step, |row, step| self.set(step, &self.label_steps[row]));
     }
 
-    fn gradient(&self, place: [f64; 3]) -> [f64; 3] {
-        if self.planned.plan.gradient() { self.gradient_at(place) } else { [0.0; 3] }
+    fn normal(&self, place: [f64; 3]) -> [f64; 3] {
+        if !self.planned.plan.gradient() {
+            return [0.0; 3];
+        }
+        let gradient = self.gradient_at(place);
+        unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(gradient, self.fall(self.value_at(place)), place)))
     }
 
-    fn fall(&self, place: [f64; 3]) -> f64 {
-        let [low, high] = self.storage.domain;
-        let length = self.scene.frame.geometry.spacing.min_element();
-        if high > low { (self.value_at(place) - low) / ((high - low) * 2.0 * length) } else { 0.0 }
+    fn normal_between(&self, ends: [&End<f64>; 2], middle: [f64; 3]) -> [f64; 3] {
+        normal_between(self.clip.as_ref(), ends, middle)
     }
 
     fn end(&self, place: [f64; 3]) -> End<f64> {
-        let fall = if self.planned.plan.clip.caps { self.fall(place) } else { 0.0 };
-        End { value: self.value_at(place), gradient: self.gradient(place), fall, label: self.shares(place).label() }
+        let gradient = if self.planned.plan.gradient() { self.gradient_at(place) } else { [0.0; 3] };
+        let value = self.value_at(place);
+        End { value, gradient, fall: self.fall(value), label: self.shares(place).label() }
     }
 
     fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
@@ -431,6 +446,13 @@ fn variation<R: Real>([a, b]: [&End<R>; 2], between: Label, of_values: impl FnOn
     }
 }
 
+/// The normal between two ends, capped at these planes.
+fn normal_between<R: Real>(clip: Option<&Planes<R>>, ends: [&End<R>; 2], middle: [R; 3]) -> [R; 3] {
+    let gradient = middle_of(ends);
+    let fall = (ends[0].fall + ends[1].fall) * R::from_f64(0.5);
+    unit(clip.map_or(gradient, |clip| clip.capped(gradient, fall, middle)))
+}
+
 /// The mean of the gradients at both ends.
 fn middle_of<R: Real>([a, b]: [&End<R>; 2]) -> [R; 3] {
     std::array::from_fn(|axis| (a.gradient[axis] + b.gradient[axis]) * R::from_f64(0.5))
@@ -456,8 +478,9 @@ pub struct Stored<'a, R> {
     coordinate_scale: R,
     coordinate_offset: R,
     gradient_scale: [R; 3],
-    fall_scale: R,
-    fall_offset: R,
+    /// If shading sees cut faces.
+    clip: Option<Planes<R>>,
+    fall: [R; 2],
     segments: Option<Segments<'a, R>>,
     extinctions: &'a [ExtinctionTable],
 }
@@ -476,7 +499,6 @@ impl<'a, R: Real> Stored<'a, R> {
     pub fn new(planned: &'a Planned, stored: &'a StoredScene) -> Self {
         let StoredScene { storage, volume, further, table, label_table, segments, extinctions, factors, caps, labels } =
             stored;
-        let [fall_scale, fall_offset] = caps.fall.map(R::from_f64);
         let [scale, offset] = table.coordinate_from_texel(storage);
         let of_segments = |table: &'a SegmentTable| {
             let [scale, offset] = table.coordinate_from_texel(storage).map(R::from_f64);
@@ -492,8 +514,8 @@ impl<'a, R: Real> Stored<'a, R> {
             coordinate_scale: R::from_f64(scale),
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
-            fall_scale,
-            fall_offset,
+            clip: Planes::of_caps(planned, caps),
+            fall: caps.fall.map(R::from_f64),
             segments: segments.as_ref().map(of_segments),
             extinctions,
         }
@@ -512,6 +534,11 @@ impl<'a, R: Real> Stored<'a, R> {
     fn value_at(&self, place: [R; 3]) -> R {
         let [value] = self.fetch(place, self.volume.values.as_chunks().0);
         value
+    }
+
+    /// [`End::fall`] from a value as stored.
+    fn fall(&self, value: R) -> R {
+        value.mul_add(self.fall[0], self.fall[1])
     }
 
     /// Coordinate of the value at `place` in a table with so many `entries`.
@@ -597,17 +624,18 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
 
-    fn gradient(&self, place: [R; 3]) -> [R; 3] {
-        self.gradient_at(place)
+    fn normal(&self, place: [R; 3]) -> [R; 3] {
+        let gradient = self.gradient_at(place);
+        unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(gradient, self.fall(self.value_at(place)), place)))
     }
 
-    fn fall(&self, place: [R; 3]) -> R {
-        self.value_at(place).mul_add(self.fall_scale, self.fall_offset)
+    fn normal_between(&self, ends: [&End<R>; 2], middle: [R; 3]) -> [R; 3] {
+        normal_between(self.clip.as_ref(), ends, middle)
     }
 
     fn end(&self, place: [R; 3]) -> End<R> {
         let (value, gradient) = (self.value_at(place), self.gradient_at(place));
-        let fall = value.mul_add(self.fall_scale, self.fall_offset);
+        let fall = self.fall(value);
         let value = self.segments.as_ref().map_or(value, |segments| {
             let last = R::from_f64(count(segments.table.cells()));
             value.mul_add(segments.scale, segments.offset).max(R::default()).min(last)

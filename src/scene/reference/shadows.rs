@@ -128,7 +128,7 @@ impl<R: Real> Reaching<R> {
                 .map(|coefficients| coefficients.into_iter().map(R::from_f64).collect())
                 .collect(),
             crop: grid.crop.map(from),
-            clip: Planes::new(&grid.clip, &[]),
+            clip: Planes::new(&grid.clip),
             start: R::from_f64(start),
             step_length: R::from_f64(
                 (scene.accuracy.step_length / scene.frame.geometry.spacing.min_element()).min(LONGEST_STEP),
@@ -254,7 +254,7 @@ fn fill<R: Real>(
     number: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<R>, ReferenceError> {
-    let clip = Planes::new(&grid.clip, &[]);
+    let clip = Planes::new(&grid.clip);
     let mut depths = vec![R::default(); grid.dims.iter().product()];
     let mut columns = vec![R::default(); sweep.columns[0] * sweep.columns[1]];
     let strides = [1, grid.dims[0], grid.dims[0] * grid.dims[1]];

@@ -58,12 +58,12 @@ impl<R: Real, S: Samples<R>> Samples<R> for Skipping<'_, S> {
         self.inner.sample(place, step);
     }
 
-    fn gradient(&self, place: [R; 3]) -> [R; 3] {
-        self.inner.gradient(place)
+    fn normal(&self, place: [R; 3]) -> [R; 3] {
+        self.inner.normal(place)
     }
 
-    fn fall(&self, place: [R; 3]) -> R {
-        self.inner.fall(place)
+    fn normal_between(&self, ends: [&End<R>; 2], middle: [R; 3]) -> [R; 3] {
+        self.inner.normal_between(ends, middle)
     }
 
     fn end(&self, place: [R; 3]) -> End<R> {

@@ -10,6 +10,8 @@ use relume_base::number::count;
 /// Numbers of the shading of cut faces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CapTable {
+    /// The planes.
+    pub planes: ClipTable,
     /// Unit vectors towards the side of each plane that goes, along the volume's own axes.
     pub outward: Vec<DVec3>,
     /// Scale and offset from the value of a texel to the gradient of a fall to the lowest value within two units of length.
@@ -20,17 +22,12 @@ impl CapTable {
     /// Builds the numbers of `scene`, whose first field is decoded by `storage`.
     #[must_use]
     pub fn new(scene: &Scene, storage: &Storage) -> Self {
+        let to_local = scene.frame.geometry.direction.transpose();
         Self {
-            outward: Self::outward(scene),
+            planes: ClipTable::new(scene),
+            outward: scene.clip.in_force().take(CLIP_PLANES).map(|plane| to_local * plane.outward()).collect(),
             fall: storage.fall_from_texel(scene.frame.geometry.spacing.min_element()),
         }
-    }
-
-    /// Unit vectors towards the side of each plane that goes, along the volume's own axes.
-    #[must_use]
-    pub fn outward(scene: &Scene) -> Vec<DVec3> {
-        let to_local = scene.frame.geometry.direction.transpose();
-        scene.clip.in_force().take(CLIP_PLANES).map(|plane| to_local * plane.outward()).collect()
     }
 }
 
