@@ -22,11 +22,12 @@ fn left_by_planes(base: vec3f, direction: vec3f, range: vec2f) -> vec2f {
         let plane = clip_uniform.planes[i];
         let beyond = dot(plane.xyz, base) + plane.w;
         let along = dot(plane.xyz, direction);
+        // A line along the plane leaves it far away, or never enters.
         let is_parallel = abs(along) < 1e-30;
-        let at = -beyond / select(along, 1.0, is_parallel);
-        let enters = select(left.x, max(left.x, at), along < 0.0);
-        let leaves = select(left.y, min(left.y, at), along > 0.0);
-        left = select(vec2f(enters, leaves), select(left, vec2f(FAR, -FAR), beyond > 0.0), is_parallel);
+        let way = select(-beyond, 1.0, is_parallel && beyond <= 0.0);
+        let at = way / select(along, 1e-30, is_parallel);
+        left.x = select(left.x, max(left.x, at), along <= -1e-30);
+        left.y = select(left.y, min(left.y, at), along > -1e-30);
     }
     return left;
 }

@@ -23,6 +23,8 @@ use media::Declared;
 use volumes::LabelMap;
 
 use super::Wish;
+pub use clip::clip_plane;
+
 use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::error::chain;
 use super::light_request::warn_below_zero;

@@ -27,7 +27,9 @@ pub(crate) use dial::along;
 pub use dial::{Dial, DialNode, DialPreset};
 pub use error::SceneError;
 pub use error::chain;
-pub use file::{InMemory, SceneOptions, load, load_embedded, load_peer, parse, parse_on, parse_ready, redefined};
+pub use file::{
+    InMemory, SceneOptions, clip_plane, load, load_embedded, load_peer, parse, parse_on, parse_ready, redefined,
+};
 pub use first_look::{Look, Wish};
 pub use history::Document;
 pub use kept_film::KeptFilm;

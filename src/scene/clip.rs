@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::Frame;
+
 /// Most clip planes of a scene.
 pub const CLIP_PLANES: usize = 8;
 
@@ -69,6 +71,23 @@ impl ClipPlane {
     #[must_use]
     pub fn outward(&self) -> DVec3 {
         self.normal.normalize_or_zero()
+    }
+
+    /// The part of the box of `frame` that stays, along the normal: 1 if none goes.
+    #[must_use]
+    pub fn part(&self, frame: &Frame) -> f64 {
+        let [least, most] = frame.extent_along(self.outward());
+        let at = self.outward().dot(self.point);
+        if most > least { (at - least) / (most - least) } else { 1.0 }
+    }
+
+    /// The plane, moved along its normal so that this `part` of the box stays.
+    #[must_use]
+    pub fn with_part(self, frame: &Frame, part: f64) -> Self {
+        let (outward, middle) = (self.outward(), frame.middle());
+        let [least, most] = frame.extent_along(outward);
+        let at = (most - least).mul_add(part, least);
+        Self { point: middle + outward * (at - outward.dot(middle)), ..self }
     }
 
     /// Distance of a place of the world from the plane; negative on the side that stays.

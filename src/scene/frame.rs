@@ -35,6 +35,23 @@ impl Frame {
         [DVec3::ZERO, last].map(|index| coarse_index(index, self.finest.block))
     }
 
+    /// The middle of the box, in the world.
+    #[must_use]
+    pub fn middle(&self) -> DVec3 {
+        let [low, high] = self.whole_box();
+        self.geometry.world_from_index((low + high) / 2.0)
+    }
+
+    /// Least and largest coordinate of the box along a unit vector of the world.
+    #[must_use]
+    pub fn extent_along(&self, direction: DVec3) -> [f64; 2] {
+        let [low, high] = self.whole_box().map(|corner| self.geometry.world_from_index(corner));
+        let edges =
+            self.geometry.direction.transpose() * direction * (self.geometry.direction.inverse() * (high - low));
+        let (middle, half) = ((low + high).dot(direction) / 2.0, edges.abs().element_sum() / 2.0);
+        [middle - half, middle + half]
+    }
+
     /// Axes along which the grid, or the one of which it is a coarse level, has one voxel.
     #[must_use]
     pub fn thin_axes(&self) -> [bool; 3] {

@@ -18,7 +18,7 @@ use crate::document::{Edit, State};
 use crate::input;
 use crate::measure::{Goal, Preset};
 use crate::palette::Target;
-use crate::scene::Interval;
+use crate::scene::{Clip, Interval};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::srgb_code;
@@ -82,6 +82,8 @@ pub enum Command {
     Interval(usize, [f64; 4]),
     /// Edit of an object of the scene, by its name.
     Named(About, String),
+    /// Clip planes in short, in place of all.
+    Clip(Vec<String>),
     /// A movement of the camera.
     Camera(Move),
     /// Probes a pixel, given as fractions of the picture, until the probe is complete.
@@ -140,6 +142,7 @@ impl Command {
         match self {
             Self::Interval(..)
             | Self::Named(..)
+            | Self::Clip(_)
             | Self::Camera(_)
             | Self::Probe(_)
             | Self::Ruler(_)
@@ -305,6 +308,11 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
                 let [x0, x1, y0, y1, z0, z1] = numbers(verb, rest)?;
                 edit(Edit::Crop(Some([DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1)])))
             }
+        },
+        "clip" => match rest {
+            ["off"] => edit(Edit::Clip(Clip::default())),
+            [_, ..] => Command::Clip(rest.iter().map(|&plane| plane.to_owned()).collect()),
+            [] => return Err("write clip off, or planes such as clip z:50% -x:12".to_owned()),
         },
         "adapt" => edit(Edit::Adapt(switch(verb, rest)?)),
         "orbit" => {

@@ -19,7 +19,7 @@ impl Text<'_> {
     pub(super) fn clip(&self, ClipFile { planes, cap }: &ClipFile, volume: &Volume) -> Result<Clip, SceneError> {
         let plane = |place: &At<ClipPlaneFile>| {
             match place.get_ref() {
-                ClipPlaneFile::Short(text) => plane_of(text, &Frame::of(volume)),
+                ClipPlaneFile::Short(text) => clip_plane(text, &Frame::of(volume)),
                 &ClipPlaneFile::Numbers(ClipNumbers { point, normal, on }) => {
                     let plane = ClipPlane::new(point.into(), normal.into()).ok_or_else(|| {
                         format!("a clip plane with the normal {normal:?}; write a direction, such as [0, 0, 1]: what lies that way goes")
@@ -37,8 +37,12 @@ impl Text<'_> {
     }
 }
 
-/// The plane of a `text` such as `z:50%`: the direction in which all goes, and a place on the plane.
-fn plane_of(text: &str, frame: &Frame) -> Result<ClipPlane, String> {
+/// The clip plane of a `text` such as `z:50%`, in `frame`: the direction in which all goes, and a place on the plane.
+///
+/// # Errors
+///
+/// What is wrong, and what to write.
+pub fn clip_plane(text: &str, frame: &Frame) -> Result<ClipPlane, String> {
     let wrong = |what: &str| {
         format!(
             "the clip plane {text:?}: {what}; write DIRECTION:PLACE. What lies in that direction goes: x, -y, 1,0,1, or of a patient left, \
@@ -65,26 +69,18 @@ fn plane_of(text: &str, frame: &Frame) -> Result<ClipPlane, String> {
     let normal = normal.ok_or_else(|| wrong("there is no such direction"))?;
     let outward = normal.normalize();
     let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.is_finite());
-    let point = if let Some(percent) = place.strip_suffix('%') {
+    let plane = |point: DVec3| ClipPlane::new(point, normal).ok_or_else(|| wrong("its numbers are too large"));
+    if let Some(percent) = place.strip_suffix('%') {
         let part = number(percent).filter(|percent| (0.0..=100.0).contains(percent));
         let part = part.ok_or_else(|| wrong("a part is from 0% to 100%"))? / 100.0;
-        let [low, high] = frame.whole_box();
-        let corner = |bits: usize| {
-            let index = DVec3::from_array(std::array::from_fn(|axis| [low, high][bits >> axis & 1][axis]));
-            frame.geometry.world_from_index(index)
-        };
-        let corners: Vec<DVec3> = (0..8).map(corner).collect();
-        let along = || corners.iter().map(|corner| corner.dot(outward));
-        let (least, most) = (along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max));
-        let centre = corners.iter().sum::<DVec3>() / 8.0;
-        centre + outward * ((most - least).mul_add(part, least) - centre.dot(outward))
-    } else if let Some(coordinate) = number(place) {
+        return Ok(plane(frame.middle())?.with_part(frame, part));
+    }
+    match number(place) {
         // Along an axis, its coordinate, also where what is below it goes.
-        outward.abs().cmpeq(DVec3::ONE).any().then(|| outward.abs() * coordinate).unwrap_or(outward * coordinate)
-    } else {
-        triple(place).ok_or_else(|| wrong("there is no such place"))?
-    };
-    ClipPlane::new(point, normal).ok_or_else(|| wrong("its numbers are too large"))
+        Some(coordinate) if outward.abs().max_element() >= 1.0 => plane(outward.abs() * coordinate),
+        Some(coordinate) => plane(outward * coordinate),
+        None => plane(triple(place).ok_or_else(|| wrong("there is no such place"))?),
+    }
 }
 
 #[cfg(test)]
@@ -98,7 +94,7 @@ mod tests {
         volume.geometry.origin = DVec3::new(-4.0, 10.0, 0.0);
         let mut frame = Frame::of(&volume);
         let plane = |text: &str, frame: &Frame| {
-            let plane = plane_of(text, frame)?;
+            let plane = clip_plane(text, frame)?;
             Ok::<_, String>((plane.outward().to_array(), plane.beyond(DVec3::ZERO)))
         };
         assert_eq!(plane("z:12", &frame), Ok(([0.0, 0.0, 1.0], -12.0)));

@@ -33,7 +33,7 @@ impl<R: Real> Planes<R> {
         self.planes.iter().fold(range, |[near, end], (across, offset)| {
             let (beyond, along) = (dot(*across, base) + *offset, dot(*across, direction));
             if along.abs() < R::from_f64(1e-30) {
-                return if beyond > zero { [far, -far] } else { [near, end] };
+                return if beyond > zero { [near, -far] } else { [near, end] };
             }
             let at = -beyond / along;
             if along > zero { [near, end.min(at)] } else { [near.max(at), end] }

@@ -121,10 +121,10 @@ fn ordered([low, high]: [DVec3; 2], now: [DVec3; 2]) -> [DVec3; 2] {
 }
 
 /// Mapping from fractions of the volume to the picture.
-struct Map<'a> {
-    view: View,
-    geometry: &'a Geometry,
-    rect: Rect,
+pub(super) struct Map<'a> {
+    pub(super) view: View,
+    pub(super) geometry: &'a Geometry,
+    pub(super) rect: Rect,
 }
 
 impl Map<'_> {
@@ -133,12 +133,17 @@ impl Map<'_> {
         let last = DVec3::from_array(self.geometry.dims.map(count)) - 1.0;
         // An axis of one voxel has the thickness of one voxel.
         let index = DVec3::select(last.cmpgt(DVec3::ZERO), parts * last, parts - 0.5);
-        self.view.seen(self.geometry.world_from_index(index))
+        self.world(self.geometry.world_from_index(index))
+    }
+
+    /// View coordinates of a point of the world.
+    pub(super) fn world(&self, point: DVec3) -> DVec3 {
+        self.view.seen(point)
     }
 
     /// Screen position of view coordinates; `None` behind the eye, or if a picture of a few pixels gives no finite
     /// number.
-    fn place(&self, seen: DVec3) -> Option<Pos2> {
+    pub(super) fn place(&self, seen: DVec3) -> Option<Pos2> {
         let by = if self.view.parallel { 1.0 } else { seen.z };
         if by <= 1e-6 {
             return None;
@@ -149,7 +154,11 @@ impl Map<'_> {
     }
 
     fn edge(&self, from: DVec3, to: DVec3) -> Option<[Pos2; 2]> {
-        let (mut from, mut to) = (self.seen(from), self.seen(to));
+        self.line(self.seen(from), self.seen(to))
+    }
+
+    /// The line between two view coordinates.
+    pub(super) fn line(&self, mut from: DVec3, mut to: DVec3) -> Option<[Pos2; 2]> {
         // Clips the part behind the eye.
         let near = 1e-3 * (from - to).length();
         if !self.view.parallel {

@@ -10,7 +10,7 @@ use egui::{
 };
 
 use super::controls::{is_tab, mark, tab, toggle};
-use super::{Shown, accuracy, crop, dial, dial_presets, display, lights, picture, spectra, transfer};
+use super::{Shown, accuracy, clip, crop, dial, dial_presets, display, lights, picture, spectra, transfer};
 use crate::document::Document;
 use crate::plan::Stale;
 use crate::view::action::Action;
@@ -159,7 +159,11 @@ fn stale(shown: &Shown<'_>, tab: Tab) -> Stale {
 fn contents(ui: &mut Ui, shown: &Shown<'_>, document: &Document, tab: Tab, asked: &mut Vec<Action>) {
     match tab {
         Tab::Camera => picture::controls(ui, document, shown.aspect, asked),
-        Tab::Crop => crop::show(ui, document, asked),
+        Tab::Crop => {
+            crop::show(ui, document, asked);
+            ui.separator();
+            clip::show(ui, document, asked);
+        }
         Tab::Display => display::show(ui, document, asked),
         Tab::Accuracy => accuracy::show(ui, document, shown.effort, asked),
         Tab::Transfer => transfer::show(ui, document, seen(shown), asked),

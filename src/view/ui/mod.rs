@@ -5,6 +5,7 @@ mod annotations;
 mod axes;
 mod axis;
 mod chooser;
+mod clip;
 mod controls;
 mod crop;
 mod dial;
@@ -145,6 +146,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             annotations::show(ui, shown, rect);
             slices::crosshair(ui, shown, rect);
             crop::handles(ui, shown, rect, asked);
+            clip::handles(ui, shown, rect, asked);
             notices::show(ui, shown, rect, asked);
             // Windows may lie over docks, but not over the only column.
             let around = if docked { around } else { rect };

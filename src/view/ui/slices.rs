@@ -13,6 +13,7 @@ use super::Shown;
 use super::annotations;
 use super::axes::COLOURS;
 use super::axis::places;
+use super::clip;
 use super::controls::number;
 use super::crop;
 use super::spectrum::narrow;
@@ -157,6 +158,7 @@ fn view(
         asked.push(Action::Arrange(Arrange::SliceZoom(next, around(here + (middle - here) * (zoom / next)))));
     }
     crop::in_slice(ui, document, (plane, at, image, cell), asked);
+    clip::in_slice(ui, document, (plane, at, image, cell), asked);
     let dragged = hand.drag_delta();
     if hand.dragged_by(PointerButton::Secondary) && dragged != Vec2::ZERO {
         asked.push(Action::Arrange(Arrange::Window(dragged_window(window, dragged, statistics))));

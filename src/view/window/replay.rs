@@ -9,8 +9,8 @@ use winit::event_loop::ActiveEventLoop;
 
 use super::{ViewError, Viewer};
 use crate::document::design::Spectra;
-use crate::document::{Document, Edit};
-use crate::scene::Interval;
+use crate::document::{Document, Edit, clip_plane};
+use crate::scene::{Clip, Interval};
 use crate::view::action::Action;
 use crate::view::engine::Engine;
 use crate::view::script::{self, Command, Input};
@@ -112,6 +112,15 @@ impl Viewer {
                     .and_then(|document| Spectra::standard(&document.state().scene, side, &name, &standard));
                 let spectra = Arc::new(spectra.map_err(|message| script.wrong(at, message))?);
                 self.ask(Action::Edit(Edit::Spectra(spectra)));
+                Vec::new()
+            }
+            Command::Clip(planes) => {
+                let clip = self.open_document().and_then(|document| {
+                    let scene = &document.state().scene;
+                    let planes = planes.iter().map(|text| clip_plane(text, &scene.frame)).collect::<Result<_, _>>()?;
+                    Ok(Clip { planes, cap: scene.clip.cap })
+                });
+                self.ask(Action::Edit(Edit::Clip(clip.map_err(|message| script.wrong(at, message))?)));
                 Vec::new()
             }
             Command::Camera(step) => {
