@@ -10,7 +10,17 @@ struct Clip {
     fall: vec4f,
 }
 
-@group(0) @binding(26) var<uniform> clip_uniform: Clip;
+@group(0) @binding(26) var<storage, read> clip_planes: Clip;
+
+// In storage: Mesa's software device (22.3) crashes when it compiles a march with planes in a uniform (docs/theory/device.md). Copied as
+// `march` is.
+var<private> planes: Clip;
+
+fn read_planes() {
+    if (PLANES > 0u) {
+        planes = clip_planes;
+    }
+}
 
 // Beyond any box.
 const FAR: f32 = 1e30;
@@ -19,7 +29,7 @@ const FAR: f32 = 1e30;
 fn left_by_planes(base: vec3f, direction: vec3f, range: vec2f) -> vec2f {
     var left = range;
     for (var i = 0u; i < PLANES; i += 1u) {
-        let plane = clip_uniform.planes[i];
+        let plane = planes.planes[i];
         let beyond = dot(plane.xyz, base) + plane.w;
         let along = dot(plane.xyz, direction);
         // A line along the plane leaves it far away, or never enters.
@@ -36,11 +46,11 @@ fn left_by_planes(base: vec3f, direction: vec3f, range: vec2f) -> vec2f {
 fn capped(gradient: vec3f, value: f32, place: vec3f) -> vec3f {
     var seen = gradient;
     if (CAPS) {
-        let fall = fma(value, clip_uniform.fall.x, clip_uniform.fall.y);
+        let fall = fma(value, planes.fall.x, planes.fall.y);
         for (var i = 0u; i < PLANES; i += 1u) {
-            let plane = clip_uniform.planes[i];
+            let plane = planes.planes[i];
             let near = clamp(dot(plane.xyz, place) + plane.w + 1.5, 0.0, 1.0);
-            seen = fma(vec3f(-(near * fall)), clip_uniform.outward[i].xyz, seen);
+            seen = fma(vec3f(-(near * fall)), planes.outward[i].xyz, seen);
         }
     }
     return seen;

@@ -15,6 +15,7 @@ const WANTED_BITS: u32 = 3u;
 @compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     march = march_uniform;
+    read_planes();
     bricks = bricks_uniform;
     read_light();
     let pixel = vec2u(id.x, id.y + band.first_row);

@@ -613,7 +613,9 @@ impl DeviceGrid {
         };
         let sweep_buffer = uniform("sweep", bytemuck::bytes_of(&sweep_uniform))?;
         let factors = uniform("factors", bytemuck::cast_slice(&factors.0))?;
-        let clip = uniform("clip planes", &clip_bytes(&grid.clip, &CapTable::default(), to_medium))?;
+        let clip_bytes = clip_bytes(&grid.clip, &CapTable::default(), to_medium);
+        let clip = Buffer::host(device, "clip planes", clip_bytes.len() as u64, HostUse::Storage)?;
+        clip.write(0, &clip_bytes)?;
         let table: Vec<f32> = extinctions.values.iter().chain(&extinctions.labels).copied().collect();
         let (memory, table) = renderer.numbers("extinctions", bytemuck::cast_slice(&table))?;
         let planes = sweep.kept() * sweep.columns[0] * sweep.columns[1] * size_of::<f32>();
@@ -640,7 +642,7 @@ impl DeviceGrid {
             Some(match name {
                 "sweep_uniform" => Resource::Uniform(&sweep_buffer),
                 "factor_table" => Resource::Uniform(&factors),
-                "clip_uniform" => Resource::Uniform(&clip),
+                "clip_planes" => Resource::Storage(&clip),
                 "volume" => Resource::Texture(&medium.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "labels" => Resource::Texture(medium.label_image.as_ref()?),

@@ -250,7 +250,7 @@ impl Renderer {
         let factors = FactorTable::new(scene, planned, &uploaded.storages(), entries).0;
         let factors = uniform("factors", bytemuck::cast_slice(&factors))?;
         let caps = CapTable::new(scene, &uploaded.storage);
-        let clip = uniform("clip planes", &clip_bytes(&rays.clip, &caps, DVec3::ONE))?;
+        let clip = storage("clip planes", &clip_bytes(&rays.clip, &caps, DVec3::ONE))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
         let unit = match &values {
             Values::Steps(_) => 0.0,
@@ -308,7 +308,7 @@ impl Renderer {
                 "absorbers" => Resource::Uniform(&absorbers),
                 "segments_uniform" => Resource::Uniform(&segments),
                 "factor_table" => Resource::Uniform(&factors),
-                "clip_uniform" => Resource::Uniform(&clip),
+                "clip_planes" => Resource::Storage(&clip),
                 "volume" => Resource::Texture(&uploaded.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "occupancy" => Resource::Storage(&occupied),
