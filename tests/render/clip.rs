@@ -181,7 +181,6 @@ fn a_plane_that_moves_through_steps_jumps_no_more_than_the_truth() {
             .collect();
         jumps.sort_by(f64::total_cmp);
         let p95 = jumps[jumps.len() * 95 / 100];
-        println!("{what}: ΔL* p95 {p95:.2e}, largest {:.2e}", jumps[jumps.len() - 1]);
         assert!(p95 <= limit, "{what}: {p95}");
     }
 }
@@ -221,7 +220,7 @@ fn shading_sees_a_cut_face_at_every_step() {
             }
             scene.clip.cap = false;
             let rungs = Rungs::new(scene, [1, 1]);
-            assert_eq!(rungs.march::<f64>(&rungs.exact()).accumulators[0], 0.0, "no face without a cap");
+            assert!(rungs.march::<f64>(&rungs.exact()).accumulators[0].abs() < 1e-12, "no face without a cap");
         }
     }
 }
@@ -250,8 +249,8 @@ fn what_a_plane_cuts_away_casts_no_shadow() {
         };
         let (by_rays, uncut) = (exact(&cut), exact(&[]));
         let brightest = |weights: &[f64]| weights.iter().copied().fold(0.0, f64::max);
-        let sum = |weights: &[f64]| weights.iter().sum::<f64>();
-        assert!(sum(&by_rays) > 1.1 * sum(&uncut), "{place}: light reaches what was behind: {} and {}", sum(&by_rays), sum(&uncut));
+        let brighter = by_rays.iter().zip(&uncut).filter(|&(cut, uncut)| *cut > 1.2 * uncut).count();
+        assert!(brighter > 20, "{place}: light reaches what was behind, in {brighter} pixels");
         let rungs = shown(ShadowMethod::Grid, &cut, place);
         let by_grid = rungs.march::<f64>(&rungs.exact()).accumulators;
         let off = |found: &[f64]| {
@@ -261,7 +260,6 @@ fn what_a_plane_cuts_away_casts_no_shadow() {
             [off[off.len() * 95 / 100], off[off.len() - 1]]
         };
         let [p95, most] = off(&by_grid);
-        println!("{place}: p95 {p95:.1e}, largest {most:.1e}");
         assert!(p95 < 0.02 && most < 0.05, "{place}: the grid is off by {p95}, {most}");
         with_renderer(|renderer| {
             let device = rungs.gpu(renderer).accumulators;

@@ -84,12 +84,13 @@ pub fn clip_plane(text: &str, frame: &Frame) -> Result<ClipPlane, String> {
 }
 
 #[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
 
     #[test]
     fn a_short_plane_is_a_direction_and_a_place() {
-        let mut volume = Volume::phantom(relume_volume::Phantom::Shells, Some([5, 5, 9])).expect("a phantom");
+        let mut volume = Volume::phantom(Phantom::Shells, Some([5, 5, 9])).unwrap();
         volume.geometry.spacing = DVec3::splat(2.0);
         volume.geometry.origin = DVec3::new(-4.0, 10.0, 0.0);
         let mut frame = Frame::of(&volume);
@@ -103,7 +104,7 @@ mod tests {
         assert_eq!(plane("-y:25%", &frame), Ok(([0.0, -1.0, 0.0], 16.0)));
         assert_eq!(plane("0,2,0:1,12,3", &frame), Ok(([0.0, 1.0, 0.0], -12.0)));
         for text in ["z", "w:1", "z:101%", "0,0,0:1", "1,2:1", "z:nan", "z:1,2"] {
-            let message = plane(text, &frame).expect_err(text);
+            let message = plane(text, &frame).unwrap_err();
             assert!(message.contains(text) && message.contains("DIRECTION:PLACE"), "{text}: {message}");
         }
         assert!(plane("left:50%", &frame).is_err_and(|message| message.contains("patient")));

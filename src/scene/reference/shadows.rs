@@ -42,7 +42,7 @@ pub(super) struct Reaching<R> {
 #[derive(Debug)]
 enum Dimming<R> {
     /// Optical depths at the nodes of a grid: of all that is grey, and of each coloured absorber.
-    Grid(LightGrid, Vec<Arc<Vec<R>>>),
+    Grid(Box<LightGrid>, Vec<Arc<Vec<R>>>),
     /// A ray in this direction, in texture coordinates per unit of length.
     Ray([R; 3]),
     /// A ray to this point.
@@ -90,7 +90,7 @@ impl<R: Real> Reaching<R> {
                     Ok(depths.into_iter().map(|depth| samples.stored_depth(depth)).collect())
                 })
             };
-            Ok(Dimming::Grid(grid, (0..=planned.plan.light.absorbers).map(depths).collect::<Result<_, _>>()?))
+            Ok(Dimming::Grid(Box::new(grid), (0..=planned.plan.light.absorbers).map(depths).collect::<Result<_, _>>()?))
         };
         let dimming = |light| match (light, method) {
             (GridLight::From(direction), ShadowMethod::Rays) => Ok(Dimming::Ray(from(direction / local_scale))),
@@ -111,7 +111,7 @@ impl<R: Real> Reaching<R> {
                 let depths = kept((GridLight::Sky { directions, reach }, sky, 0), &|| {
                     sky_depths(&sky, directions, [start, reach.unwrap_or(FAR)], samples, progress)
                 })?;
-                Ok(Dimming::Grid(sky, vec![depths]))
+                Ok(Dimming::Grid(Box::new(sky), vec![depths]))
             }
             (GridLight::Sky { directions, reach }, ShadowMethod::Grid) => {
                 let sky = LightGrid::new(scene, SKY_SPACING * spacing);
@@ -119,7 +119,7 @@ impl<R: Real> Reaching<R> {
                     let depths = sky_depths(&sky, directions, [start, reach.unwrap_or(FAR)], samples, progress)?;
                     Ok(resampled(&sky, &depths, &grid, samples))
                 })?;
-                Ok(Dimming::Grid(grid, vec![depths]))
+                Ok(Dimming::Grid(Box::new(grid), vec![depths]))
             }
         };
         Ok(Self {
