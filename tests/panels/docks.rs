@@ -134,9 +134,9 @@ fn each_panel_has_a_mark_and_one_legend_explains_them() {
     // The panels' marks and the legend's.
     let marks = |window: &Harness<'_, App>, word: &str| window.query_all_by_label(word).count();
     let before = ["at once", "coarse first"].map(|word| marks(&window, word));
-    // A mark and a word in the legend; lights, dial, presets, display and spectra; transfer function, camera, crop box
-    // and accuracy.
-    assert_eq!(before, [2 + 5, 2 + 4]);
+    // A mark and a word in the legend; lights, dial, presets, display and spectra; transfer function, camera, crop box,
+    // clip planes and accuracy.
+    assert_eq!(before, [2 + 5, 2 + 5]);
     window.state_mut().panels = false;
     window.run();
     assert_eq!(["at once", "coarse first"].map(|word| marks(&window, word)), [0, 0]);

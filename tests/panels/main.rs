@@ -7,6 +7,7 @@ mod annotations;
 mod app;
 mod camera;
 mod chooser;
+mod clip;
 mod crop;
 mod dial;
 mod dial_presets;

@@ -199,6 +199,13 @@ fn combinations_that_say_two_things_are_refused() {
     definition_refused("crop={min=[0,0,0],max=[32,29,17]}", &["on axis x", "from 0 to 31"]);
     definition_refused("crop={min=[5,5,5],max=[4,6,6]}", &["the lower one first"]);
     definition_refused("crop={min=[5,5,5],max=[6,6,5]}", &["on axis z", "from 0 to 17"]);
+    definition_refused("clip.planes=[\"q:3\"]", &["\"q:3\"", "no such direction", "DIRECTION:PLACE"]);
+    definition_refused("clip.planes=[\"left:50%\"]", &["a patient's sides"]);
+    definition_refused("clip.planes=[\"z:120%\"]", &["from 0% to 100%"]);
+    definition_refused("clip.planes=[{point=[0,0,0],normal=[0,0,0]}]", &["the normal", "a direction"]);
+    definition_refused("clip.planes=[{point=[0,0,0]}]", &["a clip plane is {", "z:50%"]);
+    let nine = format!("clip.planes={:?}", ["z:1"; 9]);
+    definition_refused(&nine, &["9 clip planes", "may have 8"]);
     let nowhere = "\n[camera]\nposition = [1, 1, 1]\ntarget = [1, 1, 1]\n[materials.flesh]";
     scene_refused("\n[materials.flesh]", nowhere, "5:1", &["camera", "line of sight"]);
     let curves = "material = [[0, \"bone\"]]\nopacity = [[9, 0], [3, 1]]\n[lights.day]";

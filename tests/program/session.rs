@@ -16,7 +16,7 @@ use relume::document::{Document, Edit, Mixing, SessionError, State};
 use relume::document::{Question, Unknown};
 use relume::palette::{Member, ModelTerm};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Accuracy, Interval, Lighting, Scene};
+use relume::scene::{AccumulateAs, Accuracy, Clip, ClipPlane, Interval, Lighting, Scene};
 use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
@@ -49,6 +49,10 @@ fn accuracy(step_length: f64, dimension: Option<usize>) -> Accuracy {
 }
 
 /// A sequence of edits of every kind.
+fn planes(numbers: &[(DVec3, DVec3)]) -> Vec<ClipPlane> {
+    numbers.iter().map(|&(point, normal)| ClipPlane { point, normal, on: point.x >= 1.0 }).collect()
+}
+
 fn edits() -> Vec<Edit> {
     vec![
         Edit::Lighting(Lighting::OneSided),
@@ -88,8 +92,17 @@ fn edits() -> Vec<Edit> {
         Edit::Interval(1, Interval { range: [41.0, 66.0], ..interval(1) }),
         Edit::RemoveTerm(0),
         Edit::Crop(Some([DVec3::NAN, DVec3::splat(-1.0)])),
+        Edit::Clip(Clip {
+            planes: planes(&[(DVec3::new(1.0 / 3.0, 2.0, 7.7), DVec3::new(0.1, -2.0, 0.3))]),
+            cap: false,
+        }),
+        Edit::Clip(Clip {
+            planes: planes(&[(DVec3::ONE, DVec3::Z), (DVec3::NAN, DVec3::Z), (DVec3::ZERO, DVec3::ZERO)]),
+            cap: true,
+        }),
         Edit::Intervals(vec![interval(0), interval(1)]),
         Edit::ResetCrop,
+        Edit::Clip(Clip::default()),
         Edit::Label(0, 0, 0.6),
         Edit::ResetTransfer,
         Edit::Accuracy(accuracy(1.3, None)),
@@ -122,6 +135,7 @@ fn a_session_opens_as_it_was_saved_to_the_bit() {
         let labels = |scene: &Scene| scene.labels.as_ref().unwrap().declared.clone();
         assert_eq!(labels(&theirs.scene), labels(ours), "{edit:?}: {text}");
         assert_eq!(theirs.scene.crop, ours.crop, "{edit:?}: {text}");
+        assert_eq!(theirs.scene.clip, ours.clip, "{edit:?}: {text}");
         assert_eq!(theirs.dial, state.dial, "{edit:?}: {text}");
         assert_eq!(theirs.scene.display, ours.display, "{edit:?}: {text}");
         assert_eq!(theirs.scene.accuracy, ours.accuracy, "{edit:?}: {text}");

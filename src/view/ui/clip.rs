@@ -94,7 +94,7 @@ fn name(index: usize, plane: &ClipPlane) -> String {
     let outward = plane.outward();
     let along = AXES.into_iter().find(|(_, axis)| outward.dot(*axis).abs() > 1.0 - 1e-9);
     let direction = along.map_or_else(
-        || format!("{:.2}, {:.2}, {:.2}", outward.x, outward.y, outward.z),
+        || "oblique".to_owned(),
         |(name, axis)| format!("{}{name}", if outward.dot(axis) > 0.0 { '+' } else { '−' }),
     );
     format!("plane {} ({direction})", index + 1)
