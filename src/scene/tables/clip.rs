@@ -2,8 +2,7 @@
 
 use glam::{DVec3, DVec4};
 
-use super::Storage;
-use super::rays::unit_length;
+use super::{Storage, unit_length};
 use crate::{CLIP_PLANES, Scene};
 use relume_base::number::count;
 
@@ -26,7 +25,7 @@ impl CapTable {
         Self {
             planes: ClipTable::new(scene),
             outward: scene.clip.in_force().take(CLIP_PLANES).map(|plane| to_local * plane.outward()).collect(),
-            fall: storage.fall_from_texel(scene.frame.geometry.spacing.min_element()),
+            fall: storage.fall_from_texel(unit_length(&scene.frame.geometry)),
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use glam::{DVec3, DVec4};
 
-use super::rays::{crop_box, unit_length};
+use super::rays::crop_box;
+use super::unit_length;
 use crate::plan::{Accumulate, LANE, Planned};
 use crate::{Direction, Material, Scene};
 use relume_base::number::{count, rounded};

@@ -36,3 +36,11 @@ pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
 pub use stored::StoredScene;
 pub use thin_film::{FILM_ROWS, ThinFilmRows, ThinFilmTable};
 pub use transfer::{LARGEST_DEPTH, Step, Steps, TransferTable};
+
+use relume_volume::Geometry;
+
+/// Unit of length in world units: the smallest spacing.
+#[must_use]
+fn unit_length(geometry: &Geometry) -> f64 {
+    geometry.spacing.min_element()
+}

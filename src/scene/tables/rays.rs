@@ -2,10 +2,9 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{CELL, ClipTable};
+use super::{CELL, ClipTable, unit_length};
 use crate::{Blocks, Frame, Scene, View};
 use relume_base::number::{count, unsigned, whole};
-use relume_volume::Geometry;
 
 /// Parameters of all pixels' rays, in texture coordinates of the volume (0 to 1 along each axis).
 ///
@@ -131,12 +130,6 @@ impl BlockBox {
         }
         Some(it)
     }
-}
-
-/// Unit of length in world units: the smallest spacing.
-#[must_use]
-pub(super) fn unit_length(geometry: &Geometry) -> f64 {
-    geometry.spacing.min_element()
 }
 
 /// Largest number of samples that a ray can count in f32 without skipping one.

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::rays::{crop_box, unit_length};
+use super::rays::crop_box;
+use super::unit_length;
 use super::{ClipTable, Steps, Storage, TransferTable};
 use crate::Scene;
 use crate::plan::Planned;
