@@ -4,18 +4,23 @@
 // `tables::FactorTable`.
 @group(0) @binding(12) var<uniform> factor_table: array<vec4f, GROUPS * FACTOR_VECTORS>;
 
-// Table coordinate of a `group` in a texel of several fields, of a table that ends at `last`.
-fn coordinate_of(texel: vec4f, group: u32, last: f32) -> f32 {
-    var values = texel;
-    let place = factor_table[group * FACTOR_VECTORS];
-    var value: f32;
+// That of the `numbers` of the fields which belongs to the field of a `group`.
+fn of_field(numbers: vec4f, group: u32) -> f32 {
+    var all = numbers;
+    var number: f32;
     if (ONE_GROUP_EACH) {
         // Known once the loop over the groups is unrolled.
-        value = values[group];
+        number = all[group];
     } else {
-        value = values[u32(place.y)];
+        number = all[u32(factor_table[group * FACTOR_VECTORS].y)];
     }
-    return clamp(fma(value, place.z, place.w), 0.0, last);
+    return number;
+}
+
+// Table coordinate of a `group` where the fields have these `values`, of a table that ends at `last`.
+fn coordinate_of(values: vec4f, group: u32, last: f32) -> f32 {
+    let place = factor_table[group * FACTOR_VECTORS];
+    return clamp(fma(of_field(values, group), place.z, place.w), 0.0, last);
 }
 
 // The factor of a `group` where the gradient has this `magnitude`.

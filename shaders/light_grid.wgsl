@@ -103,6 +103,7 @@ fn depth_to_point(node: vec2u) -> f32 {
 fn main(@builtin(global_invocation_id) id: vec3u) {
     sweep = sweep_uniform;
     read_planes();
+    read_fields();
     let at = vec2u(id.x, id.y + slice.first_row);
     if (all(at < sweep.nodes)) {
         var node = vec3u();

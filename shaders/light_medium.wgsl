@@ -106,14 +106,21 @@ fn extinction_at(place: vec3f) -> f32 {
             let gradient = difference * sweep.gradient_scale;
             magnitude = sqrt(dot(gradient, gradient));
         }
+        var fields = FieldValues(texel, vec4f(1.0));
+        if (PLACED > 0u) {
+            fields = values_at(texel, place);
+        }
         for (var group = 0u; group < GROUPS; group += 1u) {
             var of_group = coordinate;
             if (SEVERAL_FIELDS) {
-                of_group = coordinate_of(texel, group, sweep.coordinate_last);
+                of_group = coordinate_of(fields.values, group, sweep.coordinate_last);
             }
             var factor = 1.0;
             if (BY_GRADIENT) {
                 factor = factor_at(magnitude, group);
+            }
+            if (PLACED > 0u) {
+                factor *= of_field(fields.there, group);
             }
             extinction = fma(factor, extinction_of(of_group, group), extinction);
         }

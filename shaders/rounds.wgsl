@@ -16,6 +16,7 @@ const WANTED_BITS: u32 = 3u;
 fn main(@builtin(global_invocation_id) id: vec3u) {
     march = march_uniform;
     read_planes();
+    read_fields();
     bricks = bricks_uniform;
     read_light();
     let pixel = vec2u(id.x, id.y + band.first_row);

@@ -4,6 +4,7 @@
 fn main(@builtin(global_invocation_id) id: vec3u) {
     march = march_uniform;
     read_planes();
+    read_fields();
     read_light();
     let pixel = vec2u(id.x, id.y + band.first_row);
     if (pixel.x >= march.width || pixel.y >= march.height) {

@@ -3,6 +3,7 @@
 mod clip;
 mod keys;
 mod media;
+mod transform;
 mod view;
 mod volumes;
 

@@ -11,7 +11,9 @@ use relume_colour::spectrum::Light;
 use relume_scene::film::{Film, RelightMatrices};
 use relume_scene::plan::{PlanError, Planned, plan_for, plan_full_spectrum};
 use relume_scene::reference::{Exact, ReferenceError, Skipping, Stored, march, render};
-use relume_scene::tables::{Cells, LabelMap, Occupancy, Storage, StoredScene, StoredVolume, occupancy_of_fields};
+use relume_scene::tables::{
+    Cells, LabelMap, Occupancy, PlacedField, Storage, StoredScene, StoredVolume, occupancy_of_fields,
+};
 use relume_scene::{AccumulateAs, Camera, Coarse, LabelLeft, Level, Mix, Scene};
 use relume_volume::{Statistics, Volume};
 
@@ -231,8 +233,13 @@ impl PlannedJob {
             None if planned.plan.groups.further > 0 => {
                 let further = scene.fields.further().iter().zip(&stored.further);
                 let further: Vec<Cells> =
-                    further.map(|(field, (storage, _))| Cells::new(&field.volume, storage, None)).collect();
-                occupancy_of_fields(&std::iter::once(&cells).chain(&further).collect::<Vec<_>>(), &stored.table)
+                    further.map(|(field, (storage, ..))| Cells::new(&field.volume, storage, None)).collect();
+                let places: Vec<Option<PlacedField>> = stored.further.iter().map(|field| field.2).collect();
+                occupancy_of_fields(
+                    &std::iter::once(&cells).chain(&further).collect::<Vec<_>>(),
+                    &places,
+                    &stored.table,
+                )
             }
             None => cells.occupancy(&stored.table.active_entries()),
             Some(table) => cells.occupancy_of_segments(&self.scene, &table.active_entries()),

@@ -11,7 +11,7 @@ use super::{RenderError, Renderer};
 use relume_base::number::{count, unsigned};
 use relume_base::progress::Progress;
 use relume_scene::plan::{Planned, ScenePlan};
-use relume_scene::tables::{BrickGrid, Cells, LabelMap, Storage, VolumeFormat, apron, slot_edge};
+use relume_scene::tables::{BrickGrid, Cells, LabelMap, PlacedField, Storage, VolumeFormat, apron, slot_edge};
 use relume_scene::{FIELDS, Interpolation, Scene};
 use relume_volume::{Statistics, macrocells};
 use relume_vulkan::{Buffer, Format, HostUse, Image3d};
@@ -32,12 +32,16 @@ pub struct Uploaded {
     pub storage: Storage,
     /// Its macrocells with their value ranges.
     pub cells: Cells,
-    /// Storages and macrocells of further fields, whose values are in the same texels.
+    /// Storages and macrocells of further fields.
     pub further: Vec<(Storage, Cells)>,
+    /// The places of further fields; `None` of those whose values are in the same texels.
+    pub places: Vec<Option<PlacedField>>,
     /// Row of the label table for each voxel, if the plan has labels.
     pub labels: Option<Arc<LabelMap>>,
     pub(super) volume: Image3d,
     pub(super) label_image: Option<Image3d>,
+    /// Fields on grids of their own, one behind the other along z.
+    pub(super) placed: Option<Image3d>,
     /// The bricks in these textures, if they are the slots of a pool.
     pub(super) pool: Option<Pool>,
     /// A coarse level of a volume in bricks, if its scene has shadows.
@@ -69,7 +73,11 @@ impl Uploaded {
         let texels = width * height * depth;
         let per_texel = [Some(&self.volume), self.label_image.as_ref()];
         let images = per_texel.into_iter().flatten();
-        of_level + images.map(|image| texels * u64::from(image.format().texel_bytes())).sum::<u64>()
+        let of_placed = self.placed.as_ref().map_or(0, |image| {
+            let texels: u64 = image.extent().map(u64::from).iter().product();
+            texels * u64::from(image.format().texel_bytes())
+        });
+        of_level + of_placed + images.map(|image| texels * u64::from(image.format().texel_bytes())).sum::<u64>()
     }
 }
 
@@ -152,8 +160,8 @@ fn stored_as(scene: &Scene, planned: &Planned, statistics: &Statistics) -> (Form
 /// Texture format of the texels of a volume, or of the values of all fields.
 fn texels(format: VolumeFormat, plan: &ScenePlan) -> Format {
     match format {
-        VolumeFormat::R16Unorm if plan.groups.further > 0 => Format::Rgba16Unorm,
-        VolumeFormat::R32Float if plan.groups.further > 0 => Format::Rgba32Float,
+        VolumeFormat::R16Unorm if plan.groups.sharing > 0 => Format::Rgba16Unorm,
+        VolumeFormat::R32Float if plan.groups.sharing > 0 => Format::Rgba32Float,
         VolumeFormat::R16Unorm => Format::R16Unorm,
         VolumeFormat::R32Float => Format::R32Float,
         VolumeFormat::Rgba16Snorm => Format::Rgba16Snorm,
@@ -238,14 +246,15 @@ impl Renderer {
                 .transpose()?;
             let (source, labelled) = ((&field.volume, &storage), (labels.as_ref(), smooth));
             let pool = Some(Pool::new(&self.device, size, grid, source, labelled)?);
-            let further = Vec::new();
             return Ok(Uploaded {
                 storage,
                 cells,
-                further,
+                further: Vec::new(),
+                places: Vec::new(),
                 labels,
                 volume,
                 label_image,
+                placed: None,
                 pool,
                 level,
                 kept: Kept::default(),
@@ -254,10 +263,10 @@ impl Renderer {
         let storages = Storage::of_further(&planned.plan, scene);
         let volume = self.fill("volume", format, dims, progress, |slices| {
             let first = storage.slab(&field.volume, slices.clone());
-            if storages.is_empty() {
+            if scene.fields.sharing().is_empty() {
                 return first;
             }
-            let further = storages.iter().zip(scene.fields.further());
+            let further = storages.iter().zip(scene.fields.sharing());
             let further = further.map(|(storage, field)| storage.slab(&field.volume, slices.clone()));
             interleaved(&std::iter::once(first).chain(further).collect::<Vec<_>>(), storage.format.bytes())
         })?;
@@ -266,6 +275,7 @@ impl Renderer {
             .zip(label_format)
             .map(|(map, format)| self.fill("labels", format, dims, progress, |slices| map.texels(dims, slices, smooth)))
             .transpose()?;
+        let placed = self.placed(scene, &storages, progress)?;
         let cells = Cells::new(&field.volume, &storage, labels.as_deref());
         let further = storages.into_iter().zip(scene.fields.further());
         let further = further.map(|(storage, field)| {
@@ -277,13 +287,54 @@ impl Renderer {
             storage,
             cells,
             further,
+            places: PlacedField::of_further(scene),
             labels,
             volume,
             label_image,
+            placed,
             pool: None,
             level: None,
             kept: Kept::default(),
         })
+    }
+
+    /// Uploads the fields on grids of their own, stored as the last of `storages`.
+    fn placed(
+        &self,
+        scene: &Scene,
+        storages: &[Storage],
+        progress: &dyn Progress,
+    ) -> Result<Option<Image3d>, RenderError> {
+        let fields = scene.fields.beside();
+        let storages = &storages[scene.fields.sharing().len()..];
+        let Some(format) = storages.first().map(|storage| storage.format) else { return Ok(None) };
+        let dims = || fields.iter().map(|field| field.volume.geometry.dims);
+        let [width, height] = [0, 1].map(|axis| dims().map(|dims| dims[axis]).max().unwrap_or(1));
+        let all = [width, height, dims().map(|dims| dims[2]).sum()];
+        let bytes = format.bytes();
+        let format = match format {
+            VolumeFormat::R16Unorm => Format::R16Unorm,
+            _ => Format::R32Float,
+        };
+        if !self.has_room(all, format, bytes as u64, self.volume_budget()) {
+            return Err(RenderError::Fields);
+        }
+        // Slices of all fields in turn: number of the field, and of its slice.
+        let slices: Vec<(usize, usize)> =
+            dims().enumerate().flat_map(|(field, dims)| (0..dims[2]).map(move |slice| (field, slice))).collect();
+        let image = self.fill("placed volumes", format, all, progress, |range| {
+            let of_slice = |&(field, slice): &(usize, usize)| {
+                let own = storages[field].slab(&fields[field].volume, slice..slice + 1);
+                let [across, down, _] = fields[field].volume.geometry.dims;
+                let mut padded = vec![0; width * height * bytes];
+                for (row, numbers) in own.chunks_exact(across * bytes).enumerate().take(down) {
+                    padded[row * width * bytes..][..across * bytes].copy_from_slice(numbers);
+                }
+                padded
+            };
+            slices[range].iter().flat_map(of_slice).collect()
+        })?;
+        Ok(Some(image))
     }
 
     /// Uploads the finest coarse level of the volume of `scene` for which there is room beside its bricks.

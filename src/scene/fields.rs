@@ -65,10 +65,10 @@ impl Field {
     }
 }
 
-/// Largest number of fields of a scene: their values share a texel.
+/// Largest number of fields of a scene: their values make a vector.
 pub const FIELDS: usize = 4;
 
-/// All fields of a scene, on one grid.
+/// All fields of a scene. Further fields on the grid of the first share its texels; others have grids of their own.
 #[derive(Clone, Debug)]
 pub struct Fields {
     first: Field,
@@ -82,9 +82,11 @@ impl Fields {
         Self { first: Field::new(String::new(), volume, Vec::new()), further: Vec::new() }
     }
 
-    /// The same with further fields, on the grid of the first.
+    /// The same with further fields: those on the grid of the first before those on grids of their own, otherwise in this order.
     #[must_use]
-    pub fn with(self, further: Vec<Field>) -> Self {
+    pub fn with(self, mut further: Vec<Field>) -> Self {
+        let grid = self.first.volume.geometry;
+        further.sort_by_key(|field| field.volume.geometry != grid);
         Self { further, ..self }
     }
 
@@ -98,6 +100,24 @@ impl Fields {
     #[must_use]
     pub fn further(&self) -> &[Field] {
         &self.further
+    }
+
+    /// Further fields on the grid of the first, and those on grids of their own.
+    fn split(&self) -> (&[Field], &[Field]) {
+        let grid = self.first.volume.geometry;
+        self.further.split_at(self.further.partition_point(|field| field.volume.geometry == grid))
+    }
+
+    /// Further fields that share the texels of the first.
+    #[must_use]
+    pub fn sharing(&self) -> &[Field] {
+        self.split().0
+    }
+
+    /// Fields on grids of their own.
+    #[must_use]
+    pub fn beside(&self) -> &[Field] {
+        self.split().1
     }
 
     /// All of them in their order.

@@ -319,6 +319,12 @@ impl Material {
         }
     }
 
+    /// True if light from all directions reaches it alike: no diffuse part, no highlight, no film.
+    #[must_use]
+    pub fn is_flat(&self) -> bool {
+        self.diffuse <= 0.0 && self.specular <= 0.0 && self.film.is_none()
+    }
+
     /// The film, if it reflects at this angle and its part of the light is not 0.
     pub(crate) fn thin_film_at(&self, angle: ThinFilmAngle) -> Option<&ThinFilm> {
         self.film.as_ref().filter(|film| film.angle() == angle && self.thin_film_factor(angle) > 0.0)

@@ -97,6 +97,8 @@ pub struct Groups {
     pub points: usize,
     /// Fields besides the first.
     pub further: usize,
+    /// Those of them that share its texels; the others have grids of their own.
+    pub sharing: usize,
     /// True if each field has one group, in the order of the fields: a march needs not look up which is whose.
     pub is_one_each: bool,
 }
@@ -118,7 +120,7 @@ impl Groups {
         let is_one_each =
             groups.len() == further + 1 && groups.iter().enumerate().all(|(index, group)| group.field == index);
         if points > 0 || further > 0 {
-            Self { number: groups.len(), points, further, is_one_each }
+            Self { number: groups.len(), points, further, sharing: scene.fields.sharing().len(), is_one_each }
         } else {
             Self::default()
         }
@@ -134,6 +136,12 @@ impl Groups {
     #[must_use]
     pub const fn by_gradient(self) -> bool {
         self.points > 0
+    }
+
+    /// Fields on grids of their own.
+    #[must_use]
+    pub const fn beside(self) -> usize {
+        self.further - self.sharing
     }
 
     /// Groups of numbers in a table entry: at least one.
@@ -457,7 +465,14 @@ impl ScenePlan {
     pub fn is_stored_as(&self, other: &Self) -> bool {
         let kept = |plan: &Self| {
             let labels = (plan.labels, plan.smooth_labels);
-            (plan.volume, plan.gradient(), plan.gradients, labels, plan.interpolation, plan.groups.further)
+            (
+                plan.volume,
+                plan.gradient(),
+                plan.gradients,
+                labels,
+                plan.interpolation,
+                (plan.groups.further, plan.groups.sharing),
+            )
         };
         kept(self) == kept(other)
     }
@@ -509,6 +524,16 @@ pub enum PlanError {
         /// The feature and the way out.
         what: &'static str,
     },
+    /// Only the first field has a gradient.
+    #[error(
+        "volumes.{field} shows {material}, which is shaded, and only the gradient of the first field shades; write materials.{material} with diffuse = 0, specular = 0 and ambient = 1, or shading = \"none\""
+    )]
+    ShadedField {
+        /// The further field.
+        field: String,
+        /// A material that it shows.
+        material: String,
+    },
     /// Terms whose factors differ are summed at each sample, and depths that a model projects step by step have no sum.
     #[error(
         "the model projects the transmittance of each step, so terms with different factors by the gradient have no sum; take another model, or one factor for all: transfer.gradient_opacity"
@@ -555,6 +580,7 @@ impl PlanError {
             Self::GradientMatrix => "gradient-opacity-matrix",
             Self::GradientProjected => "gradient-projected",
             Self::Fields { .. } => "fields-impossible",
+            Self::ShadedField { .. } => "field-shaded",
             Self::FilmMatrix { .. } => "film-matrix",
             Self::HalfMatrix => "half-matrix",
             Self::NoSegments { .. } => "segments-impossible",
@@ -617,9 +643,15 @@ fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
 /// Refuses what a march of several fields does not do.
 fn check_fields(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let plan = &planned.plan;
-    let what = if plan.shading.is_some() {
-        "shading by the gradient; write shading = \"none\", or ambient lights"
-    } else if plan.labels {
+    let shaded = scene.fields.further().iter().flat_map(|field| field.terms.iter().map(move |term| (field, term)));
+    let shaded = shaded.flat_map(|(field, term)| term.material.0.iter().map(move |point| (field, point.1)));
+    let mut shaded = shaded.filter_map(|(field, index)| Some((field, scene.materials.get(index)?)));
+    if plan.shades_by_gradient()
+        && let Some((field, material)) = shaded.find(|(_, material)| !material.is_flat())
+    {
+        return Err(PlanError::ShadedField { field: field.name.clone(), material: material.name.clone() });
+    }
+    let what = if plan.labels {
         "labels; leave them out, or show one field"
     } else if plan.transmittance == Transmittance::Mixed || projects_steps(plan, planned.model.as_deref()) {
         "the model, which projects each step; take another model"

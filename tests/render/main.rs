@@ -14,6 +14,7 @@ mod ladder;
 mod matrix;
 mod peercy;
 mod phases;
+mod placed;
 mod plan;
 mod probe;
 mod properties;

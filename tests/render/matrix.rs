@@ -481,10 +481,11 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         *thin_films != FilmCounts::default(),
         format!("films: {facing} facing, {lobe} lobes, {terms} terms, {exponent_bits} bits"),
     );
-    let Groups { number, points, further, is_one_each: _ } = *groups;
+    let Groups { number, points, further, sharing, is_one_each: _ } = *groups;
     let apart = if number > 1 && further == 0 { format!(" in {number} groups") } else { String::new() };
     add(points > 0, format!("thinned at {points}{apart}"));
-    add(further > 0, format!("{} fields in {number} groups", further + 1));
+    let placed = if further > sharing { format!(", {} placed", further - sharing) } else { String::new() };
+    add(further > 0, format!("{} fields in {number} groups{placed}", further + 1));
     let ClipPlan { planes, caps } = *clip;
     add(planes > 0, format!("{planes} planes{}", if caps { " with caps" } else { "" }));
     add(*labels, if *smooth_labels { "labels" } else { "nearest labels" }.into());
@@ -596,7 +597,7 @@ matrix! {
     segments_coloured_xray segments_sharpened_semigroup segments_central segments_cubic segments_exact_linear
     segments_nearest_lookup segments_thinned segments_unskipped segments_long_steps segments_unshaded_cubic
     segments_unshaded_exact_linear thinned_unshaded_one thinned_diffuse_three thinned_specular_three thinned_labels
-    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured clipped_unshaded clipped_diffuse_three clipped_coloured_three clipped_labels clipped_segments clipped_segments_coloured clipped_central clipped_rectangles clipped_shadows clipped_rotated clipped_fields fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
+    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured clipped_unshaded clipped_diffuse_three clipped_coloured_three clipped_labels clipped_segments clipped_segments_coloured clipped_central clipped_rectangles clipped_shadows clipped_rotated clipped_fields placed_two placed_three placed_coloured placed_cubic placed_exact_linear placed_nearest placed_shaded placed_shadows placed_clipped placed_unskipped fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
     interpolation_exact_linear_three interpolation_cubic_three interpolation_nearest_unshaded
     interpolation_exact_linear_unshaded interpolation_cubic_unshaded interpolation_nearest_labels
     interpolation_exact_linear_labels interpolation_cubic_labels interpolation_nearest_coloured

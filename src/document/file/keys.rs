@@ -221,7 +221,7 @@ pub(super) struct ThinFilmFile {
     pub(super) angle: ThinFilmAngle,
 }
 
-/// A further field: values on the grid of the volume.
+/// A further field.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FurtherFile {
@@ -232,7 +232,19 @@ pub(super) struct FurtherFile {
     pub(super) array: Option<String>,
     #[serde(default, deserialize_with = "number_or_text")]
     pub(super) series: Option<String>,
+    pub(super) transform: Option<At<TransformFile>>,
     pub(super) transfer: At<TransferFile>,
+}
+
+/// A transform by its numbers, or in a file.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "a transform is 12 numbers by rows, [1, 0, 0, x, 0, 1, 0, y, 0, 0, 1, z], or a file of ITK (.tfm)"
+)]
+pub(super) enum TransformFile {
+    Numbers([f64; 12]),
+    File(PathBuf),
 }
 
 #[derive(Default, Deserialize)]

@@ -131,7 +131,8 @@ impl Text<'_> {
         Ok((volume, stored))
     }
 
-    /// The further fields of a scene: volumes on the grid of `first`, with what they show. Those that are `given` are not read.
+    /// The further fields of a scene: volumes on the grid of `first` or on grids of their own, with what they show. Those that are `given`
+    /// are not read.
     pub(super) fn further(
         &self,
         file: &Root,
@@ -150,7 +151,8 @@ impl Text<'_> {
         }
         let of = |(name, stated): (&String, &At<FurtherFile>)| {
             let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
-            let FurtherFile { file: path, phantom, component, time, array, series, transfer } = stated.get_ref();
+            let FurtherFile { file: path, phantom, component, time, array, series, transform, transfer } =
+                stated.get_ref();
             let (terms, all) = self.transfer(transfer.get_ref(), materials)?;
             if !all.is_empty() || terms.iter().any(|term| !term.gradient.is_empty()) {
                 let message = format!("volumes.{name}.transfer: only the first field has factors by the gradient");
@@ -198,15 +200,31 @@ impl Text<'_> {
             if let Some(blocks) = file.volume.blocks(options) {
                 volume = volume.downsample(blocks).map_err(fail)?;
             }
-            if volume.geometry.dims != stored.dims {
-                let [ours, theirs] = [volume.geometry.dims, stored.dims].map(|dims| format!("{dims:?}"));
-                let message = format!(
-                    "volumes.{name}: {} has {ours} voxels, and the volume {theirs}; the fields of a scene share one grid",
-                    volume.source
-                );
-                return Err(self.invalid(stated, message));
+            let fits = volume.geometry.dims == stored.dims;
+            let lies = phantom.is_some() || volume.geometry.lies_on(stored);
+            // A file without a place of its own is on the grid that it fits.
+            if transform.is_some() || !(fits && (lies || volume.assumed_spacing.is_some())) {
+                if let (Some(ours), Some(theirs)) = (first.unit, volume.unit)
+                    && ours != theirs
+                {
+                    let message = format!(
+                        "volumes.{name}: {} is in {theirs}, and the volume in {ours}; give both the same unit",
+                        volume.source
+                    );
+                    return Err(self.invalid(stated, message));
+                }
+                if let Some(transform) = transform {
+                    volume.geometry = self.moved(&volume, transform, base)?;
+                }
+                if reaches_beyond(&volume.geometry, &first.geometry) {
+                    volume.notes.push(format!(
+                        "{}: volumes.{name} reaches beyond the box of the volume; what lies there is not shown",
+                        volume.source
+                    ));
+                }
+                return Ok(Field::new(name.clone(), Arc::new(volume), terms));
             }
-            if phantom.is_none() && !volume.geometry.lies_on(stored) {
+            if !lies {
                 volume.notes.push(format!(
                     "{}: volumes.{name} differs from the volume in spacing, origin or direction; it is assigned voxel by voxel to its grid",
                     volume.source
@@ -216,6 +234,27 @@ impl Text<'_> {
             Ok(Field::new(name.clone(), Arc::new(volume), terms))
         };
         file.volumes.iter().map(of).collect()
+    }
+
+    /// The grid of `volume`, moved from its world to that of the scene.
+    fn moved(&self, volume: &Volume, stated: &At<TransformFile>, base: &Path) -> Result<Geometry, SceneError> {
+        let rows = match stated.get_ref() {
+            TransformFile::Numbers(rows) => *rows,
+            TransformFile::File(path) => {
+                transform::read(&base.join(path)).map_err(|message| self.invalid(stated, message))?
+            }
+        };
+        let row = |i: usize| DVec3::new(rows[4 * i], rows[4 * i + 1], rows[4 * i + 2]);
+        let matrix = DMat3::from_cols(row(0), row(1), row(2)).transpose();
+        let shift = DVec3::new(rows[3], rows[7], rows[11]);
+        let Geometry { dims, spacing, origin, direction } = volume.geometry;
+        let axes = matrix * direction;
+        let lengths = DVec3::from_array(DVec3::AXES.map(|axis| (axes * axis).length()));
+        let turned = axes * DMat3::from_diagonal(lengths.recip());
+        Geometry::new(&volume.source, dims, spacing * lengths, matrix * origin + shift, turned).map_err(|error| {
+            let message = format!("the transform of {} leaves no grid with right angles: {error}", volume.source);
+            self.invalid(stated, message)
+        })
     }
 
     /// The volume, and the label map on its grid with the `declared` labels.
@@ -424,4 +463,16 @@ impl VolumeFile {
         let stated = self.downsample.map(|blocks| blocks.map(NonZeroUsize::get)).filter(|_| is_file);
         options.downsample.or(stated)
     }
+}
+
+/// True if a grid has voxels more than half a voxel of `frame` outside that one's box.
+fn reaches_beyond(grid: &Geometry, frame: &Geometry) -> bool {
+    let last = |geometry: &Geometry| DVec3::from_array(geometry.dims.map(count)) - 1.0;
+    (0..8_usize).any(|bits| {
+        let corner =
+            DVec3::from_array(std::array::from_fn(|axis| if bits >> axis & 1 == 0 { 0.0 } else { last(grid)[axis] }));
+        let world = grid.world_from_index(corner);
+        let index = frame.direction.inverse() * (world - frame.origin) / frame.spacing;
+        index.cmplt(DVec3::splat(-0.5)).any() || index.cmpgt(last(frame) + 0.5).any()
+    })
 }

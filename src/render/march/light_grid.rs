@@ -9,7 +9,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::dispatching::TableMemory;
-use super::setup::clip_bytes;
+use super::setup::{clip_bytes, placed_bytes};
 use super::source::{Fill, Texel, light_grid_source, light_order_source, sky_source};
 use crate::pool::is_one_allocation;
 use crate::{RenderError, Renderer, Source, Uploaded};
@@ -613,6 +613,9 @@ impl DeviceGrid {
         };
         let sweep_buffer = uniform("sweep", bytemuck::bytes_of(&sweep_uniform))?;
         let factors = uniform("factors", bytemuck::cast_slice(&factors.0))?;
+        let placed_bytes = placed_bytes(&medium.places);
+        let placed = Buffer::host(device, "placed fields", placed_bytes.len() as u64, HostUse::Storage)?;
+        placed.write(0, &placed_bytes)?;
         let clip_bytes = clip_bytes(&grid.clip, &CapTable::default(), to_medium);
         let clip = Buffer::host(device, "clip planes", clip_bytes.len() as u64, HostUse::Storage)?;
         clip.write(0, &clip_bytes)?;
@@ -643,6 +646,8 @@ impl DeviceGrid {
                 "sweep_uniform" => Resource::Uniform(&sweep_buffer),
                 "factor_table" => Resource::Uniform(&factors),
                 "clip_planes" => Resource::Storage(&clip),
+                "placed_fields" => Resource::Storage(&placed),
+                "placed_volumes" => Resource::Texture(medium.placed.as_ref()?),
                 "volume" => Resource::Texture(&medium.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "labels" => Resource::Texture(medium.label_image.as_ref()?),

@@ -16,8 +16,8 @@ use crate::{RenderError, Renderer, Uploaded};
 use relume_base::number::{count, rounded, unsigned};
 use relume_scene::plan::{Integrate, LANE, Planned, Transmittance};
 use relume_scene::tables::{
-    BlockBox, CapTable, ClipTable, FactorTable, Occupancy, PhaseTable, PositionTable, RayTable, SegmentTable,
-    ShadingTable, Steps, ThinFilmTable, TransferTable, occupancy_of_fields, ray_places,
+    BlockBox, CapTable, ClipTable, FactorTable, Occupancy, PhaseTable, PlacedField, PositionTable, RayTable,
+    SegmentTable, ShadingTable, Steps, ThinFilmTable, TransferTable, occupancy_of_fields, ray_places,
 };
 use relume_scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
@@ -123,7 +123,9 @@ impl Values {
 /// Occupancy of the macrocells of `uploaded` under the table `values`.
 fn occupancy_of(scene: &Scene, planned: &Planned, uploaded: &Uploaded, values: &Values) -> Occupancy {
     match values {
-        Values::Steps(table) if planned.plan.groups.further > 0 => occupancy_of_fields(&uploaded.all_cells(), table),
+        Values::Steps(table) if planned.plan.groups.further > 0 => {
+            occupancy_of_fields(&uploaded.all_cells(), &uploaded.places, table)
+        }
         Values::Steps(table) => uploaded.cells.occupancy(&table.active_entries()),
         Values::Segments(table) => uploaded.cells.occupancy_of_segments(scene, &table.active_entries()),
     }
@@ -249,6 +251,7 @@ impl Renderer {
         };
         let factors = FactorTable::new(scene, planned, &uploaded.storages(), entries).0;
         let factors = uniform("factors", bytemuck::cast_slice(&factors))?;
+        let placed = storage("placed fields", &placed_bytes(&uploaded.places))?;
         let caps = CapTable::new(scene, &uploaded.storage);
         let clip = storage("clip planes", &clip_bytes(&rays.clip, &caps, DVec3::ONE))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
@@ -309,6 +312,8 @@ impl Renderer {
                 "segments_uniform" => Resource::Uniform(&segments),
                 "factor_table" => Resource::Uniform(&factors),
                 "clip_planes" => Resource::Storage(&clip),
+                "placed_fields" => Resource::Storage(&placed),
+                "placed_volumes" => Resource::Texture(uploaded.placed.as_ref()?),
                 "volume" => Resource::Texture(&uploaded.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "occupancy" => Resource::Storage(&occupied),
@@ -422,6 +427,21 @@ pub(super) fn clip_bytes(planes: &ClipTable, caps: &CapTable, scale: DVec3) -> V
     outward.resize(vectors, [0.0; LANE]);
     let fall = [caps.fall[0], caps.fall[1], 0.0, 0.0].map(rounded);
     [planes, outward, vec![fall]].iter().flat_map(|vectors| bytemuck::cast_slice(vectors).to_vec()).collect()
+}
+
+/// Bytes of the shader's structs `PlacedField`.
+pub(super) fn placed_bytes(places: &[Option<PlacedField>]) -> Vec<u8> {
+    let mut first = 0.0;
+    let mut vectors: Vec<[f32; LANE]> = Vec::new();
+    for field in places.iter().flatten() {
+        let [[x, y, z], high] = field.ends();
+        vectors.extend(field.rows.map(|row| row.to_array().map(rounded)));
+        vectors.push([x, y, z, first].map(rounded));
+        vectors.push([high[0], high[1], high[2], 0.0].map(rounded));
+        first += count(field.dims[2]);
+    }
+    vectors.resize(vectors.len().max(5), [0.0; LANE]);
+    bytemuck::cast_slice(&vectors).to_vec()
 }
 
 /// Bytes of the shader's struct `Phases`.

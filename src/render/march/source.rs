@@ -47,6 +47,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         text!("clip.wgsl"),
         text!("rays.wgsl"),
         text!("fetch.wgsl"),
+        text!("placed.wgsl"),
     ];
     let steps = match plan.integration {
         Integrate::Samples => text!("cut_steps.wgsl"),
@@ -145,7 +146,7 @@ fn filmed(constants: Constants, plan: &ScenePlan) -> Constants {
         .bool("FILM_WEIGHTS", matches!(plan.accumulate, Accumulate::Weights { .. }))
 }
 
-/// Adds the constants of `factors.wgsl`, and of whoever reads groups of terms.
+/// Adds the constants of `factors.wgsl`, `placed.wgsl`, and of whoever reads groups of terms.
 fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
     constants
         .bool("FACTORS", plan.groups.any())
@@ -153,6 +154,9 @@ fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
         .bool("BY_GRADIENT", plan.groups.by_gradient())
         .bool("SEVERAL_FIELDS", plan.groups.further > 0)
         .bool("ONE_GROUP_EACH", plan.groups.is_one_each)
+        .u32("PLACED", unsigned(plan.groups.beside()))
+        .u32("PLACED_VECTORS", unsigned(plan.groups.beside().max(1)))
+        .u32("FIRST_PLACED", unsigned(1 + plan.groups.sharing))
         .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
 }
 
@@ -286,6 +290,7 @@ pub(super) fn light_grid_source(
         text!("factors.wgsl"),
         text!("clip.wgsl"),
         text!("fetch.wgsl"),
+        text!("placed.wgsl"),
         text!("whole.wgsl"),
         half,
         text!("light_medium.wgsl"),

@@ -5,8 +5,8 @@ use super::factors::{coordinates_of, factors_at, sum_groups};
 use super::kept::{Keeping, KeptDepths};
 use crate::plan::{LANE, Planned};
 use crate::tables::{
-    self, CapTable, ExtinctionTable, FactorTable, LabelMap, SegmentTable, Steps, Storage, StoredScene, StoredVolume,
-    TransferTable,
+    self, CapTable, ExtinctionTable, FactorTable, LabelMap, PlacedField, SegmentTable, Steps, Storage, StoredScene,
+    StoredVolume, TransferTable,
 };
 use crate::{FIELDS, Interpolation, Lookup, Medium, Scene};
 use relume_base::number::{Real, count, unit};
@@ -206,8 +206,8 @@ pub struct Exact<'a> {
     scene: &'a Scene,
     /// Of the first field.
     volume: &'a Volume,
-    /// Further fields.
-    further: Vec<(&'a Volume, Storage)>,
+    /// Further fields, and the places of those on grids of their own.
+    further: Vec<(&'a Volume, Storage, Option<PlacedField>)>,
     planned: &'a Planned,
     storage: Storage,
     labels: Option<&'a LabelMap>,
@@ -232,11 +232,13 @@ impl<'a> Exact<'a> {
             (0..=planned.plan.light.absorbers).map(|number| steps.extinctions_of_labels(number)).collect();
         let bends = scene.transfer.bends();
         let clip = Planes::of_caps(planned, &CapTable::new(scene, &storage));
-        let further = scene.fields.further().iter().map(|field| &*field.volume);
+        let further = scene.fields.further().iter().map(|field| &*field.volume).zip(PlacedField::of_further(scene));
         Self {
             scene,
             volume: scene.volume(),
-            further: further.zip(Storage::of_further(&planned.plan, scene)).collect(),
+            further: (further.zip(Storage::of_further(&planned.plan, scene)))
+                .map(|((volume, place), storage)| (volume, storage, place))
+                .collect(),
             planned,
             storage,
             labels,
@@ -276,10 +278,15 @@ impl<'a> Exact<'a> {
         (high - low).mul_add(normalised, low)
     }
 
-    /// The values of all fields at `place`.
+    /// The values of all fields at `place`; NaN outside the box of one.
     fn values_at(&self, place: [f64; 3]) -> SmallVec<[f64; FIELDS]> {
         let first = self.value_at(place);
-        let further = self.further.iter().map(|(volume, storage)| self.value_of((volume, storage), place));
+        let further = self.further.iter().map(|(volume, storage, placed)| match placed {
+            None => self.value_of((volume, storage), place),
+            Some(placed) => {
+                texture_place(placed, place).map_or(f64::NAN, |place| self.value_of((volume, storage), place))
+            }
+        });
         std::iter::once(first).chain(further).collect()
     }
 
@@ -357,6 +364,12 @@ impl<'a> Exact<'a> {
             (self.voxel(after) - self.voxel(before)) / (voxels * geometry.spacing[axis])
         })
     }
+}
+
+/// Texture coordinates of a field on a grid of its own at `place`, in those of the frame; `None` outside its box.
+fn texture_place<R: Real>(placed: &PlacedField, place: [R; 3]) -> Option<[R; 3]> {
+    let index = placed.index(place)?;
+    Some(std::array::from_fn(|axis| (index[axis] + R::from_f64(0.5)) * R::from_f64(1.0 / count(placed.dims[axis]))))
 }
 
 /// Normalised value of a voxel.
@@ -470,8 +483,8 @@ fn largest_difference<R: Real>(mean: &[R], [a, b]: [&[R]; 2]) -> R {
 pub struct Stored<'a, R> {
     planned: &'a Planned,
     volume: &'a StoredVolume,
-    /// Of further fields.
-    further: Vec<&'a StoredVolume>,
+    /// Of further fields, and the places of those on grids of their own.
+    further: Vec<(&'a StoredVolume, Option<PlacedField>)>,
     table: &'a TransferTable,
     labels: Option<(&'a LabelMap, &'a TransferTable)>,
     factors: &'a FactorTable,
@@ -507,7 +520,7 @@ impl<'a, R: Real> Stored<'a, R> {
         Self {
             planned,
             volume,
-            further: further.iter().map(|field| &field.1).collect(),
+            further: further.iter().map(|field| (&field.1, field.2)).collect(),
             table,
             labels: labels.as_deref().map(|labels| (labels, label_table)),
             factors,
@@ -523,7 +536,11 @@ impl<'a, R: Real> Stored<'a, R> {
 
     /// The numbers of `texels` at `place`.
     fn fetch<const N: usize>(&self, place: [R; 3], texels: &[[f32; N]]) -> [R; N] {
-        let dims = self.volume.dims;
+        self.fetch_of(self.volume.dims, place, texels)
+    }
+
+    /// The numbers of `texels` of a grid at `place`, in its texture coordinates.
+    fn fetch_of<const N: usize>(&self, dims: [usize; 3], place: [R; 3], texels: &[[f32; N]]) -> [R; N] {
         interpolate(place, dims, self.planned.plan.interpolation, |[x, y, z]| {
             let texel = texels.get(x + dims[0] * (y + dims[1] * z)).copied().unwrap_or([0.0; N]);
             texel.map(|number| R::from_f64(f64::from(number)))
@@ -565,18 +582,22 @@ impl<'a, R: Real> Stored<'a, R> {
         })
     }
 
-    /// The table coordinate of each group at `place`.
-    fn coordinates_of_groups(&self, place: [R; 3], entries: usize) -> SmallVec<[R; 4]> {
+    /// The table coordinate of each group at `place`, if its field has a value there.
+    fn coordinates_of_groups(&self, place: [R; 3], entries: usize) -> SmallVec<[Option<R>; 4]> {
         let plan = &self.planned.plan;
         if plan.groups.further == 0 {
-            return smallvec![self.coordinate_at(place, entries); plan.groups.in_tables()];
+            return smallvec![Some(self.coordinate_at(place, entries)); plan.groups.in_tables()];
         }
         let [first] = self.fetch(place, self.volume.values.as_chunks().0);
-        let further = self.further.iter().map(|volume| self.fetch(place, volume.values.as_chunks().0));
-        let values: SmallVec<[R; FIELDS]> = std::iter::once(first).chain(further.map(|[value]| value)).collect();
+        let further = self.further.iter().map(|(volume, placed)| {
+            let place = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place))?;
+            let [value] = self.fetch_of(volume.dims, place, volume.values.as_chunks().0);
+            Some(value)
+        });
+        let values: SmallVec<[Option<R>; FIELDS]> = std::iter::once(Some(first)).chain(further).collect();
         let last = R::from_f64(count(entries - 1));
         let of_group = |(field, [scale, offset]): (usize, [R; 2])| {
-            values[field].mul_add(scale, offset).max(R::default()).min(last)
+            values[field].map(|value| value.mul_add(scale, offset).max(R::default()).min(last))
         };
         coordinates_of(self.factors, plan).map(of_group).collect()
     }
@@ -588,6 +609,11 @@ impl<'a, R: Real> Stored<'a, R> {
         step.opacity.clear();
         let mut read = Step::default();
         for (group, coordinate) in self.coordinates_of_groups(place, self.table.entries()).into_iter().enumerate() {
+            let Some(coordinate) = coordinate else {
+                step.source.extend(std::iter::repeat_n(R::default(), lanes));
+                step.opacity.extend(std::iter::repeat_n(R::default(), numbers));
+                continue;
+            };
             self.look_up(coordinate, &mut read);
             step.source.extend_from_slice(&read.source[group * lanes..][..lanes]);
             step.opacity.extend_from_slice(&read.opacity[group * numbers..][..numbers]);
@@ -692,7 +718,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         let own = || {
             let coordinates = self.coordinates_of_groups(place, table.entries());
             let of_group = |group: usize| {
-                let coordinate = coordinates[group];
+                let Some(coordinate) = coordinates[group] else { return R::default() };
                 let entry = |entry: usize| number(&table.values[entry * table.groups + group]);
                 match self.planned.plan.lookup {
                     Lookup::Nearest => entry((coordinate + R::from_f64(0.5)).floor().index()),

@@ -2,7 +2,9 @@
 
 use std::ops::RangeInclusive;
 
-use super::{LabelMap, Storage, TransferTable};
+use glam::DVec3;
+
+use super::{LabelMap, PlacedField, Storage, TransferTable};
 use crate::{Interpolation, Scene};
 use relume_base::number::{count, rounded, whole};
 use relume_base::parallel;
@@ -99,12 +101,17 @@ impl Cells {
     }
 }
 
-/// The occupancy of the samples of fields with these `cells` under `table`: a macrocell of any of them.
+/// The occupancy of the samples of fields with these `cells` under `table`, in the macrocells of the first: one of any of them.
+/// `placed` are the places of further fields on grids of their own.
 #[must_use]
-pub fn occupancy_of_fields(cells: &[&Cells], table: &TransferTable) -> Occupancy {
+pub fn occupancy_of_fields(cells: &[&Cells], placed: &[Option<PlacedField>], table: &TransferTable) -> Occupancy {
     let mut found: Option<Occupancy> = None;
-    for (field, cells) in cells.iter().enumerate() {
-        let of_field = cells.occupancy(&table.active_entries_of(field));
+    let placed = std::iter::once(&None).chain(placed);
+    for ((field, own), placed) in cells.iter().enumerate().zip(placed) {
+        let mut of_field = own.occupancy(&table.active_entries_of(field));
+        if let (Some(placed), Some(first)) = (placed, cells.first()) {
+            of_field = of_field.seen_in(first, placed);
+        }
         found = Some(match found {
             None => of_field,
             Some(found) => found.or(&of_field),
@@ -114,6 +121,36 @@ pub fn occupancy_of_fields(cells: &[&Cells], table: &TransferTable) -> Occupancy
 }
 
 impl Occupancy {
+    /// The macrocells of `frame` in which a field of this occupancy, `placed` there, may be visible.
+    fn seen_in(&self, frame: &Cells, placed: &PlacedField) -> Self {
+        let dims = frame.dims;
+        let cell = count(CELL);
+        let is_seen = |index: usize| {
+            let at = [index % dims[0], index / dims[0] % dims[1], index / (dims[0] * dims[1])];
+            let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+            for corner in 0..8_usize {
+                let place = DVec3::from_array(std::array::from_fn(|axis| count(at[axis] + (corner >> axis & 1))));
+                let there = placed.index_of_voxel(place * cell);
+                (low, high) = (low.min(there), high.max(there));
+            }
+            // A voxel more for rounding, and the samples at the faces of the volume, which belong to the last macrocell.
+            let range = |axis: usize| {
+                let [first, last] = [low[axis] - 1.0, high[axis] + 1.0].map(|index| index / cell);
+                let end = count(self.dims[axis] - 1);
+                let beside = last < 0.0 || first > end + 1.0;
+                (!beside).then(|| whole(first.clamp(0.0, end))..=whole(last.clamp(0.0, end)))
+            };
+            let (Some(xs), Some(ys), Some(zs)) = (range(0), range(1), range(2)) else { return false };
+            zs.into_iter().any(|z| ys.clone().any(|y| xs.clone().any(|x| self.is_set([x, y, z]))))
+        };
+        let mut seen = Self { dims, words: vec![0; dims.iter().product::<usize>().div_ceil(32)], occupied: 0 };
+        for index in (0..dims.iter().product()).filter(|&index| is_seen(index)) {
+            seen.words[index / 32] |= 1 << (index % 32);
+            seen.occupied += 1;
+        }
+        seen
+    }
+
     /// The macrocells that either has.
     #[must_use]
     pub fn or(mut self, other: &Self) -> Self {

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use super::{CapTable, ExtinctionTable, FactorTable, LabelMap, SegmentTable, Storage, StoredVolume, TransferTable};
+use super::{
+    CapTable, ExtinctionTable, FactorTable, LabelMap, PlacedField, SegmentTable, Storage, StoredVolume, TransferTable,
+};
 use crate::Scene;
 use crate::plan::{Integrate, Planned};
 use relume_volume::{Statistics, VolumeError};
@@ -14,8 +16,8 @@ pub struct StoredScene {
     pub storage: Storage,
     /// The volume as stored on a device.
     pub volume: Arc<StoredVolume>,
-    /// Those of further fields.
-    pub further: Vec<(Storage, StoredVolume)>,
+    /// Those of further fields, and the places of those on grids of their own.
+    pub further: Vec<(Storage, StoredVolume, Option<PlacedField>)>,
     /// The transfer table.
     pub table: TransferTable,
     /// Table of the media of labels: steps, or densities if the plan adds these.
@@ -53,12 +55,13 @@ impl StoredScene {
         (storage, volume): (Storage, Arc<StoredVolume>),
         labels: Option<Arc<LabelMap>>,
     ) -> Self {
-        let further: Vec<(Storage, StoredVolume)> = Storage::of_further(&planned.plan, scene)
+        let further: Vec<_> = Storage::of_further(&planned.plan, scene)
             .into_iter()
             .zip(scene.fields.further())
-            .map(|(storage, field)| {
+            .zip(PlacedField::of_further(scene))
+            .map(|((storage, field), placed)| {
                 let stored = StoredVolume::new(&field.volume, &storage);
-                (storage, stored)
+                (storage, stored, placed)
             })
             .collect();
         let storages: Vec<&Storage> = std::iter::once(&storage).chain(further.iter().map(|field| &field.0)).collect();

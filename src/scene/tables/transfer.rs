@@ -282,12 +282,13 @@ impl<'a> Steps<'a> {
         self.groups.0.get(group).copied().unwrap_or(0)
     }
 
-    /// The medium where the fields have these `values`, and the gradient of the first this `magnitude`.
+    /// The medium where the fields have these `values`, NaN where there is none, and the gradient of the first this `magnitude`.
     pub(crate) fn medium_with(&self, values: &[f64], magnitude: f64) -> Medium {
         let materials = self.scene.materials.len();
         let first = values.first().copied().unwrap_or_default();
         let mut medium = self.scene.transfer.medium_with(first, magnitude, materials);
-        for (field, &value) in values.iter().enumerate().skip(1) {
+        // A field is absent outside its box.
+        for (field, &value) in values.iter().enumerate().skip(1).filter(|(_, value)| !value.is_nan()) {
             medium.add(&medium_of(self.scene.terms_of(field), value, materials, |_| 1.0));
         }
         medium

@@ -1,0 +1,95 @@
+// Fields on grids of their own, in one texture, one behind the other along z. Part of `march.wgsl` and `light_grid.wgsl`. Twin of
+// `tables::PlacedField` and `Stored::coordinates_of_groups`.
+
+struct PlacedField {
+    // Voxel index: each row times texture coordinates of the volume and 1.
+    rows: array<vec4f, 3>,
+    // Lowest and highest voxel index, and its first slice in the texture.
+    low: vec3f,
+    first: f32,
+    high: vec3f,
+}
+
+// The values of all fields at a place, and 1 where each has one, 0 outside its box.
+struct FieldValues {
+    values: vec4f,
+    there: vec4f,
+}
+
+@group(0) @binding(27) var placed_volumes: texture_3d<f32>;
+@group(0) @binding(28) var<storage, read> placed_fields: array<PlacedField, PLACED_VECTORS>;
+
+// Copy, as of the planes.
+var<private> placed: array<PlacedField, PLACED_VECTORS>;
+
+fn read_fields() {
+    if (PLACED > 0u) {
+        placed = placed_fields;
+    }
+}
+
+fn placed_texel(field: u32, voxel: vec3f) -> f32 {
+    let on = clamp(voxel, vec3f(), floor(placed[field].high)) + vec3f(0.0, 0.0, placed[field].first);
+    return textureLoad(placed_volumes, vec3i(on), 0).x;
+}
+
+fn placed_line(field: u32, base: vec3f, x: f32) -> f32 {
+    let before = placed_texel(field, base);
+    return fma(x, placed_texel(field, base + vec3f(1.0, 0.0, 0.0)) - before, before);
+}
+
+fn placed_plane(field: u32, base: vec3f, x: f32, y: f32) -> f32 {
+    let before = placed_line(field, base, x);
+    return fma(y, placed_line(field, base + vec3f(0.0, 1.0, 0.0), x) - before, before);
+}
+
+fn placed_cubic_line(field: u32, base: vec3f, x: vec4f) -> f32 {
+    let step = vec3f(1.0, 0.0, 0.0);
+    return x.x * placed_texel(field, base - step) + x.y * placed_texel(field, base)
+        + x.z * placed_texel(field, base + step) + x.w * placed_texel(field, base + 2.0 * step);
+}
+
+fn placed_cubic_plane(field: u32, base: vec3f, x: vec4f, y: vec4f) -> f32 {
+    let step = vec3f(0.0, 1.0, 0.0);
+    return y.x * placed_cubic_line(field, base - step, x) + y.y * placed_cubic_line(field, base, x)
+        + y.z * placed_cubic_line(field, base + step, x) + y.w * placed_cubic_line(field, base + 2.0 * step, x);
+}
+
+fn placed_value(field: u32, index: vec3f) -> f32 {
+    let base = floor(index);
+    let fraction = index - base;
+    var value: f32;
+    if (EXACT_LINEAR) {
+        let before = placed_plane(field, base, fraction.x, fraction.y);
+        let after = placed_plane(field, base + vec3f(0.0, 0.0, 1.0), fraction.x, fraction.y);
+        value = fma(fraction.z, after - before, before);
+    } else if (CUBIC) {
+        let x = cubic_weights(fraction.x);
+        let y = cubic_weights(fraction.y);
+        let z = cubic_weights(fraction.z);
+        let step = vec3f(0.0, 0.0, 1.0);
+        value = z.x * placed_cubic_plane(field, base - step, x, y) + z.y * placed_cubic_plane(field, base, x, y)
+            + z.z * placed_cubic_plane(field, base + step, x, y)
+            + z.w * placed_cubic_plane(field, base + 2.0 * step, x, y);
+    } else if (NEAREST) {
+        value = placed_texel(field, floor(index + 0.5));
+    } else {
+        let on = clamp(index, vec3f(), floor(placed[field].high)) + vec3f(0.5, 0.5, 0.5 + placed[field].first);
+        value = textureSampleLevel(placed_volumes, volume_sampler, on / vec3f(textureDimensions(placed_volumes)), 0.0).x;
+    }
+    return value;
+}
+
+// Those of the fields that share the `texel`, and of the others at `place`.
+fn values_at(texel: vec4f, place: vec3f) -> FieldValues {
+    var found = FieldValues(texel, vec4f(1.0));
+    for (var i = 0u; i < PLACED; i += 1u) {
+        let rows = placed[i].rows;
+        let at = vec4f(place, 1.0);
+        let index = vec3f(dot(rows[0], at), dot(rows[1], at), dot(rows[2], at));
+        let inside = all(placed[i].low <= index & index <= placed[i].high);
+        found.values[FIRST_PLACED + i] = placed_value(i, index);
+        found.there[FIRST_PLACED + i] = select(0.0, 1.0, inside);
+    }
+    return found;
+}

@@ -1,0 +1,72 @@
+//! Fields on grids of their own, in texture coordinates of the frame.
+
+use glam::{DMat4, DVec3, DVec4};
+
+use crate::{Field, Frame, Scene};
+use relume_base::number::{Real, count};
+
+/// A field on a grid of its own. Its values count from the centre of its first voxel to that of its last one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlacedField {
+    /// Its voxel index: each row times texture coordinates of the frame and 1.
+    pub rows: [DVec4; 3],
+    /// Its voxels along each axis.
+    pub dims: [usize; 3],
+    /// Voxels of the frame along each axis.
+    frame: [usize; 3],
+}
+
+impl PlacedField {
+    /// The fields of `scene` that do not share the texels of the first, in their order.
+    #[must_use]
+    pub fn of_scene(scene: &Scene) -> Vec<Self> {
+        scene.fields.beside().iter().map(|field| Self::new(&scene.frame, field)).collect()
+    }
+
+    /// The same of each further field; `None` of one that shares the texels of the first.
+    #[must_use]
+    pub fn of_further(scene: &Scene) -> Vec<Option<Self>> {
+        let sharing = scene.fields.sharing().iter().map(|_| None);
+        sharing.chain(Self::of_scene(scene).into_iter().map(Some)).collect()
+    }
+
+    fn new(frame: &Frame, field: &Field) -> Self {
+        let (ours, theirs) = (&frame.geometry, &field.volume.geometry);
+        let dims = DVec3::from_array(ours.dims.map(count));
+        // World point of texture coordinates t: origin + direction·(spacing·(t·dims − ½)).
+        let corner = ours.origin - ours.direction * (ours.spacing / 2.0);
+        let to_index = |vector: DVec3| theirs.direction.inverse() * vector / theirs.spacing;
+        let columns = DVec3::AXES.map(|axis| to_index(ours.direction * (axis * ours.spacing * dims)));
+        let first = to_index(corner - theirs.origin);
+        let matrix =
+            DMat4::from_cols(columns[0].extend(0.0), columns[1].extend(0.0), columns[2].extend(0.0), first.extend(1.0));
+        Self { rows: [matrix.row(0), matrix.row(1), matrix.row(2)], dims: theirs.dims, frame: ours.dims }
+    }
+
+    /// Its voxel index at `place`, in texture coordinates of the frame; `None` outside its box.
+    pub fn index<R: Real>(&self, place: [R; 3]) -> Option<[R; 3]> {
+        let index = self.rows.map(|row| {
+            let [x, y, z, first] = row.to_array().map(R::from_f64);
+            place[0].mul_add(x, place[1].mul_add(y, place[2].mul_add(z, first)))
+        });
+        let [low, high] = self.ends().map(|end| end.map(R::from_f64));
+        (0..3).all(|axis| low[axis] <= index[axis] && index[axis] <= high[axis]).then_some(index)
+    }
+
+    /// Its voxel index at a voxel index of the frame.
+    #[must_use]
+    pub fn index_of_voxel(&self, index: DVec3) -> DVec3 {
+        let place = (index + 0.5) / DVec3::from_array(self.frame.map(count));
+        DVec3::from_array(self.rows.map(|row| row.dot(place.extend(1.0))))
+    }
+
+    /// Its lowest and highest voxel indices; an axis of one voxel is one voxel thick.
+    #[must_use]
+    pub fn ends(&self) -> [[f64; 3]; 2] {
+        let thin = |n: usize| n == 1;
+        [
+            self.dims.map(|n| if thin(n) { -0.5 } else { 0.0 }),
+            self.dims.map(|n| if thin(n) { 0.5 } else { count(n) - 1.0 }),
+        ]
+    }
+}

@@ -1,0 +1,129 @@
+//! Fields on grids of their own: closed forms, turned grids, boxes, transforms and what is refused.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+use relume::document::{self, InMemory, SceneOptions};
+use relume::film::Film;
+use relume::number::Real;
+use relume::progress::Quiet;
+use relume::scene::{Field, Scene};
+use relume::volume::{Geometry, Volume, Voxels};
+
+use crate::support::rungs::{Rungs, with_renderer};
+
+fn uniform(dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Volume {
+    let geometry = Geometry::new("uniform", dims, spacing, origin, direction).unwrap();
+    Volume::new("uniform", Voxels::U8(vec![100; dims.iter().product()]), geometry).unwrap()
+}
+
+/// A scene around `first` with the further field `other`, seen along z.
+fn scene(first: Volume, other: Volume, opacities: [f64; 2]) -> Scene {
+    let [one, two] = opacities;
+    let text = format!(
+        "version = 1\nshading = \"none\"\n[camera]\nprojection = \"orthographic\"\nheight = 4\nposition = [10, 10, -10]\ntarget = [10, 10, \
+         0]\n[accuracy]\nstep = 0.5\ntermination = 0\n[lights.day]\nspectrum = \"D65\"\nkind = \"ambient\"\n[materials.one]\nreflectance = \
+         \"orange\"\n[materials.two]\nreflectance = \"blue\"\n[transfer]\nopacity_length = 1\nintervals = [{{ material = \"one\", range = \
+         [90, 110], opacity = {one} }}]\n[volumes.other]\nphantom = \"slab\"\ntransfer = {{ intervals = [{{ material = \"two\", range = [90, \
+         110], opacity = {two} }}] }}\n"
+    );
+    let volumes = InMemory { volume: Arc::new(first), labels: None, further: Vec::new() };
+    let options = SceneOptions::default();
+    let mut scene = document::parse_on(volumes, "placed", &text, Path::new(""), &options, &Quiet).unwrap().scene;
+    let terms = scene.fields.further()[0].terms.clone();
+    scene.fields = scene.fields.with(vec![Field::new("other".to_owned(), Arc::new(other), terms)]);
+    scene
+}
+
+fn check<R: Real>(what: &str, film: &Film<R>, expected: [f64; 3], limit: f64) {
+    let pixels = film.size[0] * film.size[1];
+    let found = film.accumulators.iter().chain(&film.transmittance).map(|number| number.to_f64());
+    for (i, found) in found.enumerate() {
+        let expected = expected[i / pixels];
+        assert!((found - expected).abs() <= limit, "{what}: {found} for {expected}");
+    }
+}
+
+#[test]
+fn two_boxes_that_overlap_in_part_are_their_closed_form_on_every_rung() {
+    let first = || uniform([21, 21, 25], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY);
+    // A turned box with other voxels, from z = 5 to 17: whole steps.
+    let turned = DMat3::from_rotation_z(0.5);
+    let other = uniform([31, 29, 16], DVec3::new(0.9, 0.8, 0.8), DVec3::new(4.0, -3.0, 5.0), turned);
+    for opacities in [[0.02, 0.05], [0.3, 0.001]] {
+        let scene = scene(first(), other.clone(), opacities);
+        assert_eq!((scene.fields.sharing().len(), scene.fields.beside().len()), (0, 1));
+        let rungs = Rungs::new(scene, [4, 4]);
+        let [a, b] = opacities.map(|opacity| -(-opacity).ln_1p());
+        // In front, together, behind.
+        let part = |a: f64, b: f64, length: f64| {
+            let left = (-(a + b) * length).exp();
+            let gained = (1.0 - left) / (a + b);
+            ([a * gained, b * gained], left)
+        };
+        let (mut gained, mut left) = ([0.0; 2], 1.0);
+        for (parts, after) in [part(a, 0.0, 5.0), part(a, b, 12.0), part(a, 0.0, 7.0)] {
+            gained = [gained[0] + left * parts[0], gained[1] + left * parts[1]];
+            left *= after;
+        }
+        let expected = [gained[0], gained[1], left];
+        check("f64", &rungs.march::<f64>(&rungs.exact()), expected, 1e-9);
+        check("tables", &rungs.march::<f64>(&rungs.stored::<f64>()), expected, 1e-6);
+        check("f32", &rungs.march::<f32>(&rungs.stored::<f32>()), expected, 6e-6);
+        with_renderer(|renderer| check("device", &rungs.gpu(renderer), expected, 8e-6));
+    }
+}
+
+#[test]
+fn a_field_with_its_axes_the_other_way_round_is_the_same_field() {
+    let dims = [21, 21, 25];
+    let value = |x: usize, y: usize, z: usize| u8::try_from((x * 7 + y * 3 + z * 5) % 120 + 40).unwrap();
+    let voxels = |turned: bool| -> Vec<u8> {
+        let mut voxels = Vec::new();
+        for z in 0..dims[2] {
+            for y in 0..dims[1] {
+                voxels.extend((0..dims[0]).map(|x| if turned { value(20 - x, y, 24 - z) } else { value(x, y, z) }));
+            }
+        }
+        voxels
+    };
+    let first = || uniform(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY);
+    let other = |turned: bool| {
+        let (origin, direction) = if turned {
+            (DVec3::new(20.0, 0.0, 24.0), DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0)))
+        } else {
+            (DVec3::ZERO, DMat3::IDENTITY)
+        };
+        let geometry = Geometry::new("other", dims, DVec3::ONE, origin, direction).unwrap();
+        Volume::new("other", Voxels::U8(voxels(turned)), geometry).unwrap()
+    };
+    let [shared, placed] = [false, true].map(|turned| Rungs::new(scene(first(), other(turned), [0.01, 0.3]), [16, 16]));
+    assert_eq!([&shared, &placed].map(|rungs| rungs.planned.plan.groups.sharing), [1, 0]);
+    let largest = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let [one, two] = [&shared, &placed].map(|rungs| rungs.march::<f64>(&rungs.exact()).accumulators);
+    assert!(largest(&one, &two) < 1e-12, "f64: {}", largest(&one, &two));
+    with_renderer(|renderer| {
+        let [one, two] = [&shared, &placed].map(|rungs| rungs.gpu(renderer).map(f64::from).accumulators);
+        assert!(largest(&one, &two) < 2e-5, "device: {}", largest(&one, &two));
+    });
+}
+
+#[test]
+fn only_the_first_field_is_shaded() {
+    let text = |diffuse: f64| {
+        format!(
+            "version = 1\n[volume]\nphantom = \"frog\"\ndims = [20, 20, 20]\n[materials.bone]\nreflectance = 0.8\n[materials.glow]\nreflectance \
+             = \"red\"\nambient = 1\ndiffuse = {diffuse}\n[transfer]\nintervals = [{{ material = \"bone\", range = [200, 255], opacity = 0.4 \
+             }}]\n[volumes.pet]\nphantom = \"frog\"\ntransform = [0.5, 0, 0, 5, 0, 0.5, 0, 5, 0, 0, 0.5, 5]\ntransfer = {{ intervals = [{{ material = \
+             \"glow\", range = [80, 255], opacity = 0.1 }}] }}\n[lights.key]\nspectrum = \"D65\"\nkind = \"headlight\"\n"
+        )
+    };
+    let planned = |diffuse: f64| {
+        let file = document::parse("pet", &text(diffuse), Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+        relume::plan::plan(&file.scene, &Quiet)
+    };
+    assert!(planned(0.0).unwrap().plan.shades_by_gradient());
+    let refused = planned(0.5).unwrap_err().to_string();
+    assert!(refused.contains("volumes.pet shows glow") && refused.contains("diffuse = 0"), "{refused}");
+}
