@@ -10,7 +10,7 @@ use crate::document::{
 };
 use crate::number::brief;
 use crate::progress::Progress;
-use crate::scene::Mix;
+use crate::scene::{FIELDS, Mix};
 use crate::volume::{ByteOrder, HostMemory, RawLayout, Selection, Statistics, Unit, Volume, VoxelType};
 
 use super::CliError;
@@ -22,6 +22,10 @@ pub(crate) struct SceneArgs {
     /// Scene file (TOML; its keys are in docs/SCENE.md), or a volume: a file or a folder of any format of docs/FORMATS.md.
     /// Default: the built-in scene.
     pub(crate) scene: Option<PathBuf>,
+    /// Further volumes, up to 3, beside a volume: each on its own grid, where it is in the world, as a material that glows and hides
+    /// nothing, such as PET over CT. Scenes state them in [volumes].
+    #[arg(value_name = "VOLUME")]
+    beside: Vec<PathBuf>,
     /// Volume in place of that of the scene: any format of docs/FORMATS.md, .raw (see below), or a .toml sidecar of a
     /// .raw. Without a scene, Relume makes one from the values.
     #[arg(long, value_name = "FILE")]
@@ -365,6 +369,7 @@ impl SceneArgs {
                 .collect(),
             wish: Wish::default(),
             preset: None,
+            beside: self.beside.clone(),
             channels: self.channels.as_ref().map(|names| names.split(',').map(|name| name.trim().to_owned()).collect()),
         }
     }
@@ -380,6 +385,7 @@ impl SceneArgs {
         let others = [
             ("--volume", self.volume.is_some()),
             ("--channels", self.channels.is_some()),
+            ("a further VOLUME", !self.beside.is_empty()),
             ("--clip", !self.clip.is_empty()),
             ("--labels", self.labels.is_some()),
             ("--label-names", self.label_names.is_some()),
@@ -421,6 +427,17 @@ impl SceneArgs {
         }
         let source = source.or_its_volume();
         let is_bare = source.bare_volume().is_some() || source.path.is_none() && source.options.volume.is_some();
+        if let (Some(further), false) = (self.beside.first(), is_bare) {
+            let message = format!(
+                "{} is beside no volume: a scene states its volumes itself, in [volumes]; name the volume alone",
+                further.display()
+            );
+            return Err(CliError::Usage(message));
+        }
+        if self.beside.len() >= FIELDS {
+            let message = format!("{} volumes are named; a picture shows up to {FIELDS}", self.beside.len() + 1);
+            return Err(CliError::Usage(message));
+        }
         if self.channels.is_some() && !is_bare {
             let message =
                 "--channels has no effect on a scene, which states its channels in [volumes]; name the volume alone";

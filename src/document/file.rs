@@ -78,6 +78,8 @@ pub struct SceneOptions {
     pub preset: Option<PathBuf>,
     /// Names or numbers of the channels that a volume without a scene shows together; all of them by default.
     pub channels: Option<Vec<String>>,
+    /// Volumes beside a volume without a scene, each on its own grid.
+    pub beside: Vec<PathBuf>,
 }
 
 /// Reads the scene file `path`.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::file::{Given, InMemory, parse_around, volume_alone};
 use super::import::{self, Import, ImportError};
+use super::look::beside::{BesideVolume, beside};
 use super::look::channels::{ChannelVolume, channels as look_channels};
 use super::look::first_look::{
     Channel, FirstLook, LookError, NoCt, Shown, Subject, Wish, first_look, is_speckled, labels_text,
@@ -426,10 +427,7 @@ fn look_of(
                 Some(format!(" Its window and colour are those of channel {}{label} in {file}.", channel.number));
         }
     }
-    let mut look = first_look(name, volume, statistics, (wish, subject), progress).map_err(|error| match error {
-        LookError::NoCt(error) => OpenError::from(error),
-        LookError::Volume(error) => error.into(),
-    })?;
+    let mut look = first_look(name, volume, statistics, (wish, subject), progress).map_err(of_look)?;
     look.guess.extend(of_channel);
     Ok(look)
 }
@@ -480,6 +478,19 @@ fn look_at(
     let Looked { mut volume, text, guess, statistics } = looked(path, volumes, (&mut options, subject), progress)?;
     if volume.geometry != stored {
         Arc::make_mut(&mut volume).geometry = stored;
+    }
+    let (mut text, mut guess, mut further) = (text, guess, further);
+    if !options.beside.is_empty() {
+        let open = |path: &PathBuf| {
+            let selection = Selection { memory: options.selection.memory, ..Selection::default() };
+            let volume = Arc::new(relume_volume::open(path, &selection, progress)?);
+            Ok(BesideVolume { path: path.clone(), volume })
+        };
+        let mut others = options.beside.iter().map(open).collect::<Result<Vec<_>, VolumeError>>()?;
+        let look = beside(&text, volume.geometry.spacing.min_element(), &mut others, progress).map_err(of_look)?;
+        guess.push_str(&look.guess);
+        text = look.text;
+        further.extend(look.names.into_iter().zip(others.into_iter().map(|other| other.volume)));
     }
     let given = Some(Given { volumes: InMemory { volume, labels, further }, is_ready: true, has_ready_labels: false });
     let read = parse_around(given, (&whole_name, &text), Path::new(""), &options, progress);
@@ -547,10 +558,7 @@ fn look_at_channels(
     }
     options.selection.component = channels.first().map(|channel| channel.component);
     let of_file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let look = look_channels(&of_file, &mut channels, progress).map_err(|error| match error {
-        LookError::NoCt(error) => OpenError::from(error),
-        LookError::Volume(error) => error.into(),
-    })?;
+    let look = look_channels(&of_file, &mut channels, progress).map_err(of_look)?;
     // They are in memory by the names of their keys.
     let further = look.names.iter().cloned().zip(channels.iter().map(|channel| Arc::clone(&channel.volume))).skip(1);
     let further = further.collect();
@@ -562,6 +570,13 @@ fn look_at_channels(
     let given = Some(Given { volumes, is_ready: true, has_ready_labels: false });
     let file = parse_around(given, (&name, &look.text), Path::new(""), &options, progress).map_err(of_volume)?;
     Ok((SceneFile { guess: Some(look.guess), ..file }, statistics))
+}
+
+fn of_look(error: LookError) -> OpenError {
+    match error {
+        LookError::NoCt(error) => error.into(),
+        LookError::Volume(error) => error.into(),
+    }
 }
 
 /// The error of a scene around a volume; where the file is the volume itself, it needs no scene.

@@ -205,12 +205,12 @@ fn samples(spectrum: &Spectrum) -> Item {
 }
 
 /// A number, without decimals if it is whole.
-fn number(number: f64) -> Value {
+pub(super) fn number(number: f64) -> Value {
     readable(number).parse().unwrap_or_else(|_| number.into())
 }
 
 /// Gives the material of a transfer function, all of one, another name.
-fn rename(transfer: &mut Table, name: &str) {
+pub(super) fn rename(transfer: &mut Table, name: &str) {
     if let Some(points) = transfer.get_mut("material").and_then(Item::as_array_mut) {
         for point in points.iter_mut().filter_map(Value::as_array_mut) {
             point.replace(1, name);
@@ -227,7 +227,8 @@ fn first_of(point: &Value) -> Option<f64> {
     number_in(point.as_array()?.get(0)?)
 }
 
-fn number_in(number: &Value) -> Option<f64> {
+/// A number of any kind.
+pub(super) fn number_in(number: &Value) -> Option<f64> {
     number.as_float().or_else(|| Some(f64::from(i32::try_from(number.as_integer()?).ok()?)))
 }
 

@@ -1,0 +1,102 @@
+//! Volumes beside that of a first look, each on its own grid: a material that glows (docs/theory/fields.md).
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use toml_edit::{DocumentMut, Item, Table, Value, value};
+
+use super::channels::{number, number_in, rename};
+use super::first_look::{Look, LookError, Subject, Wish, first_look};
+use relume_base::number::brief_in;
+use relume_base::progress::Progress;
+use relume_volume::Volume;
+
+/// Reflectances of such materials in their order: patches of the ColorChecker.
+const COLOURS: [&str; 3] = ["orange", "cyan", "magenta"];
+
+/// A volume beside the first, with its file.
+pub(crate) struct BesideVolume {
+    pub(crate) path: PathBuf,
+    pub(crate) volume: Arc<Volume>,
+}
+
+/// A first look with volumes beside it.
+pub(crate) struct BesideLook {
+    pub(crate) text: String,
+    pub(crate) guess: String,
+    /// Names of the volumes in it.
+    pub(crate) names: Vec<String>,
+}
+
+/// The first look `text` of a volume with this smallest `spacing`, and `others` beside it: their high values add light and hide nothing.
+///
+/// # Errors
+///
+/// [`LookError`].
+pub(crate) fn beside(
+    text: &str,
+    spacing: f64,
+    others: &mut [BesideVolume],
+    progress: &dyn Progress,
+) -> Result<BesideLook, LookError> {
+    let mut document: DocumentMut = text.parse().unwrap_or_default();
+    let mut taken: BTreeSet<String> = document["materials"]
+        .as_table_like()
+        .into_iter()
+        .flat_map(|table| table.iter().map(|(name, _)| name.to_owned()))
+        .collect();
+    let length = |transfer: &Item, spacing: f64| {
+        transfer.get("opacity_length").and_then(Item::as_value).and_then(number_in).unwrap_or(spacing)
+    };
+    let ours = length(&document["transfer"], spacing);
+    let (mut names, mut told) = (Vec::new(), Vec::new());
+    for (index, BesideVolume { path, volume }) in others.iter_mut().enumerate() {
+        let name = free_name(path, &mut taken);
+        let statistics = volume.statistics()?;
+        let wish = (Wish { look: Some(Look::Fluorescence), ..Wish::default() }, Subject::default());
+        let look = first_look(&name, volume, &statistics, wish, progress)?;
+        let looked: DocumentMut = look.text.parse().unwrap_or_default();
+        let theirs = length(&looked["transfer"], volume.geometry.spacing.min_element());
+        let mut transfer = looked["transfer"].as_table().cloned().unwrap_or_default();
+        transfer.remove("opacity_length");
+        rename(&mut transfer, &name);
+        if let Some(points) = transfer.get_mut("opacity").and_then(Item::as_array_mut) {
+            // An opacity of one length is one of another.
+            for point in points.iter_mut().filter_map(Value::as_array_mut) {
+                if let Some(opacity) = point.get(1).and_then(number_in) {
+                    let scaled = -((-opacity).ln_1p() * ours / theirs).exp_m1();
+                    point.replace(1, number((scaled * 1e6).round() / 1e6));
+                }
+            }
+            let ends = [points.get(0), points.get(points.len().saturating_sub(1))];
+            if let [Some(low), Some(high)] = ends.map(|point| number_in(point?.as_array()?.get(0)?)) {
+                let [low, high] = [low, high].map(|end| brief_in(end, statistics.max - statistics.min));
+                told.push(format!("{name} from {low} to {high}"));
+            }
+        }
+        let mut material = Table::new();
+        material.insert("reflectance", value(COLOURS[index % COLOURS.len()]));
+        material.insert("ambient", value(1));
+        material.insert("diffuse", value(0));
+        material.insert("xray", value(true));
+        document["materials"][&name] = Item::Table(material);
+        let mut own = Table::new();
+        own.insert("file", value(path.display().to_string()));
+        own.insert("transfer", Item::Table(transfer));
+        document["volumes"][&name] = Item::Table(own);
+        document["volumes"].as_table_mut().into_iter().for_each(|table| table.set_implicit(true));
+        names.push(name);
+    }
+    let guess = format!(" Beside it, where each is in the world, what glows and hides nothing: {}.", told.join(", "));
+    Ok(BesideLook { text: document.to_string(), guess, names })
+}
+
+/// A name for keys from that of a file.
+fn free_name(path: &Path, taken: &mut BTreeSet<String>) -> String {
+    let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let stem = file.split('.').next().unwrap_or_default().trim();
+    let stem = if stem.is_empty() { "volume" } else { stem }.to_owned();
+    let different = (2..).map(|number| format!("{stem} {number}"));
+    std::iter::once(stem.clone()).chain(different).find(|name| taken.insert(name.clone())).unwrap_or(stem)
+}
