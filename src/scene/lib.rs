@@ -319,10 +319,10 @@ impl Material {
         }
     }
 
-    /// True if light from all directions reaches it alike: no diffuse part, no highlight, no film.
+    /// True if light from all directions is alike to it: no diffuse part, no highlight.
     #[must_use]
     pub fn is_flat(&self) -> bool {
-        self.diffuse <= 0.0 && self.specular <= 0.0 && self.film.is_none()
+        self.diffuse <= 0.0 && self.specular <= 0.0
     }
 
     /// The film, if it reflects at this angle and its part of the light is not 0.

@@ -191,7 +191,7 @@ fn what_several_fields_cannot_have_is_refused_with_the_way_out() {
             scene.shading = Shading::Gradient;
             scene.lights[0].placement = Placement::Headlight;
         },
-        &["several fields", "shading = \"none\""],
+        &["volumes.other shows two", "shading = \"none\""],
     );
     refused(&|scene| scene.accuracy.integration = Integration::Segments, &["segments", "several fields"]);
 }

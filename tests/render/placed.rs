@@ -25,8 +25,8 @@ fn scene(first: Volume, other: Volume, opacities: [f64; 2]) -> Scene {
         "version = 1\nshading = \"none\"\n[camera]\nprojection = \"orthographic\"\nheight = 4\nposition = [10, 10, -10]\ntarget = [10, 10, \
          0]\n[accuracy]\nstep = 0.5\ntermination = 0\n[lights.day]\nspectrum = \"D65\"\nkind = \"ambient\"\n[materials.one]\nreflectance = \
          \"orange\"\n[materials.two]\nreflectance = \"blue\"\n[transfer]\nopacity_length = 1\nintervals = [{{ material = \"one\", range = \
-         [90, 110], opacity = {one} }}]\n[volumes.other]\nphantom = \"slab\"\ntransfer = {{ intervals = [{{ material = \"two\", range = [90, \
-         110], opacity = {two} }}] }}\n"
+         [90, 110], ramp = 5, opacity = {one} }}]\n[volumes.other]\nphantom = \"slab\"\ntransfer = {{ intervals = [{{ material = \"two\", range = [90, \
+         110], ramp = 5, opacity = {two} }}] }}\n"
     );
     let volumes = InMemory { volume: Arc::new(first), labels: None, further: Vec::new() };
     let options = SceneOptions::default();
