@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Cost of factors, channels and clip planes: CPU time of a march beside that of the scene without.
+"""Cost of factors, channels, volumes on grids of their own and clip planes: CPU time of a march beside that of the scene without.
 
     benches/fields.py [SIZE]
 
@@ -31,6 +31,12 @@ def channel(material):
 ONE = {"shading": "none", "transfer.intervals": [{"material": "skeleton", "range": [78, 255], "opacity": 0.02}]}
 THREE = {**ONE, "volumes.one": channel("skin"), "volumes.two": channel("muscle")}
 
+# On a grid of its own.
+PLACED = {
+    "materials.glow": {"reflectance": "red", "ambient": 1, "diffuse": 0},
+    "volumes.other": {**channel("glow"), "transform": [0.99, 0, 0, 1, 0, 0.99, 0, 1, 0, 0, 0.99, 1]},
+}
+
 # Name, scene without, scene with, bar.
 ROWS = [
     ("a factor on all terms", {}, {"transfer.gradient_opacity": FACTOR}, 1.3),
@@ -38,6 +44,9 @@ ROWS = [
     ("two groups", {}, {"transfer.intervals.skin.gradient": FACTOR}, 1.3),
     ("two groups, coloured", ABSORPTION, {**ABSORPTION, "transfer.intervals.skin.gradient": FACTOR}, 2.3),
     ("three channels beside one", ONE, THREE, 1.6),
+    ("a flat field on its own grid over a shaded one", {}, PLACED, 1.9),
+    ("a field on its own grid, not shaded", {"shading": "none"}, {"shading": "none", **PLACED}, 1.9),
+    ("the same, coloured", {"shading": "none", **ABSORPTION}, {"shading": "none", **ABSORPTION, **PLACED}, 3.5),
     ("six planes that cut nothing", {}, AROUND, 1.15),
     ("six planes that cut nothing, not shaded", {"shading": "none"}, {"shading": "none", **AROUND}, 1.15),
     ("six planes that cut nothing, coloured", ABSORPTION, {**ABSORPTION, **AROUND}, 2.2),
