@@ -51,6 +51,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    args.scene.require_one("info")?;
     match (&args.scene.scene, &args.scene.volume) {
         (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
             let all = [

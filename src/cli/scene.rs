@@ -21,10 +21,11 @@ use super::accuracy::AccuracyArgs;
 pub(crate) struct SceneArgs {
     /// Scene file (TOML; its keys are in docs/SCENE.md), or a volume: a file or a folder of any format of docs/FORMATS.md.
     /// Default: the built-in scene.
+    #[arg(index = 1)]
     pub(crate) scene: Option<PathBuf>,
     /// Further volumes, up to 3, beside a volume: each on its own grid, where it is in the world, as a material that glows and hides
     /// nothing, such as PET over CT. Scenes state them in [volumes].
-    #[arg(value_name = "VOLUME")]
+    #[arg(index = 2, value_name = "VOLUME")]
     beside: Vec<PathBuf>,
     /// Volume in place of that of the scene: any format of docs/FORMATS.md, .raw (see below), or a .toml sidecar of a
     /// .raw. Without a scene, Relume makes one from the values.
@@ -481,6 +482,13 @@ impl SceneArgs {
     fn is_given(&self, flag: &str) -> bool {
         let of_accuracy = self.accuracy.given().into_iter().map(|flag| (flag, true));
         self.flags().into_iter().chain(of_accuracy).any(|(name, given)| given && name == flag)
+    }
+
+    /// Refuses volumes beside the first for a `command` that reads one.
+    pub(crate) fn require_one(&self, command: &str) -> Result<(), CliError> {
+        let Some(further) = self.beside.first() else { return Ok(()) };
+        let message = format!("relume {command} takes one volume, and {} is another; name one of them", further.display());
+        Err(CliError::Usage(message))
     }
 
     /// Whether `--time all` asks for all time steps.

@@ -196,6 +196,7 @@ fn centred(slice: &[[u8; 3]], [across, down]: [usize; 2], [width, height]: [usiz
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    args.scene.require_one("slice")?;
     args.check_used()?;
     files::picture_kind(&args.output)?;
     let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels];
