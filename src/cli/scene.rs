@@ -484,6 +484,11 @@ impl SceneArgs {
         self.flags().into_iter().chain(of_accuracy).any(|(name, given)| given && name == flag)
     }
 
+    /// True if a flag gives clip planes.
+    pub(crate) fn is_clipped(&self) -> bool {
+        !self.clip.is_empty()
+    }
+
     /// Refuses volumes beside the first for a `command` that reads one.
     pub(crate) fn require_one(&self, command: &str) -> Result<(), CliError> {
         let Some(further) = self.beside.first() else { return Ok(()) };

@@ -112,6 +112,9 @@ impl Args {
         if let Some(flag) = self.scene.accuracy.given().first() {
             return unused(format!("{flag} has no effect: a slice shows values, without a colour model"));
         }
+        if self.scene.is_clipped() {
+            return unused("--clip has no effect: a slice shows all voxels of its plane".to_owned());
+        }
         let shows_colours = [Over::Materials, Over::Labels].into_iter().any(|over| self.shows(over));
         let of_look = self.scene.define.definitions().find(|it| !it.text.trim_start().starts_with("volume."));
         if let (false, Some(definition)) = (shows_colours, of_look) {

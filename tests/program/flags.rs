@@ -44,7 +44,7 @@ const RAW: [(&str, Use); 5] = [
 
 /// Flags of a scene and its colour accuracy.
 const SCENE: [(&str, Use); 11] = [
-    ("--clip", Always),
+    ("--clip", Not(&["slice", "ball.nrrd", "--clip", "z:50%", "-o", "p.png"], 2, "--clip has no effect")),
     ("--channels", Not(&["slice", "ball.nrrd", "--channels", "GFP", "-o", "p.png"], 1, "channels GFP")),
     ("--volume", Always),
     ("--labels", Not(&["render", "scene.toml", "--labels", "ball.nrrd", "-o", "p.png", "--size", "8x8"], 1, "labels")),
