@@ -83,6 +83,7 @@ fn placed_value(field: u32, index: vec3f) -> f32 {
 // Those of the fields that share the `texel`, and of the others at `place`.
 fn values_at(texel: vec4f, place: vec3f) -> FieldValues {
     var found = FieldValues(texel, vec4f(1.0));
+    found.values.x = value_of(texel);
     for (var i = 0u; i < PLACED; i += 1u) {
         let rows = placed[i].rows;
         let at = vec4f(place, 1.0);

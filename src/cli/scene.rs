@@ -492,7 +492,8 @@ impl SceneArgs {
     /// Refuses volumes beside the first for a `command` that reads one.
     pub(crate) fn require_one(&self, command: &str) -> Result<(), CliError> {
         let Some(further) = self.beside.first() else { return Ok(()) };
-        let message = format!("relume {command} takes one volume, and {} is another; name one of them", further.display());
+        let message =
+            format!("relume {command} takes one volume, and {} is another; name one of them", further.display());
         Err(CliError::Usage(message))
     }
 

@@ -805,7 +805,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     };
     if plan.gradient() {
         // Texels of several fields have no room for gradients.
-        plan.gradients = if plan.groups.further > 0 { Gradients::Central } else { scene.accuracy.gradients };
+        plan.gradients = if plan.groups.sharing > 0 { Gradients::Central } else { scene.accuracy.gradients };
     }
     let wanted = match scene.accuracy.integration {
         Integration::Samples => false,

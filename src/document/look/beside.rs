@@ -51,6 +51,8 @@ pub(crate) fn beside(
     };
     let ours = length(&document["transfer"], spacing);
     let (mut names, mut told) = (Vec::new(), Vec::new());
+    let mut volumes = Table::new();
+    volumes.set_implicit(true);
     for (index, BesideVolume { path, volume }) in others.iter_mut().enumerate() {
         let name = free_name(path, &mut taken);
         let statistics = volume.statistics()?;
@@ -82,12 +84,14 @@ pub(crate) fn beside(
         material.insert("xray", value(true));
         document["materials"][&name] = Item::Table(material);
         let mut own = Table::new();
+        // Wherever the scene is saved.
+        let path = std::path::absolute(&*path).unwrap_or_else(|_| path.clone());
         own.insert("file", value(path.display().to_string()));
         own.insert("transfer", Item::Table(transfer));
-        document["volumes"][&name] = Item::Table(own);
-        document["volumes"].as_table_mut().into_iter().for_each(|table| table.set_implicit(true));
+        volumes.insert(&name, Item::Table(own));
         names.push(name);
     }
+    document.insert("volumes", Item::Table(volumes));
     let guess = format!(" Beside it, where each is in the world, what glows and hides nothing: {}.", told.join(", "));
     Ok(BesideLook { text: document.to_string(), guess, names })
 }

@@ -7,7 +7,7 @@ use std::ops::Range;
 use super::boxes::{read_for_box, texels_of_box};
 use super::whole::{WholeCodes, neighbours};
 use crate::plan::ScenePlan;
-use crate::{Labels, Scene, VolumeAs};
+use crate::{Gradients, Labels, Scene, VolumeAs};
 use relume_base::number::count;
 use relume_base::number::rounded;
 use relume_base::parallel;
@@ -88,7 +88,9 @@ impl Storage {
     /// The storages of the further fields of `scene`.
     #[must_use]
     pub fn of_further(plan: &ScenePlan, scene: &Scene) -> Vec<Self> {
-        scene.fields.further().iter().map(|field| Self::new(plan, &field.volume, field.statistics())).collect()
+        // Gradients are those of the first field.
+        let plan = ScenePlan { gradients: Gradients::Central, ..plan.clone() };
+        scene.fields.further().iter().map(|field| Self::new(&plan, &field.volume, field.statistics())).collect()
     }
 
     /// The format of [`Self::new`], which follows from the statistics: no voxel is read.
