@@ -15,7 +15,7 @@ use crate::output::{OutputError, write_atomically};
 use relume_colour::palette::{Palette, Solution};
 use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
 use relume_scene::key::{self, Key};
-use relume_scene::{Aim, Camera, Clip, ClipPlane, Projection, Scene};
+use relume_scene::{Aim, Camera, Clip, ClipPlane, Projection, Scene, Term};
 use relume_volume::{ByteOrder, is_built_in};
 
 /// Why a session cannot be saved.
@@ -118,8 +118,14 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
         put(table, name, now);
     }
     if scene.transfer != then.transfer {
-        transfer(table(&mut document, "transfer")?, scene)?;
+        let own = table(&mut document, "transfer")?;
+        terms(own, [&scene.transfer.terms, &then.transfer.terms], scene)?;
+        match &scene.transfer.gradient_opacity {
+            none if none.is_empty() => own.remove("gradient_opacity"),
+            factor => own.insert("gradient_opacity", value(points(factor))),
+        };
     }
+    further(&mut document, scene, then)?;
     labels(&mut document, scene, then)?;
     let palette = state.palette.as_ref().filter(|_| state.palette != design::stated(opened));
     let open = palette.map_or_else(Vec::new, |palette| design::open(scene, palette));
@@ -505,9 +511,20 @@ fn spectra(
     Ok(())
 }
 
-/// Writes the intervals and the factor by the gradient magnitude, and keeps stated curves that have not been removed.
-fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError> {
-    let found = scene.transfer.terms.iter().map(|term| (term.as_interval(), &term.gradient));
+/// Writes what further fields show, where it changed.
+fn further(document: &mut DocumentMut, scene: &Scene, then: &Scene) -> Result<(), SessionError> {
+    for (now, before) in scene.fields.further().iter().zip(then.fields.further()).filter(|(a, b)| a.terms != b.terms) {
+        let field = table(document, "volumes")?.get_mut(&now.name).and_then(Item::as_table_like_mut);
+        if let Some(own) = field.and_then(|field| field.get_mut("transfer")?.as_table_like_mut()) {
+            terms(own, [&now.terms, &before.terms], scene)?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes the intervals, and curves that have changed; keeps those that have not, unless they were removed.
+fn terms(table: &mut dyn TableLike, [now, then]: [&[Term]; 2], scene: &Scene) -> Result<(), SessionError> {
+    let found = now.iter().map(|term| (term.as_interval(), &term.gradient));
     let curves = found.clone().filter(|(interval, _)| interval.is_none()).count();
     if curves > 1 {
         return Err(SessionError::Curves(curves));
@@ -516,6 +533,21 @@ fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError
         for key in ["opacity", "absorption", "material"] {
             table.remove(key);
         }
+    }
+    let is_curve = |term: &&Term| term.as_interval().is_none();
+    if let Some(curve) = now.iter().find(is_curve).filter(|curve| then.iter().find(is_curve) != Some(*curve)) {
+        table.insert("opacity", value(points(&curve.opacity)));
+        if !curve.absorption.is_empty() {
+            table.insert("absorption", value(points(&curve.absorption)));
+        }
+        let materials = curve.material.0.iter().map(|&(at, material)| {
+            let name = scene.materials.get(material).map_or("", |it| &it.name);
+            Value::Array([Value::from(at), Value::from(name)].into_iter().collect())
+        });
+        table.insert("material", value(materials.collect::<Array>()));
+    }
+    if curves == now.len() && !table.contains_key("intervals") {
+        return Ok(());
     }
     let mut intervals = Array::new();
     for (interval, gradient) in found.filter_map(|(interval, gradient)| Some((interval?, gradient))) {
@@ -536,14 +568,10 @@ fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError
     }
     intervals.set_trailing("\n");
     table.insert("intervals", value(intervals));
-    match &scene.transfer.gradient_opacity {
-        none if none.is_empty() => table.remove("gradient_opacity"),
-        factor => table.insert("gradient_opacity", value(points(factor))),
-    };
     Ok(())
 }
 
-/// Points of a factor, as files state them.
+/// Points of a factor or a curve, as files state them.
 fn points(factor: &[(f64, f64)]) -> Array {
     factor.iter().map(|&(magnitude, factor)| Value::Array(numbers([magnitude, factor]))).collect()
 }

@@ -97,6 +97,8 @@ pub enum Edit {
     Clip(Clip),
     /// Replaces all terms by these intervals.
     Intervals(Vec<Interval>),
+    /// Lowest and highest value of what a field shows, by its index; its terms are stretched.
+    FieldRange(usize, [f64; 2]),
     /// Moves the camera, for a picture of this width over height.
     Camera(Move, f64),
     /// Changes an interval of the transfer function, by the index of its term. An interval that no scene may state has
@@ -148,6 +150,7 @@ impl Edit {
             | Self::GradientOpacity(_)
             | Self::TermGradient(..)
             | Self::Intervals(_)
+            | Self::FieldRange(..)
             | Self::Crop(_)
             | Self::ResetCrop
             | Self::Clip(_)
@@ -308,7 +311,7 @@ impl State {
         let Scene {
             name: _,
             frame: _,
-            fields: _,
+            fields,
             labels: _,
             materials,
             transfer,
@@ -331,6 +334,7 @@ impl State {
             && (*lighting, *shadows) == (to.lighting, to.shadows)
             && (materials, lights, background) == (&to.materials, &to.lights, &to.background)
             && (transfer, declared(scene)) == (&to.transfer, declared(to))
+            && fields.terms() == to.fields.terms()
     }
 
     pub(super) fn apply(&mut self, edit: &Edit, opened: &SceneFile) {
@@ -465,6 +469,7 @@ impl State {
                 let allowed = intervals.iter().filter_map(|interval| interval.allowed(&scene.materials));
                 scene.transfer.terms = allowed.map(|interval| interval.term()).collect();
             }
+            Edit::FieldRange(index, range) => scene.stretch(index, range),
             Edit::Exposure(exposure) => {
                 scene.display.exposure = exposure;
                 key::clamp(scene, "display.");

@@ -131,6 +131,13 @@ impl Fields {
         self.further.iter().map(|field| field.terms.as_slice()).collect()
     }
 
+    /// Lets the further field `index` show other terms.
+    pub fn show(&mut self, index: usize, terms: Vec<Term>) {
+        if let Some(field) = self.further.get_mut(index) {
+            field.terms = terms;
+        }
+    }
+
     /// True if both have the same voxels in the same order.
     #[must_use]
     pub fn are(&self, other: &Self) -> bool {

@@ -163,6 +163,30 @@ impl Scene {
         }
     }
 
+    /// Lowest and highest value at a point of the terms of field `index`; `None` without two of them.
+    #[must_use]
+    pub fn range_of(&self, index: usize) -> Option<[f64; 2]> {
+        let values = || {
+            self.terms_of(index)
+                .iter()
+                .flat_map(|term| term.opacity.iter().chain(&term.absorption))
+                .map(|point| point.0)
+        };
+        let range = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
+        (range[0] < range[1]).then_some(range)
+    }
+
+    /// Stretches the terms of field `index` to other values, of which the first is lower. A range without a width has no effect.
+    pub fn stretch(&mut self, index: usize, to: [f64; 2]) {
+        let is_range = to[0] < to[1] && to.iter().all(|end| end.abs() <= f64::MAX / 4.0);
+        let Some(from) = self.range_of(index).filter(|_| is_range) else { return };
+        let terms = self.terms_of(index).iter().map(|term| term.stretched(from, to)).collect();
+        match index.checked_sub(1) {
+            None => self.transfer.terms = terms,
+            Some(further) => self.fields.show(further, terms),
+        }
+    }
+
     /// Groups of terms that a march looks up apart, those of the first field first.
     #[must_use]
     pub fn groups(&self) -> Vec<Group<'_>> {

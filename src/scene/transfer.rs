@@ -206,6 +206,23 @@ impl Term {
         Self { ramp: Some(ramp), opacity: trapezoid(opacity), absorption, material, gradient: Vec::new() }
     }
 
+    /// The same over other values: what it has at the first value of `from` it has at the first one of `to`, and so with the second.
+    #[must_use]
+    pub fn stretched(&self, from: [f64; 2], to: [f64; 2]) -> Self {
+        let scale = (to[1] - to[0]) / (from[1] - from[0]);
+        let moved = |value: f64| (value - from[0]).mul_add(scale, to[0]);
+        let curve = |points: &[(f64, f64)]| points.iter().map(|&(value, height)| (moved(value), height)).collect();
+        Self {
+            ramp: self.ramp.map(|ramp| ramp * scale),
+            opacity: curve(&self.opacity),
+            absorption: curve(&self.absorption),
+            material: MaterialCurve(
+                self.material.0.iter().map(|&(value, material)| (moved(value), material)).collect(),
+            ),
+            gradient: self.gradient.clone(),
+        }
+    }
+
     /// The interval, if it is one.
     #[must_use]
     pub fn as_interval(&self) -> Option<Interval> {

@@ -309,6 +309,14 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
                 edit(Edit::Crop(Some([DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1)])))
             }
         },
+        "field" => match rest {
+            [index, low, high] => {
+                let [low, high] = numbers(verb, &[low, high])?;
+                let [index] = numbers(verb, &[index])?;
+                edit(Edit::FieldRange(index, [low, high]))
+            }
+            _ => return Err("write field INDEX LOW HIGH; 0 is the volume".to_owned()),
+        },
         "clip" => match rest {
             ["off"] => edit(Edit::Clip(Clip::default())),
             [_, ..] => Command::Clip(rest.iter().map(|&plane| plane.to_owned()).collect()),

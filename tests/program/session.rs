@@ -48,11 +48,11 @@ fn accuracy(step_length: f64, dimension: Option<usize>) -> Accuracy {
     Accuracy { step_length, dimension, accumulate, ..scene().scene.accuracy }
 }
 
-/// A sequence of edits of every kind.
 fn planes(numbers: &[(DVec3, DVec3)]) -> Vec<ClipPlane> {
     numbers.iter().map(|&(point, normal)| ClipPlane { point, normal, on: point.x >= 1.0 }).collect()
 }
 
+/// A sequence of edits of every kind.
 fn edits() -> Vec<Edit> {
     vec![
         Edit::Lighting(Lighting::OneSided),
@@ -119,6 +119,29 @@ fn edits() -> Vec<Edit> {
         })),
         Edit::Mix(Mixing::Sliders),
     ]
+}
+
+#[test]
+fn ranges_of_fields_are_saved_as_stretched_terms() {
+    let text = "version = 1\nshading = \"none\"\n[volume]\nphantom = \"frog\"\ndims = [9, 9, 9]\n[materials]\na.reflectance = \
+                \"red\"\nb.reflectance = \"blue\"\n[transfer]\nintervals = [{ material = \"a\", range = [50, 90], ramp = 5, opacity = \
+                0.1 }]\n[volumes.one]\nphantom = \"frog\"\ntransfer = { opacity = [[10, 0], [90, 0.1], [200, 0.3]], material = [[10, \"a\"], \
+                [200, \"b\"]] }\n[volumes.two]\nphantom = \"frog\"\n[volumes.two.transfer]\nintervals = [{ material = \"b\", range = [100, \
+                150], opacity = 0.2 }]\n[lights.day]\nspectrum = \"D65\"\nkind = \"ambient\"\n";
+    let mut document = Document::new(parse(text));
+    let ranges = [[40.0, 80.5], [20.5, 150.25], [-3.0, 200.0]];
+    for (index, range) in ranges.into_iter().enumerate() {
+        document.edit(&Edit::FieldRange(index, range));
+        assert_eq!(document.state().scene.range_of(index), Some(range));
+        document.edit(&Edit::FieldRange(index, [7.0, 7.0]));
+        document.edit(&Edit::FieldRange(index, [f64::NAN, 9.0]));
+        assert_eq!(document.state().scene.range_of(index), Some(range), "no range");
+        let (text, file) = saved(&document);
+        for field in 0..3 {
+            assert_eq!(file.scene.terms_of(field), document.state().scene.terms_of(field), "{field}: {text}");
+        }
+    }
+    assert!(!document.is_saved(), "ranges are a part of a session");
 }
 
 #[test]

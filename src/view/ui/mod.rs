@@ -12,6 +12,7 @@ mod dial;
 mod dial_presets;
 mod display;
 mod docks;
+mod fields;
 mod floating;
 mod help;
 mod lights;

@@ -10,6 +10,7 @@ use egui::{
 
 use super::axis::{HANDLE, Map, choose, chosen, middle, places, snapped};
 use super::controls::{number, panel, say_beside, sides, text};
+use super::fields;
 use super::rectangles;
 use super::spectrum::{code, narrow};
 use crate::annotate::material_colours;
@@ -37,6 +38,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, seen: Option<[f64; 2]>, ask
         let colours = colours(document.state());
         graph(ui, document, (&colours, seen), HEIGHT, asked);
         rows(ui, document, &colours, asked);
+        fields::show(ui, document, asked);
         buttons(ui, document, asked);
         window(ui, document, asked);
         gradient(ui, document, asked);
@@ -58,6 +60,7 @@ pub(super) fn wide(ui: &mut Ui, document: &Document, seen: Option<[f64; 2]>, ask
     right.spacing_mut().scroll = ScrollStyle::solid();
     ScrollArea::vertical().id_salt("intervals").auto_shrink(false).show(right, |ui| {
         rows(ui, document, &colours, asked);
+        fields::show(ui, document, asked);
         gradient(ui, document, asked);
         labels(ui, document.state(), &colours, asked);
     });

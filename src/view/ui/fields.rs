@@ -1,0 +1,58 @@
+//! Values of several fields, such as channels: the range that each shows.
+
+use egui::{Ui, WidgetInfo};
+
+use super::axis::places;
+use super::controls::{number, say_beside};
+use crate::document::{Document, Edit};
+use crate::scene::{Field, Scene};
+use crate::view::action::Action;
+
+/// Shows a row for each field, if there are several.
+pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    let scene = &document.state().scene;
+    let further = scene.fields.further().len();
+    if further == 0 {
+        return;
+    }
+    ui.separator();
+    for index in 0..=further {
+        let Some(range) = scene.range_of(index) else { continue };
+        ui.horizontal(|ui| row(ui, scene, (index, range), asked));
+    }
+}
+
+fn row(ui: &mut Ui, scene: &Scene, (index, range): (usize, [f64; 2]), asked: &mut Vec<Action>) {
+    let name = name(scene, index);
+    ui.label(&name).on_hover_text("The values of this field that are shown: what it shows is stretched to other ones.");
+    let statistics = scene.fields.iter().nth(index).map(Field::statistics);
+    let span = statistics.map_or(1.0, |statistics| statistics.max - statistics.min);
+    for (end, word) in ["from", "to"].into_iter().enumerate() {
+        ui.label(word);
+        let mut value = range[end];
+        let field = number(ui, &mut value, places(span / 10.0), |drag| drag.speed(span / 1000.0));
+        field.widget_info(|| WidgetInfo::slider(true, value, format!("field {name}: {word}")));
+        if field.changed() && value.to_bits() != range[end].to_bits() {
+            let mut next = range;
+            next[end] = value;
+            if next[0] < next[1] {
+                asked.push(Action::Edit(Edit::FieldRange(index, next)));
+            } else {
+                say_beside(&field, "The range would have no width: move its other end first.".to_owned());
+            }
+        }
+    }
+}
+
+/// What a field is called: that of the first is its material, if it shows one alone.
+fn name(scene: &Scene, index: usize) -> String {
+    match index.checked_sub(1).and_then(|further| scene.fields.further().get(further)) {
+        Some(field) => field.name.clone(),
+        None => match scene.terms_of(0) {
+            [term] if term.material.0.len() == 1 => {
+                scene.materials.get(term.material.0[0].1).map_or_else(String::new, |material| material.name.clone())
+            }
+            _ => "the volume".to_owned(),
+        },
+    }
+}
