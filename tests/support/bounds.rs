@@ -312,11 +312,11 @@ pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], ro
     bounds
 }
 
-/// Bound of the light and the opacity that the rounded lengths of a first and a last step add or take, where the faces of a crop box
-/// or clip planes cut them.
+/// Bound of the light and the opacity that the rounded lengths of a first and a last step add or take, where clip planes cut them. The
+/// shaded scenes with a crop box stay within the other bounds.
 fn of_cuts(rungs: &Rungs, reach: [f64; 3]) -> f64 {
     let scene = &rungs.scene;
-    if scene.crop.is_none() && scene.clip.in_force().next().is_none() {
+    if scene.clip.in_force().next().is_none() {
         return 0.0;
     }
     let rays = rays(rungs).0;
