@@ -55,6 +55,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     match (&args.scene.scene, &args.scene.volume) {
         (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
             let all = [
+                "--clip",
                 "--labels",
                 "--label-names",
                 "--downsample",
@@ -73,7 +74,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             of_devices()
         }
         (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
-            let flags = ["-D", "--labels", "--label-names", "--downsample", "--dims", "--spacing", "--voxel"];
+            let flags = ["-D", "--clip", "--labels", "--label-names", "--downsample", "--dims", "--spacing", "--voxel"];
             let why = format!("{} is a film file; the flag is for scenes and volumes", path.display());
             args.refuse(&[&flags[..], &args.scene.selection.choices().map(|(flag, _)| flag)].concat(), &why)?;
             args.refuse_accuracy(&why)?;
@@ -81,7 +82,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }
         (Some(path), None) | (None, Some(path)) if args.scene.scene.is_none() || !is_scene(path) => {
             let why = format!("{} is a volume; the flag is for scenes", path.display());
-            args.refuse(&["-D", "--labels"], &why)?;
+            args.refuse(&["-D", "--clip", "--labels"], &why)?;
             args.refuse_accuracy(&why)?;
             // A file of bricks describes its voxels itself.
             let memory = if args.scene.downsample.is_none() { HostMemory::InFile } else { HostMemory::Whole };

@@ -420,8 +420,8 @@ impl SceneArgs {
         let source = Source { path: self.scene.clone(), options: SceneOptions { wish, preset, ..self.options() } };
         if let (Some(one), Some(other)) = (source.bare_volume(), &self.volume) {
             return Err(CliError::Usage(format!(
-                "{} is a volume, and --volume {} is a second one: a picture shows one volume; name one of the two, or a scene \
-                 in place of the first",
+                "{} is a volume, and --volume {} is in its place: name one of the two, or both without --volume, to show them \
+                 together",
                 one.display(),
                 other.display()
             )));

@@ -213,11 +213,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let SceneFile { scene, .. } = &file;
     let (volume, geometry) = (scene.volume(), &scene.frame.geometry);
     if let Some(other) = scene.fields.further().first() {
-        tracing::warn!(
-            "a slice shows one of the {} fields, the first; --component N chooses another, such as {}",
-            scene.fields.further().len() + 1,
-            other.name
-        );
+        let number = scene.fields.further().len() + 1;
+        if other.volume.files == volume.files && !volume.files.is_empty() {
+            tracing::warn!(
+                "a slice shows one of the {number} fields, the first; --component N chooses another, such as {}",
+                other.name
+            );
+        } else {
+            tracing::warn!(
+                "a slice shows one of the {number} fields, the first; name the file of another one, such as {}",
+                other.name
+            );
+        }
     }
     if args.over.contains(&Over::Labels) && scene.labels.as_ref().is_none_or(|labels| labels.declared.is_empty()) {
         return Err(CliError::Usage(

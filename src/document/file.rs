@@ -227,7 +227,7 @@ pub struct InMemory {
     pub volume: Arc<Volume>,
     /// Its label map, if it has one.
     pub labels: Option<Arc<Volume>>,
-    /// Further fields by their names, on the grid of the volume.
+    /// Further fields by their names, placed in the world of the volume.
     pub further: Vec<(String, Arc<Volume>)>,
 }
 
@@ -661,6 +661,8 @@ impl Text<'_> {
         let grid = (&*volume, &stored, further.as_slice());
         let further = self.further(&file, grid, &materials, base, options, progress)?;
         inputs.extend(further.iter().flat_map(|field| field.volume.files.iter().cloned()));
+        let transforms = file.volumes.values().filter_map(|field| field.get_ref().transform.as_ref());
+        inputs.extend(transforms.filter_map(|transform| transform.get_ref().file(base)));
         let mut scene =
             Scene { labels, materials, lights, background, camera, crop, clip, ..Scene::new(&name, volume) };
         scene.fields = scene.fields.with(further);

@@ -250,6 +250,13 @@ impl Source {
     /// As [`Self::read`].
     pub fn series(&self, times: usize, progress: &dyn Progress) -> Result<Series, OpenError> {
         let Some(path) = self.alone() else { return Ok(Series { source: self.clone(), look: None }) };
+        if let Some(further) = self.options.beside.first() {
+            let problem = format!(
+                "all its time steps are shown alone, and {} was named beside them; choose one time step, or state both in a scene",
+                further.display()
+            );
+            return Err(VolumeError::Layout { source_name: path.display().to_string(), problem }.into());
+        }
         let name = path.display().to_string();
         let mut options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
         let mut largest: Option<(Arc<Volume>, bool)> = None;
@@ -464,6 +471,10 @@ fn look_at(
         Err(error) => {
             let chosen = channels_of(&error, &options)?.filter(|_| is_of_file);
             return match chosen {
+                Some(_) if !options.beside.is_empty() => {
+                    let problem = "its channels are shown together, and volumes beside them were named too; choose one with --component N, or state all of them in [volumes] of a scene";
+                    Err(VolumeError::Layout { source_name: whole_name, problem: problem.to_owned() }.into())
+                }
                 Some(chosen) => look_at_channels(path, options, chosen, progress),
                 None => Err(of_volume(error)),
             };
@@ -479,7 +490,7 @@ fn look_at(
     if volume.geometry != stored {
         Arc::make_mut(&mut volume).geometry = stored;
     }
-    let (mut text, mut guess, mut further) = (text, guess, further);
+    let (mut text, mut guess) = (text, guess);
     if !options.beside.is_empty() {
         let open = |path: &PathBuf| {
             let selection = Selection { memory: options.selection.memory, ..Selection::default() };
@@ -489,8 +500,8 @@ fn look_at(
         let mut others = options.beside.iter().map(open).collect::<Result<Vec<_>, VolumeError>>()?;
         let look = beside(&text, volume.geometry.spacing.min_element(), &mut others, progress).map_err(of_look)?;
         guess.push_str(&look.guess);
+        // The scene reads them again, as any scene does that states them.
         text = look.text;
-        further.extend(look.names.into_iter().zip(others.into_iter().map(|other| other.volume)));
     }
     let given = Some(Given { volumes: InMemory { volume, labels, further }, is_ready: true, has_ready_labels: false });
     let read = parse_around(given, (&whole_name, &text), Path::new(""), &options, progress);

@@ -66,6 +66,8 @@ pub enum RenderWarning {
         /// Name of the volume.
         volume: String,
     },
+    /// The clip planes leave nothing.
+    AllClipped,
     /// No light has an intensity above 0.
     NoLight,
     /// The light grid is coarser than stated.
@@ -91,6 +93,7 @@ impl RenderWarning {
             Self::LabelsLost { .. } => "labels-lost",
             Self::NoMaterial => "material-none-visible",
             Self::NoVisibleValue { .. } => "value-none-visible",
+            Self::AllClipped => "clip-all",
             Self::NoLight => "light-none",
             Self::LightGrid { .. } => "light-grid-coarse",
         }
@@ -148,8 +151,11 @@ impl RenderWarning {
             let volume = || scene.volume().source.clone();
             (occupied == Some(0)).then(|| Self::NoVisibleValue { volume: volume() })
         };
+        let shown = scene.crop.unwrap_or_else(|| scene.frame.whole_box());
+        let clipped = scene.clip.in_force().next().is_some() && scene.clip.leaves_nothing(&scene.frame, shown);
+        let clipped = clipped.then_some(Self::AllClipped);
         let dark = mix.0.iter().all(|light| light.weight <= 0.0).then_some(Self::NoLight);
-        nothing.into_iter().chain(dark).collect()
+        nothing.into_iter().chain(clipped).chain(dark).collect()
     }
 
     /// Those of a film of the scene on a device, relit under `mix`.
@@ -249,6 +255,7 @@ impl fmt::Display for RenderWarning {
                 "nothing in {volume} is visible: the transfer function or the window is 0 over all its values (`relume info` \
                  prints their range)"
             ),
+            Self::AllClipped => out.write_str("the clip planes leave nothing: the picture shows the background alone"),
             Self::NoLight => out.write_str("no light shines: the picture is black"),
             Self::LightGrid { spacing, stated } => write!(
                 out,

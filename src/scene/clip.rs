@@ -1,6 +1,6 @@
 //! Clip planes: what lies beyond any of them is not there, neither for the eye nor for shadows.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::Frame;
 
@@ -51,6 +51,28 @@ impl Clip {
     #[must_use]
     pub fn hides(&self, place: DVec3) -> bool {
         self.in_force().any(|plane| plane.beyond(place) > 0.0)
+    }
+
+    /// True if the planes leave nothing of the box of `frame` between these `corners`, in voxel indices.
+    #[must_use]
+    pub fn leaves_nothing(&self, frame: &Frame, [low, high]: [DVec3; 2]) -> bool {
+        // What faces and planes leave is convex: it has a corner where three of them meet.
+        let geometry = &frame.geometry;
+        let faces = (0..3).flat_map(|axis| {
+            let outward = geometry.direction.col(axis);
+            [(low, -outward), (high, outward)].map(|(corner, outward)| (geometry.world_from_index(corner), outward))
+        });
+        let all: Vec<(DVec3, DVec3)> =
+            faces.chain(self.in_force().map(|plane| (plane.point, plane.outward()))).collect();
+        let slack = 1e-9 * geometry.extent().length();
+        let is_left = |place: DVec3| all.iter().all(|&(point, outward)| outward.dot(place - point) <= slack);
+        let meets = |a: usize, b: usize, c: usize| {
+            let normals = DMat3::from_cols(all[a].1, all[b].1, all[c].1).transpose();
+            let at = DVec3::new(all[a].1.dot(all[a].0), all[b].1.dot(all[b].0), all[c].1.dot(all[c].0));
+            (normals.determinant().abs() > 1e-9).then(|| normals.inverse() * at)
+        };
+        let numbers = || 0..all.len();
+        !numbers().any(|a| (a + 1..all.len()).any(|b| (b + 1..all.len()).any(|c| meets(a, b, c).is_some_and(is_left))))
     }
 
     /// True if both leave the same part, and shade it alike.

@@ -42,10 +42,12 @@ impl Frame {
         self.geometry.world_from_index((low + high) / 2.0)
     }
 
-    /// Least and largest coordinate of the box along a unit vector of the world.
+    /// Least and largest coordinate of the box along a unit vector of the world; an axis of one voxel is one voxel thick.
     #[must_use]
     pub fn extent_along(&self, direction: DVec3) -> [f64; 2] {
-        let [low, high] = self.whole_box().map(|corner| self.geometry.world_from_index(corner));
+        let half = DVec3::select(self.thin_axes().into(), DVec3::splat(0.5), DVec3::ZERO);
+        let [low, high] = self.whole_box();
+        let [low, high] = [low - half, high + half].map(|corner| self.geometry.world_from_index(corner));
         let edges =
             self.geometry.direction.transpose() * direction * (self.geometry.direction.inverse() * (high - low));
         let (middle, half) = ((low + high).dot(direction) / 2.0, edges.abs().element_sum() / 2.0);

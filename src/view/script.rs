@@ -18,7 +18,7 @@ use crate::document::{Edit, State};
 use crate::input;
 use crate::measure::{Goal, Preset};
 use crate::palette::Target;
-use crate::scene::{Clip, Interval};
+use crate::scene::Interval;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::srgb_code;
@@ -318,7 +318,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             _ => return Err("write field INDEX LOW HIGH; 0 is the volume".to_owned()),
         },
         "clip" => match rest {
-            ["off"] => edit(Edit::Clip(Clip::default())),
+            ["off"] => Command::Clip(Vec::new()),
             [_, ..] => Command::Clip(rest.iter().map(|&plane| plane.to_owned()).collect()),
             [] => return Err("write clip off, or planes such as clip z:50% -x:12".to_owned()),
         },

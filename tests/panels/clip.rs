@@ -11,7 +11,7 @@ use relume::document::{Document, Edit};
 use relume::scene::{Clip, ClipPlane};
 use relume::volume::Volume;
 
-use crate::app::{App, document, drag_along, retype};
+use crate::app::{App, click_at, document, drag_along, retype};
 
 fn planes(window: &Harness<'_, App>) -> Vec<ClipPlane> {
     window.state().document.as_ref().unwrap().state().scene.clip.planes.clone()
@@ -52,9 +52,28 @@ fn a_plane_is_added_typed_flipped_dragged_switched_and_removed() {
     window.run();
     assert!(!planes(&window)[0].on);
     assert!(window.query_by_label("clip plane 1 (−x)").is_none(), "no handle");
+    // The first of two.
+    window.get_by_label("y").click();
+    window.run();
+    let first = window.get_all_by_label("remove").next().unwrap().rect().center();
+    click_at(&mut window, first);
+    window.run();
+    assert_eq!(planes(&window).iter().map(ClipPlane::outward).collect::<Vec<_>>(), [DVec3::Y]);
     window.get_by_label("remove").click();
     window.run();
     assert!(planes(&window).is_empty());
+}
+
+#[test]
+fn a_plane_in_a_face_of_the_box_can_be_pulled_back() {
+    let mut window = opened();
+    window.get_by_label("x").click();
+    window.run();
+    retype(&mut window, "plane 1 (+x): part that stays", "1");
+    window.run();
+    let at = window.get_by_label("clip plane 1 (+x)").rect().center();
+    drag_along(&mut window, &[at, at - Vec2::new(20.0, 0.0), at - Vec2::new(40.0, 0.0)]);
+    assert!(part(&window, 0) < 0.97, "{}", part(&window, 0));
 }
 
 #[test]

@@ -134,6 +134,67 @@ fn info_of_a_volume_has_the_promised_keys() {
     }
 }
 
+/// A cube of `side` voxels of this size, placed by its first one, whose values fall from its middle.
+fn cube(side: usize, spacing: f64, origin: [f64; 3]) -> Vec<u8> {
+    let [x, y, z] = origin;
+    let head = format!(
+        "NRRD0005\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: {side} {side} {side}\nspace directions: \
+         ({spacing},0,0) (0,{spacing},0) (0,0,{spacing})\nspace origin: ({x},{y},{z})\nencoding: raw\n\n"
+    );
+    let half = side / 2;
+    let far = |i: usize| i.abs_diff(half);
+    let value = |i: usize| {
+        let [x, y, z] = [i % side, i / side % side, i / side / side].map(far);
+        u8::try_from(240 - (240 * (x + y + z)) / (3 * half + 1)).unwrap()
+    };
+    head.into_bytes().into_iter().chain((0..side.pow(3)).map(value)).collect()
+}
+
+#[test]
+fn volumes_on_grids_of_their_own_are_shown_together_and_none_is_dropped() {
+    let folder = Folder::new();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path(name), bytes).unwrap();
+    write("ct.nrrd", &cube(24, 1.0, [0.0; 3]));
+    write("pet.nrrd", &cube(8, 2.5, [2.0, 2.0, 2.0]));
+    write("far.nrrd", &cube(8, 2.5, [900.0, 2.0, 2.0]));
+    write("pet.tfm", b"#Insight Transform File V1.0\nTransform: AffineTransform_double_3_3\nParameters: 1 0 0 0 1 0 0 0 1 3 0 0\nFixedParameters: 0 0 0\n");
+    let small = ["--size", "24x24"];
+    let done = |args: &[&str]| folder.done(&[args, &small].concat());
+    let both = done(&["render", "ct.nrrd", "pet.nrrd", "-o", "both.png", "--save-scene", "sub.toml"]);
+    assert!(both.err.contains("Beside it") && both.err.contains("pet from"), "{}", both.err);
+    done(&["render", "sub.toml", "-o", "again.png"]);
+    done(&["render", "ct.nrrd", "-o", "ct.png"]);
+    let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+    assert!(bytes("both.png") == bytes("again.png") && bytes("both.png") != bytes("ct.png"));
+    // ITK's transform leads to the moving volume: it lies 3 units nearer.
+    let moved = |value: &str, name: &str| {
+        done(&["render", "ct.nrrd", "pet.nrrd", "-D", &format!("volumes.pet.transform={value}"), "-o", name]);
+        bytes(name)
+    };
+    let by_file = moved("pet.tfm", "file.png");
+    assert!(by_file == moved("[1, 0, 0, -3, 0, 1, 0, 0, 0, 0, 1, 0]", "numbers.png") && by_file != bytes("both.png"));
+    let far = done(&["render", "ct.nrrd", "far.nrrd", "-o", "far.png"]);
+    assert!(far.err.contains("nothing of it is shown"), "{}", far.err);
+    let channels = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");
+    folder.refused(1, &["render", channels, "pet.nrrd"], &["--component N", "[volumes]"]);
+    folder.refused(1, &["render", "ct.nrrd", "nosuch.nrrd"], &["nosuch.nrrd"]);
+    folder.refused(2, &["render", "sub.toml", "pet.nrrd"], &["pet.nrrd", "[volumes]"]);
+    folder.refused(2, &["info", "ct.nrrd", "pet.nrrd"], &["one volume", "pet.nrrd"]);
+    folder.refused(2, &["render", "ct.nrrd", "a", "b", "c", "d"], &["5 volumes", "up to 4"]);
+    folder.refused(
+        1,
+        &["render", "ct.nrrd", "pet.nrrd", "-D", "volumes.pet.transform=[1, 0.5, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]"],
+        &["right angles"],
+    );
+    // Planes.
+    let cut = done(&["render", "ct.nrrd", "--clip", "z:50%", "--clip", "-z:50%", "-o", "cut.png"]);
+    assert!(cut.err.contains("clip planes leave nothing"), "{}", cut.err);
+    let cut = done(&["render", "ct.nrrd", "--clip", "left:50%", "-o", "cut.png"]);
+    assert!(!cut.err.contains("clip planes leave nothing") && bytes("cut.png") != bytes("ct.png"), "{}", cut.err);
+    folder.refused(2, &["info", "ct.nrrd", "--clip", "z:50%"], &["--clip has no effect"]);
+    folder.refused(1, &["render", "ct.nrrd", "--clip", "w:3"], &["--clip w:3", "no such direction"]);
+}
+
 #[test]
 fn channels_are_listed_by_their_names() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");

@@ -8,7 +8,7 @@ use relume::document::{self, InMemory, SceneOptions};
 use relume::film::Film;
 use relume::number::Real;
 use relume::progress::Quiet;
-use relume::scene::{Field, Scene};
+use relume::scene::{Aim, Field, Scene};
 use relume::volume::{Geometry, Volume, Voxels};
 
 use crate::support::rungs::{Rungs, with_renderer};
@@ -126,4 +126,18 @@ fn only_the_first_field_is_shaded() {
     assert!(planned(0.0).unwrap().plan.shades_by_gradient());
     let refused = planned(0.5).unwrap_err().to_string();
     assert!(refused.contains("volumes.pet shows glow") && refused.contains("diffuse = 0"), "{refused}");
+}
+
+#[test]
+fn a_field_finer_than_a_frame_of_one_voxel_is_marched_on_both_sides_of_it() {
+    // A slab of one voxel, 33 units thick; below and above its middle lies half of the other field.
+    let first = || uniform([33, 33, 1], DVec3::new(1.0, 1.0, 33.0), DVec3::ZERO, DMat3::IDENTITY);
+    for origin in [-16.0, 8.0] {
+        let other = uniform([33, 33, 9], DVec3::ONE, DVec3::new(0.0, 0.0, origin), DMat3::IDENTITY);
+        let mut scene = scene(first(), other, [0.0, 0.2]);
+        scene.camera.aim = Aim::LookAt { position: DVec3::new(10.0, 10.0, -40.0), target: DVec3::new(10.0, 10.0, 0.0) };
+        let rungs = Rungs::new(scene, [4, 4]);
+        let left = 0.8_f64.powi(8);
+        with_renderer(|renderer| check("device", &rungs.gpu(renderer), [1.0 - left, left, f64::NAN], 1e-5));
+    }
 }

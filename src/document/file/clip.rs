@@ -22,6 +22,9 @@ impl Text<'_> {
                 ClipPlaneFile::Short(text) => clip_plane(text, &Frame::of(volume)),
                 &ClipPlaneFile::Numbers(ClipNumbers { point, normal, on }) => {
                     let plane = ClipPlane::new(point.into(), normal.into()).ok_or_else(|| {
+                        if point.iter().any(|number| !number.is_finite()) {
+                            return format!("a clip plane through the point {point:?}; its numbers are finite");
+                        }
                         format!("a clip plane with the normal {normal:?}; write a direction, such as [0, 0, 1]: what lies that way goes")
                     });
                     plane.map(|plane| ClipPlane { on: on.unwrap_or(true), ..plane })

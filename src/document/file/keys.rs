@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -245,6 +245,16 @@ pub(super) struct FurtherFile {
 pub(super) enum TransformFile {
     Numbers([f64; 12]),
     File(PathBuf),
+}
+
+impl TransformFile {
+    /// Its file, if it has one.
+    pub(super) fn file(&self, base: &Path) -> Option<PathBuf> {
+        match self {
+            Self::Numbers(_) => None,
+            Self::File(path) => Some(base.join(path)),
+        }
+    }
 }
 
 #[derive(Default, Deserialize)]

@@ -28,13 +28,13 @@ pub(super) fn read(path: &Path) -> Result<[f64; 12], String> {
     }
     let wrong = || format!("{}: an affine transform has 12 finite Parameters and 3 FixedParameters", named());
     let parameters = numbers("Parameters:").ok_or_else(wrong)?;
-    let centre = numbers("FixedParameters:").unwrap_or_else(|| vec![0.0; 3]);
+    let centre = numbers("FixedParameters:").filter(|centre| !centre.is_empty()).unwrap_or_else(|| vec![0.0; 3]);
     let ([.., _], 12, 3) = (&parameters[..], parameters.len(), centre.len()) else { return Err(wrong()) };
     let row = |i: usize| DVec3::new(parameters[3 * i], parameters[3 * i + 1], parameters[3 * i + 2]);
     let matrix = DMat3::from_cols(row(0), row(1), row(2)).transpose();
     let (shift, centre) = (DVec3::from_slice(&parameters[9..]), DVec3::from_slice(&centre));
     let back = matrix.inverse();
-    if !back.is_finite() || !shift.is_finite() || !centre.is_finite() || matrix.determinant().abs() < 1e-12 {
+    if !back.is_finite() || !shift.is_finite() || !centre.is_finite() {
         return Err(format!("{}: the transform has no inverse", named()));
     }
     // y = M (x − c) + t + c.

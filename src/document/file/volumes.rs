@@ -216,12 +216,12 @@ impl Text<'_> {
                 if let Some(transform) = transform {
                     volume.geometry = self.moved(&volume, transform, base)?;
                 }
-                if reaches_beyond(&volume.geometry, &first.geometry) {
-                    volume.notes.push(format!(
-                        "{}: volumes.{name} reaches beyond the box of the volume; what lies there is not shown",
-                        volume.source
-                    ));
-                }
+                let note = match place_in(&volume.geometry, &first.geometry) {
+                    Place::Inside => None,
+                    Place::Partly => Some("reaches beyond the box of the volume; what lies there is not shown"),
+                    Place::Outside => Some("lies outside the box of the volume: nothing of it is shown"),
+                };
+                volume.notes.extend(note.map(|note| format!("{}: volumes.{name} {note}", volume.source)));
                 return Ok(Field::new(name.clone(), Arc::new(volume), terms));
             }
             if !lies {
@@ -465,14 +465,30 @@ impl VolumeFile {
     }
 }
 
-/// True if a grid has voxels more than half a voxel of `frame` outside that one's box.
-fn reaches_beyond(grid: &Geometry, frame: &Geometry) -> bool {
+/// Where a grid lies.
+enum Place {
+    Inside,
+    Partly,
+    Outside,
+}
+
+/// Where the box of `grid` lies in that of `frame`, within half a voxel of it. A box beside an edge of the other one may count as partly
+/// inside.
+fn place_in(grid: &Geometry, frame: &Geometry) -> Place {
     let last = |geometry: &Geometry| DVec3::from_array(geometry.dims.map(count)) - 1.0;
-    (0..8_usize).any(|bits| {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for bits in 0..8_usize {
         let corner =
             DVec3::from_array(std::array::from_fn(|axis| if bits >> axis & 1 == 0 { 0.0 } else { last(grid)[axis] }));
-        let world = grid.world_from_index(corner);
-        let index = frame.direction.inverse() * (world - frame.origin) / frame.spacing;
-        index.cmplt(DVec3::splat(-0.5)).any() || index.cmpgt(last(frame) + 0.5).any()
-    })
+        let index = frame.direction.inverse() * (grid.world_from_index(corner) - frame.origin) / frame.spacing;
+        (low, high) = (low.min(index), high.max(index));
+    }
+    let (first, end) = (DVec3::splat(-0.5), last(frame) + 0.5);
+    if low.cmpgt(end).any() || high.cmplt(first).any() {
+        Place::Outside
+    } else if low.cmplt(first).any() || high.cmpgt(end).any() {
+        Place::Partly
+    } else {
+        Place::Inside
+    }
 }

@@ -25,8 +25,6 @@ pub(crate) struct BesideVolume {
 pub(crate) struct BesideLook {
     pub(crate) text: String,
     pub(crate) guess: String,
-    /// Names of the volumes in it.
-    pub(crate) names: Vec<String>,
 }
 
 /// The first look `text` of a volume with this smallest `spacing`, and `others` beside it: their high values add light and hide nothing.
@@ -50,7 +48,7 @@ pub(crate) fn beside(
         transfer.get("opacity_length").and_then(Item::as_value).and_then(number_in).unwrap_or(spacing)
     };
     let ours = length(&document["transfer"], spacing);
-    let (mut names, mut told) = (Vec::new(), Vec::new());
+    let mut told = Vec::new();
     let mut volumes = Table::new();
     volumes.set_implicit(true);
     for (index, BesideVolume { path, volume }) in others.iter_mut().enumerate() {
@@ -89,11 +87,10 @@ pub(crate) fn beside(
         own.insert("file", value(path.display().to_string()));
         own.insert("transfer", Item::Table(transfer));
         volumes.insert(&name, Item::Table(own));
-        names.push(name);
     }
     document.insert("volumes", Item::Table(volumes));
     let guess = format!(" Beside it, where each is in the world, what glows and hides nothing: {}.", told.join(", "));
-    Ok(BesideLook { text: document.to_string(), guess, names })
+    Ok(BesideLook { text: document.to_string(), guess })
 }
 
 /// A name for keys from that of a file.

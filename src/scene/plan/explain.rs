@@ -1,7 +1,9 @@
 //! Explains plans in sentences, for people who know volumes but not this program.
 
 use super::{ClipPlan, Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower};
-use crate::{AccumulateAs, Accuracy, Gradients, Integration, Interpolation, Lookup, Scene, Shading, ShadowMethod};
+use crate::{
+    AccumulateAs, Accuracy, Field, Gradients, Integration, Interpolation, Lookup, Scene, Shading, ShadowMethod,
+};
 use relume_base::number::{brief, readable};
 use relume_colour::model::ModelKind;
 use relume_colour::spectrum::{Layers, THIN_FILM_ANGLES, ThinFilmAngle};
@@ -268,10 +270,16 @@ impl Planned {
         sentences.extend(self.explain_thin_films(scene));
         sentences.extend(self.explain_shadows(scene));
         if plan.groups.further > 0 {
-            let names = scene.fields.further().iter().map(|field| field.name.as_str());
+            let names = |fields: &[Field]| listed(fields.iter().map(|field| field.name.as_str()));
+            let places = [
+                ("on the grid of the volume", scene.fields.sharing()),
+                ("on grids of their own", scene.fields.beside()),
+            ];
+            let told = places.iter().filter(|(_, fields)| !fields.is_empty());
+            let told: Vec<String> = told.map(|(place, fields)| format!("{} {place}", names(fields))).collect();
             sentences.push(format!(
-                "The volume and {} have values at each place of one grid: a sample reads all of them, and adds their densities.",
-                listed(names)
+                "Beside the volume, a sample reads {}, and adds the densities of all.",
+                told.join(", and ")
             ));
         }
         if plan.groups.by_gradient() {

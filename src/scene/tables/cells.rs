@@ -129,8 +129,12 @@ impl Occupancy {
             let at = [index % dims[0], index / dims[0] % dims[1], index / (dims[0] * dims[1])];
             let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
             for corner in 0..8_usize {
-                let place = DVec3::from_array(std::array::from_fn(|axis| count(at[axis] + (corner >> axis & 1))));
-                let there = placed.index_of_voxel(place * cell);
+                let place = |axis: usize| {
+                    let end = corner >> axis & 1;
+                    // Samples on an axis of one voxel lie half a voxel around it.
+                    count(at[axis] + end).mul_add(cell, count(end) - 0.5)
+                };
+                let there = placed.index_of_voxel(DVec3::new(place(0), place(1), place(2)));
                 (low, high) = (low.min(there), high.max(there));
             }
             // A voxel more for rounding, and the samples at the faces of the volume, which belong to the last macrocell.

@@ -48,9 +48,13 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 next.planes.extend(view.and_then(|view| middle(&scene.frame, -view.forward)));
             }
         });
+        let mut removed = None;
         for (index, plane) in scene.clip.planes.iter().enumerate() {
-            ui.horizontal(|ui| row(ui, &scene.frame, (index, plane), &mut next));
+            if ui.horizontal(|ui| row(ui, &scene.frame, (index, plane), &mut next)).inner {
+                removed = Some(index);
+            }
         }
+        removed.map(|index| next.planes.remove(index));
         if !scene.clip.planes.is_empty() {
             let help =
                 "Shades cut faces as though nothing lay beyond the plane. Without, what is alike inside has no face.";
@@ -67,8 +71,8 @@ fn middle(frame: &Frame, outward: DVec3) -> Option<ClipPlane> {
     Some(ClipPlane::new(frame.middle(), outward)?.with_part(frame, 0.5))
 }
 
-/// The row of a plane.
-fn row(ui: &mut Ui, frame: &Frame, (index, plane): (usize, &ClipPlane), next: &mut Clip) {
+/// The row of a plane; true if it is to be removed.
+fn row(ui: &mut Ui, frame: &Frame, (index, plane): (usize, &ClipPlane), next: &mut Clip) -> bool {
     let called = name(index, plane);
     let help = "The plane cuts. Off, it stays here, without an effect.";
     ui.checkbox(&mut next.planes[index].on, &called).on_hover_text(help);
@@ -83,10 +87,7 @@ fn row(ui: &mut Ui, frame: &Frame, (index, plane): (usize, &ClipPlane), next: &m
     if ui.small_button("flip").on_hover_text("Shows the other side.").clicked() {
         next.planes[index].normal = -plane.normal;
     }
-    let view_help = "Removes the plane.";
-    if ui.small_button("remove").on_hover_text(view_help).clicked() {
-        next.planes.remove(index);
-    }
+    ui.small_button("remove").on_hover_text("Removes the plane.").clicked()
 }
 
 /// What a plane is called: its number, and the direction that goes.
@@ -160,7 +161,9 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
     let map = Map { view, geometry, rect };
     let painter = ui.painter().with_clip_rect(rect);
     for (index, plane) in scene.clip.planes.iter().enumerate().filter(|(_, plane)| plane.on) {
-        let corners = outline(&scene.frame, plane);
+        // A plane in or beyond a face of the box is shown inside, so that it can be pulled back.
+        let part = plane.part(&scene.frame).clamp(1.0 / PARTS, 1.0 - 1.0 / PARTS);
+        let corners = outline(&scene.frame, &plane.with_part(&scene.frame, part));
         if corners.len() < 3 {
             continue;
         }

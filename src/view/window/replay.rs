@@ -10,7 +10,7 @@ use winit::event_loop::ActiveEventLoop;
 use super::{ViewError, Viewer};
 use crate::document::design::Spectra;
 use crate::document::{Document, Edit, clip_plane};
-use crate::scene::{Clip, Interval};
+use crate::scene::{CLIP_PLANES, Clip, Interval};
 use crate::view::action::Action;
 use crate::view::engine::Engine;
 use crate::view::script::{self, Command, Input};
@@ -117,6 +117,9 @@ impl Viewer {
             Command::Clip(planes) => {
                 let clip = self.open_document().and_then(|document| {
                     let scene = &document.state().scene;
+                    if planes.len() > CLIP_PLANES {
+                        return Err(format!("{} clip planes; a scene may have {CLIP_PLANES}", planes.len()));
+                    }
                     let planes = planes.iter().map(|text| clip_plane(text, &scene.frame)).collect::<Result<_, _>>()?;
                     Ok(Clip { planes, cap: scene.clip.cap })
                 });
