@@ -114,7 +114,7 @@ pub enum Edit {
     TermGradient(usize, GradientFactor),
     /// Material and opacity of a label, by its index among the declared labels.
     Label(usize, usize, f64),
-    /// Restores the transfer function and the labels of the scene.
+    /// Restores the transfer function, the labels and what further fields show.
     ResetTransfer,
     /// Accuracy settings.
     Accuracy(Accuracy),
@@ -518,6 +518,8 @@ impl State {
             Edit::ResetTransfer => {
                 scene.transfer.clone_from(&opened.scene.transfer);
                 scene.labels.clone_from(&opened.scene.labels);
+                let further = opened.scene.fields.further().iter().enumerate();
+                further.for_each(|(index, field)| scene.fields.show(index, field.terms.clone()));
             }
             Edit::Design(ref step) => redesign(&mut self.palette, step, scene),
             Edit::Spectra(ref spectra) => {

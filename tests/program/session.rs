@@ -142,6 +142,8 @@ fn ranges_of_fields_are_saved_as_stretched_terms() {
         }
     }
     assert!(!document.is_saved(), "ranges are a part of a session");
+    document.edit(&Edit::ResetTransfer);
+    assert_eq!(document.state().scene.range_of(2), Some([100.0, 150.0]));
 }
 
 #[test]

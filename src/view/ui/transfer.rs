@@ -134,7 +134,9 @@ fn buttons(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         }
         let opened = &document.opened().scene;
         let labels = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
-        let changed = state.scene.transfer != opened.transfer || labels(&state.scene) != labels(opened);
+        let changed = state.scene.transfer != opened.transfer
+            || labels(&state.scene) != labels(opened)
+            || state.scene.fields.terms() != opened.fields.terms();
         presets(ui, state, document.statistics(), asked);
         let help = "Restores the transfer function and the labels of the scene.";
         if ui.add_enabled(changed, egui::Button::new("Reset transfer")).on_hover_text(help).clicked() {
