@@ -472,7 +472,7 @@ fn look_at(
             let chosen = channels_of(&error, &options)?.filter(|_| is_of_file);
             return match chosen {
                 Some(_) if !options.beside.is_empty() => {
-                    let problem = "its channels are shown together, and volumes beside them were named too; choose one with --component N, or state all of them in [volumes] of a scene";
+                    let problem = "its channels are shown together, and volumes beside them were named too; choose one component of it, or state all of them in [volumes] of a scene";
                     Err(VolumeError::Layout { source_name: whole_name, problem: problem.to_owned() }.into())
                 }
                 Some(chosen) => look_at_channels(path, options, chosen, progress),

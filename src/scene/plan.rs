@@ -788,7 +788,9 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         groups: Groups::of(scene),
         clip: ClipPlan {
             planes: scene.clip.in_force().count().min(CLIP_PLANES),
-            caps: scene.clip.cap && (diffuse || specular.is_some() || thin_films.total() > 0),
+            caps: scene.clip.cap
+                && scene.clip.in_force().next().is_some()
+                && (diffuse || specular.is_some() || thin_films.total() > 0),
         },
         labels,
         smooth_labels: labels && scene.accuracy.labels == LabelInterpolation::Smooth,

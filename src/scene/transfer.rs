@@ -210,7 +210,11 @@ impl Term {
     #[must_use]
     pub fn stretched(&self, from: [f64; 2], to: [f64; 2]) -> Self {
         let scale = (to[1] - to[0]) / (from[1] - from[0]);
-        let moved = |value: f64| (value - from[0]).mul_add(scale, to[0]);
+        // The ends are exact.
+        let moved = |value: f64| {
+            let part = (value - from[0]) / (from[1] - from[0]);
+            (1.0 - part).mul_add(to[0], part * to[1])
+        };
         let curve = |points: &[(f64, f64)]| points.iter().map(|&(value, height)| (moved(value), height)).collect();
         Self {
             ramp: self.ramp.map(|ramp| ramp * scale),

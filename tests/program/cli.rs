@@ -176,13 +176,13 @@ fn volumes_on_grids_of_their_own_are_shown_together_and_none_is_dropped() {
     let far = done(&["render", "ct.nrrd", "far.nrrd", "-o", "far.png"]);
     assert!(far.err.contains("nothing of it is shown"), "{}", far.err);
     let channels = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");
-    folder.refused(1, &["render", channels, "pet.nrrd"], &["--component N", "[volumes]"]);
+    folder.refused(1, &["render", channels, "pet.nrrd"], &["choose one component", "[volumes]"]);
     folder.refused(1, &["render", "ct.nrrd", "nosuch.nrrd"], &["nosuch.nrrd"]);
     folder.refused(2, &["render", "sub.toml", "pet.nrrd"], &["pet.nrrd", "[volumes]"]);
     folder.refused(2, &["info", "ct.nrrd", "pet.nrrd"], &["one volume", "pet.nrrd"]);
     folder.refused(2, &["render", "ct.nrrd", "a", "b", "c", "d"], &["5 volumes", "up to 4"]);
     folder.refused(
-        1,
+        2,
         &["render", "ct.nrrd", "pet.nrrd", "-D", "volumes.pet.transform=[1, 0.5, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]"],
         &["right angles"],
     );

@@ -170,13 +170,13 @@ const SAME_AS_OTHERS: [(&str, &[&str]); 5] = [
 
 /// Pairs of arguments that state the same thing: each is refused, with these words.
 const COMPETING: &[(&[&str], &str)] = &[
-    (&["render", "ball.nrrd", "--volume", "none.nrrd", "-o", "p.png"], "one volume"),
-    (&["render", "ball.nrrd", "--volume", "ball.nrrd"], "one volume"),
-    (&["view", "ball.nrrd", "--volume", "none.nrrd", "--frames", "1"], "one volume"),
-    (&["page", "ball.nrrd", "--volume", "none.nrrd", "-o", "p.html"], "one volume"),
-    (&["info", "ball.nrrd", "--volume", "none.nrrd"], "one volume"),
-    (&["measure", "ball.nrrd", "--volume", "none.nrrd"], "one volume"),
-    (&["slice", "ball.nrrd", "--volume", "none.nrrd", "-o", "p.png"], "one volume"),
+    (&["render", "ball.nrrd", "--volume", "none.nrrd", "-o", "p.png"], "to show them together"),
+    (&["render", "ball.nrrd", "--volume", "ball.nrrd"], "to show them together"),
+    (&["view", "ball.nrrd", "--volume", "none.nrrd", "--frames", "1"], "to show them together"),
+    (&["page", "ball.nrrd", "--volume", "none.nrrd", "-o", "p.html"], "to show them together"),
+    (&["info", "ball.nrrd", "--volume", "none.nrrd"], "to show them together"),
+    (&["measure", "ball.nrrd", "--volume", "none.nrrd"], "to show them together"),
+    (&["slice", "ball.nrrd", "--volume", "none.nrrd", "-o", "p.png"], "to show them together"),
     (&["page", "film.exr", "--volume", "ball.nrrd", "-o", "p.html"], "--volume"),
     (&["render", "ball.nrrd", "-D", "volume.file=none.nrrd", "-o", "p.png"], "-D volume.file=none.nrrd has no effect"),
     (
