@@ -56,15 +56,21 @@ impl Clip {
     /// True if the planes leave nothing of the box of `frame` between these `corners`, in voxel indices.
     #[must_use]
     pub fn leaves_nothing(&self, frame: &Frame, [low, high]: [DVec3; 2]) -> bool {
-        // What faces and planes leave is convex: it has a corner where three of them meet.
+        // What faces and planes leave is convex: it has a corner where three of them meet. All are moved inwards a little, since a slice
+        // without thickness is nothing.
         let geometry = &frame.geometry;
+        let inwards = 1e-6 * geometry.extent().length();
+        let half = DVec3::select(frame.thin_axes().into(), DVec3::splat(0.5), DVec3::ZERO);
+        let (low, high) = (low - half, high + half);
         let faces = (0..3).flat_map(|axis| {
             let outward = geometry.direction.col(axis);
             [(low, -outward), (high, outward)].map(|(corner, outward)| (geometry.world_from_index(corner), outward))
         });
-        let all: Vec<(DVec3, DVec3)> =
-            faces.chain(self.in_force().map(|plane| (plane.point, plane.outward()))).collect();
-        let slack = 1e-9 * geometry.extent().length();
+        let all: Vec<(DVec3, DVec3)> = faces
+            .chain(self.in_force().map(|plane| (plane.point, plane.outward())))
+            .map(|(point, outward)| (point - outward * inwards, outward))
+            .collect();
+        let slack = 1e-3 * inwards;
         let is_left = |place: DVec3| all.iter().all(|&(point, outward)| outward.dot(place - point) <= slack);
         let meets = |a: usize, b: usize, c: usize| {
             let normals = DMat3::from_cols(all[a].1, all[b].1, all[c].1).transpose();
