@@ -129,6 +129,7 @@ impl Args {
     fn refuse(&self, flags: &[&str], why: &str) -> Result<(), CliError> {
         let others = [
             ("-D", !self.scene.define.is_empty()),
+            ("--clip", self.scene.is_clipped()),
             ("--labels", self.scene.labels.is_some()),
             ("--label-names", self.scene.label_names.is_some()),
             ("--downsample", self.scene.downsample.is_some()),
