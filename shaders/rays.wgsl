@@ -81,7 +81,7 @@ struct Ray {
     start: f32,
     // Number of the first step, from `start`.
     first: f32,
-    // Where the ray enters and leaves the part that the crop box and the clip planes leave, in steps from the beginning of the first step.
+    // Ends of the part of the ray that the crop box and the clip planes leave, in steps from the beginning of the first step.
     inside: vec2f,
     samples: u32,
     view: vec3f,

@@ -655,6 +655,8 @@ fn check_fields(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
         "labels; leave them out, or show one field"
     } else if plan.transmittance == Transmittance::Mixed || projects_steps(plan, planned.model.as_deref()) {
         "the model, which projects each step; take another model"
+    } else if scene.accuracy.voxel_pixels > 0.0 {
+        "a level by the size of voxels, which is one of a single volume; leave out accuracy.voxel_pixels"
     } else if scene.fields.iter().any(|field| field.bricks().is_some()) {
         "a file of bricks; open the volumes that it was made of"
     } else {

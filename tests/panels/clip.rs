@@ -1,17 +1,15 @@
 //! Clip planes by buttons, numbers, and handles in the picture and in the slices.
 
-use std::sync::Arc;
-
-use egui::{Key, Vec2};
+use egui::Vec2;
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
+use relume::document::Edit;
 use relume::document::moves::{Move, Side};
-use relume::document::{Document, Edit};
 use relume::scene::{Clip, ClipPlane};
-use relume::volume::Volume;
 
 use crate::app::{App, click_at, document, drag_along, retype};
+use crate::slices;
 
 fn planes(window: &Harness<'_, App>) -> Vec<ClipPlane> {
     window.state().document.as_ref().unwrap().state().scene.clip.planes.clone()
@@ -90,16 +88,10 @@ fn a_plane_that_faces_the_eye_is_added_by_the_view_and_cannot_be_dragged() {
 
 #[test]
 fn a_plane_is_dragged_in_a_slice() {
-    let mut scene = document().opened().clone();
-    let volume = Volume { anatomical: false, ..(**scene.scene.volume()).clone() };
-    scene.scene.set_volume(Arc::new(volume));
-    let plane = ClipPlane::new(DVec3::ZERO, DVec3::Z).unwrap().with_part(&scene.scene.frame, 0.5);
-    scene.scene.clip = Clip { planes: vec![plane], cap: true };
-    let statistics = scene.scene.volume().statistics().unwrap();
-    let mut window = App::open(Vec2::new(1280.0, 720.0), Some(Document::new(scene).with_statistics(statistics)));
-    window.run();
-    window.key_press(Key::S);
-    window.run();
+    let mut window = slices::opened(false);
+    let document = window.state_mut().document.as_mut().unwrap();
+    let plane = ClipPlane::new(DVec3::ZERO, DVec3::Z).unwrap().with_part(&document.state().scene.frame, 0.5);
+    document.edit(&Edit::Clip(Clip { planes: vec![plane], cap: true }));
     window.run();
     let at = window.get_by_label("clip in XZ: plane 1 (+z)").rect().center();
     // Slices have z upwards.

@@ -17,7 +17,7 @@ use crate::app::{App, click_at, document, drag_along, is_painted};
 const NAMES: [&str; 3] = ["slice: XY", "slice: XZ", "slice: YZ"];
 
 /// A window with slices of the document, whose axes are anatomical if `anatomical`.
-fn opened(anatomical: bool) -> Harness<'static, App> {
+pub(crate) fn opened(anatomical: bool) -> Harness<'static, App> {
     let mut scene = document().opened().clone();
     let volume = Volume { anatomical, ..(**scene.scene.volume()).clone() };
     scene.scene.set_volume(Arc::new(volume));

@@ -168,7 +168,7 @@ fn a_plane_that_moves_through_steps_jumps_no_more_than_the_truth() {
             (0..=16).map(at).collect()
         };
         let [found, truth] = [1.0, 1.0 / 8.0].map(frames);
-        // What the eye sees as a flicker: the second difference from frame to frame, beyond that of the truth.
+        // Flicker, as the eye sees it: the second difference from frame to frame, beyond that of the truth.
         let bends = |frames: &[Vec<f64>], pixel: usize| -> Vec<f64> {
             let seen: Vec<f64> = frames.iter().map(|frame| frame[pixel]).collect();
             seen.windows(3).map(|at| at[0] - 2.0 * at[1] + at[2]).collect()

@@ -60,7 +60,7 @@ fn depth(opacity: f64) -> f64 {
     -(-opacity).ln_1p() * 24.0
 }
 
-fn check<R: Real>(what: &str, film: &Film<R>, expected: [f64; 3], limit: f64) {
+pub(super) fn check<R: Real>(what: &str, film: &Film<R>, expected: [f64; 3], limit: f64) {
     let pixels = film.size[0] * film.size[1];
     let found = film.accumulators.iter().chain(&film.transmittance).map(|number| number.to_f64());
     for (i, found) in found.enumerate() {
@@ -193,5 +193,6 @@ fn what_several_fields_cannot_have_is_refused_with_the_way_out() {
         },
         &["volumes.other shows two", "shading = \"none\""],
     );
+    refused(&|scene| scene.accuracy.voxel_pixels = 2.0, &["several fields", "accuracy.voxel_pixels"]);
     refused(&|scene| scene.accuracy.integration = Integration::Segments, &["segments", "several fields"]);
 }

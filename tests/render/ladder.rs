@@ -413,6 +413,23 @@ fn the_ladder_catches_a_hundredth_of_a_step_in_every_scene() {
 }
 
 #[test]
+fn the_ladder_catches_a_hundredth_of_a_voxel_of_a_plane() {
+    for name in ["clipped_unshaded", "clipped_diffuse_three", "clipped_coloured_three"] {
+        let mut rungs = Rungs::new(scenes::named(name), SIZE);
+        let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+        let places = places(&rungs);
+        let bound = of_places(&rungs, &expected, [places.error; 3], ROUNDINGS_PER_STEP_OF_TWO);
+        let still = accumulators(&rungs.march::<f32>(&rungs.stored::<f32>()), &expected, &bound, &places.undecided);
+        assert!(still.share <= 1.0, "{name}: the same picture: {still:?}");
+        for plane in &mut rungs.scene.clip.planes {
+            plane.point -= 0.01 * plane.outward();
+        }
+        let moved = accumulators(&rungs.march::<f32>(&rungs.stored::<f32>()), &expected, &bound, &places.undecided);
+        assert!(moved.share > 1.0, "{name}: {moved:?}");
+    }
+}
+
+#[test]
 fn the_ladder_catches_half_a_pixel_of_shift() {
     let still = shifted(0.0);
     assert!(still.share <= 1.0, "the same picture: {still:?}");

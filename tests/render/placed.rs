@@ -5,12 +5,11 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use relume::document::{self, InMemory, SceneOptions};
-use relume::film::Film;
-use relume::number::Real;
 use relume::progress::Quiet;
 use relume::scene::{Aim, Field, Scene};
 use relume::volume::{Geometry, Volume, Voxels};
 
+use crate::fields::check;
 use crate::support::rungs::{Rungs, with_renderer};
 
 fn uniform(dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Volume {
@@ -34,15 +33,6 @@ fn scene(first: Volume, other: Volume, opacities: [f64; 2]) -> Scene {
     let terms = scene.fields.further()[0].terms.clone();
     scene.fields = scene.fields.with(vec![Field::new("other".to_owned(), Arc::new(other), terms)]);
     scene
-}
-
-fn check<R: Real>(what: &str, film: &Film<R>, expected: [f64; 3], limit: f64) {
-    let pixels = film.size[0] * film.size[1];
-    let found = film.accumulators.iter().chain(&film.transmittance).map(|number| number.to_f64());
-    for (i, found) in found.enumerate() {
-        let expected = expected[i / pixels];
-        assert!((found - expected).abs() <= limit, "{what}: {found} for {expected}");
-    }
 }
 
 #[test]

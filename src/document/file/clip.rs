@@ -44,7 +44,7 @@ impl Text<'_> {
 ///
 /// # Errors
 ///
-/// What is wrong, and what to write.
+/// The fault, and the right form.
 pub fn clip_plane(text: &str, frame: &Frame) -> Result<ClipPlane, String> {
     let wrong = |what: &str| {
         format!(

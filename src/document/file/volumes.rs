@@ -465,14 +465,14 @@ impl VolumeFile {
     }
 }
 
-/// Where a grid lies.
+/// Place of a grid relative to another one's box.
 enum Place {
     Inside,
     Partly,
     Outside,
 }
 
-/// Where the box of `grid` lies in that of `frame`, within half a voxel of it. A box beside an edge of the other one may count as partly
+/// Place of the box of `grid` in that of `frame`, within half a voxel of it. A box beside an edge of the other one may count as partly
 /// inside.
 fn place_in(grid: &Geometry, frame: &Geometry) -> Place {
     let last = |geometry: &Geometry| DVec3::from_array(geometry.dims.map(count)) - 1.0;

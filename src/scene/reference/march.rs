@@ -45,7 +45,7 @@ struct Ray<R> {
     start: R,
     /// Number of the first step, from `start`.
     first: R,
-    /// Where the ray enters and leaves the part that the crop box and the clip planes leave, in steps from the beginning of the
+    /// Ends of the part of the ray that the crop box and the clip planes leave, in steps from the beginning of the
     /// first step.
     inside: [R; 2],
     /// Number of samples.
@@ -55,7 +55,7 @@ struct Ray<R> {
 }
 
 impl<R: Real> Ray<R> {
-    /// Where the part of step `n` that is left begins and ends, in steps from the beginning of that step.
+    /// Ends of the part of step `n` that is left, in steps from the beginning of that step.
     fn part(&self, n: usize) -> [R; 2] {
         let (n, one) = (R::from_f64(count(n)), R::from_f64(1.0));
         [(self.inside[0] - n).max(R::default()), (self.inside[1] - n).min(one)]

@@ -125,18 +125,13 @@ impl Occupancy {
     fn seen_in(&self, frame: &Cells, placed: &PlacedField) -> Self {
         let dims = frame.dims;
         let cell = count(CELL);
+        // Half the box that a macrocell, grown by half a voxel, has on the other grid.
+        let half = placed.extent_of_voxels(DVec3::splat(0.5 * cell + 0.5));
         let is_seen = |index: usize| {
             let at = [index % dims[0], index / dims[0] % dims[1], index / (dims[0] * dims[1])];
-            let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-            for corner in 0..8_usize {
-                let place = |axis: usize| {
-                    let end = corner >> axis & 1;
-                    // Samples on an axis of one voxel lie half a voxel around it.
-                    count(at[axis] + end).mul_add(cell, count(end) - 0.5)
-                };
-                let there = placed.index_of_voxel(DVec3::new(place(0), place(1), place(2)));
-                (low, high) = (low.min(there), high.max(there));
-            }
+            // Samples on an axis of one voxel lie half a voxel around it.
+            let middle = placed.index_of_voxel(DVec3::from_array(at.map(|at| (count(at) + 0.5) * cell)));
+            let (low, high) = (middle - half, middle + half);
             // A voxel more for rounding, and the samples at the faces of the volume, which belong to the last macrocell.
             let range = |axis: usize| {
                 let [first, last] = [low[axis] - 1.0, high[axis] + 1.0].map(|index| index / cell);

@@ -60,6 +60,13 @@ impl PlacedField {
         DVec3::from_array(self.rows.map(|row| row.dot(place.extend(1.0))))
     }
 
+    /// Half the box, in its voxels, around one that extends so many voxels of the frame to either side.
+    #[must_use]
+    pub fn extent_of_voxels(&self, half: DVec3) -> DVec3 {
+        let half = half / DVec3::from_array(self.frame.map(count));
+        DVec3::from_array(self.rows.map(|row| row.truncate().abs().dot(half)))
+    }
+
     /// Its lowest and highest voxel indices; an axis of one voxel is one voxel thick.
     #[must_use]
     pub fn ends(&self) -> [[f64; 3]; 2] {

@@ -90,7 +90,7 @@ fn row(ui: &mut Ui, frame: &Frame, (index, plane): (usize, &ClipPlane), next: &m
     ui.small_button("remove").on_hover_text("Removes the plane.").clicked()
 }
 
-/// What a plane is called: its number, and the direction that goes.
+/// Name of a plane: its number, and the direction that goes.
 fn name(index: usize, plane: &ClipPlane) -> String {
     let outward = plane.outward();
     let along = AXES.into_iter().find(|(_, axis)| outward.dot(*axis).abs() > 1.0 - 1e-9);

@@ -44,7 +44,7 @@ fn row(ui: &mut Ui, scene: &Scene, (index, range): (usize, [f64; 2]), asked: &mu
     }
 }
 
-/// What a field is called: that of the first is its material, if it shows one alone.
+/// Name of a field: that of the first is its material, if it shows one alone.
 fn name(scene: &Scene, index: usize) -> String {
     match index.checked_sub(1).and_then(|further| scene.fields.further().get(further)) {
         Some(field) => field.name.clone(),
