@@ -3,8 +3,8 @@
 // The reflected light of a step is in `weights.wgsl` or `spectral.wgsl`, its transmittance in `grey.wgsl`,
 // `coloured.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, the
 // factors on its medium by the gradient magnitude in `factors.wgsl`, and the integration of a run of steps in
-// `samples.wgsl` with `samples_of_steps.wgsl` or `samples_of_groups.wgsl`, or in `segments.wgsl` with `segments_grey.wgsl` or
-// `segments_coloured.wgsl`; the medium as densities is in `densities.wgsl`, with `densities_grey.wgsl` or `densities_coloured.wgsl`. The rays are in
+// `samples.wgsl` with `samples_of_steps.wgsl` or `samples_of_groups.wgsl`, in `segments.wgsl` with `segments_grey.wgsl` or
+// `segments_coloured.wgsl`, or in `extremes.wgsl`; the medium as densities is in `densities.wgsl`, with `densities_grey.wgsl` or `densities_coloured.wgsl`, and `table_of_groups.wgsl`; what a ray keeps from slice to slice beside its film is in `sums.wgsl` or `extremes.wgsl`. The rays are in
 // `rays.wgsl`, the values between voxels in `fetch.wgsl`, the light in `light.wgsl`, its part that arrives in `share_grey.wgsl`
 // or `share_coloured.wgsl`, that of phase functions in `phase.wgsl`, with `phase_weights.wgsl` or `phase_spectral.wgsl`, that of
 // thin films in `thin_film.wgsl`, and the entry point in `slices.wgsl` for a whole volume or in `rounds.wgsl` for one in bricks.
@@ -58,21 +58,6 @@ fn composite(
             (*sums)[first + lane] = received(transmittance, lane, source, sum);
         }
     }
-}
-
-// Loads what rounding took from the samples before this slice.
-fn load_lost(pixel: vec2u) {
-    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-        lost_sums[layer] = textureLoad(accumulators, pixel, LAYERS + layer);
-    }
-    lost_transmittance = load_transmittance_from(pixel, TRANSMITTANCE_LANES);
-}
-
-fn store_lost(pixel: vec2u) {
-    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-        textureStore(accumulators, pixel, LAYERS + layer, lost_sums[layer]);
-    }
-    store_transmittance_to(pixel, TRANSMITTANCE_LANES, lost_transmittance);
 }
 
 // Loads the sums of a block's rays.

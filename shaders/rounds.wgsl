@@ -44,9 +44,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             transmittance = load_transmittance_from(pixel, 0u);
         }
     }
-    if (COMPENSATED) {
+    if (KEEPS_MORE) {
         if (first > 0u) {
-            load_lost(pixel);
+            load_more(pixel);
         }
     }
     var own = vec2u(0u, ray.samples);
@@ -96,12 +96,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         dark = brightest(transmittance) < march.termination;
         if (dark) { break; }
     }
+    if (EXTREMES) {
+        transmittance = finished(ray, transmittance, &sums);
+    }
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
         textureStore(accumulators, pixel, layer, sums[layer]);
     }
     store_transmittance_to(pixel, 0u, transmittance);
-    if (COMPENSATED) {
-        store_lost(pixel);
+    if (KEEPS_MORE) {
+        store_more(pixel);
     }
     // Samples skipped beyond the slice are empty, and the next slice skips them again.
     let next = min(n, end);

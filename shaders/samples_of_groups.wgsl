@@ -1,4 +1,4 @@
-// The transfer table of samples as densities of groups of terms, which have factors of their own. Part of `march.wgsl`.
+// The medium of a sample as densities of groups of terms, which have factors of their own. Part of `march.wgsl`.
 
 // Reads the sum of the densities of a sample, times their factors where the data have this `gradient`.
 fn look_up(place: vec3f, key: Key, gradient: vec3f, step: ptr<function, Step>) {
@@ -12,8 +12,6 @@ fn look_up(place: vec3f, key: Key, gradient: vec3f, step: ptr<function, Step>) {
         if (SEVERAL_FIELDS) {
             coordinate = coordinate_of(fields.values, group, march.coordinate_last);
         }
-        let i = select(min(u32(coordinate), u32(march.coordinate_last) - 1u), u32(coordinate + 0.5), NEAREST_LOOKUP);
-        let fraction = coordinate - f32(i);
         var factor = 1.0;
         if (BY_GRADIENT) {
             factor = factor_at(magnitude, group);
@@ -21,22 +19,7 @@ fn look_up(place: vec3f, key: Key, gradient: vec3f, step: ptr<function, Step>) {
         if (PLACED > 0u) {
             factor *= of_field(fields.there, group);
         }
-        let entry = i * GROUPS + group;
-        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            var source = table_source[entry * TABLE_LANES + lane];
-            if (!NEAREST_LOOKUP) {
-                let after = table_source[(entry + GROUPS) * TABLE_LANES + lane];
-                source = fma(vec4f(fraction), after - source, source);
-            }
-            (*step).source[lane] = fma(vec4f(factor), source, (*step).source[lane]);
-        }
-        var depth: Transmittance;
-        if (NEAREST_LOOKUP) {
-            depth = opacity_at(entry);
-        } else {
-            depth = opacity_between(entry, entry + GROUPS, fraction);
-        }
-        (*step).opacity = plus_share((*step).opacity, factor, depth);
+        add_group(group, coordinate, factor, step);
     }
 }
 

@@ -25,9 +25,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             transmittance = load_transmittance_from(pixel, 0u);
         }
     }
-    if (COMPENSATED) {
+    if (KEEPS_MORE) {
         if (band.first_sample > 0u) {
-            load_lost(pixel);
+            load_more(pixel);
         }
     }
     var end = min(ray.samples, band.end_sample);
@@ -39,12 +39,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     end = select(end, 0u, brightest(transmittance) < march.termination);
     transmittance = march_steps(ray, n, end, transmittance, &sums);
+    if (EXTREMES) {
+        transmittance = finished(ray, transmittance, &sums);
+    }
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
         textureStore(accumulators, pixel, layer, sums[layer]);
     }
     store_transmittance_to(pixel, 0u, transmittance);
-    if (COMPENSATED) {
-        store_lost(pixel);
+    if (KEEPS_MORE) {
+        store_more(pixel);
     }
 }
 

@@ -217,7 +217,7 @@ const LOOK: &str = "Look of a volume without a scene";
 /// The picture of a volume without a scene.
 #[derive(Debug, Args)]
 pub(crate) struct LookArgs {
-    /// Kind of picture: tissue (glassy layers around the densest, solid one), bone, vessel, grey or fluorescence, or a
+    /// Kind of picture: tissue (glassy layers around the densest, solid one), bone, vessel, grey, fluorescence, maximum (of each ray), or a
     /// transfer preset of the window: soft-tissue, skin, lung, ct-bone, ct-vessels (CT), mr, mr-t1, mr-t2, micro-ct, haze,
     /// densest or layers. Or a file: a preset of 3D Slicer (.vp, .vp.json) or ParaView (.json), or rendering settings of OMERO
     /// (.json).
@@ -526,7 +526,7 @@ impl SceneArgs {
             let time = file.scene.volume().selection.time;
             tracing::info!("{guess}{}", time.map_or_else(String::new, of_time));
             tracing::info!(
-                "To change it, use --look (tissue, bone, vessel, grey, fluorescence, a transfer preset or a file: see --help), use \
+                "To change it, use --look (tissue, bone, vessel, grey, fluorescence, maximum, a transfer preset or a file: see --help), use \
                  --window and --level, or edit the scene that --save-scene FILE writes."
             );
         }

@@ -214,7 +214,7 @@ fn placed_like(document: &DocumentMut, name: &str, palette: &Palette) -> Vec<(&'
 /// Whether a definition may name a file.
 fn names_files(definition: &Definition) -> bool {
     let key = definition.text.split(['.', '=']).next().unwrap_or_default().trim();
-    !["accuracy", "camera", "clip", "crop", "display", "lighting", "mix", "shading", "shadows", "transfer"]
+    !["accuracy", "blending", "camera", "clip", "crop", "display", "lighting", "mix", "shading", "shadows", "transfer"]
         .contains(&key)
 }
 

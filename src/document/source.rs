@@ -8,13 +8,13 @@ use super::import::{self, Import, ImportError};
 use super::look::beside::{BesideVolume, beside};
 use super::look::channels::{ChannelVolume, channels as look_channels};
 use super::look::first_look::{
-    Channel, FirstLook, LookError, NoCt, Shown, Subject, Wish, first_look, is_speckled, labels_text,
+    Channel, FirstLook, Look, LookError, NoCt, Shown, Subject, Wish, first_look, is_speckled, labels_text,
 };
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded, parse};
 use relume_base::input;
 use relume_base::number::readable;
 use relume_base::progress::{Progress, Quiet};
-use relume_scene::FIELDS;
+use relume_scene::{Blending, FIELDS};
 use relume_volume::{RawLayout, Selection, Several, Statistics, Volume, VolumeError, has_header, is_volume};
 
 /// A file to open, with options.
@@ -512,17 +512,24 @@ fn look_at(
     Ok((SceneFile { guess: Some(guess), ..file }, statistics))
 }
 
+/// True if nothing but the largest values of rays is wished for.
+fn sees_maximum(options: &SceneOptions) -> bool {
+    options.wish == Wish { look: Some(Look::Maximum), ..Wish::default() }
+}
+
 /// The channels, by their component and name, that are shown together where a volume of several was not chosen: those that the options
 /// name, or else all of a few.
 fn channels_of(error: &SceneError, options: &SceneOptions) -> Result<Option<Vec<(usize, String)>>, OpenError> {
     let SceneError::Volume { source: VolumeError::Choose { source_name, there }, .. } = error else { return Ok(None) };
     let Several::Components { count, kind, names } = there else { return Ok(None) };
-    let is_one =
-        !options.wish.is_none() || options.preset.is_some() || options.labels.is_some() || options.selection.asks;
+    // The largest values of all of them are a look, too.
+    let wishes = !options.wish.is_none() && !sees_maximum(options);
+    let is_one = wishes || options.preset.is_some() || options.labels.is_some() || options.selection.asks;
     let name = |component: usize| names.get(component).cloned().unwrap_or_default();
-    if let (Some(_), true) = (&options.channels, !options.wish.is_none() || options.preset.is_some()) {
+    if let (Some(_), true) = (&options.channels, wishes || options.preset.is_some()) {
         let problem =
-            "several channels have a look of their own; omit their names, or the look, window or preset".to_owned();
+            "several channels have a look of their own, or that of their largest values: --look maximum; omit their names, or the look, window or preset"
+                .to_owned();
         return Err(VolumeError::Layout { source_name: source_name.clone(), problem }.into());
     }
     let Some(stated) = &options.channels else {
@@ -562,6 +569,9 @@ fn look_at_channels(
 ) -> Result<(SceneFile, Statistics), OpenError> {
     let name = path.display().to_string();
     let mut channels = Vec::new();
+    // Wishes are for values that have no look of their own.
+    let blending = if sees_maximum(&options) { Blending::Maximum } else { Blending::Composite };
+    options.wish = Wish::default();
     for (component, of_file) in chosen {
         options.selection.component = Some(component);
         let ((volume, _), _) = volume_alone(&name, None, &options, progress).map_err(of_volume)?;
@@ -569,7 +579,7 @@ fn look_at_channels(
     }
     options.selection.component = channels.first().map(|channel| channel.component);
     let of_file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let look = look_channels(&of_file, &mut channels, progress).map_err(of_look)?;
+    let look = look_channels(&of_file, &mut channels, blending, progress).map_err(of_look)?;
     // They are in memory by the names of their keys.
     let further = look.names.iter().cloned().zip(channels.iter().map(|channel| Arc::clone(&channel.volume))).skip(1);
     let further = further.collect();

@@ -14,8 +14,8 @@ use relume_colour::spectrum::ThinFilm;
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
 use relume_scene::{
-    Accuracy, AmbientShares, BRIGHTEST, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry, Lighting,
-    Mix, PHASES, Scene, Term, key,
+    Accuracy, AmbientShares, BRIGHTEST, Blending, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry,
+    Lighting, Mix, PHASES, Scene, Term, key,
 };
 
 /// All editable state of a document.
@@ -45,6 +45,8 @@ pub enum Edit {
     Phase(usize, f64),
     /// Thin film of a material, by its index, or none.
     Film(usize, Option<ThinFilm>),
+    /// What of the values along a ray is seen.
+    Blending(Blending),
     /// Sides of surfaces that lights shade.
     Lighting(Lighting),
     /// Ambient shares of directed lights: open or occluded.
@@ -141,6 +143,7 @@ impl Edit {
             | Self::Shadows(..)
             | Self::Phase(..)
             | Self::Film(..)
+            | Self::Blending(_)
             | Self::Lighting(_)
             | Self::AmbientShares(_)
             | Self::Reach(_)
@@ -316,6 +319,7 @@ impl State {
             materials,
             transfer,
             lights,
+            blending,
             shading: _,
             lighting,
             background,
@@ -331,7 +335,7 @@ impl State {
         (dial, light, palette) == (&other.dial, &other.light, &other.palette)
             && (camera, crop, clip) == (&to.camera, &to.crop, &to.clip)
             && (accuracy, display) == (&to.accuracy, &to.display)
-            && (*lighting, *shadows) == (to.lighting, to.shadows)
+            && (*blending, *lighting, *shadows) == (to.blending, to.lighting, to.shadows)
             && (materials, lights, background) == (&to.materials, &to.lights, &to.background)
             && (transfer, declared(scene)) == (&to.transfer, declared(to))
             && fields.terms() == to.fields.terms()
@@ -378,6 +382,7 @@ impl State {
                     material.film.clone_from(film);
                 }
             }
+            Edit::Blending(blending) => scene.blending = blending,
             Edit::Lighting(lighting) => scene.lighting = lighting,
             Edit::AmbientShares(ambient) => scene.shadows.ambient = ambient,
             Edit::Reach(reach) => {

@@ -14,7 +14,7 @@ pub fn occupancy(scene: &Scene, storage: &Storage, labels: Option<&LabelMap>) ->
 }
 
 /// Whether `scene` scatters or absorbs, at values from the lowest to the highest; also at both values around a bend, if
-/// it does so at the bend or right beside it.
+/// it does so at the bend or right beside it, and beyond, where the extreme value of a ray is seen.
 fn visible(scene: &Scene, [low, high]: [f64; 2]) -> Vec<bool> {
     let last = count(PLACES - 1);
     let shows = |value: f64| {
@@ -29,5 +29,6 @@ fn visible(scene: &Scene, [low, high]: [f64; 2]) -> Vec<bool> {
             active[(place + 1).min(PLACES - 1)] = true;
         }
     }
+    scene.blending.widen(&mut active);
     active
 }

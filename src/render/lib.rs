@@ -332,7 +332,7 @@ impl Renderer {
         let format = Format::Rgba32Float;
         let [widest, highest] = limits.max_extent_2d(format);
         let limit = [widest, highest, limits.max_layers(format)];
-        let asked = [size[0], size[1], plan.layers() * if plan.compensated { 2 } else { 1 }];
+        let asked = [size[0], size[1], plan.layers() * if plan.keeps_more() { 2 } else { 1 }];
         if asked.iter().zip(limit).any(|(&asked, limit)| asked as u64 > u64::from(limit)) {
             return Err(RenderError::PictureSize { asked, device: device.clone(), limit });
         }

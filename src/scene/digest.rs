@@ -19,6 +19,7 @@ impl Scene {
             materials,
             transfer,
             lights,
+            blending,
             shading,
             lighting,
             background,
@@ -31,7 +32,8 @@ impl Scene {
             display,
         } = self;
         let mut hasher = DefaultHasher::new();
-        format!("{materials:?} {transfer:?} {lights:?} {shading:?} {lighting:?} {background:?}").hash(&mut hasher);
+        format!("{materials:?} {transfer:?} {lights:?} {blending:?} {shading:?} {lighting:?} {background:?}")
+            .hash(&mut hasher);
         format!("{camera:?} {crop:?} {clip:?} {accuracy:?} {shadows:?} {display:?}").hash(&mut hasher);
         if let Some(block) = block {
             block.hash(&mut hasher);

@@ -29,8 +29,9 @@ use Kind::{Number, Switch, Whole};
 use Stale::{Accumulators, Matrices, Nothing, Picture, Tables};
 
 use crate::{
-    AccumulateAs, Aim, AmbientShares, BRIGHTEST, Gradients, INTENSITY, Integration, Interpolation, LabelInterpolation,
-    Lighting, Lookup, Material, PHASES, Projection, Scene, SceneLight, Shading, ShadowMethod, StoreAs, VolumeAs,
+    AccumulateAs, Aim, AmbientShares, BRIGHTEST, Blending, Gradients, INTENSITY, Integration, Interpolation,
+    LabelInterpolation, Lighting, Lookup, Material, PHASES, Projection, Scene, SceneLight, Shading, ShadowMethod,
+    StoreAs, VolumeAs,
 };
 
 /// A key of a part `T` of a scene: the scene itself, a material or a light.
@@ -408,6 +409,7 @@ const fn names<N: Named>() -> Kind {
 mod choices {
     use super::*;
 
+    impl Named for Blending { const ALL: Choices<Self> = &[(Self::Composite, "composite"), (Self::Maximum, "maximum"), (Self::Minimum, "minimum")]; }
     impl Named for Shading { const ALL: Choices<Self> = &[(Self::None, "none"), (Self::Gradient, "gradient")]; }
     impl Named for Lighting { const ALL: Choices<Self> = &[(Self::TwoSided, "two_sided"), (Self::OneSided, "one_sided")]; }
     impl Named for AmbientShares { const ALL: Choices<Self> = &[(Self::Open, "open"), (Self::Occluded, "occluded")]; }
@@ -451,6 +453,7 @@ macro_rules! field {
 /// The keys of a scene. Knobs are in the order in which reports list them.
 #[rustfmt::skip]
 pub const SCENE: &[Key<Scene>] = &[
+    Key::new("blending", names::<Blending>(), Nothing, field!(Scene: blending)),
     Key::new("shading", names::<Shading>(), Nothing, field!(Scene: shading)),
     Key::new("lighting", names::<Lighting>(), Nothing, field!(Scene: lighting)),
     Key::new("accuracy.model", names::<ModelKind>(), Tables, field!(Scene: accuracy.model))

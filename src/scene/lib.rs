@@ -58,6 +58,8 @@ pub struct Scene {
     pub transfer: Transfer,
     /// Lights in the order of their names.
     pub lights: Vec<SceneLight>,
+    /// What of a ray is seen.
+    pub blending: Blending,
     /// Whether lights shade by direction.
     pub shading: Shading,
     /// Sides of a surface that directed lights shade.
@@ -122,6 +124,7 @@ impl Scene {
                 gradient_opacity: Vec::new(),
             },
             lights: Vec::new(),
+            blending: Blending::default(),
             shading: Shading::default(),
             lighting: Lighting::default(),
             background: None,
@@ -216,7 +219,9 @@ impl Scene {
     /// the diffuse and specular parts of shaded light.
     #[must_use]
     pub fn casts_shadows(&self, index: usize) -> bool {
-        let Some(light) = self.lights.get(index).filter(|light| light.shadows) else { return false };
+        let Some(light) = self.lights.get(index).filter(|light| light.shadows && !self.blending.is_extreme()) else {
+            return false;
+        };
         let shaded =
             |(i, material): (usize, &Material)| self.shows(i) && (material.diffuse > 0.0 || material.specular > 0.0);
         light.placement == Placement::Ambient
@@ -227,7 +232,7 @@ impl Scene {
     /// Whether phase functions change the picture: those of visible materials without shading.
     #[must_use]
     pub fn has_phases(&self) -> bool {
-        self.shading == Shading::None && self.states_phases().next().is_some()
+        self.shading == Shading::None && !self.blending.is_extreme() && self.states_phases().next().is_some()
     }
 
     /// Visible materials with a phase function other than the even one.
@@ -479,6 +484,45 @@ pub enum ShadowMethod {
     /// Ambient light comes from a grid with half the spacing, from four times the directions; for one pixel, by a ray in each
     /// direction. For the reference only.
     Rays,
+}
+
+/// What of the values along a ray is seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Blending {
+    /// All of them, front to back: each step scatters light, and dims what is behind it.
+    #[default]
+    Composite,
+    /// The largest value of each field, as an opacity length of its medium: a maximum intensity projection.
+    Maximum,
+    /// The smallest value of each field, likewise: a minimum intensity projection.
+    Minimum,
+}
+
+impl Blending {
+    /// True if a single value of each field is seen. It has no place, so all light reaches it whole: nothing is shaded, and nothing casts
+    /// shadows.
+    #[must_use]
+    pub const fn is_extreme(self) -> bool {
+        !matches!(self, Self::Composite)
+    }
+
+    /// Marks which of the entries of a table, in the order of their values, can decide a pixel, where these are `active`: a value beyond
+    /// them may be the extreme one, and hides them.
+    pub fn widen(self, active: &mut [bool]) {
+        match self {
+            Self::Composite => {}
+            Self::Maximum => {
+                if let Some(first) = active.iter().position(|&active| active) {
+                    active[first..].fill(true);
+                }
+            }
+            Self::Minimum => {
+                if let Some(last) = active.iter().rposition(|&active| active) {
+                    active[..=last].fill(true);
+                }
+            }
+        }
+    }
 }
 
 /// Shading of the picture.

@@ -238,7 +238,7 @@ fn canonical(scene: &Scene, placement: Placement) -> Placement {
     if scene.has_phases() {
         return placement;
     }
-    if scene.shading == Shading::None || shown.clone().all(white) {
+    if scene.shading == Shading::None || scene.blending.is_extreme() || shown.clone().all(white) {
         return Placement::Ambient;
     }
     if placement == Placement::Ambient {

@@ -12,6 +12,7 @@ mod warning;
 
 use std::sync::Arc;
 
+use crate::key::Named;
 pub use crate::key::Stale;
 use fitted::{Coefficients, RECENT, Wanted};
 pub use integration::{Narrow, narrow, read_ahead};
@@ -22,7 +23,7 @@ use needs::{exponents, longest_way, transmittance};
 pub use warning::PlanWarning;
 
 use crate::{
-    AccumulateAs, Accuracy, AmbientShares, CLIP_PLANES, Field, Gradients, Integration, Interpolation,
+    AccumulateAs, Accuracy, AmbientShares, Blending, CLIP_PLANES, Field, Gradients, Integration, Interpolation,
     LabelInterpolation, Lighting, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
 };
 use relume_base::progress::Progress;
@@ -71,6 +72,8 @@ pub struct ScenePlan {
     pub lookup: Lookup,
     /// Integration along a ray.
     pub integration: Integrate,
+    /// What of a ray is seen.
+    pub blending: Blending,
     /// Interpolation between voxels.
     pub interpolation: Interpolation,
     /// Storage of the volume.
@@ -88,7 +91,7 @@ pub struct ScenePlan {
 }
 
 /// Terms of one field with equal factors by the gradient magnitude are a group, whose density is looked up by itself. Without factors and
-/// further fields there is no group: a sample reads the effect of a step.
+/// further fields there is no group, unless a single value of a ray is seen: a sample reads the effect of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Groups {
     /// Number of groups.
@@ -119,7 +122,7 @@ impl Groups {
         let further = scene.fields.further().len();
         let is_one_each =
             groups.len() == further + 1 && groups.iter().enumerate().all(|(index, group)| group.field == index);
-        if points > 0 || further > 0 {
+        if points > 0 || further > 0 || scene.blending.is_extreme() {
             Self { number: groups.len(), points, further, sharing: scene.fields.sharing().len(), is_one_each }
         } else {
             Self::default()
@@ -403,8 +406,14 @@ impl ScenePlan {
         let finished = if self.storage == StoreAs::Single { 0 } else { self.pixel_bytes() };
         let marched = self.bytes_as(StoreAs::Single);
         // A mean has the layers of its ray.
-        let marched = marched * if self.compensated { 2 } else { 1 };
+        let marched = marched * if self.keeps_more() { 2 } else { 1 };
         marched + if self.rays > 1 { marched } else { 0 } + finished
+    }
+
+    /// True if the images of a march have twice the layers of its film: for what rounding took from sums, or for extreme values.
+    #[must_use]
+    pub const fn keeps_more(&self) -> bool {
+        self.compensated || self.blending.is_extreme()
     }
 
     fn bytes_as(&self, storage: StoreAs) -> u64 {
@@ -524,6 +533,14 @@ pub enum PlanError {
         /// The feature and the way out.
         what: &'static str,
     },
+    /// An extreme value has no place in the volume, and the film of a part of a ray does not hold it.
+    #[error("blending = \"{blending}\" is not possible with {what}")]
+    Blending {
+        /// The name of the rule.
+        blending: &'static str,
+        /// The feature and the way out.
+        what: &'static str,
+    },
     /// Only the first field has a gradient.
     #[error(
         "volumes.{field} shows {material}, which is shaded, and only the gradient of the first field shades; write materials.{material} with diffuse = 0, specular = 0 and ambient = 1, or shading = \"none\""
@@ -581,6 +598,7 @@ impl PlanError {
             Self::GradientProjected => "gradient-projected",
             Self::Fields { .. } => "fields-impossible",
             Self::ShadedField { .. } => "field-shaded",
+            Self::Blending { .. } => "blending-impossible",
             Self::FilmMatrix { .. } => "film-matrix",
             Self::HalfMatrix => "half-matrix",
             Self::NoSegments { .. } => "segments-impossible",
@@ -620,6 +638,9 @@ pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progre
 /// Refuses matrices with a factor by the gradient magnitude, and 16-bit storage with an error above the tolerance.
 fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let Groups { number, further, .. } = planned.plan.groups;
+    if planned.plan.blending.is_extreme() {
+        check_extremes(planned, scene)?;
+    }
     if further > 0 {
         check_fields(planned, scene)?;
     }
@@ -638,6 +659,23 @@ fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     }
     shadows::check(planned, scene)?;
     half::check(planned, scene)
+}
+
+/// Refuses what a single value of a ray cannot have.
+fn check_extremes(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
+    let plan = &planned.plan;
+    let what = if plan.labels {
+        "labels, because a value has no label; leave them out"
+    } else if plan.groups.by_gradient() {
+        "factors by the gradient, because a value has none; remove transfer.gradient_opacity and every `gradient`"
+    } else if plan.transmittance == Transmittance::Mixed || projects_steps(plan, planned.model.as_deref()) {
+        "a model that projects each step; take another model"
+    } else if scene.block.is_some() {
+        "blocks, because the film of a part of a ray does not hold its values; render the picture as a whole"
+    } else {
+        return Ok(());
+    };
+    Err(PlanError::Blending { blending: plan.blending.name(), what })
 }
 
 /// Refuses what a march of several fields does not do.
@@ -739,7 +777,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let positions = positions(scene);
     let is_directed = positions.iter().any(|position| position.placement != Placement::Ambient);
     let used = || materials.iter().filter_map(|&material| scene.materials.get(material));
-    let directed = scene.shading == Shading::Gradient && is_directed;
+    let directed = scene.shading == Shading::Gradient && is_directed && !scene.blending.is_extreme();
     let diffuse = directed && used().any(|material| material.own_diffuse() > 0.0);
     let exponents = if directed { exponents(used()) } else { Vec::new() };
     let specular = exponents.last().map(|&largest| Specular {
@@ -799,12 +837,13 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
         integration: Integrate::Samples,
+        blending: scene.blending,
         interpolation: scene.accuracy.interpolation,
         volume: stored_volume(scene),
         gradients: Gradients::Packed,
         skipping: scene.accuracy.skipping,
         rays: scene.accuracy.rays,
-        compensated: scene.most_steps() > MOST_PLAIN_STEPS,
+        compensated: scene.most_steps() > MOST_PLAIN_STEPS && !scene.blending.is_extreme(),
         storage: scene.accuracy.storage,
     };
     if plan.gradient() {
@@ -829,6 +868,8 @@ fn no_segments(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static
         Some("the model peercy multiplies matrices")
     } else if projects_steps(plan, model) {
         Some("the model projects the transmittance of each step")
+    } else if plan.blending.is_extreme() {
+        Some("a single value of a ray is seen, and it has no neighbours")
     } else if plan.groups.further > 0 {
         Some("several fields have no common value between the ends of a segment")
     } else if plan.interpolation == Interpolation::Nearest {

@@ -124,8 +124,10 @@ fn reach_of_device(rungs: &Rungs, renderer: &Renderer) -> [f64; 3] {
 
 /// True if differences between the rungs of a plan have derived bounds.
 pub(super) fn has_bounds(plan: &ScenePlan) -> bool {
-    let ScenePlan { light, integration, interpolation, gradients, phases, thin_films, rays, lookup, .. } = plan;
-    let is_plain = *integration == Integrate::Samples && *gradients == Gradients::Packed && *rays == 1;
+    let ScenePlan { light, integration, blending, interpolation, gradients, phases, thin_films, rays, lookup, .. } =
+        plan;
+    let is_plain =
+        *integration == Integrate::Samples && !blending.is_extreme() && *gradients == Gradients::Packed && *rays == 1;
     // Both nearest, or both linear.
     let fetched = match lookup {
         Lookup::Linear => Interpolation::Linear,

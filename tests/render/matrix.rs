@@ -348,6 +348,9 @@ fn in_blocks_is_whole(case: &Case<'_>) -> Result<(), &'static str> {
     if plan.rays > 1 {
         return Err("rays of a pixel are not relayed");
     }
+    if plan.blending.is_extreme() {
+        return Err("the film of a part of a ray does not hold its values: refused");
+    }
     if plan.phases > 0 || plan.thin_films != FilmCounts::default() || plan.light.is_dimmed() {
         return Err("light is scattered behind the ends of a ray: `blocks::cases` has films and shadows");
     }
@@ -416,6 +419,7 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         background,
         lookup,
         integration,
+        blending,
         interpolation,
         volume,
         gradients,
@@ -492,6 +496,7 @@ pub(super) fn features(plan: &ScenePlan) -> String {
     add(*background, "background".into());
     add(*lookup != Lookup::Linear, "nearest entry".into());
     add(*integration == Integrate::Segments, "segments".into());
+    add(blending.is_extreme(), format!("{blending:?}"));
     add(*interpolation != Interpolation::Linear, format!("{interpolation:?}"));
     add(*volume != VolumeAs::Auto, format!("{volume:?}"));
     add(*gradients != Gradients::Packed, format!("{gradients:?}"));
@@ -597,7 +602,7 @@ matrix! {
     segments_coloured_xray segments_sharpened_semigroup segments_central segments_cubic segments_exact_linear
     segments_nearest_lookup segments_thinned segments_unskipped segments_long_steps segments_unshaded_cubic
     segments_unshaded_exact_linear thinned_unshaded_one thinned_diffuse_three thinned_specular_three thinned_labels
-    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured clipped_unshaded clipped_diffuse_three clipped_coloured_three clipped_labels clipped_segments clipped_segments_coloured clipped_central clipped_rectangles clipped_shadows clipped_rotated clipped_fields placed_two placed_three placed_coloured placed_cubic placed_exact_linear placed_nearest placed_shaded placed_central placed_shadows placed_clipped placed_unskipped fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
+    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured clipped_unshaded clipped_diffuse_three clipped_coloured_three clipped_labels clipped_segments clipped_segments_coloured clipped_central clipped_rectangles clipped_shadows clipped_rotated clipped_fields placed_two placed_three placed_coloured placed_cubic placed_exact_linear placed_nearest placed_shaded placed_central placed_shadows placed_clipped placed_unskipped maximum_one maximum_shaded maximum_shadows maximum_coloured maximum_background maximum_xray maximum_four maximum_placed maximum_placed_coloured maximum_clipped maximum_cropped maximum_inside maximum_nearest maximum_cubic maximum_rays maximum_unskipped minimum_one minimum_placed fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
     interpolation_exact_linear_three interpolation_cubic_three interpolation_nearest_unshaded
     interpolation_exact_linear_unshaded interpolation_cubic_unshaded interpolation_nearest_labels
     interpolation_exact_linear_labels interpolation_cubic_labels interpolation_nearest_coloured

@@ -11,6 +11,8 @@ use relume_base::number::{brief_in, count, readable};
 use relume_base::progress::Progress;
 use relume_colour::spectrum::colour::{linear_srgb_from_xyz, xyz_of};
 use relume_colour::spectrum::{BANDS, Spectrum, standard, wavelength_nm};
+use relume_scene::Blending;
+use relume_scene::key::Named;
 use relume_volume::Volume;
 
 /// Name of the light that shows all channels.
@@ -47,6 +49,7 @@ pub(crate) struct ChannelLook {
 pub(crate) fn channels(
     name: &str,
     channels: &mut [ChannelVolume],
+    blending: Blending,
     progress: &dyn Progress,
 ) -> Result<ChannelLook, LookError> {
     let number = channels.len();
@@ -75,6 +78,9 @@ pub(crate) fn channels(
         lights.insert(called, light(samples(&part), bright * luminance));
         let mut transfer = looked["transfer"].as_table().cloned().unwrap_or_default();
         rename(&mut transfer, called);
+        if blending.is_extreme() {
+            brighten(&mut transfer);
+        }
         let opacity = transfer["opacity"].as_array();
         let ends =
             opacity.and_then(|points| Some([first_of(points.get(0)?)?, first_of(points.get(points.len() - 1)?)?]));
@@ -103,13 +109,17 @@ pub(crate) fn channels(
         document[name].as_table_mut().into_iter().for_each(|table| table.set_implicit(true));
     }
     document["volume"]["component"] = number_of(channels.first().map_or(0, |channel| channel.component));
+    if blending.is_extreme() {
+        document["blending"] = value(blending.name());
+    }
     // Brightness is that of the lights.
     document["dial"]["normalise"] = value(false);
     document["mix"]["by"] = value("dial");
     document["mix"]["hand"] = value(ALL);
     let guess = format!(
-        "{name} has no scene, so Relume made one: {number} channels, each in bands of the spectrum of its own, which add up: {}. The light \
+        "{name} has no scene, so Relume made one: {number} channels, each in bands of the spectrum of its own, {}: {}. The light \
          of its name shows one of them alone.",
+        if blending.is_extreme() { "of which the largest values add up" } else { "which add up" },
         described.join(", ")
     );
     // The first look at the first channel describes itself in the second line.
@@ -118,6 +128,21 @@ pub(crate) fn channels(
         text.lines().enumerate().map(|(line, text)| if line == 1 { format!("# {guess}") } else { text.to_owned() });
     let text: String = lines.map(|line| line + "\n").collect();
     Ok(ChannelLook { text, guess, names })
+}
+
+/// Lets the light of an X-ray material rise evenly with the value, to all that falls on it, where one opacity length of it is seen.
+fn brighten(transfer: &mut Table) {
+    /// Parts of the range between whose ends opacities are interpolated.
+    const PARTS: usize = 8;
+    let points = transfer["opacity"].as_array();
+    let ends = points.and_then(|points| Some([first_of(points.get(0)?)?, first_of(points.get(points.len() - 1)?)?]));
+    let Some([low, high]) = ends else { return };
+    let point = |part: usize| {
+        let depth = count(part) / count(PARTS);
+        let opacity = format!("{:.4}", -(-depth).exp_m1()).parse().unwrap_or(depth);
+        Value::Array([(high - low).mul_add(depth, low), opacity].into_iter().map(Value::from).collect())
+    };
+    transfer.insert("opacity", value((0..=PARTS).map(point).collect::<Array>()));
 }
 
 /// The box that the camera of a first look orbits.

@@ -153,7 +153,8 @@ impl MarchUniform {
             direction: vector(rays.direction),
             step_length: rounded(rays.step_length),
             direction_u: vector(rays.direction_u),
-            termination: rounded(scene.accuracy.termination),
+            // A ray to an extreme value goes on to its end.
+            termination: if scene.blending.is_extreme() { 0.0 } else { rounded(scene.accuracy.termination) },
             direction_v: vector(rays.direction_v),
             coordinate_scale: rounded(scale),
             low: vector(rays.low),
@@ -270,8 +271,8 @@ impl Renderer {
         let sampler = Sampler::new(device, "volume", filter)?;
         let [vectors, format] = formats(plan, StoreAs::Single);
         let image = |name, format, layers: usize| {
-            // Behind the film lie the layers of what rounding took from it.
-            let layers = layers.max(1) * if plan.compensated { 2 } else { 1 };
+            // Behind the film lie the layers of what rounding took from it, or of extreme values.
+            let layers = layers.max(1) * if plan.keeps_more() { 2 } else { 1 };
             StorageImage::new(device, name, format, extent, unsigned(layers))
         };
         let accumulators = image("accumulators", vectors, plan.layers())?;

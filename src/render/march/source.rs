@@ -9,7 +9,7 @@ use crate::{Part, Source};
 use relume_base::number::{rounded, unsigned};
 use relume_scene::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
 use relume_scene::tables::{BRICK, CELL, FILM_ROWS, LARGEST_SKY_DEPTH, SECOND_DIFFERENCE, slot_edge};
-use relume_scene::{Interpolation, Lookup, StoreAs};
+use relume_scene::{Blending, Interpolation, Lookup, StoreAs};
 use relume_vulkan::Format;
 use relume_vulkan::shader::Constants;
 
@@ -49,9 +49,10 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         text!("fetch.wgsl"),
         text!("placed.wgsl"),
     ];
-    let steps = match plan.integration {
-        Integrate::Samples => text!("cut_steps.wgsl"),
-        Integrate::Segments => text!("segment_steps.wgsl"),
+    let steps = if plan.integration == Integrate::Segments || plan.blending.is_extreme() {
+        text!("whole_steps.wgsl")
+    } else {
+        text!("cut_steps.wgsl")
     };
     parts.extend(match residence {
         Residence::Whole => vec![text!("whole.wgsl"), text!("march.wgsl"), text!("slices.wgsl"), steps],
@@ -63,8 +64,11 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         parts.push(text!("densities.wgsl"));
     }
     match plan.integration {
+        Integrate::Samples if plan.blending.is_extreme() => {
+            parts.push(text!("table_of_groups.wgsl"));
+        }
         Integrate::Samples if plan.groups.any() => {
-            parts.extend([text!("samples.wgsl"), text!("samples_of_groups.wgsl")]);
+            parts.extend([text!("samples.wgsl"), text!("samples_of_groups.wgsl"), text!("table_of_groups.wgsl")]);
         }
         Integrate::Samples => parts.extend([text!("samples.wgsl"), text!("samples_of_steps.wgsl")]),
         Integrate::Segments => {
@@ -72,6 +76,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
             parts.push(text!("segments.wgsl"));
         }
     }
+    parts.push(if plan.blending.is_extreme() { text!("extremes.wgsl") } else { text!("sums.wgsl") });
     parts.push(match plan.light.absorbers {
         0 => text!("share_grey.wgsl"),
         _ => text!("share_coloured.wgsl"),
@@ -219,8 +224,14 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .f32("MOST_PARTS", MOST_PARTS)
         .bool("SKIPPING", plan.skipping)
+        .bool("KEEPS_MORE", plan.keeps_more())
+        .bool("EXTREMES", plan.blending.is_extreme())
+        .f32("EXTREME_SIGN", if plan.blending == Blending::Minimum { -1.0 } else { 1.0 })
         // Otherwise `cut_steps.wgsl` adds the steps that a face cuts.
-        .bool("CUT_IN_RUNS", plan.integration == Integrate::Segments || residence != Residence::Whole)
+        .bool(
+            "CUT_IN_RUNS",
+            plan.integration == Integrate::Segments || residence != Residence::Whole || plan.blending.is_extreme(),
+        )
         .bool("SKIP_INVISIBLE", plan.skips_invisible())
         .u32("GROUP_WIDTH", group[0])
         .u32("GROUP_HEIGHT", group[1])
@@ -350,6 +361,7 @@ mod tests {
             background: false,
             lookup: Lookup::Nearest,
             integration: Integrate::Samples,
+            blending: Blending::Composite,
             interpolation: Interpolation::Linear,
             volume: VolumeAs::Auto,
             gradients: Gradients::Packed,

@@ -2,7 +2,8 @@
 
 use super::{ClipPlan, Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower};
 use crate::{
-    AccumulateAs, Accuracy, Field, Gradients, Integration, Interpolation, Lookup, Scene, Shading, ShadowMethod,
+    AccumulateAs, Accuracy, Blending, Field, Gradients, Integration, Interpolation, Lookup, Scene, Shading,
+    ShadowMethod,
 };
 use relume_base::number::{brief, readable};
 use relume_colour::model::ModelKind;
@@ -243,6 +244,13 @@ impl Planned {
                 listed(self.positions.iter().map(|position| position.name.as_str()))
             ),
         });
+        if plan.blending.is_extreme() {
+            let size = if plan.blending == Blending::Maximum { "largest" } else { "smallest" };
+            sentences.push(format!(
+                "A pixel shows the {size} value along its ray, of each field, as {} of its medium (transfer.opacity_length). All light reaches it whole: shading, shadows and phase functions have no effect.",
+                brief(scene.transfer.opacity_length)
+            ));
+        }
         sentences.push(match plan.shading.filter(|_| plan.shades_by_gradient()) {
             None => "Shading does not depend on the direction of surfaces.".to_owned(),
             Some(terms) => format!(

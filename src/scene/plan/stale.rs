@@ -22,6 +22,7 @@ impl Stale {
             transfer,
             lights,
             // Compared in the plan.
+            blending: _,
             shading: _,
             lighting: _,
             background,
@@ -98,6 +99,7 @@ impl Stale {
             background,
             lookup,
             integration,
+            blending,
             interpolation: _,
             volume: _,
             gradients: _,
@@ -107,15 +109,16 @@ impl Stale {
             storage,
         } = *plan;
         let later = &after.plan;
-        let tables = (accumulate, transmittance, light, (shading, phases, thin_films), groups, (lookup, integration))
-            != (
-                later.accumulate,
-                later.transmittance,
-                &later.light,
-                (later.shading, later.phases, later.thin_films),
-                later.groups,
-                (later.lookup, later.integration),
-            );
+        let tables =
+            (accumulate, transmittance, light, (shading, phases, thin_films), groups, (lookup, integration, blending))
+                != (
+                    later.accumulate,
+                    later.transmittance,
+                    &later.light,
+                    (later.shading, later.phases, later.thin_films),
+                    later.groups,
+                    (later.lookup, later.integration, later.blending),
+                );
         if tables || *materials != after.materials || positions.len() != after.positions.len() {
             return Self::Tables;
         }

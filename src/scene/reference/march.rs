@@ -9,12 +9,12 @@ use super::clip::{FAR, Planes};
 use super::composite::{Lost, attenuate_all, attenuate_matrix};
 use super::factors::thin;
 use super::light::{At, Light, Scratch};
-use super::{End, ReferenceError, Samples, Step, store};
-use crate::Scene;
+use super::{End, ReferenceError, Samples, Step, Values, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
 use crate::plan::{Integrate, LANE, MOST_PARTS, Planned, Transmittance};
 use crate::tables::{RayTable, ray_places};
+use crate::{Blending, FIELDS, Scene};
 use relume_base::number::{Real, count, dot, unit};
 use relume_base::parallel;
 use relume_base::progress::Progress;
@@ -79,6 +79,14 @@ pub struct RaySample<'a, R> {
     pub length: R,
     /// Transmittance from the sample to the eye.
     pub transmittance: &'a [R],
+}
+
+/// The extreme value of a field along a ray, and the sample that holds it.
+#[derive(Clone, Copy, Debug)]
+struct Extreme<R> {
+    value: R,
+    index: usize,
+    place: [R; 3],
 }
 
 /// Constants of a frame.
@@ -209,25 +217,17 @@ impl<'a, R: Real> Frame<'a, R> {
         if self.planned.plan.integration == Integrate::Segments {
             return self.march_segments(samples, ray, sums, seen);
         }
+        if self.planned.plan.blending.is_extreme() {
+            return self.march_extremes(samples, ray, sums, seen);
+        }
         let mixed = self.planned.plan.transmittance == Transmittance::Mixed;
         let plan = &self.planned.plan;
         let mut transmittance = self.all_light();
         let (mut read, mut closed, mut scratch) = (Step::default(), Step::default(), Scratch::default());
         let mut lost = self.lost(sums.len(), transmittance.len());
-        let (mut steps, mut leave) = (self.within_block(ray), 0);
-        let along = ray.direction.map(|part| part * self.step_length);
-        while let Some(n) = steps.next() {
-            let [from, to] = ray.part(n);
-            let place = ray.place(n, (from + to) * R::from_f64(0.5), self.step_length);
-            if n >= leave {
-                let (is_occupied, ahead) = samples.ahead(place, along);
-                leave = n.saturating_add(ahead);
-                if !is_occupied {
-                    steps.start = leave.min(steps.end);
-                    continue;
-                }
-            }
+        for (n, place) in self.occupied(samples, ray) {
             samples.sample(place, &mut read);
+            let [from, to] = ray.part(n);
             let length = to - from;
             let step = if plan.adds_densities() {
                 across(&read, length, plan.lanes() * LANE, &mut closed);
@@ -254,6 +254,78 @@ impl<'a, R: Real> Frame<'a, R> {
                 break;
             }
         }
+        transmittance
+    }
+
+    /// Numbers and places of the samples of `ray` that are not in empty space.
+    fn occupied<'s>(
+        &'s self,
+        samples: &'s dyn Samples<R>,
+        ray: &'s Ray<R>,
+    ) -> impl Iterator<Item = (usize, [R; 3])> + 's {
+        let (mut steps, mut leave) = (self.within_block(ray), 0);
+        let along = ray.direction.map(|part| part * self.step_length);
+        std::iter::from_fn(move || {
+            while let Some(n) = steps.next() {
+                let [from, to] = ray.part(n);
+                let place = ray.place(n, (from + to) * R::from_f64(0.5), self.step_length);
+                if n >= leave {
+                    let (is_occupied, ahead) = samples.ahead(place, along);
+                    leave = n.saturating_add(ahead);
+                    if !is_occupied {
+                        steps.start = leave.min(steps.end);
+                        continue;
+                    }
+                }
+                return Some((n, place));
+            }
+            None
+        })
+    }
+
+    /// [`Self::march_along`] for the extreme value of each field alone (docs/theory/march.md): their media, an opacity length of each.
+    /// `seen` is called for the samples that hold them, the first of equal ones. Twin of `shaders/extremes.wgsl`.
+    fn march_extremes(
+        &self,
+        samples: &dyn Samples<R>,
+        ray: &Ray<R>,
+        sums: &mut [R],
+        mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
+    ) -> Vec<R> {
+        let plan = &self.planned.plan;
+        let mut transmittance = self.all_light();
+        let mut extremes: SmallVec<[Option<Extreme<R>>; FIELDS]> = SmallVec::new();
+        for (n, place) in self.occupied(samples, ray) {
+            let values = samples.values(place);
+            extremes.resize(values.len(), None);
+            for (extreme, value) in extremes.iter_mut().zip(values) {
+                let Some(value) = value else { continue };
+                let is_beyond = |other: R| match plan.blending {
+                    Blending::Minimum => value < other,
+                    Blending::Composite | Blending::Maximum => value > other,
+                };
+                if extreme.is_none_or(|other| is_beyond(other.value)) {
+                    *extreme = Some(Extreme { value, index: n, place });
+                }
+            }
+        }
+        let mut held: Vec<(usize, [R; 3])> = extremes.iter().flatten().map(|it| (it.index, it.place)).collect();
+        held.sort_by_key(|&(n, _)| n);
+        held.dedup_by_key(|&mut (n, _)| n);
+        let Some(&(_, place)) = held.first() else { return transmittance };
+        let one = R::from_f64(1.0);
+        for (index, place) in held {
+            if !seen(&RaySample { index, place, length: one, transmittance: &transmittance }) {
+                return transmittance;
+            }
+        }
+        let (mut density, mut step, mut scratch) = (Step::default(), Step::default(), Scratch::default());
+        let values: Values<R> = extremes.iter().map(|extreme| extreme.map(|it| it.value)).collect();
+        samples.density_of(&values, &mut density);
+        across(&density, one, plan.lanes() * LANE, &mut step);
+        let at = At { view: ray.view, place, step: &step, transmittance: &transmittance };
+        self.light.add(&at, samples, sums, &mut None, &mut scratch);
+        attenuate_all(&mut transmittance, &step.opacity, None);
         transmittance
     }
 

@@ -157,11 +157,24 @@ impl<R: Real> Shares<R> {
     }
 }
 
+/// The value of each field at a place, as a source of samples holds it; none outside the box of a field.
+pub type Values<R> = SmallVec<[Option<R>; FIELDS]>;
+
 /// A source of samples.
 pub trait Samples<R: Real>: Sync {
     /// Sets the source and the opacity of `step` to those of a step at `place`, in texture coordinates, or of the density there if the
     /// plan adds densities ([`ScenePlan::adds_densities`](crate::plan::ScenePlan::adds_densities)).
     fn sample(&self, place: [R; 3], step: &mut Step<R>);
+
+    /// The values at `place`, in texture coordinates, for plans that see the extreme ones. None without any field.
+    fn values(&self, _place: [R; 3]) -> Values<R> {
+        Values::new()
+    }
+
+    /// Sets `density` to that of the media where the fields have these [`Self::values`].
+    fn density_of(&self, _values: &[Option<R>], density: &mut Step<R>) {
+        *density = Step::default();
+    }
 
     /// Unit vector along the gradient that shading sees at `place`, in the volume's axes; 0 if it vanishes or the plan needs none.
     fn normal(&self, place: [R; 3]) -> [R; 3];
@@ -280,14 +293,7 @@ impl<'a> Exact<'a> {
 
     /// The values of all fields at `place`; NaN outside the box of one.
     fn values_at(&self, place: [f64; 3]) -> SmallVec<[f64; FIELDS]> {
-        let first = self.value_at(place);
-        let further = self.further.iter().map(|(volume, storage, placed)| match placed {
-            None => self.value_of((volume, storage), place),
-            Some(placed) => {
-                texture_place(placed, place).map_or(f64::NAN, |place| self.value_of((volume, storage), place))
-            }
-        });
-        std::iter::once(first).chain(further).collect()
+        self.values(place).into_iter().map(|value| value.unwrap_or(f64::NAN)).collect()
     }
 
     fn shares(&self, place: [f64; 3]) -> Shares<f64> {
@@ -393,6 +399,21 @@ impl Samples<f64> for Exact<'_> {
             self.set(step, &self.label_steps[0]);
         }
         shares.mix(step, |row, step| self.set(step, &self.label_steps[row]));
+    }
+
+    fn values(&self, place: [f64; 3]) -> Values<f64> {
+        let first = self.value_at(place);
+        let further = self.further.iter().map(|(volume, storage, placed)| {
+            let place = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place))?;
+            Some(self.value_of((volume, storage), place))
+        });
+        std::iter::once(Some(first)).chain(further).collect()
+    }
+
+    fn density_of(&self, values: &[Option<f64>], density: &mut Step<f64>) {
+        let values: SmallVec<[f64; FIELDS]> = values.iter().map(|value| value.unwrap_or(f64::NAN)).collect();
+        self.steps.write_density_with(&values, 0.0, [&mut density.source, &mut density.opacity]);
+        self.truncate(density);
     }
 
     fn normal(&self, place: [f64; 3]) -> [f64; 3] {
@@ -583,32 +604,30 @@ impl<'a, R: Real> Stored<'a, R> {
     }
 
     /// The table coordinate of each group at `place`, if its field has a value there.
-    fn coordinates_of_groups(&self, place: [R; 3], entries: usize) -> SmallVec<[Option<R>; 4]> {
+    fn coordinates_of_groups(&self, place: [R; 3], entries: usize) -> Values<R> {
         let plan = &self.planned.plan;
         if plan.groups.further == 0 {
             return smallvec![Some(self.coordinate_at(place, entries)); plan.groups.in_tables()];
         }
-        let [first] = self.fetch(place, self.volume.values.as_chunks().0);
-        let further = self.further.iter().map(|(volume, placed)| {
-            let place = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place))?;
-            let [value] = self.fetch_of(volume.dims, place, volume.values.as_chunks().0);
-            Some(value)
-        });
-        let values: SmallVec<[Option<R>; FIELDS]> = std::iter::once(Some(first)).chain(further).collect();
+        self.coordinates_of(&self.values(place), entries)
+    }
+
+    /// The table coordinate of each group whose field has one of these `values`.
+    fn coordinates_of(&self, values: &[Option<R>], entries: usize) -> Values<R> {
         let last = R::from_f64(count(entries - 1));
         let of_group = |(field, [scale, offset]): (usize, [R; 2])| {
             values[field].map(|value| value.mul_add(scale, offset).max(R::default()).min(last))
         };
-        coordinates_of(self.factors, plan).map(of_group).collect()
+        coordinates_of(self.factors, &self.planned.plan).map(of_group).collect()
     }
 
     /// Reads the table for each group at the value of its field.
-    fn look_up_fields(&self, place: [R; 3], step: &mut Step<R>) {
+    fn look_up_fields(&self, values: &[Option<R>], step: &mut Step<R>) {
         let (lanes, numbers) = (self.table.lanes * LANE, self.table.opacity_numbers);
         step.source.clear();
         step.opacity.clear();
         let mut read = Step::default();
-        for (group, coordinate) in self.coordinates_of_groups(place, self.table.entries()).into_iter().enumerate() {
+        for (group, coordinate) in self.coordinates_of(values, self.table.entries()).into_iter().enumerate() {
             let Some(coordinate) = coordinate else {
                 step.source.extend(std::iter::repeat_n(R::default(), lanes));
                 step.opacity.extend(std::iter::repeat_n(R::default(), numbers));
@@ -637,7 +656,7 @@ impl<'a, R: Real> Stored<'a, R> {
 impl<R: Real> Samples<R> for Stored<'_, R> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
         if self.planned.plan.groups.further > 0 {
-            self.look_up_fields(place, step);
+            self.look_up_fields(&self.values(place), step);
         } else {
             self.look_up(self.coordinate_at(place, self.table.entries()), step);
         }
@@ -648,6 +667,22 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             self.shares(place).mix(step, |row, step| entry(table, row, step));
         }
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
+    }
+
+    fn values(&self, place: [R; 3]) -> Values<R> {
+        let [first] = self.fetch(place, self.volume.values.as_chunks().0);
+        let further = self.further.iter().map(|(volume, placed)| {
+            let place = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place))?;
+            let [value] = self.fetch_of(volume.dims, place, volume.values.as_chunks().0);
+            Some(value)
+        });
+        std::iter::once(Some(first)).chain(further).collect()
+    }
+
+    fn density_of(&self, values: &[Option<R>], density: &mut Step<R>) {
+        self.look_up_fields(values, density);
+        self.scale_groups(density, || [R::default(); 3]);
+        density.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
 
     fn normal(&self, place: [R; 3]) -> [R; 3] {

@@ -1,6 +1,6 @@
 //! Empty-space skipping. What is skipped contributes nothing, so the numbers stay the same and take less time.
 
-use super::{End, Keeping, Samples, Step};
+use super::{End, Keeping, Samples, Step, Values};
 use crate::Scene;
 use crate::plan::{Integrate, Planned};
 use crate::tables::{CELL, Occupancy};
@@ -56,6 +56,14 @@ impl<'a, S> Skipping<'a, S> {
 impl<R: Real, S: Samples<R>> Samples<R> for Skipping<'_, S> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
         self.inner.sample(place, step);
+    }
+
+    fn values(&self, place: [R; 3]) -> Values<R> {
+        self.inner.values(place)
+    }
+
+    fn density_of(&self, values: &[Option<R>], density: &mut Step<R>) {
+        self.inner.density_of(values, density);
     }
 
     fn normal(&self, place: [R; 3]) -> [R; 3] {

@@ -3,7 +3,7 @@
 use super::Storage;
 use crate::plan::{Accumulate, Integrate, LANE, Planned, Shares, Transmittance};
 use crate::transfer::{bends, medium_of};
-use crate::{Group, Lookup, Material, Medium, Scene, Term, depth_from_opacity};
+use crate::{Blending, Group, Lookup, Material, Medium, Scene, Term, depth_from_opacity};
 use relume_base::number::count;
 use relume_base::number::rounded;
 use relume_colour::model::{Amplification, ColourModel, Matrices, ModelKind, Order};
@@ -32,7 +32,7 @@ const LARGEST_SAMPLED_DEPTH: f64 = 65_536.0;
 /// its spectrum. X-ray materials count in σ but not in τ.
 ///
 /// Where factors scale the medium of a sample, an entry is a density in place of a step: the scattered light `σ_m Δs`, and the optical
-/// depth τΔs in place of α, for each group of terms, one behind the other.
+/// depth τΔs in place of α, for each group of terms, one behind the other. Where a single value of a ray is seen, Δs is an opacity length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferTable {
     /// Gained light: `entries × groups × lanes` vectors; unused numbers are zero.
@@ -47,6 +47,8 @@ pub struct TransferTable {
     pub groups: usize,
     /// The field of each group; empty without groups.
     pub fields: Vec<usize>,
+    /// What of a ray is seen.
+    pub blending: Blending,
 }
 
 /// Effect of one step in f64, laid out like a table entry.
@@ -121,6 +123,7 @@ impl TransferTable {
             opacity_numbers: opacity_numbers(planned),
             groups,
             fields: Vec::new(),
+            blending: planned.plan.blending,
         }
     }
 
@@ -145,10 +148,12 @@ impl TransferTable {
         [first.map_or(f64::INFINITY, |i| count(i) - 1.0), last.map_or(f64::NEG_INFINITY, |i| count(i) + 1.0)]
     }
 
-    /// Whether each entry has a nonzero number.
+    /// True for each entry that can decide a pixel: those with a nonzero number, and of extreme values those beyond.
     #[must_use]
     pub fn active_entries(&self) -> Vec<bool> {
-        (0..self.entries()).map(|i| self.is_active(i)).collect()
+        let mut active: Vec<bool> = (0..self.entries()).map(|i| self.is_active(i)).collect();
+        self.blending.widen(&mut active);
+        active
     }
 
     /// [`Self::active_entries`] of the groups of a `field`.
@@ -162,7 +167,9 @@ impl TransferTable {
                 numbers.into_iter().any(|&number| number != 0.0)
             })
         };
-        (0..self.entries()).map(is_active).collect()
+        let mut active: Vec<bool> = (0..self.entries()).map(is_active).collect();
+        self.blending.widen(&mut active);
+        active
     }
 
     /// Whether entry `i` has any nonzero number.
@@ -368,7 +375,7 @@ impl<'a> Steps<'a> {
         if self.is_nothing(medium) {
             return self.write_nothing([source, opacity]);
         }
-        let steps = self.step_in_opacity_lengths();
+        let steps = if self.planned.plan.blending.is_extreme() { 1.0 } else { self.step_in_opacity_lengths() };
         let depths = self.depths(medium, self.occluding(medium), steps);
         let largest = match self.planned.plan.integration {
             Integrate::Samples => LARGEST_SAMPLED_DEPTH,

@@ -9,7 +9,7 @@ use egui::{
 };
 
 use super::axis::{HANDLE, Map, choose, chosen, middle, places, snapped};
-use super::controls::{number, panel, say_beside, sides, text};
+use super::controls::{number, panel, say_beside, sides, text, toggle};
 use super::fields;
 use super::rectangles;
 use super::spectrum::{code, narrow};
@@ -19,7 +19,7 @@ use crate::document::{Document, Edit, State};
 use crate::number::{brief_in, count};
 use crate::plan::Stale;
 use crate::plan::is_constant;
-use crate::scene::{GRADIENT_POINTS, GradientFactor, Interval, Material, OPAQUE_DEPTH, Scene, Term};
+use crate::scene::{Blending, GRADIENT_POINTS, GradientFactor, Interval, Material, OPAQUE_DEPTH, Scene, Term};
 use crate::spectrum::colour::display_code;
 use crate::view::action::Action;
 use crate::volume::{Statistics, Window};
@@ -41,8 +41,35 @@ pub(super) fn show(ui: &mut Ui, document: &Document, seen: Option<[f64; 2]>, ask
         fields::show(ui, document, asked);
         buttons(ui, document, asked);
         window(ui, document, asked);
+        along_rays(ui, document.state().scene.blending, asked);
         gradient(ui, document, asked);
         labels(ui, document.state(), &colours, asked);
+    });
+}
+
+/// Shows the choice of what is seen of the values along a ray.
+fn along_rays(ui: &mut Ui, blending: Blending, asked: &mut Vec<Action>) {
+    ui.horizontal_wrapped(|ui| {
+        ui.label("Along a ray").on_hover_text("What of the values along a ray is seen. A change marches the volume again.");
+        let choices = [
+            (Blending::Composite, "all", "All values, front to back: each dims what is behind it."),
+            (
+                Blending::Maximum,
+                "largest",
+                "The largest value alone (maximum intensity projection), with the opacity of its interval: for vessels and channels. \
+                 Nothing is shaded.",
+            ),
+            (
+                Blending::Minimum,
+                "smallest",
+                "The smallest value alone (minimum intensity projection): for airways, within a crop box. Nothing is shaded.",
+            ),
+        ];
+        for (choice, name, help) in choices {
+            if toggle(ui, blending == choice, name).on_hover_text(help).clicked() && blending != choice {
+                asked.push(Action::Edit(Edit::Blending(choice)));
+            }
+        }
     });
 }
 
@@ -61,6 +88,7 @@ pub(super) fn wide(ui: &mut Ui, document: &Document, seen: Option<[f64; 2]>, ask
     ScrollArea::vertical().id_salt("intervals").auto_shrink(false).show(right, |ui| {
         rows(ui, document, &colours, asked);
         fields::show(ui, document, asked);
+        along_rays(ui, document.state().scene.blending, asked);
         gradient(ui, document, asked);
         labels(ui, document.state(), &colours, asked);
     });

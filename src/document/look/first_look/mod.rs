@@ -52,13 +52,15 @@ pub enum Look {
     Grey,
     /// One shining material that hides nothing.
     Fluorescence,
+    /// The largest value along each ray, in grey: a maximum intensity projection.
+    Maximum,
     /// A transfer preset of the window, with its opacities.
     Preset(TransferPreset),
 }
 
 impl Look {
     /// Looks that are no transfer presets.
-    const OWN: [Self; 5] = [Self::Tissue, Self::Bone, Self::Vessel, Self::Grey, Self::Fluorescence];
+    const OWN: [Self; 6] = [Self::Tissue, Self::Bone, Self::Vessel, Self::Grey, Self::Fluorescence, Self::Maximum];
 
     /// All looks.
     #[must_use]
@@ -75,6 +77,7 @@ impl Look {
             Self::Vessel => "vessel",
             Self::Grey => "grey",
             Self::Fluorescence => "fluorescence",
+            Self::Maximum => "maximum",
             Self::Preset(preset) => preset.word(),
         }
     }
@@ -210,6 +213,8 @@ enum Rise {
     Even,
     /// Evenly, in a material that shines and hides nothing.
     Shining,
+    /// Evenly, of the largest value of a ray.
+    Largest,
     /// With the fourth power: the lower half of the range, of which there may be much, hides little of the upper.
     Steep,
 }
@@ -218,7 +223,7 @@ impl Rise {
     /// Positions in the range, and the fraction of the largest opacity there.
     fn points(self) -> Vec<[f64; 2]> {
         match self {
-            Self::Even | Self::Shining => vec![[0.0, 0.0], [1.0, 1.0]],
+            Self::Even | Self::Shining | Self::Largest => vec![[0.0, 0.0], [1.0, 1.0]],
             Self::Steep => [0.0, 0.25, 0.5, 0.75, 1.0_f64].map(|place| [place, place.powi(4)]).to_vec(),
         }
     }
@@ -488,7 +493,7 @@ fn ramp_thickness(thinned: &Thinned, [low, high]: [f64; 2], rise: Rise, axis: us
                 let [[from, one], [to, other]] = [points[after - 1], points[after]];
                 ((other - one) * (place - from) / (to - from) + one).clamp(0.0, 1.0)
             }
-            Rise::Even | Rise::Shining => f64::from(u8::from(value >= middle)),
+            Rise::Even | Rise::Shining | Rise::Largest => f64::from(u8::from(value >= middle)),
         }
     };
     let (mut sum, mut columns) = (0.0, 0);
@@ -953,6 +958,18 @@ fn shape(
             format!("{kind}, shown as a green X-ray material, brighter from {low} to {high}"),
         );
     }
+    if wish.look == Some(Look::Maximum) {
+        let range = opened(values, [values.objects_from, high], [1.0, 0.0]);
+        let layer =
+            Layer { depth: Depth::Voxel(f64::MAX), ..alone("grey", Colour::Code("#ffffff".to_owned()), range, 0.0) };
+        let [low, high] = range.map(brief_value);
+        return (
+            Shape::Ramp { layer, rise: Rise::Largest },
+            format!(
+                "{kind}, of which the largest value along each ray is shown in grey: black up to {low}, white from {high}"
+            ),
+        );
+    }
     // Programs that know no window write the range of a byte.
     let unused = |stated: Option<&Window>| match (stated, presets.windows.first()) {
         (None, Some(Window { low, high, .. })) => format!(
@@ -1117,8 +1134,16 @@ fn text(
     alone: Option<Alone>,
     geometry: &Geometry,
 ) -> String {
+    let shines = matches!(shape, Shape::Ramp { rise: Rise::Shining, .. });
+    let is_largest = matches!(shape, Shape::Ramp { rise: Rise::Largest, .. });
     // A single slice has no gradient across it to shade.
-    let shading = if flat_side(geometry).is_some() { "shading = \"none\"\n" } else { "lighting = \"one_sided\"\n" };
+    let shading = if is_largest {
+        "blending = \"maximum\"\n"
+    } else if flat_side(geometry).is_some() {
+        "shading = \"none\"\n"
+    } else {
+        "lighting = \"one_sided\"\n"
+    };
     let mut text = format!(
         "# First look at {name}: Relume made this scene from the values. docs/SCENE.md describes the keys.\n# {guess}\n\
          version = 1\n{shading}\n[volume]\n"
@@ -1176,7 +1201,6 @@ fn text(
         Shape::Ramp { layer, .. } => vec![layer.clone()],
         Shape::Labels { .. } => Vec::new(),
     };
-    let shines = matches!(shape, Shape::Ramp { rise: Rise::Shining, .. });
     if let Shape::Labels { labels, .. } = shape {
         if let Some(groups) = groups {
             let labels: Vec<(String, String)> =
@@ -1206,7 +1230,7 @@ fn text(
             }
         }
         line("\n[lights.day]\nspectrum = \"D65\"");
-        line(if shines { "kind = \"ambient\"" } else { "kind = \"three_point\"" });
+        line(if shines || is_largest { "kind = \"ambient\"" } else { "kind = \"three_point\"" });
     }
     line("\n# The hand of the light dial is on daylight.\n[mix]\nby = \"dial\"\nhand = \"day\"");
     if groups.is_some() {

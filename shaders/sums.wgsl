@@ -1,0 +1,20 @@
+// What a ray keeps from slice to slice beside its film, if all of its steps are seen: what rounding took from them. Part of `march.wgsl`.
+
+fn load_more(pixel: vec2u) {
+    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+        lost_sums[layer] = textureLoad(accumulators, pixel, LAYERS + layer);
+    }
+    lost_transmittance = load_transmittance_from(pixel, TRANSMITTANCE_LANES);
+}
+
+fn store_more(pixel: vec2u) {
+    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+        textureStore(accumulators, pixel, LAYERS + layer, lost_sums[layer]);
+    }
+    store_transmittance_to(pixel, TRANSMITTANCE_LANES, lost_transmittance);
+}
+
+// The film of the ray is in its sums already.
+fn finished(ray: Ray, transmittance: Transmittance, sums: ptr<function, array<vec4f, LAYERS>>) -> Transmittance {
+    return transmittance;
+}
