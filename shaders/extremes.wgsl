@@ -25,7 +25,11 @@ fn march_run(
 ) -> Transmittance {
     for (var n = first; n < end; n += 1u) {
         let place = place_in_run(ray, n);
-        let found = values_at(fetch(place), place);
+        let texel = fetch(place);
+        var found = FieldValues(texel, vec4f(1.0));
+        if (PLACED > 0u) {
+            found = values_at(texel, place);
+        }
         let values = found.values * EXTREME_SIGN;
         extremes = select(extremes, max(extremes, values), found.there > vec4f());
     }
