@@ -5,6 +5,7 @@ mod blocks;
 mod bricks;
 mod clip;
 mod coloured_shadows;
+mod extremes;
 mod fields;
 mod films;
 mod harness;
