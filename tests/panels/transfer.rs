@@ -9,14 +9,32 @@ use egui_kittest::kittest::Queryable;
 use relume::document;
 use relume::document::SceneOptions;
 use relume::document::{Document, Edit};
+use relume::plan::Stale;
 use relume::progress::Quiet;
-use relume::scene::Interval;
+use relume::scene::{Blending, Interval};
 use relume::view::Action;
 
 use crate::app::{
     App, click_at, document, drag_along, intervals, is_painted, reopened, retype, type_into, wide, with_histogram,
 };
 use crate::support::program::SCENE;
+
+#[test]
+fn what_is_seen_along_a_ray_is_chosen_in_the_transfer_panel_and_undone() {
+    let mut window = wide(document());
+    window.run();
+    let blending = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().scene.blending;
+    window.get_by_label("largest").click();
+    window.run();
+    assert_eq!(blending(&window), Blending::Maximum);
+    let opened = document();
+    let planned = relume::plan::plan(&opened.state().scene, &Quiet).unwrap();
+    let after = opened.preview(&Edit::Blending(Blending::Maximum)).scene;
+    assert_eq!(Stale::between(&opened.state().scene, &planned, &after), Stale::Tables, "it marches");
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(blending(&window), Blending::Composite);
+}
 
 #[test]
 fn an_interval_below_another_is_brought_to_the_front_by_its_swatch() {

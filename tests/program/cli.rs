@@ -223,6 +223,26 @@ fn channels_are_listed_by_their_names() {
     assert_eq!(bytes("c.png"), bytes("again.png"), "the saved scene is the same picture");
     folder.done(&[&["render", file, "--channels", "GFP,0", "-o", "two.png"][..], &small].concat());
     folder.done(&[&["render", file, "--channels", "GFP", "-o", "one.png"][..], &small].concat());
+    folder
+        .done(&[&["render", file, "--look", "maximum", "-o", "m.png", "--save-scene", "m.toml"][..], &small].concat());
+    let largest = std::fs::read_to_string(folder.path("m.toml")).unwrap();
+    for words in ["blending = \"maximum\"", "[volumes.GFP]", "[lights.DAPI]", "of which the largest values add up"] {
+        assert!(largest.contains(words), "{words}: {largest}");
+    }
+    folder.done(&[&["render", "m.toml", "-o", "again.png"][..], &small].concat());
+    assert_eq!(std::fs::read(folder.path("m.png")).unwrap(), std::fs::read(folder.path("again.png")).unwrap());
+    folder.refused(1, &["render", file, "--channels", "GFP,0", "--look", "bone"], &["--look maximum"]);
+    folder.refused(
+        1,
+        &["render", "m.toml", "-D", "accuracy.integration=segments", "-o", "no.png"],
+        &["segments", "a single value of a ray is seen"],
+    );
+    folder.refused(
+        1,
+        &["render", "m.toml", "--block", "1/2", "--accumulators", "no.exr"],
+        &["blending = \"maximum\"", "as a whole"],
+    );
+    folder.refused(1, &["render", "m.toml", "-D", "blending=maximal", "-o", "no.png"], &["did you mean `maximum`?"]);
     folder.refused(1, &["render", file, "--channels", "RFP"], &["no channel \"RFP\"", "DAPI, GFP"]);
     folder.refused(1, &["render", file, "--channels", "GFP,1"], &["\"1\" is named twice"]);
     folder.refused(

@@ -179,8 +179,8 @@ fn render_of_a_volume_is_the_picture_of_the_window_to_the_bit() {
 
 #[test]
 fn the_scene_of_a_volume_is_saved_with_comments_and_renders_the_same() {
-    for look in [&[][..], &["--look", "bone"], &["--look", "grey"], &["--look", "fluorescence"], &["--look", "vessel"]]
-    {
+    for look in ["", "bone", "grey", "fluorescence", "vessel", "maximum"] {
+        let look: &[&str] = if look.is_empty() { &[] } else { &["--look", look] };
         let folder = Folder::new().with("ball.nrrd", ball());
         let shown =
             [&["render", "ball.nrrd", "--size", "40x40", "-o", "a.png", "--save-scene", "a.toml"][..], look].concat();
@@ -202,7 +202,7 @@ fn the_scene_of_a_volume_is_saved_with_comments_and_renders_the_same() {
     folder.refused(
         2,
         &["render", "ball.nrrd", "--look", "teeth"],
-        &["tissue, bone, vessel, grey, fluorescence, ct-bone"],
+        &["tissue, bone, vessel, grey, fluorescence, maximum, ct-bone"],
     );
 }
 
@@ -1260,6 +1260,7 @@ fn a_soft_object_in_one_colour_fits_the_picture_by_what_is_visible_of_it() {
         ["--window=100", "--level=60"],
         ["--look", "grey"],
         ["--look", "fluorescence"],
+        ["--look", "maximum"],
     ] {
         folder.done(&[&["render", "soft.nrrd", "--size", "240x240", "-o", "p.png"][..], &look].concat());
         let [[width, _], [height, _]] = spans_above(12, &folder.path("p.png"));

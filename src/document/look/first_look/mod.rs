@@ -959,7 +959,9 @@ fn shape(
         );
     }
     if wish.look == Some(Look::Maximum) {
-        let range = opened(values, [values.objects_from, high], [1.0, 0.0]);
+        // Most rays meet one of the largest values.
+        let most = values.percentile(0.9998).max(values.objects_from);
+        let range = opened(values, [values.objects_from, most], [1.0, 0.0]);
         let layer =
             Layer { depth: Depth::Voxel(f64::MAX), ..alone("grey", Colour::Code("#ffffff".to_owned()), range, 0.0) };
         let [low, high] = range.map(brief_value);
