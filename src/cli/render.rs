@@ -18,6 +18,7 @@ use crate::output::{FilmFile, OutputError, Picture, PictureKind, write_atomicall
 use crate::plan::{Planned, plan_full_spectrum};
 use crate::progress::{Progress, Quiet};
 use crate::render::{BrickCounts, Job, Keeps, PlannedJob, RenderWarning, Renderer, SceneRenderer};
+use crate::scene::key::Named as _;
 use crate::scene::{Block, Blocks, MOST_BLOCKS, Mix, Scene, positions};
 use crate::spectrum::{BANDS, Light};
 use crate::tables::Storage;
@@ -255,6 +256,12 @@ fn check_blocks(flag: &str, blocks: usize, is_relay: bool, scene: &Scene, planne
     if rays > 1 {
         return refused(format!(
             "the scene has {rays} rays a pixel, and means of rays do not composite; add -D accuracy.rays=1"
+        ));
+    }
+    if planned.plan.blending.is_extreme() {
+        return refused(format!(
+            "blending = \"{}\": the film of a part of a ray does not hold its values; render the picture as a whole",
+            planned.plan.blending.name()
         ));
     }
     if planned.plan.light.is_dimmed_along_rays() && !is_relay {
