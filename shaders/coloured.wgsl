@@ -35,6 +35,15 @@ fn opacity_of_label(row: u32) -> Transmittance {
     return opacity;
 }
 
+fn opacity_between_labels(here: u32, next: u32, fraction: f32) -> Transmittance {
+    var between: Transmittance;
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        let opacity = label_opacity[here * LANES + lane];
+        between[lane] = fma(vec4f(fraction), label_opacity[next * LANES + lane] - opacity, opacity);
+    }
+    return between;
+}
+
 fn plus_share(sum: Transmittance, share: f32, opacity: Transmittance) -> Transmittance {
     var blend: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {

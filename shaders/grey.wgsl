@@ -19,6 +19,11 @@ fn opacity_of_label(row: u32) -> Transmittance {
     return label_opacity[row / 4u][row % 4u];
 }
 
+fn opacity_between_labels(here: u32, next: u32, fraction: f32) -> Transmittance {
+    let opacity = opacity_of_label(here);
+    return fma(fraction, opacity_of_label(next) - opacity, opacity);
+}
+
 fn plus_share(sum: Transmittance, share: f32, opacity: Transmittance) -> Transmittance {
     return fma(share, opacity, sum);
 }

@@ -91,11 +91,22 @@ fn extinction_of(coordinate: f32, group: u32) -> f32 {
     return extinction;
 }
 
+// Extinction of a row of labels, where the value has this coordinate in the table.
+fn label_extinction(row: u32, coordinate: f32) -> f32 {
+    let entries = label_entries(row, coordinate, sweep.coordinate_last);
+    let here = extinction_entry(sweep.labels + entries.here);
+    if (LABELS_BY_VALUE) {
+        return fma(entries.fraction, extinction_entry(sweep.labels + entries.next) - here, here);
+    }
+    return here;
+}
+
 // Optical depth per unit of length.
 fn extinction_at(place: vec3f) -> f32 {
     let texel = fetch(place);
     let coordinate = clamp(fma(value_of(texel), sweep.coordinate_scale, sweep.coordinate_offset), 0.0, sweep.coordinate_last);
     var extinction = 0.0;
+    var further = 0.0;
     if (FACTORS) {
         var magnitude = 0.0;
         if (BY_GRADIENT) {
@@ -122,7 +133,16 @@ fn extinction_at(place: vec3f) -> f32 {
             if (PLACED > 0u) {
                 factor *= of_field(fields.there, group);
             }
-            extinction = fma(factor, extinction_of(of_group, group), extinction);
+            if (LABELS && SEVERAL_FIELDS) {
+                // Labels replace the first field alone.
+                if (group < FIRST_GROUPS) {
+                    extinction = fma(factor, extinction_of(of_group, group), extinction);
+                } else {
+                    further = fma(factor, extinction_of(of_group, group), further);
+                }
+            } else {
+                extinction = fma(factor, extinction_of(of_group, group), extinction);
+            }
         }
     } else {
         extinction = extinction_of(coordinate, 0u);
@@ -135,9 +155,12 @@ fn extinction_at(place: vec3f) -> f32 {
         for (var i = 0u; i < voxels; i += 1u) {
             let voxel = share_of(place, label, i);
             own += select(0.0, voxel.share, voxel.row == 0u);
-            blend = fma(voxel.share, extinction_entry(sweep.labels + voxel.row), blend);
+            blend = fma(voxel.share, label_extinction(voxel.row, coordinate), blend);
         }
         extinction = fma(own, extinction, blend);
+    }
+    if (LABELS && SEVERAL_FIELDS) {
+        extinction += further;
     }
     return extinction;
 }

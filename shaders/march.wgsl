@@ -66,28 +66,3 @@ fn load_sums(pixel: vec2u, sums: ptr<function, array<vec4f, LAYERS>>) {
         (*sums)[layer] = textureLoad(accumulators, pixel, layer);
     }
 }
-
-// The step at `place`, of whose labels those of the voxels around have their shares; what has no label has `step`. Row 0 of
-// the label table is empty.
-fn shared_by_labels(place: vec3f, label: u32, step: Step) -> Step {
-    var own = 0.0;
-    var blend = step;
-    blend.opacity = Transmittance();
-    blend.source = array<vec4f, TABLE_LANES>();
-    // A software device branches at the ends of loops only: one turn, where all labels agree.
-    let voxels = select(1u, 8u, is_mixed(label));
-    for (var i = 0u; i < voxels; i += 1u) {
-        let voxel = share_of(place, label, i);
-        own += select(0.0, voxel.share, voxel.row == 0u);
-        blend.opacity = plus_share(blend.opacity, voxel.share, opacity_of_label(voxel.row));
-        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            let source = label_source[voxel.row * TABLE_LANES + lane];
-            blend.source[lane] = fma(vec4f(voxel.share), source, blend.source[lane]);
-        }
-    }
-    blend.opacity = plus_share(blend.opacity, own, step.opacity);
-    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-        blend.source[lane] = fma(vec4f(own), step.source[lane], blend.source[lane]);
-    }
-    return blend;
-}

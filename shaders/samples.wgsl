@@ -24,21 +24,6 @@ fn is_active(key: Key) -> bool {
     return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.label > 0u;
 }
 
-fn sample(place: vec3f, key: Key) -> Step {
-    var step = medium_at(place, key);
-    if (SMOOTH_LABELS) {
-        step = shared_by_labels(place, key.label, step);
-    } else if (LABELS) {
-        if (key.label > 0u) {
-            for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-                step.source[lane] = label_source[key.label * TABLE_LANES + lane];
-            }
-            step.opacity = opacity_of_label(key.label);
-        }
-    }
-    return step;
-}
-
 // Adds the contribution of sample `n` of a run, at `place`; returns the transmittance after it.
 fn add_sample(
     ray: Ray,
@@ -48,7 +33,7 @@ fn add_sample(
     transmittance: Transmittance,
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) -> Transmittance {
-    var step = sample(place, key);
+    var step = medium_at(place, key);
     if (CUT_IN_RUNS) {
         let part = part_of(ray, n);
         step = part_of_step(step, part.y - part.x);

@@ -1,13 +1,15 @@
 // The medium of a sample as densities of groups of terms, which have factors of their own. Part of `march.wgsl`.
 
-// Reads the sum of the densities of a sample, times their factors where the data have this `gradient`.
-fn look_up(place: vec3f, key: Key, gradient: vec3f, step: ptr<function, Step>) {
-    let magnitude = sqrt(dot(gradient, gradient));
-    var fields = FieldValues(key.texel, vec4f(1.0));
-    if (PLACED > 0u) {
-        fields = values_at(key.texel, place);
-    }
-    for (var group = 0u; group < GROUPS; group += 1u) {
+// Adds the densities of the groups from `first` to before `end`, times their factors where the gradient has this `magnitude`.
+fn add_groups(
+    fields: FieldValues,
+    key: Key,
+    magnitude: f32,
+    first: u32,
+    end: u32,
+    step: ptr<function, Step>,
+) {
+    for (var group = first; group < end; group += 1u) {
         var coordinate = key.coordinate;
         if (SEVERAL_FIELDS) {
             coordinate = coordinate_of(fields.values, group, march.coordinate_last);
@@ -32,7 +34,16 @@ fn medium_at(place: vec3f, key: Key) -> Step {
     }
     var step: Step;
     step.normal = unit(capped(gradient, value_of(key.texel), place));
-    look_up(place, key, gradient, &step);
+    let magnitude = sqrt(dot(gradient, gradient));
+    var fields = FieldValues(key.texel, vec4f(1.0));
+    if (PLACED > 0u) {
+        fields = values_at(key.texel, place);
+    }
+    add_groups(fields, key, magnitude, 0u, FIRST_GROUPS, &step);
+    step = labelled(place, key.label, key.coordinate, step);
+    if (FIRST_GROUPS < GROUPS) {
+        add_groups(fields, key, magnitude, FIRST_GROUPS, GROUPS, &step);
+    }
     return step;
 }
 

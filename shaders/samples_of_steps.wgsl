@@ -28,7 +28,7 @@ fn medium_at(place: vec3f, key: Key) -> Step {
         step.normal = unit(capped(central_difference(place) * march.gradient_scale, value_of(key.texel), place));
     }
     look_up(key.coordinate, &step);
-    return step;
+    return labelled(place, key.label, key.coordinate, step);
 }
 
 // The part of a step of this `length`, in steps.

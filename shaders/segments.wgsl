@@ -220,16 +220,9 @@ fn march_run(
         let half_way = (gradient + next_gradient) * 0.5;
         var mean = mean_between(integrals, next_integrals, b.coordinate - a.coordinate, half_way);
         let middle = place_at(ray, n, (done + reach) * 0.5);
-        if (SMOOTH_LABELS) {
-            mean.density = shared_by_labels(middle, label_of(middle), mean.density);
-        } else if (LABELS) {
-            let label = label_of(middle);
-            if (label > 0u) {
-                for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-                    mean.density.source[lane] = label_source[label * TABLE_LANES + lane];
-                }
-                mean.density.opacity = opacity_of_label(label);
-            }
+        if (LABELS) {
+            // Labels by value have no segments.
+            mean.density = labelled(middle, label_of(middle), 0.0, mean.density);
         }
         let inside = part_of(ray, n);
         var length = (reach - done) * (inside.y - inside.x);

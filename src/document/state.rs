@@ -513,6 +513,8 @@ impl State {
             }
             Edit::Label(index, material, opacity) => {
                 let entry = scene.labels.as_mut().and_then(|labels| labels.declared.get_mut(index));
+                // Those by value keep their terms.
+                let entry = entry.filter(|entry| entry.terms.is_empty());
                 if let (Some(entry), Some(shown)) = (entry, scene.materials.get(material)) {
                     (entry.material, entry.opacity) = (material, shown.allowed_opacity(opacity));
                     if shown.absorption.is_none() {

@@ -127,7 +127,7 @@ impl Coarse {
         let left = coarse.counts_of_labels()?;
         let counted = |counts: &LabelCounts, label: i64| counts.get(&label).copied().unwrap_or(0);
         let block: usize = self.block.iter().product();
-        let visible = labels.declared.iter().filter(|entry| entry.opacity > 0.0 || entry.absorption > 0.0);
+        let visible = labels.declared.iter().filter(|entry| entry.is_visible());
         let of_label = visible.map(|entry| {
             let (label, left) = (entry.label, counted(&left, entry.label));
             let stands_for = left.saturating_mul(block as u64);

@@ -282,15 +282,24 @@ impl Scene {
         height: impl Fn(&Term) -> &Vec<(f64, f64)>,
         of_label: impl Fn(&LabelEntry) -> f64,
     ) -> bool {
-        let further = self.fields.further().iter().flat_map(|field| &field.terms);
-        let in_transfer = self.transfer.terms.iter().chain(further).any(|term| {
+        let in_transfer = self.all_terms().any(|term| {
             height(term).iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == index)
         });
-        let in_labels = self
-            .labels
-            .as_ref()
-            .is_some_and(|labels| labels.declared.iter().any(|entry| entry.material == index && of_label(entry) > 0.0));
+        let in_labels =
+            self.declared().iter().any(|it| it.terms.is_empty() && it.material == index && of_label(it) > 0.0);
         in_transfer || in_labels
+    }
+
+    /// The labels that the scene declares.
+    #[must_use]
+    pub fn declared(&self) -> &[LabelEntry] {
+        self.labels.as_ref().map_or(&[], |labels| &labels.declared)
+    }
+
+    /// The terms of all fields, and those of labels by value.
+    pub(crate) fn all_terms(&self) -> impl Iterator<Item = &Term> {
+        let further = self.fields.further().iter().flat_map(|field| &field.terms);
+        self.transfer.terms.iter().chain(further).chain(self.declared().iter().flat_map(|entry| &entry.terms))
     }
 }
 
@@ -407,6 +416,31 @@ pub struct LabelEntry {
     pub opacity: f64,
     /// Optical depth of an opacity length at the peak of the material's absorption spectrum.
     pub absorption: f64,
+    /// What it shows by the values of the first field, in place of its material, opacity and absorption, which then are those of a legend.
+    /// Empty shows the same at all values.
+    pub terms: Vec<Term>,
+}
+
+impl LabelEntry {
+    /// True if it shows anything.
+    #[must_use]
+    pub fn is_visible(&self) -> bool {
+        self.opacity > 0.0 || self.absorption > 0.0
+    }
+
+    /// Its medium at a `value` of the first field, of a scene with so many `materials`.
+    #[must_use]
+    pub fn medium(&self, value: f64, materials: usize) -> Medium {
+        if !self.terms.is_empty() {
+            return transfer::medium_of(&self.terms, value, materials, |_| 1.0);
+        }
+        let mut medium = Medium::nothing(materials);
+        if self.material < materials {
+            medium.scattering[self.material] = depth_from_opacity(self.opacity);
+            medium.absorption[self.material] = self.absorption;
+        }
+        medium
+    }
 }
 
 /// A light of the scene.

@@ -66,6 +66,8 @@ pub struct ScenePlan {
     pub labels: bool,
     /// Whether labels are interpolated between voxels.
     pub smooth_labels: bool,
+    /// Whether any label shows different media at different values.
+    pub labels_by_value: bool,
     /// Whether the background is other than black.
     pub background: bool,
     /// Lookup in the transfer table.
@@ -98,6 +100,8 @@ pub struct Groups {
     pub number: usize,
     /// Points of the longest factor; 0 if every factor is 1.
     pub points: usize,
+    /// Those of the first field, which come first.
+    pub of_first: usize,
     /// Fields besides the first.
     pub further: usize,
     /// Those of them that share its texels; the others have grids of their own.
@@ -123,7 +127,8 @@ impl Groups {
         let is_one_each =
             groups.len() == further + 1 && groups.iter().enumerate().all(|(index, group)| group.field == index);
         if points > 0 || further > 0 || scene.blending.is_extreme() {
-            Self { number: groups.len(), points, further, sharing: scene.fields.sharing().len(), is_one_each }
+            let of_first = groups.iter().filter(|group| group.field == 0).count();
+            Self { number: groups.len(), points, of_first, further, sharing: scene.fields.sharing().len(), is_one_each }
         } else {
             Self::default()
         }
@@ -689,9 +694,7 @@ fn check_fields(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     {
         return Err(PlanError::ShadedField { field: field.name.clone(), material: material.name.clone() });
     }
-    let what = if plan.labels {
-        "labels; leave them out, or show one field"
-    } else if plan.transmittance == Transmittance::Mixed || projects_steps(plan, planned.model.as_deref()) {
+    let what = if plan.transmittance == Transmittance::Mixed || projects_steps(plan, planned.model.as_deref()) {
         "the model, which projects each step; take another model"
     } else if scene.accuracy.voxel_pixels > 0.0 {
         "a level by the size of voxels, which is one of a single volume; leave out accuracy.voxel_pixels"
@@ -814,7 +817,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         Accumulate::Weights { materials } => materials,
         Accumulate::Spectral { .. } => needs::phases(used()).len(),
     };
-    let labels = scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty());
+    let labels = !scene.declared().is_empty();
     let mut plan = ScenePlan {
         accumulate,
         transmittance: match (transmittance, model.as_ref().map(|model| model.kind())) {
@@ -834,6 +837,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         },
         labels,
         smooth_labels: labels && scene.accuracy.labels == LabelInterpolation::Smooth,
+        labels_by_value: scene.declared().iter().any(|entry| !entry.terms.is_empty()),
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
         integration: Integrate::Samples,
@@ -872,6 +876,8 @@ fn no_segments(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static
         Some("a single value of a ray is seen, and it has no neighbours")
     } else if plan.groups.further > 0 {
         Some("several fields have no common value between the ends of a segment")
+    } else if plan.labels_by_value {
+        Some("labels by value have no means between two values")
     } else if plan.interpolation == Interpolation::Nearest {
         Some("the values of nearest interpolation jump")
     } else {

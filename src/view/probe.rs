@@ -8,7 +8,7 @@ use crate::number::count;
 use crate::plan::{Planned, Transmittance, plan_full_spectrum};
 use crate::progress::Progress;
 use crate::reference::{Exact, RaySample, ReferenceError, march_ray};
-use crate::scene::{Medium, Mix, MixLight, Scene, ShadowMethod, depth_from_opacity};
+use crate::scene::{Medium, Mix, MixLight, Scene, ShadowMethod};
 use crate::spectrum::colour::{
     Lab, LinearSrgb, OBSERVER, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, display_code, lab_from_xyz,
 };
@@ -408,8 +408,9 @@ impl Ray {
         let own = march_ray(scene, &planned, &exact, [size, place], progress, |sample: &RaySample<'_, f64>| {
             let place = DVec3::from_array(sample.place) * dims - 0.5;
             let magnitude = exact.magnitude_at(sample.place);
-            let own = exact.medium_at(sample.place);
-            profile.add((place, own), exact.at(sample.place), [magnitude, sample.length], sample.transmittance);
+            let (value, label) = exact.at(sample.place);
+            let medium = exact.medium_at(sample.place, label);
+            profile.add((place, medium), value, [magnitude, sample.length], sample.transmittance);
         })?;
         let mut finer = scene.clone();
         finer.accuracy.step_length /= FINER;
@@ -480,28 +481,21 @@ impl<'a> Profile<'a> {
         }
     }
 
-    /// Adds the next sample: its place and the medium there without labels, its value, the label that replaces the transfer function, the gradient magnitude
+    /// Adds the next sample: its place and the medium there, its value, the gradient magnitude
     /// and the length in steps, and the transmittance to the eye.
     fn add(
         &mut self,
-        (place, own): (DVec3, Medium),
-        (value, label): (f64, Option<usize>),
+        (place, medium): (DVec3, Medium),
+        value: f64,
         [magnitude, length]: [f64; 2],
         transmittance: &[f64],
     ) {
         let scene = self.scene;
-        let materials = scene.materials.len();
-        let entry = label.and_then(|label| scene.labels.as_ref()?.declared.get(label));
-        let medium = match entry {
-            None => own,
-            Some(entry) => {
-                let alone =
-                    |depth: f64| (0..materials).map(|at| if at == entry.material { depth } else { 0.0 }).collect();
-                let scattering = alone(depth_from_opacity(entry.opacity));
-                Medium { scattering, absorption: alone(entry.absorption) }
-            }
+        let lengths = if scene.blending.is_extreme() {
+            length
+        } else {
+            length * scene.step_length() / scene.transfer.opacity_length
         };
-        let lengths = length * scene.step_length() / scene.transfer.opacity_length;
         let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
         let grey: f64 = occluding.map(|(_, depth)| depth * lengths).sum();
         let [scattering, absorption] = [medium.scattering, medium.absorption]
@@ -538,8 +532,8 @@ impl<'a> Profile<'a> {
                 magnitude: 0.0,
                 opacity: 0.0,
                 transmittance: transmitted,
-                scattering: vec![0.0; materials],
-                absorption: vec![0.0; materials],
+                scattering: vec![0.0; scene.materials.len()],
+                absorption: vec![0.0; scene.materials.len()],
             });
         }
         let here = count(self.samples % self.per_stretch + 1);

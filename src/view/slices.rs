@@ -450,7 +450,14 @@ mod tests {
         // Grey 0, 127.5 and 255; half of red over the second, all of blue over the third.
         assert_eq!(painted.pixels(&plane, 0, [3, 1]), [[0, 0, 0], [191, 64, 64], [0, 0, 255]]);
         let of = Arc::new(Volume::new("labels", Voxels::U8(vec![7, 3, 0]), volume.geometry).unwrap());
-        let entry = LabelEntry { label: 7, name: "seven".to_owned(), material: 1, opacity: 0.1, absorption: 0.0 };
+        let entry = LabelEntry {
+            label: 7,
+            name: "seven".to_owned(),
+            material: 1,
+            opacity: 0.1,
+            absorption: 0.0,
+            terms: Vec::new(),
+        };
         let labels = Labels { volume: of, declared: vec![entry] };
         let painted = Painted { overlay: None, labels: Some((&labels, 0, &colours)), ..painted };
         assert_eq!(painted.pixels(&plane, 0, [3, 1]), [[0, 0, 128], [128, 128, 128], [255, 255, 255]]);

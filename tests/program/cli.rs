@@ -242,7 +242,11 @@ fn channels_are_listed_by_their_names() {
         &["render", "m.toml", "--block", "1/2", "--accumulators", "no.exr"],
         &["blending = \"maximum\"", "as a whole"],
     );
-    folder.refused(1, &["render", "m.toml", "-D", "blending=maximal", "-o", "no.png"], &["did you mean `maximum`?"]);
+    folder.refused(
+        2,
+        &["render", "m.toml", "-D", "blending=maximal", "-o", "no.png"],
+        &["one of `composite`, `maximum`, `minimum`"],
+    );
     folder.refused(1, &["render", file, "--channels", "RFP"], &["no channel \"RFP\"", "DAPI, GFP"]);
     folder.refused(1, &["render", file, "--channels", "GFP,1"], &["\"1\" is named twice"]);
     folder.refused(

@@ -124,8 +124,19 @@ fn reach_of_device(rungs: &Rungs, renderer: &Renderer) -> [f64; 3] {
 
 /// True if differences between the rungs of a plan have derived bounds.
 pub(super) fn has_bounds(plan: &ScenePlan) -> bool {
-    let ScenePlan { light, integration, blending, interpolation, gradients, phases, thin_films, rays, lookup, .. } =
-        plan;
+    let ScenePlan {
+        light,
+        integration,
+        blending,
+        labels_by_value,
+        interpolation,
+        gradients,
+        phases,
+        thin_films,
+        rays,
+        lookup,
+        ..
+    } = plan;
     let is_plain =
         *integration == Integrate::Samples && !blending.is_extreme() && *gradients == Gradients::Packed && *rays == 1;
     // Both nearest, or both linear.

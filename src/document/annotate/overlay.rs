@@ -62,7 +62,7 @@ impl Entry {
         let Some(labels) = &scene.labels else { return Self::of_materials(scene, indices, mix) };
         let others: Vec<usize> = indices.iter().copied().filter(|&index| scene.shows_values_as(index)).collect();
         let colours = material_colours(scene, mix);
-        let visible = labels.declared.iter().filter(|entry| entry.opacity > 0.0 || entry.absorption > 0.0);
+        let visible = labels.declared.iter().filter(|entry| entry.is_visible());
         let entry = |label: &LabelEntry| {
             let (material, &colour) = (scene.materials.get(label.material)?, colours.get(label.material)?);
             Some(Self { name: label.name.clone(), colour, spectrum: material.reflectance.spectrum().clone() })

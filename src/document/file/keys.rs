@@ -292,8 +292,10 @@ pub(super) struct LabelFile {
     pub(super) material: Option<At<String>>,
     /// Of the entry `others` alone.
     pub(super) materials: Option<At<Vec<String>>>,
-    pub(super) opacity: At<f64>,
+    pub(super) opacity: Option<At<f64>>,
     pub(super) absorption: Option<At<f64>>,
+    /// In place of material, opacity and absorption.
+    pub(super) transfer: Option<At<TransferFile>>,
 }
 
 #[derive(Default, Deserialize)]

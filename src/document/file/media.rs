@@ -257,16 +257,58 @@ impl Text<'_> {
                 let message = format!("labels.{key}: one label has one `material`; `materials` is for labels.{OTHERS}");
                 return Err(self.invalid(several, message));
             }
-            let material = self.material(self.stated("material", value, file.material.as_ref())?, materials)?;
-            let [opacity, absorption] = self.label_depths(key, file, &materials[material])?;
             let name = file.name.clone().unwrap_or_else(|| key.clone());
-            entries.insert(label, LabelEntry { label, name, material, opacity, absorption });
+            let entry = match &file.transfer {
+                Some(transfer) => self.label_by_value((label, name), (key, file), transfer, materials)?,
+                None => {
+                    let material = self.material(self.stated("material", value, file.material.as_ref())?, materials)?;
+                    let [opacity, absorption] = self.label_depths(key, value, &materials[material])?;
+                    LabelEntry { label, name, material, opacity, absorption, terms: Vec::new() }
+                }
+            };
+            entries.insert(label, entry);
         }
         Ok(Declared { entries, others })
     }
 
-    fn label_depths(&self, key: &str, file: &LabelFile, material: &Material) -> Result<[f64; 2], SceneError> {
-        let opacity = self.opacity(&format!("labels.{key}.opacity"), &file.opacity, material)?;
+    /// A label that shows different media at different values.
+    fn label_by_value(
+        &self,
+        (label, name): (i64, String),
+        (key, file): (&str, &LabelFile),
+        stated: &At<TransferFile>,
+        materials: &[Material],
+    ) -> Result<LabelEntry, SceneError> {
+        if file.material.is_some() || file.opacity.is_some() || file.absorption.is_some() {
+            let message = format!(
+                "labels.{key} has a `transfer`, which states its materials and opacities by value; remove its own `material`, `opacity` and `absorption`"
+            );
+            return Err(self.invalid(stated, message));
+        }
+        let (terms, all) = self.transfer(stated.get_ref(), materials)?;
+        if !all.is_empty() || terms.iter().any(|term| !term.gradient.is_empty()) {
+            let message = format!("labels.{key}.transfer: labels have no factors by the gradient");
+            return Err(self.invalid(stated, message));
+        }
+        let highest =
+            |of: fn(&Term) -> &Vec<(f64, f64)>| terms.iter().flat_map(of).map(|point| point.1).fold(0.0, f64::max);
+        let (opacity, absorption) = (highest(|term| &term.opacity), highest(|term| &term.absorption));
+        // A legend shows the most opaque one.
+        let most = |term: &Term| term.opacity.iter().map(|point| point.1).fold(0.0, f64::max);
+        let first =
+            terms.iter().reduce(|most_opaque, term| if most(term) > most(most_opaque) { term } else { most_opaque });
+        let Some(material) = first.and_then(|term| term.material.0.first()).map(|point| point.1) else {
+            let message =
+                format!("labels.{key}.transfer shows nothing; write `intervals`, or `opacity` and `material`");
+            return Err(self.invalid(stated, message));
+        };
+        Ok(LabelEntry { label, name, material, opacity, absorption, terms })
+    }
+
+    fn label_depths(&self, key: &str, value: &At<LabelFile>, material: &Material) -> Result<[f64; 2], SceneError> {
+        let file = value.get_ref();
+        let stated = self.stated("opacity", value, file.opacity.as_ref())?;
+        let opacity = self.opacity(&format!("labels.{key}.opacity"), stated, material)?;
         let absorption = format!("labels.{key}.absorption");
         Ok([opacity, self.absorption(&absorption, file.absorption.as_ref(), material)?])
     }
@@ -279,16 +321,16 @@ impl Text<'_> {
     ) -> Result<Vec<(usize, [f64; 2])>, SceneError> {
         let file = value.get_ref();
         let listed = self.stated("materials", value, file.materials.as_ref())?;
-        if file.material.is_some() || file.name.is_some() || listed.get_ref().is_empty() {
+        if file.material.is_some() || file.name.is_some() || file.transfer.is_some() || listed.get_ref().is_empty() {
             let message = format!(
                 "labels.{OTHERS} has `materials`, the names of at least one material that its labels take in turn, and neither `material` \
-                 nor `name`"
+                 nor `name` nor `transfer`"
             );
             return Err(self.invalid(value, message));
         }
         let of_name = |name: &String| {
             let material = self.material(&Spanned::new(listed.span(), name.clone()), materials)?;
-            Ok((material, self.label_depths(OTHERS, file, &materials[material])?))
+            Ok((material, self.label_depths(OTHERS, value, &materials[material])?))
         };
         listed.get_ref().iter().map(of_name).collect()
     }
@@ -321,7 +363,7 @@ impl Declared {
             let preset = map.presets.labels.iter().find(|preset| preset.value == label);
             let name = preset.map(|preset| preset.name.clone()).filter(|name| !name.is_empty());
             let name = name.unwrap_or_else(|| format!("label_{label}"));
-            self.entries.insert(label, LabelEntry { label, name, material, opacity, absorption });
+            self.entries.insert(label, LabelEntry { label, name, material, opacity, absorption, terms: Vec::new() });
         }
         Ok(self.entries.into_values().collect())
     }

@@ -122,7 +122,8 @@ pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
     };
     let shows = |index: usize, value: f64| {
         let is_visible = match label(index) {
-            Some(entry) => entry.opacity > 0.0 || entry.absorption > 0.0,
+            Some(entry) if entry.terms.is_empty() => entry.is_visible(),
+            Some(entry) => entry.terms.iter().any(|term| term.depth(value) > 0.0),
             None => by_value(value),
         };
         is_visible && is_left(index)

@@ -619,6 +619,9 @@ impl DeviceGrid {
         let clip_bytes = clip_bytes(&grid.clip, &CapTable::default(), to_medium);
         let clip = Buffer::host(device, "clip planes", clip_bytes.len() as u64, HostUse::Storage)?;
         clip.write(0, &clip_bytes)?;
+        let words = extinctions.rows.words();
+        let rows = Buffer::host(device, "label rows", (4 * words.len()) as u64, HostUse::Storage)?;
+        rows.write(0, bytemuck::cast_slice(&words))?;
         let table: Vec<f32> = extinctions.values.iter().chain(&extinctions.labels).copied().collect();
         let (memory, table) = renderer.numbers("extinctions", bytemuck::cast_slice(&table))?;
         let planes = sweep.kept() * sweep.columns[0] * sweep.columns[1] * size_of::<f32>();
@@ -651,6 +654,7 @@ impl DeviceGrid {
                 "volume" => Resource::Texture(&medium.volume),
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "labels" => Resource::Texture(medium.label_image.as_ref()?),
+                "label_rows" => Resource::Storage(&rows),
                 "columns" => Resource::Storage(&planes),
                 "reach" => Resource::Uniform(&reach),
                 "sky" => Resource::Storage(&summing.as_ref()?.sums),

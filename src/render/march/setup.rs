@@ -16,8 +16,8 @@ use crate::{RenderError, Renderer, Uploaded};
 use relume_base::number::{count, rounded, unsigned};
 use relume_scene::plan::{Integrate, LANE, Planned, Transmittance};
 use relume_scene::tables::{
-    BlockBox, CapTable, ClipTable, FactorTable, Occupancy, PhaseTable, PlacedField, PositionTable, RayTable,
-    SegmentTable, ShadingTable, Steps, ThinFilmTable, TransferTable, occupancy_of_fields, ray_places,
+    BlockBox, CapTable, ClipTable, FactorTable, LabelTable, Occupancy, PhaseTable, PlacedField, PositionTable,
+    RayTable, SegmentTable, ShadingTable, Steps, ThinFilmTable, TransferTable, occupancy_of_fields, ray_places,
 };
 use relume_scene::{Interpolation, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
@@ -101,14 +101,15 @@ enum Values {
 
 impl Values {
     /// Builds the tables of `scene`: of values, and of labels.
-    fn new(scene: &Scene, planned: &Planned, domains: &[[f64; 2]]) -> (Self, TransferTable) {
+    fn new(scene: &Scene, planned: &Planned, domains: &[[f64; 2]]) -> (Self, LabelTable) {
+        let domain = domains.first().copied().unwrap_or_default();
         let values = match planned.plan.integration {
             Integrate::Samples => Self::Steps(TransferTable::new(scene, planned, domains)),
-            Integrate::Segments => {
-                Self::Segments(SegmentTable::new(scene, planned, domains.first().copied().unwrap_or_default()))
-            }
+            Integrate::Segments => Self::Segments(SegmentTable::new(scene, planned, domain)),
         };
-        (values, TransferTable::of_labels(scene, planned))
+        // Segments have no labels by value.
+        let entries = if let Self::Steps(table) = &values { table.entries() } else { 0 };
+        (values, LabelTable::new(scene, planned, domain, entries))
     }
 
     /// Source and opacity as bytes.
@@ -262,7 +263,8 @@ impl Renderer {
         };
         let segments = SegmentUniform { unit, variation: rounded(scene.accuracy.variation), unused: [0.0; 2] };
         let segments = uniform("segments", bytemuck::bytes_of(&segments))?;
-        let (tables, tabled) = self.tables(&values, &label_table)?;
+        let (tables, tabled) = self.tables(&values, &label_table.table)?;
+        let label_rows = storage("label rows", bytemuck::cast_slice(&label_table.rows.words()))?;
         let filter = match plan.interpolation {
             Interpolation::Linear => Filter::Linear,
             // These fetch texels themselves.
@@ -319,6 +321,7 @@ impl Renderer {
                 "volume_sampler" => Resource::Sampler(&sampler),
                 "occupancy" => Resource::Storage(&occupied),
                 "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
+                "label_rows" => Resource::Storage(&label_rows),
                 "bricks_uniform" => Resource::Uniform(&uploaded.pool.as_ref()?.uniform),
                 "pages" => Resource::Storage(&uploaded.pool.as_ref()?.pages),
                 "next_samples" => Resource::Storage(&rounds.as_ref()?.next),

@@ -48,6 +48,8 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         text!("rays.wgsl"),
         text!("fetch.wgsl"),
         text!("placed.wgsl"),
+        text!("labels.wgsl"),
+        text!("labelled.wgsl"),
     ];
     let steps = if plan.integration == Integrate::Segments || plan.blending.is_extreme() {
         text!("whole_steps.wgsl")
@@ -162,6 +164,9 @@ fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
         .u32("PLACED", unsigned(plan.groups.beside()))
         .u32("PLACED_VECTORS", unsigned(plan.groups.beside().max(1)))
         .u32("FIRST_PLACED", unsigned(1 + plan.groups.sharing))
+        // Those of the first field, which labels replace.
+        .u32("FIRST_GROUPS", unsigned(if plan.labels { plan.groups.of_first } else { plan.groups.in_tables() }))
+        .bool("LABELS_BY_VALUE", plan.labels_by_value)
         .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
 }
 
@@ -302,6 +307,7 @@ pub(super) fn light_grid_source(
         text!("clip.wgsl"),
         text!("fetch.wgsl"),
         text!("placed.wgsl"),
+        text!("labels.wgsl"),
         text!("whole.wgsl"),
         half,
         text!("light_medium.wgsl"),
@@ -358,6 +364,7 @@ mod tests {
             clip: ClipPlan::default(),
             labels: false,
             smooth_labels: false,
+            labels_by_value: false,
             background: false,
             lookup: Lookup::Nearest,
             integration: Integrate::Samples,

@@ -304,6 +304,13 @@ impl Planned {
                 "Labels determine the materials of voxels; a voxel without a label follows the transfer function."
                     .to_owned(),
             );
+            if plan.labels_by_value {
+                sentences
+                    .push("Some labels have a transfer function of their own, a row of the label table.".to_owned());
+            }
+            if plan.groups.further > 0 {
+                sentences.push("Labels are those of the first volume; the others add to them.".to_owned());
+            }
             if plan.smooth_labels {
                 sentences.push("Between voxels with different labels, each has its share of the material.".to_owned());
             }

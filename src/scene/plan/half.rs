@@ -82,16 +82,10 @@ fn largest_phase(planned: &Planned, material: &Material) -> f64 {
 
 /// Largest sum of an X-ray material along the longest path.
 fn largest_sum(scene: &Scene, material: usize) -> f64 {
-    let further = scene.fields.further().iter().flat_map(|field| &field.terms);
-    let terms = scene
-        .transfer
-        .terms
-        .iter()
-        .chain(further)
-        .filter(|term| term.material.0.iter().any(|point| point.1 == material));
+    let terms = scene.all_terms().filter(|term| term.material.0.iter().any(|point| point.1 == material));
     let of_terms = terms.map(|term| term.opacity.iter().map(|point| point.1).fold(0.0, f64::max));
-    let labels = scene.labels.iter().flat_map(|labels| &labels.declared);
-    let of_labels = labels.filter(|entry| entry.material == material).map(|entry| entry.opacity);
+    let of_labels =
+        scene.declared().iter().filter(|it| it.terms.is_empty() && it.material == material).map(|it| it.opacity);
     of_terms.chain(of_labels).map(depth_from_opacity).sum::<f64>() * longest_way(scene)
 }
 

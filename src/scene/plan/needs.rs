@@ -2,7 +2,7 @@
 
 use super::{Accumulate, FilmCounts, Planned, Transmittance};
 use crate::transfer::{bends, medium_of};
-use crate::{Group, Material, Scene};
+use crate::{Group, LabelEntry, Material, Scene, Term};
 use relume_base::number::count;
 use relume_colour::model::{ColourModel, Ingredients, LightMatrix};
 use relume_colour::spectrum::{Light, Spectrum, ThinFilm, ThinFilmAngle};
@@ -70,26 +70,26 @@ pub(super) fn transmittance(scene: &Scene) -> Transmittance {
         !is_constant(&sum)
     };
     // Between two bends the sum is quadratic at each wavelength, so three points determine it.
+    let any_around = |terms: &[Term], is_coloured: &dyn Fn(f64) -> bool| {
+        let bends = bends(terms);
+        let halves = bends.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
+        // Also on both sides of a jump.
+        bends
+            .iter()
+            .copied()
+            .chain(halves)
+            .any(|value| [value.next_down(), value, value.next_up()].into_iter().any(is_coloured))
+    };
     let of_group = |Group { field, factor }: Group<'_>| {
         let (terms, all) = (scene.terms_of(field), if field == 0 { &scene.transfer.gradient_opacity[..] } else { &[] });
         let share = |term: usize| if terms[term].factor_among(all) == factor { 1.0 } else { 0.0 };
-        let bends = bends(terms);
-        let halves = bends.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
-        bends.iter().copied().chain(halves).any(|value| {
-            // Also on both sides of a jump.
-            [value.next_down(), value, value.next_up()]
-                .into_iter()
-                .any(|value| coloured(&medium_of(terms, value, scene.materials.len(), share).absorption))
-        })
+        any_around(terms, &|value| coloured(&medium_of(terms, value, scene.materials.len(), share).absorption))
     };
     // Values of fields, and factors, are independent, so each group is grey by itself.
     let by_value = scene.groups().into_iter().any(of_group);
-    let by_label = scene.labels.iter().flat_map(|labels| &labels.declared).any(|entry| {
-        let mut absorption = vec![0.0; scene.materials.len()];
-        if let Some(depth) = absorption.get_mut(entry.material) {
-            *depth = entry.absorption;
-        }
-        coloured(&absorption)
+    let by_label = scene.declared().iter().any(|entry| {
+        let is_coloured = |value: f64| coloured(&entry.medium(value, scene.materials.len()).absorption);
+        if entry.terms.is_empty() { is_coloured(0.0) } else { any_around(&entry.terms, &is_coloured) }
     });
     if by_value || by_label { Transmittance::Coloured } else { Transmittance::Grey }
 }
@@ -110,8 +110,12 @@ pub(super) fn largest_depth(scene: &Scene) -> f64 {
         bends(terms).into_iter().map(of_value).fold(0.0, f64::max)
     };
     let of_values: f64 = (0..=scene.fields.further().len()).map(of_field).sum();
-    let of_labels = scene.labels.iter().flat_map(|labels| &labels.declared).map(|entry| entry.absorption);
-    of_labels.fold(of_values, f64::max) * longest_way(scene)
+    let of_label = |entry: &LabelEntry| {
+        let values = if entry.terms.is_empty() { vec![0.0] } else { bends(&entry.terms) };
+        let of_value = |value| entry.medium(value, scene.materials.len()).absorption.iter().sum();
+        values.into_iter().map(of_value).fold(0.0, f64::max)
+    };
+    scene.declared().iter().map(of_label).fold(of_values, f64::max) * longest_way(scene)
 }
 
 /// Longest path through the volume (its diagonal), in opacity lengths.

@@ -96,6 +96,7 @@ impl Stale {
             clip: _,
             labels: _,
             smooth_labels: _,
+            labels_by_value,
             background,
             lookup,
             integration,
@@ -109,16 +110,23 @@ impl Stale {
             storage,
         } = *plan;
         let later = &after.plan;
-        let tables =
-            (accumulate, transmittance, light, (shading, phases, thin_films), groups, (lookup, integration, blending))
-                != (
-                    later.accumulate,
-                    later.transmittance,
-                    &later.light,
-                    (later.shading, later.phases, later.thin_films),
-                    later.groups,
-                    (later.lookup, later.integration, later.blending),
-                );
+        let tables = (
+            accumulate,
+            transmittance,
+            light,
+            (shading, phases, thin_films),
+            groups,
+            (lookup, integration, blending),
+            labels_by_value,
+        ) != (
+            later.accumulate,
+            later.transmittance,
+            &later.light,
+            (later.shading, later.phases, later.thin_films),
+            later.groups,
+            (later.lookup, later.integration, later.blending),
+            later.labels_by_value,
+        );
         if tables || *materials != after.materials || positions.len() != after.positions.len() {
             return Self::Tables;
         }
@@ -144,8 +152,8 @@ fn of_labels(before: Option<&Labels>, after: Option<&Labels>) -> Stale {
         return Stale::Volume;
     }
     let of_entries = |before: &LabelEntry, after: &LabelEntry| {
-        let LabelEntry { label, name: _, material, opacity, absorption } = before;
-        let same = (label, material) == (&after.label, &after.material)
+        let LabelEntry { label, name: _, material, opacity, absorption, terms } = before;
+        let same = (label, material, terms) == (&after.label, &after.material, &after.terms)
             && (*opacity, *absorption) == (after.opacity, after.absorption);
         if same { Stale::Nothing } else { Stale::Tables }
     };

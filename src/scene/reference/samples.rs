@@ -1,14 +1,16 @@
 //! Samples of the volume: exact, or with the device's tables and textures.
 
+use std::ops::Range;
+
 use super::clip::Planes;
 use super::factors::{coordinates_of, factors_at, sum_groups};
 use super::kept::{Keeping, KeptDepths};
 use crate::plan::{LANE, Planned};
 use crate::tables::{
-    self, CapTable, ExtinctionTable, FactorTable, LabelMap, PlacedField, SegmentTable, Steps, Storage, StoredScene,
-    StoredVolume, TransferTable,
+    self, CapTable, ExtinctionTable, FactorTable, LabelMap, LabelTable, PlacedField, SegmentTable, Steps, Storage,
+    StoredScene, StoredVolume, TransferTable,
 };
-use crate::{FIELDS, Interpolation, Lookup, Medium, Scene};
+use crate::{FIELDS, Interpolation, LabelEntry, Lookup, Medium, Scene};
 use relume_base::number::{Real, count, unit};
 use relume_volume::Volume;
 use smallvec::{SmallVec, smallvec};
@@ -225,10 +227,8 @@ pub struct Exact<'a> {
     storage: Storage,
     labels: Option<&'a LabelMap>,
     steps: Steps<'a>,
-    /// Steps or densities of labels.
+    /// Steps or densities of the rows of labels; of those by value, those at 0.
     label_steps: Vec<tables::Step>,
-    /// Of each depth of shadows.
-    label_extinctions: Vec<Vec<f64>>,
     bends: Vec<f64>,
     /// If shading sees cut faces.
     clip: Option<Planes<f64>>,
@@ -240,9 +240,15 @@ impl<'a> Exact<'a> {
     #[must_use]
     pub fn new(scene: &'a Scene, planned: &'a Planned, storage: Storage, labels: Option<&'a LabelMap>) -> Self {
         let steps = Steps::new(scene, planned);
-        let label_steps = if planned.plan.adds_densities() { steps.densities_of_labels() } else { steps.of_labels() };
-        let label_extinctions =
-            (0..=planned.plan.light.absorbers).map(|number| steps.extinctions_of_labels(number)).collect();
+        let nothing = Medium::nothing(scene.materials.len());
+        let media =
+            std::iter::once(nothing).chain(scene.declared().iter().map(|it| it.medium(0.0, scene.materials.len())));
+        let label_step = |medium: Medium| {
+            let mut step = tables::Step::default();
+            steps.write_label_of(&medium, [&mut step.source, &mut step.opacity]);
+            step
+        };
+        let label_steps = media.map(label_step).collect();
         let bends = scene.transfer.bends();
         let clip = Planes::of_caps(planned, &CapTable::new(scene, &storage));
         let further = scene.fields.further().iter().map(|field| &*field.volume).zip(PlacedField::of_further(scene));
@@ -257,7 +263,6 @@ impl<'a> Exact<'a> {
             labels,
             steps,
             label_steps,
-            label_extinctions,
             bends,
             clip,
             kept: None,
@@ -300,6 +305,23 @@ impl<'a> Exact<'a> {
         Shares::at(self.labels, self.planned, self.scene.frame.geometry.dims, place)
     }
 
+    /// The label of a row, if it goes by value.
+    fn label_by_value(&self, row: usize) -> Option<&LabelEntry> {
+        row.checked_sub(1).and_then(|label| self.scene.declared().get(label)).filter(|entry| !entry.terms.is_empty())
+    }
+
+    /// Sets `step` to the step or density of a row of labels at `place`.
+    fn set_label(&self, step: &mut Step<f64>, row: usize, place: [f64; 3]) {
+        match self.label_by_value(row) {
+            None => self.set(step, &self.label_steps[row]),
+            Some(entry) => {
+                let medium = entry.medium(self.value_at(place), self.scene.materials.len());
+                self.steps.write_label_of(&medium, [&mut step.source, &mut step.opacity]);
+                self.truncate(step);
+            }
+        }
+    }
+
     /// Sets `step` to `found`, with as many opacities as the plan's transmittance.
     fn set(&self, step: &mut Step<f64>, found: &tables::Step) {
         step.source.clone_from(&found.source);
@@ -312,10 +334,16 @@ impl<'a> Exact<'a> {
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
 
-    /// The medium of all fields at `place`, without labels.
+    /// The medium of all fields at `place`, with that of a declared `label`, by its index, in place of the first field's.
     #[must_use]
-    pub fn medium_at(&self, place: [f64; 3]) -> Medium {
-        self.steps.medium_with(&self.values_at(place), self.magnitude_of_factors(place))
+    pub fn medium_at(&self, place: [f64; 3], label: Option<usize>) -> Medium {
+        let values = self.values_at(place);
+        let Some(entry) = label.and_then(|label| self.scene.declared().get(label)) else {
+            return self.steps.medium_with(&values, self.magnitude_of_factors(place));
+        };
+        let mut medium = entry.medium(values[0], self.scene.materials.len());
+        medium.add(&self.steps.medium_of_further(&values));
+        medium
     }
 
     /// Gradient of normalised values in a fall from `value` to the lowest one within two units of length.
@@ -387,10 +415,14 @@ fn normalised_voxel(volume: &Volume, storage: &Storage, [x, y, z]: [usize; 3]) -
 impl Samples<f64> for Exact<'_> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         let shares = self.shares(place);
+        // Labels replace the medium of the first field; the others are added.
+        let apart = self.planned.plan.labels && self.planned.plan.groups.further > 0;
         if shares.has_own() {
             let into = [&mut step.source, &mut step.opacity];
             if self.planned.plan.groups.any() {
-                self.steps.write_density_with(&self.values_at(place), self.magnitude_of_factors(place), into);
+                let values = self.values_at(place);
+                let values = if apart { &values[..1] } else { &values };
+                self.steps.write_density_with(values, self.magnitude_of_factors(place), into);
             } else {
                 self.steps.write(self.value_at(place), into);
             }
@@ -398,7 +430,13 @@ impl Samples<f64> for Exact<'_> {
         } else {
             self.set(step, &self.label_steps[0]);
         }
-        shares.mix(step, |row, step| self.set(step, &self.label_steps[row]));
+        shares.mix(step, |row, step| self.set_label(step, row, place));
+        if apart {
+            let mut further = Step::default();
+            let into = [&mut further.source, &mut further.opacity];
+            self.steps.write_density_of_further(&self.values_at(place), into);
+            step.add(1.0, &further);
+        }
     }
 
     fn values(&self, place: [f64; 3]) -> Values<f64> {
@@ -454,13 +492,21 @@ impl Samples<f64> for Exact<'_> {
             );
         }
         self.truncate(density);
-        shares.mix(density, |row, density| self.set(density, &self.label_steps[row]));
+        shares.mix(density, |row, density| self.set_label(density, row, middle));
         variation
     }
 
     fn extinction(&self, place: [f64; 3], number: usize) -> f64 {
-        let own = || self.steps.extinction_with(&self.values_at(place), self.magnitude_of_factors(place), number);
-        self.shares(place).number(own, |row| self.label_extinctions[number][row])
+        let values = self.values_at(place);
+        let own = || self.steps.extinction_with(&values[..1], self.magnitude_of_factors(place), number);
+        let materials = self.scene.materials.len();
+        let of_label = |row: usize| {
+            let entry = row.checked_sub(1).and_then(|label| self.scene.declared().get(label));
+            entry.map_or(0.0, |entry| self.steps.extinction_of(&entry.medium(values[0], materials), number))
+        };
+        let further = || self.steps.extinction_of(&self.steps.medium_of_further(&values), number);
+        let first = self.shares(place).number(own, of_label);
+        if values.len() > 1 { first + further() } else { first }
     }
 
     fn keeping(&self) -> Option<Keeping<'_, f64>> {
@@ -507,7 +553,7 @@ pub struct Stored<'a, R> {
     /// Of further fields, and the places of those on grids of their own.
     further: Vec<(&'a StoredVolume, Option<PlacedField>)>,
     table: &'a TransferTable,
-    labels: Option<(&'a LabelMap, &'a TransferTable)>,
+    labels: Option<(&'a LabelMap, &'a LabelTable)>,
     factors: &'a FactorTable,
     coordinate_scale: R,
     coordinate_offset: R,
@@ -639,6 +685,27 @@ impl<'a, R: Real> Stored<'a, R> {
         }
     }
 
+    /// Takes the densities of the groups of further fields out of a density, and returns their sum.
+    fn split_further(&self, density: &mut Step<R>) -> Step<R> {
+        let of_first = self.table.fields.iter().filter(|field| **field == 0).count();
+        let mut further = Step {
+            source: density.source.split_off(of_first * self.table.lanes * LANE),
+            opacity: density.opacity.split_off(of_first * self.table.opacity_numbers),
+            ..Step::default()
+        };
+        let ones = vec![R::from_f64(1.0); self.table.groups - of_first];
+        sum_groups([&mut further.source, &mut further.opacity], &ones);
+        further
+    }
+
+    /// Sets `step` to a row of the table of labels, where the value has this coordinate in the transfer table.
+    fn look_up_label(&self, labels: &LabelTable, row: usize, coordinate: R, step: &mut Step<R>) {
+        match labels.rows.rows[row] {
+            (first, false) => entry(&labels.table, first, step),
+            (first, true) => self.look_up_in(&labels.table, first, coordinate, step),
+        }
+    }
+
     /// Leaves the sum of the groups of a density, times their factors by the `gradient`, which is asked for where there is any medium.
     fn scale_groups(&self, density: &mut Step<R>, gradient: impl FnOnce() -> [R; 3]) {
         let gradient = if density.does_nothing() { [R::default(); 3] } else { gradient() };
@@ -660,11 +727,17 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         } else {
             self.look_up(self.coordinate_at(place, self.table.entries()), step);
         }
+        let apart = self.labels.is_some() && self.planned.plan.groups.further > 0;
+        let further = if apart { Some(self.split_further(step)) } else { None };
         if self.planned.plan.groups.any() {
             self.scale_groups(step, || self.gradient_at(place));
         }
         if let Some((_, table)) = self.labels {
-            self.shares(place).mix(step, |row, step| entry(table, row, step));
+            let coordinate = self.coordinate_at(place, self.table.entries());
+            self.shares(place).mix(step, |row, step| self.look_up_label(table, row, coordinate, step));
+        }
+        if let Some(further) = further {
+            step.add(R::from_f64(1.0), &further);
         }
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
@@ -740,7 +813,8 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         }
         let shares = self.shares(middle);
         if let Some((_, table)) = self.labels {
-            shares.mix(density, |row, density| entry(table, row, density));
+            // Segments have no labels by value.
+            shares.mix(density, |row, density| self.look_up_label(table, row, R::default(), density));
         }
         density.opacity.truncate(self.planned.plan.transmittance_numbers());
         variation(ends, shares.label(), || most)
@@ -750,28 +824,36 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
     fn extinction(&self, place: [R; 3], number: usize) -> R {
         let Some(table) = self.extinctions.get(number) else { return R::default() };
         let number = |number: &f32| R::from_f64(f64::from(*number));
-        let own = || {
-            let coordinates = self.coordinates_of_groups(place, table.entries());
-            let of_group = |group: usize| {
-                let Some(coordinate) = coordinates[group] else { return R::default() };
-                let entry = |entry: usize| number(&table.values[entry * table.groups + group]);
-                match self.planned.plan.lookup {
-                    Lookup::Nearest => entry((coordinate + R::from_f64(0.5)).floor().index()),
-                    Lookup::Linear => {
-                        let before = coordinate.floor().index().min(table.entries() - 2);
-                        let [here, next] = [before, before + 1].map(entry);
-                        (coordinate - R::from_f64(count(before))).mul_add(next - here, here)
-                    }
-                }
-            };
-            if !self.planned.plan.groups.any() {
-                return of_group(0);
+        let plan = &self.planned.plan;
+        let between = |coordinate: R, entry: &dyn Fn(usize) -> R| match plan.lookup {
+            Lookup::Nearest => entry((coordinate + R::from_f64(0.5)).floor().index()),
+            Lookup::Linear => {
+                let before = coordinate.floor().index().min(table.entries() - 2);
+                let [here, next] = [before, before + 1].map(entry);
+                (coordinate - R::from_f64(count(before))).mul_add(next - here, here)
             }
-            let factors = factors_at(self.factors, &self.planned.plan, self.gradient_at(place));
-            let scaled = factors.iter().enumerate().map(|(group, &factor)| (factor, of_group(group)));
-            scaled.fold(R::default(), |sum, (factor, extinction)| factor.mul_add(extinction, sum))
         };
-        self.shares(place).number(own, |row| table.labels.get(row).map_or(R::default(), number))
+        let coordinates = self.coordinates_of_groups(place, table.entries());
+        let of_group = |group: usize| {
+            let Some(coordinate) = coordinates[group] else { return R::default() };
+            between(coordinate, &|entry| number(&table.values[entry * table.groups + group]))
+        };
+        let factors = || factors_at(self.factors, plan, self.gradient_at(place));
+        let sum = |groups: Range<usize>, factors: &[R]| {
+            groups.fold(R::default(), |sum, group| factors[group].mul_add(of_group(group), sum))
+        };
+        let apart = plan.labels && plan.groups.further > 0;
+        let of_first = if apart { self.table.fields.iter().filter(|field| **field == 0).count() } else { table.groups };
+        let own = || if plan.groups.any() { sum(0..of_first, &factors()) } else { of_group(0) };
+        let of_label = |row: usize| match table.rows.rows[row] {
+            (first, false) => number(&table.labels[first]),
+            (first, true) => {
+                let coordinate = self.coordinate_at(place, table.entries());
+                between(coordinate, &|entry| number(&table.labels[first + entry]))
+            }
+        };
+        let first = self.shares(place).number(own, of_label);
+        if apart { first + sum(of_first..table.groups, &factors()) } else { first }
     }
 
     fn stored_depth(&self, depth: R) -> R {
@@ -800,14 +882,19 @@ impl<R: Real> Integrals<R> {
 impl<R: Real> Stored<'_, R> {
     /// Reads the table at `coordinate`. Twin of `look_up` in `shaders/samples.wgsl`.
     fn look_up(&self, coordinate: R, step: &mut Step<R>) {
+        self.look_up_in(self.table, 0, coordinate, step);
+    }
+
+    /// Reads a table whose entry `first` is at coordinate 0.
+    fn look_up_in(&self, table: &TransferTable, first: usize, coordinate: R, step: &mut Step<R>) {
         match self.planned.plan.lookup {
-            Lookup::Nearest => entry(self.table, (coordinate + R::from_f64(0.5)).floor().index(), step),
+            Lookup::Nearest => entry(table, first + (coordinate + R::from_f64(0.5)).floor().index(), step),
             Lookup::Linear => {
                 let before = coordinate.floor().index().min(self.table.entries() - 2);
                 let fraction = coordinate - R::from_f64(count(before));
-                entry(self.table, before, step);
+                entry(table, first + before, step);
                 let numbers = [&mut step.source, &mut step.opacity];
-                for (numbers, after) in numbers.into_iter().zip(self.table.entry(before + 1)) {
+                for (numbers, after) in numbers.into_iter().zip(table.entry(first + before + 1)) {
                     for (number, &after) in numbers.iter_mut().zip(after) {
                         *number = fraction.mul_add(R::from_f64(f64::from(after)) - *number, *number);
                     }

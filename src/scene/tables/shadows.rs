@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use super::rays::crop_box;
 use super::unit_length;
-use super::{ClipTable, Steps, Storage, TransferTable};
-use crate::Scene;
+use super::{ClipTable, LabelRows, Steps, Storage, TransferTable};
 use crate::plan::Planned;
+use crate::{Medium, Scene};
 use relume_base::number::{brief, count, readable, rounded, whole};
 
 /// Largest optical depth that one spacing of the light grid adds. A node behind a dense surface would otherwise darken
@@ -33,8 +33,10 @@ pub struct ExtinctionTable {
     pub values: Vec<f32>,
     /// Groups of terms, whose extinctions have factors of their own.
     pub groups: usize,
-    /// By label; row 0 is 0.
+    /// Of the entries of a label table.
     pub labels: Vec<f32>,
+    /// Where its rows lie among them.
+    pub rows: LabelRows,
 }
 
 impl ExtinctionTable {
@@ -44,15 +46,17 @@ impl ExtinctionTable {
     pub fn of_plan(scene: &Scene, planned: &Planned, domains: &[[f64; 2]]) -> Vec<Self> {
         let steps = Steps::new(scene, planned);
         let groups = planned.plan.groups.in_tables();
-        let table = |number: usize| Self {
-            values: TransferTable::values(scene, domains)
+        let domain = domains.first().copied().unwrap_or_default();
+        let table = |number: usize| {
+            let values: Vec<f32> = TransferTable::values(scene, domains)
                 .flat_map(|value| {
                     let of_group = |group| rounded(steps.extinction(value(steps.field_of(group)), group, number));
                     (0..groups).map(of_group).collect::<Vec<f32>>()
                 })
-                .collect(),
-            groups,
-            labels: steps.extinctions_of_labels(number).into_iter().map(rounded).collect(),
+                .collect();
+            let rows = LabelRows::new(scene, values.len() / groups);
+            let of_label = |medium: Medium| rounded(steps.extinction_of(&medium, number));
+            Self { values, groups, labels: rows.media(scene, domain).map(of_label).collect(), rows }
         };
         (0..=planned.plan.light.absorbers).map(table).collect()
     }

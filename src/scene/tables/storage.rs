@@ -7,7 +7,7 @@ use std::ops::Range;
 use super::boxes::{read_for_box, texels_of_box};
 use super::whole::{WholeCodes, neighbours};
 use crate::plan::ScenePlan;
-use crate::{Gradients, Labels, Scene, VolumeAs};
+use crate::{Gradients, LabelEntry, Labels, Scene, VolumeAs};
 use relume_base::number::count;
 use relume_base::number::rounded;
 use relume_base::parallel;
@@ -603,7 +603,7 @@ impl LabelMap {
             });
             rows.resize(rows.len() + length, row);
         })?;
-        let visible = std::iter::once(false).chain(labels.declared.iter().map(|entry| entry.opacity > 0.0)).collect();
+        let visible = std::iter::once(false).chain(labels.declared.iter().map(LabelEntry::is_visible)).collect();
         Ok(Self { rows, undeclared, visible })
     }
 
@@ -667,7 +667,7 @@ impl LabelMap {
         }
     }
 
-    /// Whether voxel `i` has a declared label with an opacity above 0.
+    /// True if voxel `i` has a declared label that shows anything.
     #[must_use]
     pub fn is_visible(&self, i: usize) -> bool {
         self.rows.get(i).and_then(|&row| self.visible.get(usize::from(row))).is_some_and(|&visible| visible)

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::{
-    CapTable, ExtinctionTable, FactorTable, LabelMap, PlacedField, SegmentTable, Storage, StoredVolume, TransferTable,
+    CapTable, ExtinctionTable, FactorTable, LabelMap, LabelTable, PlacedField, SegmentTable, Storage, StoredVolume,
+    TransferTable,
 };
 use crate::Scene;
 use crate::plan::{Integrate, Planned};
@@ -21,7 +22,7 @@ pub struct StoredScene {
     /// The transfer table.
     pub table: TransferTable,
     /// Table of the media of labels: steps, or densities if the plan adds these.
-    pub label_table: TransferTable,
+    pub label_table: LabelTable,
     /// Table of segments, if the plan integrates in segments.
     pub segments: Option<SegmentTable>,
     /// Extinction of shadows, if lights with a direction cast them.
@@ -68,7 +69,7 @@ impl StoredScene {
         let domains: Vec<[f64; 2]> = storages.iter().map(|storage| storage.domain).collect();
         let table = TransferTable::new(scene, planned, &domains);
         Self {
-            label_table: TransferTable::of_labels(scene, planned),
+            label_table: LabelTable::new(scene, planned, storage.domain, table.entries()),
             segments: (planned.plan.integration == Integrate::Segments)
                 .then(|| SegmentTable::new(scene, planned, storage.domain)),
             extinctions: if planned.plan.light.grid_lights() > 0 {

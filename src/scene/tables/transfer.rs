@@ -3,7 +3,7 @@
 use super::Storage;
 use crate::plan::{Accumulate, Integrate, LANE, Planned, Shares, Transmittance};
 use crate::transfer::{bends, medium_of};
-use crate::{Blending, Group, Lookup, Material, Medium, Scene, Term, depth_from_opacity};
+use crate::{Blending, Group, Lookup, Material, Medium, Scene, Term};
 use relume_base::number::count;
 use relume_base::number::rounded;
 use relume_colour::model::{Amplification, ColourModel, Matrices, ModelKind, Order};
@@ -62,7 +62,7 @@ pub struct Step {
 
 impl Step {
     /// The step that `write` sets the source and the opacity of.
-    fn written(write: impl FnOnce([&mut Vec<f64>; 2])) -> Self {
+    pub(super) fn written(write: impl FnOnce([&mut Vec<f64>; 2])) -> Self {
         let mut step = Self::default();
         write([&mut step.source, &mut step.opacity]);
         step
@@ -93,24 +93,12 @@ impl TransferTable {
     /// Values of the entries of the table of `scene` over the `domains` of its fields, by the index of a field.
     pub(super) fn values(scene: &Scene, domains: &[[f64; 2]]) -> impl Iterator<Item = impl Fn(usize) -> f64> {
         let entries = entries(scene, domains);
-        let last = count(entries - 1);
         (0..entries).map(move |i| {
-            move |field: usize| {
-                let [low, high] = domains.get(field).copied().unwrap_or_default();
-                (high - low).mul_add(count(i) / last, low)
-            }
+            move |field: usize| value_of_entry(domains.get(field).copied().unwrap_or_default(), i, entries)
         })
     }
 
-    /// Builds a table with one row per declared label, in their order. Row 0 is empty, so that label rows start at 1.
-    #[must_use]
-    pub fn of_labels(scene: &Scene, planned: &Planned) -> Self {
-        let steps = Steps::new(scene, planned);
-        let rows = if planned.plan.adds_densities() { steps.densities_of_labels() } else { steps.of_labels() };
-        Self::of_steps(planned, 1, rows.into_iter())
-    }
-
-    fn of_steps(planned: &Planned, groups: usize, steps: impl Iterator<Item = Step>) -> Self {
+    pub(super) fn of_steps(planned: &Planned, groups: usize, steps: impl Iterator<Item = Step>) -> Self {
         let (mut source, mut opacity) = (Vec::new(), Vec::new());
         for step in steps {
             source.extend(step.source.chunks_exact(LANE).map(|lane| std::array::from_fn(|part| rounded(lane[part]))));
@@ -182,6 +170,11 @@ impl TransferTable {
         let (lanes, numbers) = (self.groups * self.lanes, self.groups * self.opacity_numbers);
         [self.source[i * lanes..][..lanes].as_flattened(), &self.opacity[i * numbers..][..numbers]]
     }
+}
+
+/// The value of entry `i` of so many over a `domain`.
+pub(super) fn value_of_entry([low, high]: [f64; 2], i: usize, entries: usize) -> f64 {
+    (high - low).mul_add(count(i) / count(entries.max(2) - 1), low)
 }
 
 /// Numbers per entry of the opacity: one, or whole vectors.
@@ -294,6 +287,14 @@ impl<'a> Steps<'a> {
         let materials = self.scene.materials.len();
         let first = values.first().copied().unwrap_or_default();
         let mut medium = self.scene.transfer.medium_with(first, magnitude, materials);
+        medium.add(&self.medium_of_further(values));
+        medium
+    }
+
+    /// The medium of the further fields alone, where all have these `values`, NaN where there is none.
+    pub(crate) fn medium_of_further(&self, values: &[f64]) -> Medium {
+        let materials = self.scene.materials.len();
+        let mut medium = Medium::nothing(materials);
         // A field is absent outside its box.
         for (field, &value) in values.iter().enumerate().skip(1).filter(|(_, value)| !value.is_nan()) {
             medium.add(&medium_of(self.scene.terms_of(field), value, materials, |_| 1.0));
@@ -307,13 +308,7 @@ impl<'a> Steps<'a> {
         self.absorbers.iter().filter_map(|&material| self.absorptions.get(material).cloned()).collect()
     }
 
-    /// Returns [`Self::extinction`] of each declared label: label `i` of the scene at index `i + 1`, 0 at 0.
-    #[must_use]
-    pub fn extinctions_of_labels(&self, number: usize) -> Vec<f64> {
-        self.label_media().map(|medium| self.extinction_of(&medium, number)).collect()
-    }
-
-    fn extinction_of(&self, medium: &Medium, number: usize) -> f64 {
+    pub(crate) fn extinction_of(&self, medium: &Medium, number: usize) -> f64 {
         let lengths = self.scene.frame.geometry.spacing.min_element() / self.scene.transfer.opacity_length;
         if let Some(&absorber) = number.checked_sub(1).and_then(|absorber| self.absorbers.get(absorber)) {
             return medium.absorption.get(absorber).copied().unwrap_or(0.0) * lengths;
@@ -341,31 +336,18 @@ impl<'a> Steps<'a> {
         self.write_density_of(&self.medium_with(values, magnitude), density);
     }
 
-    /// Returns the effects of a step at each declared label: label `i` of the scene at index `i + 1`, none at 0.
-    #[must_use]
-    pub fn of_labels(&self) -> Vec<Step> {
-        self.label_media().map(|medium| Step::written(|step| self.write_medium(&medium, step))).collect()
+    /// Sets a source and an opacity to the density of the further fields alone, where all have these `values`.
+    pub fn write_density_of_further(&self, values: &[f64], density: [&mut Vec<f64>; 2]) {
+        self.write_density_of(&self.medium_of_further(values), density);
     }
 
-    /// Returns the densities of each declared label: label `i` of the scene at index `i + 1`, 0 at 0.
-    #[must_use]
-    pub fn densities_of_labels(&self) -> Vec<Step> {
-        self.label_media().map(|medium| Step::written(|density| self.write_density_of(&medium, density))).collect()
-    }
-
-    /// The media of the labels, one at a time: many labels times many materials are many numbers.
-    fn label_media(&self) -> impl Iterator<Item = Medium> {
-        let materials = self.scene.materials.len();
-        let nothing = Medium::nothing(materials);
-        let declared = self.scene.labels.iter().flat_map(|labels| &labels.declared);
-        std::iter::once(None).chain(declared.map(Some)).map(move |entry| {
-            let mut medium = nothing.clone();
-            if let Some(entry) = entry.filter(|entry| entry.material < materials) {
-                medium.scattering[entry.material] = depth_from_opacity(entry.opacity);
-                medium.absorption[entry.material] = entry.absorption;
-            }
-            medium
-        })
+    /// Sets a source and an opacity to those of a step in the `medium` of a label, or to its density if the plan adds densities.
+    pub fn write_label_of(&self, medium: &Medium, step: [&mut Vec<f64>; 2]) {
+        if self.planned.plan.adds_densities() {
+            self.write_density_of(medium, step);
+        } else {
+            self.write_medium(medium, step);
+        }
     }
 
     /// Sets a source and an opacity to the density of `medium`: the light that it scatters per step length, and its
@@ -626,9 +608,14 @@ fn entries(scene: &Scene, domains: &[[f64; 2]]) -> usize {
     }
     // As a part of the domain of its field.
     let of_field = |(field, &[low, high]): (usize, &[f64; 2])| {
-        let bends = bends(scene.terms_of(field)).into_iter().filter(|bend| (low..=high).contains(bend));
-        let bends: Vec<f64> = bends.collect();
-        bends.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min) / (high - low)
+        let narrowest = |terms: &[Term]| {
+            let bends = bends(terms).into_iter().filter(|bend| (low..=high).contains(bend));
+            let bends: Vec<f64> = bends.collect();
+            bends.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min)
+        };
+        // Labels go by the values of the first.
+        let labels = scene.declared().iter().filter(|_| field == 0).map(|entry| narrowest(&entry.terms));
+        labels.fold(narrowest(scene.terms_of(field)), f64::min) / (high - low)
     };
     let narrowest = domains.iter().enumerate().map(of_field).fold(f64::INFINITY, f64::min);
     let mut entries = FEWEST;

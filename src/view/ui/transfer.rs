@@ -19,7 +19,9 @@ use crate::document::{Document, Edit, State};
 use crate::number::{brief_in, count};
 use crate::plan::Stale;
 use crate::plan::is_constant;
-use crate::scene::{Blending, GRADIENT_POINTS, GradientFactor, Interval, Material, OPAQUE_DEPTH, Scene, Term};
+use crate::scene::{
+    Blending, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry, Material, OPAQUE_DEPTH, Scene, Term,
+};
 use crate::spectrum::colour::display_code;
 use crate::view::action::Action;
 use crate::volume::{Statistics, Window};
@@ -386,8 +388,7 @@ pub(super) fn nothing_shown(document: &Document) -> Option<(&'static str, Edit)>
         let ends = ends.chain(curve.last().map(|&(value, height)| [(value, height), (f64::INFINITY, height)]));
         pieces.chain(ends).any(|piece| piece.iter().any(|end| end.1 > 0.0) && occurs(piece.map(|end| end.0)))
     };
-    let labels = scene.labels.iter().flat_map(|labels| &labels.declared);
-    let by_label = labels.into_iter().any(|label| label.opacity > 0.0 || label.absorption > 0.0);
+    let by_label = scene.declared().iter().any(LabelEntry::is_visible);
     let by_further = scene.fields.further().iter().any(|field| !field.terms.is_empty());
     if by_label || by_further || scene.transfer.terms.iter().any(|term| shows(&term.opacity) || shows(&term.absorption))
     {
@@ -649,10 +650,18 @@ fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Actio
                 ui.set_min_width(56.0);
                 ui.add(egui::Label::new(&entry.name).truncate());
             });
+            if !entry.terms.is_empty() {
+                ui.label(RichText::new("by value").small().weak())
+                    .on_hover_text("The label has a transfer function of its own, which the scene file states.");
+                return None;
+            }
             let material = choose_material(ui, ("label", index), &state.scene.materials, entry.material)?;
             Some(Action::Edit(Edit::Label(index, material, entry.opacity)))
         };
         let hidden = |ui: &mut Ui| {
+            if !entry.terms.is_empty() {
+                return None;
+            }
             let mut opacity = entry.opacity;
             let dragged = number(ui, &mut opacity, 4, |drag| drag.speed(0.002).range(0.0..=1.0))
                 .on_hover_text("Fraction of light lost over one opacity length, 0 to 1.");
