@@ -237,7 +237,14 @@ fn shaded_spectral(scene: &mut Scene) {
 
 /// Adds a label map with `label` in every voxel.
 fn labelled(scene: &mut Scene, label: u8) {
-    let entry = LabelEntry { label: 9, name: "labelled".to_owned(), material: 0, opacity: 0.5, absorption: 0.0 };
+    let entry = LabelEntry {
+        label: 9,
+        name: "labelled".to_owned(),
+        material: 0,
+        opacity: 0.5,
+        absorption: 0.0,
+        terms: Vec::new(),
+    };
     // Phantoms of this size have been made before, so this succeeds.
     if let Ok(volume) = phantom::slab([SIDE; 3], label) {
         scene.labels = Some(Labels { volume: Arc::new(volume), declared: vec![entry] });

@@ -100,7 +100,8 @@ fn labels_in_a_file_are_counted_there_unless_its_levels_are_means() {
     let open = || volume::open(&path, &selection, &Quiet).unwrap();
     let whole = Volume::new("v", Voxels::U8(vec![0; 16 * 16 * 256]), Geometry::unit("v", dims).unwrap()).unwrap();
     let mut scene = Scene::new("labels", Arc::new(whole));
-    let entry = LabelEntry { label: 5, name: "bone".to_owned(), material: 0, opacity: 1.0, absorption: 0.0 };
+    let entry =
+        LabelEntry { label: 5, name: "bone".to_owned(), material: 0, opacity: 1.0, absorption: 0.0, terms: Vec::new() };
     let labelled = |volume: Volume| Some(Labels { volume: Arc::new(volume), declared: vec![entry.clone()] });
     scene.labels = labelled(open());
     let message = Coarse::of_level(&scene, 1, &Quiet).unwrap_err().to_string();

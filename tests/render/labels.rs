@@ -51,7 +51,7 @@ fn scene(transfer: &str, volume: Volume) -> Scene {
 }
 
 fn entry(label: i64, opacity: f64) -> LabelEntry {
-    LabelEntry { label, name: label.to_string(), material: 0, opacity, absorption: 0.0 }
+    LabelEntry { label, name: label.to_string(), material: 0, opacity, absorption: 0.0, terms: Vec::new() }
 }
 
 fn labelled(labels: Volume, declared: Vec<LabelEntry>) -> Scene {

@@ -137,8 +137,8 @@ pub(super) fn has_bounds(plan: &ScenePlan) -> bool {
         lookup,
         ..
     } = plan;
-    let is_plain =
-        *integration == Integrate::Samples && !blending.is_extreme() && *gradients == Gradients::Packed && *rays == 1;
+    let is_sampled = *integration == Integrate::Samples && !blending.is_extreme() && !labels_by_value;
+    let is_plain = is_sampled && *gradients == Gradients::Packed && *rays == 1;
     // Both nearest, or both linear.
     let fetched = match lookup {
         Lookup::Linear => Interpolation::Linear,

@@ -224,8 +224,14 @@ fn the_least_plan_and_the_fullest_show_the_same() {
     scene.background = Some(Reflectance::new(Spectrum::constant(1e-30)).unwrap());
     let dims = scene.frame.geometry.dims;
     let zeros = relume::volume::phantom::slab(dims, 0).unwrap();
-    let entry =
-        relume::scene::LabelEntry { label: 9, name: "nowhere".into(), material: 0, opacity: 0.5, absorption: 0.0 };
+    let entry = relume::scene::LabelEntry {
+        label: 9,
+        name: "nowhere".into(),
+        material: 0,
+        opacity: 0.5,
+        absorption: 0.0,
+        terms: Vec::new(),
+    };
     scene.labels = Some(relume::scene::Labels { volume: std::sync::Arc::new(zeros), declared: vec![entry] });
     let fullest = Rungs::new(scene, SIZE);
     let expected =
