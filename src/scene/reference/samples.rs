@@ -709,10 +709,9 @@ impl<'a, R: Real> Stored<'a, R> {
     /// Leaves the sum of the groups of a density, times their factors by the `gradient`, which is asked for where there is any medium.
     fn scale_groups(&self, density: &mut Step<R>, gradient: impl FnOnce() -> [R; 3]) {
         let gradient = if density.does_nothing() { [R::default(); 3] } else { gradient() };
-        sum_groups(
-            [&mut density.source, &mut density.opacity],
-            &factors_at(self.factors, &self.planned.plan, gradient),
-        );
+        let factors = factors_at(self.factors, &self.planned.plan, gradient);
+        let groups = density.source.len() / (self.table.lanes * LANE).max(1);
+        sum_groups([&mut density.source, &mut density.opacity], &factors[..groups.min(factors.len())]);
     }
 
     fn shares(&self, place: [R; 3]) -> Shares<R> {
