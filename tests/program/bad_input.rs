@@ -119,6 +119,15 @@ fn every_range_is_stated_where_it_is_left() {
         ("labels.others={material=\"flesh\",opacity=1}", "labels.others"),
         ("labels.4={materials=[\"flesh\"],material=\"flesh\",opacity=1}", "one label has one `material`"),
         ("labels.1={material=\"flesh\",opacity=2}", "from 0 to 1"),
+        ("labels.1={name=\"a\",material=\"flesh\"}", "opacity"),
+        ("labels.1={opacity=1,transfer={intervals=[{material=\"flesh\",range=[1,2],opacity=1}]}}", "remove its own"),
+        ("labels.1.transfer={}", "labels.1.transfer shows nothing"),
+        ("labels.1.transfer={intervals=[{material=\"flesh\",range=[2,1],opacity=1}]}", "the lower one first"),
+        (
+            "labels.1.transfer={intervals=[{material=\"flesh\",range=[1,2],opacity=1,gradient=[[0,1],[9,0]]}]}",
+            "labels have no factors by the gradient",
+        ),
+        ("labels.others={materials=[\"flesh\"],opacity=1,transfer={}}", "nor `transfer`"),
         ("labels={3={material=\"flesh\",opacity=1},03={material=\"bone\",opacity=1}}", "label 3 is declared twice"),
         ("version=2", "reads scene version 1"),
     ] {

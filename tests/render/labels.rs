@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use relume::film::Film;
 use relume::number::Real;
-use relume::scene::{Aim, LabelEntry, LabelInterpolation, Labels, Scene};
+use relume::scene::{Aim, LabelEntry, LabelInterpolation, Labels, Scene, Term};
 use relume::volume::{Geometry, Volume, Voxels};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE};
@@ -100,6 +100,45 @@ fn in_segments_a_label_is_its_mask_where_densities_are_mixed() {
     let middle = film.transmittance[4 + 9 * 4];
     let expected = (1.0_f64 - 0.4).powi(5);
     assert!((middle - expected).abs() < 1e-3 * expected, "{middle} for {expected}");
+}
+
+/// A label with a transfer function of its own shows at each value what that function states there, also where the scene's shows other
+/// things, and equal ones share a row.
+#[test]
+fn a_label_by_value_is_its_closed_form_on_every_rung() {
+    let values = volume(|[_, _, z]| if z < 8 { 100 } else { 200 });
+    // Labels 1 and 2 with equal functions; label 3 does nothing; what has no label follows the scene.
+    let labels = volume(|[x, _, _]| u16::try_from(x / 5).unwrap());
+    let mut scene = scene(
+        "lookup = \"linear\"\n[[transfer.intervals]]\nmaterial = \"organ\"\nrange = [50, 250]\nopacity = 0.05\n",
+        values,
+    );
+    let terms =
+        vec![Term::interval(0, [90.0, 110.0], 20.0, 0.02, 0.0), Term::interval(0, [190.0, 210.0], 20.0, 0.1, 0.0)];
+    let by_value = |label: i64| LabelEntry { terms: terms.clone(), ..entry(label, 0.1) };
+    let nothing = LabelEntry { terms: vec![Term::interval(0, [400.0, 500.0], 0.0, 0.9, 0.0)], ..entry(3, 0.0) };
+    scene.labels = Some(Labels { volume: Arc::new(labels), declared: vec![by_value(1), by_value(2), nothing] });
+    scene.accuracy.labels = LabelInterpolation::Nearest;
+    scene.accuracy.interpolation = relume::scene::Interpolation::Nearest;
+    // Along z: 7.5 units in front of the jump between voxels 7 and 8, as many behind.
+    scene.accuracy.step_length = 0.5;
+    scene.camera.projection = relume::scene::Projection::Orthographic { height: 4.0 };
+    scene.camera.aim = Aim::LookAt { position: DVec3::new(9.5, 8.5, -40.0), target: DVec3::new(9.5, 8.5, 0.0) };
+    let both = (0.98_f64 * 0.9).powf(7.5);
+    let rungs = Rungs::new(scene.clone(), [1, 1]);
+    assert!(rungs.planned.plan.labels_by_value);
+    let check = |what: &str, left: f64, expected: f64, within: f64| {
+        assert!((left - expected).abs() <= within, "{what}: {left} for {expected}");
+    };
+    // Pixels over the labels: none, 1, 2 and 3.
+    for (x, expected) in [(2.0, 0.95_f64.powi(15)), (7.0, both), (12.0, both), (17.0, 1.0)] {
+        let mut seen = scene.clone();
+        seen.camera.aim = Aim::LookAt { position: DVec3::new(x, 8.5, -40.0), target: DVec3::new(x, 8.5, 0.0) };
+        let rungs = Rungs::new(seen, [1, 1]);
+        check("f64", rungs.march::<f64>(&rungs.exact()).transmittance[0], expected, 1e-12);
+        check("tables", rungs.march::<f64>(&rungs.stored::<f64>()).transmittance[0], expected, 2e-6);
+        with_renderer(|renderer| check("device", rungs.gpu(renderer).transmittance[0].into(), expected, 5e-6));
+    }
 }
 
 #[test]

@@ -710,8 +710,8 @@ impl<'a, R: Real> Stored<'a, R> {
     fn scale_groups(&self, density: &mut Step<R>, gradient: impl FnOnce() -> [R; 3]) {
         let gradient = if density.does_nothing() { [R::default(); 3] } else { gradient() };
         let factors = factors_at(self.factors, &self.planned.plan, gradient);
-        let groups = density.source.len() / (self.table.lanes * LANE).max(1);
-        sum_groups([&mut density.source, &mut density.opacity], &factors[..groups.min(factors.len())]);
+        let groups = density.opacity.len() / self.table.opacity_numbers;
+        sum_groups([&mut density.source, &mut density.opacity], &factors[..groups]);
     }
 
     fn shares(&self, place: [R; 3]) -> Shares<R> {
