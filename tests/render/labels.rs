@@ -122,7 +122,7 @@ fn a_label_by_value_is_its_closed_form_on_every_rung() {
     scene.accuracy.interpolation = relume::scene::Interpolation::Nearest;
     // Along z: 7.5 units in front of the jump between voxels 7 and 8, as many behind.
     scene.accuracy.step_length = 0.5;
-    scene.camera.projection = relume::scene::Projection::Orthographic { height: 4.0 };
+    scene.camera.projection = relume::scene::Projection::Orthographic { height: Some(4.0) };
     scene.camera.aim = Aim::LookAt { position: DVec3::new(9.5, 8.5, -40.0), target: DVec3::new(9.5, 8.5, 0.0) };
     let both = (0.98_f64 * 0.9).powf(7.5);
     let rungs = Rungs::new(scene.clone(), [1, 1]);
