@@ -42,11 +42,18 @@ fn left_by_planes(base: vec3f, direction: vec3f, range: vec2f) -> vec2f {
     return left;
 }
 
-// A gradient as shading sees it: near a plane, as though the lowest value lay beyond it.
+// A gradient as shading sees it where the texel has this value: near a plane, as though the lowest value lay beyond it.
 fn capped(gradient: vec3f, value: f32, place: vec3f) -> vec3f {
+    if (CAPS) {
+        return capped_by(gradient, fma(value, planes.fall.x, planes.fall.y), place);
+    }
+    return gradient;
+}
+
+// The same with the gradient of a `fall` to the lowest value within two units of length.
+fn capped_by(gradient: vec3f, fall: f32, place: vec3f) -> vec3f {
     var seen = gradient;
     if (CAPS) {
-        let fall = fma(value, planes.fall.x, planes.fall.y);
         for (var i = 0u; i < PLANES; i += 1u) {
             let plane = planes.planes[i];
             let near = clamp(dot(plane.xyz, place) + plane.w + 1.5, 0.0, 1.0);

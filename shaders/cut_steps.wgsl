@@ -30,9 +30,8 @@ fn march_steps(
         if (n < end && n == select(0u, last, turn == 1u) && is_cut(ray, n)) {
             let place = place_of(ray, n);
             let part = part_of(ray, n);
-            let step = part_of_step(medium_at(place, key_at(place)), part.y - part.x);
-            add_light(ray, place, step, transmittance, sums);
-            transmittance = attenuate(transmittance, step.opacity);
+            let step = medium_at(place, key_at(place));
+            transmittance = add_part(ray, place, step, part.y - part.x, transmittance, sums);
             n = select(n + 1u, end, brightest(transmittance) < march.termination);
         }
         if (turn == 1u) { break; }

@@ -80,14 +80,19 @@ fn placed_value(field: u32, index: vec3f) -> f32 {
     return value;
 }
 
+// Voxel index of a field at a place of the volume.
+fn placed_index(field: u32, place: vec3f) -> vec3f {
+    let rows = placed[field].rows;
+    let at = vec4f(place, 1.0);
+    return vec3f(dot(rows[0], at), dot(rows[1], at), dot(rows[2], at));
+}
+
 // Those of the fields that share the `texel`, and of the others at `place`.
 fn values_at(texel: vec4f, place: vec3f) -> FieldValues {
     var found = FieldValues(texel, vec4f(1.0));
     found.values.x = value_of(texel);
     for (var i = 0u; i < PLACED; i += 1u) {
-        let rows = placed[i].rows;
-        let at = vec4f(place, 1.0);
-        let index = vec3f(dot(rows[0], at), dot(rows[1], at), dot(rows[2], at));
+        let index = placed_index(i, place);
         let inside = all(placed[i].low <= index & index <= placed[i].high);
         found.values[FIRST_PLACED + i] = placed_value(i, index);
         found.there[FIRST_PLACED + i] = select(0.0, 1.0, inside);

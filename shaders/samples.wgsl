@@ -33,15 +33,12 @@ fn add_sample(
     transmittance: Transmittance,
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) -> Transmittance {
-    var step = medium_at(place, key);
+    let step = medium_at(place, key);
     if (CUT_IN_RUNS) {
         let part = part_of(ray, n);
-        step = part_of_step(step, part.y - part.x);
-    } else if (FACTORS) {
-        step = part_of_step(step, 1.0);
+        return add_part(ray, place, step, part.y - part.x, transmittance, sums);
     }
-    add_light(ray, place, step, transmittance, sums);
-    return attenuate(transmittance, step.opacity);
+    return add_whole(ray, place, step, transmittance, sums);
 }
 
 // Marches the samples from `first` to before `end`, or until early termination; returns the transmittance.

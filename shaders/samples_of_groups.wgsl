@@ -39,15 +39,94 @@ fn medium_at(place: vec3f, key: Key) -> Step {
     if (PLACED > 0u) {
         fields = values_at(key.texel, place);
     }
-    add_groups(fields, key, magnitude, 0u, FIRST_GROUPS, &step);
-    step = labelled(place, key.label, key.coordinate, step);
-    if (FIRST_GROUPS < GROUPS) {
-        add_groups(fields, key, magnitude, FIRST_GROUPS, GROUPS, &step);
-    }
-    return step;
+    return add_media(fields, key, place, magnitude, step);
 }
 
-// The effect of a medium of this density over a `length`, in steps.
-fn part_of_step(density: Step, length: f32) -> Step {
-    return across(density, length);
+// Density of a further field with normals of its own: its light is shaded apart.
+struct Other {
+    source: array<vec4f, TABLE_LANES>,
+    normal: vec3f,
+}
+
+// Those of a sample.
+var<private> others: array<Other, OTHERS_VECTORS>;
+
+// The gradient of a further field at a place, along the volume's axes, in the units of its texels per unit of length.
+fn gradient_of_field(place: vec3f, field: u32) -> vec3f {
+    var along: vec3f;
+    if (field < FIRST_PLACED) {
+        let voxel = 1.0 / volume_dims();
+        for (var axis = 0u; axis < 3u; axis += 1u) {
+            var step = vec3f();
+            step[axis] = voxel[axis];
+            along[axis] = 0.5 * (fetch(place + step)[field] - fetch(place - step)[field]);
+        }
+        along *= volume_dims();
+    } else if (PLACED > 0u) {
+        let i = field - FIRST_PLACED;
+        let index = placed_index(i, place);
+        let differences = 0.5 * vec3f(
+            placed_value(i, index + vec3f(1.0, 0.0, 0.0)) - placed_value(i, index - vec3f(1.0, 0.0, 0.0)),
+            placed_value(i, index + vec3f(0.0, 1.0, 0.0)) - placed_value(i, index - vec3f(0.0, 1.0, 0.0)),
+            placed_value(i, index + vec3f(0.0, 0.0, 1.0)) - placed_value(i, index - vec3f(0.0, 0.0, 1.0)),
+        );
+        let rows = placed[i].rows;
+        along = rows[0].xyz * differences.x + rows[1].xyz * differences.y + rows[2].xyz * differences.z;
+    }
+    return along / march.local_scale;
+}
+
+// Adds the depth of the `group` of a further `field`, and keeps its light apart as number `n`.
+fn add_other(
+    fields: FieldValues,
+    key: Key,
+    place: vec3f,
+    n: u32,
+    group: u32,
+    field: u32,
+    step: ptr<function, Step>,
+) {
+    var other: Step;
+    add_groups(fields, key, 0.0, group, group + 1u, &other);
+    (*step).opacity = plus_share((*step).opacity, 1.0, other.opacity);
+    others[n].source = other.source;
+    let of_group = factor_table[group * FACTOR_VECTORS];
+    // In units of the table's coordinate, which is 0 at the lowest value.
+    let gradient = gradient_of_field(place, field) * of_group.z;
+    let fall = 0.5 * fma(of_field(fields.values, group), of_group.z, of_group.w);
+    others[n].normal = unit(capped_by(gradient, fall, place));
+}
+
+// Adds a step of the medium of this `density` over a `length`, in steps; returns the transmittance after it.
+fn add_part(
+    ray: Ray,
+    place: vec3f,
+    density: Step,
+    length: f32,
+    transmittance: Transmittance,
+    sums: ptr<function, array<vec4f, LAYERS>>,
+) -> Transmittance {
+    let step = across(density, length);
+    add_light(ray, place, step, transmittance, sums);
+    if (OTHERS > 0u) {
+        for (var n = 0u; n < OTHERS; n += 1u) {
+            var other = step;
+            other.normal = others[n].normal;
+            for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+                other.source[lane] = others[n].source[lane] * gain_of(step.opacity, density.opacity, length, lane);
+            }
+            add_light(ray, place, other, transmittance, sums);
+        }
+    }
+    return attenuate(transmittance, step.opacity);
+}
+
+fn add_whole(
+    ray: Ray,
+    place: vec3f,
+    density: Step,
+    transmittance: Transmittance,
+    sums: ptr<function, array<vec4f, LAYERS>>,
+) -> Transmittance {
+    return add_part(ray, place, density, 1.0, transmittance, sums);
 }

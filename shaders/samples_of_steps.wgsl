@@ -31,7 +31,25 @@ fn medium_at(place: vec3f, key: Key) -> Step {
     return labelled(place, key.label, key.coordinate, step);
 }
 
-// The part of a step of this `length`, in steps.
-fn part_of_step(step: Step, length: f32) -> Step {
-    return thin(step, length);
+// Adds the part of a step of this `length`, in steps; returns the transmittance after it.
+fn add_part(
+    ray: Ray,
+    place: vec3f,
+    step: Step,
+    length: f32,
+    transmittance: Transmittance,
+    sums: ptr<function, array<vec4f, LAYERS>>,
+) -> Transmittance {
+    return add_whole(ray, place, thin(step, length), transmittance, sums);
+}
+
+fn add_whole(
+    ray: Ray,
+    place: vec3f,
+    step: Step,
+    transmittance: Transmittance,
+    sums: ptr<function, array<vec4f, LAYERS>>,
+) -> Transmittance {
+    add_light(ray, place, step, transmittance, sums);
+    return attenuate(transmittance, step.opacity);
 }

@@ -4,6 +4,7 @@ mod dispatching;
 mod light;
 mod light_grid;
 mod mean;
+mod others;
 mod read;
 mod rounds;
 mod schedule;

@@ -23,8 +23,9 @@ use needs::{exponents, longest_way, transmittance};
 pub use warning::PlanWarning;
 
 use crate::{
-    AccumulateAs, Accuracy, AmbientShares, Blending, CLIP_PLANES, Field, Gradients, Integration, Interpolation,
-    LabelInterpolation, Lighting, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
+    AccumulateAs, Accuracy, AmbientShares, Blending, CLIP_PLANES, FACTORS, FIELDS, Field, Gradients, Integration,
+    Interpolation, LabelInterpolation, Lighting, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs,
+    positions,
 };
 use relume_base::progress::Progress;
 use relume_colour::model::{ColourModel, ModelError, ModelKind, Order};
@@ -108,6 +109,10 @@ pub struct Groups {
     pub sharing: usize,
     /// True if each field has one group, in the order of the fields: a march needs not look up which is whose.
     pub is_one_each: bool,
+    /// True for each further field, by its index, whose media are shaded by its own normals.
+    pub lit: [bool; FIELDS],
+    /// The same for its group.
+    pub apart: [bool; FACTORS + FIELDS],
 }
 
 /// Clip planes as a march meets them.
@@ -128,7 +133,8 @@ impl Groups {
             groups.len() == further + 1 && groups.iter().enumerate().all(|(index, group)| group.field == index);
         if points > 0 || further > 0 || scene.blending.is_extreme() {
             let of_first = groups.iter().filter(|group| group.field == 0).count();
-            Self { number: groups.len(), points, of_first, further, sharing: scene.fields.sharing().len(), is_one_each }
+            let sharing = scene.fields.sharing().len();
+            Self { number: groups.len(), points, of_first, further, sharing, is_one_each, ..Self::default() }
         } else {
             Self::default()
         }
@@ -144,6 +150,11 @@ impl Groups {
     #[must_use]
     pub const fn by_gradient(self) -> bool {
         self.points > 0
+    }
+
+    /// Further fields that are shaded by their own normals.
+    pub fn lit_fields(self) -> impl Iterator<Item = usize> {
+        (0..FIELDS).filter(move |&field| self.lit[field])
     }
 
     /// Fields on grids of their own.
@@ -546,16 +557,6 @@ pub enum PlanError {
         /// The feature and the way out.
         what: &'static str,
     },
-    /// Only the first field has a gradient.
-    #[error(
-        "volumes.{field} shows {material}, which is shaded, and only the gradient of the first field shades; write materials.{material} with diffuse = 0, specular = 0 and ambient = 1, or shading = \"none\""
-    )]
-    ShadedField {
-        /// The further field.
-        field: String,
-        /// A material that it shows.
-        material: String,
-    },
     /// Terms whose factors differ are summed at each sample, and depths that a model projects step by step have no sum.
     #[error(
         "the model projects the transmittance of each step, so terms with different factors by the gradient have no sum; take another model, or one factor for all: transfer.gradient_opacity"
@@ -602,7 +603,6 @@ impl PlanError {
             Self::GradientMatrix => "gradient-opacity-matrix",
             Self::GradientProjected => "gradient-projected",
             Self::Fields { .. } => "fields-impossible",
-            Self::ShadedField { .. } => "field-shaded",
             Self::Blending { .. } => "blending-impossible",
             Self::FilmMatrix { .. } => "film-matrix",
             Self::HalfMatrix => "half-matrix",
@@ -686,14 +686,6 @@ fn check_extremes(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
 /// Refuses what a march of several fields does not do.
 fn check_fields(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let plan = &planned.plan;
-    let shaded = scene.fields.further().iter().flat_map(|field| field.terms.iter().map(move |term| (field, term)));
-    let shaded = shaded.flat_map(|(field, term)| term.material.0.iter().map(move |point| (field, point.1)));
-    let mut shaded = shaded.filter_map(|(field, index)| Some((field, scene.materials.get(index)?)));
-    if plan.shades_by_gradient()
-        && let Some((field, material)) = shaded.find(|(_, material)| !material.is_flat())
-    {
-        return Err(PlanError::ShadedField { field: field.name.clone(), material: material.name.clone() });
-    }
     let what = if plan.transmittance == Transmittance::Mixed || projects_steps(plan, planned.model.as_deref()) {
         "the model, which projects each step; take another model"
     } else if scene.accuracy.voxel_pixels > 0.0 {
@@ -850,6 +842,12 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         compensated: scene.most_steps() > MOST_PLAIN_STEPS && !scene.blending.is_extreme(),
         storage: scene.accuracy.storage,
     };
+    if plan.shades_by_gradient() {
+        let lit = std::array::from_fn(|field| field > 0 && is_lit(scene, field));
+        let fields: Vec<usize> = scene.groups().iter().map(|group| group.field).collect();
+        let apart = std::array::from_fn(|group| fields.get(group).is_some_and(|&field| lit[field]));
+        plan.groups = Groups { lit, apart, ..plan.groups };
+    }
     if plan.gradient() {
         // Texels of several fields have no room for gradients.
         plan.gradients = if plan.groups.sharing > 0 { Gradients::Central } else { scene.accuracy.gradients };
@@ -863,6 +861,12 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         plan.integration = Integrate::Segments;
     }
     Planned { plan, materials, positions, model, warnings: Vec::new() }
+}
+
+/// True if a field shows a material that is shaded.
+fn is_lit(scene: &Scene, field: usize) -> bool {
+    let mut materials = scene.terms_of(field).iter().flat_map(|term| &term.material.0);
+    materials.any(|point| scene.materials.get(point.1).is_some_and(|material| !material.is_flat()))
 }
 
 /// Why `plan` cannot integrate in segments, if it cannot: their closed form needs components that decay independently,

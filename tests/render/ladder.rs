@@ -129,6 +129,7 @@ pub(super) fn has_bounds(plan: &ScenePlan) -> bool {
         integration,
         blending,
         labels_by_value,
+        groups,
         interpolation,
         gradients,
         phases,
@@ -137,7 +138,8 @@ pub(super) fn has_bounds(plan: &ScenePlan) -> bool {
         lookup,
         ..
     } = plan;
-    let is_sampled = *integration == Integrate::Samples && !blending.is_extreme() && !labels_by_value;
+    let is_lit = groups.lit_fields().next().is_some();
+    let is_sampled = *integration == Integrate::Samples && !blending.is_extreme() && !labels_by_value && !is_lit;
     let is_plain = is_sampled && *gradients == Gradients::Packed && *rays == 1;
     // Both nearest, or both linear.
     let fetched = match lookup {

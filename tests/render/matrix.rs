@@ -486,11 +486,13 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         *thin_films != FilmCounts::default(),
         format!("films: {facing} facing, {lobe} lobes, {terms} terms, {exponent_bits} bits"),
     );
-    let Groups { number, points, of_first: _, further, sharing, is_one_each: _ } = *groups;
+    let Groups { number, points, of_first: _, further, sharing, is_one_each: _, lit: _, apart } = *groups;
+    let lit = apart.iter().filter(|&&apart| apart).count();
     let apart = if number > 1 && further == 0 { format!(" in {number} groups") } else { String::new() };
     add(points > 0, format!("thinned at {points}{apart}"));
     let placed = if further > sharing { format!(", {} placed", further - sharing) } else { String::new() };
-    add(further > 0, format!("{} fields in {number} groups{placed}", further + 1));
+    let lit = if lit > 0 { format!(", {lit} shaded") } else { String::new() };
+    add(further > 0, format!("{} fields in {number} groups{placed}{lit}", further + 1));
     let ClipPlan { planes, caps } = *clip;
     add(planes > 0, format!("{planes} planes{}", if caps { " with caps" } else { "" }));
     let by_value = if *labels_by_value { " by value" } else { "" };
@@ -604,7 +606,7 @@ matrix! {
     segments_coloured_xray segments_sharpened_semigroup segments_central segments_cubic segments_exact_linear
     segments_nearest_lookup segments_thinned segments_unskipped segments_long_steps segments_unshaded_cubic
     segments_unshaded_exact_linear thinned_unshaded_one thinned_diffuse_three thinned_specular_three thinned_labels
-    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured clipped_unshaded clipped_diffuse_three clipped_coloured_three clipped_labels clipped_segments clipped_segments_coloured clipped_central clipped_rectangles clipped_shadows clipped_rotated clipped_fields placed_two placed_three placed_coloured placed_cubic placed_exact_linear placed_nearest placed_shaded placed_central placed_shadows placed_clipped placed_unskipped maximum_one maximum_shaded maximum_shadows maximum_coloured maximum_background maximum_xray maximum_four maximum_placed maximum_placed_coloured maximum_clipped maximum_cropped maximum_inside maximum_nearest maximum_cubic maximum_rays maximum_unskipped minimum_one minimum_placed rows rows_nearest rows_equal rows_nearest_lookup rows_rectangles rows_coloured rows_shadows rows_fields labels_fields labels_fields_nearest labels_fields_shared labels_fields_shadows labels_absorbing fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
+    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured clipped_unshaded clipped_diffuse_three clipped_coloured_three clipped_labels clipped_segments clipped_segments_coloured clipped_central clipped_rectangles clipped_shadows clipped_rotated clipped_fields placed_two placed_three placed_coloured placed_cubic placed_exact_linear placed_nearest placed_shaded placed_central placed_shadows placed_clipped placed_unskipped maximum_one maximum_shaded maximum_shadows maximum_coloured maximum_background maximum_xray maximum_four maximum_placed maximum_placed_coloured maximum_clipped maximum_cropped maximum_inside maximum_nearest maximum_cubic maximum_rays maximum_unskipped minimum_one minimum_placed rows rows_nearest rows_equal rows_nearest_lookup rows_rectangles rows_coloured rows_shadows rows_fields labels_fields labels_fields_nearest labels_fields_shared labels_fields_shadows labels_absorbing lit_placed lit_central lit_exact_linear lit_cubic lit_channels lit_beside_flat lit_specular lit_coloured lit_shadows lit_labels lit_clipped lit_clipped_channels lit_one_sided fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
     interpolation_exact_linear_three interpolation_cubic_three interpolation_nearest_unshaded
     interpolation_exact_linear_unshaded interpolation_cubic_unshaded interpolation_nearest_labels
     interpolation_exact_linear_labels interpolation_cubic_labels interpolation_nearest_coloured

@@ -100,25 +100,6 @@ fn a_field_with_its_axes_the_other_way_round_is_the_same_field() {
 }
 
 #[test]
-fn only_the_first_field_is_shaded() {
-    let text = |diffuse: f64| {
-        format!(
-            "version = 1\n[volume]\nphantom = \"frog\"\ndims = [20, 20, 20]\n[materials.bone]\nreflectance = 0.8\n[materials.glow]\nreflectance \
-             = \"red\"\nambient = 1\ndiffuse = {diffuse}\n[transfer]\nintervals = [{{ material = \"bone\", range = [200, 255], opacity = 0.4 \
-             }}]\n[volumes.pet]\nphantom = \"frog\"\ntransform = [0.5, 0, 0, 5, 0, 0.5, 0, 5, 0, 0, 0.5, 5]\ntransfer = {{ intervals = [{{ material = \
-             \"glow\", range = [80, 255], opacity = 0.1 }}] }}\n[lights.key]\nspectrum = \"D65\"\nkind = \"headlight\"\n"
-        )
-    };
-    let planned = |diffuse: f64| {
-        let file = document::parse("pet", &text(diffuse), Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-        relume::plan::plan(&file.scene, &Quiet)
-    };
-    assert!(planned(0.0).unwrap().plan.shades_by_gradient());
-    let refused = planned(0.5).unwrap_err().to_string();
-    assert!(refused.contains("volumes.pet shows glow") && refused.contains("diffuse = 0"), "{refused}");
-}
-
-#[test]
 fn a_field_finer_than_a_frame_of_one_voxel_is_marched_on_both_sides_of_it() {
     // A slab of one voxel, 33 units thick; below and above its middle lies half of the other field.
     let first = || uniform([33, 33, 1], DVec3::new(1.0, 1.0, 33.0), DVec3::ZERO, DMat3::IDENTITY);

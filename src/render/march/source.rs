@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::dispatching::{Dispatching, TableMemory};
-use super::light;
+use super::{light, others};
 use crate::pool::Residence;
 use crate::{Part, Source};
 use relume_base::number::{rounded, unsigned};
@@ -71,6 +71,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         }
         Integrate::Samples if plan.groups.any() => {
             parts.extend([text!("samples.wgsl"), text!("samples_of_groups.wgsl"), text!("table_of_groups.wgsl")]);
+            parts.push(("the media of the plan", others::text(plan).into()));
         }
         Integrate::Samples => parts.extend([text!("samples.wgsl"), text!("samples_of_steps.wgsl")]),
         Integrate::Segments => {
@@ -165,7 +166,9 @@ fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
         .u32("PLACED_VECTORS", unsigned(plan.groups.beside().max(1)))
         .u32("FIRST_PLACED", unsigned(1 + plan.groups.sharing))
         // Those of the first field, which labels replace.
-        .u32("FIRST_GROUPS", unsigned(if plan.labels { plan.groups.of_first } else { plan.groups.in_tables() }))
+        .u32("FIRST_GROUPS", unsigned(plan.groups.of_first))
+        .u32("OTHERS", unsigned(others::number(plan)))
+        .u32("OTHERS_VECTORS", unsigned(others::number(plan).max(1)))
         .bool("LABELS_BY_VALUE", plan.labels_by_value)
         .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
 }

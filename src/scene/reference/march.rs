@@ -245,6 +245,13 @@ impl<'a, R: Real> Frame<'a, R> {
             step.normal = samples.normal(place);
             let at = At { view: ray.view, place, step, transmittance: &transmittance };
             self.light.add(&at, samples, sums, &mut lost, &mut scratch);
+            let others = std::mem::take(&mut step.others);
+            for (mut other, normal) in others.into_iter().zip(samples.normals_of_others(place)) {
+                std::mem::swap(&mut step.source, &mut other);
+                step.normal = normal;
+                let at = At { view: ray.view, place, step, transmittance: &transmittance };
+                self.light.add(&at, samples, sums, &mut lost, &mut scratch);
+            }
             if mixed {
                 transmittance = attenuate_matrix(&transmittance, &step.opacity, plan.components());
             } else {
@@ -456,8 +463,13 @@ pub fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &m
     if gains.len() > 1 {
         gains.resize(components, length);
     }
-    step.source.clear();
-    step.source.extend(density.source.iter().zip(gains.iter().cycle()).map(|(&lit, &gain)| lit * gain));
+    let close = |density: &[R], source: &mut Vec<R>| {
+        source.clear();
+        source.extend(density.iter().zip(gains.iter().cycle()).map(|(&lit, &gain)| lit * gain));
+    };
+    close(&density.source, &mut step.source);
+    step.others.resize_with(density.others.len(), Vec::new);
+    density.others.iter().zip(&mut step.others).for_each(|(density, other)| close(density, other));
 }
 
 /// Range of `s` where the coordinate `base + s·direction` lies between `low` and `high`. For a ray parallel to the

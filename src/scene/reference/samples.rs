@@ -11,7 +11,7 @@ use crate::tables::{
     StoredScene, StoredVolume, TransferTable,
 };
 use crate::{FIELDS, Interpolation, LabelEntry, Lookup, Medium, Scene};
-use relume_base::number::{Real, count, unit};
+use relume_base::number::{Real, count, dot, unit};
 use relume_volume::Volume;
 use smallvec::{SmallVec, smallvec};
 
@@ -22,6 +22,8 @@ pub struct Step<R> {
     pub source: Vec<R>,
     /// Light removed by the step, or optical depth per step length: as many numbers as the plan's transmittance.
     pub opacity: Vec<R>,
+    /// Light of each further field with normals of its own, which is not in the source.
+    pub others: Vec<Vec<R>>,
     /// [`Samples::normal`], where a march needs it.
     pub normal: [R; 3],
     /// Memory of [`Exact`] from step to step.
@@ -35,10 +37,17 @@ impl<R: Real> Step<R> {
         numbers.for_each(|(sum, &number)| *sum = share.mul_add(number, *sum));
     }
 
+    /// Adds the opacity of `other`, and keeps its source apart.
+    fn add_other(&mut self, other: &mut Self) {
+        self.opacity.iter_mut().zip(&other.opacity).for_each(|(sum, &depth)| *sum = *sum + depth);
+        self.others.push(std::mem::take(&mut other.source));
+    }
+
     /// Whether the step neither adds nor removes light.
     pub(super) fn does_nothing(&self) -> bool {
         let nothing = R::default();
-        self.opacity.iter().chain(&self.source).all(|&number| number == nothing)
+        let others = self.others.iter().flatten();
+        self.opacity.iter().chain(&self.source).chain(others).all(|&number| number == nothing)
     }
 }
 
@@ -162,6 +171,9 @@ impl<R: Real> Shares<R> {
 /// The value of each field at a place, as a source of samples holds it; none outside the box of a field.
 pub type Values<R> = SmallVec<[Option<R>; FIELDS]>;
 
+/// A unit vector for each further field with normals of its own.
+pub type Normals<R> = SmallVec<[[R; 3]; FIELDS]>;
+
 /// A source of samples.
 pub trait Samples<R: Real>: Sync {
     /// Sets the source and the opacity of `step` to those of a step at `place`, in texture coordinates, or of the density there if the
@@ -180,6 +192,11 @@ pub trait Samples<R: Real>: Sync {
 
     /// Unit vector along the gradient that shading sees at `place`, in the volume's axes; 0 if it vanishes or the plan needs none.
     fn normal(&self, place: [R; 3]) -> [R; 3];
+
+    /// [`Self::normal`] of each further field with normals of its own.
+    fn normals_of_others(&self, _place: [R; 3]) -> Normals<R> {
+        Normals::new()
+    }
 
     /// The same in the `middle` between two ends.
     fn normal_between(&self, ends: [&End<R>; 2], _middle: [R; 3]) -> [R; 3] {
@@ -348,9 +365,7 @@ impl<'a> Exact<'a> {
 
     /// Gradient of normalised values in a fall from `value` to the lowest one within two units of length.
     fn fall(&self, value: f64) -> f64 {
-        let [low, high] = self.storage.domain;
-        let length = self.scene.frame.geometry.spacing.min_element();
-        if high > low { (value - low) / ((high - low) * 2.0 * length) } else { 0.0 }
+        fall_from(value, &self.storage, self.scene.frame.geometry.spacing.min_element())
     }
 
     /// The gradient magnitude at `place`, in data units per world unit.
@@ -372,32 +387,37 @@ impl<'a> Exact<'a> {
 
     /// Derivatives of the normalised value at `place`, per world unit.
     fn gradient_at(&self, place: [f64; 3]) -> [f64; 3] {
-        interpolate(place, self.volume.geometry.dims, self.scene.accuracy.interpolation, |index| {
-            self.gradient_of_voxel(index)
-        })
+        self.gradient_of((self.volume, &self.storage), place)
     }
 
-    /// Normalised value of a voxel.
-    fn voxel(&self, index: [usize; 3]) -> f64 {
-        normalised_voxel(self.volume, &self.storage, index)
+    /// The same of a volume at `place`, in its texture coordinates, along its own axes.
+    fn gradient_of(&self, of: (&Volume, &Storage), place: [f64; 3]) -> [f64; 3] {
+        interpolate(place, of.0.geometry.dims, self.scene.accuracy.interpolation, |index| gradient_of_voxel(of, index))
     }
+}
 
-    /// Derivatives of the normalised value at a voxel, per world unit: central, one-sided at faces, 0 along an axis of
-    /// one voxel.
-    fn gradient_of_voxel(&self, index: [usize; 3]) -> [f64; 3] {
-        let geometry = &self.volume.geometry;
-        std::array::from_fn(|axis| {
-            let (mut before, mut after) = (index, index);
-            before[axis] = index[axis].saturating_sub(1);
-            after[axis] = (index[axis] + 1).min(geometry.dims[axis] - 1);
-            let voxels = match after[axis] - before[axis] {
-                0 => return 0.0,
-                1 => 1.0,
-                _ => 2.0,
-            };
-            (self.voxel(after) - self.voxel(before)) / (voxels * geometry.spacing[axis])
-        })
-    }
+/// Derivatives of the normalised value at a voxel, per world unit: central, one-sided at faces, 0 along an axis of
+/// one voxel.
+fn gradient_of_voxel((volume, storage): (&Volume, &Storage), index: [usize; 3]) -> [f64; 3] {
+    let geometry = &volume.geometry;
+    std::array::from_fn(|axis| {
+        let (mut before, mut after) = (index, index);
+        before[axis] = index[axis].saturating_sub(1);
+        after[axis] = (index[axis] + 1).min(geometry.dims[axis] - 1);
+        let voxels = match after[axis] - before[axis] {
+            0 => return 0.0,
+            1 => 1.0,
+            _ => 2.0,
+        };
+        let [after, before] = [after, before].map(|index| normalised_voxel(volume, storage, index));
+        (after - before) / (voxels * geometry.spacing[axis])
+    })
+}
+
+/// Gradient of normalised values in a fall from `value` to the lowest one within two units of `length`.
+fn fall_from(value: f64, storage: &Storage, length: f64) -> f64 {
+    let [low, high] = storage.domain;
+    if high > low { (value - low) / ((high - low) * 2.0 * length) } else { 0.0 }
 }
 
 /// Texture coordinates of a field on a grid of its own at `place`, in those of the frame; `None` outside its box.
@@ -415,12 +435,13 @@ fn normalised_voxel(volume: &Volume, storage: &Storage, [x, y, z]: [usize; 3]) -
 impl Samples<f64> for Exact<'_> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         let shares = self.shares(place);
+        let groups = self.planned.plan.groups;
         // Labels replace the medium of the first field; the others are added.
-        let apart = self.planned.plan.labels && self.planned.plan.groups.further > 0;
+        let apart = groups.further > 0 && (self.planned.plan.labels || groups.lit_fields().next().is_some());
+        let values = if groups.any() { self.values_at(place) } else { SmallVec::new() };
         if shares.has_own() {
             let into = [&mut step.source, &mut step.opacity];
-            if self.planned.plan.groups.any() {
-                let values = self.values_at(place);
+            if groups.any() {
                 let values = if apart { &values[..1] } else { &values };
                 self.steps.write_density_with(values, self.magnitude_of_factors(place), into);
             } else {
@@ -431,12 +452,38 @@ impl Samples<f64> for Exact<'_> {
             self.set(step, &self.label_steps[0]);
         }
         shares.mix(step, |row, step| self.set_label(step, row, place));
-        if apart {
-            let mut further = Step::default();
-            let into = [&mut further.source, &mut further.opacity];
-            self.steps.write_density_of_further(&self.values_at(place), into);
-            step.add(1.0, &further);
+        step.others.clear();
+        if !apart {
+            return;
         }
+        let mut further = Step::default();
+        let among = |is_it: &dyn Fn(usize) -> bool| -> SmallVec<[f64; FIELDS]> {
+            values.iter().enumerate().map(|(field, &value)| if is_it(field) { value } else { f64::NAN }).collect()
+        };
+        let flat = among(&|field| !groups.lit[field]);
+        self.steps.write_density_of_further(&flat, [&mut further.source, &mut further.opacity]);
+        step.add(1.0, &further);
+        for field in groups.lit_fields() {
+            let alone = among(&|other| other == field);
+            self.steps.write_density_of_further(&alone, [&mut further.source, &mut further.opacity]);
+            step.add_other(&mut further);
+        }
+    }
+
+    fn normals_of_others(&self, place: [f64; 3]) -> Normals<f64> {
+        let frame = &self.scene.frame.geometry;
+        let normal = |field: usize| {
+            let (volume, storage, placed) = &self.further[field - 1];
+            let own = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place));
+            let Some(own) = own else { return [0.0; 3] };
+            let gradient = glam::DVec3::from_array(self.gradient_of((volume, storage), own));
+            let gradient = frame.direction.transpose() * (volume.geometry.direction * gradient);
+            let value = self.value_of((volume, storage), own);
+            let fall = fall_from(value, storage, frame.spacing.min_element());
+            let gradient = gradient.to_array();
+            unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(gradient, fall, place)))
+        };
+        self.planned.plan.groups.lit_fields().map(normal).collect()
     }
 
     fn values(&self, place: [f64; 3]) -> Values<f64> {
@@ -558,6 +605,8 @@ pub struct Stored<'a, R> {
     coordinate_scale: R,
     coordinate_offset: R,
     gradient_scale: [R; 3],
+    /// Edges of the texture in units of length.
+    lengths: [f64; 3],
     /// If shading sees cut faces.
     clip: Option<Planes<R>>,
     fall: [R; 2],
@@ -577,8 +626,19 @@ impl<'a, R: Real> Stored<'a, R> {
     /// Creates samples of a scene `stored` for this plan.
     #[must_use]
     pub fn new(planned: &'a Planned, stored: &'a StoredScene) -> Self {
-        let StoredScene { storage, volume, further, table, label_table, segments, extinctions, factors, caps, labels } =
-            stored;
+        let StoredScene {
+            storage,
+            volume,
+            further,
+            table,
+            label_table,
+            segments,
+            extinctions,
+            factors,
+            caps,
+            labels,
+            lengths: _,
+        } = stored;
         let [scale, offset] = table.coordinate_from_texel(storage);
         let of_segments = |table: &'a SegmentTable| {
             let [scale, offset] = table.coordinate_from_texel(storage).map(R::from_f64);
@@ -594,6 +654,7 @@ impl<'a, R: Real> Stored<'a, R> {
             coordinate_scale: R::from_f64(scale),
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
+            lengths: stored.lengths,
             clip: Planes::of_caps(planned, caps),
             fall: caps.fall.map(R::from_f64),
             segments: segments.as_ref().map(of_segments),
@@ -685,17 +746,50 @@ impl<'a, R: Real> Stored<'a, R> {
         }
     }
 
-    /// Takes the densities of the groups of further fields out of a density, and returns their sum.
-    fn split_further(&self, density: &mut Step<R>) -> Step<R> {
-        let of_first = self.table.fields.iter().filter(|field| **field == 0).count();
-        let mut further = Step {
-            source: density.source.split_off(of_first * self.table.lanes * LANE),
-            opacity: density.opacity.split_off(of_first * self.table.opacity_numbers),
-            ..Step::default()
+    /// Takes the densities of the groups of further fields out of a density, and returns them with the indices of their fields.
+    fn split_further(&self, density: &mut Step<R>) -> Vec<(usize, Step<R>)> {
+        let (lanes, numbers) = (self.table.lanes * LANE, self.table.opacity_numbers);
+        let of_first = self.planned.plan.groups.of_first;
+        let source = density.source.split_off(of_first * lanes);
+        let opacity = density.opacity.split_off(of_first * numbers);
+        let of_group = |(group, &field): (usize, &usize)| {
+            let source = source[group * lanes..][..lanes].to_vec();
+            (field, Step { source, opacity: opacity[group * numbers..][..numbers].to_vec(), ..Step::default() })
         };
-        let ones = vec![R::from_f64(1.0); self.table.groups - of_first];
-        sum_groups([&mut further.source, &mut further.opacity], &ones);
-        further
+        self.table.fields[of_first..].iter().enumerate().map(of_group).collect()
+    }
+
+    /// Gradient of a further field at `place`, in the units of its texels per unit of length along the frame's axes, and its value; `None`
+    /// outside its box.
+    fn gradient_of_further(
+        &self,
+        volume: &StoredVolume,
+        placed: Option<&PlacedField>,
+        place: [R; 3],
+    ) -> Option<([R; 3], R)> {
+        let own = placed.map_or(Some(place), |placed| texture_place(placed, place))?;
+        let value = |place: [R; 3]| {
+            let [value] = self.fetch_of(volume.dims, place, volume.values.as_chunks().0);
+            value
+        };
+        let differences: [R; 3] = std::array::from_fn(|axis| {
+            let voxel = R::from_f64(1.0 / count(volume.dims[axis]));
+            let (mut before, mut after) = (own, own);
+            before[axis] = own[axis] - voxel;
+            after[axis] = own[axis] + voxel;
+            (value(after) - value(before)) * R::from_f64(0.5)
+        });
+        Some((std::array::from_fn(|axis| self.along_frame(placed, differences, axis)), value(own)))
+    }
+
+    /// Part along an `axis` of the frame, per unit of length, of `differences` from voxel to voxel of a grid.
+    fn along_frame(&self, placed: Option<&PlacedField>, differences: [R; 3], axis: usize) -> R {
+        let length = R::from_f64(1.0 / self.lengths[axis]);
+        let Some(placed) = placed else {
+            return differences[axis] * R::from_f64(count(self.volume.dims[axis])) * length;
+        };
+        let across = placed.rows.map(|row| R::from_f64(row.to_array()[axis]));
+        dot(across, differences) * length
     }
 
     /// Sets `step` to a row of the table of labels, where the value has this coordinate in the transfer table.
@@ -726,8 +820,10 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         } else {
             self.look_up(self.coordinate_at(place, self.table.entries()), step);
         }
-        let apart = self.labels.is_some() && self.planned.plan.groups.further > 0;
-        let further = if apart { Some(self.split_further(step)) } else { None };
+        let groups = self.planned.plan.groups;
+        let apart = groups.further > 0 && (self.labels.is_some() || groups.lit_fields().next().is_some());
+        let further = if apart { self.split_further(step) } else { Vec::new() };
+        step.others.clear();
         if self.planned.plan.groups.any() {
             self.scale_groups(step, || self.gradient_at(place));
         }
@@ -735,10 +831,30 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             let coordinate = self.coordinate_at(place, self.table.entries());
             self.shares(place).mix(step, |row, step| self.look_up_label(table, row, coordinate, step));
         }
-        if let Some(further) = further {
-            step.add(R::from_f64(1.0), &further);
+        for (field, mut density) in further {
+            if groups.lit[field] {
+                step.add_other(&mut density);
+            } else {
+                step.add(R::from_f64(1.0), &density);
+            }
         }
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
+    }
+
+    fn normals_of_others(&self, place: [R; 3]) -> Normals<R> {
+        let normal = |field: usize| {
+            let (volume, placed) = &self.further[field - 1];
+            let Some((gradient, value)) = self.gradient_of_further(volume, placed.as_ref(), place) else {
+                return [R::default(); 3];
+            };
+            // In units of the table's coordinate, which is 0 at the lowest value.
+            let scaled = coordinates_of(self.factors, &self.planned.plan).find(|(of, _)| *of == field);
+            let [scale, offset]: [R; 2] = scaled.map_or([R::default(); 2], |(_, scaled)| scaled);
+            let gradient = gradient.map(|part| part * scale);
+            let fall = value.mul_add(scale, offset) * R::from_f64(0.5);
+            unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(gradient, fall, place)))
+        };
+        self.planned.plan.groups.lit_fields().map(normal).collect()
     }
 
     fn values(&self, place: [R; 3]) -> Values<R> {

@@ -1,6 +1,6 @@
 //! Empty-space skipping. What is skipped contributes nothing, so the numbers stay the same and take less time.
 
-use super::{End, Keeping, Samples, Step, Values};
+use super::{End, Keeping, Normals, Samples, Step, Values};
 use crate::Scene;
 use crate::plan::{Integrate, Planned};
 use crate::tables::{CELL, Occupancy};
@@ -68,6 +68,10 @@ impl<R: Real, S: Samples<R>> Samples<R> for Skipping<'_, S> {
 
     fn normal(&self, place: [R; 3]) -> [R; 3] {
         self.inner.normal(place)
+    }
+
+    fn normals_of_others(&self, place: [R; 3]) -> Normals<R> {
+        self.inner.normals_of_others(place)
     }
 
     fn normal_between(&self, ends: [&End<R>; 2], middle: [R; 3]) -> [R; 3] {

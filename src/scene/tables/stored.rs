@@ -2,13 +2,15 @@
 
 use std::sync::Arc;
 
+use super::unit_length;
 use super::{
     CapTable, ExtinctionTable, FactorTable, LabelMap, LabelTable, PlacedField, SegmentTable, Storage, StoredVolume,
     TransferTable,
 };
 use crate::Scene;
 use crate::plan::{Integrate, Planned};
-use relume_volume::{Statistics, VolumeError};
+use relume_base::number::count;
+use relume_volume::{Geometry, Statistics, VolumeError};
 
 /// Volume and tables that a march reads.
 #[derive(Clone, Debug)]
@@ -33,6 +35,14 @@ pub struct StoredScene {
     pub caps: CapTable,
     /// Label of every voxel, if the plan uses labels.
     pub labels: Option<Arc<LabelMap>>,
+    /// Edges of the texture in units of length.
+    pub lengths: [f64; 3],
+}
+
+/// Edges of the texture of a grid in units of length.
+fn lengths(geometry: &Geometry) -> [f64; 3] {
+    let spacing = geometry.spacing / unit_length(geometry);
+    std::array::from_fn(|axis| spacing[axis] * count(geometry.dims[axis]))
 }
 
 impl StoredScene {
@@ -81,6 +91,7 @@ impl StoredScene {
             caps: CapTable::new(scene, &storage),
             table,
             further,
+            lengths: lengths(&scene.frame.geometry),
             labels,
             storage,
             volume,
