@@ -37,6 +37,10 @@ PLACED = {
     "volumes.other": {**channel("glow"), "transform": [0.99, 0, 0, 1, 0, 0.99, 0, 1, 0, 0, 0.99, 1]},
 }
 
+# The same, shaded by its own normals; and beside the first by half of its width.
+LIT = {**PLACED, "materials.glow": {"reflectance": "red", "ambient": 0.2, "diffuse": 0.8}}
+HALF = {**LIT, "volumes.other": {**channel("glow"), "transform": [0.99, 0, 0, 85, 0, 0.99, 0, 1, 0, 0, 0.99, 1]}}
+
 # Name, scene without, scene with, bar.
 ROWS = [
     ("a factor on all terms", {}, {"transfer.gradient_opacity": FACTOR}, 1.3),
@@ -45,6 +49,10 @@ ROWS = [
     ("two groups, coloured", ABSORPTION, {**ABSORPTION, "transfer.intervals.skin.gradient": FACTOR}, 2.3),
     ("three channels beside one", ONE, THREE, 1.6),
     ("a flat field on its own grid over a shaded one", {}, PLACED, 1.9),
+    ("a shaded field on its own grid over a shaded one", {}, LIT, 1.9),
+    ("the same, coloured", ABSORPTION, {**ABSORPTION, **LIT}, 3.5),
+    ("half of them overlap", {}, HALF, 1.8),
+    ("a maximum intensity projection", {}, {"blending": "maximum"}, 1.0),
     ("a field on its own grid, not shaded", {"shading": "none"}, {"shading": "none", **PLACED}, 1.9),
     ("the same, coloured", {"shading": "none", **ABSORPTION}, {"shading": "none", **ABSORPTION, **PLACED}, 3.5),
     ("six planes that cut nothing", {}, AROUND, 1.15),

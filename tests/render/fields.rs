@@ -9,7 +9,7 @@ use relume::film::{Film, RelightMatrices};
 use relume::number::Real;
 use relume::plan::{Planned, Stale, plan};
 use relume::progress::Quiet;
-use relume::scene::{Field, Integration, Mix, MixLight, Placement, Scene, Shading};
+use relume::scene::{Field, Integration, Mix, MixLight, Scene};
 use relume::volume::{Geometry, Volume, Voxels};
 
 use crate::support::rungs::Rungs;
@@ -186,13 +186,6 @@ fn what_several_fields_cannot_have_is_refused_with_the_way_out() {
         let error = plan(&scene, &Quiet).unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{words:?} in {error}");
     };
-    refused(
-        &|scene| {
-            scene.shading = Shading::Gradient;
-            scene.lights[0].placement = Placement::Headlight;
-        },
-        &["volumes.other shows two", "shading = \"none\""],
-    );
     refused(&|scene| scene.accuracy.voxel_pixels = 2.0, &["several fields", "accuracy.voxel_pixels"]);
     refused(&|scene| scene.accuracy.integration = Integration::Segments, &["segments", "several fields"]);
 }

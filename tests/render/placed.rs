@@ -11,6 +11,7 @@ use relume::volume::{Geometry, Volume, Voxels};
 
 use crate::fields::check;
 use crate::support::rungs::{Rungs, with_renderer};
+use crate::support::scenes::float;
 
 fn uniform(dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Volume {
     let geometry = Geometry::new("uniform", dims, spacing, origin, direction).unwrap();
@@ -110,5 +111,72 @@ fn a_field_finer_than_a_frame_of_one_voxel_is_marched_on_both_sides_of_it() {
         let rungs = Rungs::new(scene, [4, 4]);
         let left = 0.8_f64.powi(8);
         with_renderer(|renderer| check("device", &rungs.gpu(renderer), [1.0 - left, left, f64::NAN], 1e-5));
+    }
+}
+
+/// A volume given twice, each time with the square root of its transmittance, is the volume once: on one grid, and with its axes the other
+/// way round, so that shading, highlights and cut faces are those of the same surfaces.
+#[test]
+fn a_shaded_volume_given_twice_at_half_its_density_is_itself() {
+    let dims = [21, 19, 17];
+    let ball = |[x, y, z]: [usize; 3]| {
+        let [x, y, z] = [x, y, z].map(float);
+        let far = ((x - 9.0).powi(2) + (y - 8.0).powi(2) + 1.5 * (z - 8.0).powi(2)).sqrt();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 250")]
+        let value = (250.0 - 22.0 * far).max(0.0) as u8;
+        value
+    };
+    let grid = |turned: bool| {
+        let (origin, direction) = if turned {
+            (DVec3::new(20.0, 0.0, 16.0), DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0)))
+        } else {
+            (DVec3::ZERO, DMat3::IDENTITY)
+        };
+        let at = |i: usize| {
+            let [x, y, z] = [i % dims[0], i / dims[0] % dims[1], i / (dims[0] * dims[1])];
+            if turned { [dims[0] - 1 - x, y, dims[2] - 1 - z] } else { [x, y, z] }
+        };
+        let voxels = (0..dims.iter().product()).map(|i| ball(at(i))).collect();
+        let geometry = Geometry::new("ball", dims, DVec3::ONE, origin, direction).unwrap();
+        Arc::new(Volume::new("ball", Voxels::U8(voxels), geometry).unwrap())
+    };
+    let text = |opacity: f64, further: &str| {
+        format!(
+            "version = 1\nlighting = \"one_sided\"\n[camera]\nazimuth = 30\nelevation = 25\n[accuracy]\nstep = 0.5\ntermination = 0\n\
+             gradients = \"central\"\n[clip]\nplanes = [\"x:50%\"]\n[lights.key]\nspectrum = \"D65\"\nkind = \"directional\"\n\
+             direction = [-0.4, -0.7, -0.6]\n[lights.eye]\nspectrum = \"A\"\nkind = \"headlight\"\n[materials.one]\nreflectance = \"orange\"\nspecular = 0.3\n\
+             [transfer]\nopacity_length = 1\nintervals = [{{ material = \"one\", range = [90, 1000], opacity = {opacity} }}]\n{further}"
+        )
+    };
+    let half = 1.0 - 0.5_f64.sqrt();
+    let further = format!(
+        "[volumes.other]\nphantom = \"slab\"\ntransfer = {{ intervals = [{{ material = \"one\", range = [90, 1000], opacity = {half} }}] }}\n"
+    );
+    let scene_of = |text: &str, other: Option<Arc<Volume>>| {
+        let volumes = InMemory { volume: grid(false), labels: None, further: Vec::new() };
+        let options = SceneOptions::default();
+        let mut scene = document::parse_on(volumes, "ball", text, Path::new(""), &options, &Quiet).unwrap().scene;
+        if let Some(other) = other {
+            let terms = scene.fields.further()[0].terms.clone();
+            scene.fields = scene.fields.with(vec![Field::new("other".to_owned(), other, terms)]);
+        }
+        Rungs::new(scene, [32, 32])
+    };
+    let once = scene_of(&text(0.5, ""), None);
+    let shared = scene_of(&text(half, &further), Some(grid(false)));
+    let placed = scene_of(&text(half, &further), Some(grid(true)));
+    assert_eq!([&shared, &placed].map(|it| it.planned.plan.groups.beside()), [0, 1]);
+    assert!([&shared, &placed].iter().all(|it| it.planned.plan.groups.lit_fields().eq([1])));
+    let largest = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let exact = |rungs: &Rungs| rungs.march::<f64>(&rungs.exact()).accumulators;
+    let stored = |rungs: &Rungs| rungs.march::<f64>(&rungs.stored::<f64>()).accumulators;
+    assert!(exact(&once).iter().any(|&number| number > 0.1), "it is lit");
+    for twice in [&shared, &placed] {
+        let [one, other] = [largest(&exact(&once), &exact(twice)), largest(&stored(&once), &stored(twice))];
+        assert!(one < 1e-12 && other < 3e-6, "f64: {one}, tables: {other}");
+        with_renderer(|renderer| {
+            let [one, two] = [&once, twice].map(|rungs| rungs.gpu(renderer).map(f64::from).accumulators);
+            assert!(largest(&one, &two) < 3e-5, "device: {}", largest(&one, &two));
+        });
     }
 }

@@ -289,6 +289,14 @@ impl Planned {
                 "Beside the volume, a sample reads {}, and adds the densities of all.",
                 told.join(", and ")
             ));
+            let lit = plan.groups.lit_fields().filter_map(|field| scene.fields.further().get(field - 1));
+            let lit: Vec<&str> = lit.map(|field| field.name.as_str()).collect();
+            if !lit.is_empty() {
+                sentences.push(format!(
+                    "Of these, {} have normals of their own, computed from six values around each sample.",
+                    listed(lit.into_iter())
+                ));
+            }
         }
         if plan.groups.by_gradient() {
             let opacity = match plan.groups.number {
