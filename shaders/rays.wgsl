@@ -31,6 +31,9 @@ struct March {
     active_low: f32,
     crop_high: vec3f,
     active_high: f32,
+    // The same of each of several fields, in the values of texels.
+    active_lows: vec4f,
+    active_highs: vec4f,
 }
 
 // Light positions and the materials' shading coefficients, in lanes (`tables::ShadingTable`).

@@ -4,6 +4,7 @@
 // Texel, table coordinate and label of a sample.
 struct Key {
     texel: vec4f,
+    fields: FieldValues,
     coordinate: f32,
     // 0 without a label.
     label: u32,
@@ -16,11 +17,19 @@ fn key_at(place: vec3f) -> Key {
     if (LABELS) {
         label = label_at(place);
     }
-    return Key(texel, coordinate, label);
+    var fields = FieldValues(texel, vec4f(1.0));
+    if (PLACED > 0u) {
+        fields = values_at(texel, place);
+    }
+    return Key(texel, fields, coordinate, label);
 }
 
 // Whether the sample can be visible.
 fn is_active(key: Key) -> bool {
+    if (SEVERAL_FIELDS) {
+        let active = march.active_lows < key.fields.values & key.fields.values < march.active_highs & key.fields.there > vec4f();
+        return any(active) || key.label > 0u;
+    }
     return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.label > 0u;
 }
 

@@ -35,11 +35,7 @@ fn medium_at(place: vec3f, key: Key) -> Step {
     var step: Step;
     step.normal = unit(capped(gradient, value_of(key.texel), place));
     let magnitude = sqrt(dot(gradient, gradient));
-    var fields = FieldValues(key.texel, vec4f(1.0));
-    if (PLACED > 0u) {
-        fields = values_at(key.texel, place);
-    }
-    return add_media(fields, key, place, magnitude, step);
+    return add_media(key.fields, key, place, magnitude, step);
 }
 
 // Density of a further field with normals of its own: its light is shaded apart.

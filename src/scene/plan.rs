@@ -480,9 +480,9 @@ impl ScenePlan {
         let differences = if self.gradient() && self.gradients == Gradients::Central { 6 * voxels } else { 0 };
         // A fetch of four lights.
         let light = if self.light.reads_grid() { 8 * LANE } else { 0 };
-        self.groups.further == 0
-            && self.skipping
-            && entries * (self.parts().lanes * LANE + opacity) + differences + light >= 2 * voxels
+        self.skipping
+            && self.groups.in_tables() * entries * (self.parts().lanes * LANE + opacity) + differences + light
+                >= 2 * voxels
     }
 
     /// Whether a volume stored on a device for `other` suits this plan: same format, gradients, labels and filter.

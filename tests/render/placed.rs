@@ -169,14 +169,18 @@ fn a_shaded_volume_given_twice_at_half_its_density_is_itself() {
     assert!([&shared, &placed].iter().all(|it| it.planned.plan.groups.lit_fields().eq([1])));
     let largest = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let exact = |rungs: &Rungs| rungs.march::<f64>(&rungs.exact()).accumulators;
-    let stored = |rungs: &Rungs| rungs.march::<f64>(&rungs.stored::<f64>()).accumulators;
     assert!(exact(&once).iter().any(|&number| number > 0.1), "it is lit");
     for twice in [&shared, &placed] {
-        let [one, other] = [largest(&exact(&once), &exact(twice)), largest(&stored(&once), &stored(twice))];
-        assert!(one < 1e-12 && other < 3e-6, "f64: {one}, tables: {other}");
-        with_renderer(|renderer| {
-            let [one, two] = [&once, twice].map(|rungs| rungs.gpu(renderer).map(f64::from).accumulators);
-            assert!(largest(&one, &two) < 3e-5, "device: {}", largest(&one, &two));
-        });
+        let found = largest(&exact(&once), &exact(twice));
+        assert!(found < 1e-12, "f64: {found}");
     }
+    // The table of one field has steps, in which a jump of the opacity lies elsewhere than in densities.
+    let [one, two] = [&shared, &placed].map(|rungs| rungs.march::<f64>(&rungs.stored::<f64>()).accumulators);
+    assert!(largest(&one, &two) < 1e-9, "tables: {}", largest(&one, &two));
+    with_renderer(|renderer| {
+        let found = [&shared, &placed].map(|rungs| rungs.gpu(renderer).map(f64::from).accumulators);
+        for found in found {
+            assert!(largest(&one, &found) < 3e-5, "device: {}", largest(&one, &found));
+        }
+    });
 }

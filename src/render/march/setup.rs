@@ -19,7 +19,7 @@ use relume_scene::tables::{
     BlockBox, CapTable, ClipTable, FactorTable, LabelTable, Occupancy, PhaseTable, PlacedField, PositionTable,
     RayTable, SegmentTable, ShadingTable, Steps, ThinFilmTable, TransferTable, occupancy_of_fields, ray_places,
 };
-use relume_scene::{Interpolation, Scene, ShadowMethod, StoreAs};
+use relume_scene::{FIELDS, Interpolation, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
 /// Uniform of a frame, in the layout of `shaders/march.wgsl`.
@@ -57,6 +57,8 @@ pub struct MarchUniform {
     pub active_low: f32,
     pub crop_high: [f32; 3],
     pub active_high: f32,
+    pub active_lows: [f32; FIELDS],
+    pub active_highs: [f32; FIELDS],
 }
 
 /// Uniform of segments, in the layout of `shaders/segments.wgsl`; whole vectors.
@@ -135,6 +137,27 @@ fn occupancy_of(scene: &Scene, planned: &Planned, uploaded: &Uploaded, values: &
 /// Buffers of tables by their names in the shader.
 type Tables = [(&'static str, Buffer); 4];
 
+/// Ranges of the values of texels beyond which each of several fields shows nothing; nothing lies in that of a field that is not there.
+fn active_values(uploaded: &Uploaded, values: &Values) -> [[f32; FIELDS]; 2] {
+    let mut ranges = [[f32::INFINITY; FIELDS], [f32::NEG_INFINITY; FIELDS]];
+    let Values::Steps(table) = values else { return ranges };
+    for (field, storage) in uploaded.storages().into_iter().enumerate().take(FIELDS) {
+        let active = table.active_entries_of(field);
+        let (Some(first), Some(last)) = (active.iter().position(|&it| it), active.iter().rposition(|&it| it)) else {
+            continue;
+        };
+        let [scale, offset] = table.coordinate_from_texel(storage);
+        // Wider by more than rounding takes: what shows nothing adds nothing. Values beyond the table are those at its ends.
+        let value = |coordinate: f64| if scale > 0.0 { rounded((coordinate - offset) / scale) } else { f32::NAN };
+        let [low, high] = [value(count(first) - 1.5), value(count(last) + 1.5)];
+        let is_first = first <= 1 || low.is_nan();
+        let is_last = last + 2 >= active.len() || high.is_nan();
+        ranges[0][field] = if is_first { f32::NEG_INFINITY } else { low };
+        ranges[1][field] = if is_last { f32::INFINITY } else { high };
+    }
+    ranges
+}
+
 impl MarchUniform {
     fn new(scene: &Scene, uploaded: &Uploaded, rays: &RayTable, values: &Values, size: [usize; 2]) -> Self {
         let vector = |vector: DVec3| vector.to_array().map(rounded);
@@ -144,6 +167,7 @@ impl MarchUniform {
             }
             Values::Segments(table) => (table.cells(), table.coordinate_from_texel(&uploaded.storage), table.active()),
         };
+        let [active_lows, active_highs] = active_values(uploaded, values);
         Self {
             base: vector(rays.base),
             eye_distance: rounded(rays.eye_distance),
@@ -176,6 +200,8 @@ impl MarchUniform {
             active_low: rounded(active_low),
             crop_high: vector(rays.crop_high),
             active_high: rounded(active_high),
+            active_lows,
+            active_highs,
         }
     }
 }

@@ -419,7 +419,9 @@ mod tests {
             crop_low,
             active_low,
             crop_high,
-            active_high
+            active_high,
+            active_lows,
+            active_highs
         );
         let source = source(&plan_of(4), Dispatching::default());
         let theirs = relume_vulkan::shader::struct_layout(&source.texts(), &source.constants, "March").ok();
