@@ -27,8 +27,8 @@ fn key_at(place: vec3f) -> Key {
 // Whether the sample can be visible.
 fn is_active(key: Key) -> bool {
     if (SEVERAL_FIELDS) {
-        let active = march.active_lows < key.fields.values & key.fields.values < march.active_highs & key.fields.there > vec4f();
-        return any(active) || key.label > 0u;
+        let shows = march.active_lows < key.fields.values & key.fields.values < march.active_highs & key.fields.there > vec4f();
+        return any(shows) || key.label > 0u;
     }
     return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.label > 0u;
 }
