@@ -8,6 +8,11 @@ struct PlacedField {
     low: vec3f,
     first: f32,
     high: vec3f,
+    // Offset of `fall`.
+    lowest: f32,
+    // Factors on differences, and the scale from a value to the gradient of a fall to the lowest one within two units of length.
+    gradient_scale: vec3f,
+    fall: f32,
 }
 
 // The values of all fields at a place, and 1 where each has one, 0 outside its box.
@@ -28,56 +33,58 @@ fn read_fields() {
     }
 }
 
-fn placed_texel(field: u32, voxel: vec3f) -> f32 {
+fn placed_texel(field: u32, voxel: vec3f) -> PlacedTexel {
     let on = clamp(voxel, vec3f(), floor(placed[field].high)) + vec3f(0.0, 0.0, placed[field].first);
-    return textureLoad(placed_volumes, vec3i(on), 0).x;
+    return placed_numbers(textureLoad(placed_volumes, vec3i(on), 0));
 }
 
-fn placed_line(field: u32, base: vec3f, x: f32) -> f32 {
+fn placed_line(field: u32, base: vec3f, x: f32) -> PlacedTexel {
     let before = placed_texel(field, base);
-    return fma(x, placed_texel(field, base + vec3f(1.0, 0.0, 0.0)) - before, before);
+    return fma(PlacedTexel(x), placed_texel(field, base + vec3f(1.0, 0.0, 0.0)) - before, before);
 }
 
-fn placed_plane(field: u32, base: vec3f, x: f32, y: f32) -> f32 {
+fn placed_plane(field: u32, base: vec3f, x: f32, y: f32) -> PlacedTexel {
     let before = placed_line(field, base, x);
-    return fma(y, placed_line(field, base + vec3f(0.0, 1.0, 0.0), x) - before, before);
+    return fma(PlacedTexel(y), placed_line(field, base + vec3f(0.0, 1.0, 0.0), x) - before, before);
 }
 
-fn placed_cubic_line(field: u32, base: vec3f, x: vec4f) -> f32 {
+fn placed_cubic_line(field: u32, base: vec3f, x: vec4f) -> PlacedTexel {
     let step = vec3f(1.0, 0.0, 0.0);
     return x.x * placed_texel(field, base - step) + x.y * placed_texel(field, base)
         + x.z * placed_texel(field, base + step) + x.w * placed_texel(field, base + 2.0 * step);
 }
 
-fn placed_cubic_plane(field: u32, base: vec3f, x: vec4f, y: vec4f) -> f32 {
+fn placed_cubic_plane(field: u32, base: vec3f, x: vec4f, y: vec4f) -> PlacedTexel {
     let step = vec3f(0.0, 1.0, 0.0);
     return y.x * placed_cubic_line(field, base - step, x) + y.y * placed_cubic_line(field, base, x)
         + y.z * placed_cubic_line(field, base + step, x) + y.w * placed_cubic_line(field, base + 2.0 * step, x);
 }
 
-fn placed_value(field: u32, index: vec3f) -> f32 {
+// The texel of a field between its voxels: its value, or its differences along the axes and the value.
+fn placed_between(field: u32, index: vec3f) -> PlacedTexel {
     let base = floor(index);
     let fraction = index - base;
-    var value: f32;
+    var texel: PlacedTexel;
     if (EXACT_LINEAR) {
         let before = placed_plane(field, base, fraction.x, fraction.y);
         let after = placed_plane(field, base + vec3f(0.0, 0.0, 1.0), fraction.x, fraction.y);
-        value = fma(fraction.z, after - before, before);
+        texel = fma(PlacedTexel(fraction.z), after - before, before);
     } else if (CUBIC) {
         let x = cubic_weights(fraction.x);
         let y = cubic_weights(fraction.y);
         let z = cubic_weights(fraction.z);
         let step = vec3f(0.0, 0.0, 1.0);
-        value = z.x * placed_cubic_plane(field, base - step, x, y) + z.y * placed_cubic_plane(field, base, x, y)
+        texel = z.x * placed_cubic_plane(field, base - step, x, y) + z.y * placed_cubic_plane(field, base, x, y)
             + z.z * placed_cubic_plane(field, base + step, x, y)
             + z.w * placed_cubic_plane(field, base + 2.0 * step, x, y);
     } else if (NEAREST) {
-        value = placed_texel(field, floor(index + 0.5));
+        texel = placed_texel(field, floor(index + 0.5));
     } else {
         let on = clamp(index, vec3f(), floor(placed[field].high)) + vec3f(0.5, 0.5, 0.5 + placed[field].first);
-        value = textureSampleLevel(placed_volumes, volume_sampler, on / vec3f(textureDimensions(placed_volumes)), 0.0).x;
+        let all = vec3f(textureDimensions(placed_volumes));
+        texel = placed_numbers(textureSampleLevel(placed_volumes, volume_sampler, on / all, 0.0));
     }
-    return value;
+    return texel;
 }
 
 // Voxel index of a field at a place of the volume.
@@ -94,7 +101,9 @@ fn values_at(texel: vec4f, place: vec3f) -> FieldValues {
     for (var i = 0u; i < PLACED; i += 1u) {
         let index = placed_index(i, place);
         let inside = all(placed[i].low <= index & index <= placed[i].high);
-        found.values[FIRST_PLACED + i] = placed_value(i, index);
+        let texel = placed_between(i, index);
+        found.values[FIRST_PLACED + i] = placed_value_of(texel);
+        keep_placed(i, texel);
         found.there[FIRST_PLACED + i] = select(0.0, 1.0, inside);
     }
     return found;

@@ -27,8 +27,9 @@ fn key_at(place: vec3f) -> Key {
 // Whether the sample can be visible.
 fn is_active(key: Key) -> bool {
     if (SEVERAL_FIELDS) {
-        let shows = march.active_lows < key.fields.values & key.fields.values < march.active_highs & key.fields.there > vec4f();
-        return any(shows) || key.label > 0u;
+        let above = key.fields.values > march.active_lows;
+        let below = key.fields.values < march.active_highs;
+        return any(above & below & (key.fields.there > vec4f())) || key.label > 0u;
     }
     return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.label > 0u;
 }

@@ -47,29 +47,26 @@ struct Other {
 // Those of a sample.
 var<private> others: array<Other, OTHERS_VECTORS>;
 
-// The gradient of a further field at a place, along the volume's axes, in the units of its texels per unit of length.
-fn gradient_of_field(place: vec3f, field: u32) -> vec3f {
+// The normal of a field that shares the texels of the first, whose value has the `fall` in units of `scale`.
+fn normal_of_shared(place: vec3f, field: u32, scale: f32, fall: f32) -> vec3f {
+    let voxel = 1.0 / volume_dims();
     var along: vec3f;
-    if (field < FIRST_PLACED) {
-        let voxel = 1.0 / volume_dims();
-        for (var axis = 0u; axis < 3u; axis += 1u) {
-            var step = vec3f();
-            step[axis] = voxel[axis];
-            along[axis] = 0.5 * (fetch(place + step)[field] - fetch(place - step)[field]);
-        }
-        along *= volume_dims();
-    } else if (PLACED > 0u) {
-        let i = field - FIRST_PLACED;
-        let index = placed_index(i, place);
-        let differences = 0.5 * vec3f(
-            placed_value(i, index + vec3f(1.0, 0.0, 0.0)) - placed_value(i, index - vec3f(1.0, 0.0, 0.0)),
-            placed_value(i, index + vec3f(0.0, 1.0, 0.0)) - placed_value(i, index - vec3f(0.0, 1.0, 0.0)),
-            placed_value(i, index + vec3f(0.0, 0.0, 1.0)) - placed_value(i, index - vec3f(0.0, 0.0, 1.0)),
-        );
-        let rows = placed[i].rows;
-        along = rows[0].xyz * differences.x + rows[1].xyz * differences.y + rows[2].xyz * differences.z;
+    for (var axis = 0u; axis < 3u; axis += 1u) {
+        var step = vec3f();
+        step[axis] = voxel[axis];
+        along[axis] = fetch(place + step)[field] - fetch(place - step)[field];
     }
-    return along / march.local_scale;
+    // Per unit of length.
+    let gradient = along * (0.5 * scale) * volume_dims() / march.local_scale;
+    return unit(capped_by(gradient, fall, place));
+}
+
+// The normal of field `i` of those on grids of their own, where it has this `value`.
+fn normal_of_placed(place: vec3f, i: u32, value: f32) -> vec3f {
+    let field = placed[i];
+    let gradient = placed_differences(i, placed_index(i, place)) * field.gradient_scale;
+    let along = field.rows[0].xyz * gradient.x + field.rows[1].xyz * gradient.y + field.rows[2].xyz * gradient.z;
+    return unit(capped_by(along / march.local_scale, fma(value, field.fall, field.lowest), place));
 }
 
 // Adds the depth of the `group` of a further `field`, and keeps its light apart as number `n`.
@@ -86,11 +83,14 @@ fn add_other(
     add_groups(fields, key, 0.0, group, group + 1u, &other);
     (*step).opacity = plus_share((*step).opacity, 1.0, other.opacity);
     others[n].source = other.source;
-    let of_group = factor_table[group * FACTOR_VECTORS];
-    // In units of the table's coordinate, which is 0 at the lowest value.
-    let gradient = gradient_of_field(place, field) * of_group.z;
-    let fall = 0.5 * fma(of_field(fields.values, group), of_group.z, of_group.w);
-    others[n].normal = unit(capped_by(gradient, fall, place));
+    let value = of_field(fields.values, group);
+    if (field < FIRST_PLACED) {
+        // In units of the table's coordinate, which is 0 at the lowest value.
+        let scale = factor_table[group * FACTOR_VECTORS].zw;
+        others[n].normal = normal_of_shared(place, field, scale.x, 0.5 * fma(value, scale.x, scale.y));
+    } else if (PLACED > 0u) {
+        others[n].normal = normal_of_placed(place, field - FIRST_PLACED, value);
+    }
 }
 
 // Adds a step of the medium of this `density` over a `length`, in steps; returns the transmittance after it.

@@ -314,7 +314,9 @@ impl Renderer {
         let bytes = format.bytes();
         let format = match format {
             VolumeFormat::R16Unorm => Format::R16Unorm,
-            _ => Format::R32Float,
+            VolumeFormat::R32Float => Format::R32Float,
+            VolumeFormat::Rgba16Snorm => Format::Rgba16Snorm,
+            VolumeFormat::Rgba32Float => Format::Rgba32Float,
         };
         if !self.has_room(all, format, bytes as u64, self.volume_budget()) {
             return Err(RenderError::Fields);

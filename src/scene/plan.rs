@@ -468,6 +468,12 @@ impl ScenePlan {
         self.gradient() && self.gradients == Gradients::Packed
     }
 
+    /// True if gradients are stored with the values of fields on grids of their own.
+    #[must_use]
+    pub fn stores_placed_gradients(&self) -> bool {
+        self.stores_gradient() && self.groups.lit_fields().any(|field| field > self.groups.sharing)
+    }
+
     /// Whether the march skips samples whose value is invisible before it looks up the tables. The picture is the same to
     /// the bit. That is faster if the lookup of a sample takes longer than fetching its value: with one vector in
     /// each of the two table entries, the additional loop costs a tenth of the march; with many vectors it saves up to
@@ -496,7 +502,7 @@ impl ScenePlan {
                 plan.gradients,
                 labels,
                 plan.interpolation,
-                (plan.groups.further, plan.groups.sharing),
+                (plan.groups.further, plan.groups.sharing, plan.stores_placed_gradients()),
             )
         };
         kept(self) == kept(other)

@@ -613,7 +613,8 @@ impl DeviceGrid {
         };
         let sweep_buffer = uniform("sweep", bytemuck::bytes_of(&sweep_uniform))?;
         let factors = uniform("factors", bytemuck::cast_slice(&factors.0))?;
-        let placed_bytes = placed_bytes(&medium.places);
+        // Gradients of further fields shade no light.
+        let placed_bytes = placed_bytes(&medium.places, &medium.storages(), 1.0);
         let placed = Buffer::host(device, "placed fields", placed_bytes.len() as u64, HostUse::Storage)?;
         placed.write(0, &placed_bytes)?;
         let clip_bytes = clip_bytes(&grid.clip, &CapTable::default(), to_medium);

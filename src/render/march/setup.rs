@@ -17,7 +17,8 @@ use relume_base::number::{count, rounded, unsigned};
 use relume_scene::plan::{Integrate, LANE, Planned, Transmittance};
 use relume_scene::tables::{
     BlockBox, CapTable, ClipTable, FactorTable, LabelTable, Occupancy, PhaseTable, PlacedField, PositionTable,
-    RayTable, SegmentTable, ShadingTable, Steps, ThinFilmTable, TransferTable, occupancy_of_fields, ray_places,
+    RayTable, SegmentTable, ShadingTable, Steps, Storage, ThinFilmTable, TransferTable, gradient_numbers,
+    occupancy_of_fields, ray_places,
 };
 use relume_scene::{FIELDS, Interpolation, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
@@ -279,7 +280,8 @@ impl Renderer {
         };
         let factors = FactorTable::new(scene, planned, &uploaded.storages(), entries).0;
         let factors = uniform("factors", bytemuck::cast_slice(&factors))?;
-        let placed = storage("placed fields", &placed_bytes(&uploaded.places))?;
+        let unit = scene.frame.geometry.spacing.min_element();
+        let placed = storage("placed fields", &placed_bytes(&uploaded.places, &uploaded.storages(), unit))?;
         let caps = CapTable::new(scene, &uploaded.storage);
         let clip = storage("clip planes", &clip_bytes(&rays.clip, &caps, DVec3::ONE))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
@@ -460,17 +462,21 @@ pub(super) fn clip_bytes(planes: &ClipTable, caps: &CapTable, scale: DVec3) -> V
 }
 
 /// Bytes of the shader's structs `PlacedField`.
-pub(super) fn placed_bytes(places: &[Option<PlacedField>]) -> Vec<u8> {
+pub(super) fn placed_bytes(places: &[Option<PlacedField>], storages: &[&Storage], unit: f64) -> Vec<u8> {
     let mut first = 0.0;
     let mut vectors: Vec<[f32; LANE]> = Vec::new();
-    for field in places.iter().flatten() {
+    // The first storage is that of the first field.
+    for (field, storage) in places.iter().zip(storages.iter().skip(1)) {
+        let Some(field) = field else { continue };
         let [[x, y, z], high] = field.ends();
+        let [scale, [fall, lowest, _]] = gradient_numbers(storage, Some(field), unit);
         vectors.extend(field.rows.map(|row| row.to_array().map(rounded)));
         vectors.push([x, y, z, first].map(rounded));
-        vectors.push([high[0], high[1], high[2], 0.0].map(rounded));
+        vectors.push([high[0], high[1], high[2], lowest].map(rounded));
+        vectors.push([scale[0], scale[1], scale[2], fall].map(rounded));
         first += count(field.dims[2]);
     }
-    vectors.resize(vectors.len().max(5), [0.0; LANE]);
+    vectors.resize(vectors.len().max(6), [0.0; LANE]);
     bytemuck::cast_slice(&vectors).to_vec()
 }
 

@@ -25,6 +25,11 @@ macro_rules! text {
     };
 }
 
+/// What texels of fields on grids of their own hold.
+fn placed_texels(plan: &ScenePlan) -> Part {
+    if plan.stores_placed_gradients() { text!("placed_gradients.wgsl") } else { text!("placed_values.wgsl") }
+}
+
 /// Shader texts by name: source, transmittance, memory of tables, factors on the medium, the march through a whole volume
 /// or through bricks, and its integration.
 fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -> Vec<Part> {
@@ -47,6 +52,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         text!("clip.wgsl"),
         text!("rays.wgsl"),
         text!("fetch.wgsl"),
+        placed_texels(plan),
         text!("placed.wgsl"),
         text!("labels.wgsl"),
         text!("labelled.wgsl"),
@@ -309,6 +315,7 @@ pub(super) fn light_grid_source(
         text!("factors.wgsl"),
         text!("clip.wgsl"),
         text!("fetch.wgsl"),
+        placed_texels(plan),
         text!("placed.wgsl"),
         text!("labels.wgsl"),
         text!("whole.wgsl"),

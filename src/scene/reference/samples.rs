@@ -8,7 +8,7 @@ use super::kept::{Keeping, KeptDepths};
 use crate::plan::{LANE, Planned};
 use crate::tables::{
     self, CapTable, ExtinctionTable, FactorTable, LabelMap, LabelTable, PlacedField, SegmentTable, Steps, Storage,
-    StoredScene, StoredVolume, TransferTable,
+    StoredScene, StoredVolume, TransferTable, gradient_numbers,
 };
 use crate::{FIELDS, Interpolation, LabelEntry, Lookup, Medium, Scene};
 use relume_base::number::{Real, count, dot, unit};
@@ -597,8 +597,7 @@ fn largest_difference<R: Real>(mean: &[R], [a, b]: [&[R]; 2]) -> R {
 pub struct Stored<'a, R> {
     planned: &'a Planned,
     volume: &'a StoredVolume,
-    /// Of further fields, and the places of those on grids of their own.
-    further: Vec<(&'a StoredVolume, Option<PlacedField>)>,
+    further: Vec<StoredField<'a, R>>,
     table: &'a TransferTable,
     labels: Option<(&'a LabelMap, &'a LabelTable)>,
     factors: &'a FactorTable,
@@ -612,6 +611,16 @@ pub struct Stored<'a, R> {
     fall: [R; 2],
     segments: Option<Segments<'a, R>>,
     extinctions: &'a [ExtinctionTable],
+}
+
+/// A further field as stored.
+#[derive(Debug)]
+struct StoredField<'a, R> {
+    volume: &'a StoredVolume,
+    /// Its place, on a grid of its own.
+    placed: Option<PlacedField>,
+    /// [`gradient_numbers`].
+    numbers: [[R; 3]; 2],
 }
 
 /// Table of segments, and the scale and offset from texels to its coordinates.
@@ -638,6 +647,7 @@ impl<'a, R: Real> Stored<'a, R> {
             caps,
             labels,
             lengths: _,
+            unit: _,
         } = stored;
         let [scale, offset] = table.coordinate_from_texel(storage);
         let of_segments = |table: &'a SegmentTable| {
@@ -647,7 +657,13 @@ impl<'a, R: Real> Stored<'a, R> {
         Self {
             planned,
             volume,
-            further: further.iter().map(|field| (&field.1, field.2)).collect(),
+            further: further
+                .iter()
+                .map(|(storage, volume, placed)| {
+                    let numbers = gradient_numbers(storage, placed.as_ref(), stored.unit);
+                    StoredField { volume, placed: *placed, numbers: numbers.map(|numbers| numbers.map(R::from_f64)) }
+                })
+                .collect(),
             table,
             labels: labels.as_deref().map(|labels| (labels, label_table)),
             factors,
@@ -759,37 +775,34 @@ impl<'a, R: Real> Stored<'a, R> {
         self.table.fields[of_first..].iter().enumerate().map(of_group).collect()
     }
 
-    /// Gradient of a further field at `place`, in the units of its texels per unit of length along the frame's axes, and its value; `None`
-    /// outside its box.
-    fn gradient_of_further(
-        &self,
-        volume: &StoredVolume,
-        placed: Option<&PlacedField>,
-        place: [R; 3],
-    ) -> Option<([R; 3], R)> {
-        let own = placed.map_or(Some(place), |placed| texture_place(placed, place))?;
+    /// Gradient of a further field at `place`, along the frame's axes, and that of a fall to its lowest value within two units of length;
+    /// `None` outside its box.
+    fn gradient_and_fall(&self, field: usize, place: [R; 3]) -> Option<([R; 3], R)> {
+        let StoredField { volume, placed, numbers: [scales, falls] } = &self.further[field - 1];
+        let own = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place))?;
         let value = |place: [R; 3]| {
             let [value] = self.fetch_of(volume.dims, place, volume.values.as_chunks().0);
             value
         };
-        let differences: [R; 3] = std::array::from_fn(|axis| {
-            let voxel = R::from_f64(1.0 / count(volume.dims[axis]));
-            let (mut before, mut after) = (own, own);
-            before[axis] = own[axis] - voxel;
-            after[axis] = own[axis] + voxel;
-            (value(after) - value(before)) * R::from_f64(0.5)
-        });
-        Some((std::array::from_fn(|axis| self.along_frame(placed, differences, axis)), value(own)))
-    }
-
-    /// Part along an `axis` of the frame, per unit of length, of `differences` from voxel to voxel of a grid.
-    fn along_frame(&self, placed: Option<&PlacedField>, differences: [R; 3], axis: usize) -> R {
-        let length = R::from_f64(1.0 / self.lengths[axis]);
-        let Some(placed) = placed else {
-            return differences[axis] * R::from_f64(count(self.volume.dims[axis])) * length;
+        let differences: [R; 3] = match &volume.gradients {
+            Some(gradients) => self.fetch_of(volume.dims, own, gradients),
+            None => std::array::from_fn(|axis| {
+                let voxel = R::from_f64(1.0 / count(volume.dims[axis]));
+                let (mut before, mut after) = (own, own);
+                before[axis] = own[axis] - voxel;
+                after[axis] = own[axis] + voxel;
+                value(after) - value(before)
+            }),
         };
-        let across = placed.rows.map(|row| R::from_f64(row.to_array()[axis]));
-        dot(across, differences) * length
+        let gradient: [R; 3] = std::array::from_fn(|axis| differences[axis] * scales[axis]);
+        let along = |axis: usize| match placed {
+            None => gradient[axis],
+            Some(placed) => {
+                let across = placed.rows.map(|row| R::from_f64(row.to_array()[axis]));
+                dot(across, gradient) * R::from_f64(1.0 / self.lengths[axis])
+            }
+        };
+        Some((std::array::from_fn(along), value(own).mul_add(falls[0], falls[1])))
     }
 
     /// Sets `step` to a row of the table of labels, where the value has this coordinate in the transfer table.
@@ -843,15 +856,9 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
 
     fn normals_of_others(&self, place: [R; 3]) -> Normals<R> {
         let normal = |field: usize| {
-            let (volume, placed) = &self.further[field - 1];
-            let Some((gradient, value)) = self.gradient_of_further(volume, placed.as_ref(), place) else {
+            let Some((gradient, fall)) = self.gradient_and_fall(field, place) else {
                 return [R::default(); 3];
             };
-            // In units of the table's coordinate, which is 0 at the lowest value.
-            let scaled = coordinates_of(self.factors, &self.planned.plan).find(|(of, _)| *of == field);
-            let [scale, offset]: [R; 2] = scaled.map_or([R::default(); 2], |(_, scaled)| scaled);
-            let gradient = gradient.map(|part| part * scale);
-            let fall = value.mul_add(scale, offset) * R::from_f64(0.5);
             unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(gradient, fall, place)))
         };
         self.planned.plan.groups.lit_fields().map(normal).collect()
@@ -859,7 +866,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
 
     fn values(&self, place: [R; 3]) -> Values<R> {
         let [first] = self.fetch(place, self.volume.values.as_chunks().0);
-        let further = self.further.iter().map(|(volume, placed)| {
+        let further = self.further.iter().map(|StoredField { volume, placed, .. }| {
             let place = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place))?;
             let [value] = self.fetch_of(volume.dims, place, volume.values.as_chunks().0);
             Some(value)

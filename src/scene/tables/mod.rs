@@ -27,7 +27,7 @@ pub use factors::FactorTable;
 pub use labels::{LabelRows, LabelTable};
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction, sky_reach};
 pub use phase::{Phase, PhaseTable};
-pub use placed::PlacedField;
+pub use placed::{PlacedField, gradient_numbers};
 pub use rays::{BlockBox, MOST_SAMPLES, RayTable, ray_places};
 pub use reflected::Reflected;
 pub use segments::SegmentTable;

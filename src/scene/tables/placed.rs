@@ -2,6 +2,7 @@
 
 use glam::{DMat4, DVec3, DVec4};
 
+use super::{Storage, unit_length};
 use crate::{Field, Frame, Scene};
 use relume_base::number::{Real, count};
 
@@ -12,8 +13,21 @@ pub struct PlacedField {
     pub rows: [DVec4; 3],
     /// Its voxels along each axis.
     pub dims: [usize; 3],
+    /// Factors from a gradient along its own axes to one whose product with the rows, over the edges of the texture in units of length, is
+    /// along those of the frame: its spacing in units of length.
+    pub lengths: [f64; 3],
     /// Voxels of the frame along each axis.
     frame: [usize; 3],
+}
+
+/// Factors on the differences of a further field of this storage, for gradients along its own axes or, with the rows of a place, along those
+/// of the frame; then scale and offset from its texels to the gradient of a fall to the lowest value within two `unit`s, in world units.
+#[must_use]
+pub fn gradient_numbers(storage: &Storage, placed: Option<&PlacedField>, unit: f64) -> [[f64; 3]; 2] {
+    let lengths = placed.map_or([1.0; 3], |placed| placed.lengths);
+    let scale = storage.gradient_scale();
+    let [fall, lowest] = storage.fall_from_texel(unit);
+    [std::array::from_fn(|axis| scale[axis] * lengths[axis]), [fall, lowest, 0.0]]
 }
 
 impl PlacedField {
@@ -40,7 +54,8 @@ impl PlacedField {
         let first = to_index(corner - theirs.origin);
         let matrix =
             DMat4::from_cols(columns[0].extend(0.0), columns[1].extend(0.0), columns[2].extend(0.0), first.extend(1.0));
-        Self { rows: [matrix.row(0), matrix.row(1), matrix.row(2)], dims: theirs.dims, frame: ours.dims }
+        let lengths = (theirs.spacing / unit_length(ours)).to_array();
+        Self { rows: [matrix.row(0), matrix.row(1), matrix.row(2)], dims: theirs.dims, lengths, frame: ours.dims }
     }
 
     /// Its voxel index at `place`, in texture coordinates of the frame; `None` outside its box.

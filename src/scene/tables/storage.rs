@@ -88,9 +88,12 @@ impl Storage {
     /// The storages of the further fields of `scene`.
     #[must_use]
     pub fn of_further(plan: &ScenePlan, scene: &Scene) -> Vec<Self> {
-        // Gradients are those of the first field.
-        let plan = ScenePlan { gradients: Gradients::Central, ..plan.clone() };
-        scene.fields.further().iter().map(|field| Self::new(&plan, &field.volume, field.statistics())).collect()
+        // Fields that share texels have no room for gradients; those of others are stored if any of them needs them.
+        let without = ScenePlan { gradients: Gradients::Central, ..plan.clone() };
+        let beside = if plan.stores_placed_gradients() { plan } else { &without };
+        let sharing = scene.fields.sharing().iter().map(|field| (&without, field));
+        let all = sharing.chain(scene.fields.beside().iter().map(|field| (beside, field)));
+        all.map(|(plan, field)| Self::new(plan, &field.volume, field.statistics())).collect()
     }
 
     /// The format of [`Self::new`], which follows from the statistics: no voxel is read.

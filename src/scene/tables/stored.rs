@@ -37,6 +37,8 @@ pub struct StoredScene {
     pub labels: Option<Arc<LabelMap>>,
     /// Edges of the texture in units of length.
     pub lengths: [f64; 3],
+    /// The unit of length in world units.
+    pub unit: f64,
 }
 
 /// Edges of the texture of a grid in units of length.
@@ -92,6 +94,7 @@ impl StoredScene {
             table,
             further,
             lengths: lengths(&scene.frame.geometry),
+            unit: unit_length(&scene.frame.geometry),
             labels,
             storage,
             volume,
