@@ -65,7 +65,8 @@ fn normal_of_shared(place: vec3f, field: u32, scale: f32, fall: f32) -> vec3f {
 fn normal_of_placed(place: vec3f, i: u32, value: f32) -> vec3f {
     let field = placed[i];
     let gradient = placed_differences(i, placed_index(i, place)) * field.gradient_scale;
-    let along = field.rows[0].xyz * gradient.x + field.rows[1].xyz * gradient.y + field.rows[2].xyz * gradient.z;
+    let before = fma(field.rows[1].xyz, vec3f(gradient.y), field.rows[2].xyz * gradient.z);
+    let along = fma(field.rows[0].xyz, vec3f(gradient.x), before);
     return unit(capped_by(along / march.local_scale, fma(value, field.fall, field.lowest), place));
 }
 
