@@ -124,8 +124,14 @@ pub(super) fn bits<R: Real>(film: &Film<R>) -> Vec<u64> {
 
 fn assert_same_bytes(what: &str, found: &Film<f32>, expected: &Film<f32>) {
     let (found, expected) = (bits(found), bits(expected));
-    let differ = found.iter().zip(&expected).filter(|(one, other)| one != other).count();
-    assert!(found.len() == expected.len() && differ == 0, "{what}: {differ} of {} numbers differ", expected.len());
+    let mut pairs = found.iter().zip(&expected).enumerate().filter(|(_, (one, other))| one != other);
+    let first = pairs.next().map(|(i, (one, other))| (i, f64::from_bits(*one), f64::from_bits(*other)));
+    let differ = pairs.count() + usize::from(first.is_some());
+    assert!(
+        found.len() == expected.len() && differ == 0,
+        "{what}: {differ} of {} numbers differ; first index, found and expected: {first:?}",
+        expected.len()
+    );
 }
 
 /// ΔE00 of each pixel where white has Y = 1, sorted.
