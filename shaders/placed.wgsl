@@ -90,8 +90,11 @@ fn placed_between(field: u32, index: vec3f) -> PlacedTexel {
 // Voxel index of a field at a place of the volume.
 fn placed_index(field: u32, place: vec3f) -> vec3f {
     let rows = placed[field].rows;
-    let at = vec4f(place, 1.0);
-    return vec3f(dot(rows[0], at), dot(rows[1], at), dot(rows[2], at));
+    let x = vec3f(rows[0].x, rows[1].x, rows[2].x);
+    let y = vec3f(rows[0].y, rows[1].y, rows[2].y);
+    let z = vec3f(rows[0].z, rows[1].z, rows[2].z);
+    let first = vec3f(rows[0].w, rows[1].w, rows[2].w);
+    return fma(vec3f(place.x), x, fma(vec3f(place.y), y, fma(vec3f(place.z), z, first)));
 }
 
 // Those of the fields that share the `texel`, and of the others at `place`.
