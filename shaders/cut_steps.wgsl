@@ -30,9 +30,6 @@ fn march_steps(
         if (n < end && n == select(0u, last, turn == 1u) && is_cut(ray, n)) {
             let place = place_of(ray, n);
             let part = part_of(ray, n);
-            if (PLACED > 0u) {
-                meets_placed = 1u;
-            }
             let step = medium_at(place, key_at(place));
             transmittance = add_part(ray, place, step, part.y - part.x, transmittance, sums);
             n = select(n + 1u, end, brightest(transmittance) < march.termination);

@@ -27,9 +27,6 @@ struct FieldValues {
 // Copy, as of the planes.
 var<private> placed: array<PlacedField, PLACED_VECTORS>;
 
-// 1 where any of these fields may be visible in the macrocell of a sample, 0 otherwise.
-var<private> meets_placed: u32 = 1u;
-
 fn read_fields() {
     if (PLACED > 0u) {
         placed = placed_fields;
@@ -100,19 +97,10 @@ fn placed_index(field: u32, place: vec3f) -> vec3f {
     return fma(vec3f(place.x), x, fma(vec3f(place.y), y, fma(vec3f(place.z), z, first)));
 }
 
-// Those of the fields that share the `texel`.
-fn values_of_texel(texel: vec4f) -> FieldValues {
-    var found = FieldValues(texel, vec4f(1.0));
-    found.values.x = value_of(texel);
-    for (var i = 0u; i < PLACED; i += 1u) {
-        found.there[FIRST_PLACED + i] = 0.0;
-    }
-    return found;
-}
-
 // Those of the fields that share the `texel`, and of the others at `place`.
 fn values_at(texel: vec4f, place: vec3f) -> FieldValues {
-    var found = values_of_texel(texel);
+    var found = FieldValues(texel, vec4f(1.0));
+    found.values.x = value_of(texel);
     for (var i = 0u; i < PLACED; i += 1u) {
         let index = placed_index(i, place);
         let inside = all(placed[i].low <= index & index <= placed[i].high);

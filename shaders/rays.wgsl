@@ -174,13 +174,6 @@ fn is_occupied(cell: vec3f) -> bool {
     return ((occupancy[index / 32u] >> (index % 32u)) & 1u) != 0u;
 }
 
-// 1 if it may hold anything visible of fields on grids of their own, 0 otherwise: in the bits behind those of all fields.
-fn meets_placed_in(cell: vec3f) -> u32 {
-    let all = (march.cells.x * march.cells.y * march.cells.z + 31u) / 32u;
-    let index = u32(cell.x) + march.cells.x * (u32(cell.y) + march.cells.y * u32(cell.z));
-    return (occupancy[all + index / 32u] >> (index % 32u)) & 1u;
-}
-
 // Number of the first sample at or behind `s`.
 fn first_behind(ray: Ray, s: f32) -> u32 {
     let steps = (s - ray.start) / march.step_length - ray.first;

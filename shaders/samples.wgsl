@@ -19,11 +19,7 @@ fn key_at(place: vec3f) -> Key {
     }
     var fields = FieldValues(texel, vec4f(1.0));
     if (PLACED > 0u) {
-        // A software device executes both sides of a branch, and leaves out a loop without turns.
-        fields = values_of_texel(texel);
-        for (var turn = 0u; turn < meets_placed; turn += 1u) {
-            fields = values_at(texel, place);
-        }
+        fields = values_at(texel, place);
     }
     return Key(texel, fields, coordinate, label);
 }

@@ -82,9 +82,6 @@ fn march_whole(
                 let cell = clamp(floor(cells), vec3f(), last_cell);
                 let ahead = abs(cell + forward - cells) * samples_per_cell;
                 leave = n + max(1u, u32(ceil(min(min(ahead.x, ahead.y), min(ahead.z, 1e6)))));
-                if (PLACED > 0u) {
-                    meets_placed = meets_placed_in(cell);
-                }
                 if (is_occupied(cell)) { break; }
                 n = leave;
             }

@@ -235,14 +235,11 @@ impl PlannedJob {
                 let further: Vec<Cells> =
                     further.map(|(field, (storage, ..))| Cells::new(&field.volume, storage, None)).collect();
                 let places: Vec<Option<PlacedField>> = stored.further.iter().map(|field| field.2).collect();
-                {
-                    let [all, _] = occupancy_of_fields(
-                        &std::iter::once(&cells).chain(&further).collect::<Vec<_>>(),
-                        &places,
-                        &stored.table,
-                    );
-                    all
-                }
+                occupancy_of_fields(
+                    &std::iter::once(&cells).chain(&further).collect::<Vec<_>>(),
+                    &places,
+                    &stored.table,
+                )
             }
             None => cells.occupancy(&stored.table.active_entries()),
             Some(table) => cells.occupancy_of_segments(&self.scene, &table.active_entries()),

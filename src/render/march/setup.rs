@@ -125,22 +125,14 @@ impl Values {
 }
 
 /// Occupancy of the macrocells of `uploaded` under the table `values`.
-/// The macrocells that may hold anything visible; then those that may of fields on grids of their own, if there are any.
-fn occupancy_of(
-    scene: &Scene,
-    planned: &Planned,
-    uploaded: &Uploaded,
-    values: &Values,
-) -> (Occupancy, Option<Occupancy>) {
-    let all = match values {
+fn occupancy_of(scene: &Scene, planned: &Planned, uploaded: &Uploaded, values: &Values) -> Occupancy {
+    match values {
         Values::Steps(table) if planned.plan.groups.further > 0 => {
-            let [all, placed] = occupancy_of_fields(&uploaded.all_cells(), &uploaded.places, table);
-            return (all, (planned.plan.groups.beside() > 0).then_some(placed));
+            occupancy_of_fields(&uploaded.all_cells(), &uploaded.places, table)
         }
         Values::Steps(table) => uploaded.cells.occupancy(&table.active_entries()),
         Values::Segments(table) => uploaded.cells.occupancy_of_segments(scene, &table.active_entries()),
-    };
-    (all, None)
+    }
 }
 
 /// Buffers of tables by their names in the shader.
@@ -259,7 +251,7 @@ impl Renderer {
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(RenderError::TooManySamples { step_length })?;
         let (values, label_table) = Values::new(scene, planned, &uploaded.domains());
-        let (occupancy, of_placed) = occupancy_of(scene, planned, uploaded, &values);
+        let occupancy = occupancy_of(scene, planned, uploaded, &values);
         let extent = size.map(unsigned);
 
         let storage = |name: &str, bytes: &[u8]| -> Result<Buffer, RenderError> {
@@ -292,8 +284,7 @@ impl Renderer {
         let placed = storage("placed fields", &placed_bytes(&uploaded.places, &uploaded.storages(), unit))?;
         let caps = CapTable::new(scene, &uploaded.storage);
         let clip = storage("clip planes", &clip_bytes(&rays.clip, &caps, DVec3::ONE))?;
-        let words = occupancy.words.iter().chain(of_placed.iter().flat_map(|placed| &placed.words));
-        let occupied = storage("occupancy", bytemuck::cast_slice(&words.copied().collect::<Vec<u32>>()))?;
+        let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
         let unit = match &values {
             Values::Steps(_) => 0.0,
             Values::Segments(table) => rounded(table.unit),

@@ -101,25 +101,23 @@ impl Cells {
     }
 }
 
-/// The occupancy of the samples of fields with these `cells` under `table`, in the macrocells of the first: of any of them, and of any on a
-/// grid of its own. `placed` are the places of those.
+/// The occupancy of the samples of fields with these `cells` under `table`, in the macrocells of the first: one of any of them.
+/// `placed` are the places of further fields on grids of their own.
 #[must_use]
-pub fn occupancy_of_fields(cells: &[&Cells], placed: &[Option<PlacedField>], table: &TransferTable) -> [Occupancy; 2] {
-    let none = || {
-        let dims = cells.first().map_or([0; 3], |cells| cells.dims);
-        Occupancy { dims, words: vec![0; dims.iter().product::<usize>().div_ceil(32)], occupied: 0 }
-    };
-    let mut found = [none(), none()];
+pub fn occupancy_of_fields(cells: &[&Cells], placed: &[Option<PlacedField>], table: &TransferTable) -> Occupancy {
+    let mut found: Option<Occupancy> = None;
     let placed = std::iter::once(&None).chain(placed);
     for ((field, own), placed) in cells.iter().enumerate().zip(placed) {
         let mut of_field = own.occupancy(&table.active_entries_of(field));
         if let (Some(placed), Some(first)) = (placed, cells.first()) {
             of_field = of_field.seen_in(first, placed);
-            found[1] = std::mem::replace(&mut found[1], none()).or(&of_field);
         }
-        found[0] = std::mem::replace(&mut found[0], none()).or(&of_field);
+        found = Some(match found {
+            None => of_field,
+            Some(found) => found.or(&of_field),
+        });
     }
-    found
+    found.unwrap_or(Occupancy { dims: [0; 3], words: Vec::new(), occupied: 0 })
 }
 
 impl Occupancy {
