@@ -38,19 +38,17 @@ fn medium_at(place: vec3f, key: Key) -> Step {
     return add_media(key.fields, key, place, magnitude, step);
 }
 
-// Light that a further field with normals of its own scatters, which is shaded apart, and its value.
+// Density of a further field with normals of its own: its light is shaded apart.
 struct Other {
     source: array<vec4f, TABLE_LANES>,
-    value: f32,
+    normal: vec3f,
 }
 
 // Those of a sample.
 var<private> others: array<Other, OTHERS_VECTORS>;
 
-// The normal of a field that shares the texels of the first, where it has this `value`.
-fn normal_of_shared(place: vec3f, field: u32, group: u32, value: f32) -> vec3f {
-    // In units of the table's coordinate, which is 0 at the lowest value.
-    let scale = factor_table[group * FACTOR_VECTORS].zw;
+// The normal of a field that shares the texels of the first, whose value has the `fall` in units of `scale`.
+fn normal_of_shared(place: vec3f, field: u32, scale: f32, fall: f32) -> vec3f {
     let voxel = 1.0 / volume_dims();
     var along: vec3f;
     for (var axis = 0u; axis < 3u; axis += 1u) {
@@ -59,8 +57,8 @@ fn normal_of_shared(place: vec3f, field: u32, group: u32, value: f32) -> vec3f {
         along[axis] = fetch(place + step)[field] - fetch(place - step)[field];
     }
     // Per unit of length.
-    let gradient = along * (0.5 * scale.x) * volume_dims() / march.local_scale;
-    return unit(capped_by(gradient, 0.5 * fma(value, scale.x, scale.y), place));
+    let gradient = along * (0.5 * scale) * volume_dims() / march.local_scale;
+    return unit(capped_by(gradient, fall, place));
 }
 
 // The normal of field `i` of those on grids of their own, where it has this `value`.
@@ -76,25 +74,24 @@ fn normal_of_placed(place: vec3f, i: u32, value: f32) -> vec3f {
 fn add_other(
     fields: FieldValues,
     key: Key,
+    place: vec3f,
     n: u32,
     group: u32,
+    field: u32,
     step: ptr<function, Step>,
 ) {
     var other: Step;
     add_groups(fields, key, 0.0, group, group + 1u, &other);
     (*step).opacity = plus_share((*step).opacity, 1.0, other.opacity);
     others[n].source = other.source;
-    others[n].value = of_field(fields.values, group);
-}
-
-// Turns of a loop that adds this light: one if there is any. A software device executes both sides of a branch, and leaves out a loop
-// without turns.
-fn turns_for(source: array<vec4f, TABLE_LANES>) -> u32 {
-    var most = vec4f();
-    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-        most = max(most, abs(source[lane]));
+    let value = of_field(fields.values, group);
+    if (field < FIRST_PLACED) {
+        // In units of the table's coordinate, which is 0 at the lowest value.
+        let scale = factor_table[group * FACTOR_VECTORS].zw;
+        others[n].normal = normal_of_shared(place, field, scale.x, 0.5 * fma(value, scale.x, scale.y));
+    } else if (PLACED > 0u) {
+        others[n].normal = normal_of_placed(place, field - FIRST_PLACED, value);
     }
-    return select(0u, 1u, any(most > vec4f()));
 }
 
 // Adds a step of the medium of this `density` over a `length`, in steps; returns the transmittance after it.
@@ -107,36 +104,18 @@ fn add_part(
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) -> Transmittance {
     let step = across(density, length);
+    add_light(ray, place, step, transmittance, sums);
     if (OTHERS > 0u) {
-        let turns = turns_for(step.source);
-        for (var turn = 0u; turn < turns; turn += 1u) {
-            add_light(ray, place, step, transmittance, sums);
+        for (var n = 0u; n < OTHERS; n += 1u) {
+            var other = step;
+            other.normal = others[n].normal;
+            for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+                other.source[lane] = others[n].source[lane] * gain_of(step.opacity, density.opacity, length, lane);
+            }
+            add_light(ray, place, other, transmittance, sums);
         }
-        add_light_of_others(ray, place, density, step, length, transmittance, sums);
-    } else {
-        add_light(ray, place, step, transmittance, sums);
     }
     return attenuate(transmittance, step.opacity);
-}
-
-// Adds the light of other `n`, whose surface has this `normal`, in a `step` of the medium of this `density`.
-fn add_light_of_other(
-    ray: Ray,
-    place: vec3f,
-    density: Step,
-    step: Step,
-    length: f32,
-    n: u32,
-    normal: vec3f,
-    transmittance: Transmittance,
-    sums: ptr<function, array<vec4f, LAYERS>>,
-) {
-    var other = step;
-    other.normal = normal;
-    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-        other.source[lane] = others[n].source[lane] * gain_of(step.opacity, density.opacity, length, lane);
-    }
-    add_light(ray, place, other, transmittance, sums);
 }
 
 fn add_whole(

@@ -1,5 +1,5 @@
-//! Writer of `add_media`, which adds the densities of all groups of terms, and of `add_light_of_others`: further fields with normals of their
-//! own are lit apart. It writes straight lines, because a software device branches at the ends of loops only. Twin of `reference::samples`.
+//! Writer of `add_media`, which adds the densities of all groups of terms: those of further fields with normals of their own apart. It
+//! writes straight lines, because a software device branches at the ends of loops only. Twin of `reference::samples`.
 
 use std::fmt::Write as _;
 
@@ -28,7 +28,7 @@ pub(super) fn number(plan: &ScenePlan) -> usize {
     plan.groups.apart.iter().filter(|&&apart| apart).count()
 }
 
-/// WGSL of `add_media` and `add_light_of_others`.
+/// WGSL of `add_media`.
 pub(super) fn text(plan: &ScenePlan) -> String {
     let groups = plan.groups.in_tables();
     // Labels replace the first field alone.
@@ -45,21 +45,8 @@ pub(super) fn text(plan: &ScenePlan) -> String {
         line(format_args!("add_groups(fields, key, magnitude, {from}u, {to}u, &step);"));
     }
     apart.extend(further);
-    let mut lit = String::new();
     for ((number, group), field) in apart.into_iter().enumerate().zip(plan.groups.lit_fields()) {
-        line(format_args!("add_other(fields, key, {number}u, {group}u, &step);"));
-        let value = format!("others[{number}].value");
-        let normal = match field.checked_sub(1 + plan.groups.sharing) {
-            None => format!("normal_of_shared(place, {field}u, {group}u, {value})"),
-            Some(placed) => format!("normal_of_placed(place, {placed}u, {value})"),
-        };
-        let _ = writeln!(
-            lit,
-            "    let turns_{number} = turns_for(others[{number}].source);
-    for (var turn = 0u; turn < turns_{number}; turn += 1u) {{
-        add_light_of_other(ray, place, density, step, length, {number}u, {normal}, transmittance, sums);
-    }}"
-        );
+        line(format_args!("add_other(fields, key, place, {number}u, {group}u, {field}u, &step);"));
     }
     format!(
         "// Adds the densities of all groups at a sample to `begun`, and their labels.
@@ -67,18 +54,6 @@ fn add_media(fields: FieldValues, key: Key, place: vec3f, magnitude: f32, begun:
     var step = begun;
 {lines}    return step;
 }}
-
-// Adds the light of further fields with normals of their own.
-fn add_light_of_others(
-    ray: Ray,
-    place: vec3f,
-    density: Step,
-    step: Step,
-    length: f32,
-    transmittance: Transmittance,
-    sums: ptr<function, array<vec4f, LAYERS>>,
-) {{
-{lit}}}
 "
     )
 }
