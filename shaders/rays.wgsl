@@ -31,7 +31,7 @@ struct March {
     active_low: f32,
     crop_high: vec3f,
     active_high: f32,
-    // The same of each of several fields, in the values of texels.
+    // Ranges of the values of texels outside which each of several fields shows nothing.
     active_lows: vec4f,
     active_highs: vec4f,
 }

@@ -44,7 +44,7 @@ struct Other {
     normal: vec3f,
 }
 
-// Those of a sample.
+// Light of a sample by further fields.
 var<private> others: array<Other, OTHERS_VECTORS>;
 
 // The normal of a field that shares the texels of the first, whose value has the `fall` in units of `scale`.

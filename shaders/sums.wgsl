@@ -1,4 +1,4 @@
-// What a ray keeps from slice to slice beside its film, if all of its steps are seen: what rounding took from them. Part of `march.wgsl`.
+// Rounding errors that a ray keeps between slices beside its film, if all of its steps are seen. Part of `march.wgsl`.
 
 fn load_more(pixel: vec2u) {
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {

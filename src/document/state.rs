@@ -45,7 +45,7 @@ pub enum Edit {
     Phase(usize, f64),
     /// Thin film of a material, by its index, or none.
     Film(usize, Option<ThinFilm>),
-    /// What of the values along a ray is seen.
+    /// Rule that blends the values along a ray.
     Blending(Blending),
     /// Sides of surfaces that lights shade.
     Lighting(Lighting),

@@ -7,10 +7,12 @@ use relume_scene::tables::{Cells, LabelMap, Occupancy, Storage};
 /// Number of values across the data range at which the transfer function is evaluated, besides its bends.
 const PLACES: usize = 1 << 16;
 
-/// Occupancy of the macrocells of `scene`: whether its transfer function or a label scatters or absorbs there.
+/// Occupancy of the macrocells of `scene`: whether its transfer function or a label scatters or absorbs there. All of them, if it has
+/// further fields.
 #[must_use]
 pub fn occupancy(scene: &Scene, storage: &Storage, labels: Option<&LabelMap>) -> Occupancy {
-    Cells::new(scene.volume(), storage, labels).occupancy(&visible(scene, storage.domain))
+    let active = if scene.fields.further().is_empty() { visible(scene, storage.domain) } else { vec![true; 2] };
+    Cells::new(scene.volume(), storage, labels).occupancy(&active)
 }
 
 /// Whether `scene` scatters or absorbs, at values from the lowest to the highest; also at both values around a bend, if

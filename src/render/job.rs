@@ -106,8 +106,8 @@ impl Job {
             Keeps::Stated => plan_for(&scene, &lights, progress)?,
             Keeps::Weights => of_weights(&mut scene, &lights, progress)?,
             Keeps::Bands => {
-                // A plan refuses features that no renderer has, such as coloured shadows by rays.
-                if scene.asks_for_shadows() {
+                // A plan refuses features that no renderer has, such as coloured shadows by rays, or labels of the largest value.
+                if scene.asks_for_shadows() || scene.blending.is_extreme() {
                     plan_for(&scene, &[], progress)?;
                 }
                 plan_full_spectrum(&scene)

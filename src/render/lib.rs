@@ -99,7 +99,7 @@ pub enum RenderError {
     },
     /// The device does not hold the fields of a scene whole.
     #[error(
-        "the device has no room for all fields of the scene at once, and several are not marched in bricks; average blocks of voxels (`downsample`), or show fewer"
+        "the device has no room for all fields of the scene at once, and several are not marched in bricks; average blocks of voxels (`downsample`), show fewer, or take accuracy.gradients = \"central\" if a second volume is shaded"
     )]
     Fields,
     /// A sample reads more voxels around a brick than were uploaded with it.

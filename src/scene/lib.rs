@@ -58,7 +58,7 @@ pub struct Scene {
     pub transfer: Transfer,
     /// Lights in the order of their names.
     pub lights: Vec<SceneLight>,
-    /// What of a ray is seen.
+    /// Rule that blends the values along a ray.
     pub blending: Blending,
     /// Whether lights shade by direction.
     pub shading: Shading,
@@ -212,7 +212,7 @@ impl Scene {
     /// Whether the material `index` is visible through a value of the transfer function.
     #[must_use]
     pub fn shows_values_as(&self, index: usize) -> bool {
-        self.uses(index, |term| &term.opacity, |_| 0.0)
+        self.field_terms().any(|term| shows_as(term, index, |term| &term.opacity))
     }
 
     /// True if the light `index` casts shadows that change the picture: they take ambient light, light without shading, and
@@ -282,9 +282,7 @@ impl Scene {
         height: impl Fn(&Term) -> &Vec<(f64, f64)>,
         of_label: impl Fn(&LabelEntry) -> f64,
     ) -> bool {
-        let in_transfer = self.all_terms().any(|term| {
-            height(term).iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == index)
-        });
+        let in_transfer = self.all_terms().any(|term| shows_as(term, index, &height));
         let in_labels =
             self.declared().iter().any(|it| it.terms.is_empty() && it.material == index && of_label(it) > 0.0);
         in_transfer || in_labels
@@ -296,11 +294,20 @@ impl Scene {
         self.labels.as_ref().map_or(&[], |labels| &labels.declared)
     }
 
+    /// The terms of all fields.
+    fn field_terms(&self) -> impl Iterator<Item = &Term> {
+        self.transfer.terms.iter().chain(self.fields.further().iter().flat_map(|field| &field.terms))
+    }
+
     /// The terms of all fields, and those of labels by value.
     pub(crate) fn all_terms(&self) -> impl Iterator<Item = &Term> {
-        let further = self.fields.further().iter().flat_map(|field| &field.terms);
-        self.transfer.terms.iter().chain(further).chain(self.declared().iter().flat_map(|entry| &entry.terms))
+        self.field_terms().chain(self.declared().iter().flat_map(|entry| &entry.terms))
     }
+}
+
+/// True if a curve of `term` is anywhere above 0, and its materials have the one with this index.
+fn shows_as<'a>(term: &'a Term, index: usize, curve: impl Fn(&'a Term) -> &'a Vec<(f64, f64)>) -> bool {
+    curve(term).iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == index)
 }
 
 /// Terms of a field with equal factors by the gradient.
@@ -416,8 +423,8 @@ pub struct LabelEntry {
     pub opacity: f64,
     /// Optical depth of an opacity length at the peak of the material's absorption spectrum.
     pub absorption: f64,
-    /// What it shows by the values of the first field, in place of its material, opacity and absorption, which then are those of a legend.
-    /// Empty shows the same at all values.
+    /// Terms over the values of the first field, in place of its material, opacity and absorption, which then are those of a legend. Empty
+    /// shows the same at all values.
     pub terms: Vec<Term>,
 }
 
@@ -520,7 +527,7 @@ pub enum ShadowMethod {
     Rays,
 }
 
-/// What of the values along a ray is seen.
+/// Rule that blends the values along a ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Blending {
     /// All of them, front to back: each step scatters light, and dims what is behind it.

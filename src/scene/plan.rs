@@ -75,7 +75,7 @@ pub struct ScenePlan {
     pub lookup: Lookup,
     /// Integration along a ray.
     pub integration: Integrate,
-    /// What of a ray is seen.
+    /// Rule that blends the values along a ray.
     pub blending: Blending,
     /// Interpolation between voxels.
     pub interpolation: Interpolation,
@@ -101,7 +101,7 @@ pub struct Groups {
     pub number: usize,
     /// Points of the longest factor; 0 if every factor is 1.
     pub points: usize,
-    /// Those of the first field, which come first.
+    /// Groups of the first field, which come first.
     pub of_first: usize,
     /// Fields besides the first.
     pub further: usize,
@@ -111,7 +111,7 @@ pub struct Groups {
     pub is_one_each: bool,
     /// True for each further field, by its index, whose media are shaded by its own normals.
     pub lit: [bool; FIELDS],
-    /// The same for its group.
+    /// True for each group of such a field.
     pub apart: [bool; FACTORS + FIELDS],
 }
 
@@ -447,7 +447,7 @@ impl ScenePlan {
     /// True if a march adds densities before it closes a step, rather than reading the effect of a step at a value.
     #[must_use]
     pub fn adds_densities(&self) -> bool {
-        self.integration == Integrate::Segments || self.groups.any()
+        self.integration == Integrate::Segments || self.groups.any() || self.blending.is_extreme()
     }
 
     /// Whether the gradient of the data is needed.

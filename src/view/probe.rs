@@ -409,6 +409,10 @@ impl Ray {
             let place = DVec3::from_array(sample.place) * dims - 0.5;
             let magnitude = exact.magnitude_at(sample.place);
             let (value, label) = exact.at(sample.place);
+            if scene.blending.is_extreme() {
+                // Only the samples of extreme values are seen.
+                profile.travelled = count(sample.index);
+            }
             let medium = exact.medium_at(sample.place, label);
             profile.add((place, medium), value, [magnitude, sample.length], sample.transmittance);
         })?;

@@ -547,6 +547,9 @@ impl About {
             }
             Self::LabelOpacity(opacity) => {
                 let index = label()?;
+                if labels().nth(index).is_some_and(|entry| !entry.terms.is_empty()) {
+                    return Err(format!("label {name:?} goes by value: its transfer function is in the scene file"));
+                }
                 Edit::Label(index, labels().nth(index).map_or(0, |entry| entry.material), opacity)
             }
         })

@@ -76,6 +76,17 @@ fn counts_of(voxels: &Voxels, scale: [f64; 2], most: usize) -> Result<LabelCount
     })
 }
 
+/// The label with the largest share; of equal shares, the first. Shares differ if they do by more than rounding.
+fn most_shared<T: Voxel>(around: [(T, f64); 8]) -> T {
+    let nearest = around[0].0;
+    if around.iter().all(|(label, _)| *label == nearest) {
+        return nearest;
+    }
+    let share_of = |label: T| around.iter().filter(|(other, _)| *other == label).map(|it| it.1).sum::<f64>();
+    let all = around.iter().map(|&(label, _)| (label, share_of(label)));
+    all.reduce(|most, other| if other.1 > most.1 + 1e-9 { other } else { most }).map_or(nearest, |most| most.0)
+}
+
 impl Volume {
     /// Label of the voxel at `index` of [`Self::voxels`]; `None` if it is no whole number of 63 bits.
     #[must_use]
@@ -146,8 +157,9 @@ impl Volume {
         problem.map_or(Ok(counts), |problem| Err(self.no_labels(problem)))
     }
 
-    /// The labels on the voxels of `grid`: each voxel has the label of the voxel of these in which its centre lies, and 0
-    /// outside their grid. `None` if no voxel gets a label.
+    /// The labels on the voxels of `grid`: each voxel has the label with the largest share of its centre by linear interpolation, of equal
+    /// shares that of the nearest voxel, and 0 outside their grid. So surfaces lie where interpolated masks have them, without the
+    /// steps of coarse voxels. `None` if no voxel gets a label.
     ///
     /// # Errors
     ///
@@ -167,10 +179,24 @@ impl Volume {
                     let place = (at(x) + 0.5 + 1e-9).to_array();
                     let is_inside = (0..3).all(|axis| place[axis] >= 0.0 && place[axis] < last[axis]);
                     if is_inside {
-                        let [x, y, z] = place.map(whole);
-                        if let Some(&label) = stored.get(x + own.dims[0] * (y + own.dims[1] * z)) {
-                            *voxel = label;
-                        }
+                        let nearest = place.map(whole);
+                        let of = |[x, y, z]: [usize; 3]| stored[x + own.dims[0] * (y + own.dims[1] * z)];
+                        // Of the nearest voxel and the next one along each axis, with their shares.
+                        let around: [(_, f64); 8] = std::array::from_fn(|i| {
+                            let (mut index, mut share) = (nearest, 1.0);
+                            for axis in 0..3 {
+                                let beyond = place[axis] - count(nearest[axis]) - 0.5;
+                                let is_next = i >> axis & 1 == 1;
+                                share *= if is_next { beyond.abs() } else { 1.0 - beyond.abs() };
+                                index[axis] = match (is_next, beyond < 0.0) {
+                                    (false, _) => index[axis],
+                                    (true, true) => index[axis].saturating_sub(1),
+                                    (true, false) => (index[axis] + 1).min(own.dims[axis] - 1),
+                                };
+                            }
+                            (of(index), share)
+                        });
+                        *voxel = most_shared(around);
                     }
                 }
             });
@@ -194,7 +220,7 @@ impl Volume {
             _ => String::new(),
         };
         laid.notes.push(format!(
-            "{}: the labels of {x}×{y}×{z} voxels are resampled to the {a}×{b}×{c} voxels of the volume, by the nearest voxel{lost}",
+            "{}: the labels of {x}×{y}×{z} voxels are resampled to the {a}×{b}×{c} voxels of the volume, by the largest share of those around{lost}",
             self.source
         ));
         Ok(Some(laid))

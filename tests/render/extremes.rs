@@ -135,6 +135,15 @@ fn the_media_at_the_largest_values_of_two_fields_add_up_wherever_they_are() {
 }
 
 #[test]
+fn without_a_term_nothing_is_seen() {
+    let scene = scene(volume(value), "");
+    let rungs = Rungs::new(scene, [3, 3]);
+    assert_near("f64", opacities(&rungs.march::<f64>(&rungs.exact())), vec![0.0; 9], 0.0);
+    assert_near("f32", opacities(&rungs.march::<f32>(&rungs.stored::<f32>())), vec![0.0; 9], 0.0);
+    with_renderer(|renderer| assert_near("device", opacities(&rungs.gpu(renderer)), vec![0.0; 9], 0.0));
+}
+
+#[test]
 fn all_light_reaches_the_extreme_value_whole() {
     let scene = scene(volume(value), RAMP);
     let planned = plan(&scene, &Quiet).unwrap();

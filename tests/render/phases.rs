@@ -228,7 +228,7 @@ fn the_key_of_a_phase_function_is_read_and_checked() {
     // With shading by gradients it has no effect, and the plan says so.
     let scene = opened("phase = 0.3", "gradient").unwrap().scene;
     let planned = plan(&scene, &Quiet).unwrap();
-    assert_eq!(planned.warnings, [PlanWarning::PhaseUnused { materials: "wing".into() }]);
+    assert_eq!(planned.warnings, [PlanWarning::PhaseUnused { materials: "wing".into(), is_extreme: false }]);
     assert_eq!(planned.warnings[0].code(), "phase-unused");
     let told = planned.warnings[0].to_string();
     assert!(told.contains("wing") && told.contains("shading = \"none\""), "{told}");

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use toml_edit::{DocumentMut, Item, Table, Value, value};
 
-use super::channels::{number, number_in, rename};
+use super::channels::{brighten, number, number_in, rename};
 use super::first_look::{Look, LookError, Subject, Wish, first_look};
 use relume_base::number::brief_in;
 use relume_base::progress::Progress;
@@ -48,6 +48,8 @@ pub(crate) fn beside(
         transfer.get("opacity_length").and_then(Item::as_value).and_then(number_in).unwrap_or(spacing)
     };
     let ours = length(&document["transfer"], spacing);
+    // Of the largest values an opacity length of each is seen.
+    let is_largest = document.get("blending").is_some();
     let mut told = Vec::new();
     let mut volumes = Table::new();
     volumes.set_implicit(true);
@@ -61,10 +63,13 @@ pub(crate) fn beside(
         let mut transfer = looked["transfer"].as_table().cloned().unwrap_or_default();
         transfer.remove("opacity_length");
         rename(&mut transfer, &name);
+        if is_largest {
+            brighten(&mut transfer);
+        }
         if let Some(points) = transfer.get_mut("opacity").and_then(Item::as_array_mut) {
             // An opacity of one length is one of another.
             for point in points.iter_mut().filter_map(Value::as_array_mut) {
-                if let Some(opacity) = point.get(1).and_then(number_in) {
+                if let Some(opacity) = point.get(1).and_then(number_in).filter(|_| !is_largest) {
                     let scaled = -((-opacity).ln_1p() * ours / theirs).exp_m1();
                     point.replace(1, number((scaled * 1e6).round() / 1e6));
                 }
@@ -89,7 +94,8 @@ pub(crate) fn beside(
         volumes.insert(&name, Item::Table(own));
     }
     document.insert("volumes", Item::Table(volumes));
-    let guess = format!(" Beside it, where each is in the world, what glows and hides nothing: {}.", told.join(", "));
+    let what = if is_largest { "the largest values, as light that adds up" } else { "what glows and hides nothing" };
+    let guess = format!(" Beside it, where each is in the world, {what}: {}.", told.join(", "));
     Ok(BesideLook { text: document.to_string(), guess })
 }
 

@@ -130,8 +130,9 @@ pub(crate) fn channels(
     Ok(ChannelLook { text, guess, names })
 }
 
-/// Lets the light of an X-ray material rise evenly with the value, to all that falls on it, where one opacity length of it is seen.
-fn brighten(transfer: &mut Table) {
+/// Opacities by which the light of an X-ray material rises evenly with the value, to all that falls on it, where one opacity length of it is
+/// seen.
+pub(super) fn brighten(transfer: &mut Table) {
     /// Parts of the range between whose ends opacities are interpolated.
     const PARTS: usize = 8;
     let points = transfer["opacity"].as_array();

@@ -25,7 +25,7 @@ macro_rules! text {
     };
 }
 
-/// What texels of fields on grids of their own hold.
+/// Shader text for texels of fields on grids of their own.
 fn placed_texels(plan: &ScenePlan) -> Part {
     if plan.stores_placed_gradients() { text!("placed_gradients.wgsl") } else { text!("placed_values.wgsl") }
 }

@@ -20,17 +20,21 @@ impl Planned {
         ];
         let stated = stated.into_iter().flatten().filter(|_| self.model.is_none());
         let phases = listed(scene.states_phases().map(|material| material.name.as_str()));
-        let without = scene.shading == Shading::Gradient && scene.states_phases().next().is_some();
-        let phases = without.then_some(PlanWarning::PhaseUnused { materials: phases });
+        let is_extreme = scene.blending.is_extreme();
+        let without = (scene.shading == Shading::Gradient || is_extreme) && scene.states_phases().next().is_some();
+        let phases = without.then_some(PlanWarning::PhaseUnused { materials: phases, is_extreme });
         let thin_films = self.unused_thin_films(scene).into_iter().chain(self.inexact_thin_films(scene));
         stated.map(|setting| PlanWarning::Unused { setting }).chain(phases).chain(thin_films).collect()
     }
 
     /// Films without effect.
     fn unused_thin_films(&self, scene: &Scene) -> Vec<PlanWarning> {
-        let (mut unshaded, mut without, mut undirected) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut placeless, mut unshaded, mut without, mut undirected) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for material in scene.states_thin_films() {
-            if scene.shading == Shading::None {
+            if scene.blending.is_extreme() {
+                placeless.push(material.name.as_str());
+            } else if scene.shading == Shading::None {
                 unshaded.push(material.name.as_str());
             } else if let Some(film) =
                 material.film.as_ref().filter(|film| material.thin_film_at(film.angle()).is_none())
@@ -45,6 +49,10 @@ impl Planned {
         };
         let of = |angle: ThinFilmAngle| without.iter().filter(|film| film.1 == angle).map(|film| film.0).collect();
         let warnings = [
+            warning(
+                placeless,
+                "a single value of a ray is seen, and it has no surface; use blending = \"composite\", or remove `film`",
+            ),
             warning(unshaded, "without shading no surface has an angle; use shading = \"gradient\", or remove `film`"),
             warning(
                 undirected,
@@ -247,7 +255,7 @@ impl Planned {
         if plan.blending.is_extreme() {
             let size = if plan.blending == Blending::Maximum { "largest" } else { "smallest" };
             sentences.push(format!(
-                "A pixel shows the {size} value along its ray, of each field, as {} of its medium (transfer.opacity_length). All light reaches it whole: shading, shadows and phase functions have no effect.",
+                "A pixel shows the {size} value along its ray, of each field, as an opacity length of its medium ({}). All light reaches it whole: shading, shadows, phase functions and thin films have no effect.",
                 brief(scene.transfer.opacity_length)
             ));
         }
@@ -286,14 +294,17 @@ impl Planned {
             let told = places.iter().filter(|(_, fields)| !fields.is_empty());
             let told: Vec<String> = told.map(|(place, fields)| format!("{} {place}", names(fields))).collect();
             sentences.push(format!(
-                "Beside the volume, a sample reads {}, and adds the densities of all.",
-                told.join(", and ")
+                "Beside the volume, a sample reads {}{}.",
+                told.join(", and "),
+                if plan.blending.is_extreme() { "" } else { ", and adds the densities of all" }
             ));
             let lit = plan.groups.lit_fields().filter_map(|field| scene.fields.further().get(field - 1));
             let lit: Vec<&str> = lit.map(|field| field.name.as_str()).collect();
             if !lit.is_empty() {
+                let source = if plan.stores_placed_gradients() { Gradients::Packed } else { Gradients::Central };
                 sentences.push(format!(
-                    "Of these, {} have normals of their own, computed from six values around each sample.",
+                    "Shaded by gradients of their own, on grids of their own {}: {}.",
+                    gradients(source),
                     listed(lit.into_iter())
                 ));
             }
@@ -342,7 +353,7 @@ impl Planned {
             Lookup::Nearest => "the transfer function changes in small steps",
         };
         sentences.push(format!("Between voxels, {values}; {entries}."));
-        let termination = if scene.accuracy.termination > 0.0 {
+        let termination = if scene.accuracy.termination > 0.0 && !plan.blending.is_extreme() {
             format!("until the transmittance is below {} %", readable(100.0 * scene.accuracy.termination))
         } else {
             "to the end of the volume".to_owned()

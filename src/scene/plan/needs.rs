@@ -118,8 +118,11 @@ pub(super) fn largest_depth(scene: &Scene) -> f64 {
     scene.declared().iter().map(of_label).fold(of_values, f64::max) * longest_way(scene)
 }
 
-/// Longest path through the volume (its diagonal), in opacity lengths.
+/// Longest path through the volume (its diagonal), in opacity lengths; one, where the extreme values of rays are seen.
 pub(super) fn longest_way(scene: &Scene) -> f64 {
+    if scene.blending.is_extreme() {
+        return 1.0;
+    }
     let geometry = &scene.frame.geometry;
     let diagonal = (geometry.spacing * glam::DVec3::from_array(geometry.dims.map(count))).length();
     diagonal / scene.transfer.opacity_length

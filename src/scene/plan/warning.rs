@@ -13,10 +13,12 @@ pub enum PlanWarning {
         /// The setting, such as "k = 8".
         setting: String,
     },
-    /// Phase functions of some materials have no effect, because gradients shade the scene.
+    /// Phase functions of some materials have no effect, because gradients shade the scene, or a single value of a ray is seen.
     PhaseUnused {
         /// Names of the materials.
         materials: String,
+        /// True if a single value is seen.
+        is_extreme: bool,
     },
     /// Films of some materials have no effect.
     FilmUnused {
@@ -82,10 +84,14 @@ impl fmt::Display for PlanWarning {
                     "{setting} has no effect: pixels keep material weights, which are exact for this scene"
                 )
             }
-            Self::PhaseUnused { materials } => write!(
-                formatter,
-                "the phase function of {materials} has no effect: gradients shade the scene; use shading = \"none\", or remove `phase`"
-            ),
+            Self::PhaseUnused { materials, is_extreme } => {
+                let why = if *is_extreme {
+                    "a single value of a ray is seen; use blending = \"composite\""
+                } else {
+                    "gradients shade the scene; use shading = \"none\""
+                };
+                write!(formatter, "the phase function of {materials} has no effect: {why}, or remove `phase`")
+            }
             Self::FilmUnused { materials, why } => write!(formatter, "the film of {materials} has no effect: {why}"),
             Self::FilmInexact { material, error, tolerance } => write!(
                 formatter,

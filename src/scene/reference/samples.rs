@@ -146,7 +146,7 @@ impl<R: Real> Shares<R> {
     }
 
     /// Replaces `own`, the step or density without labels, by the sum of it and of those of the labels, by their shares.
-    /// `of_row` sets a step to that of a row. Twin of `shared_by_labels` in `shaders/march.wgsl`.
+    /// `of_row` sets a step to that of a row. Twin of `shared_by_labels` in `shaders/labelled.wgsl`.
     fn mix(&self, own: &mut Step<R>, of_row: impl Fn(usize, &mut Step<R>)) {
         match self {
             Self::One(0) => {}
@@ -768,6 +768,10 @@ impl<'a, R: Real> Stored<'a, R> {
         let of_first = self.planned.plan.groups.of_first;
         let source = density.source.split_off(of_first * lanes);
         let opacity = density.opacity.split_off(of_first * numbers);
+        if of_first == 0 {
+            density.source.resize(lanes, R::default());
+            density.opacity.resize(numbers, R::default());
+        }
         let of_group = |(group, &field): (usize, &usize)| {
             let source = source[group * lanes..][..lanes].to_vec();
             (field, Step { source, opacity: opacity[group * numbers..][..numbers].to_vec(), ..Step::default() })

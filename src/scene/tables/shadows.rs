@@ -33,7 +33,7 @@ pub struct ExtinctionTable {
     pub values: Vec<f32>,
     /// Groups of terms, whose extinctions have factors of their own.
     pub groups: usize,
-    /// Of the entries of a label table.
+    /// Extinctions of the entries of a label table.
     pub labels: Vec<f32>,
     /// Where its rows lie among them.
     pub rows: LabelRows,

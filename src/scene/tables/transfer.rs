@@ -47,7 +47,7 @@ pub struct TransferTable {
     pub groups: usize,
     /// The field of each group; empty without groups.
     pub fields: Vec<usize>,
-    /// What of a ray is seen.
+    /// Rule that blends the values along a ray.
     pub blending: Blending,
 }
 

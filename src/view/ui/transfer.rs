@@ -49,10 +49,10 @@ pub(super) fn show(ui: &mut Ui, document: &Document, seen: Option<[f64; 2]>, ask
     });
 }
 
-/// Shows the choice of what is seen of the values along a ray.
+/// Shows the choice of the rule that blends the values along a ray.
 fn along_rays(ui: &mut Ui, blending: Blending, asked: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
-        ui.label("Along a ray").on_hover_text("What of the values along a ray is seen. A change marches the volume again.");
+        ui.label("Along a ray").on_hover_text("The rule that blends the values along a ray. A change marches the volume again.");
         let choices = [
             (Blending::Composite, "all", "All values, front to back: each dims what is behind it."),
             (
