@@ -528,7 +528,7 @@ fn channels_of(error: &SceneError, options: &SceneOptions) -> Result<Option<Vec<
     let name = |component: usize| names.get(component).cloned().unwrap_or_default();
     if let (Some(_), true) = (&options.channels, wishes || options.preset.is_some()) {
         let problem =
-            "several channels have a look of their own, or that of their largest values: --look maximum; omit their names, or the look, window or preset"
+            "several channels have a look of their own, or that of their largest values, the look maximum; omit their names, or the look, window or preset"
                 .to_owned();
         return Err(VolumeError::Layout { source_name: source_name.clone(), problem }.into());
     }

@@ -231,7 +231,7 @@ fn channels_are_listed_by_their_names() {
     }
     folder.done(&[&["render", "m.toml", "-o", "again.png"][..], &small].concat());
     assert_eq!(std::fs::read(folder.path("m.png")).unwrap(), std::fs::read(folder.path("again.png")).unwrap());
-    folder.refused(1, &["render", file, "--channels", "GFP,0", "--look", "bone"], &["--look maximum"]);
+    folder.refused(1, &["render", file, "--channels", "GFP,0", "--look", "bone"], &["the look maximum"]);
     folder.refused(
         1,
         &["render", "m.toml", "-D", "accuracy.integration=segments", "-o", "no.png"],
