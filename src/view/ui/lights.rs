@@ -92,13 +92,13 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         ui.label(RichText::new(whose).small().weak()).on_hover_text(
             "The sliders and the dial each have a master and a switch; these belong to the one that mixes.",
         );
-        if state.scene.shading == Shading::Gradient {
+        let shades = state.scene.shading == Shading::Gradient && !state.scene.blending.is_extreme();
+        if shades {
             shaded_sides(ui, state.scene.lighting, asked);
             ambient_shares(ui, state.scene.shadows.ambient, asked);
         }
         let sky = |light: &SceneLight| light.shadows && light.placement == Placement::Ambient;
-        let occluded =
-            state.scene.shading == Shading::Gradient && state.scene.shadows.ambient == AmbientShares::Occluded;
+        let occluded = shades && state.scene.shadows.ambient == AmbientShares::Occluded;
         if occluded || state.scene.lights.iter().any(sky) {
             reach(ui, &state.scene, asked);
         }
