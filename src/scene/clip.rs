@@ -56,7 +56,7 @@ impl Clip {
     /// True if the planes leave nothing of the box of `frame` between these `corners`, in voxel indices.
     #[must_use]
     pub fn leaves_nothing(&self, frame: &Frame, [low, high]: [DVec3; 2]) -> bool {
-        // The rest is convex: it has a corner where three of them meet. All are moved inwards a little, since a slice
+        // The part that faces and planes leave is convex: it has a corner where three of them meet. All are moved inwards a little, since a slice
         // without thickness is nothing.
         let geometry = &frame.geometry;
         let inwards = 1e-6 * geometry.extent().length();

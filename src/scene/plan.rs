@@ -101,19 +101,18 @@ pub struct Groups {
     pub number: usize,
     /// Points of the longest factor; 0 if every factor is 1.
     pub points: usize,
-    /// Groups of the first field, which come first.
-    pub of_first: usize,
+    /// Field of each group, in the order of the fields.
+    pub fields: [usize; MOST_GROUPS],
     /// Fields besides the first.
     pub further: usize,
     /// Those of them that share its texels; the others have grids of their own.
     pub sharing: usize,
-    /// True if each field has one group, in the order of the fields: a march needs not look up which is whose.
-    pub is_one_each: bool,
     /// True for each further field, by its index, whose media are shaded by its own normals.
     pub lit: [bool; FIELDS],
-    /// True for each group of such a field.
-    pub apart: [bool; FACTORS + FIELDS],
 }
+
+/// Largest number of groups: those of the first field with different factors, and one of each further field.
+pub const MOST_GROUPS: usize = FACTORS + FIELDS - 1;
 
 /// Clip planes as a march meets them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -129,12 +128,10 @@ impl Groups {
         let groups = scene.groups();
         let points = groups.iter().map(|group| group.factor.len()).max().unwrap_or(0);
         let further = scene.fields.further().len();
-        let is_one_each =
-            groups.len() == further + 1 && groups.iter().enumerate().all(|(index, group)| group.field == index);
         if points > 0 || further > 0 || scene.blending.is_extreme() {
-            let of_first = groups.iter().filter(|group| group.field == 0).count();
+            let fields = std::array::from_fn(|group| groups.get(group).map_or(0, |group| group.field));
             let sharing = scene.fields.sharing().len();
-            Self { number: groups.len(), points, of_first, further, sharing, is_one_each, ..Self::default() }
+            Self { number: groups.len(), points, fields, further, sharing, lit: [false; FIELDS] }
         } else {
             Self::default()
         }
@@ -150,6 +147,24 @@ impl Groups {
     #[must_use]
     pub const fn by_gradient(self) -> bool {
         self.points > 0
+    }
+
+    /// Number of groups of the first field, which come first.
+    #[must_use]
+    pub fn of_first(self) -> usize {
+        self.fields[..self.number].iter().filter(|field| **field == 0).count()
+    }
+
+    /// True if each field has one group: a march needs not look up which is whose.
+    #[must_use]
+    pub fn is_one_each(self) -> bool {
+        self.number == self.further + 1 && (0..self.number).all(|group| self.fields[group] == group)
+    }
+
+    /// True if a group is of a further field with normals of its own.
+    #[must_use]
+    pub fn is_apart(self, group: usize) -> bool {
+        group < self.number && self.lit[self.fields[group]]
     }
 
     /// Further fields that are shaded by their own normals.
@@ -849,10 +864,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         storage: scene.accuracy.storage,
     };
     if plan.shades_by_gradient() {
-        let lit = std::array::from_fn(|field| field > 0 && is_lit(scene, field));
-        let fields: Vec<usize> = scene.groups().iter().map(|group| group.field).collect();
-        let apart = std::array::from_fn(|group| fields.get(group).is_some_and(|&field| lit[field]));
-        plan.groups = Groups { lit, apart, ..plan.groups };
+        plan.groups.lit = std::array::from_fn(|field| field > 0 && is_lit(scene, field));
     }
     if plan.gradient() {
         // Texels of several fields have no room for gradients.

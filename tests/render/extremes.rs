@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use relume::document::{self, InMemory, SceneOptions};
 use relume::film::Film;
 use relume::number::Real;
-use relume::plan::plan;
+use relume::plan::{PlanWarning, plan};
 use relume::progress::Quiet;
 use relume::scene::Scene;
 use relume::volume::{Geometry, Volume, Voxels};
@@ -148,6 +148,9 @@ fn all_light_reaches_the_extreme_value_whole() {
     let scene = scene(volume(value), RAMP);
     let planned = plan(&scene, &Quiet).unwrap();
     assert!(planned.plan.shading.is_none() && !planned.plan.light.is_dimmed() && planned.positions.len() == 1);
+    let warnings: Vec<String> = planned.warnings.iter().map(ToString::to_string).collect();
+    assert_eq!(planned.warnings.iter().map(PlanWarning::code).collect::<Vec<_>>(), ["shadows-unused"]);
+    assert!(warnings[0].contains("lights.day.shadows has no effect"), "{warnings:?}");
     let explained = planned.explain(&scene).join(" ");
     assert!(explained.contains("largest value along its ray") && explained.contains("shadows"), "{explained}");
 }

@@ -492,8 +492,8 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         *thin_films != FilmCounts::default(),
         format!("films: {facing} facing, {lobe} lobes, {terms} terms, {exponent_bits} bits"),
     );
-    let Groups { number, points, of_first: _, further, sharing, is_one_each: _, lit: _, apart } = *groups;
-    let lit = apart.iter().filter(|&&apart| apart).count();
+    let Groups { number, points, fields: _, further, sharing, lit: _ } = *groups;
+    let lit = groups.lit_fields().count();
     let apart = if number > 1 && further == 0 { format!(" in {number} groups") } else { String::new() };
     add(points > 0, format!("thinned at {points}{apart}"));
     let placed = if further > sharing { format!(", {} placed", further - sharing) } else { String::new() };

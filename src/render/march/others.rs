@@ -9,7 +9,7 @@ use relume_scene::plan::ScenePlan;
 fn runs(plan: &ScenePlan, first: usize, end: usize) -> (Vec<[usize; 2]>, Vec<usize>) {
     let (mut together, mut apart) = (Vec::<[usize; 2]>::new(), Vec::new());
     for group in first..end {
-        match (is_apart(plan, group), together.last_mut()) {
+        match (plan.groups.is_apart(group), together.last_mut()) {
             (true, _) => apart.push(group),
             (false, Some(last)) if last[1] == group => last[1] += 1,
             (false, _) => together.push([group, group + 1]),
@@ -18,21 +18,11 @@ fn runs(plan: &ScenePlan, first: usize, end: usize) -> (Vec<[usize; 2]>, Vec<usi
     (together, apart)
 }
 
-/// True if the group is of a further field with normals of its own.
-fn is_apart(plan: &ScenePlan, group: usize) -> bool {
-    plan.groups.apart.get(group).is_some_and(|&apart| apart)
-}
-
-/// Number of further fields with normals of their own.
-pub(super) fn number(plan: &ScenePlan) -> usize {
-    plan.groups.apart.iter().filter(|&&apart| apart).count()
-}
-
 /// WGSL of `add_media`.
 pub(super) fn text(plan: &ScenePlan) -> String {
     let groups = plan.groups.in_tables();
     // Labels replace the first field alone.
-    let first = if plan.labels { plan.groups.of_first } else { groups };
+    let first = if plan.labels { plan.groups.of_first() } else { groups };
     let mut lines = String::new();
     let mut line = |line: std::fmt::Arguments<'_>| writeln!(lines, "    {line}").unwrap_or_default();
     let (together, mut apart) = runs(plan, 0, first);

@@ -142,6 +142,9 @@ type Tables = [(&'static str, Buffer); 4];
 fn active_values(uploaded: &Uploaded, values: &Values) -> [[f32; FIELDS]; 2] {
     let mut ranges = [[f32::INFINITY; FIELDS], [f32::NEG_INFINITY; FIELDS]];
     let Values::Steps(table) = values else { return ranges };
+    if uploaded.places.is_empty() {
+        return ranges;
+    }
     for (field, storage) in uploaded.storages().into_iter().enumerate().take(FIELDS) {
         let active = table.active_entries_of(field);
         let (Some(first), Some(last)) = (active.iter().position(|&it| it), active.iter().rposition(|&it| it)) else {

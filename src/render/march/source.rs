@@ -167,14 +167,14 @@ fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
         .u32("GROUPS", unsigned(plan.groups.in_tables()))
         .bool("BY_GRADIENT", plan.groups.by_gradient())
         .bool("SEVERAL_FIELDS", plan.groups.further > 0)
-        .bool("ONE_GROUP_EACH", plan.groups.is_one_each)
+        .bool("ONE_GROUP_EACH", plan.groups.is_one_each())
         .u32("PLACED", unsigned(plan.groups.beside()))
         .u32("PLACED_VECTORS", unsigned(plan.groups.beside().max(1)))
         .u32("FIRST_PLACED", unsigned(1 + plan.groups.sharing))
         // Those of the first field, which labels replace.
-        .u32("FIRST_GROUPS", unsigned(plan.groups.of_first))
-        .u32("OTHERS", unsigned(others::number(plan)))
-        .u32("OTHERS_VECTORS", unsigned(others::number(plan).max(1)))
+        .u32("FIRST_GROUPS", unsigned(plan.groups.of_first()))
+        .u32("OTHERS", unsigned(plan.groups.lit_fields().count()))
+        .u32("OTHERS_VECTORS", unsigned(plan.groups.lit_fields().count().max(1)))
         .bool("LABELS_BY_VALUE", plan.labels_by_value)
         .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
 }

@@ -2,8 +2,8 @@
 
 use super::{ClipPlan, Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower};
 use crate::{
-    AccumulateAs, Accuracy, Blending, Field, Gradients, Integration, Interpolation, Lookup, Scene, Shading,
-    ShadowMethod,
+    AccumulateAs, Accuracy, AmbientShares, Blending, Field, Gradients, Integration, Interpolation, Lookup, Scene,
+    Shading, ShadowMethod,
 };
 use relume_base::number::{brief, readable};
 use relume_colour::model::ModelKind;
@@ -23,8 +23,14 @@ impl Planned {
         let is_extreme = scene.blending.is_extreme();
         let without = (scene.shading == Shading::Gradient || is_extreme) && scene.states_phases().next().is_some();
         let phases = without.then_some(PlanWarning::PhaseUnused { materials: phases, is_extreme });
+        let of_lights = scene.lights.iter().filter(|light| light.shadows);
+        let of_lights = of_lights.map(|light| format!("lights.{}.shadows", light.name));
+        let of_shares = scene.shadows.ambient == AmbientShares::Occluded;
+        let settings: Vec<String> = of_lights.chain(of_shares.then(|| "shadows.ambient".to_owned())).collect();
+        let shadows =
+            (is_extreme && !settings.is_empty()).then(|| PlanWarning::ShadowsUnused { settings: settings.join(", ") });
         let thin_films = self.unused_thin_films(scene).into_iter().chain(self.inexact_thin_films(scene));
-        stated.map(|setting| PlanWarning::Unused { setting }).chain(phases).chain(thin_films).collect()
+        stated.map(|setting| PlanWarning::Unused { setting }).chain(phases).chain(shadows).chain(thin_films).collect()
     }
 
     /// Films without effect.

@@ -20,6 +20,11 @@ pub enum PlanWarning {
         /// True if a single value is seen.
         is_extreme: bool,
     },
+    /// Shadows have no effect, because a single value of a ray is seen.
+    ShadowsUnused {
+        /// The keys that ask for them.
+        settings: String,
+    },
     /// Films of some materials have no effect.
     FilmUnused {
         /// Names of the materials.
@@ -66,6 +71,7 @@ impl PlanWarning {
         match self {
             Self::Unused { .. } => "setting-unused",
             Self::PhaseUnused { .. } => "phase-unused",
+            Self::ShadowsUnused { .. } => "shadows-unused",
             Self::FilmUnused { .. } => "film-unused",
             Self::FilmInexact { .. } => "film-over-tolerance",
             Self::Amplified { .. } => "absorption-clamped",
@@ -92,6 +98,10 @@ impl fmt::Display for PlanWarning {
                 };
                 write!(formatter, "the phase function of {materials} has no effect: {why}, or remove `phase`")
             }
+            Self::ShadowsUnused { settings } => write!(
+                formatter,
+                "{settings} has no effect: a single value of a ray is seen; use blending = \"composite\", or leave out the shadows"
+            ),
             Self::FilmUnused { materials, why } => write!(formatter, "the film of {materials} has no effect: {why}"),
             Self::FilmInexact { material, error, tolerance } => write!(
                 formatter,

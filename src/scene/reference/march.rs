@@ -264,7 +264,7 @@ impl<'a, R: Real> Frame<'a, R> {
         transmittance
     }
 
-    /// Numbers and places of the samples of `ray` that are not in empty space.
+    /// Numbers of the steps of `ray` that are not in empty space, and the places of their middles.
     fn occupied<'s>(
         &'s self,
         samples: &'s dyn Samples<R>,
@@ -349,25 +349,18 @@ impl<'a, R: Real> Frame<'a, R> {
         let mut transmittance = self.all_light();
         let (mut density, mut step, mut scratch) = (Step::default(), Step::default(), Scratch::default());
         let mut lost = self.lost(sums.len(), transmittance.len());
-        let (mut steps, mut leave, mut known) = (self.within_block(ray), 0, None);
+        // The end of the segment before, and its number.
+        let mut known: Option<(usize, End<R>)> = None;
         // Place at a fraction of the part of step `n` that is left.
         let place = |n: usize, fraction: R| {
             let [from, to] = ray.part(n);
             ray.place(n, (to - from).mul_add(fraction, from), self.step_length)
         };
-        let along = ray.direction.map(|part| part * self.step_length);
-        while let Some(n) = steps.next() {
+        for (n, _) in self.occupied(samples, ray) {
             let [from, to] = ray.part(n);
             let inside = to - from;
-            if n >= leave {
-                let (is_occupied, ahead) = samples.ahead(place(n, half), along);
-                leave = n.saturating_add(ahead);
-                if !is_occupied {
-                    (steps.start, known) = (leave.min(steps.end), None);
-                    continue;
-                }
-            }
-            let before = known.unwrap_or_else(|| samples.end(place(n, zero)));
+            let before =
+                known.filter(|(last, _)| last + 1 == n).map_or_else(|| samples.end(place(n, zero)), |(_, end)| end);
             let after = samples.end(place(n, one));
             let varied = samples.mean([&before, &after], place(n, half), &mut density);
             let parts = self.parts([&before, &after], varied, &density);
@@ -396,7 +389,7 @@ impl<'a, R: Real> Frame<'a, R> {
                 }
                 (from, done) = (to, end);
             }
-            known = Some(after);
+            known = Some((n, after));
         }
         transmittance
     }

@@ -765,7 +765,7 @@ impl<'a, R: Real> Stored<'a, R> {
     /// Takes the densities of the groups of further fields out of a density, and returns them with the indices of their fields.
     fn split_further(&self, density: &mut Step<R>) -> Vec<(usize, Step<R>)> {
         let (lanes, numbers) = (self.table.lanes * LANE, self.table.opacity_numbers);
-        let of_first = self.planned.plan.groups.of_first;
+        let of_first = self.planned.plan.groups.of_first();
         let source = density.source.split_off(of_first * lanes);
         let opacity = density.opacity.split_off(of_first * numbers);
         if of_first == 0 {
@@ -969,7 +969,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             groups.fold(R::default(), |sum, group| factors[group].mul_add(of_group(group), sum))
         };
         let apart = plan.labels && plan.groups.further > 0;
-        let of_first = if apart { self.table.fields.iter().filter(|field| **field == 0).count() } else { table.groups };
+        let of_first = if apart { plan.groups.of_first() } else { table.groups };
         let own = || if plan.groups.any() { sum(0..of_first, &factors()) } else { of_group(0) };
         let of_label = |row: usize| match table.rows.rows[row] {
             (first, false) => number(&table.labels[first]),

@@ -31,13 +31,18 @@ impl LabelRows {
     pub fn new(scene: &Scene, entries: usize) -> Self {
         let mut rows = vec![(0, false)];
         let mut own: Vec<(usize, usize)> = Vec::new();
+        // Labels by value with entries of their own: few, where there may be thousands of labels.
+        let mut different: Vec<usize> = Vec::new();
         let mut end = 1;
         for (index, entry) in scene.declared().iter().enumerate() {
             let by_value = !entry.terms.is_empty();
-            let is_equal = |&&(other, _): &&(usize, usize)| by_value && scene.declared()[other].terms == entry.terms;
-            if let Some(&(other, _)) = own.iter().find(is_equal) {
-                rows.push(rows[other + 1]);
-                continue;
+            if by_value {
+                let equal = different.iter().find(|&&other| scene.declared()[other].terms == entry.terms);
+                if let Some(&other) = equal {
+                    rows.push(rows[other + 1]);
+                    continue;
+                }
+                different.push(index);
             }
             let length = if by_value { entries } else { 1 };
             rows.push((end, by_value));

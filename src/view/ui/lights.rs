@@ -58,6 +58,10 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 moved.changed().then_some(Action::Edit(Edit::Weight(index, weight)))
             };
             let shadows = |ui: &mut Ui| {
+                // A single value of a ray has none; those that are on can be switched off.
+                if state.scene.blending.is_extreme() && !light.shadows {
+                    return None;
+                }
                 let shadows = toggle(ui, light.shadows, "shadows").on_hover_text(
                     "Shadows: the medium between a sample and this light dims it. This marches the volume again.",
                 );
