@@ -20,7 +20,7 @@ use relume::progress::Quiet;
 use relume::render::{Dispatching, Renderer, TableMemory};
 use relume::scene::{
     AccumulateAs, Direction, Gradients, Interpolation, Labels, Lighting, Lookup, Material, Mix, Placement, Scene,
-    SceneLight, Shading, ShadowMethod, StoreAs, VolumeAs,
+    SceneLight, Shading, ShadowMethod, StoreAs, Term, VolumeAs,
 };
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Layers, Light, Spectrum, ThinFilm, ThinFilmAngle, standard};
@@ -35,7 +35,7 @@ use support::tolerance::{
 /// An invariant: `Err` has the reason why it does not apply to a scene.
 type Invariant = fn(&Case<'_>) -> Result<(), &'static str>;
 
-const INVARIANTS: [(&str, Invariant); 8] = [
+const INVARIANTS: [(&str, Invariant); 9] = [
     ("rungs agree", rungs_agree),
     ("relit = rendered", relit_is_rendered),
     ("any division gives the same bytes", any_division_is_the_same),
@@ -44,6 +44,7 @@ const INVARIANTS: [(&str, Invariant); 8] = [
     ("half storage keeps its bound", half_storage_keeps_its_bound),
     ("the plan equals its literal", the_plan_is_its_literal),
     ("switched off = absent", switched_off_is_absent),
+    ("each field is seen", each_field_is_seen),
 ];
 
 /// A scene, and the films that several invariants compare with.
@@ -583,6 +584,25 @@ fn switched_off_is_absent(case: &Case<'_>) -> Result<(), &'static str> {
     let mut walking = case.planned(|plan| plan.skipping = !plan.skipping);
     walking.scene.accuracy.skipping = walking.planned.plan.skipping;
     assert_same_bytes(&format!("{name} without empty-space skipping"), &walking.gpu(case.renderer()?), film);
+    Ok(())
+}
+
+/// Without what a further field shows, the picture is another: a scene of several fields checks all of them.
+fn each_field_is_seen(case: &Case<'_>) -> Result<(), &'static str> {
+    let scene = &case.rungs.scene;
+    if scene.fields.further().is_empty() {
+        return Err("there is one");
+    }
+    for (index, field) in scene.fields.further().iter().enumerate() {
+        let flat = |points: &[(f64, f64)]| points.iter().map(|point| (point.0, 0.0)).collect();
+        let hidden =
+            |term: &Term| Term { opacity: flat(&term.opacity), absorption: flat(&term.absorption), ..term.clone() };
+        let mut without = scene.clone();
+        without.fields.show(index, field.terms.iter().map(hidden).collect());
+        let without = Rungs::planned(without, case.rungs.planned.clone(), SIZE);
+        let found = without.march(&without.stored::<f32>());
+        assert!(bits(&found) != bits(case.single()), "{}: volumes.{} is not seen", case.name, field.name);
+    }
     Ok(())
 }
 
