@@ -75,7 +75,11 @@ fn march_run(
                 if (found) { break; }
             }
             if (!found) { break; }
-            transmittance = add_sample(ray, n - 1u, place_in_run(ray, n - 1u), key, transmittance, sums);
+            let place = place_in_run(ray, n - 1u);
+            if (KEY_AGAIN) {
+                key = key_at(place);
+            }
+            transmittance = add_sample(ray, n - 1u, place, key, transmittance, sums);
             if (brightest(transmittance) < march.termination) { break; }
         }
     } else {

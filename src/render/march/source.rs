@@ -9,7 +9,7 @@ use crate::{Part, Source};
 use relume_base::number::{rounded, unsigned};
 use relume_scene::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
 use relume_scene::tables::{BRICK, CELL, FILM_ROWS, LARGEST_SKY_DEPTH, SECOND_DIFFERENCE, slot_edge};
-use relume_scene::{Blending, Interpolation, Lookup, StoreAs};
+use relume_scene::{Blending, Gradients, Interpolation, Lookup, StoreAs};
 use relume_vulkan::Format;
 use relume_vulkan::shader::Constants;
 
@@ -247,6 +247,8 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
             plan.integration == Integrate::Segments || residence != Residence::Whole || plan.blending.is_extreme(),
         )
         .bool("SKIP_INVISIBLE", plan.skips_invisible())
+        // Beside the fetches of differences, a software device may round values of several fields otherwise than alone.
+        .bool("KEY_AGAIN", plan.groups.further > 0 && plan.gradient() && plan.gradients == Gradients::Central)
         .u32("GROUP_WIDTH", group[0])
         .u32("GROUP_HEIGHT", group[1])
         .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
@@ -360,7 +362,7 @@ mod tests {
     use super::*;
     use crate::march::MarchUniform;
     use relume_scene::plan::{ClipPlan, FilmCounts, Groups, LightPlan, ShadingTerms};
-    use relume_scene::{Direction, Gradients, VolumeAs};
+    use relume_scene::{Direction, VolumeAs};
 
     fn plan_of(materials: usize) -> ScenePlan {
         ScenePlan {
