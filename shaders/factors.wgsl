@@ -1,4 +1,4 @@
-// Factors on the medium by the gradient magnitude, one for each group of terms. Part of `march.wgsl` and `light_grid.wgsl`. Twin of
+// Factors on the medium by the gradient magnitude and by the values of other fields, for each group of terms. Part of `march.wgsl` and `light_grid.wgsl`. Twin of
 // `reference::factors`.
 
 // `tables::FactorTable`.
@@ -26,9 +26,27 @@ fn coordinate_of(values: vec4f, group: u32, last: f32) -> f32 {
 // The factor of a `group` where the gradient has this `magnitude`.
 fn factor_at(magnitude: f32, group: u32) -> f32 {
     var factor = factor_table[group * FACTOR_VECTORS].x;
-    for (var i = 1u; i < FACTOR_VECTORS; i += 1u) {
+    for (var i = 1u; i < FACTOR_POINTS; i += 1u) {
         let piece = factor_table[group * FACTOR_VECTORS + i];
         factor = fma(clamp((magnitude - piece.x) * piece.y, 0.0, 1.0), piece.z, factor);
     }
     return factor;
+}
+
+// The product of the factors of a `group` by the values of other fields; the first height of each outside the box of its field.
+fn factor_by_fields(fields: FieldValues, group: u32) -> f32 {
+    var values = fields.values;
+    var there = fields.there;
+    var product = 1.0;
+    for (var i = 0u; i < BY_FIELDS; i += 1u) {
+        let first = group * FACTOR_VECTORS + FACTOR_POINTS + i * BY_POINTS;
+        let field = u32(factor_table[first].y);
+        var rise = 0.0;
+        for (var j = 1u; j < BY_POINTS; j += 1u) {
+            let piece = factor_table[first + j];
+            rise = fma(clamp((values[field] - piece.x) * piece.y, 0.0, 1.0), piece.z, rise);
+        }
+        product *= fma(rise, there[field], factor_table[first].x);
+    }
+    return product;
 }

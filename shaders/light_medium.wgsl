@@ -107,6 +107,10 @@ fn extinction_at(place: vec3f) -> f32 {
     let coordinate = clamp(fma(value_of(texel), sweep.coordinate_scale, sweep.coordinate_offset), 0.0, sweep.coordinate_last);
     var extinction = 0.0;
     var further = 0.0;
+    var parts = vec4f(1.0);
+    if (BY_FIELD) {
+        parts = parts_at(place);
+    }
     if (FACTORS) {
         var magnitude = 0.0;
         if (BY_GRADIENT) {
@@ -133,7 +137,13 @@ fn extinction_at(place: vec3f) -> f32 {
             if (PLACED > 0u) {
                 factor *= of_field(fields.there, group);
             }
-            if (LABELS && SEVERAL_FIELDS) {
+            if (BY_FIELDS > 0u) {
+                factor *= factor_by_fields(fields, group);
+            }
+            if (BY_FIELD) {
+                factor *= select(of_field(parts, group), 1.0, group < FIRST_GROUPS);
+            }
+            if ((LABELS || BY_FIELD) && SEVERAL_FIELDS) {
                 // Labels replace the first field alone.
                 if (group < FIRST_GROUPS) {
                     extinction = fma(factor, extinction_of(of_group, group), extinction);
@@ -159,7 +169,10 @@ fn extinction_at(place: vec3f) -> f32 {
         }
         extinction = fma(own, extinction, blend);
     }
-    if (LABELS && SEVERAL_FIELDS) {
+    if (BY_FIELD) {
+        extinction *= parts.x;
+    }
+    if ((LABELS || BY_FIELD) && SEVERAL_FIELDS) {
         extinction += further;
     }
     return extinction;

@@ -90,6 +90,9 @@ struct Ray {
     view: vec3f,
 }
 
+// Of the ray, in steps from the beginning of the first.
+var<private> own_of_ray: Own;
+
 struct Step {
     source: array<vec4f, TABLE_LANES>,
     opacity: Transmittance,
@@ -137,6 +140,10 @@ fn ray_through(pixel: vec2u) -> Ray {
     let steps = max((shown - start) / march.step_length, vec2f());
     let first = floor(steps.x);
     let inside = steps - first;
+    if (BY_FIELD) {
+        let own = own_of(base, direction);
+        own_of_ray = Own((own.low - start) / march.step_length - first, (own.high - start) / march.step_length - first);
+    }
     let samples = select(0u, min(u32(ceil(inside.y)), march.samples), shown.y > shown.x);
     return Ray(base, direction, start, first, inside, samples, -(direction * march.local_scale));
 }

@@ -43,6 +43,9 @@ fn add_sample(
     transmittance: Transmittance,
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) -> Transmittance {
+    if (BY_FIELD) {
+        read_parts(ray, n);
+    }
     let step = medium_at(place, key);
     if (CUT_IN_RUNS) {
         let part = part_of(ray, n);

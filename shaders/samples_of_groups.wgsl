@@ -1,5 +1,22 @@
 // The medium of a sample as densities of groups of terms, which have factors of their own. Part of `march.wgsl`.
 
+// The part of the step that is left of each field, where planes cut them by themselves.
+var<private> parts: vec4f;
+
+fn read_parts(ray: Ray, n: u32) {
+    parts = parts_of(own_of_ray, part_of(ray, n) + f32(n));
+}
+
+// What is left of the step of the first field and its labels.
+fn left_of_first(step: Step) -> Step {
+    var left = step;
+    left.opacity = scaled_depth(step.opacity, parts.x);
+    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+        left.source[lane] = step.source[lane] * parts.x;
+    }
+    return left;
+}
+
 // Adds the densities of the groups from `first` to before `end`, times their factors where the gradient has this `magnitude`.
 fn add_groups(
     fields: FieldValues,
@@ -20,6 +37,12 @@ fn add_groups(
         }
         if (PLACED > 0u) {
             factor *= of_field(fields.there, group);
+        }
+        if (BY_FIELDS > 0u) {
+            factor *= factor_by_fields(fields, group);
+        }
+        if (BY_FIELD) {
+            factor *= select(of_field(parts, group), 1.0, group < FIRST_GROUPS);
         }
         add_group(group, coordinate, factor, step);
     }
@@ -58,7 +81,7 @@ fn normal_of_shared(place: vec3f, field: u32, scale: f32, fall: f32) -> vec3f {
     }
     // Per unit of length.
     let gradient = along * (0.5 * scale) * volume_dims() / march.local_scale;
-    return unit(capped_by(gradient, fall, place));
+    return unit(capped_by(field, gradient, fall, place));
 }
 
 // The normal of field `i` of those on grids of their own, where it has this `value`.
@@ -67,21 +90,23 @@ fn normal_of_placed(place: vec3f, i: u32, value: f32) -> vec3f {
     let gradient = placed_differences(i, placed_index(i, place)) * field.gradient_scale;
     let before = fma(field.rows[1].xyz, vec3f(gradient.y), field.rows[2].xyz * gradient.z);
     let along = fma(field.rows[0].xyz, vec3f(gradient.x), before);
-    return unit(capped_by(along / march.local_scale, fma(value, field.fall, field.lowest), place));
+    let fall = fma(value, field.fall, field.lowest);
+    return unit(capped_by(FIRST_PLACED + i, along / march.local_scale, fall, place));
 }
 
-// Adds the depth of the `group` of a further `field`, and keeps its light apart as number `n`.
+// Adds the depth of the groups of a further `field`, from `group` to before `end`, and keeps their light apart as number `n`.
 fn add_other(
     fields: FieldValues,
     key: Key,
     place: vec3f,
     n: u32,
     group: u32,
+    end: u32,
     field: u32,
     step: ptr<function, Step>,
 ) {
     var other: Step;
-    add_groups(fields, key, 0.0, group, group + 1u, &other);
+    add_groups(fields, key, 0.0, group, end, &other);
     (*step).opacity = plus_share((*step).opacity, 1.0, other.opacity);
     others[n].source = other.source;
     let value = of_field(fields.values, group);

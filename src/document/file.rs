@@ -40,9 +40,9 @@ use relume_colour::spectrum::{
 use relume_colour::written::{place, with_suggestion};
 use relume_scene::key::{self, Key, KeyError};
 use relume_scene::{
-    Aim, CLIP_PLANES, Camera, Clip, ClipPlane, FACTORS, FIELDS, Field, Fill, GRADIENT_POINTS, GradientFactor,
-    INTENSITY, LabelEntry, Labels, LightKind, Material, MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene,
-    SceneLight, Term, different_factors, unit,
+    Aim, CLIP_PLANES, Camera, Clip, ClipPlane, FACTORS, FIELDS, FIRST_FIELD, Field, FieldFactor, Fill, GRADIENT_POINTS,
+    GradientFactor, INTENSITY, LabelEntry, Labels, LightKind, Material, MaterialCurve, OPAQUE_DEPTH, Placement,
+    Projection, Scene, SceneLight, Term, different_factors, unit,
 };
 use relume_volume::{
     self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,
@@ -635,7 +635,7 @@ impl Text<'_> {
         let light = self.mix(&file.mix, (&lights, &mut dial), &dark)?;
         let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref), scalars)?;
         let declared = self.label_entries(&file.labels, &materials)?;
-        let (terms, gradient_opacity) = self.transfer(&file.transfer, &materials)?;
+        let (terms, gradient_opacity) = self.transfer(&file.transfer, &materials, &file.fields_beside(FIRST_FIELD))?;
         // Refused before the volume is read, which may take long.
         for key in key::SCENE {
             self.scalar(key, "", scalars)?;
@@ -648,7 +648,6 @@ impl Text<'_> {
         let map = LabelMap { given: labels, are_ready, grid: &stored, declared };
         let (volume, labels) = self.label_volume(&file.volume, volume, map, base, options, progress)?;
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
-        let clip = self.clip(&file.clip, &volume)?;
         let reflectances =
             file.materials.values().flat_map(|material| &material.get_ref().reflectance).chain(&file.background);
         let spectra = reflectances.chain(file.lights.values().flat_map(|light| &light.get_ref().spectrum));
@@ -663,10 +662,11 @@ impl Text<'_> {
         inputs.extend(further.iter().flat_map(|field| field.volume.files.iter().cloned()));
         let transforms = file.volumes.values().filter_map(|field| field.get_ref().transform.as_ref());
         inputs.extend(transforms.filter_map(|transform| transform.get_ref().file(base)));
-        let mut scene =
-            Scene { labels, materials, lights, background, camera, crop, clip, ..Scene::new(&name, volume) };
+        let mut scene = Scene { labels, materials, lights, background, camera, crop, ..Scene::new(&name, volume) };
         scene.fields = scene.fields.with(further);
+        scene.clip = self.clip(&file.clip, &scene.fields)?;
         (scene.transfer.terms, scene.transfer.gradient_opacity) = (terms, gradient_opacity);
+        self.check_fields(&file, &scene)?;
         self.set(&mut scene, key::SCENE, "", scalars)?;
         if scene.camera.view(&scene.frame.geometry, 1.0).is_none() {
             let message = "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight";

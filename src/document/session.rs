@@ -15,7 +15,7 @@ use crate::output::{OutputError, write_atomically};
 use relume_colour::palette::{Palette, Solution};
 use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
 use relume_scene::key::{self, Key};
-use relume_scene::{Aim, Camera, Clip, ClipPlane, Projection, Scene, Term};
+use relume_scene::{Aim, Camera, Clip, ClipPlane, FIRST_FIELD, Fields, Keep, Projection, Scene, Term};
 use relume_volume::{ByteOrder, is_built_in};
 
 /// Why a session cannot be saved.
@@ -146,7 +146,7 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     if scene.clip != then.clip {
         document.remove("clip");
         if scene.clip != Clip::default() {
-            document.insert("clip", Item::Table(clip(&scene.clip)));
+            document.insert("clip", Item::Table(clip(&scene.clip, &scene.fields)));
         }
     }
     if let Some(dial) = document.get_mut("dial").and_then(Item::as_table_like_mut) {
@@ -218,7 +218,7 @@ fn names_files(definition: &Definition) -> bool {
         .contains(&key)
 }
 
-fn clip(Clip { planes, cap }: &Clip) -> Table {
+fn clip(Clip { planes, keep, cap }: &Clip, fields: &Fields) -> Table {
     let mut table = Table::new();
     let plane = |plane: &ClipPlane| {
         let mut row = InlineTable::new();
@@ -227,9 +227,16 @@ fn clip(Clip { planes, cap }: &Clip) -> Table {
         if !plane.on {
             row.insert("on", false.into());
         }
+        if !plane.cuts_all() {
+            let cut = fields.iter().zip(plane.fields).filter(|(_, cuts)| *cuts);
+            row.insert("volumes", Value::from(names(cut.map(|(field, _)| named(&field.name)))));
+        }
         row
     };
     table.insert("planes", value(planes.iter().map(plane).collect::<Array>()));
+    if *keep == Keep::Any {
+        table.insert("keep", value("any"));
+    }
     if !cap {
         table.insert("cap", value(false));
     }
@@ -524,7 +531,7 @@ fn further(document: &mut DocumentMut, scene: &Scene, then: &Scene) -> Result<()
 
 /// Writes the intervals, and curves that have changed; keeps those that have not, unless they were removed.
 fn terms(table: &mut dyn TableLike, [now, then]: [&[Term]; 2], scene: &Scene) -> Result<(), SessionError> {
-    let found = now.iter().map(|term| (term.as_interval(), &term.gradient));
+    let found = now.iter().map(|term| (term.as_interval(), term));
     let curves = found.clone().filter(|(interval, _)| interval.is_none()).count();
     if curves > 1 {
         return Err(SessionError::Curves(curves));
@@ -550,7 +557,8 @@ fn terms(table: &mut dyn TableLike, [now, then]: [&[Term]; 2], scene: &Scene) ->
         return Ok(());
     }
     let mut intervals = Array::new();
-    for (interval, gradient) in found.filter_map(|(interval, gradient)| Some((interval?, gradient))) {
+    let has_by = table.contains_key("by");
+    for (interval, term) in found.filter_map(|(interval, term)| Some((interval?, term))) {
         let mut row = InlineTable::new();
         row.insert("material", scene.materials.get(interval.material).map_or("", |it| &it.name).into());
         row.insert("range", numbers(interval.range).into());
@@ -559,8 +567,13 @@ fn terms(table: &mut dyn TableLike, [now, then]: [&[Term]; 2], scene: &Scene) ->
         if interval.absorption > 0.0 {
             row.insert("absorption", interval.absorption.into());
         }
-        if !gradient.is_empty() {
-            row.insert("gradient", points(gradient).into());
+        if !term.gradient.is_empty() {
+            row.insert("gradient", points(&term.gradient).into());
+        }
+        // Without one of its own, an interval has that of all.
+        if !term.by.is_empty() || has_by {
+            let factors = term.by.iter().map(|factor| (named(&factor.field), Value::Array(points(&factor.points))));
+            row.insert("by", Value::InlineTable(factors.collect()));
         }
         let mut row = Value::InlineTable(row);
         row.decor_mut().set_prefix("\n    ");
@@ -569,6 +582,11 @@ fn terms(table: &mut dyn TableLike, [now, then]: [&[Term]; 2], scene: &Scene) ->
     intervals.set_trailing("\n");
     table.insert("intervals", value(intervals));
     Ok(())
+}
+
+/// Name by which files refer to a field.
+fn named(name: &str) -> &str {
+    if name.is_empty() { FIRST_FIELD } else { name }
 }
 
 /// Points of a factor or a curve, as files state them.

@@ -13,6 +13,7 @@ use relume_colour::palette::Palette;
 use relume_colour::spectrum::ThinFilm;
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
+use relume_scene::plan::MOST_GROUPS;
 use relume_scene::{
     Accuracy, AmbientShares, BRIGHTEST, Blending, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry,
     Lighting, Mix, PHASES, Scene, Term, key,
@@ -487,7 +488,8 @@ impl State {
                 if let (Some(interval), Some(term)) =
                     (interval.allowed(&scene.materials), scene.transfer.terms.get_mut(index))
                 {
-                    *term = Term { gradient: std::mem::take(&mut term.gradient), ..interval.term() };
+                    let (gradient, by) = (std::mem::take(&mut term.gradient), std::mem::take(&mut term.by));
+                    *term = Term { gradient, by, ..interval.term() };
                 }
             }
             Edit::AddInterval(interval, ref gradient) => {
@@ -539,7 +541,7 @@ impl State {
             }
         }
         // More would be no scene that a file may state.
-        if scene.transfer.factors().len() > FACTORS {
+        if scene.transfer.factors().len() > FACTORS || scene.groups().len() > MOST_GROUPS {
             scene.transfer = transfer;
         }
         light.preset = match *edit {

@@ -1,20 +1,32 @@
-//! Clip planes: what lies beyond any of them is not there, neither for the eye nor for shadows.
+//! Clip planes: what lies beyond them is not there, neither for the eye nor for shadows.
 
 use glam::{DMat3, DVec3};
 
-use crate::Frame;
+use crate::{FIELDS, Frame};
 
 /// Most clip planes of a scene.
 pub const CLIP_PLANES: usize = 8;
 
-/// The clip planes of a scene. What is left is convex.
+/// The clip planes of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clip {
-    /// Planes; what lies beyond any that is on goes.
+    /// Planes, of which those that are on act.
     pub planes: Vec<ClipPlane>,
+    /// The part that several planes leave.
+    pub keep: Keep,
     /// True if shading sees cut faces: within a unit of length (the smallest spacing) of a plane, as though the lowest value lay
     /// beyond it.
     pub cap: bool,
+}
+
+/// The part of a field that several planes leave.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Keep {
+    /// What each of them keeps.
+    #[default]
+    All,
+    /// What at least one of them keeps: a corner is cut out.
+    Any,
 }
 
 /// A plane in the world of the scene.
@@ -26,11 +38,13 @@ pub struct ClipPlane {
     pub normal: DVec3,
     /// False for a plane that is kept without an effect.
     pub on: bool,
+    /// True for each field, by its index, that it cuts. Labels belong to the first.
+    pub fields: [bool; FIELDS],
 }
 
 impl Default for Clip {
     fn default() -> Self {
-        Self { planes: Vec::new(), cap: true }
+        Self { planes: Vec::new(), keep: Keep::default(), cap: true }
     }
 }
 
@@ -39,7 +53,7 @@ impl Clip {
     #[must_use]
     pub fn allowed(&self) -> Self {
         let planes = self.planes.iter().filter(|plane| ClipPlane::new(plane.point, plane.normal).is_some());
-        Self { planes: planes.take(CLIP_PLANES).copied().collect(), cap: self.cap }
+        Self { planes: planes.take(CLIP_PLANES).copied().collect(), ..*self }
     }
 
     /// The planes that are on.
@@ -47,18 +61,44 @@ impl Clip {
         self.planes.iter().filter(|plane| plane.on)
     }
 
-    /// True if a place of the world lies beyond a plane that is on.
+    /// True if the planes leave other parts of some fields than of others, or a part that is not convex.
     #[must_use]
-    pub fn hides(&self, place: DVec3) -> bool {
-        self.in_force().any(|plane| plane.beyond(place) > 0.0)
+    pub fn is_by_field(&self) -> bool {
+        let several = self.in_force().nth(1).is_some();
+        self.in_force().any(|plane| !plane.cuts_all()) || (self.keep == Keep::Any && several)
     }
 
-    /// True if the planes leave nothing of the box of `frame` between these `corners`, in voxel indices.
+    /// The planes that cut the field with this index.
+    fn of_field(&self, field: usize) -> impl Iterator<Item = &ClipPlane> {
+        self.in_force().filter(move |plane| plane.fields[field])
+    }
+
+    /// True if the planes take a place of the world from the field with this index.
+    #[must_use]
+    pub fn hides(&self, field: usize, place: DVec3) -> bool {
+        let is_beyond = |plane: &ClipPlane| plane.beyond(place) > 0.0;
+        match self.keep {
+            Keep::All => self.of_field(field).any(is_beyond),
+            Keep::Any => self.of_field(field).next().is_some() && self.of_field(field).all(is_beyond),
+        }
+    }
+
+    /// True if the planes that cut all fields leave nothing of the box of `frame` between these `corners`, in voxel indices.
     #[must_use]
     pub fn leaves_nothing(&self, frame: &Frame, [low, high]: [DVec3; 2]) -> bool {
+        let geometry = &frame.geometry;
+        if self.is_by_field() && self.keep == Keep::Any {
+            // What goes is convex: all of the box, if all of its corners.
+            let corner = |bits: usize| {
+                DVec3::from_array(std::array::from_fn(
+                    |axis| if bits >> axis & 1 == 0 { low[axis] } else { high[axis] },
+                ))
+            };
+            return (0..8)
+                .all(|bits| (0..FIELDS).all(|field| self.hides(field, geometry.world_from_index(corner(bits)))));
+        }
         // The part that faces and planes leave is convex: it has a corner where three of them meet. All are moved inwards a little, since a slice
         // without thickness is nothing.
-        let geometry = &frame.geometry;
         let inwards = 1e-6 * geometry.extent().length();
         let half = DVec3::select(frame.thin_axes().into(), DVec3::splat(0.5), DVec3::ZERO);
         let (low, high) = (low - half, high + half);
@@ -67,7 +107,7 @@ impl Clip {
             [(low, -outward), (high, outward)].map(|(corner, outward)| (geometry.world_from_index(corner), outward))
         });
         let all: Vec<(DVec3, DVec3)> = faces
-            .chain(self.in_force().map(|plane| (plane.point, plane.outward())))
+            .chain(self.in_force().filter(|plane| plane.cuts_all()).map(|plane| (plane.point, plane.outward())))
             .map(|(point, outward)| (point - outward * inwards, outward))
             .collect();
         let slack = 1e-3 * inwards;
@@ -83,7 +123,9 @@ impl Clip {
 
     /// True if both leave the same part, and shade it alike.
     pub(crate) fn acts_as(&self, other: &Self) -> bool {
-        self.in_force().eq(other.in_force()) && (self.cap == other.cap || self.in_force().next().is_none())
+        let keeps_alike = self.keep == other.keep || !(self.is_by_field() || other.is_by_field());
+        let acts_alike = self.cap == other.cap && keeps_alike;
+        self.in_force().eq(other.in_force()) && (acts_alike || self.in_force().next().is_none())
     }
 }
 
@@ -92,7 +134,13 @@ impl ClipPlane {
     #[must_use]
     pub fn new(point: DVec3, normal: DVec3) -> Option<Self> {
         let has_length = normal.try_normalize().is_some();
-        (has_length && point.is_finite()).then_some(Self { point, normal, on: true })
+        (has_length && point.is_finite()).then_some(Self { point, normal, on: true, fields: [true; FIELDS] })
+    }
+
+    /// True if it cuts all fields.
+    #[must_use]
+    pub fn cuts_all(&self) -> bool {
+        self.fields.iter().all(|&cuts| cuts)
     }
 
     /// Unit vector towards the side that goes.

@@ -68,6 +68,9 @@ impl Field {
 /// Largest number of fields of a scene: their values make a vector.
 pub const FIELDS: usize = 4;
 
+/// Name of the first field in factors by its values.
+pub const FIRST_FIELD: &str = "volume";
+
 /// All fields of a scene. Further fields on the grid of the first share its texels; others have grids of their own.
 #[derive(Clone, Debug)]
 pub struct Fields {

@@ -23,16 +23,16 @@ use glam::DVec3;
 pub use blocks::{Block, Blocks, MOST_BLOCKS, Node, low_leaves};
 pub use camera::{Aim, Camera, Fill, Projection, View};
 pub use camera::{centre, unit};
-pub use clip::{CLIP_PLANES, Clip, ClipPlane};
+pub use clip::{CLIP_PLANES, Clip, ClipPlane, Keep};
 pub use coarse::{Coarse, LabelLeft, Level};
-pub use fields::{FIELDS, Field, Fields};
+pub use fields::{FIELDS, FIRST_FIELD, Field, Fields};
 pub use frame::Frame;
 pub use lights::{BRIGHTEST, INTENSITY};
 pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
 pub use transfer::depth_from_opacity;
 pub use transfer::{
-    Depths, FACTORS, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term,
-    Transfer, different_factors, factor_at,
+    Depths, FACTORS, Factors, FieldFactor, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MaterialCurve, Medium,
+    OPAQUE_DEPTH, Term, Transfer, different_factors, factor_at,
 };
 
 use relume_colour::model::ModelKind;
@@ -144,7 +144,8 @@ impl Scene {
         &self.fields.first().volume
     }
 
-    /// Puts `volume` in place of all fields, with its frame. All else stays, the step length and labels too.
+    /// Puts `volume` in place of all fields, with its frame. All else stays, the step length and labels too; factors by the value of another
+    /// field are those outside its box.
     pub fn set_volume(&mut self, volume: Arc<Volume>) {
         self.frame = Frame::of(&volume);
         self.fields = Fields::of(volume);
@@ -198,7 +199,7 @@ impl Scene {
             // The factor of all is that of the first field.
             let all = if field == 0 { &self.transfer.gradient_opacity[..] } else { &[] };
             let factors = different_factors(self.terms_of(field), all).into_iter();
-            groups.extend(factors.map(|factor| Group { field, factor }));
+            groups.extend(factors.map(|(factor, by)| Group { field, factor, by }));
         }
         groups
     }
@@ -310,13 +311,15 @@ fn shows_as<'a>(term: &'a Term, index: usize, curve: impl Fn(&'a Term) -> &'a Ve
     curve(term).iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == index)
 }
 
-/// Terms of a field with equal factors by the gradient.
+/// Terms of a field with equal factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Group<'a> {
     /// Index of the field.
     pub field: usize,
-    /// The factor; empty is 1.
+    /// The factor by the gradient; empty is 1.
     pub factor: &'a [(f64, f64)],
+    /// The factors by the values of other fields.
+    pub by: &'a [FieldFactor],
 }
 
 /// A spectral material.

@@ -14,6 +14,7 @@ use std::sync::Arc;
 
 use crate::key::Named;
 pub use crate::key::Stale;
+use crate::tables::ClipTable;
 use fitted::{Coefficients, RECENT, Wanted};
 pub use integration::{Narrow, narrow, read_ahead};
 pub use light::{Arrival, LightPlan, MOST_SHADOWED, Share};
@@ -23,9 +24,8 @@ use needs::{exponents, longest_way, transmittance};
 pub use warning::PlanWarning;
 
 use crate::{
-    AccumulateAs, Accuracy, AmbientShares, Blending, CLIP_PLANES, FACTORS, FIELDS, Field, Gradients, Integration,
-    Interpolation, LabelInterpolation, Lighting, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs,
-    positions,
+    AccumulateAs, Accuracy, AmbientShares, Blending, FACTORS, FIELDS, Field, Gradients, Integration, Interpolation,
+    LabelInterpolation, Lighting, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
 };
 use relume_base::progress::Progress;
 use relume_colour::model::{ColourModel, ModelError, ModelKind, Order};
@@ -93,14 +93,17 @@ pub struct ScenePlan {
     pub storage: StoreAs,
 }
 
-/// Terms of one field with equal factors by the gradient magnitude are a group, whose density is looked up by itself. Without factors and
-/// further fields there is no group, unless a single value of a ray is seen: a sample reads the effect of a step.
+/// Terms of one field with equal factors are a group, whose density is looked up by itself. Without factors and
+/// further fields there is no group, unless a single value of a ray is seen, or planes cut fields by themselves: a sample reads the effect of
+/// a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Groups {
     /// Number of groups.
     pub number: usize,
-    /// Points of the longest factor; 0 if every factor is 1.
+    /// Points of the longest factor by the gradient; 0 if every such factor is 1.
     pub points: usize,
+    /// Largest number of factors of a group by the values of other fields, and points of the longest of them.
+    pub by_fields: [usize; 2],
     /// Field of each group, in the order of the fields.
     pub fields: [usize; MOST_GROUPS],
     /// Fields besides the first.
@@ -111,7 +114,7 @@ pub struct Groups {
     pub lit: [bool; FIELDS],
 }
 
-/// Largest number of groups: those of the first field with different factors, and one of each further field.
+/// Largest number of groups.
 pub const MOST_GROUPS: usize = FACTORS + FIELDS - 1;
 
 /// Clip planes as a march meets them.
@@ -119,8 +122,20 @@ pub const MOST_GROUPS: usize = FACTORS + FIELDS - 1;
 pub struct ClipPlan {
     /// Number of planes that are on.
     pub planes: usize,
+    /// Number of those that shorten rays; the others cut each field by itself.
+    pub shortening: usize,
+    /// True if fields keep what any of their planes keeps.
+    pub keeps_any: bool,
     /// True if shading by gradients sees cut faces.
     pub caps: bool,
+}
+
+impl ClipPlan {
+    /// True if planes cut each field by itself, or leave a part that is not convex: the media of a sample have a weight.
+    #[must_use]
+    pub const fn is_by_field(self) -> bool {
+        self.planes > self.shortening
+    }
 }
 
 impl Groups {
@@ -128,10 +143,13 @@ impl Groups {
         let groups = scene.groups();
         let points = groups.iter().map(|group| group.factor.len()).max().unwrap_or(0);
         let further = scene.fields.further().len();
-        if points > 0 || further > 0 || scene.blending.is_extreme() {
+        if points > 0 || further > 0 || scene.blending.is_extreme() || scene.clip.is_by_field() {
             let fields = std::array::from_fn(|group| groups.get(group).map_or(0, |group| group.field));
             let sharing = scene.fields.sharing().len();
-            Self { number: groups.len(), points, fields, further, sharing, lit: [false; FIELDS] }
+            let most_fields = groups.iter().map(|group| group.by.len()).max().unwrap_or(0);
+            let longest = groups.iter().flat_map(|group| group.by).map(|factor| factor.points.len()).max().unwrap_or(0);
+            let by_fields = [most_fields, longest];
+            Self { number: groups.len(), points, by_fields, fields, further, sharing, lit: [false; FIELDS] }
         } else {
             Self::default()
         }
@@ -147,6 +165,13 @@ impl Groups {
     #[must_use]
     pub const fn by_gradient(self) -> bool {
         self.points > 0
+    }
+
+    /// Vectors of a group in a [`FactorTable`](crate::tables::FactorTable).
+    #[must_use]
+    pub fn factor_vectors(self) -> usize {
+        let [fields, points] = self.by_fields;
+        self.points.max(1) + fields * points
     }
 
     /// Number of groups of the first field, which come first.
@@ -564,6 +589,11 @@ pub enum PlanError {
         "the model peercy keeps a transmittance matrix, which factors by the gradient cannot scale; take another model, or remove transfer.gradient_opacity and every `gradient`"
     )]
     GradientMatrix,
+    /// A step that a plane cuts for a part of its media has no effect that a model could project.
+    #[error(
+        "the model projects the effect of each step, of which clip planes of single volumes, or keep = \"any\", leave a part; take another model, or leave out clip.keep and `volumes`"
+    )]
+    ClipProjected,
     /// A march of several fields does not do this yet.
     #[error("a scene of several fields cannot have {what}")]
     Fields {
@@ -623,6 +653,7 @@ impl PlanError {
             Self::HalfRange => "half-overflow",
             Self::GradientMatrix => "gradient-opacity-matrix",
             Self::GradientProjected => "gradient-projected",
+            Self::ClipProjected => "clip-projected",
             Self::Fields { .. } => "fields-impossible",
             Self::Blending { .. } => "blending-impossible",
             Self::FilmMatrix { .. } => "film-matrix",
@@ -670,6 +701,12 @@ fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     if further > 0 {
         check_fields(planned, scene)?;
     }
+    if planned.plan.clip.is_by_field()
+        && (planned.plan.transmittance == Transmittance::Mixed
+            || projects_steps(&planned.plan, planned.model.as_deref()))
+    {
+        return Err(PlanError::ClipProjected);
+    }
     if planned.plan.groups.any() && planned.plan.transmittance == Transmittance::Mixed {
         return Err(PlanError::GradientMatrix);
     }
@@ -694,6 +731,10 @@ fn check_extremes(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
         "labels, because a value has no label; leave them out"
     } else if plan.groups.by_gradient() {
         "factors by the gradient, because a value has none; remove transfer.gradient_opacity and every `gradient`"
+    } else if plan.clip.is_by_field() {
+        "clip planes of single volumes, or clip.keep = \"any\"; leave out `volumes` and `keep`"
+    } else if plan.groups.by_fields != [0; 2] {
+        "factors by the values of other fields, because each largest value has a place of its own; remove every `by`"
     } else if plan.transmittance == Transmittance::Mixed || projects_steps(plan, planned.model.as_deref()) {
         "a model that projects each step; take another model"
     } else if scene.block.is_some() {
@@ -831,6 +872,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         Accumulate::Spectral { .. } => needs::phases(used()).len(),
     };
     let labels = !scene.declared().is_empty();
+    let clip = ClipTable::new(scene);
     let mut plan = ScenePlan {
         accumulate,
         transmittance: match (transmittance, model.as_ref().map(|model| model.kind())) {
@@ -843,9 +885,11 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         thin_films,
         groups: Groups::of(scene),
         clip: ClipPlan {
-            planes: scene.clip.in_force().count().min(CLIP_PLANES),
+            planes: clip.planes().len(),
+            shortening: clip.shortening(),
+            keeps_any: clip.keeps_any,
             caps: scene.clip.cap
-                && scene.clip.in_force().next().is_some()
+                && !clip.planes().is_empty()
                 && (diffuse || specular.is_some() || thin_films.total() > 0),
         },
         labels,
@@ -898,6 +942,8 @@ fn no_segments(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static
         Some("a single value of a ray is seen, and it has no neighbours")
     } else if plan.groups.further > 0 {
         Some("several fields have no common value between the ends of a segment")
+    } else if plan.clip.is_by_field() {
+        Some("the part of a segment that clip planes of single volumes, or keep = \"any\", leave is not one segment")
     } else if plan.labels_by_value {
         Some("labels by value have no means between two values")
     } else if plan.interpolation == Interpolation::Nearest {

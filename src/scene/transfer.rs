@@ -59,7 +59,31 @@ pub struct Term {
     pub material: MaterialCurve,
     /// Factor on this term in place of that of the transfer function; empty takes that one.
     pub gradient: GradientFactor,
+    /// Further factors, by the values of other fields.
+    pub by: Vec<FieldFactor>,
 }
+
+/// Factor on scattering and absorption by the value of another field: of a mask, or of a tracer that marks what is to be seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldFactor {
+    /// Name of the field; empty for the first.
+    pub field: String,
+    /// Points (value, factor from 0 to 1), values ascending; constant beyond the ends. Outside the box of the field, it is that of the first
+    /// point.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl FieldFactor {
+    /// The factor where the field has this value; NaN is outside its box.
+    #[must_use]
+    pub fn at(&self, value: f64) -> f64 {
+        if value.is_nan() { self.points.first().map_or(1.0, |point| point.1) } else { factor_at(&self.points, value) }
+    }
+}
+
+/// The factors on a term: by the gradient magnitude, empty for 1, and by the values of other fields. Terms with equal ones are summed
+/// before they are scaled.
+pub type Factors<'a> = (&'a [(f64, f64)], &'a [FieldFactor]);
 
 /// Material as a function of the value: points (value, index into the scene's materials), values ascending. Between
 /// points of two materials they mix linearly; constant beyond the ends.
@@ -102,13 +126,6 @@ impl Transfer {
         medium_of(&self.terms, value, materials, |_| 1.0)
     }
 
-    /// [`Self::medium`] where the gradient has this `magnitude`, in data units per world unit: with the factors of the terms.
-    #[must_use]
-    pub fn medium_with(&self, value: f64, magnitude: f64, materials: usize) -> Medium {
-        let factor = |term: usize| factor_at(self.factor_of(&self.terms[term]), magnitude);
-        medium_of(&self.terms, value, materials, factor)
-    }
-
     /// The factor on `term`, its own or that of all others. Empty if it is 1 at all magnitudes.
     #[must_use]
     pub fn factor_of<'a>(&'a self, term: &'a Term) -> &'a [(f64, f64)] {
@@ -117,14 +134,14 @@ impl Transfer {
 
     /// The different factors on the terms, in the order of their first terms.
     #[must_use]
-    pub fn factors(&self) -> Vec<&[(f64, f64)]> {
+    pub fn factors(&self) -> Vec<Factors<'_>> {
         different_factors(&self.terms, &self.gradient_opacity)
     }
 
-    /// Each of [`Self::factors`] where the gradient has this `magnitude`, in data units per world unit.
+    /// Each of [`Self::factors`] where the gradient has this `magnitude`, in data units per world unit, without those by other fields.
     #[must_use]
     pub fn factors_at(&self, magnitude: f64) -> SmallVec<[f64; FACTORS]> {
-        self.factors().into_iter().map(|factor| factor_at(factor, magnitude)).collect()
+        self.factors().into_iter().map(|(by_gradient, _)| factor_at(by_gradient, magnitude)).collect()
     }
 
     /// Values at which the function has a corner or a jump, ascending.
@@ -169,9 +186,9 @@ pub(crate) fn bends(terms: &[Term]) -> Vec<f64> {
 
 /// The different factors on `terms`, in the order of their first terms; `all` is that of terms without one of their own.
 #[must_use]
-pub fn different_factors<'a>(terms: &'a [Term], all: &'a [(f64, f64)]) -> Vec<&'a [(f64, f64)]> {
+pub fn different_factors<'a>(terms: &'a [Term], all: &'a [(f64, f64)]) -> Vec<Factors<'a>> {
     let mut factors = Vec::new();
-    for factor in terms.iter().map(|term| term.factor_among(all)) {
+    for factor in terms.iter().map(|term| term.factors_among(all)) {
         if !factors.contains(&factor) {
             factors.push(factor);
         }
@@ -192,6 +209,12 @@ impl Term {
         if factor.iter().all(|point| point.1 >= 1.0) { &[] } else { factor }
     }
 
+    /// All factors on the term.
+    pub(crate) fn factors_among<'a>(&'a self, all: &'a [(f64, f64)]) -> Factors<'a> {
+        let is_one = |factor: &FieldFactor| factor.points.iter().all(|point| point.1 >= 1.0);
+        (self.factor_among(all), if self.by.iter().all(is_one) { &[] } else { &self.by })
+    }
+
     /// Optical depth per opacity length at `value`, of scattering and of absorption at its peak.
     pub fn depth(&self, value: f64) -> f64 {
         depth_from_opacity(height_at(&self.opacity, value)) + height_at(&self.absorption, value)
@@ -203,7 +226,14 @@ impl Term {
         let trapezoid = |height| vec![(low - ramp, 0.0), (low, height), (high, height), (high + ramp, 0.0)];
         let absorption = if absorption > 0.0 { trapezoid(absorption) } else { Vec::new() };
         let material = MaterialCurve(vec![(low, material)]);
-        Self { ramp: Some(ramp), opacity: trapezoid(opacity), absorption, material, gradient: Vec::new() }
+        Self {
+            ramp: Some(ramp),
+            opacity: trapezoid(opacity),
+            absorption,
+            material,
+            gradient: Vec::new(),
+            by: Vec::new(),
+        }
     }
 
     /// The same over other values: what it has at the first value of `from` it has at the first one of `to`, and so with the second.
@@ -224,6 +254,7 @@ impl Term {
                 self.material.0.iter().map(|&(value, material)| (moved(value), material)).collect(),
             ),
             gradient: self.gradient.clone(),
+            by: self.by.clone(),
         }
     }
 
@@ -377,8 +408,12 @@ mod tests {
             terms,
             gradient_opacity: all.clone(),
         };
-        assert_eq!(transfer.factors(), [&all[..], &own[..], &[]], "each once; 1 everywhere is none");
-        let depth = |magnitude| transfer.medium_with(5.0, magnitude, 1).scattering[0] / std::f64::consts::LN_2;
+        let factors: Vec<_> = transfer.factors().into_iter().map(|factors| factors.0).collect();
+        assert_eq!(factors, [&all[..], &own[..], &[]], "each once; 1 everywhere is none");
+        let depth = |magnitude| {
+            let factor = |term: usize| factor_at(transfer.factor_of(&transfer.terms[term]), magnitude);
+            medium_of(&transfer.terms, 5.0, 1, factor).scattering[0] / std::f64::consts::LN_2
+        };
         for (magnitude, factors) in [(0.0, 1.25), (3.0, 2.25), (8.0, 3.25)] {
             assert!(close(depth(magnitude), factors), "{} at {magnitude}", depth(magnitude));
         }

@@ -91,7 +91,7 @@ fn a_plane_is_dragged_in_a_slice() {
     let mut window = slices::opened(false);
     let document = window.state_mut().document.as_mut().unwrap();
     let plane = ClipPlane::new(DVec3::ZERO, DVec3::Z).unwrap().with_part(&document.state().scene.frame, 0.5);
-    document.edit(&Edit::Clip(Clip { planes: vec![plane], cap: true }));
+    document.edit(&Edit::Clip(Clip { planes: vec![plane], ..Clip::default() }));
     window.run();
     let at = window.get_by_label("clip in XZ: plane 1 (+z)").rect().center();
     // Slices have z upwards.

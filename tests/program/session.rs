@@ -16,7 +16,7 @@ use relume::document::{Document, Edit, Mixing, SessionError, State};
 use relume::document::{Question, Unknown};
 use relume::palette::{Member, ModelTerm};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Accuracy, Clip, ClipPlane, Interval, Lighting, Scene};
+use relume::scene::{AccumulateAs, Accuracy, Clip, ClipPlane, Interval, Keep, Lighting, Scene};
 use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
@@ -49,7 +49,10 @@ fn accuracy(step_length: f64, dimension: Option<usize>) -> Accuracy {
 }
 
 fn planes(numbers: &[(DVec3, DVec3)]) -> Vec<ClipPlane> {
-    numbers.iter().map(|&(point, normal)| ClipPlane { point, normal, on: point.x >= 1.0 }).collect()
+    numbers
+        .iter()
+        .map(|&(point, normal)| ClipPlane { on: point.x >= 1.0, ..ClipPlane::new(point, normal).unwrap() })
+        .collect()
 }
 
 /// A sequence of edits of every kind.
@@ -94,11 +97,12 @@ fn edits() -> Vec<Edit> {
         Edit::Crop(Some([DVec3::NAN, DVec3::splat(-1.0)])),
         Edit::Clip(Clip {
             planes: planes(&[(DVec3::new(1.0 / 3.0, 2.0, 7.7), DVec3::new(0.1, -2.0, 0.3))]),
+            keep: Keep::Any,
             cap: false,
         }),
         Edit::Clip(Clip {
             planes: planes(&[(DVec3::ONE, DVec3::Z), (DVec3::NAN, DVec3::Z), (DVec3::ZERO, DVec3::ZERO)]),
-            cap: true,
+            ..Clip::default()
         }),
         Edit::Intervals(vec![interval(0), interval(1)]),
         Edit::ResetCrop,

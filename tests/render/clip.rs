@@ -9,7 +9,7 @@ use relume::film::Film;
 use relume::number::Real;
 use relume::plan::{Integrate, Stale};
 use relume::progress::Quiet;
-use relume::scene::{Clip, ClipPlane, Scene, ShadowMethod};
+use relume::scene::{Clip, ClipPlane, Keep, Scene, ShadowMethod};
 use relume::spectrum::colour::{Xyz, d65_white, lab_from_xyz};
 use relume::volume::{Geometry, Phantom, Volume, Voxels};
 
@@ -48,7 +48,7 @@ fn plane(point: [f64; 3], normal: [f64; 3]) -> ClipPlane {
 }
 
 fn clip(planes: &[ClipPlane]) -> Clip {
-    Clip { planes: planes.to_vec(), cap: true }
+    Clip { planes: planes.to_vec(), ..Clip::default() }
 }
 
 /// Planes of several directions, one of which cuts nothing.
@@ -61,8 +61,8 @@ fn oblique() -> Vec<ClipPlane> {
     ]
 }
 
-/// Length of each pixel's ray in the box, cut by the planes.
-fn lengths(scene: &Scene, size: [usize; 2]) -> Vec<f64> {
+/// Length of each pixel's ray in the box, cut by these planes.
+fn lengths(scene: &Scene, planes: &[ClipPlane], size: [usize; 2]) -> Vec<f64> {
     let view = scene.camera.view(&scene.frame.geometry, float(size[0]) / float(size[1])).unwrap();
     let last = DVec3::new(19.0, 19.0, 29.0);
     (0..size[0] * size[1])
@@ -73,7 +73,7 @@ fn lengths(scene: &Scene, size: [usize; 2]) -> Vec<f64> {
             let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
             // The box is a set of six planes.
             let faces = DVec3::AXES.into_iter().flat_map(|axis| [(axis, last), (-axis, DVec3::ZERO)]);
-            let planes = scene.clip.in_force().map(|plane| (plane.normal, plane.point));
+            let planes = planes.iter().map(|plane| (plane.normal, plane.point));
             for (normal, point) in faces.chain(planes) {
                 let (beyond, along) = (normal.dot(from - point), normal.dot(view.forward));
                 if along > 0.0 {
@@ -105,7 +105,7 @@ fn a_cut_box_is_its_closed_form_on_every_rung() {
         let mut scene = homogeneous(opacity, step, integration);
         scene.clip = clip(&oblique());
         let depth = -(-opacity).ln_1p();
-        let lengths = lengths(&scene, size);
+        let lengths = lengths(&scene, &oblique(), size);
         assert!(lengths.iter().filter(|&&length| length > 1.0).count() > 100, "the box is seen");
         let expected: Vec<f64> = lengths.iter().map(|length| (-depth * length).exp()).collect();
         let rungs = Rungs::new(scene, size);
@@ -115,6 +115,71 @@ fn a_cut_box_is_its_closed_form_on_every_rung() {
         check(&what("tables"), &rungs.march::<f64>(&rungs.stored::<f64>()), &expected, 2e-6);
         check(&what("f32"), &rungs.march::<f32>(&rungs.stored::<f32>()), &expected, 3e-5);
         with_renderer(|renderer| check(&what("device"), &rungs.gpu(renderer), &expected, 3e-5));
+    }
+}
+
+#[test]
+fn a_corner_cut_out_is_its_closed_form_on_every_rung() {
+    let size = [24, 20];
+    for (opacity, step) in [(0.05, 0.7), (0.05, 3.1), (0.6, 1.0)] {
+        let mut scene = homogeneous(opacity, step, "samples");
+        let planes = [
+            plane([9.5, 9.5, 14.3], [0.2, 0.1, 1.0]),
+            plane([9.0, 9.0, 9.0], [-3.0, 1.0, 0.5]),
+            plane([9.0, 6.7, 4.0], [0.0, 1.0, -0.3]),
+        ];
+        scene.clip = Clip { keep: Keep::Any, ..clip(&planes) };
+        let whole = lengths(&scene, &[], size);
+        // What lies beyond all planes is what the same planes leave, the other way round.
+        let turned = planes.map(|plane| ClipPlane { normal: -plane.normal, ..plane });
+        let gone = lengths(&scene, &turned, size);
+        assert!(gone.iter().filter(|&&length| length > 1.0).count() > 60, "a corner is seen");
+        let depth = -(-opacity).ln_1p();
+        let expected: Vec<f64> = whole.iter().zip(gone).map(|(whole, gone)| (-depth * (whole - gone)).exp()).collect();
+        let rungs = Rungs::new(scene, size);
+        assert!(rungs.planned.plan.clip.keeps_any);
+        let what = |rung: &str| format!("{rung}, opacity {opacity}, step {step}");
+        check(&what("f64"), &rungs.march::<f64>(&rungs.exact()), &expected, 1e-9);
+        check(&what("tables"), &rungs.march::<f64>(&rungs.stored::<f64>()), &expected, 2e-6);
+        check(&what("f32"), &rungs.march::<f32>(&rungs.stored::<f32>()), &expected, 3e-5);
+        with_renderer(|renderer| check(&what("device"), &rungs.gpu(renderer), &expected, 3e-5));
+    }
+}
+
+/// A plane is the same alone, beside one beyond which all of the box lies, of what either keeps, and as a plane of the first field.
+#[test]
+fn planes_that_leave_the_same_part_leave_the_same_picture() {
+    let size = [24, 20];
+    let text = "[transfer]\nopacity_length = 1\nintervals = [{ material = \"one\", range = [90, 110], opacity = 0.2 }]\n[lights.key]\nspectrum \
+                = \"D65\"\nkind = \"directional\"\ndirection = [0.6, 0.4, -0.8]\n[accuracy]\nstep = 0.8\ntermination = 0\n";
+    for shadows in [false, true] {
+        let shown = |clip: Clip| {
+            let mut scene = scene_of(medium(DMat3::from_rotation_z(0.4)), text);
+            scene.lights[0].shadows = shadows;
+            scene.shadows.spacing = 1.0;
+            scene.clip = clip;
+            Rungs::new(scene, size)
+        };
+        let cut = plane([4.0, 12.0, 10.0], [0.3, 0.1, -1.0]);
+        let behind_all = plane([0.0, 0.0, -90.0], [0.1, 0.2, 1.0]);
+        let first = ClipPlane { fields: [true, false, false, false], ..cut };
+        let alone = shown(clip(&[cut]));
+        let others = [shown(Clip { keep: Keep::Any, ..clip(&[behind_all, cut]) }), shown(clip(&[first]))];
+        let brightest = |weights: &[f64]| weights.iter().copied().fold(0.0, f64::max);
+        // Of fields alone, shadows fade over a voxel.
+        let limits = if shadows { [0.03; 2] } else { [1e-9, 2e-5] };
+        let exact = alone.march::<f64>(&alone.exact()).accumulators;
+        for other in &others {
+            assert!(other.planned.plan.clip.is_by_field() && !alone.planned.plan.clip.is_by_field());
+            let found = other.march::<f64>(&other.exact()).accumulators;
+            let worst = exact.iter().zip(&found).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(worst <= limits[0] * brightest(&exact), "f64, shadows {shadows}: off by {worst}");
+            with_renderer(|renderer| {
+                let [one, two] = [&alone, other].map(|rungs| rungs.gpu(renderer).map(f64::from).accumulators);
+                let worst = one.iter().zip(&two).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(worst <= limits[1] * brightest(&one), "device, shadows {shadows}: off by {worst}");
+            });
+        }
     }
 }
 
@@ -228,30 +293,31 @@ fn shading_sees_a_cut_face_at_every_step() {
 #[test]
 fn what_a_plane_cuts_away_casts_no_shadow() {
     let size = [24, 20];
-    let shown = |method: ShadowMethod, planes: &[ClipPlane], place: &str| {
+    let shown = |method: ShadowMethod, (keep, planes): (Keep, &[ClipPlane]), place: &str| {
         let text = format!(
             "shading = \"none\"\n[transfer]\nopacity_length = 1\nintervals = [{{ material = \"one\", range = [90, 110], opacity = 0.05 }}]\n\
              [lights.key]\nspectrum = \"D65\"\nshadows = true\n{place}\n[accuracy]\nstep = 0.5\ntermination = 0\n[shadows]\nspacing = 1\n"
         );
         let mut scene = scene_of(medium(DMat3::IDENTITY), &text);
         scene.shadows.method = method;
-        scene.clip = clip(planes);
+        scene.clip = Clip { keep, ..clip(planes) };
         Rungs::new(scene, size)
     };
     // A plane through a part of a sample, and an oblique one.
     let cut = [plane([0.0, 0.0, 12.3], [0.0, 0.0, 1.0]), plane([14.2, 0.0, 0.0], [1.0, 0.0, 0.4])];
     let directional = "kind = \"directional\"\ndirection = [0.5, 0.2, 1]";
     let point = "kind = \"point\"\nposition = [12, 5, 60]";
-    for place in [directional, point, "kind = \"ambient\""] {
+    let places = [directional, point, "kind = \"ambient\""];
+    for (place, keep) in places.into_iter().flat_map(|place| [(place, Keep::All), (place, Keep::Any)]) {
         let exact = |planes: &[ClipPlane]| {
-            let rungs = shown(ShadowMethod::Rays, planes, place);
+            let rungs = shown(ShadowMethod::Rays, (keep, planes), place);
             rungs.march::<f64>(&rungs.exact()).accumulators
         };
         let (by_rays, uncut) = (exact(&cut), exact(&[]));
         let brightest = |weights: &[f64]| weights.iter().copied().fold(0.0, f64::max);
         let brighter = by_rays.iter().zip(&uncut).filter(|&(cut, uncut)| *cut > 1.05 * uncut).count();
         assert!(brighter > 20, "{place}: light reaches what was behind, in {brighter} pixels");
-        let rungs = shown(ShadowMethod::Grid, &cut, place);
+        let rungs = shown(ShadowMethod::Grid, (keep, &cut), place);
         let by_grid = rungs.march::<f64>(&rungs.exact()).accumulators;
         let off = |found: &[f64]| {
             let mut off: Vec<f64> =
@@ -281,4 +347,6 @@ fn a_plane_makes_a_march_stale_and_one_that_is_off_nothing() {
     assert_eq!(Stale::between(&scene, &planned, &clipped), Stale::Nothing);
     clipped.clip.cap = false;
     assert_eq!(Stale::between(&scene, &planned, &clipped), Stale::Nothing, "no face is cut");
+    clipped.clip.keep = Keep::Any;
+    assert_eq!(Stale::between(&scene, &planned, &clipped), Stale::Nothing, "nor by several planes");
 }

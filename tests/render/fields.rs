@@ -85,6 +85,51 @@ fn overlapping_slabs_are_their_closed_form_on_every_rung() {
     }
 }
 
+/// Each field is scaled by half through the value of the other one, which is 100 everywhere.
+#[test]
+fn factors_by_each_other_are_their_closed_form_on_every_rung() {
+    let [one, two] = [0.04, 0.07];
+    let scaled = |text: String, by: &str| text.replace(" }]", &format!(", by = {{ {by} }} }}]"));
+    let text = [
+        scaled(first(one), "other = [[50, 0], [150, 1]]"),
+        scaled(field("other", "two", two), "volume = [[0, 0.9], [80, 0.25], [120, 0.75], [200, 0]]"),
+    ];
+    let rungs = Rungs::new(scene(&text.concat(), 100, &[("other", 100)]), [4, 4]);
+    assert_eq!(rungs.planned.plan.groups.by_fields, [1, 4]);
+    let (a, b) = (0.5 * depth(one), 0.5 * depth(two));
+    let left = (-(a + b)).exp();
+    let gained = (1.0 - left) / (a + b);
+    let expected = [a * gained, b * gained, left];
+    check("f64", &rungs.march::<f64>(&rungs.exact()), expected, 1e-12);
+    check("tables", &rungs.march::<f64>(&rungs.stored::<f64>()), expected, 1e-6);
+    check("f32", &rungs.march::<f32>(&rungs.stored::<f32>()), expected, 4e-6);
+    with_renderer(|renderer| check("device", &rungs.gpu(renderer), expected, 6e-6));
+}
+
+/// A plane takes the far part of one of two slabs, at the end of a step and within one.
+#[test]
+fn a_plane_of_one_field_leaves_the_other_whole() {
+    let [one, two] = [0.04, 0.07];
+    let of_length = |opacity: f64, length: f64| -(-opacity).ln_1p() * length;
+    for at in [9.8, 10.3] {
+        let clip = format!("[clip]\nplanes = [{{ plane = \"z:{at}\", volumes = [\"other\"] }}]\n");
+        let text = [first(one), field("other", "two", two), clip].concat();
+        let rungs = Rungs::new(scene(&text, 100, &[("other", 100)]), [4, 4]);
+        let (a, b) = (of_length(one, at), of_length(two, at));
+        let (front, behind) = ((-(a + b)).exp(), (-of_length(one, 24.0 - at)).exp());
+        let gained = (1.0 - front) / (a + b);
+        let expected = [a * gained + front * (1.0 - behind), b * gained, front * behind];
+        // Media within a step are mixed.
+        let limit = if at < 10.0 { 1e-9 } else { 1e-3 };
+        let film = rungs.march::<f64>(&rungs.exact());
+        check("f64", &film, expected, limit);
+        check("f64", &film, [film.accumulators[0], film.accumulators[16], expected[2]], 1e-9);
+        check("tables", &rungs.march::<f64>(&rungs.stored::<f64>()), expected, limit.max(1e-6));
+        check("f32", &rungs.march::<f32>(&rungs.stored::<f32>()), expected, limit.max(4e-6));
+        with_renderer(|renderer| check("device", &rungs.gpu(renderer), expected, limit.max(6e-6)));
+    }
+}
+
 #[test]
 fn the_order_of_fields_does_not_matter_and_half_a_field_twice_is_one() {
     let film = |fields: &[(&str, &str, f64)], value: u8| {

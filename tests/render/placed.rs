@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use relume::document::{self, InMemory, SceneOptions};
 use relume::progress::Quiet;
-use relume::scene::{Aim, Field, Scene};
+use relume::scene::{Aim, Field, FieldFactor, Scene};
 use relume::volume::{Geometry, Volume, Voxels};
 
 use crate::fields::check;
@@ -59,6 +59,29 @@ fn two_boxes_that_overlap_in_part_are_their_closed_form_on_every_rung() {
             left *= after;
         }
         let expected = [gained[0], gained[1], left];
+        check("f64", &rungs.march::<f64>(&rungs.exact()), expected, 1e-9);
+        check("tables", &rungs.march::<f64>(&rungs.stored::<f64>()), expected, 1e-6);
+        check("f32", &rungs.march::<f32>(&rungs.stored::<f32>()), expected, 6e-6);
+        with_renderer(|renderer| check("device", &rungs.gpu(renderer), expected, 8e-6));
+    }
+}
+
+/// A volume is seen where another one is, or where it is not, whose box it overlaps in part.
+#[test]
+fn a_mask_shows_what_is_inside_its_box_or_outside_on_every_rung() {
+    let turned = DMat3::from_rotation_z(0.5);
+    let mask = uniform([31, 29, 16], DVec3::new(0.9, 0.8, 0.8), DVec3::new(4.0, -3.0, 5.0), turned);
+    // Outside the box a factor is that of its first point.
+    for (points, parts) in
+        [([(50.0, 0.0), (90.0, 1.0)], [0.0, 12.0, 0.0]), ([(50.0, 1.0), (90.0, 0.25)], [5.0, 3.0, 7.0])]
+    {
+        let first = uniform([21, 21, 25], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY);
+        let mut scene = scene(first, mask.clone(), [0.05, 0.0]);
+        scene.transfer.terms[0].by = vec![FieldFactor { field: "other".to_owned(), points: points.to_vec() }];
+        scene.fields.show(0, Vec::new());
+        let rungs = Rungs::new(scene, [4, 4]);
+        let left = 0.95_f64.powf(parts.iter().sum());
+        let expected = [1.0 - left, left, f64::NAN];
         check("f64", &rungs.march::<f64>(&rungs.exact()), expected, 1e-9);
         check("tables", &rungs.march::<f64>(&rungs.stored::<f64>()), expected, 1e-6);
         check("f32", &rungs.march::<f32>(&rungs.stored::<f32>()), expected, 6e-6);

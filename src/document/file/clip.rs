@@ -1,8 +1,8 @@
 //! Reads the clip planes of a scene file.
 
-use super::keys::{ClipFile, ClipNumbers, ClipPlaneFile};
+use super::keys::{ClipFile, ClipNumbers, ClipPlaneFile, ClipText, KeepFile};
 use super::*;
-use relume_scene::Frame;
+use relume_scene::{Fields, Frame, Keep};
 
 /// Sides of a patient and their directions in a left-posterior-superior world.
 const SIDES: [(&str, DVec3); 6] = [
@@ -15,19 +15,27 @@ const SIDES: [(&str, DVec3); 6] = [
 ];
 
 impl Text<'_> {
-    /// The clip planes of a scene around `volume`.
-    pub(super) fn clip(&self, ClipFile { planes, cap }: &ClipFile, volume: &Volume) -> Result<Clip, SceneError> {
+    /// The clip planes of a scene with these fields.
+    pub(super) fn clip(&self, ClipFile { planes, keep, cap }: &ClipFile, fields: &Fields) -> Result<Clip, SceneError> {
+        let frame = Frame::of(&fields.first().volume);
+        let cut = |plane: ClipPlane, on: Option<bool>, volumes: Option<&Vec<String>>| {
+            let fields = volumes.map_or(Ok(plane.fields), |volumes| cut_fields(volumes, fields))?;
+            Ok(ClipPlane { on: on.unwrap_or(true), fields, ..plane })
+        };
         let plane = |place: &At<ClipPlaneFile>| {
             match place.get_ref() {
-                ClipPlaneFile::Short(text) => clip_plane(text, &Frame::of(volume)),
-                &ClipPlaneFile::Numbers(ClipNumbers { point, normal, on }) => {
+                ClipPlaneFile::Short(text) => clip_plane(text, &frame),
+                ClipPlaneFile::Text(ClipText { plane, on, volumes }) => {
+                    clip_plane(plane, &frame).and_then(|plane| cut(plane, *on, volumes.as_ref()))
+                }
+                &ClipPlaneFile::Numbers(ClipNumbers { point, normal, on, ref volumes }) => {
                     let plane = ClipPlane::new(point.into(), normal.into()).ok_or_else(|| {
                         if point.iter().any(|number| !number.is_finite()) {
                             return format!("a clip plane through the point {point:?}; its numbers are finite");
                         }
                         format!("a clip plane with the normal {normal:?}; write a direction, such as [0, 0, 1]: what lies that way goes")
                     });
-                    plane.map(|plane| ClipPlane { on: on.unwrap_or(true), ..plane })
+                    plane.and_then(|plane| cut(plane, on, volumes.as_ref()))
                 }
             }
             .map_err(|message| self.invalid(place, message))
@@ -36,8 +44,29 @@ impl Text<'_> {
             let message = format!("{} clip planes; a scene may have {CLIP_PLANES}", planes.len());
             return Err(self.invalid(place, message));
         }
-        Ok(Clip { planes: planes.iter().map(plane).collect::<Result<_, _>>()?, cap: cap.unwrap_or(true) })
+        let keep = match keep {
+            KeepFile::All => Keep::All,
+            KeepFile::Any => Keep::Any,
+        };
+        Ok(Clip { planes: planes.iter().map(plane).collect::<Result<_, _>>()?, keep, cap: cap.unwrap_or(true) })
     }
+}
+
+/// The fields that a plane cuts, by their names.
+fn cut_fields(volumes: &[String], fields: &Fields) -> Result<[bool; FIELDS], String> {
+    let name_of = |field: &Field| if field.name.is_empty() { FIRST_FIELD.to_owned() } else { field.name.clone() };
+    let names: Vec<String> = fields.iter().map(name_of).collect();
+    if let Some(unknown) = volumes.iter().find(|name| !names.contains(name)) {
+        return Err(format!("a clip plane of the volume {unknown:?}; there are: {}", names.join(", ")));
+    }
+    if volumes.is_empty() {
+        return Err(format!("a clip plane of no volume; name some of {}, or leave out `volumes`", names.join(", ")));
+    }
+    // A plane of all fields is one of all that a scene may have.
+    let cuts = |index: usize| names.get(index).is_none_or(|name| volumes.contains(name));
+    let all = std::array::from_fn(cuts);
+    let is_all = all.iter().all(|&cuts| cuts);
+    Ok(if is_all { all } else { std::array::from_fn(|index| index < names.len() && all[index]) })
 }
 
 /// The clip plane of a `text` such as `z:50%`, in `frame`: the direction in which all goes, and a place on the plane.

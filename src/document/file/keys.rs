@@ -14,7 +14,7 @@ use crate::Mixing;
 use relume_colour::palette::PaletteFile;
 use relume_colour::spectrum::{SpectrumSource, ThinFilmAngle};
 use relume_colour::written::{List, Stated, at, numbers, stated_numbers};
-use relume_scene::{LightKind, key};
+use relume_scene::{FIRST_FIELD, LightKind, key};
 use relume_volume::ByteOrder;
 
 /// A value with its place in the file.
@@ -221,6 +221,14 @@ pub(super) struct ThinFilmFile {
     pub(super) angle: ThinFilmAngle,
 }
 
+impl Root {
+    /// Names of the fields besides the one with this name.
+    pub(super) fn fields_beside(&self, name: &str) -> Vec<&str> {
+        let all = std::iter::once(FIRST_FIELD).chain(self.volumes.keys().map(String::as_str));
+        all.filter(|other| *other != name).collect()
+    }
+}
+
 /// A further field.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -233,7 +241,8 @@ pub(super) struct FurtherFile {
     #[serde(default, deserialize_with = "number_or_text")]
     pub(super) series: Option<String>,
     pub(super) transform: Option<At<TransformFile>>,
-    pub(super) transfer: At<TransferFile>,
+    /// None of a field that shows nothing itself, such as a mask.
+    pub(super) transfer: Option<At<TransferFile>>,
 }
 
 /// A transform by its numbers, or in a file.
@@ -270,6 +279,21 @@ pub(super) struct TransferFile {
     pub(super) material: Option<At<Vec<(f64, String)>>>,
     #[serde(default, deserialize_with = "lists")]
     pub(super) gradient_opacity: Option<At<Vec<[f64; 2]>>>,
+    /// Factors by the values of other fields on all terms without such factors of their own.
+    pub(super) by: Option<ByFile>,
+}
+
+/// Points of a factor by the value of each named field.
+pub(super) type ByFile = BTreeMap<String, At<ListsFile>>;
+
+/// A list of pairs of numbers.
+#[derive(Deserialize)]
+pub(super) struct ListsFile(Vec<List<f64, 2>>);
+
+impl ListsFile {
+    pub(super) fn pairs(&self) -> Vec<[f64; 2]> {
+        self.0.iter().map(|pair| pair.0).collect()
+    }
 }
 
 #[derive(Deserialize)]
@@ -283,6 +307,7 @@ pub(super) struct IntervalFile {
     pub(super) absorption: Option<At<f64>>,
     #[serde(default, deserialize_with = "lists")]
     pub(super) gradient: Option<At<Vec<[f64; 2]>>>,
+    pub(super) by: Option<ByFile>,
 }
 
 #[derive(Deserialize)]
@@ -405,18 +430,37 @@ pub(super) enum ProjectionFile {
 pub(super) struct ClipFile {
     #[serde(default)]
     pub(super) planes: Vec<At<ClipPlaneFile>>,
+    #[serde(default)]
+    pub(super) keep: KeepFile,
     pub(super) cap: Option<bool>,
+}
+
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum KeepFile {
+    #[default]
+    All,
+    Any,
 }
 
 /// A clip plane by its numbers, or in short.
 #[derive(Deserialize)]
 #[serde(
     untagged,
-    expecting = "a clip plane is { point = [x, y, z], normal = [x, y, z] }, also with on = false, or a text such as \"z:50%\""
+    expecting = "a clip plane is { point = [x, y, z], normal = [x, y, z] } or { plane = \"z:50%\" }, also with on = false and volumes = [\"pet\"], or a text such as \"z:50%\""
 )]
 pub(super) enum ClipPlaneFile {
     Short(String),
+    Text(ClipText),
     Numbers(ClipNumbers),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ClipText {
+    pub(super) plane: String,
+    pub(super) on: Option<bool>,
+    pub(super) volumes: Option<Vec<String>>,
 }
 
 #[derive(Deserialize)]
@@ -425,6 +469,7 @@ pub(super) struct ClipNumbers {
     pub(super) point: [f64; 3],
     pub(super) normal: [f64; 3],
     pub(super) on: Option<bool>,
+    pub(super) volumes: Option<Vec<String>>,
 }
 
 #[derive(Deserialize)]

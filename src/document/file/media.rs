@@ -90,13 +90,16 @@ impl Text<'_> {
         Ok(opacity)
     }
 
-    /// The terms of the transfer function, and the points of its factor by the gradient magnitude.
+    /// The terms of the transfer function, and the points of its factor by the gradient magnitude. Factors may depend on the `others`, the
+    /// names of other fields.
     pub(super) fn transfer(
         &self,
         file: &TransferFile,
         materials: &[Material],
+        others: &[&str],
     ) -> Result<(Vec<Term>, GradientFactor), SceneError> {
         let mut terms = Vec::new();
+        let by_of_all = self.by(file.by.as_ref(), others)?.unwrap_or_default();
         for interval in &file.intervals {
             let material = self.material(&interval.material, materials)?;
             let [low, high] = *interval.range.get_ref();
@@ -114,12 +117,15 @@ impl Text<'_> {
             let opacity = self.opacity("opacity", &interval.opacity, &materials[material])?;
             let absorption = self.absorption("absorption", interval.absorption.as_ref(), &materials[material])?;
             let term = Term::interval(material, [low, high], ramp, opacity, absorption);
-            terms.push(Term { gradient: self.factor("gradient", interval.gradient.as_ref())?, ..term });
+            let gradient = self.factor("gradient", interval.gradient.as_ref())?;
+            let by = self.by(interval.by.as_ref(), others)?.unwrap_or_else(|| by_of_all.clone());
+            terms.push(Term { gradient, by, ..term });
         }
         match (&file.opacity, &file.material) {
             (None, None) => {}
             (Some(opacity), Some(material)) => {
-                terms.push(self.curves(opacity, file.absorption.as_ref(), material, materials)?);
+                let curves = self.curves(opacity, file.absorption.as_ref(), material, materials)?;
+                terms.push(Term { by: by_of_all, ..curves });
             }
             (Some(alone), None) => {
                 return Err(self.invalid(alone, "an opacity curve needs a `material` curve"));
@@ -130,15 +136,38 @@ impl Text<'_> {
         }
         let all = self.factor("gradient_opacity", file.gradient_opacity.as_ref())?;
         let factors = different_factors(&terms, &all).len();
-        if let Some(last) =
-            file.intervals.iter().rev().find_map(|it| it.gradient.as_ref()).filter(|_| factors > FACTORS)
-        {
+        if let Some(last) = file.intervals.last().filter(|_| factors > FACTORS) {
             let message = format!(
-                "the terms have {factors} different factors by the gradient; the limit is {FACTORS}, because each group of terms with one is looked up apart"
+                "the terms have {factors} different factors by the gradient or by other fields; the limit is {FACTORS}, because each group of terms with equal ones is looked up apart"
             );
-            return Err(self.invalid(last, message));
+            return Err(self.invalid(&last.range, message));
         }
         Ok((terms, all))
+    }
+
+    /// Factors by the values of other fields; `None` if the file states none.
+    fn by(&self, stated: Option<&ByFile>, others: &[&str]) -> Result<Option<Vec<FieldFactor>>, SceneError> {
+        let factor = |(name, stated): (&String, &At<ListsFile>)| {
+            if !others.contains(&name.as_str()) {
+                let message = match others {
+                    [] => format!("by.{name}: there is no other field; add [volumes.{name}]"),
+                    _ => format!("by.{name}: the other fields are {}", others.join(", ")),
+                };
+                return Err(self.invalid(stated, message));
+            }
+            let pairs = Spanned::new(stated.span(), stated.get_ref().pairs());
+            let points = self.curve("a factor", &pairs, &UNIT)?;
+            if points.len() > GRADIENT_POINTS {
+                let message = format!("by.{name} has {} points; the limit is {GRADIENT_POINTS}", points.len());
+                return Err(self.invalid(stated, message));
+            }
+            if let Some(pair) = points.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
+                return Err(self.invalid(stated, descends(pair[0].0, pair[1].0)));
+            }
+            let field = if name == FIRST_FIELD { String::new() } else { name.clone() };
+            Ok(FieldFactor { field, points })
+        };
+        stated.map(|stated| stated.iter().map(factor).collect()).transpose()
     }
 
     /// Points of a factor by the gradient magnitude; none if the file states none.
@@ -220,7 +249,7 @@ impl Text<'_> {
             return Err(self.invalid(material, descends(pair[0].0, pair[1].0)));
         }
         let material = MaterialCurve(curve);
-        Ok(Term { ramp: None, opacity: points, absorption: depths, material, gradient: Vec::new() })
+        Ok(Term { ramp: None, opacity: points, absorption: depths, material, gradient: Vec::new(), by: Vec::new() })
     }
 
     /// The declared labels, and the entry of all others.
@@ -285,7 +314,7 @@ impl Text<'_> {
             );
             return Err(self.invalid(stated, message));
         }
-        let (terms, all) = self.transfer(stated.get_ref(), materials)?;
+        let (terms, all) = self.transfer(stated.get_ref(), materials, &[])?;
         if !all.is_empty() || terms.iter().any(|term| !term.gradient.is_empty()) {
             let message = format!("labels.{key}.transfer: labels have no factors by the gradient");
             return Err(self.invalid(stated, message));

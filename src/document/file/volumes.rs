@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::look::first_look::{Kind, Values};
+use relume_scene::plan::MOST_GROUPS;
 
 impl Text<'_> {
     pub(super) fn crop(&self, crop: &At<CropFile>, volume: &Volume) -> Result<[DVec3; 2], SceneError> {
@@ -131,6 +132,30 @@ impl Text<'_> {
         Ok((volume, stored))
     }
 
+    /// Refuses further fields that nothing depends on, and too many groups of terms.
+    pub(super) fn check_fields(&self, file: &Root, scene: &Scene) -> Result<(), SceneError> {
+        let groups = scene.groups();
+        for (name, stated) in &file.volumes {
+            let is_factor = groups.iter().flat_map(|group| group.by).any(|factor| factor.field == *name);
+            if stated.get_ref().transfer.is_none() && !is_factor {
+                let message = format!(
+                    "volumes.{name} has no effect; show it by a `transfer`, or name it in a factor of another field: by = {{ {name} = [[0, 0], [1, 1]] }}"
+                );
+                return Err(self.invalid(stated, message));
+            }
+        }
+        match file.volumes.values().next() {
+            Some(stated) if groups.len() > MOST_GROUPS => {
+                let message = format!(
+                    "the fields have {} groups of terms with equal factors; the limit is {MOST_GROUPS}, because each is looked up apart",
+                    groups.len()
+                );
+                Err(self.invalid(stated, message))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The further fields of a scene: volumes on the grid of `first` or on grids of their own, with what they show. Those that are `given`
     /// are not read.
     pub(super) fn further(
@@ -153,10 +178,20 @@ impl Text<'_> {
             let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
             let FurtherFile { file: path, phantom, component, time, array, series, transform, transfer } =
                 stated.get_ref();
-            let (terms, all) = self.transfer(transfer.get_ref(), materials)?;
-            if !all.is_empty() || terms.iter().any(|term| !term.gradient.is_empty()) {
-                let message = format!("volumes.{name}.transfer: only the first field has factors by the gradient");
-                return Err(self.invalid(transfer, message));
+            if name == FIRST_FIELD {
+                let message = format!(
+                    "volumes.{name}: factors by the values of the first field call it {FIRST_FIELD:?}; give this one another name"
+                );
+                return Err(self.invalid(stated, message));
+            }
+            let mut terms = Vec::new();
+            if let Some(transfer) = transfer {
+                let (shown, all) = self.transfer(transfer.get_ref(), materials, &file.fields_beside(name))?;
+                if !all.is_empty() || shown.iter().any(|term| !term.gradient.is_empty()) {
+                    let message = format!("volumes.{name}.transfer: only the first field has factors by the gradient");
+                    return Err(self.invalid(transfer, message));
+                }
+                terms = shown;
             }
             if let Some((_, known)) = given.iter().find(|(of, _)| of == name) {
                 return Ok(Field::new(name.clone(), Arc::clone(known), terms));

@@ -36,8 +36,14 @@ pub(crate) fn scene(
     let colours = of_visible(ascending(spread_over(&preset.colours, spread)), &opacity);
     let gradient = gradient_opacity(&preset.gradient_opacity)?;
     let length = preset.unit_distance.unwrap_or_else(|| unit_distance(geometry));
-    let term =
-        Term { ramp: None, opacity, absorption: Vec::new(), material: MaterialCurve(Vec::new()), gradient: Vec::new() };
+    let term = Term {
+        ramp: None,
+        opacity,
+        absorption: Vec::new(),
+        material: MaterialCurve(Vec::new()),
+        gradient: Vec::new(),
+        by: Vec::new(),
+    };
     let is_interpolated = preset.interpolation != Interpolation::Nearest;
     let view = viewed(volume, statistics, std::slice::from_ref(&term), length, is_interpolated);
     // A single slice has no gradient across it to shade.

@@ -118,7 +118,7 @@ pub(super) fn visible(scene: &Scene) -> Vec<DVec3> {
     let is_clipped = scene.clip.in_force().next().is_some();
     let is_left = |index: usize| {
         let index = DVec3::from_array([index % nx, index / nx % ny, index / (nx * ny)].map(count));
-        !is_clipped || !scene.clip.hides(volume.geometry.world_from_index(index))
+        !is_clipped || !scene.clip.hides(0, volume.geometry.world_from_index(index))
     };
     let shows = |index: usize, value: f64| {
         let is_visible = match label(index) {

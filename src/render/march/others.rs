@@ -5,14 +5,16 @@ use std::fmt::Write as _;
 
 use relume_scene::plan::ScenePlan;
 
-/// Runs of the groups from `first` to before `end` that are not shaded apart, and the groups that are.
-fn runs(plan: &ScenePlan, first: usize, end: usize) -> (Vec<[usize; 2]>, Vec<usize>) {
-    let (mut together, mut apart) = (Vec::<[usize; 2]>::new(), Vec::new());
+/// Runs of the groups from `first` to before `end` that are not shaded apart, and those of each field that is.
+fn runs(plan: &ScenePlan, first: usize, end: usize) -> (Vec<[usize; 2]>, Vec<[usize; 2]>) {
+    let fields = plan.groups.fields;
+    let (mut together, mut apart) = (Vec::<[usize; 2]>::new(), Vec::<[usize; 2]>::new());
     for group in first..end {
-        match (plan.groups.is_apart(group), together.last_mut()) {
-            (true, _) => apart.push(group),
-            (false, Some(last)) if last[1] == group => last[1] += 1,
-            (false, _) => together.push([group, group + 1]),
+        let is_apart = plan.groups.is_apart(group);
+        let runs = if is_apart { &mut apart } else { &mut together };
+        match runs.last_mut() {
+            Some(last) if last[1] == group && !(is_apart && fields[last[0]] != fields[group]) => last[1] += 1,
+            _ => runs.push([group, group + 1]),
         }
     }
     (together, apart)
@@ -22,7 +24,8 @@ fn runs(plan: &ScenePlan, first: usize, end: usize) -> (Vec<[usize; 2]>, Vec<usi
 pub(super) fn text(plan: &ScenePlan) -> String {
     let groups = plan.groups.in_tables();
     // Labels replace the first field alone.
-    let first = if plan.labels { plan.groups.of_first() } else { groups };
+    let by_field = plan.clip.is_by_field();
+    let first = if plan.labels || by_field { plan.groups.of_first() } else { groups };
     let mut lines = String::new();
     let mut line = |line: std::fmt::Arguments<'_>| writeln!(lines, "    {line}").unwrap_or_default();
     let (together, mut apart) = runs(plan, 0, first);
@@ -30,13 +33,17 @@ pub(super) fn text(plan: &ScenePlan) -> String {
         line(format_args!("add_groups(fields, key, magnitude, {from}u, {to}u, &step);"));
     }
     line(format_args!("step = labelled(place, key.label, key.coordinate, step);"));
+    if by_field {
+        line(format_args!("step = left_of_first(step);"));
+    }
     let (together, further) = runs(plan, first, groups);
     for [from, to] in together {
         line(format_args!("add_groups(fields, key, magnitude, {from}u, {to}u, &step);"));
     }
     apart.extend(further);
-    for ((number, group), field) in apart.into_iter().enumerate().zip(plan.groups.lit_fields()) {
-        line(format_args!("add_other(fields, key, place, {number}u, {group}u, {field}u, &step);"));
+    for (number, [from, to]) in apart.into_iter().enumerate() {
+        let field = plan.groups.fields[from];
+        line(format_args!("add_other(fields, key, place, {number}u, {from}u, {to}u, {field}u, &step);"));
     }
     format!(
         "// Adds the densities of all groups at a sample to `begun`, and their labels.

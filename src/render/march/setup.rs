@@ -453,6 +453,9 @@ fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
 
 /// Bytes of the shader's struct `Clip`, for texture coordinates that are `scale` times those of the volume.
 pub(super) fn clip_bytes(planes: &ClipTable, caps: &CapTable, scale: DVec3) -> Vec<u8> {
+    let bits =
+        |fields: &[bool; FIELDS]| fields.iter().rev().fold(0.0, |bits, &cuts| 2.0 * bits + f32::from(u8::from(cuts)));
+    let fields: Vec<f32> = planes.fields().iter().map(bits).collect();
     let planes = planes.planes().iter().map(|plane| (plane.truncate() / scale).extend(plane.w));
     let mut planes: Vec<[f32; LANE]> = planes.map(|plane| plane.to_array().map(rounded)).collect();
     let mut outward: Vec<[f32; LANE]> =
@@ -460,6 +463,7 @@ pub(super) fn clip_bytes(planes: &ClipTable, caps: &CapTable, scale: DVec3) -> V
     let vectors = planes.len().max(1);
     planes.resize(vectors, [0.0; LANE]);
     outward.resize(vectors, [0.0; LANE]);
+    outward.iter_mut().zip(fields).for_each(|(outward, bits)| outward[LANE - 1] = bits);
     let fall = [caps.fall[0], caps.fall[1], 0.0, 0.0].map(rounded);
     [planes, outward, vec![fall]].iter().flat_map(|vectors| bytemuck::cast_slice(vectors).to_vec()).collect()
 }

@@ -57,11 +57,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         text!("labels.wgsl"),
         text!("labelled.wgsl"),
     ];
-    let steps = if plan.integration == Integrate::Segments || plan.blending.is_extreme() {
-        text!("whole_steps.wgsl")
-    } else {
-        text!("cut_steps.wgsl")
-    };
+    let steps = if cuts_in_runs(plan) { text!("whole_steps.wgsl") } else { text!("cut_steps.wgsl") };
     parts.extend(match residence {
         Residence::Whole => vec![text!("whole.wgsl"), text!("march.wgsl"), text!("slices.wgsl"), steps],
         Residence::Bricked { .. } => vec![text!("bricks.wgsl"), text!("march.wgsl"), text!("rounds.wgsl")],
@@ -103,6 +99,11 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
     }
     parts.push(("the light of the plan", light::text(plan).into()));
     parts
+}
+
+/// True if the steps that a face cuts are marched among the others.
+fn cuts_in_runs(plan: &ScenePlan) -> bool {
+    plan.integration == Integrate::Segments || plan.blending.is_extreme() || plan.clip.is_by_field()
 }
 
 /// Formats of accumulators and transmittance.
@@ -176,13 +177,19 @@ fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
         .u32("OTHERS", unsigned(plan.groups.lit_fields().count()))
         .u32("OTHERS_VECTORS", unsigned(plan.groups.lit_fields().count().max(1)))
         .bool("LABELS_BY_VALUE", plan.labels_by_value)
-        .u32("FACTOR_VECTORS", unsigned(plan.groups.points.max(1)))
+        .u32("FACTOR_VECTORS", unsigned(plan.groups.factor_vectors()))
+        .u32("FACTOR_POINTS", unsigned(plan.groups.points.max(1)))
+        .u32("BY_FIELDS", unsigned(plan.groups.by_fields[0]))
+        .u32("BY_POINTS", unsigned(plan.groups.by_fields[1]))
 }
 
 /// Adds the constants of `clip.wgsl`.
 fn clipped(constants: Constants, plan: &ScenePlan) -> Constants {
     constants
         .u32("PLANES", unsigned(plan.clip.planes))
+        .u32("SHORTENING", unsigned(plan.clip.shortening))
+        .bool("BY_FIELD", plan.clip.is_by_field())
+        .bool("KEEPS_ANY", plan.clip.keeps_any)
         .u32("CLIP_VECTORS", unsigned(plan.clip.planes.max(1)))
         .bool("CAPS", plan.clip.caps)
 }
@@ -242,10 +249,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .bool("EXTREMES", plan.blending.is_extreme())
         .f32("EXTREME_SIGN", if plan.blending == Blending::Minimum { -1.0 } else { 1.0 })
         // Otherwise `cut_steps.wgsl` adds the steps that a face cuts.
-        .bool(
-            "CUT_IN_RUNS",
-            plan.integration == Integrate::Segments || residence != Residence::Whole || plan.blending.is_extreme(),
-        )
+        .bool("CUT_IN_RUNS", cuts_in_runs(plan) || residence != Residence::Whole)
         .bool("SKIP_INVISIBLE", plan.skips_invisible())
         // Beside the fetches of differences, a software device may round values of several fields otherwise than alone.
         .bool("KEY_AGAIN", plan.groups.further > 0 && plan.gradient() && plan.gradients == Gradients::Central)

@@ -213,13 +213,19 @@ impl Planned {
                 });
             }
         }
-        let ClipPlan { planes, caps } = plan.clip;
+        let ClipPlan { planes, keeps_any, caps, .. } = plan.clip;
         if planes > 0 {
             let (planes, are) =
                 if planes == 1 { ("A clip plane".to_owned(), "is") } else { (format!("{planes} clip planes"), "are") };
             let caps = if caps { ", and shading sees the cut faces" } else { "" };
+            let keeps = if keeps_any { " What any of them keeps is left." } else { "" };
+            let by_field = if plan.clip.is_by_field() {
+                " Shadows fade over a voxel at planes that cut single fields or leave a corner."
+            } else {
+                ""
+            };
             sentences.push(format!(
-                "{planes} {are} cut exactly: of the steps that a plane cuts, the part that is left counts{caps}. What goes casts no shadows."
+                "{planes} {are} cut exactly: of the steps that a plane cuts, the part that is left counts{caps}.{keeps} What goes casts no shadows.{by_field}"
             ));
         }
         if let Some(error) = self.half_precision_error(scene) {

@@ -1,4 +1,4 @@
-//! Factors on the medium by the gradient magnitude, and opacities of parts of a step. Twin of `shaders/factors.wgsl` and
+//! Factors on the medium by the gradient magnitude and by the values of other fields, and opacities of parts of a step. Twin of `shaders/factors.wgsl` and
 //! `shaders/thinning.wgsl`.
 
 use crate::plan::{LANE, ScenePlan, Transmittance};
@@ -6,21 +6,39 @@ use crate::tables::FactorTable;
 use relume_base::number::{Real, dot};
 use smallvec::SmallVec;
 
-/// The factors of the groups of terms where the data have this `gradient`.
-pub(super) fn factors_at<R: Real>(table: &FactorTable, plan: &ScenePlan, gradient: [R; 3]) -> SmallVec<[R; 4]> {
+/// The factors of the groups of terms where the first field has this `gradient`, and all have these `values`, as stored; none without
+/// factors by other fields.
+pub(super) fn factors_at<R: Real>(
+    table: &FactorTable,
+    plan: &ScenePlan,
+    gradient: [R; 3],
+    values: &[Option<R>],
+) -> SmallVec<[R; 4]> {
     let number = |number: f32| R::from_f64(f64::from(number));
-    if !plan.groups.by_gradient() {
-        return table.0.iter().map(|_| R::from_f64(1.0)).collect();
-    }
-    let length = dot(gradient, gradient).sqrt();
-    let of_group = |vectors: &[[f32; LANE]]| {
-        let first = vectors.first().map_or(R::from_f64(1.0), |vector| number(vector[0]));
-        vectors.iter().skip(1).fold(first, |factor, &[start, steepness, rise, _]| {
-            let part = ((length - number(start)) * number(steepness)).max(R::default()).min(R::from_f64(1.0));
-            part.mul_add(number(rise), factor)
+    let one = R::from_f64(1.0);
+    let length = if plan.groups.by_gradient() { dot(gradient, gradient).sqrt() } else { R::default() };
+    let height = |first: R, at: R, pieces: &[[f32; LANE]]| {
+        pieces.iter().fold(first, |height, &[start, steepness, rise, _]| {
+            let part = ((at - number(start)) * number(steepness)).max(R::default()).min(one);
+            part.mul_add(number(rise), height)
         })
     };
-    table.0.chunks(plan.groups.points.max(1)).map(of_group).collect()
+    let (points, [_, by_points]) = (plan.groups.points.max(1), plan.groups.by_fields);
+    let of_group = |vectors: &[[f32; LANE]]| {
+        let (by_gradient, by_fields) = vectors.split_at(points);
+        let factor = match by_gradient {
+            [first, pieces @ ..] if plan.groups.by_gradient() => height(number(first[0]), length, pieces),
+            _ => one,
+        };
+        by_fields.chunks(by_points.max(1)).fold(factor, |factor, vectors| match vectors {
+            [[first, field, ..], pieces @ ..] => {
+                let value = values.get(number(*field).index()).copied().flatten();
+                factor * value.map_or(number(*first), |value| height(number(*first), value, pieces))
+            }
+            [] => factor,
+        })
+    };
+    table.0.chunks(plan.groups.factor_vectors()).map(of_group).collect()
 }
 
 /// Index of the field of each group, and scale and offset from its value to a table coordinate.
@@ -29,7 +47,7 @@ pub(super) fn coordinates_of<'a, R: Real>(
     plan: &ScenePlan,
 ) -> impl Iterator<Item = (usize, [R; 2])> + 'a {
     let number = |number: f32| R::from_f64(f64::from(number));
-    let first = table.0.iter().step_by(plan.groups.points.max(1));
+    let first = table.0.iter().step_by(plan.groups.factor_vectors());
     first.map(move |&[_, field, scale, offset]| (number(field).index(), [number(scale), number(offset)]))
 }
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-use super::clip::{FAR, Planes};
+use super::clip::{FAR, Own, Planes};
 use super::composite::{Lost, attenuate_all, attenuate_matrix};
 use super::factors::thin;
 use super::light::{At, Light, Scratch};
@@ -50,6 +50,8 @@ struct Ray<R> {
     inside: [R; 2],
     /// Number of samples.
     samples: usize,
+    /// Parts of the ray that planes keep, or remove, of each field by itself, in steps from the beginning of the first.
+    own: Option<Own<R>>,
     /// Direction to the eye in the volume's axes.
     view: [R; 3],
 }
@@ -162,9 +164,10 @@ impl<'a, R: Real> Frame<'a, R> {
         let first = steps(near).floor();
         let inside = [steps(near) - first, steps(far) - first];
         let samples = if far > near { inside[1].ceil().index().min(rays.samples as usize) } else { 0 };
+        let own = self.clip.own(base, direction).map(|own| own.in_steps(start, self.step_length, first));
         let local_scale = from(rays.local_scale);
         let view = std::array::from_fn(|axis| -(direction[axis] * local_scale[axis]));
-        Ray { base, direction, start, first, inside, samples, view }
+        Ray { base, direction, start, first, inside, samples, own, view }
     }
 
     /// Steps of `ray` whose samples lie in the marched block.
@@ -226,8 +229,12 @@ impl<'a, R: Real> Frame<'a, R> {
         let (mut read, mut closed, mut scratch) = (Step::default(), Step::default(), Scratch::default());
         let mut lost = self.lost(sums.len(), transmittance.len());
         for (n, place) in self.occupied(samples, ray) {
-            samples.sample(place, &mut read);
             let [from, to] = ray.part(n);
+            if let Some(own) = &ray.own {
+                let first = R::from_f64(count(n));
+                read.parts = own.parts([first + from, first + to]);
+            }
+            samples.sample(place, &mut read);
             let length = to - from;
             let step = if plan.adds_densities() {
                 across(&read, length, plan.lanes() * LANE, &mut closed);

@@ -26,8 +26,10 @@ pub struct Step<R> {
     pub others: Vec<Vec<R>>,
     /// [`Samples::normal`], where a march needs it.
     pub normal: [R; 3],
+    /// Set by a march: the part of the step that planes leave of each field by itself. Empty if they leave all alike.
+    pub parts: SmallVec<[R; FIELDS]>,
     /// Memory of [`Exact`] from step to step.
-    parts: [tables::Step; 2],
+    memory: [tables::Step; 2],
 }
 
 impl<R: Real> Step<R> {
@@ -35,6 +37,16 @@ impl<R: Real> Step<R> {
     fn add(&mut self, share: R, other: &Self) {
         let numbers = self.source.iter_mut().zip(&other.source).chain(self.opacity.iter_mut().zip(&other.opacity));
         numbers.for_each(|(sum, &number)| *sum = share.mul_add(number, *sum));
+    }
+
+    /// Multiplies light and opacity by `share`.
+    fn scale(&mut self, share: R) {
+        self.source.iter_mut().chain(&mut self.opacity).for_each(|number| *number = share * *number);
+    }
+
+    /// The part of the step that is left of a field.
+    fn part_of(&self, field: usize) -> R {
+        self.parts.get(field).copied().unwrap_or_else(|| R::from_f64(1.0))
     }
 
     /// Adds the opacity of `other`, and keeps its source apart.
@@ -153,7 +165,7 @@ impl<R: Real> Shares<R> {
             Self::One(row) => of_row(*row, own),
             Self::Mixed(shares) => {
                 let own_share = self.own_share();
-                let mut shared = Step { normal: own.normal, ..Step::default() };
+                let mut shared = Step { normal: own.normal, parts: own.parts.clone(), ..Step::default() };
                 let mut labelled = Step::default();
                 for &(row, share) in shares {
                     of_row(row, &mut labelled);
@@ -267,7 +279,7 @@ impl<'a> Exact<'a> {
         };
         let label_steps = media.map(label_step).collect();
         let bends = scene.transfer.bends();
-        let clip = Planes::of_caps(planned, &CapTable::new(scene, &storage));
+        let clip = Planes::of_samples(planned, &CapTable::new(scene, &storage));
         let further = scene.fields.further().iter().map(|field| &*field.volume).zip(PlacedField::of_further(scene));
         Self {
             scene,
@@ -356,10 +368,11 @@ impl<'a> Exact<'a> {
     pub fn medium_at(&self, place: [f64; 3], label: Option<usize>) -> Medium {
         let values = self.values_at(place);
         let Some(entry) = label.and_then(|label| self.scene.declared().get(label)) else {
-            return self.steps.medium_with(&values, self.magnitude_of_factors(place));
+            return self.steps.medium_with(&values, self.magnitude_of_factors(place), |_| 1.0);
         };
         let mut medium = entry.medium(values[0], self.scene.materials.len());
-        medium.add(&self.steps.medium_of_further(&values));
+        let share = |field| if is_further(field) { 1.0 } else { 0.0 };
+        medium.add(&self.steps.medium_with(&values, 0.0, share));
         medium
     }
 
@@ -414,6 +427,11 @@ fn gradient_of_voxel((volume, storage): (&Volume, &Storage), index: [usize; 3]) 
     })
 }
 
+/// True if a field is not the first.
+const fn is_further(field: usize) -> bool {
+    field > 0
+}
+
 /// Gradient of normalised values in a fall from `value` to the lowest one within two units of `length`.
 fn fall_from(value: f64, storage: &Storage, length: f64) -> f64 {
     let [low, high] = storage.domain;
@@ -437,13 +455,16 @@ impl Samples<f64> for Exact<'_> {
         let shares = self.shares(place);
         let groups = self.planned.plan.groups;
         // Labels replace the medium of the first field; the others are added.
-        let apart = groups.further > 0 && (self.planned.plan.labels || groups.lit_fields().next().is_some());
+        let by_field = self.planned.plan.clip.is_by_field();
+        let several = groups.further > 0;
+        let apart = by_field || several && (self.planned.plan.labels || groups.lit_fields().next().is_some());
         let values = if groups.any() { self.values_at(place) } else { SmallVec::new() };
         if shares.has_own() {
             let into = [&mut step.source, &mut step.opacity];
             if groups.any() {
-                let values = if apart { &values[..1] } else { &values };
-                self.steps.write_density_with(values, self.magnitude_of_factors(place), into);
+                let magnitude = self.magnitude_of_factors(place);
+                let share = |field| if !apart || field == 0 { 1.0 } else { 0.0 };
+                self.steps.write_density_with(&values, magnitude, share, into);
             } else {
                 self.steps.write(self.value_at(place), into);
             }
@@ -456,16 +477,21 @@ impl Samples<f64> for Exact<'_> {
         if !apart {
             return;
         }
+        if by_field {
+            step.scale(step.part_of(0));
+        }
         let mut further = Step::default();
-        let among = |is_it: &dyn Fn(usize) -> bool| -> SmallVec<[f64; FIELDS]> {
-            values.iter().enumerate().map(|(field, &value)| if is_it(field) { value } else { f64::NAN }).collect()
+        let parts = step.parts.clone();
+        let part_of = |field: usize| parts.get(field).copied().unwrap_or(1.0);
+        let set = |further: &mut Step<f64>, are_wanted: &dyn Fn(usize) -> bool| {
+            let into = [&mut further.source, &mut further.opacity];
+            let share = |field| if is_further(field) && are_wanted(field) { part_of(field) } else { 0.0 };
+            self.steps.write_density_with(&values, 0.0, share, into);
         };
-        let flat = among(&|field| !groups.lit[field]);
-        self.steps.write_density_of_further(&flat, [&mut further.source, &mut further.opacity]);
+        set(&mut further, &|field| !groups.lit[field]);
         step.add(1.0, &further);
-        for field in groups.lit_fields() {
-            let alone = among(&|other| other == field);
-            self.steps.write_density_of_further(&alone, [&mut further.source, &mut further.opacity]);
+        for lit in groups.lit_fields() {
+            set(&mut further, &|field| field == lit);
             step.add_other(&mut further);
         }
     }
@@ -481,7 +507,7 @@ impl Samples<f64> for Exact<'_> {
             let value = self.value_of((volume, storage), own);
             let fall = fall_from(value, storage, frame.spacing.min_element());
             let gradient = gradient.to_array();
-            unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(gradient, fall, place)))
+            unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(field, gradient, fall, place)))
         };
         self.planned.plan.groups.lit_fields().map(normal).collect()
     }
@@ -497,7 +523,7 @@ impl Samples<f64> for Exact<'_> {
 
     fn density_of(&self, values: &[Option<f64>], density: &mut Step<f64>) {
         let values: SmallVec<[f64; FIELDS]> = values.iter().map(|value| value.unwrap_or(f64::NAN)).collect();
-        self.steps.write_density_with(&values, 0.0, [&mut density.source, &mut density.opacity]);
+        self.steps.write_density_with(&values, 0.0, |_| 1.0, [&mut density.source, &mut density.opacity]);
         self.truncate(density);
     }
 
@@ -506,7 +532,11 @@ impl Samples<f64> for Exact<'_> {
             return [0.0; 3];
         }
         let gradient = self.gradient_at(place);
-        unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(gradient, self.fall(self.value_at(place)), place)))
+        unit(
+            self.clip
+                .as_ref()
+                .map_or(gradient, |clip| clip.capped(0, gradient, self.fall(self.value_at(place)), place)),
+        )
     }
 
     fn normal_between(&self, ends: [&End<f64>; 2], middle: [f64; 3]) -> [f64; 3] {
@@ -521,7 +551,7 @@ impl Samples<f64> for Exact<'_> {
 
     fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
         let shares = self.shares(middle);
-        let Step { source, opacity, parts, .. } = density;
+        let Step { source, opacity, memory: parts, .. } = density;
         tables::mean_density(&self.steps, &self.bends, ends.map(|end| end.value), [source, opacity], &mut parts[0]);
         let variation = variation(ends, shares.label(), || {
             for (part, end) in parts.iter_mut().zip(ends) {
@@ -545,15 +575,20 @@ impl Samples<f64> for Exact<'_> {
 
     fn extinction(&self, place: [f64; 3], number: usize) -> f64 {
         let values = self.values_at(place);
-        let own = || self.steps.extinction_with(&values[..1], self.magnitude_of_factors(place), number);
+        let part_of = |field: usize| self.clip.as_ref().map_or(1.0, |clip| clip.part_at(field, place));
+        let extinction = |magnitude: f64, share: &dyn Fn(usize) -> f64| {
+            self.steps.extinction_of(&self.steps.medium_with(&values, magnitude, share), number)
+        };
+        let first = |field: usize| if field == 0 { 1.0 } else { 0.0 };
+        let own = || extinction(self.magnitude_of_factors(place), &first);
         let materials = self.scene.materials.len();
         let of_label = |row: usize| {
             let entry = row.checked_sub(1).and_then(|label| self.scene.declared().get(label));
             entry.map_or(0.0, |entry| self.steps.extinction_of(&entry.medium(values[0], materials), number))
         };
-        let further = || self.steps.extinction_of(&self.steps.medium_of_further(&values), number);
-        let first = self.shares(place).number(own, of_label);
-        if values.len() > 1 { first + further() } else { first }
+        let first = part_of(0) * self.shares(place).number(own, of_label);
+        let further = |field: usize| if is_further(field) { part_of(field) } else { 0.0 };
+        if values.len() > 1 { first + extinction(0.0, &further) } else { first }
     }
 
     fn keeping(&self) -> Option<Keeping<'_, f64>> {
@@ -577,7 +612,7 @@ fn variation<R: Real>([a, b]: [&End<R>; 2], between: Label, of_values: impl FnOn
 fn normal_between<R: Real>(clip: Option<&Planes<R>>, ends: [&End<R>; 2], middle: [R; 3]) -> [R; 3] {
     let gradient = middle_of(ends);
     let fall = (ends[0].fall + ends[1].fall) * R::from_f64(0.5);
-    unit(clip.map_or(gradient, |clip| clip.capped(gradient, fall, middle)))
+    unit(clip.map_or(gradient, |clip| clip.capped(0, gradient, fall, middle)))
 }
 
 /// The mean of the gradients at both ends.
@@ -671,7 +706,7 @@ impl<'a, R: Real> Stored<'a, R> {
             coordinate_offset: R::from_f64(offset),
             gradient_scale: storage.gradient_scale().map(R::from_f64),
             lengths: stored.lengths,
-            clip: Planes::of_caps(planned, caps),
+            clip: Planes::of_samples(planned, caps),
             fall: caps.fall.map(R::from_f64),
             segments: segments.as_ref().map(of_segments),
             extinctions,
@@ -726,15 +761,6 @@ impl<'a, R: Real> Stored<'a, R> {
         })
     }
 
-    /// The table coordinate of each group at `place`, if its field has a value there.
-    fn coordinates_of_groups(&self, place: [R; 3], entries: usize) -> Values<R> {
-        let plan = &self.planned.plan;
-        if plan.groups.further == 0 {
-            return smallvec![Some(self.coordinate_at(place, entries)); plan.groups.in_tables()];
-        }
-        self.coordinates_of(&self.values(place), entries)
-    }
-
     /// The table coordinate of each group whose field has one of these `values`.
     fn coordinates_of(&self, values: &[Option<R>], entries: usize) -> Values<R> {
         let last = R::from_f64(count(entries - 1));
@@ -762,8 +788,9 @@ impl<'a, R: Real> Stored<'a, R> {
         }
     }
 
-    /// Takes the densities of the groups of further fields out of a density, and returns them with the indices of their fields.
-    fn split_further(&self, density: &mut Step<R>) -> Vec<(usize, Step<R>)> {
+    /// Takes the densities of further fields out of that of all groups, and returns them with the indices of the fields, which have these
+    /// `values`.
+    fn split_further(&self, density: &mut Step<R>, values: &[Option<R>]) -> Vec<(usize, Step<R>)> {
         let (lanes, numbers) = (self.table.lanes * LANE, self.table.opacity_numbers);
         let of_first = self.planned.plan.groups.of_first();
         let source = density.source.split_off(of_first * lanes);
@@ -772,11 +799,21 @@ impl<'a, R: Real> Stored<'a, R> {
             density.source.resize(lanes, R::default());
             density.opacity.resize(numbers, R::default());
         }
-        let of_group = |(group, &field): (usize, &usize)| {
+        // Factors by the gradient are those of the first field.
+        let factors = factors_at(self.factors, &self.planned.plan, [R::default(); 3], values);
+        let nothing =
+            || Step { source: vec![R::default(); lanes], opacity: vec![R::default(); numbers], ..Step::default() };
+        let mut further = Vec::<(usize, Step<R>)>::new();
+        for (group, &field) in self.table.fields[of_first..].iter().enumerate() {
+            if further.last().is_none_or(|last| last.0 != field) {
+                further.push((field, nothing()));
+            }
+            let Some((_, sum)) = further.last_mut() else { continue };
             let source = source[group * lanes..][..lanes].to_vec();
-            (field, Step { source, opacity: opacity[group * numbers..][..numbers].to_vec(), ..Step::default() })
-        };
-        self.table.fields[of_first..].iter().enumerate().map(of_group).collect()
+            let opacity = opacity[group * numbers..][..numbers].to_vec();
+            sum.add(factors[of_first + group], &Step { source, opacity, ..Step::default() });
+        }
+        further
     }
 
     /// Gradient of a further field at `place`, along the frame's axes, and that of a fall to its lowest value within two units of length;
@@ -817,10 +854,11 @@ impl<'a, R: Real> Stored<'a, R> {
         }
     }
 
-    /// Leaves the sum of the groups of a density, times their factors by the `gradient`, which is asked for where there is any medium.
-    fn scale_groups(&self, density: &mut Step<R>, gradient: impl FnOnce() -> [R; 3]) {
+    /// Leaves the sum of the groups of a density, times their factors by the `gradient`, which is asked for where there is any medium, and by
+    /// the `values` of the fields.
+    fn scale_groups(&self, density: &mut Step<R>, values: &[Option<R>], gradient: impl FnOnce() -> [R; 3]) {
         let gradient = if density.does_nothing() { [R::default(); 3] } else { gradient() };
-        let factors = factors_at(self.factors, &self.planned.plan, gradient);
+        let factors = factors_at(self.factors, &self.planned.plan, gradient, values);
         let groups = density.opacity.len() / self.table.opacity_numbers;
         sum_groups([&mut density.source, &mut density.opacity], &factors[..groups]);
     }
@@ -832,27 +870,35 @@ impl<'a, R: Real> Stored<'a, R> {
 
 impl<R: Real> Samples<R> for Stored<'_, R> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
-        if self.planned.plan.groups.further > 0 {
-            self.look_up_fields(&self.values(place), step);
+        let groups = self.planned.plan.groups;
+        let values = if groups.further > 0 { self.values(place) } else { Values::new() };
+        if groups.further > 0 {
+            self.look_up_fields(&values, step);
         } else {
             self.look_up(self.coordinate_at(place, self.table.entries()), step);
         }
-        let groups = self.planned.plan.groups;
-        let apart = groups.further > 0 && (self.labels.is_some() || groups.lit_fields().next().is_some());
-        let further = if apart { self.split_further(step) } else { Vec::new() };
+        let by_field = self.planned.plan.clip.is_by_field();
+        let several = groups.further > 0;
+        let apart = several && (by_field || self.labels.is_some() || groups.lit_fields().next().is_some());
+        let further = if apart { self.split_further(step, &values) } else { Vec::new() };
         step.others.clear();
-        if self.planned.plan.groups.any() {
-            self.scale_groups(step, || self.gradient_at(place));
+        if groups.any() {
+            self.scale_groups(step, &values, || self.gradient_at(place));
         }
         if let Some((_, table)) = self.labels {
             let coordinate = self.coordinate_at(place, self.table.entries());
             self.shares(place).mix(step, |row, step| self.look_up_label(table, row, coordinate, step));
         }
+        if by_field {
+            step.scale(step.part_of(0));
+        }
         for (field, mut density) in further {
+            let part = step.part_of(field);
             if groups.lit[field] {
+                density.scale(part);
                 step.add_other(&mut density);
             } else {
-                step.add(R::from_f64(1.0), &density);
+                step.add(part, &density);
             }
         }
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
@@ -863,7 +909,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             let Some((gradient, fall)) = self.gradient_and_fall(field, place) else {
                 return [R::default(); 3];
             };
-            unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(gradient, fall, place)))
+            unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(field, gradient, fall, place)))
         };
         self.planned.plan.groups.lit_fields().map(normal).collect()
     }
@@ -880,13 +926,17 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
 
     fn density_of(&self, values: &[Option<R>], density: &mut Step<R>) {
         self.look_up_fields(values, density);
-        self.scale_groups(density, || [R::default(); 3]);
+        self.scale_groups(density, values, || [R::default(); 3]);
         density.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
 
     fn normal(&self, place: [R; 3]) -> [R; 3] {
         let gradient = self.gradient_at(place);
-        unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(gradient, self.fall(self.value_at(place)), place)))
+        unit(
+            self.clip
+                .as_ref()
+                .map_or(gradient, |clip| clip.capped(0, gradient, self.fall(self.value_at(place)), place)),
+        )
     }
 
     fn normal_between(&self, ends: [&End<R>; 2], middle: [R; 3]) -> [R; 3] {
@@ -934,7 +984,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         if self.planned.plan.groups.any() {
             sum_groups(
                 [&mut density.source, &mut density.opacity],
-                &factors_at(self.factors, &self.planned.plan, middle_of(ends)),
+                &factors_at(self.factors, &self.planned.plan, middle_of(ends), &[]),
             );
         }
         let shares = self.shares(middle);
@@ -959,16 +1009,26 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
                 (coordinate - R::from_f64(count(before))).mul_add(next - here, here)
             }
         };
-        let coordinates = self.coordinates_of_groups(place, table.entries());
+        let (values, coordinates) = if plan.groups.further > 0 {
+            let values = self.values(place);
+            let coordinates = self.coordinates_of(&values, table.entries());
+            (values, coordinates)
+        } else {
+            let coordinate = self.coordinate_at(place, table.entries());
+            (Values::new(), smallvec![Some(coordinate); plan.groups.in_tables()])
+        };
         let of_group = |group: usize| {
             let Some(coordinate) = coordinates[group] else { return R::default() };
             between(coordinate, &|entry| number(&table.values[entry * table.groups + group]))
         };
-        let factors = || factors_at(self.factors, plan, self.gradient_at(place));
+        let part_of =
+            |field: usize| self.clip.as_ref().map_or_else(|| R::from_f64(1.0), |clip| clip.part_at(field, place));
+        let factors = || factors_at(self.factors, plan, self.gradient_at(place), &values);
+        let by_field = plan.clip.is_by_field();
         let sum = |groups: Range<usize>, factors: &[R]| {
             groups.fold(R::default(), |sum, group| factors[group].mul_add(of_group(group), sum))
         };
-        let apart = plan.labels && plan.groups.further > 0;
+        let apart = (plan.labels || by_field) && plan.groups.further > 0;
         let of_first = if apart { plan.groups.of_first() } else { table.groups };
         let own = || if plan.groups.any() { sum(0..of_first, &factors()) } else { of_group(0) };
         let of_label = |row: usize| match table.rows.rows[row] {
@@ -978,8 +1038,15 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
                 between(coordinate, &|entry| number(&table.labels[first + entry]))
             }
         };
-        let first = self.shares(place).number(own, of_label);
-        if apart { first + sum(of_first..table.groups, &factors()) } else { first }
+        let first = part_of(0) * self.shares(place).number(own, of_label);
+        if !apart {
+            return first;
+        }
+        let mut factors = factors();
+        for (factor, &field) in factors.iter_mut().zip(&plan.groups.fields).skip(of_first) {
+            *factor = *factor * part_of(field);
+        }
+        first + sum(of_first..table.groups, &factors)
     }
 
     fn stored_depth(&self, depth: R) -> R {

@@ -3,7 +3,7 @@
 use glam::{DVec3, DVec4};
 
 use super::{Storage, unit_length};
-use crate::{CLIP_PLANES, Scene};
+use crate::{CLIP_PLANES, ClipPlane, FIELDS, Keep, Scene};
 use relume_base::number::count;
 
 /// Numbers of the shading of cut faces.
@@ -24,18 +24,34 @@ impl CapTable {
         let to_local = scene.frame.geometry.direction.transpose();
         Self {
             planes: ClipTable::new(scene),
-            outward: scene.clip.in_force().take(CLIP_PLANES).map(|plane| to_local * plane.outward()).collect(),
+            outward: in_order(scene).map(|plane| to_local * plane.outward()).collect(),
             fall: storage.fall_from_texel(unit_length(&scene.frame.geometry)),
         }
     }
 }
 
-/// The clip planes of a scene that are on. The first three numbers of a plane times texture coordinates, plus the fourth, are the
+/// The clip planes of a scene that are on, those that all fields end at first. The first three numbers of a plane times texture coordinates, plus the fourth, are the
 /// distance from it, in units of length; positive beyond it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ClipTable {
     planes: [DVec4; CLIP_PLANES],
+    fields: [[bool; FIELDS]; CLIP_PLANES],
     number: usize,
+    shortening: usize,
+    /// True if fields keep what any of their planes keeps.
+    pub keeps_any: bool,
+}
+
+/// The planes of a scene in the order of tables.
+fn in_order(scene: &Scene) -> impl Iterator<Item = &ClipPlane> {
+    let is_own = |plane: &&ClipPlane| is_own(scene, plane);
+    let shortening = scene.clip.in_force().filter(move |plane| !is_own(plane));
+    shortening.chain(scene.clip.in_force().filter(is_own)).take(CLIP_PLANES)
+}
+
+/// True if a plane does not shorten rays.
+fn is_own(scene: &Scene, plane: &ClipPlane) -> bool {
+    scene.clip.is_by_field() && (scene.clip.keep == Keep::Any || !plane.cuts_all())
 }
 
 impl ClipTable {
@@ -47,14 +63,29 @@ impl ClipTable {
         let dims = DVec3::from_array(geometry.dims.map(count));
         // World point of texture coordinates t: origin + direction·(spacing·(t·dims − ½)).
         let corner = geometry.origin - geometry.direction * (geometry.spacing / 2.0);
-        let mut table = Self::default();
-        for plane in scene.clip.in_force().take(CLIP_PLANES) {
+        let keeps_any = scene.clip.is_by_field() && scene.clip.keep == Keep::Any;
+        let mut table = Self { keeps_any, ..Self::default() };
+        for plane in in_order(scene) {
             let outward = plane.outward();
             let across = geometry.direction.transpose() * outward * geometry.spacing * dims / unit;
             table.planes[table.number] = across.extend(outward.dot(corner - plane.point) / unit);
+            table.fields[table.number] = plane.fields;
             table.number += 1;
+            table.shortening += usize::from(!is_own(scene, plane));
         }
         table
+    }
+
+    /// Number of planes that shorten rays, which come first.
+    #[must_use]
+    pub fn shortening(&self) -> usize {
+        self.shortening
+    }
+
+    /// True for each field that a plane cuts.
+    #[must_use]
+    pub fn fields(&self) -> &[[bool; FIELDS]] {
+        &self.fields[..self.number]
     }
 
     /// The planes.

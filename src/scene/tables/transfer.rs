@@ -2,7 +2,7 @@
 
 use super::Storage;
 use crate::plan::{Accumulate, Integrate, LANE, Planned, Shares, Transmittance};
-use crate::transfer::{bends, medium_of};
+use crate::transfer::{bends, factor_at, medium_of};
 use crate::{Blending, Group, Lookup, Material, Medium, Scene, Term};
 use relume_base::number::count;
 use relume_base::number::rounded;
@@ -263,12 +263,6 @@ impl<'a> Steps<'a> {
         self.extinction_of(&self.of_group(value, group), number)
     }
 
-    /// [`Self::extinction`] of all terms, where the fields have these `values` and the gradient this `magnitude`.
-    #[must_use]
-    pub fn extinction_with(&self, values: &[f64], magnitude: f64, number: usize) -> f64 {
-        self.extinction_of(&self.medium_with(values, magnitude), number)
-    }
-
     /// The medium of the terms of a `group` at a data value of its field, before its factor.
     fn of_group(&self, value: f64, group: usize) -> Medium {
         let (fields, of_terms) = &self.groups;
@@ -282,22 +276,27 @@ impl<'a> Steps<'a> {
         self.groups.0.get(group).copied().unwrap_or(0)
     }
 
-    /// The medium where the fields have these `values`, NaN where there is none, and the gradient of the first this `magnitude`.
-    pub(crate) fn medium_with(&self, values: &[f64], magnitude: f64) -> Medium {
-        let materials = self.scene.materials.len();
-        let first = values.first().copied().unwrap_or_default();
-        let mut medium = self.scene.transfer.medium_with(first, magnitude, materials);
-        medium.add(&self.medium_of_further(values));
-        medium
-    }
-
-    /// The medium of the further fields alone, where all have these `values`, NaN where there is none.
-    pub(crate) fn medium_of_further(&self, values: &[f64]) -> Medium {
-        let materials = self.scene.materials.len();
+    /// The `share` of the medium of each field, where all have these `values`, NaN outside the box of one, and the gradient of the first has
+    /// this `magnitude`.
+    pub(crate) fn medium_with(&self, values: &[f64], magnitude: f64, share: impl Fn(usize) -> f64) -> Medium {
+        let (scene, materials) = (self.scene, self.scene.materials.len());
+        let value_of = |name: &str| {
+            let field = scene.fields.iter().position(|field| field.name == name);
+            field.and_then(|field| values.get(field)).copied().unwrap_or(f64::NAN)
+        };
         let mut medium = Medium::nothing(materials);
-        // A field is absent outside its box.
-        for (field, &value) in values.iter().enumerate().skip(1).filter(|(_, value)| !value.is_nan()) {
-            medium.add(&medium_of(self.scene.terms_of(field), value, materials, |_| 1.0));
+        for (field, &value) in values.iter().enumerate() {
+            let share = share(field);
+            if value.is_nan() || share <= 0.0 {
+                continue;
+            }
+            let terms = scene.terms_of(field);
+            let factor = |term: usize| {
+                let term = &terms[term];
+                let by_gradient = if field == 0 { factor_at(scene.transfer.factor_of(term), magnitude) } else { 1.0 };
+                term.by.iter().fold(share * by_gradient, |factor, by| factor * by.at(value_of(&by.field)))
+            };
+            medium.add(&medium_of(terms, value, materials, factor));
         }
         medium
     }
@@ -331,14 +330,15 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// Sets a source and an opacity to the density where the fields have these `values`, and the gradient of the first this `magnitude`.
-    pub fn write_density_with(&self, values: &[f64], magnitude: f64, density: [&mut Vec<f64>; 2]) {
-        self.write_density_of(&self.medium_with(values, magnitude), density);
-    }
-
-    /// Sets a source and an opacity to the density of the further fields alone, where all have these `values`.
-    pub fn write_density_of_further(&self, values: &[f64], density: [&mut Vec<f64>; 2]) {
-        self.write_density_of(&self.medium_of_further(values), density);
+    /// Sets a source and an opacity to the density of [`Self::medium_with`].
+    pub(crate) fn write_density_with(
+        &self,
+        values: &[f64],
+        magnitude: f64,
+        share: impl Fn(usize) -> f64,
+        density: [&mut Vec<f64>; 2],
+    ) {
+        self.write_density_of(&self.medium_with(values, magnitude, share), density);
     }
 
     /// Sets a source and an opacity to those of a step in the `medium` of a label, or to its density if the plan adds densities.
@@ -590,7 +590,8 @@ fn groups(scene: &Scene, planned: &Planned) -> (Vec<usize>, Vec<Vec<usize>>) {
     let of_field = |field: usize| {
         let all = if field == 0 { &scene.transfer.gradient_opacity[..] } else { &[] };
         let of_term = |term: &Term| {
-            let wanted = Group { field, factor: term.factor_among(all) };
+            let (factor, by) = term.factors_among(all);
+            let wanted = Group { field, factor, by };
             groups.iter().position(|group| *group == wanted).unwrap_or(0)
         };
         scene.terms_of(field).iter().map(of_term).collect()

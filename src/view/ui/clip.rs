@@ -12,7 +12,7 @@ use super::spectrum::narrow;
 use crate::document::{Document, Edit};
 use crate::number::count;
 use crate::plan::Stale;
-use crate::scene::{CLIP_PLANES, Clip, ClipPlane, Frame};
+use crate::scene::{CLIP_PLANES, Clip, ClipPlane, FIRST_FIELD, Field, Frame, Keep, Scene};
 use crate::view::action::Action;
 use crate::view::slices::{Plane, index_from_world};
 
@@ -50,7 +50,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         });
         let mut removed = None;
         for (index, plane) in scene.clip.planes.iter().enumerate() {
-            if ui.horizontal(|ui| row(ui, &scene.frame, (index, plane), &mut next)).inner {
+            if ui.horizontal(|ui| row(ui, scene, (index, plane), &mut next)).inner {
                 removed = Some(index);
             }
         }
@@ -59,6 +59,12 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let help =
                 "Shades cut faces as though nothing lay beyond the plane. Without, what is alike inside has no face.";
             ui.checkbox(&mut next.cap, "shade cut faces").on_hover_text(help);
+        }
+        if scene.clip.planes.len() > 1 {
+            let mut any = scene.clip.keep == Keep::Any;
+            let help = "Cuts out the corner alone that lies beyond all planes. Off, what lies beyond any of them goes.";
+            ui.checkbox(&mut any, "cut out the corner").on_hover_text(help);
+            next.keep = if any { Keep::Any } else { Keep::All };
         }
         if next != scene.clip {
             asked.push(Action::Edit(Edit::Clip(next)));
@@ -72,7 +78,8 @@ fn middle(frame: &Frame, outward: DVec3) -> Option<ClipPlane> {
 }
 
 /// The row of a plane; true if it is to be removed.
-fn row(ui: &mut Ui, frame: &Frame, (index, plane): (usize, &ClipPlane), next: &mut Clip) -> bool {
+fn row(ui: &mut Ui, scene: &Scene, (index, plane): (usize, &ClipPlane), next: &mut Clip) -> bool {
+    let frame = &scene.frame;
     let called = name(index, plane);
     let help = "The plane cuts. Off, it stays here, without an effect.";
     ui.checkbox(&mut next.planes[index].on, &called).on_hover_text(help);
@@ -87,7 +94,35 @@ fn row(ui: &mut Ui, frame: &Frame, (index, plane): (usize, &ClipPlane), next: &m
     if ui.small_button("flip").on_hover_text("Shows the other side.").clicked() {
         next.planes[index].normal = -plane.normal;
     }
+    if !scene.fields.further().is_empty() {
+        cuts(ui, scene, (index, plane), next);
+    }
     ui.small_button("remove").on_hover_text("Removes the plane.").clicked()
+}
+
+/// The choice of the volumes that a plane cuts.
+fn cuts(ui: &mut Ui, scene: &Scene, (index, plane): (usize, &ClipPlane), next: &mut Clip) {
+    let named = |field: &Field| if field.name.is_empty() { FIRST_FIELD.to_owned() } else { field.name.clone() };
+    let names: Vec<String> = scene.fields.iter().map(named).collect();
+    let cut = plane.fields.iter().zip(&names).filter(|(cuts, _)| **cuts);
+    let cut: Vec<&str> = cut.map(|(_, name)| name.as_str()).collect();
+    let called = if plane.cuts_all() { "all".to_owned() } else { cut.join(", ") };
+    let menu = ui.menu_button(format!("cuts {called}"), |ui| {
+        for (field, name) in names.iter().enumerate() {
+            let mut cuts = plane.fields[field];
+            // A plane that cuts nothing is one that is off.
+            let is_last = cut.len() == 1 && cuts;
+            if ui.add_enabled(!is_last, egui::Checkbox::new(&mut cuts, name)).changed() {
+                let count = names.len();
+                let mut fields = plane.fields;
+                fields[field] = cuts;
+                let is_all = fields[..count].iter().all(|&cuts| cuts);
+                fields[count..].fill(is_all);
+                next.planes[index].fields = fields;
+            }
+        }
+    });
+    menu.response.on_hover_text("The volumes that the plane cuts; the others stay whole.");
 }
 
 /// Name of a plane: its number, and the direction that goes.

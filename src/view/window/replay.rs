@@ -121,7 +121,7 @@ impl Viewer {
                         return Err(format!("{} clip planes; a scene may have {CLIP_PLANES}", planes.len()));
                     }
                     let planes = planes.iter().map(|text| clip_plane(text, &scene.frame)).collect::<Result<_, _>>()?;
-                    Ok(Clip { planes, cap: scene.clip.cap })
+                    Ok(Clip { planes, ..scene.clip })
                 });
                 self.ask(Action::Edit(Edit::Clip(clip.map_err(|message| script.wrong(at, message))?)));
                 Vec::new()

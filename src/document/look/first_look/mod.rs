@@ -1122,6 +1122,7 @@ fn terms(shape: &Shape, opacities: &[f64], most: f64) -> Vec<Term> {
                 absorption: Vec::new(),
                 material: MaterialCurve(Vec::new()),
                 gradient: Vec::new(),
+                by: Vec::new(),
             }]
         }
     }
