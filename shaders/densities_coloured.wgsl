@@ -21,3 +21,12 @@ fn gain_of(lost: Transmittance, depth: Transmittance, length: f32, lane: u32) ->
     let of_lane = depth[lane % LANES];
     return select(vec4f(length), lost[lane % LANES] / of_lane, (of_lane > vec4f()) & vec4<bool>(length > 0.0));
 }
+
+// True if there is any depth.
+fn is_depth(depth: Transmittance) -> bool {
+    var is_any = false;
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        is_any |= any(depth[lane] != vec4f());
+    }
+    return is_any;
+}

@@ -12,3 +12,8 @@ fn lost_light(depth: Transmittance) -> Transmittance {
 fn gain_of(lost: Transmittance, depth: Transmittance, length: f32, lane: u32) -> vec4f {
     return vec4f(select(length, lost / depth, depth > 0.0 && length > 0.0));
 }
+
+// True if there is any depth.
+fn is_depth(depth: Transmittance) -> bool {
+    return depth != 0.0;
+}

@@ -17,6 +17,11 @@ fn of_field(numbers: vec4f, group: u32) -> f32 {
     return number;
 }
 
+// Index of the field of a `group`.
+fn field_of(group: u32) -> u32 {
+    return select(u32(factor_table[group * FACTOR_VECTORS].y), group, ONE_GROUP_EACH);
+}
+
 // Table coordinate of a `group` where the fields have these `values`, of a table that ends at `last`.
 fn coordinate_of(values: vec4f, group: u32, last: f32) -> f32 {
     let place = factor_table[group * FACTOR_VECTORS];

@@ -101,12 +101,24 @@ fn label_extinction(row: u32, coordinate: f32) -> f32 {
     return here;
 }
 
+// The extinction of the field that hides the others.
+fn first_of(extinctions: vec4f) -> f32 {
+    var fields = extinctions;
+    var extinction = 0.0;
+    for (var i = 0u; i < FURTHER + 1u; i += 1u) {
+        let own = fields[select(i, FURTHER - i, LAST_HIDES)];
+        extinction = select(extinction, own, extinction <= 0.0);
+    }
+    return extinction;
+}
+
 // Optical depth per unit of length.
 fn extinction_at(place: vec3f) -> f32 {
     let texel = fetch(place);
     let coordinate = clamp(fma(value_of(texel), sweep.coordinate_scale, sweep.coordinate_offset), 0.0, sweep.coordinate_last);
     var extinction = 0.0;
     var further = 0.0;
+    var of_fields = vec4f();
     var parts = vec4f(1.0);
     if (BY_FIELD) {
         parts = parts_at(place);
@@ -143,10 +155,13 @@ fn extinction_at(place: vec3f) -> f32 {
             if (BY_FIELD) {
                 factor *= select(of_field(parts, group), 1.0, group < FIRST_GROUPS);
             }
-            if ((LABELS || BY_FIELD) && SEVERAL_FIELDS) {
+            if ((LABELS || BY_FIELD || HIDES) && SEVERAL_FIELDS) {
                 // Labels replace the first field alone.
                 if (group < FIRST_GROUPS) {
                     extinction = fma(factor, extinction_of(of_group, group), extinction);
+                } else if (HIDES) {
+                    let field = field_of(group);
+                    of_fields[field] = fma(factor, extinction_of(of_group, group), of_fields[field]);
                 } else {
                     further = fma(factor, extinction_of(of_group, group), further);
                 }
@@ -171,6 +186,10 @@ fn extinction_at(place: vec3f) -> f32 {
     }
     if (BY_FIELD) {
         extinction *= parts.x;
+    }
+    if (HIDES) {
+        of_fields.x = extinction;
+        return first_of(of_fields);
     }
     if ((LABELS || BY_FIELD) && SEVERAL_FIELDS) {
         extinction += further;

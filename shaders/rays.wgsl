@@ -153,6 +153,13 @@ fn part_of(ray: Ray, n: u32) -> vec2f {
     return vec2f(max(ray.inside.x - f32(n), 0.0), min(ray.inside.y - f32(n), 1.0));
 }
 
+// The part of the step that is left of each field, where planes cut them by themselves.
+var<private> parts: vec4f;
+
+fn read_parts(ray: Ray, n: u32) {
+    parts = parts_of(own_of_ray, part_of(ray, n) + f32(n));
+}
+
 // Place `within` steps behind the beginning of step `n`.
 fn place_within(ray: Ray, n: u32, within: f32) -> vec3f {
     let s = fma(f32(n) + within + ray.first, march.step_length, ray.start);

@@ -1,12 +1,5 @@
 // The medium of a sample as densities of groups of terms, which have factors of their own. Part of `march.wgsl`.
 
-// The part of the step that is left of each field, where planes cut them by themselves.
-var<private> parts: vec4f;
-
-fn read_parts(ray: Ray, n: u32) {
-    parts = parts_of(own_of_ray, part_of(ray, n) + f32(n));
-}
-
 // What is left of the step of the first field and its labels.
 fn left_of_first(step: Step) -> Step {
     var left = step;
@@ -94,21 +87,45 @@ fn normal_of_placed(place: vec3f, i: u32, value: f32) -> vec3f {
     return unit(capped_by(FIRST_PLACED + i, along / march.local_scale, fall, place));
 }
 
-// Adds the depth of the groups of a further `field`, from `group` to before `end`, and keeps their light apart as number `n`.
+// 1 if there is nothing of a field that others would hide behind, else 0.
+fn open_behind(media: Step) -> f32 {
+    var is_there = is_depth(media.opacity);
+    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+        is_there |= any(media.source[lane] != vec4f());
+    }
+    return select(1.0, 0.0, is_there);
+}
+
+// Adds the `share` of a field.
+fn add_share(share: f32, media: Step, step: ptr<function, Step>) {
+    (*step).opacity = plus_share((*step).opacity, share, media.opacity);
+    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+        (*step).source[lane] = fma(vec4f(share), media.source[lane], (*step).source[lane]);
+    }
+}
+
+// The densities of the groups of a further field, from `group` to before `end`.
+fn further_media(fields: FieldValues, key: Key, group: u32, end: u32) -> Step {
+    var media: Step;
+    add_groups(fields, key, 0.0, group, end, &media);
+    return media;
+}
+
+// Adds the `share` of the depth of a further `field`, whose first group is `group`, and keeps its light apart as number `n`.
 fn add_other(
     fields: FieldValues,
-    key: Key,
     place: vec3f,
     n: u32,
     group: u32,
-    end: u32,
     field: u32,
+    share: f32,
+    media: Step,
     step: ptr<function, Step>,
 ) {
-    var other: Step;
-    add_groups(fields, key, 0.0, group, end, &other);
-    (*step).opacity = plus_share((*step).opacity, 1.0, other.opacity);
-    others[n].source = other.source;
+    (*step).opacity = plus_share((*step).opacity, share, media.opacity);
+    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+        others[n].source[lane] = media.source[lane] * share;
+    }
     let value = of_field(fields.values, group);
     if (field < FIRST_PLACED) {
         // In units of the table's coordinate, which is 0 at the lowest value.

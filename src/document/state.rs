@@ -321,6 +321,7 @@ impl State {
             transfer,
             lights,
             blending,
+            overlap,
             shading: _,
             lighting,
             background,
@@ -336,7 +337,7 @@ impl State {
         (dial, light, palette) == (&other.dial, &other.light, &other.palette)
             && (camera, crop, clip) == (&to.camera, &to.crop, &to.clip)
             && (accuracy, display) == (&to.accuracy, &to.display)
-            && (*blending, *lighting, *shadows) == (to.blending, to.lighting, to.shadows)
+            && (*blending, *overlap, *lighting, *shadows) == (to.blending, to.overlap, to.lighting, to.shadows)
             && (materials, lights, background) == (&to.materials, &to.lights, &to.background)
             && (transfer, declared(scene)) == (&to.transfer, declared(to))
             && fields.terms() == to.fields.terms()

@@ -20,6 +20,7 @@ impl Scene {
             transfer,
             lights,
             blending,
+            overlap,
             shading,
             lighting,
             background,
@@ -32,8 +33,10 @@ impl Scene {
             display,
         } = self;
         let mut hasher = DefaultHasher::new();
-        format!("{materials:?} {transfer:?} {lights:?} {blending:?} {shading:?} {lighting:?} {background:?}")
-            .hash(&mut hasher);
+        format!(
+            "{materials:?} {transfer:?} {lights:?} {blending:?} {overlap:?} {shading:?} {lighting:?} {background:?}"
+        )
+        .hash(&mut hasher);
         format!("{camera:?} {crop:?} {clip:?} {accuracy:?} {shadows:?} {display:?}").hash(&mut hasher);
         if let Some(block) = block {
             block.hash(&mut hasher);

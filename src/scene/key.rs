@@ -30,8 +30,8 @@ use Stale::{Accumulators, Matrices, Nothing, Picture, Tables};
 
 use crate::{
     AccumulateAs, Aim, AmbientShares, BRIGHTEST, Blending, Gradients, INTENSITY, Integration, Interpolation,
-    LabelInterpolation, Lighting, Lookup, Material, PHASES, Projection, Scene, SceneLight, Shading, ShadowMethod,
-    StoreAs, VolumeAs,
+    LabelInterpolation, Lighting, Lookup, Material, Overlap, PHASES, Projection, Scene, SceneLight, Shading,
+    ShadowMethod, StoreAs, VolumeAs,
 };
 
 /// A key of a part `T` of a scene: the scene itself, a material or a light.
@@ -409,6 +409,7 @@ const fn names<N: Named>() -> Kind {
 mod choices {
     use super::*;
 
+    impl Named for Overlap { const ALL: Choices<Self> = &[(Self::Add, "add"), (Self::First, "first"), (Self::Last, "last")]; }
     impl Named for Blending { const ALL: Choices<Self> = &[(Self::Composite, "composite"), (Self::Maximum, "maximum"), (Self::Minimum, "minimum")]; }
     impl Named for Shading { const ALL: Choices<Self> = &[(Self::None, "none"), (Self::Gradient, "gradient")]; }
     impl Named for Lighting { const ALL: Choices<Self> = &[(Self::TwoSided, "two_sided"), (Self::OneSided, "one_sided")]; }
@@ -454,6 +455,7 @@ macro_rules! field {
 #[rustfmt::skip]
 pub const SCENE: &[Key<Scene>] = &[
     Key::new("blending", names::<Blending>(), Nothing, field!(Scene: blending)),
+    Key::new("overlap", names::<Overlap>(), Nothing, field!(Scene: overlap)),
     Key::new("shading", names::<Shading>(), Nothing, field!(Scene: shading)),
     Key::new("lighting", names::<Lighting>(), Nothing, field!(Scene: lighting)),
     Key::new("accuracy.model", names::<ModelKind>(), Tables, field!(Scene: accuracy.model))

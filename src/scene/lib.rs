@@ -60,6 +60,8 @@ pub struct Scene {
     pub lights: Vec<SceneLight>,
     /// Rule that blends the values along a ray.
     pub blending: Blending,
+    /// What is seen where several fields have a medium.
+    pub overlap: Overlap,
     /// Whether lights shade by direction.
     pub shading: Shading,
     /// Sides of a surface that directed lights shade.
@@ -125,6 +127,7 @@ impl Scene {
             },
             lights: Vec::new(),
             blending: Blending::default(),
+            overlap: Overlap::default(),
             shading: Shading::default(),
             lighting: Lighting::default(),
             background: None,
@@ -567,6 +570,18 @@ impl Blending {
             }
         }
     }
+}
+
+/// What is seen at a place where several fields have a medium.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Overlap {
+    /// Their media together.
+    #[default]
+    Add,
+    /// That of the first of them alone.
+    First,
+    /// That of the last of them alone: further volumes replace the first one.
+    Last,
 }
 
 /// Shading of the picture.

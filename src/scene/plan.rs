@@ -25,12 +25,13 @@ pub use warning::PlanWarning;
 
 use crate::{
     AccumulateAs, Accuracy, AmbientShares, Blending, FACTORS, FIELDS, Field, Gradients, Integration, Interpolation,
-    LabelInterpolation, Lighting, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
+    LabelInterpolation, Lighting, Lookup, Overlap, Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
 };
 use relume_base::progress::Progress;
 use relume_colour::model::{ColourModel, ModelError, ModelKind, Order};
 use relume_colour::spectrum::Light;
 use relume_colour::spectrum::observer::Observer;
+use smallvec::SmallVec;
 
 /// Numbers in a shader's vector, the unit of accumulators and tables.
 pub const LANE: usize = 4;
@@ -110,6 +111,8 @@ pub struct Groups {
     pub further: usize,
     /// Those of them that share its texels; the others have grids of their own.
     pub sharing: usize,
+    /// What is seen where several fields have a medium.
+    pub overlap: Overlap,
     /// True for each further field, by its index, whose media are shaded by its own normals.
     pub lit: [bool; FIELDS],
 }
@@ -149,7 +152,8 @@ impl Groups {
             let most_fields = groups.iter().map(|group| group.by.len()).max().unwrap_or(0);
             let longest = groups.iter().flat_map(|group| group.by).map(|factor| factor.points.len()).max().unwrap_or(0);
             let by_fields = [most_fields, longest];
-            Self { number: groups.len(), points, by_fields, fields, further, sharing, lit: [false; FIELDS] }
+            let overlap = if further > 0 { scene.overlap } else { Overlap::Add };
+            Self { number: groups.len(), points, by_fields, fields, further, sharing, overlap, lit: [false; FIELDS] }
         } else {
             Self::default()
         }
@@ -165,6 +169,16 @@ impl Groups {
     #[must_use]
     pub const fn by_gradient(self) -> bool {
         self.points > 0
+    }
+
+    /// Indices of the fields in the order in which each hides those behind it; `None` if their media add.
+    #[must_use]
+    pub fn hiding(self) -> Option<SmallVec<[usize; FIELDS]>> {
+        match self.overlap {
+            Overlap::Add => None,
+            Overlap::First => Some((0..=self.further).collect()),
+            Overlap::Last => Some((0..=self.further).rev().collect()),
+        }
     }
 
     /// Vectors of a group in a [`FactorTable`](crate::tables::FactorTable).
@@ -731,6 +745,8 @@ fn check_extremes(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
         "labels, because a value has no label; leave them out"
     } else if plan.groups.by_gradient() {
         "factors by the gradient, because a value has none; remove transfer.gradient_opacity and every `gradient`"
+    } else if plan.groups.overlap != Overlap::Add {
+        "an overlap other than \"add\", because the largest values have places of their own; leave out `overlap`"
     } else if plan.clip.is_by_field() {
         "clip planes of single volumes, or clip.keep = \"any\"; leave out `volumes` and `keep`"
     } else if plan.groups.by_fields != [0; 2] {
@@ -745,6 +761,12 @@ fn check_extremes(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     Err(PlanError::Blending { blending: plan.blending.name(), what })
 }
 
+/// True if shadows do not tell where all media are.
+fn hides_unseen(planned: &Planned, scene: &Scene) -> bool {
+    let is_xray = |&material: &usize| scene.materials.get(material).is_some_and(|material| material.xray);
+    planned.plan.light.absorbers > 0 || planned.materials.iter().any(is_xray)
+}
+
 /// Refuses what a march of several fields does not do.
 fn check_fields(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let plan = &planned.plan;
@@ -754,6 +776,8 @@ fn check_fields(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
         "a level by the size of voxels, which is one of a single volume; leave out accuracy.voxel_pixels"
     } else if scene.fields.iter().any(|field| field.bricks().is_some()) {
         "a file of bricks; open the volumes that it was made of"
+    } else if plan.groups.overlap != Overlap::Add && plan.light.grid_lights() > 0 && hides_unseen(planned, scene) {
+        "an overlap other than \"add\" with shadows and X-ray materials or coloured absorption, whose shadows do not tell where they are; take overlap = \"add\", or leave out the shadows"
     } else {
         return Ok(());
     };

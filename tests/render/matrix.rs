@@ -19,8 +19,8 @@ use relume::plan::{
 use relume::progress::Quiet;
 use relume::render::{Dispatching, Renderer, TableMemory};
 use relume::scene::{
-    AccumulateAs, Direction, FieldFactor, Gradients, Interpolation, Labels, Lighting, Lookup, Material, Mix, Placement,
-    Scene, SceneLight, Shading, ShadowMethod, StoreAs, Term, VolumeAs,
+    AccumulateAs, Direction, FieldFactor, Gradients, Interpolation, Labels, Lighting, Lookup, Material, Mix, Overlap,
+    Placement, Scene, SceneLight, Shading, ShadowMethod, StoreAs, Term, VolumeAs,
 };
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Layers, Light, Spectrum, ThinFilm, ThinFilmAngle, standard};
@@ -493,14 +493,15 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         *thin_films != FilmCounts::default(),
         format!("films: {facing} facing, {lobe} lobes, {terms} terms, {exponent_bits} bits"),
     );
-    let Groups { number, points, by_fields: [by, by_points], fields: _, further, sharing, lit: _ } = *groups;
+    let Groups { number, points, by_fields: [by, by_points], fields: _, further, sharing, overlap, lit: _ } = *groups;
     let lit = groups.lit_fields().count();
     let apart = if number > 1 && further == 0 { format!(" in {number} groups") } else { String::new() };
     add(points > 0, format!("thinned at {points}{apart}"));
     let placed = if further > sharing { format!(", {} placed", further - sharing) } else { String::new() };
     let lit = if lit > 0 { format!(", {lit} shaded") } else { String::new() };
     let by = if by > 0 { format!(", by {by} at {by_points}") } else { String::new() };
-    add(further > 0, format!("{} fields in {number} groups{by}{placed}{lit}", further + 1));
+    let alone = if overlap == Overlap::Add { String::new() } else { format!(", {overlap:?} alone") };
+    add(further > 0, format!("{} fields in {number} groups{by}{placed}{lit}{alone}", further + 1));
     let ClipPlan { planes, shortening, keeps_any, caps } = *clip;
     let own = if planes > shortening { format!(", {} of fields", planes - shortening) } else { String::new() };
     let any = if keeps_any { ", any keeps" } else { "" };
@@ -525,13 +526,18 @@ pub(super) fn features(plan: &ScenePlan) -> String {
 type Neutral = (&'static str, fn(&mut Scene));
 
 /// Features at values without an effect.
-const NEUTRAL: [Neutral; 9] = [
+const NEUTRAL: [Neutral; 10] = [
     ("phase functions of -0", |scene| {
         scene.materials.iter_mut().filter(|it| it.phase == 0.0).for_each(|it| it.phase = -0.0);
     }),
     ("an opacity factor of 1", |scene| {
         if scene.transfer.gradient_opacity.is_empty() {
             scene.transfer.gradient_opacity = vec![(0.0, 1.0), (100.0, 1.0)];
+        }
+    }),
+    ("an overlap of one field", |scene| {
+        if scene.fields.further().is_empty() {
+            scene.overlap = Overlap::Last;
         }
     }),
     ("factors of 1 by another field", |scene| {
@@ -648,7 +654,7 @@ matrix! {
     segments_coloured_xray segments_sharpened_semigroup segments_central segments_cubic segments_exact_linear
     segments_nearest_lookup segments_thinned segments_unskipped segments_long_steps segments_unshaded_cubic
     segments_unshaded_exact_linear thinned_unshaded_one thinned_diffuse_three thinned_specular_three thinned_labels
-    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured clipped_unshaded clipped_diffuse_three clipped_coloured_three clipped_labels clipped_segments clipped_segments_coloured clipped_central clipped_rectangles clipped_shadows clipped_rotated clipped_fields placed_two placed_three placed_coloured placed_cubic placed_exact_linear placed_nearest placed_shaded placed_central placed_shadows placed_clipped placed_unskipped maximum_one maximum_shaded maximum_shadows maximum_coloured maximum_background maximum_xray maximum_four maximum_placed maximum_placed_coloured maximum_clipped maximum_cropped maximum_inside maximum_nearest maximum_cubic maximum_rays maximum_unskipped minimum_one minimum_placed rows rows_nearest rows_equal rows_nearest_lookup rows_rectangles rows_coloured rows_shadows rows_fields labels_fields labels_fields_nearest labels_fields_shared labels_fields_shadows labels_absorbing lit_placed lit_central lit_exact_linear lit_cubic lit_channels lit_beside_flat lit_specular lit_coloured lit_shadows lit_labels lit_clipped lit_clipped_channels lit_one_sided labels_fields_alone lit_alone corner_unshaded corner_diffuse_three corner_coloured_three corner_labels corner_central corner_thinned corner_shadows corner_fields corner_inside cut_first cut_coloured cut_shadows cut_lit cut_lit_channels cut_labels cut_cropped by_two by_four by_mask by_mask_cubic by_mask_coloured by_thinned by_shadows by_lit by_lit_channels by_labels fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
+    thinned_xray thinned_coloured_three thinned_coloured_labels thinned_sharpened rectangles_unshaded rectangles_diffuse_three rectangles_coloured rectangles_labels rectangles_segments rectangles_segments_coloured rectangles_central rectangles_nearest rectangles_cropped rectangles_shadows fields_two fields_four fields_coloured clipped_unshaded clipped_diffuse_three clipped_coloured_three clipped_labels clipped_segments clipped_segments_coloured clipped_central clipped_rectangles clipped_shadows clipped_rotated clipped_fields placed_two placed_three placed_coloured placed_cubic placed_exact_linear placed_nearest placed_shaded placed_central placed_shadows placed_clipped placed_unskipped maximum_one maximum_shaded maximum_shadows maximum_coloured maximum_background maximum_xray maximum_four maximum_placed maximum_placed_coloured maximum_clipped maximum_cropped maximum_inside maximum_nearest maximum_cubic maximum_rays maximum_unskipped minimum_one minimum_placed rows rows_nearest rows_equal rows_nearest_lookup rows_rectangles rows_coloured rows_shadows rows_fields labels_fields labels_fields_nearest labels_fields_shared labels_fields_shadows labels_absorbing lit_placed lit_central lit_exact_linear lit_cubic lit_channels lit_beside_flat lit_specular lit_coloured lit_shadows lit_labels lit_clipped lit_clipped_channels lit_one_sided labels_fields_alone lit_alone overlap_first overlap_last overlap_four overlap_cubic overlap_coloured overlap_xray overlap_lit overlap_lit_channels overlap_labels overlap_shadows overlap_by overlap_cut corner_unshaded corner_diffuse_three corner_coloured_three corner_labels corner_central corner_thinned corner_shadows corner_fields corner_inside cut_first cut_coloured cut_shadows cut_lit cut_lit_channels cut_labels cut_cropped by_two by_four by_mask by_mask_cubic by_mask_coloured by_thinned by_shadows by_lit by_lit_channels by_labels fields_cubic fields_exact_linear fields_xray fields_unskipped fields_cropped fields_thinned fields_shadows interpolation_nearest_three
     interpolation_exact_linear_three interpolation_cubic_three interpolation_nearest_unshaded
     interpolation_exact_linear_unshaded interpolation_cubic_unshaded interpolation_nearest_labels
     interpolation_exact_linear_labels interpolation_cubic_labels interpolation_nearest_coloured

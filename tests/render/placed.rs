@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use relume::document::{self, InMemory, SceneOptions};
 use relume::progress::Quiet;
-use relume::scene::{Aim, Field, FieldFactor, Scene};
+use relume::scene::{Aim, Field, FieldFactor, Overlap, Scene};
 use relume::volume::{Geometry, Volume, Voxels};
 
 use crate::fields::check;
@@ -59,6 +59,33 @@ fn two_boxes_that_overlap_in_part_are_their_closed_form_on_every_rung() {
             left *= after;
         }
         let expected = [gained[0], gained[1], left];
+        check("f64", &rungs.march::<f64>(&rungs.exact()), expected, 1e-9);
+        check("tables", &rungs.march::<f64>(&rungs.stored::<f64>()), expected, 1e-6);
+        check("f32", &rungs.march::<f32>(&rungs.stored::<f32>()), expected, 6e-6);
+        with_renderer(|renderer| check("device", &rungs.gpu(renderer), expected, 8e-6));
+    }
+}
+
+/// Where both are, the first or the last alone is seen.
+#[test]
+fn boxes_that_hide_one_another_are_their_closed_form_on_every_rung() {
+    let turned = DMat3::from_rotation_z(0.5);
+    let other = uniform([31, 29, 16], DVec3::new(0.9, 0.8, 0.8), DVec3::new(4.0, -3.0, 5.0), turned);
+    let opacities = [0.02, 0.05];
+    let [a, b] = opacities.map(|opacity: f64| 1.0 - opacity);
+    for overlap in [Overlap::First, Overlap::Last] {
+        let first = uniform([21, 21, 25], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY);
+        let mut scene = scene(first, other.clone(), opacities);
+        scene.overlap = overlap;
+        let rungs = Rungs::new(scene, [4, 4]);
+        let expected = if overlap == Overlap::First {
+            let left = a.powi(24);
+            [1.0 - left, 0.0, left]
+        } else {
+            let (front, middle, behind) = (a.powi(5), b.powi(12), a.powi(7));
+            let gained = [1.0 - front + front * middle * (1.0 - behind), front * (1.0 - middle)];
+            [gained[0], gained[1], front * middle * behind]
+        };
         check("f64", &rungs.march::<f64>(&rungs.exact()), expected, 1e-9);
         check("tables", &rungs.march::<f64>(&rungs.stored::<f64>()), expected, 1e-6);
         check("f32", &rungs.march::<f32>(&rungs.stored::<f32>()), expected, 6e-6);

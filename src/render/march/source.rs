@@ -9,7 +9,7 @@ use crate::{Part, Source};
 use relume_base::number::{rounded, unsigned};
 use relume_scene::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
 use relume_scene::tables::{BRICK, CELL, FILM_ROWS, LARGEST_SKY_DEPTH, SECOND_DIFFERENCE, slot_edge};
-use relume_scene::{Blending, Gradients, Interpolation, Lookup, StoreAs};
+use relume_scene::{Blending, Gradients, Interpolation, Lookup, Overlap, StoreAs};
 use relume_vulkan::Format;
 use relume_vulkan::shader::Constants;
 
@@ -169,6 +169,9 @@ fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
         .bool("BY_GRADIENT", plan.groups.by_gradient())
         .bool("SEVERAL_FIELDS", plan.groups.further > 0)
         .bool("ONE_GROUP_EACH", plan.groups.is_one_each())
+        .u32("FURTHER", unsigned(plan.groups.further))
+        .bool("HIDES", plan.groups.overlap != Overlap::Add)
+        .bool("LAST_HIDES", plan.groups.overlap == Overlap::Last)
         .u32("PLACED", unsigned(plan.groups.beside()))
         .u32("PLACED_VECTORS", unsigned(plan.groups.beside().max(1)))
         .u32("FIRST_PLACED", unsigned(1 + plan.groups.sharing))

@@ -2,8 +2,8 @@
 
 use super::{ClipPlan, Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower};
 use crate::{
-    AccumulateAs, Accuracy, AmbientShares, Blending, Field, Gradients, Integration, Interpolation, Lookup, Scene,
-    Shading, ShadowMethod,
+    AccumulateAs, Accuracy, AmbientShares, Blending, Field, Gradients, Integration, Interpolation, Lookup, Overlap,
+    Scene, Shading, ShadowMethod,
 };
 use relume_base::number::{brief, readable};
 use relume_colour::model::ModelKind;
@@ -308,7 +308,12 @@ impl Planned {
             sentences.push(format!(
                 "Beside the volume, a sample reads {}{}.",
                 told.join(", and "),
-                if plan.blending.is_extreme() { "" } else { ", and adds the densities of all" }
+                match plan.groups.overlap {
+                    _ if plan.blending.is_extreme() => "",
+                    Overlap::Add => ", and adds the densities of all",
+                    Overlap::First => "; where several have a medium, the first is seen alone",
+                    Overlap::Last => "; where several have a medium, the last is seen alone",
+                }
             ));
             let lit = plan.groups.lit_fields().filter_map(|field| scene.fields.further().get(field - 1));
             let lit: Vec<&str> = lit.map(|field| field.name.as_str()).collect();

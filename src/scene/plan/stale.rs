@@ -23,6 +23,7 @@ impl Stale {
             lights,
             // Compared in the plan.
             blending: _,
+            overlap: _,
             shading: _,
             lighting: _,
             background,

@@ -367,12 +367,17 @@ impl<'a> Exact<'a> {
     #[must_use]
     pub fn medium_at(&self, place: [f64; 3], label: Option<usize>) -> Medium {
         let values = self.values_at(place);
-        let Some(entry) = label.and_then(|label| self.scene.declared().get(label)) else {
-            return self.steps.medium_with(&values, self.magnitude_of_factors(place), |_| 1.0);
+        let entry = label.and_then(|label| self.scene.declared().get(label));
+        let alone = |field: usize| match entry {
+            Some(entry) if field == 0 => entry.medium(values[0], self.scene.materials.len()),
+            _ => self.steps.medium_with(&values, self.magnitude_of_factors(place), |other| share_of(other == field)),
         };
-        let mut medium = entry.medium(values[0], self.scene.materials.len());
-        let share = |field| if is_further(field) { 1.0 } else { 0.0 };
-        medium.add(&self.steps.medium_with(&values, 0.0, share));
+        if let Some(order) = self.planned.plan.groups.hiding() {
+            let nothing = Medium::nothing(self.scene.materials.len());
+            return order.into_iter().map(alone).find(|medium| *medium != nothing).unwrap_or(nothing);
+        }
+        let mut medium = alone(0);
+        (1..values.len()).for_each(|field| medium.add(&alone(field)));
         medium
     }
 
@@ -427,9 +432,27 @@ fn gradient_of_voxel((volume, storage): (&Volume, &Storage), index: [usize; 3]) 
     })
 }
 
-/// True if a field is not the first.
-const fn is_further(field: usize) -> bool {
-    field > 0
+/// All or nothing.
+const fn share_of(is_wanted: bool) -> f64 {
+    if is_wanted { 1.0 } else { 0.0 }
+}
+
+/// Leaves the medium of one of the fields, if these hide one another: of the first one in their `order` that has any.
+fn hide<R: Real>(order: Option<SmallVec<[usize; FIELDS]>>, first: &mut Step<R>, further: &mut [(usize, Step<R>)]) {
+    let Some(order) = order else { return };
+    let mut is_open = true;
+    for wanted in order {
+        let step = match further.iter_mut().find(|(field, _)| *field == wanted) {
+            Some((_, step)) => step,
+            None if wanted == 0 => &mut *first,
+            None => continue,
+        };
+        let is_there = !step.does_nothing();
+        if !is_open {
+            step.scale(R::default());
+        }
+        is_open = is_open && !is_there;
+    }
 }
 
 /// Gradient of normalised values in a fall from `value` to the lowest one within two units of `length`.
@@ -457,13 +480,15 @@ impl Samples<f64> for Exact<'_> {
         // Labels replace the medium of the first field; the others are added.
         let by_field = self.planned.plan.clip.is_by_field();
         let several = groups.further > 0;
-        let apart = by_field || several && (self.planned.plan.labels || groups.lit_fields().next().is_some());
+        let hiding = groups.hiding();
+        let apart = by_field
+            || several && (hiding.is_some() || self.planned.plan.labels || groups.lit_fields().next().is_some());
         let values = if groups.any() { self.values_at(place) } else { SmallVec::new() };
         if shares.has_own() {
             let into = [&mut step.source, &mut step.opacity];
             if groups.any() {
                 let magnitude = self.magnitude_of_factors(place);
-                let share = |field| if !apart || field == 0 { 1.0 } else { 0.0 };
+                let share = |field| share_of(!apart || field == 0);
                 self.steps.write_density_with(&values, magnitude, share, into);
             } else {
                 self.steps.write(self.value_at(place), into);
@@ -480,19 +505,21 @@ impl Samples<f64> for Exact<'_> {
         if by_field {
             step.scale(step.part_of(0));
         }
-        let mut further = Step::default();
-        let parts = step.parts.clone();
-        let part_of = |field: usize| parts.get(field).copied().unwrap_or(1.0);
-        let set = |further: &mut Step<f64>, are_wanted: &dyn Fn(usize) -> bool| {
-            let into = [&mut further.source, &mut further.opacity];
-            let share = |field| if is_further(field) && are_wanted(field) { part_of(field) } else { 0.0 };
-            self.steps.write_density_with(&values, 0.0, share, into);
+        let of_field = |field: usize| {
+            let mut density = Step::default();
+            let share = |other| if other == field { step.part_of(field) } else { 0.0 };
+            self.steps.write_density_with(&values, 0.0, share, [&mut density.source, &mut density.opacity]);
+            self.truncate(&mut density);
+            (field, density)
         };
-        set(&mut further, &|field| !groups.lit[field]);
-        step.add(1.0, &further);
-        for lit in groups.lit_fields() {
-            set(&mut further, &|field| field == lit);
-            step.add_other(&mut further);
+        let mut further: Vec<(usize, Step<f64>)> = (1..values.len()).map(of_field).collect();
+        hide(hiding, step, &mut further);
+        for (field, mut density) in further {
+            if groups.lit[field] {
+                step.add_other(&mut density);
+            } else {
+                step.add(1.0, &density);
+            }
         }
     }
 
@@ -579,16 +606,17 @@ impl Samples<f64> for Exact<'_> {
         let extinction = |magnitude: f64, share: &dyn Fn(usize) -> f64| {
             self.steps.extinction_of(&self.steps.medium_with(&values, magnitude, share), number)
         };
-        let first = |field: usize| if field == 0 { 1.0 } else { 0.0 };
-        let own = || extinction(self.magnitude_of_factors(place), &first);
+        let own = || extinction(self.magnitude_of_factors(place), &|field| share_of(field == 0));
         let materials = self.scene.materials.len();
         let of_label = |row: usize| {
             let entry = row.checked_sub(1).and_then(|label| self.scene.declared().get(label));
             entry.map_or(0.0, |entry| self.steps.extinction_of(&entry.medium(values[0], materials), number))
         };
         let first = part_of(0) * self.shares(place).number(own, of_label);
-        let further = |field: usize| if is_further(field) { part_of(field) } else { 0.0 };
-        if values.len() > 1 { first + extinction(0.0, &further) } else { first }
+        let further =
+            (1..values.len()).map(|field| part_of(field) * extinction(0.0, &|other| share_of(other == field)));
+        let fields: Values<f64> = std::iter::once(first).chain(further).map(Some).collect();
+        extinction_of_fields(self.planned, &fields)
     }
 
     fn keeping(&self) -> Option<Keeping<'_, f64>> {
@@ -879,8 +907,10 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         }
         let by_field = self.planned.plan.clip.is_by_field();
         let several = groups.further > 0;
-        let apart = several && (by_field || self.labels.is_some() || groups.lit_fields().next().is_some());
-        let further = if apart { self.split_further(step, &values) } else { Vec::new() };
+        let hiding = groups.hiding();
+        let apart =
+            several && (by_field || hiding.is_some() || self.labels.is_some() || groups.lit_fields().next().is_some());
+        let mut further = if apart { self.split_further(step, &values) } else { Vec::new() };
         step.others.clear();
         if groups.any() {
             self.scale_groups(step, &values, || self.gradient_at(place));
@@ -892,13 +922,15 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         if by_field {
             step.scale(step.part_of(0));
         }
+        if by_field {
+            further.iter_mut().for_each(|(field, density)| density.scale(step.part_of(*field)));
+        }
+        hide(hiding, step, &mut further);
         for (field, mut density) in further {
-            let part = step.part_of(field);
             if groups.lit[field] {
-                density.scale(part);
                 step.add_other(&mut density);
             } else {
-                step.add(part, &density);
+                step.add(R::from_f64(1.0), &density);
             }
         }
         step.opacity.truncate(self.planned.plan.transmittance_numbers());
@@ -1028,7 +1060,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         let sum = |groups: Range<usize>, factors: &[R]| {
             groups.fold(R::default(), |sum, group| factors[group].mul_add(of_group(group), sum))
         };
-        let apart = (plan.labels || by_field) && plan.groups.further > 0;
+        let apart = (plan.labels || by_field || plan.groups.hiding().is_some()) && plan.groups.further > 0;
         let of_first = if apart { plan.groups.of_first() } else { table.groups };
         let own = || if plan.groups.any() { sum(0..of_first, &factors()) } else { of_group(0) };
         let of_label = |row: usize| match table.rows.rows[row] {
@@ -1046,11 +1078,28 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         for (factor, &field) in factors.iter_mut().zip(&plan.groups.fields).skip(of_first) {
             *factor = *factor * part_of(field);
         }
-        first + sum(of_first..table.groups, &factors)
+        let of_field = |field: usize| {
+            let groups = (of_first..table.groups).filter(|&group| plan.groups.fields[group] == field);
+            groups.fold(R::default(), |sum, group| factors[group].mul_add(of_group(group), sum))
+        };
+        let fields: Values<R> =
+            std::iter::once(first).chain((1..=plan.groups.further).map(of_field)).map(Some).collect();
+        extinction_of_fields(self.planned, &fields)
     }
 
     fn stored_depth(&self, depth: R) -> R {
         R::from_f64(half::f16::from_f64(depth.to_f64()).to_f64())
+    }
+}
+
+/// The extinction of several fields: their sum, or that of the one that hides the others.
+fn extinction_of_fields<R: Real>(planned: &Planned, fields: &[Option<R>]) -> R {
+    let extinction = |field: usize| fields.get(field).copied().flatten().unwrap_or_default();
+    match planned.plan.groups.hiding() {
+        None => (0..fields.len()).map(extinction).fold(R::default(), |sum, extinction| sum + extinction),
+        Some(order) => {
+            order.into_iter().map(extinction).find(|extinction| *extinction > R::default()).unwrap_or_default()
+        }
     }
 }
 
