@@ -55,3 +55,30 @@ fn factor_by_fields(fields: FieldValues, group: u32) -> f32 {
     }
     return product;
 }
+
+// Tables of shapes, row by row.
+@group(0) @binding(30) var<storage, read> shapes: array<f32>;
+
+fn shape_row(first: u32, x: f32) -> f32 {
+    let column = min(u32(x), SHAPE_EDGE - 2u);
+    let here = shapes[first + column];
+    return fma(x - f32(column), shapes[first + column + 1u] - here, here);
+}
+
+// The shape of a `group` where its own field has this `value`, or 1; the lowest row outside the box of another field.
+fn shape_of(fields: FieldValues, value: f32, magnitude: f32, group: u32) -> f32 {
+    var values = fields.values;
+    var there = fields.there;
+    let across = factor_table[(group + 1u) * FACTOR_VECTORS - 2u];
+    let up = factor_table[(group + 1u) * FACTOR_VECTORS - 1u];
+    let field = u32(max(up.z, 0.0));
+    let second = select(values[field], magnitude, up.z < 0.0);
+    let inside = select(there[field], 1.0, up.z < 0.0);
+    let last = f32(SHAPE_EDGE - 1u);
+    let x = clamp(fma(value, across.x, across.y), 0.0, last);
+    let y = clamp(fma(second, up.x, up.y), 0.0, last) * inside;
+    let row = min(u32(y), SHAPE_EDGE - 2u);
+    let first = (u32(max(across.z, 0.0)) * SHAPE_EDGE + row) * SHAPE_EDGE;
+    let here = shape_row(first, x);
+    return select(1.0, fma(y - f32(row), shape_row(first + SHAPE_EDGE, x) - here, here), across.z >= 0.0);
+}

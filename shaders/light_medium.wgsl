@@ -152,6 +152,13 @@ fn extinction_at(place: vec3f) -> f32 {
             if (BY_FIELDS > 0u) {
                 factor *= factor_by_fields(fields, group);
             }
+            if (SHAPES) {
+                var value = value_of(texel);
+                if (SEVERAL_FIELDS) {
+                    value = of_field(fields.values, group);
+                }
+                factor *= shape_of(fields, value, magnitude, group);
+            }
             if (BY_FIELD) {
                 factor *= select(of_field(parts, group), 1.0, group < FIRST_GROUPS);
             }

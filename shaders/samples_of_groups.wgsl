@@ -34,6 +34,13 @@ fn add_groups(
         if (BY_FIELDS > 0u) {
             factor *= factor_by_fields(fields, group);
         }
+        if (SHAPES) {
+            var value = value_of(key.texel);
+            if (SEVERAL_FIELDS) {
+                value = of_field(fields.values, group);
+            }
+            factor *= shape_of(fields, value, magnitude, group);
+        }
         if (BY_FIELD) {
             factor *= select(of_field(parts, group), 1.0, group < FIRST_GROUPS);
         }

@@ -40,9 +40,9 @@ use relume_colour::spectrum::{
 use relume_colour::written::{place, with_suggestion};
 use relume_scene::key::{self, Key, KeyError};
 use relume_scene::{
-    Aim, CLIP_PLANES, Camera, Clip, ClipPlane, FACTORS, FIELDS, FIRST_FIELD, Field, FieldFactor, Fill, GRADIENT_POINTS,
-    GradientFactor, INTENSITY, LabelEntry, Labels, LightKind, Material, MaterialCurve, OPAQUE_DEPTH, Placement,
-    Projection, Scene, SceneLight, Term, different_factors, unit,
+    Aim, CLIP_PLANES, Camera, Clip, ClipPlane, FACTORS, FIELDS, FIRST_FIELD, Field, FieldFactor, Fill, Form,
+    GRADIENT_POINTS, GradientFactor, INTENSITY, LabelEntry, Labels, LightKind, Material, MaterialCurve, OPAQUE_DEPTH,
+    Painting, Placement, Projection, Scene, SceneLight, Second, Shape, Term, different_factors, unit,
 };
 use relume_volume::{
     self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,
@@ -635,7 +635,8 @@ impl Text<'_> {
         let light = self.mix(&file.mix, (&lights, &mut dial), &dark)?;
         let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref), scalars)?;
         let declared = self.label_entries(&file.labels, &materials)?;
-        let (terms, gradient_opacity) = self.transfer(&file.transfer, &materials, &file.fields_beside(FIRST_FIELD))?;
+        let (terms, gradient_opacity) =
+            self.transfer(&file.transfer, &materials, (&file.fields_beside(FIRST_FIELD), base))?;
         // Refused before the volume is read, which may take long.
         for key in key::SCENE {
             self.scalar(key, "", scalars)?;
@@ -652,6 +653,10 @@ impl Text<'_> {
             file.materials.values().flat_map(|material| &material.get_ref().reflectance).chain(&file.background);
         let spectra = reflectances.chain(file.lights.values().flat_map(|light| &light.get_ref().spectrum));
         inputs.extend(spectra.filter_map(|source| source.get_ref().file(base)));
+        let of_further = file.volumes.values().filter_map(|field| field.get_ref().transfer.as_ref());
+        let transfers = std::iter::once(&file.transfer).chain(of_further.map(At::get_ref));
+        let shapes = transfers.flat_map(|transfer| &transfer.intervals).filter_map(|interval| interval.shape.as_ref());
+        inputs.extend(shapes.filter_map(|shape| Some(base.join(shape.get_ref().image.as_ref()?))));
         inputs.extend(volume.files.iter().chain(labels.iter().flat_map(|labels| &labels.volume.files)).cloned());
         let name = match self.changed {
             Some((_, definitions)) => format!("{} with {}", self.name, all_given(definitions)),

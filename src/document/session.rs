@@ -15,7 +15,9 @@ use crate::output::{OutputError, write_atomically};
 use relume_colour::palette::{Palette, Solution};
 use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
 use relume_scene::key::{self, Key};
-use relume_scene::{Aim, Camera, Clip, ClipPlane, FIRST_FIELD, Fields, Keep, Projection, Scene, Term};
+use relume_scene::{
+    Aim, Camera, Clip, ClipPlane, FIRST_FIELD, Fields, Form, Keep, Painting, Projection, Scene, Second, Shape, Term,
+};
 use relume_volume::{ByteOrder, is_built_in};
 
 /// Why a session cannot be saved.
@@ -575,6 +577,9 @@ fn terms(table: &mut dyn TableLike, [now, then]: [&[Term]; 2], scene: &Scene) ->
             let factors = term.by.iter().map(|factor| (named(&factor.field), Value::Array(points(&factor.points))));
             row.insert("by", Value::InlineTable(factors.collect()));
         }
+        if let Some(of_term) = &term.shape {
+            row.insert("shape", Value::InlineTable(shape(of_term)));
+        }
         let mut row = Value::InlineTable(row);
         row.decor_mut().set_prefix("\n    ");
         intervals.push_formatted(row);
@@ -582,6 +587,33 @@ fn terms(table: &mut dyn TableLike, [now, then]: [&[Term]; 2], scene: &Scene) ->
     intervals.set_trailing("\n");
     table.insert("intervals", value(intervals));
     Ok(())
+}
+
+/// A shape as files state it.
+fn shape(Shape { second, form }: &Shape) -> InlineTable {
+    let mut table = InlineTable::new();
+    table.insert(
+        "by",
+        match second {
+            Second::Gradient => "gradient".into(),
+            Second::Field(name) => named(name).into(),
+        },
+    );
+    match form {
+        Form::Polygon { corners, soft } => {
+            table.insert("polygon", corners.iter().map(|&corner| Value::Array(numbers(corner))).collect());
+            table.insert("soft", (*soft).into());
+        }
+        Form::Ratio(ratio) => {
+            table.insert("ratio", points(ratio).into());
+        }
+        Form::Painted(Painting { file, values, second, .. }) => {
+            table.insert("image", file.into());
+            table.insert("values", numbers(*values).into());
+            table.insert("second", numbers(*second).into());
+        }
+    }
+    table
 }
 
 /// Name by which files refer to a field.

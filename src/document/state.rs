@@ -490,7 +490,7 @@ impl State {
                     (interval.allowed(&scene.materials), scene.transfer.terms.get_mut(index))
                 {
                     let (gradient, by) = (std::mem::take(&mut term.gradient), std::mem::take(&mut term.by));
-                    *term = Term { gradient, by, ..interval.term() };
+                    *term = Term { gradient, by, shape: term.shape.take(), ..interval.term() };
                 }
             }
             Edit::AddInterval(interval, ref gradient) => {

@@ -13,6 +13,7 @@ pub mod key;
 mod lights;
 pub mod plan;
 pub mod reference;
+mod shape;
 pub mod tables;
 mod transfer;
 
@@ -29,6 +30,7 @@ pub use fields::{FIELDS, FIRST_FIELD, Field, Fields};
 pub use frame::Frame;
 pub use lights::{BRIGHTEST, INTENSITY};
 pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
+pub use shape::{Form, Painting, SHAPE_EDGE, Second, Shape};
 pub use transfer::depth_from_opacity;
 pub use transfer::{
     Depths, FACTORS, Factors, FieldFactor, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MaterialCurve, Medium,
@@ -202,7 +204,7 @@ impl Scene {
             // The factor of all is that of the first field.
             let all = if field == 0 { &self.transfer.gradient_opacity[..] } else { &[] };
             let factors = different_factors(self.terms_of(field), all).into_iter();
-            groups.extend(factors.map(|(factor, by)| Group { field, factor, by }));
+            groups.extend(factors.map(|factors| Group { field, factors }));
         }
         groups
     }
@@ -319,10 +321,8 @@ fn shows_as<'a>(term: &'a Term, index: usize, curve: impl Fn(&'a Term) -> &'a Ve
 pub struct Group<'a> {
     /// Index of the field.
     pub field: usize,
-    /// The factor by the gradient; empty is 1.
-    pub factor: &'a [(f64, f64)],
-    /// The factors by the values of other fields.
-    pub by: &'a [FieldFactor],
+    /// The factors on them.
+    pub factors: Factors<'a>,
 }
 
 /// A spectral material.

@@ -25,7 +25,8 @@ pub use warning::PlanWarning;
 
 use crate::{
     AccumulateAs, Accuracy, AmbientShares, Blending, FACTORS, FIELDS, Field, Gradients, Integration, Interpolation,
-    LabelInterpolation, Lighting, Lookup, Overlap, Placement, Position, Scene, Shading, StoreAs, VolumeAs, positions,
+    LabelInterpolation, Lighting, Lookup, Overlap, Placement, Position, Scene, Second, Shading, StoreAs, VolumeAs,
+    positions,
 };
 use relume_base::progress::Progress;
 use relume_colour::model::{ColourModel, ModelError, ModelKind, Order};
@@ -105,6 +106,8 @@ pub struct Groups {
     pub points: usize,
     /// Largest number of factors of a group by the values of other fields, and points of the longest of them.
     pub by_fields: [usize; 2],
+    /// Groups with a shape, and those of them by the gradient.
+    pub shapes: [usize; 2],
     /// Field of each group, in the order of the fields.
     pub fields: [usize; MOST_GROUPS],
     /// Fields besides the first.
@@ -116,6 +119,9 @@ pub struct Groups {
     /// True for each further field, by its index, whose media are shaded by its own normals.
     pub lit: [bool; FIELDS],
 }
+
+/// Vectors of a shape in a [`FactorTable`](crate::tables::FactorTable).
+pub const SHAPE_VECTORS: usize = 2;
 
 /// Largest number of groups.
 pub const MOST_GROUPS: usize = FACTORS + FIELDS - 1;
@@ -144,16 +150,30 @@ impl ClipPlan {
 impl Groups {
     fn of(scene: &Scene) -> Self {
         let groups = scene.groups();
-        let points = groups.iter().map(|group| group.factor.len()).max().unwrap_or(0);
+        let points = groups.iter().map(|group| group.factors.gradient.len()).max().unwrap_or(0);
+        let shapes = || groups.iter().filter_map(|group| group.factors.shape);
+        let by_gradient = shapes().filter(|shape| shape.second == Second::Gradient).count();
+        let shapes = [shapes().count(), by_gradient];
         let further = scene.fields.further().len();
-        if points > 0 || further > 0 || scene.blending.is_extreme() || scene.clip.is_by_field() {
+        if points > 0 || shapes[0] > 0 || further > 0 || scene.blending.is_extreme() || scene.clip.is_by_field() {
             let fields = std::array::from_fn(|group| groups.get(group).map_or(0, |group| group.field));
             let sharing = scene.fields.sharing().len();
-            let most_fields = groups.iter().map(|group| group.by.len()).max().unwrap_or(0);
-            let longest = groups.iter().flat_map(|group| group.by).map(|factor| factor.points.len()).max().unwrap_or(0);
+            let most_fields = groups.iter().map(|group| group.factors.by.len()).max().unwrap_or(0);
+            let longest = groups.iter().flat_map(|group| group.factors.by).map(|factor| factor.points.len());
+            let longest = longest.max().unwrap_or(0);
             let by_fields = [most_fields, longest];
             let overlap = if further > 0 { scene.overlap } else { Overlap::Add };
-            Self { number: groups.len(), points, by_fields, fields, further, sharing, overlap, lit: [false; FIELDS] }
+            Self {
+                number: groups.len(),
+                points,
+                by_fields,
+                shapes,
+                fields,
+                further,
+                sharing,
+                overlap,
+                lit: [false; FIELDS],
+            }
         } else {
             Self::default()
         }
@@ -168,7 +188,7 @@ impl Groups {
     /// True if any factor by the gradient is not 1.
     #[must_use]
     pub const fn by_gradient(self) -> bool {
-        self.points > 0
+        self.points > 0 || self.shapes[1] > 0
     }
 
     /// Indices of the fields in the order in which each hides those behind it; `None` if their media add.
@@ -185,7 +205,7 @@ impl Groups {
     #[must_use]
     pub fn factor_vectors(self) -> usize {
         let [fields, points] = self.by_fields;
-        self.points.max(1) + fields * points
+        self.points.max(1) + fields * points + if self.shapes[0] > 0 { SHAPE_VECTORS } else { 0 }
     }
 
     /// Number of groups of the first field, which come first.
@@ -749,6 +769,8 @@ fn check_extremes(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
         "an overlap other than \"add\", because the largest values have places of their own; leave out `overlap`"
     } else if plan.clip.is_by_field() {
         "clip planes of single volumes, or clip.keep = \"any\"; leave out `volumes` and `keep`"
+    } else if plan.groups.shapes[0] > 0 {
+        "shapes, because each largest value has a place of its own; remove every `shape`"
     } else if plan.groups.by_fields != [0; 2] {
         "factors by the values of other fields, because each largest value has a place of its own; remove every `by`"
     } else if plan.transmittance == Transmittance::Mixed || projects_steps(plan, planned.model.as_deref()) {
@@ -966,6 +988,8 @@ fn no_segments(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static
         Some("a single value of a ray is seen, and it has no neighbours")
     } else if plan.groups.further > 0 {
         Some("several fields have no common value between the ends of a segment")
+    } else if plan.groups.shapes[0] > 0 {
+        Some("a shape has no means between two values")
     } else if plan.clip.is_by_field() {
         Some("the part of a segment that clip planes of single volumes, or keep = \"any\", leave is not one segment")
     } else if plan.labels_by_value {

@@ -1,8 +1,10 @@
 //! The transfer function: maps a voxel value to materials, opacity and absorption.
 
+use std::sync::Arc;
+
 use smallvec::{SmallVec, smallvec};
 
-use super::Material;
+use super::{Material, Shape};
 
 /// Optical depth per opacity length for opacity 1. It occludes everything at any step down to a ten-millionth of the
 /// opacity length, and stays finite in every product.
@@ -61,6 +63,8 @@ pub struct Term {
     pub gradient: GradientFactor,
     /// Further factors, by the values of other fields.
     pub by: Vec<FieldFactor>,
+    /// A further factor, by the value and a second number together.
+    pub shape: Option<Arc<Shape>>,
 }
 
 /// Factor on scattering and absorption by the value of another field: of a mask, or of a tracer that marks what is to be seen.
@@ -81,9 +85,16 @@ impl FieldFactor {
     }
 }
 
-/// The factors on a term: by the gradient magnitude, empty for 1, and by the values of other fields. Terms with equal ones are summed
-/// before they are scaled.
-pub type Factors<'a> = (&'a [(f64, f64)], &'a [FieldFactor]);
+/// The factors on a term. Terms with equal ones are summed before they are scaled.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Factors<'a> {
+    /// By the gradient magnitude; empty is 1.
+    pub gradient: &'a [(f64, f64)],
+    /// By the values of other fields.
+    pub by: &'a [FieldFactor],
+    /// By the value and a second number together.
+    pub shape: Option<&'a Shape>,
+}
 
 /// Material as a function of the value: points (value, index into the scene's materials), values ascending. Between
 /// points of two materials they mix linearly; constant beyond the ends.
@@ -138,10 +149,10 @@ impl Transfer {
         different_factors(&self.terms, &self.gradient_opacity)
     }
 
-    /// Each of [`Self::factors`] where the gradient has this `magnitude`, in data units per world unit, without those by other fields.
+    /// Each of [`Self::factors`] where the gradient has this `magnitude`, in data units per world unit, by it alone.
     #[must_use]
     pub fn factors_at(&self, magnitude: f64) -> SmallVec<[f64; FACTORS]> {
-        self.factors().into_iter().map(|(by_gradient, _)| factor_at(by_gradient, magnitude)).collect()
+        self.factors().into_iter().map(|factors| factor_at(factors.gradient, magnitude)).collect()
     }
 
     /// Values at which the function has a corner or a jump, ascending.
@@ -212,7 +223,11 @@ impl Term {
     /// All factors on the term.
     pub(crate) fn factors_among<'a>(&'a self, all: &'a [(f64, f64)]) -> Factors<'a> {
         let is_one = |factor: &FieldFactor| factor.points.iter().all(|point| point.1 >= 1.0);
-        (self.factor_among(all), if self.by.iter().all(is_one) { &[] } else { &self.by })
+        Factors {
+            gradient: self.factor_among(all),
+            by: if self.by.iter().all(is_one) { &[] } else { &self.by },
+            shape: self.shape.as_deref().filter(|shape| !shape.is_one()),
+        }
     }
 
     /// Optical depth per opacity length at `value`, of scattering and of absorption at its peak.
@@ -233,6 +248,7 @@ impl Term {
             material,
             gradient: Vec::new(),
             by: Vec::new(),
+            shape: None,
         }
     }
 
@@ -255,6 +271,7 @@ impl Term {
             ),
             gradient: self.gradient.clone(),
             by: self.by.clone(),
+            shape: self.shape.clone(),
         }
     }
 
@@ -408,7 +425,7 @@ mod tests {
             terms,
             gradient_opacity: all.clone(),
         };
-        let factors: Vec<_> = transfer.factors().into_iter().map(|factors| factors.0).collect();
+        let factors: Vec<_> = transfer.factors().into_iter().map(|factors| factors.gradient).collect();
         assert_eq!(factors, [&all[..], &own[..], &[]], "each once; 1 everywhere is none");
         let depth = |magnitude| {
             let factor = |term: usize| factor_at(transfer.factor_of(&transfer.terms[term]), magnitude);

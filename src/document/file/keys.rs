@@ -308,6 +308,25 @@ pub(super) struct IntervalFile {
     #[serde(default, deserialize_with = "lists")]
     pub(super) gradient: Option<At<Vec<[f64; 2]>>>,
     pub(super) by: Option<ByFile>,
+    pub(super) shape: Option<At<ShapeFile>>,
+}
+
+/// A factor over a plane.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ShapeFile {
+    /// The gradient, or the name of another field.
+    pub(super) by: String,
+    #[serde(default, deserialize_with = "lists")]
+    pub(super) polygon: Option<At<Vec<[f64; 2]>>>,
+    pub(super) soft: Option<At<f64>>,
+    #[serde(default, deserialize_with = "lists")]
+    pub(super) ratio: Option<At<Vec<[f64; 2]>>>,
+    pub(super) image: Option<String>,
+    #[serde(default, deserialize_with = "numbers")]
+    pub(super) values: Option<At<[f64; 2]>>,
+    #[serde(default, deserialize_with = "numbers")]
+    pub(super) second: Option<At<[f64; 2]>>,
 }
 
 #[derive(Deserialize)]

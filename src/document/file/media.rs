@@ -1,6 +1,35 @@
 //! Reads the materials, the transfer function and the labels of a scene file.
 
 use super::*;
+use relume_base::number::rounded;
+use relume_volume::Voxels;
+
+/// Name of the gradient magnitude as the second number of a shape.
+const GRADIENT: &str = "gradient";
+/// Most corners of a polygon.
+const MOST_CORNERS: usize = 64;
+
+/// The factors of a picture, row by row from below, and the number of its columns.
+fn painting(path: &Path) -> Result<(usize, Arc<[f32]>), String> {
+    let volume = relume_volume::open_by(path, None, &Selection::default(), &relume_base::progress::Quiet);
+    let volume = volume.map_err(|error| format!("shape.image: {error}"))?;
+    let [columns, rows, slices] = volume.geometry.dims;
+    let white = match &volume.voxels {
+        Voxels::U8(_) => f64::from(u8::MAX),
+        Voxels::U16(_) => f64::from(u16::MAX),
+        _ => 1.0,
+    };
+    if slices != 1 || columns < 2 || rows < 2 {
+        return Err(format!(
+            "shape.image: {} has {columns}×{rows}×{slices} pixels; it must be one picture of at least 2×2",
+            path.display()
+        ));
+    }
+    let height = |row: usize, column: usize| volume.voxels.value((rows - 1 - row) * columns + column).unwrap_or(0.0);
+    let heights = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
+    let heights = heights.map(|(row, column)| rounded((height(row, column) / white).clamp(0.0, 1.0)));
+    Ok((columns, heights.collect()))
+}
 
 impl Text<'_> {
     pub(super) fn materials(
@@ -91,12 +120,12 @@ impl Text<'_> {
     }
 
     /// The terms of the transfer function, and the points of its factor by the gradient magnitude. Factors may depend on the `others`, the
-    /// names of other fields.
+    /// names of other fields; paths are relative to `base`.
     pub(super) fn transfer(
         &self,
         file: &TransferFile,
         materials: &[Material],
-        others: &[&str],
+        (others, base): (&[&str], &Path),
     ) -> Result<(Vec<Term>, GradientFactor), SceneError> {
         let mut terms = Vec::new();
         let by_of_all = self.by(file.by.as_ref(), others)?.unwrap_or_default();
@@ -119,7 +148,8 @@ impl Text<'_> {
             let term = Term::interval(material, [low, high], ramp, opacity, absorption);
             let gradient = self.factor("gradient", interval.gradient.as_ref())?;
             let by = self.by(interval.by.as_ref(), others)?.unwrap_or_else(|| by_of_all.clone());
-            terms.push(Term { gradient, by, ..term });
+            let shape = interval.shape.as_ref().map(|shape| self.shape(shape, others, base)).transpose()?;
+            terms.push(Term { gradient, by, shape: shape.map(Arc::new), ..term });
         }
         match (&file.opacity, &file.material) {
             (None, None) => {}
@@ -138,7 +168,7 @@ impl Text<'_> {
         let factors = different_factors(&terms, &all).len();
         if let Some(last) = file.intervals.last().filter(|_| factors > FACTORS) {
             let message = format!(
-                "the terms have {factors} different factors by the gradient or by other fields; the limit is {FACTORS}, because each group of terms with equal ones is looked up apart"
+                "the terms have {factors} different factors by the gradient, other fields or shapes; the limit is {FACTORS}, because each group of terms with equal ones is looked up apart"
             );
             return Err(self.invalid(&last.range, message));
         }
@@ -156,14 +186,7 @@ impl Text<'_> {
                 return Err(self.invalid(stated, message));
             }
             let pairs = Spanned::new(stated.span(), stated.get_ref().pairs());
-            let points = self.curve("a factor", &pairs, &UNIT)?;
-            if points.len() > GRADIENT_POINTS {
-                let message = format!("by.{name} has {} points; the limit is {GRADIENT_POINTS}", points.len());
-                return Err(self.invalid(stated, message));
-            }
-            if let Some(pair) = points.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
-                return Err(self.invalid(stated, descends(pair[0].0, pair[1].0)));
-            }
+            let points = self.points(&format!("by.{name}"), &pairs)?;
             let field = if name == FIRST_FIELD { String::new() } else { name.clone() };
             Ok(FieldFactor { field, points })
         };
@@ -173,13 +196,83 @@ impl Text<'_> {
     /// Points of a factor by the gradient magnitude; none if the file states none.
     fn factor(&self, key: &str, stated: Option<&At<Vec<[f64; 2]>>>) -> Result<GradientFactor, SceneError> {
         let Some(stated) = stated else { return Ok(Vec::new()) };
+        let points = self.points(key, stated)?;
+        match points.first().filter(|point| point.0 < 0.0) {
+            Some(point) => {
+                let message = format!("{key} starts at {}; a magnitude is at least 0", readable(point.0));
+                Err(self.invalid(stated, message))
+            }
+            None => Ok(points),
+        }
+    }
+
+    /// A factor by the value and a second number together.
+    fn shape(&self, stated: &At<ShapeFile>, others: &[&str], base: &Path) -> Result<Shape, SceneError> {
+        let file = stated.get_ref();
+        let second = match file.by.as_str() {
+            GRADIENT => Second::Gradient,
+            FIRST_FIELD if others.contains(&FIRST_FIELD) => Second::Field(String::new()),
+            name if others.contains(&name) => Second::Field(name.to_owned()),
+            name => {
+                let known = std::iter::once(GRADIENT).chain(others.iter().copied()).collect::<Vec<_>>().join(", ");
+                return Err(self.invalid(stated, format!("shape.by = {name:?}; the second number may be: {known}")));
+            }
+        };
+        let alone = |other: Option<&str>| match other {
+            Some(other) => Err(self.invalid(stated, format!("a shape has one form; leave out `{other}`"))),
+            None => Ok(()),
+        };
+        let is_stated = |key: bool, name: &'static str| key.then_some(name);
+        let form = if let Some(polygon) = &file.polygon {
+            let beside = [is_stated(file.ratio.is_some(), "ratio"), is_stated(file.image.is_some(), "image")];
+            alone(beside.into_iter().flatten().next())?;
+            let corners = polygon.get_ref().clone();
+            if corners.len() < 3 || corners.len() > MOST_CORNERS || corners.iter().flatten().any(|it| !it.is_finite()) {
+                let message = format!("a polygon has 3 to {MOST_CORNERS} corners [value, second number], all finite");
+                return Err(self.invalid(polygon, message));
+            }
+            let is_flat = |axis: usize| corners.iter().all(|corner| corner[axis].total_cmp(&corners[0][axis]).is_eq());
+            if is_flat(0) || is_flat(1) {
+                return Err(self.invalid(polygon, "the corners of a polygon do not lie on a line"));
+            }
+            Form::Polygon { corners, soft: self.optional("shape.soft", file.soft.as_ref(), &(0.0..=0.5), 0.1)? }
+        } else if let Some(ratio) = &file.ratio {
+            alone(is_stated(file.image.is_some(), "image"))?;
+            Form::Ratio(self.points("shape.ratio", ratio)?)
+        } else if let Some(image) = &file.image {
+            let range = |key: &str, range: Option<&At<[f64; 2]>>| {
+                let stated = self.stated(key, stated, range)?;
+                let [low, high] = *stated.get_ref();
+                if low < high && low.is_finite() && high.is_finite() {
+                    return Ok([low, high]);
+                }
+                let message = format!(
+                    "{key} = [{}, {}]; it must be two finite numbers, the lower one first",
+                    readable(low),
+                    readable(high)
+                );
+                Err(self.invalid(stated, message))
+            };
+            let (values, second) = (range("values", file.values.as_ref())?, range("second", file.second.as_ref())?);
+            let (columns, heights) = painting(&base.join(image)).map_err(|message| self.invalid(stated, message))?;
+            Form::Painted(Painting { file: image.clone(), values, second, columns, heights })
+        } else {
+            return Err(self.invalid(stated, "a shape has a `polygon`, a `ratio` or an `image`"));
+        };
+        let needless = [
+            is_stated(file.soft.is_some() && file.polygon.is_none(), "soft"),
+            is_stated(file.values.is_some() && file.image.is_none(), "values"),
+            is_stated(file.second.is_some() && file.image.is_none(), "second"),
+        ];
+        alone(needless.into_iter().flatten().next())?;
+        Ok(Shape { second, form })
+    }
+
+    /// Points of a factor.
+    fn points(&self, key: &str, stated: &At<Vec<[f64; 2]>>) -> Result<Vec<(f64, f64)>, SceneError> {
         let points = self.curve("a factor", stated, &UNIT)?;
         if points.len() > GRADIENT_POINTS {
             let message = format!("{key} has {} points; the limit is {GRADIENT_POINTS}", points.len());
-            return Err(self.invalid(stated, message));
-        }
-        if let Some(point) = points.first().filter(|point| point.0 < 0.0) {
-            let message = format!("{key} starts at {}; a magnitude is at least 0", readable(point.0));
             return Err(self.invalid(stated, message));
         }
         match points.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
@@ -249,7 +342,15 @@ impl Text<'_> {
             return Err(self.invalid(material, descends(pair[0].0, pair[1].0)));
         }
         let material = MaterialCurve(curve);
-        Ok(Term { ramp: None, opacity: points, absorption: depths, material, gradient: Vec::new(), by: Vec::new() })
+        Ok(Term {
+            ramp: None,
+            opacity: points,
+            absorption: depths,
+            material,
+            gradient: Vec::new(),
+            by: Vec::new(),
+            shape: None,
+        })
     }
 
     /// The declared labels, and the entry of all others.
@@ -314,9 +415,9 @@ impl Text<'_> {
             );
             return Err(self.invalid(stated, message));
         }
-        let (terms, all) = self.transfer(stated.get_ref(), materials, &[])?;
-        if !all.is_empty() || terms.iter().any(|term| !term.gradient.is_empty()) {
-            let message = format!("labels.{key}.transfer: labels have no factors by the gradient");
+        let (terms, all) = self.transfer(stated.get_ref(), materials, (&[], Path::new("")))?;
+        if !all.is_empty() || terms.iter().any(|term| !term.gradient.is_empty() || term.shape.is_some()) {
+            let message = format!("labels.{key}.transfer: labels have no factors by the gradient, and no shapes");
             return Err(self.invalid(stated, message));
         }
         let highest =

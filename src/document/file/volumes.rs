@@ -136,7 +136,9 @@ impl Text<'_> {
     pub(super) fn check_fields(&self, file: &Root, scene: &Scene) -> Result<(), SceneError> {
         let groups = scene.groups();
         for (name, stated) in &file.volumes {
-            let is_factor = groups.iter().flat_map(|group| group.by).any(|factor| factor.field == *name);
+            let by = groups.iter().flat_map(|group| group.factors.by).any(|factor| factor.field == *name);
+            let is_second = |shape: &Shape| shape.second == Second::Field(name.clone());
+            let is_factor = by || groups.iter().filter_map(|group| group.factors.shape).any(is_second);
             if stated.get_ref().transfer.is_none() && !is_factor {
                 let message = format!(
                     "volumes.{name} has no effect; show it by a `transfer`, or name it in a factor of another field: by = {{ {name} = [[0, 0], [1, 1]] }}"
@@ -186,8 +188,8 @@ impl Text<'_> {
             }
             let mut terms = Vec::new();
             if let Some(transfer) = transfer {
-                let (shown, all) = self.transfer(transfer.get_ref(), materials, &file.fields_beside(name))?;
-                if !all.is_empty() || shown.iter().any(|term| !term.gradient.is_empty()) {
+                let (shown, all) = self.transfer(transfer.get_ref(), materials, (&file.fields_beside(name), base))?;
+                if !all.is_empty() || shown.iter().any(by_gradient) {
                     let message = format!("volumes.{name}.transfer: only the first field has factors by the gradient");
                     return Err(self.invalid(transfer, message));
                 }
@@ -397,6 +399,11 @@ impl Text<'_> {
         let declared = declared.of_map(&labels).map_err(fail)?;
         Ok((volume, Some(Labels { volume: labels, declared })))
     }
+}
+
+/// True if a factor on a term is one by the gradient.
+fn by_gradient(term: &Term) -> bool {
+    !term.gradient.is_empty() || term.shape.as_ref().is_some_and(|shape| shape.second == Second::Gradient)
 }
 
 /// A label map before it is read.

@@ -43,6 +43,7 @@ pub(crate) fn scene(
         material: MaterialCurve(Vec::new()),
         gradient: Vec::new(),
         by: Vec::new(),
+        shape: None,
     };
     let is_interpolated = preset.interpolation != Interpolation::Nearest;
     let view = viewed(volume, statistics, std::slice::from_ref(&term), length, is_interpolated);

@@ -9,7 +9,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::dispatching::TableMemory;
-use super::setup::{clip_bytes, placed_bytes};
+use super::setup::{clip_bytes, placed_bytes, shape_bytes};
 use super::source::{Fill, Texel, light_grid_source, light_order_source, sky_source};
 use crate::pool::is_one_allocation;
 use crate::{RenderError, Renderer, Source, Uploaded};
@@ -612,7 +612,10 @@ impl DeviceGrid {
             directions: unsigned(summing.as_ref().map_or(1, |summing| summing.directions)),
         };
         let sweep_buffer = uniform("sweep", bytemuck::bytes_of(&sweep_uniform))?;
-        let factors = uniform("factors", bytemuck::cast_slice(&factors.0))?;
+        let shape_bytes = shape_bytes(factors);
+        let shapes = Buffer::host(device, "shapes", shape_bytes.len() as u64, HostUse::Storage)?;
+        shapes.write(0, shape_bytes)?;
+        let factors = uniform("factors", bytemuck::cast_slice(&factors.vectors))?;
         // Gradients of further fields shade no light.
         let placed_bytes = placed_bytes(&medium.places, &medium.storages(), 1.0);
         let placed = Buffer::host(device, "placed fields", placed_bytes.len() as u64, HostUse::Storage)?;
@@ -649,6 +652,7 @@ impl DeviceGrid {
             Some(match name {
                 "sweep_uniform" => Resource::Uniform(&sweep_buffer),
                 "factor_table" => Resource::Uniform(&factors),
+                "shapes" => Resource::Storage(&shapes),
                 "clip_planes" => Resource::Storage(&clip),
                 "placed_fields" => Resource::Storage(&placed),
                 "placed_volumes" => Resource::Texture(medium.placed.as_ref()?),

@@ -281,8 +281,9 @@ impl Renderer {
             Values::Steps(table) => table.entries(),
             Values::Segments(table) => table.cells() + 1,
         };
-        let factors = FactorTable::new(scene, planned, &uploaded.storages(), entries).0;
-        let factors = uniform("factors", bytemuck::cast_slice(&factors))?;
+        let factor_table = FactorTable::new(scene, planned, &uploaded.storages(), entries);
+        let factors = uniform("factors", bytemuck::cast_slice(&factor_table.vectors))?;
+        let shapes = storage("shapes", shape_bytes(&factor_table))?;
         let unit = scene.frame.geometry.spacing.min_element();
         let placed = storage("placed fields", &placed_bytes(&uploaded.places, &uploaded.storages(), unit))?;
         let caps = CapTable::new(scene, &uploaded.storage);
@@ -345,6 +346,7 @@ impl Renderer {
                 "absorbers" => Resource::Uniform(&absorbers),
                 "segments_uniform" => Resource::Uniform(&segments),
                 "factor_table" => Resource::Uniform(&factors),
+                "shapes" => Resource::Storage(&shapes),
                 "clip_planes" => Resource::Storage(&clip),
                 "placed_fields" => Resource::Storage(&placed),
                 "placed_volumes" => Resource::Texture(uploaded.placed.as_ref()?),
@@ -466,6 +468,11 @@ pub(super) fn clip_bytes(planes: &ClipTable, caps: &CapTable, scale: DVec3) -> V
     outward.iter_mut().zip(fields).for_each(|(outward, bits)| outward[LANE - 1] = bits);
     let fall = [caps.fall[0], caps.fall[1], 0.0, 0.0].map(rounded);
     [planes, outward, vec![fall]].iter().flat_map(|vectors| bytemuck::cast_slice(vectors).to_vec()).collect()
+}
+
+/// Bytes of the tables of shapes; a buffer is not empty.
+pub(super) fn shape_bytes(factors: &FactorTable) -> &[u8] {
+    if factors.shapes.is_empty() { &[0; 4] } else { bytemuck::cast_slice(&factors.shapes) }
 }
 
 /// Bytes of the shader's structs `PlacedField`.

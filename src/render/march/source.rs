@@ -9,7 +9,7 @@ use crate::{Part, Source};
 use relume_base::number::{rounded, unsigned};
 use relume_scene::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
 use relume_scene::tables::{BRICK, CELL, FILM_ROWS, LARGEST_SKY_DEPTH, SECOND_DIFFERENCE, slot_edge};
-use relume_scene::{Blending, Gradients, Interpolation, Lookup, Overlap, StoreAs};
+use relume_scene::{Blending, Gradients, Interpolation, Lookup, Overlap, SHAPE_EDGE, StoreAs};
 use relume_vulkan::Format;
 use relume_vulkan::shader::Constants;
 
@@ -184,6 +184,8 @@ fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
         .u32("FACTOR_POINTS", unsigned(plan.groups.points.max(1)))
         .u32("BY_FIELDS", unsigned(plan.groups.by_fields[0]))
         .u32("BY_POINTS", unsigned(plan.groups.by_fields[1]))
+        .bool("SHAPES", plan.groups.shapes[0] > 0)
+        .u32("SHAPE_EDGE", unsigned(SHAPE_EDGE))
 }
 
 /// Adds the constants of `clip.wgsl`.

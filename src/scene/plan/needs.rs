@@ -80,9 +80,9 @@ pub(super) fn transmittance(scene: &Scene) -> Transmittance {
             .chain(halves)
             .any(|value| [value.next_down(), value, value.next_up()].into_iter().any(is_coloured))
     };
-    let of_group = |Group { field, factor, by }: Group<'_>| {
+    let of_group = |Group { field, factors }: Group<'_>| {
         let (terms, all) = (scene.terms_of(field), if field == 0 { &scene.transfer.gradient_opacity[..] } else { &[] });
-        let share = |term: usize| if terms[term].factors_among(all) == (factor, by) { 1.0 } else { 0.0 };
+        let share = |term: usize| if terms[term].factors_among(all) == factors { 1.0 } else { 0.0 };
         any_around(terms, &|value| coloured(&medium_of(terms, value, scene.materials.len(), share).absorption))
     };
     // Values of fields, and factors, are independent, so each group is grey by itself.

@@ -1,9 +1,10 @@
 //! Factors on the medium by the gradient magnitude and by the values of other fields, and opacities of parts of a step. Twin of `shaders/factors.wgsl` and
 //! `shaders/thinning.wgsl`.
 
+use crate::SHAPE_EDGE;
 use crate::plan::{LANE, ScenePlan, Transmittance};
 use crate::tables::FactorTable;
-use relume_base::number::{Real, dot};
+use relume_base::number::{Real, count, dot};
 use smallvec::SmallVec;
 
 /// The factors of the groups of terms where the first field has this `gradient`, and all have these `values`, as stored; none without
@@ -23,12 +24,22 @@ pub(super) fn factors_at<R: Real>(
             part.mul_add(number(rise), height)
         })
     };
-    let (points, [_, by_points]) = (plan.groups.points.max(1), plan.groups.by_fields);
-    let of_group = |vectors: &[[f32; LANE]]| {
-        let (by_gradient, by_fields) = vectors.split_at(points);
+    let (points, [most_fields, by_points]) = (plan.groups.points.max(1), plan.groups.by_fields);
+    let of_group = |(group, vectors): (usize, &[[f32; LANE]])| {
+        let (by_gradient, further) = vectors.split_at(points);
+        let (by_fields, by_shape) = further.split_at(most_fields * by_points);
         let factor = match by_gradient {
             [first, pieces @ ..] if plan.groups.by_gradient() => height(number(first[0]), length, pieces),
             _ => one,
+        };
+        let factor = match by_shape {
+            [across, up] if across[2] >= 0.0 => {
+                let value = values.get(plan.groups.fields[group]).copied().flatten().unwrap_or_default();
+                let second =
+                    if up[2] < 0.0 { Some(length) } else { values.get(number(up[2]).index()).copied().flatten() };
+                factor * shape_at(table, [across, up], value, second)
+            }
+            _ => factor,
         };
         by_fields.chunks(by_points.max(1)).fold(factor, |factor, vectors| match vectors {
             [[first, field, ..], pieces @ ..] => {
@@ -38,7 +49,28 @@ pub(super) fn factors_at<R: Real>(
             [] => factor,
         })
     };
-    table.0.chunks(plan.groups.factor_vectors()).map(of_group).collect()
+    table.vectors.chunks(plan.groups.factor_vectors()).enumerate().map(of_group).collect()
+}
+
+/// The shape of a group at a value and a second number, the lowest one outside the box of another field.
+fn shape_at<R: Real>(table: &FactorTable, [across, up]: [&[f32; LANE]; 2], value: R, second: Option<R>) -> R {
+    let number = |number: f32| R::from_f64(f64::from(number));
+    let last = R::from_f64(count(SHAPE_EDGE - 1));
+    let cell = |[scale, offset, ..]: &[f32; LANE], at: R| {
+        at.mul_add(number(*scale), number(*offset)).max(R::default()).min(last)
+    };
+    let x = cell(across, value);
+    let y = second.map_or_else(R::default, |second| cell(up, second));
+    let [column, row] = [x, y].map(|place| place.floor().index().min(SHAPE_EDGE - 2));
+    let (right, above) = (x - R::from_f64(count(column)), y - R::from_f64(count(row)));
+    let first = number(across[2]).index() * SHAPE_EDGE * SHAPE_EDGE;
+    let height = |row: usize| {
+        let at = first + row * SHAPE_EDGE + column;
+        let here = number(table.shapes[at]);
+        right.mul_add(number(table.shapes[at + 1]) - here, here)
+    };
+    let here = height(row);
+    above.mul_add(height(row + 1) - here, here)
 }
 
 /// Index of the field of each group, and scale and offset from its value to a table coordinate.
@@ -47,7 +79,7 @@ pub(super) fn coordinates_of<'a, R: Real>(
     plan: &ScenePlan,
 ) -> impl Iterator<Item = (usize, [R; 2])> + 'a {
     let number = |number: f32| R::from_f64(f64::from(number));
-    let first = table.0.iter().step_by(plan.groups.factor_vectors());
+    let first = table.vectors.iter().step_by(plan.groups.factor_vectors());
     first.map(move |&[_, field, scale, offset]| (number(field).index(), [number(scale), number(offset)]))
 }
 

@@ -899,7 +899,7 @@ impl<'a, R: Real> Stored<'a, R> {
 impl<R: Real> Samples<R> for Stored<'_, R> {
     fn sample(&self, place: [R; 3], step: &mut Step<R>) {
         let groups = self.planned.plan.groups;
-        let values = if groups.further > 0 { self.values(place) } else { Values::new() };
+        let values = if groups.further > 0 || groups.shapes[0] > 0 { self.values(place) } else { Values::new() };
         if groups.further > 0 {
             self.look_up_fields(&values, step);
         } else {
@@ -1047,7 +1047,8 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             (values, coordinates)
         } else {
             let coordinate = self.coordinate_at(place, table.entries());
-            (Values::new(), smallvec![Some(coordinate); plan.groups.in_tables()])
+            let values = if plan.groups.shapes[0] > 0 { self.values(place) } else { Values::new() };
+            (values, smallvec![Some(coordinate); plan.groups.in_tables()])
         };
         let of_group = |group: usize| {
             let Some(coordinate) = coordinates[group] else { return R::default() };

@@ -3,7 +3,7 @@
 use super::Storage;
 use crate::plan::{Accumulate, Integrate, LANE, Planned, Shares, Transmittance};
 use crate::transfer::{bends, factor_at, medium_of};
-use crate::{Blending, Group, Lookup, Material, Medium, Scene, Term};
+use crate::{Blending, Group, Lookup, Material, Medium, Scene, Second, Term};
 use relume_base::number::count;
 use relume_base::number::rounded;
 use relume_colour::model::{Amplification, ColourModel, Matrices, ModelKind, Order};
@@ -294,7 +294,12 @@ impl<'a> Steps<'a> {
             let factor = |term: usize| {
                 let term = &terms[term];
                 let by_gradient = if field == 0 { factor_at(scene.transfer.factor_of(term), magnitude) } else { 1.0 };
-                term.by.iter().fold(share * by_gradient, |factor, by| factor * by.at(value_of(&by.field)))
+                let by_shape = term.shape.as_ref().map_or(1.0, |shape| match &shape.second {
+                    Second::Gradient => shape.at(value, magnitude),
+                    Second::Field(name) => shape.at(value, value_of(name)),
+                });
+                let begun = share * by_gradient * by_shape;
+                term.by.iter().fold(begun, |factor, by| factor * by.at(value_of(&by.field)))
             };
             medium.add(&medium_of(terms, value, materials, factor));
         }
@@ -590,8 +595,7 @@ fn groups(scene: &Scene, planned: &Planned) -> (Vec<usize>, Vec<Vec<usize>>) {
     let of_field = |field: usize| {
         let all = if field == 0 { &scene.transfer.gradient_opacity[..] } else { &[] };
         let of_term = |term: &Term| {
-            let (factor, by) = term.factors_among(all);
-            let wanted = Group { field, factor, by };
+            let wanted = Group { field, factors: term.factors_among(all) };
             groups.iter().position(|group| *group == wanted).unwrap_or(0)
         };
         scene.terms_of(field).iter().map(of_term).collect()

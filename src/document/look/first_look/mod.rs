@@ -1123,6 +1123,7 @@ fn terms(shape: &Shape, opacities: &[f64], most: f64) -> Vec<Term> {
                 material: MaterialCurve(Vec::new()),
                 gradient: Vec::new(),
                 by: Vec::new(),
+                shape: None,
             }]
         }
     }
