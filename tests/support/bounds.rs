@@ -334,7 +334,7 @@ const MAGNITUDE: f64 = 16.0 * ROUNDING_UNIT;
 fn with_longer_gradients(rungs: &Rungs, part: f64) -> Rungs {
     let mut rungs = rungs.clone();
     let length = 1.0 + part;
-    for [start, steepness, ..] in &mut rungs.factors.0 {
+    for [start, steepness, ..] in &mut rungs.factors.vectors {
         *start = single(f64::from(*start) / length);
         *steepness = single(f64::from(*steepness) * length);
     }
