@@ -41,8 +41,9 @@ use relume_colour::written::{place, with_suggestion};
 use relume_scene::key::{self, Key, KeyError};
 use relume_scene::{
     Aim, CLIP_PLANES, Camera, Clip, ClipPlane, FACTORS, FIELDS, FIRST_FIELD, Field, FieldFactor, Fill, Form,
-    GRADIENT_POINTS, GradientFactor, INTENSITY, LabelEntry, Labels, LightKind, Material, MaterialCurve, OPAQUE_DEPTH,
-    Painting, Placement, Projection, Scene, SceneLight, Second, Shape, Term, different_factors, unit,
+    GRADIENT_POINTS, GradientFactor, INTENSITY, LabelEntry, Labels, LightKind, MOST_CORNERS, Material, MaterialCurve,
+    OPAQUE_DEPTH, Painting, Placement, Projection, SOFT, Scene, SceneLight, Second, Shape, Term, different_factors,
+    unit,
 };
 use relume_volume::{
     self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,

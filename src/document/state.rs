@@ -16,7 +16,7 @@ use relume_colour::spectrum::observer::Observer;
 use relume_scene::plan::MOST_GROUPS;
 use relume_scene::{
     Accuracy, AmbientShares, BRIGHTEST, Blending, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry,
-    Lighting, Mix, PHASES, Scene, Term, key,
+    Lighting, Mix, PHASES, Scene, Shape, Term, key,
 };
 
 /// All editable state of a document.
@@ -115,6 +115,8 @@ pub enum Edit {
     GradientOpacity(GradientFactor),
     /// Factor of a term by the gradient magnitude, in place of that; without points, the term takes that one.
     TermGradient(usize, GradientFactor),
+    /// Shape of a term, or none. One that no scene may state has no effect.
+    TermShape(usize, Option<Arc<Shape>>),
     /// Material and opacity of a label, by its index among the declared labels.
     Label(usize, usize, f64),
     /// Restores the transfer function, the labels and what further fields show.
@@ -153,6 +155,7 @@ impl Edit {
             | Self::RemoveTerm(_)
             | Self::GradientOpacity(_)
             | Self::TermGradient(..)
+            | Self::TermShape(..)
             | Self::Intervals(_)
             | Self::FieldRange(..)
             | Self::Crop(_)
@@ -512,6 +515,13 @@ impl State {
                 let term = scene.transfer.terms.get_mut(index).filter(|term| term.as_interval().is_some());
                 if let Some(term) = term {
                     term.gradient = gradient_points(points);
+                }
+            }
+            Edit::TermShape(index, ref shape) => {
+                let term = scene.transfer.terms.get_mut(index).filter(|term| term.as_interval().is_some());
+                let is_allowed = shape.as_ref().is_none_or(|shape| shape.is_allowed());
+                if let Some(term) = term.filter(|_| is_allowed) {
+                    term.shape.clone_from(shape);
                 }
             }
             Edit::Label(index, material, opacity) => {

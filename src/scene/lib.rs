@@ -30,7 +30,7 @@ pub use fields::{FIELDS, FIRST_FIELD, Field, Fields};
 pub use frame::Frame;
 pub use lights::{BRIGHTEST, INTENSITY};
 pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
-pub use shape::{Form, Painting, SHAPE_EDGE, Second, Shape};
+pub use shape::{Form, MOST_CORNERS, Painting, SHAPE_EDGE, SOFT, Second, Shape};
 pub use transfer::depth_from_opacity;
 pub use transfer::{
     Depths, FACTORS, Factors, FieldFactor, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MaterialCurve, Medium,

@@ -56,6 +56,12 @@ pub struct Painting {
     pub heights: Arc<[f32]>,
 }
 
+/// Usual rise behind the edges of a polygon, as a part of its box.
+pub const SOFT: f64 = 0.1;
+
+/// Most corners of a polygon.
+pub const MOST_CORNERS: usize = 64;
+
 /// Rows and columns of the table of a shape.
 pub const SHAPE_EDGE: usize = 256;
 
@@ -90,6 +96,26 @@ impl Shape {
             Form::Ratio(_) => domains,
             Form::Painted(painting) => [painting.values, painting.second],
         }
+    }
+
+    /// True if a scene may state it, of a polygon: 3 to [`MOST_CORNERS`] finite corners that are not on a line along an axis.
+    #[must_use]
+    pub fn is_allowed(&self) -> bool {
+        let Form::Polygon { corners, soft } = &self.form else { return true };
+        let are_finite = corners.iter().flatten().all(|number| number.is_finite());
+        let has_area = || around(corners).iter().all(|[low, high]| low < high);
+        (3..=MOST_CORNERS).contains(&corners.len()) && are_finite && has_area() && (0.0..=0.5).contains(soft)
+    }
+
+    /// The same over other values.
+    pub(crate) fn stretched(&self, moved: impl Fn(f64) -> f64) -> Self {
+        let mut shape = self.clone();
+        match &mut shape.form {
+            Form::Polygon { corners, .. } => corners.iter_mut().for_each(|corner| corner[0] = moved(corner[0])),
+            Form::Ratio(_) => {}
+            Form::Painted(painting) => painting.values = painting.values.map(moved),
+        }
+        shape
     }
 
     /// True if the factor is 1 everywhere.

@@ -271,7 +271,7 @@ impl Term {
             ),
             gradient: self.gradient.clone(),
             by: self.by.clone(),
-            shape: self.shape.clone(),
+            shape: self.shape.as_ref().map(|shape| Arc::new(shape.stretched(moved))),
         }
     }
 

@@ -6,6 +6,7 @@
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
@@ -18,7 +19,7 @@ use crate::document::{Edit, State};
 use crate::input;
 use crate::measure::{Goal, Preset};
 use crate::palette::Target;
-use crate::scene::Interval;
+use crate::scene::{Form, Interval, SOFT, Second, Shape};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::srgb_code;
@@ -271,6 +272,13 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             [index, "gradient", "off"] => edit(Edit::TermGradient(numbers::<usize, 1>(verb, &[index])?[0], Vec::new())),
             [index, "gradient", points @ ..] => {
                 edit(Edit::TermGradient(numbers::<usize, 1>(verb, &[index])?[0], factor_points(verb, points)?))
+            }
+            [index, "polygon", "off"] => edit(Edit::TermShape(numbers::<usize, 1>(verb, &[index])?[0], None)),
+            [index, "polygon", corners @ ..] => {
+                let corners = factor_points(verb, corners)?.into_iter().map(|(value, magnitude)| [value, magnitude]);
+                let form = Form::Polygon { corners: corners.collect(), soft: SOFT };
+                let shape = Arc::new(Shape { second: Second::Gradient, form });
+                edit(Edit::TermShape(numbers::<usize, 1>(verb, &[index])?[0], Some(shape)))
             }
             [index, numbers_of_it @ ..] => {
                 Command::Interval(numbers::<usize, 1>(verb, &[index])?[0], numbers(verb, numbers_of_it)?)

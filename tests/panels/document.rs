@@ -11,11 +11,16 @@ use relume::document::moves::Move;
 use relume::document::{Document, Edit};
 use relume::plan::Stale;
 use relume::progress::Quiet;
-use relume::scene::{Accuracy, Interval};
+use relume::scene::{Accuracy, Form, Interval, Second, Shape};
 use relume::spectrum::observer::Observer;
 
 use crate::app::{document, offered};
 use crate::support::program::SCENE;
+
+fn triangle() -> Arc<Shape> {
+    let corners = vec![[1.0, 0.0], [0.5, 2.0], [1.5, 2.0]];
+    Arc::new(Shape { second: Second::Gradient, form: Form::Polygon { corners, soft: 0.1 } })
+}
 
 #[test]
 fn numbers_out_of_range_are_brought_into_it() {
@@ -63,6 +68,7 @@ fn an_edit_makes_stale_what_it_must() {
     let tables = [
         Edit::Interval(0, Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
         Edit::TermGradient(0, vec![(1.0, 0.5)]),
+        Edit::TermShape(0, Some(triangle())),
         Edit::AddInterval(
             Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 },
             Vec::new(),

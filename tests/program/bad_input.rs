@@ -951,6 +951,35 @@ fn fields_that_do_not_belong_together_are_refused() {
     definition_refused("volumes.a={component=1,transfer={gradient=[[0,1]]}}", &["gradient"]);
     let graded = field.replace("opacity=0.1", "opacity=0.1,gradient=[[5,0],[9,1]]");
     definition_refused(&format!("volumes.a={graded}"), &["volumes.a.transfer", "only the first field"]);
+    definition_refused(&format!("volumes.volume={field}"), &["volumes.volume", "another name"]);
+    for (factor, words) in [
+        ("by={a=[[0,1]]}", &["by.a", "no other field"][..]),
+        ("by={volume=[[0,1]]}", &["by.volume", "no other field"]),
+        ("shape={by=\"a\",ratio=[[0,1]]}", &["shape.by", "gradient"]),
+        ("shape={by=\"gradient\"}", &["polygon", "ratio", "image"]),
+        ("shape={by=\"gradient\",polygon=[[0,1],[2,3]]}", &["3 to 64 corners"]),
+        ("shape={by=\"gradient\",polygon=[[0,1],[2,3],[4,nan]]}", &["3 to 64 corners"]),
+        ("shape={by=\"gradient\",polygon=[[0,1],[0,3],[0,9]]}", &["line"]),
+        ("shape={by=\"gradient\",polygon=[[0,1],[2,3],[4,1]],soft=0.6}", &["shape.soft", "0.5"]),
+        ("shape={by=\"gradient\",polygon=[[0,1],[2,3],[4,1]],ratio=[[0,1]]}", &["one form", "ratio"]),
+        ("shape={by=\"gradient\",ratio=[[1,0],[1,1]]}", &["ascend"]),
+        ("shape={by=\"gradient\",ratio=[[1,0]],soft=0.1}", &["soft"]),
+        ("shape={by=\"gradient\",image=\"a.png\",values=[0,1]}", &["second"]),
+        ("shape={by=\"gradient\",image=\"a.png\",values=[1,0],second=[0,1]}", &["values", "lower one first"]),
+        ("shape={by=\"gradient\",image=\"nowhere.png\",values=[0,1],second=[0,1]}", &["shape.image", "nowhere.png"]),
+    ] {
+        let interval = format!("transfer.intervals=[{{material=\"bone\",range=[1,9],opacity=0.1,{factor}}}]");
+        definition_refused(&interval, words);
+    }
+    for (planes, words) in [
+        ("[{plane=\"z:50%\",volumes=[\"ct\"]}]", &["\"ct\"", "there are: volume"][..]),
+        ("[{plane=\"z:50%\",volumes=[]}]", &["no volume"]),
+        ("[{plane=\"z:50%\",point=[1,2,3]}]", &["a clip plane is"]),
+    ] {
+        definition_refused(&format!("clip.planes={planes}"), words);
+    }
+    definition_refused("clip.keep=\"some\"", &["keep", "any"]);
+    definition_refused("overlap=\"second\"", &["overlap", "first"]);
     definition_refused(&format!("volumes.a={}", field.replace("frog", "toad")), &["toad"]);
     definition_refused(&format!("volumes.a={}", field.replace("bone", "stone")), &["stone"]);
 

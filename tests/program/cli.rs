@@ -151,6 +151,47 @@ fn cube(side: usize, spacing: f64, origin: [f64; 3]) -> Vec<u8> {
 }
 
 #[test]
+fn a_painted_transfer_function_shows_what_is_white() {
+    let painted = |levels: &[u8]| [b"P5 4 4 255\n".as_slice(), &levels.repeat(16 / levels.len())].concat();
+    let folder = Folder::new()
+        .with("ct.nrrd", cube(24, 1.0, [0.0; 3]))
+        .with("white.pgm", painted(&[255]))
+        .with("black.pgm", painted(&[0]))
+        .with("right.pgm", painted(&[0, 0, 255, 255]))
+        .with("thin.pgm", b"P5 4 1 255\nabcd");
+    let scene = |name: &str, interval: &str| {
+        let text = format!(
+            "version = 1\n[volume]\nfile = \"ct.nrrd\"\n[materials.bone]\nreflectance = \"white 9.5\"\n[lights.day]\nspectrum = \"D65\"\n\
+             [transfer]\nintervals = [{{ material = \"bone\", range = [0, 255], {interval} }}]\n"
+        );
+        std::fs::write(folder.path(&format!("{name}.toml")), text).unwrap();
+    };
+    let picture = |name: &str| {
+        folder.done(&["render", &format!("{name}.toml"), "--size", "24x24", "-o", &format!("{name}.png")]);
+        std::fs::read(folder.path(&format!("{name}.png"))).unwrap()
+    };
+    let by = |name: &str, image: &str| {
+        let shape =
+            format!("shape = {{ by = \"gradient\", image = \"{image}\", values = [0, 255], second = [0, 200] }}");
+        scene(name, &format!("opacity = 0.2, {shape}"));
+    };
+    scene("plain", "opacity = 0.2");
+    scene("nothing", "opacity = 0");
+    for name in ["white", "black", "right"] {
+        by(name, &format!("{name}.pgm"));
+    }
+    let [plain, white, black, right] = ["plain", "white", "black", "right"].map(picture);
+    assert!(white == plain && black == picture("nothing") && black != plain && right != plain && right != black);
+    // A saved session paints the same.
+    folder.done(&["render", "right.toml", "--size", "24x24", "-o", "again.png", "--save-scene", "sub.toml"]);
+    assert!(picture("sub") == right);
+    by("thin", "thin.pgm");
+    folder.refused(1, &["render", "thin.toml"], &["shape.image", "thin.pgm", "4×1"]);
+    by("missing", "nowhere.pgm");
+    folder.refused(1, &["render", "missing.toml"], &["shape.image", "nowhere.pgm"]);
+}
+
+#[test]
 fn volumes_on_grids_of_their_own_are_shown_together_and_none_is_dropped() {
     let folder = Folder::new();
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path(name), bytes).unwrap();

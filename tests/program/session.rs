@@ -16,7 +16,7 @@ use relume::document::{Document, Edit, Mixing, SessionError, State};
 use relume::document::{Question, Unknown};
 use relume::palette::{Member, ModelTerm};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Accuracy, Clip, ClipPlane, Interval, Keep, Lighting, Scene};
+use relume::scene::{AccumulateAs, Accuracy, Clip, ClipPlane, Form, Interval, Keep, Lighting, Scene, Second, Shape};
 use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
@@ -46,6 +46,11 @@ fn interval(material: usize) -> Interval {
 fn accuracy(step_length: f64, dimension: Option<usize>) -> Accuracy {
     let accumulate = if dimension.is_some() { AccumulateAs::Spectral } else { AccumulateAs::Auto };
     Accuracy { step_length, dimension, accumulate, ..scene().scene.accuracy }
+}
+
+fn polygon(corners: &[[f64; 2]]) -> Arc<Shape> {
+    let form = Form::Polygon { corners: corners.to_vec(), soft: 0.15 };
+    Arc::new(Shape { second: Second::Gradient, form })
 }
 
 fn planes(numbers: &[(DVec3, DVec3)]) -> Vec<ClipPlane> {
@@ -92,6 +97,8 @@ fn edits() -> Vec<Edit> {
         Edit::AddInterval(interval(1), vec![(4.0, 0.5)]),
         Edit::GradientOpacity(vec![(100.0, 0.1), (50.0, 2.0), (50.0, 0.4), (f64::NAN, 0.3)]),
         Edit::TermGradient(1, vec![(9.0, 1.0), (4.5, 0.25)]),
+        Edit::TermShape(1, Some(polygon(&[[40.5, 0.1], [30.0, 9.0], [77.7, 9.0]]))),
+        Edit::TermShape(1, Some(polygon(&[[f64::NAN, 0.1], [30.0, 9.0], [77.7, 9.0]]))),
         Edit::Interval(1, Interval { range: [41.0, 66.0], ..interval(1) }),
         Edit::RemoveTerm(0),
         Edit::Crop(Some([DVec3::NAN, DVec3::splat(-1.0)])),
@@ -129,9 +136,11 @@ fn edits() -> Vec<Edit> {
 fn ranges_of_fields_are_saved_as_stretched_terms() {
     let text = "version = 1\nshading = \"none\"\n[volume]\nphantom = \"frog\"\ndims = [9, 9, 9]\n[materials]\na.reflectance = \
                 \"red\"\nb.reflectance = \"blue\"\n[transfer]\nintervals = [{ material = \"a\", range = [50, 90], ramp = 5, opacity = \
-                0.1 }]\n[volumes.one]\nphantom = \"frog\"\ntransfer = { opacity = [[10, 0], [90, 0.1], [200, 0.3]], material = [[10, \"a\"], \
-                [200, \"b\"]] }\n[volumes.two]\nphantom = \"frog\"\n[volumes.two.transfer]\nintervals = [{ material = \"b\", range = [100, \
-                150], opacity = 0.2 }]\n[lights.day]\nspectrum = \"D65\"\nkind = \"ambient\"\n";
+                0.1, by = { one = [[20, 0.25], [60, 1]] }, shape = { by = \"gradient\", polygon = [[50, 0], [30, 9], [80, 9]] } }]\n\
+                [clip]\nkeep = \"any\"\nplanes = [\"z:50%\", { plane = \"x:25%\", volumes = [\"volume\", \"two\"] }]\n\
+                [volumes.one]\nphantom = \"frog\"\ntransfer = { opacity = [[10, 0], [90, 0.1], [200, 0.3]], material = [[10, \"a\"], \
+                [200, \"b\"]], by = { volume = [[10, 1], [30, 0]] } }\n[volumes.two]\nphantom = \"frog\"\n[volumes.two.transfer]\nby = { one = [[3, 0], [4, 1]] }\nintervals = [{ material = \"b\", range = [100, \
+                150], opacity = 0.2, by = {}, shape = { by = \"volume\", ratio = [[0.5, 0], [1.5, 1]] } }]\n[lights.day]\nspectrum = \"D65\"\nkind = \"ambient\"\n";
     let mut document = Document::new(parse(text));
     let ranges = [[40.0, 80.5], [20.5, 150.25], [-3.0, 200.0]];
     for (index, range) in ranges.into_iter().enumerate() {
@@ -144,6 +153,9 @@ fn ranges_of_fields_are_saved_as_stretched_terms() {
         for field in 0..3 {
             assert_eq!(file.scene.terms_of(field), document.state().scene.terms_of(field), "{field}: {text}");
         }
+        let clip = Clip { cap: index == 1, ..document.state().scene.clip.clone() };
+        document.edit(&Edit::Clip(clip.clone()));
+        assert_eq!(saved(&document).1.scene.clip, clip, "planes of two volumes");
     }
     assert!(!document.is_saved(), "ranges are a part of a session");
     document.edit(&Edit::ResetTransfer);

@@ -10,6 +10,7 @@ use relume::number::Real;
 use relume::plan::{Planned, Stale, plan};
 use relume::progress::Quiet;
 use relume::scene::{Field, Integration, Mix, MixLight, Scene};
+use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::volume::{Geometry, Volume, Voxels};
 
 use crate::support::rungs::Rungs;
@@ -104,6 +105,46 @@ fn factors_by_each_other_are_their_closed_form_on_every_rung() {
     check("tables", &rungs.march::<f64>(&rungs.stored::<f64>()), expected, 1e-6);
     check("f32", &rungs.march::<f32>(&rungs.stored::<f32>()), expected, 4e-6);
     with_renderer(|renderer| check("device", &rungs.gpu(renderer), expected, 6e-6));
+}
+
+/// Both values are 100: a ratio of 1, and a point of a polygon.
+#[test]
+fn shapes_over_two_fields_are_their_closed_form_on_every_rung() {
+    let [one, two] = [0.04, 0.07];
+    let scaled = |text: String, shape: &str| text.replace(" }]", &format!(", shape = {{ {shape} }} }}]"));
+    let text = [
+        scaled(first(one), "by = \"other\", ratio = [[0.5, 0], [1.5, 1]]"),
+        // 20 of 200 behind an edge of the polygon's box.
+        scaled(
+            field("other", "two", two),
+            "by = \"volume\", polygon = [[0, 80], [200, 80], [200, 280], [0, 280]], soft = 0.4",
+        ),
+    ];
+    let rungs = Rungs::new(scene(&text.concat(), 100, &[("other", 100)]), [4, 4]);
+    assert_eq!(rungs.planned.plan.groups.shapes, [2, 0]);
+    let (a, b) = (0.5 * depth(one), 0.25 * depth(two));
+    let left = (-(a + b)).exp();
+    let gained = (1.0 - left) / (a + b);
+    let expected = [a * gained, b * gained, left];
+    check("f64", &rungs.march::<f64>(&rungs.exact()), expected, 1e-12);
+    // Rows and columns of the tables lie beside the values.
+    check("tables", &rungs.march::<f64>(&rungs.stored::<f64>()), expected, 1e-3);
+    check("f32", &rungs.march::<f32>(&rungs.stored::<f32>()), expected, 1e-3);
+    with_renderer(|renderer| check("device", &rungs.gpu(renderer), expected, 1e-3));
+}
+
+#[test]
+fn the_tables_of_shapes_move_colours_by_little() {
+    for name in ["shape_unshaded", "shape_triangle", "shape_coloured", "shape_ratio", "shape_placed"] {
+        let rungs = Rungs::new(crate::support::scenes::named(name), [48, 40]);
+        let lab = |colour: DVec3| lab_from_xyz(Xyz(colour.to_array()), d65_white());
+        let [exact, tables] = [rungs.lit(&rungs.exact()), rungs.lit(&rungs.stored::<f64>())];
+        let pairs = exact.into_iter().zip(tables);
+        let mut errors: Vec<f64> = pairs.map(|((a, _), (b, _))| ciede2000(lab(a), lab(b))).collect();
+        errors.sort_by(f64::total_cmp);
+        let (p95, most) = (errors[errors.len() * 95 / 100], errors[errors.len() - 1]);
+        assert!(p95 <= 0.1 && most < 2.0, "{name}: {p95}, {most}");
+    }
 }
 
 /// A plane takes the far part of one of two slabs, at the end of a step and within one.

@@ -6,8 +6,6 @@ use relume_volume::Voxels;
 
 /// Name of the gradient magnitude as the second number of a shape.
 const GRADIENT: &str = "gradient";
-/// Most corners of a polygon.
-const MOST_CORNERS: usize = 64;
 
 /// The factors of a picture, row by row from below, and the number of its columns.
 fn painting(path: &Path) -> Result<(usize, Arc<[f32]>), String> {
@@ -235,7 +233,7 @@ impl Text<'_> {
             if is_flat(0) || is_flat(1) {
                 return Err(self.invalid(polygon, "the corners of a polygon do not lie on a line"));
             }
-            Form::Polygon { corners, soft: self.optional("shape.soft", file.soft.as_ref(), &(0.0..=0.5), 0.1)? }
+            Form::Polygon { corners, soft: self.optional("shape.soft", file.soft.as_ref(), &(0.0..=0.5), SOFT)? }
         } else if let Some(ratio) = &file.ratio {
             alone(is_stated(file.image.is_some(), "image"))?;
             Form::Ratio(self.points("shape.ratio", ratio)?)

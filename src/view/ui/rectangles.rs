@@ -1,4 +1,6 @@
-//! Values and gradient magnitudes of the volume, with the terms of the transfer function as rectangles.
+//! Values and gradient magnitudes of the volume, with the terms of the transfer function as rectangles and polygons.
+
+use std::sync::Arc;
 
 use egui::epaint::{Mesh, Vertex, WHITE_UV};
 use egui::{
@@ -9,9 +11,13 @@ use egui::{
 use super::axis::{HANDLE, Map, choose, chosen, middle, snapped};
 use super::spectrum::narrow;
 use crate::document::{Document, Edit};
-use crate::scene::{GradientFactor, Interval, Term, Transfer, factor_at};
+use crate::number::count;
+use crate::scene::{self, Form, GradientFactor, Interval, Second, Term, Transfer, factor_at};
 use crate::view::action::Action;
 use crate::volume::{JOINT_BINS, JointHistogram};
+
+/// Cells of a shape along each axis.
+const CELLS: usize = 32;
 
 /// Part of the axis of magnitudes over which a new rectangle begins and ends.
 const RAMP: f64 = 0.05;
@@ -74,6 +80,9 @@ pub(super) fn show(
             let rows = plane.rows(transfer.factor_of(&transfer.terms[index]));
             edges(ui, index, (&interval, rows), &plane, asked);
             levels(ui, index, (&interval, &transfer.terms[index].gradient), &plane, asked);
+            if let Some(shape) = &transfer.terms[index].shape {
+                corners(ui, index, shape, &plane, asked);
+            }
         }
     }
     if let Some([value, magnitude]) = seen {
@@ -147,12 +156,28 @@ fn paint(ui: &Ui, transfer: &Transfer, term: &Term, plane: &Plane<'_>, colours: 
     let colour = colours.get(material).copied().unwrap_or(Color32::GRAY);
     let factor = transfer.factor_of(term);
     let inner = factor.iter().map(|point| point.0).filter(|magnitude| (0.0..plane.steepest).contains(magnitude));
-    let rows: Vec<f64> = std::iter::once(0.0).chain(inner).chain([plane.steepest]).collect();
-    let columns = &term.opacity;
+    let shape = term.shape.as_deref().filter(|shape| shape.second == Second::Gradient);
+    let mut rows: Vec<f64> = std::iter::once(0.0).chain(inner).chain([plane.steepest]).collect();
+    let mut columns = term.opacity.clone();
+    if shape.is_some() {
+        // Cells over which a shape is nearly linear.
+        let part = |i: usize| count(i) / count(CELLS);
+        rows.extend((1..CELLS).map(|i| part(i) * plane.steepest));
+        rows.sort_by(f64::total_cmp);
+        let pairs = term.opacity.windows(2);
+        let between = pairs.flat_map(|ends| {
+            (0..CELLS).map(move |i| {
+                let [(from, low), (to, high)] = [ends[0], ends[1]];
+                (part(i).mul_add(to - from, from), part(i).mul_add(high - low, low))
+            })
+        });
+        columns = between.chain(term.opacity.last().copied()).collect();
+    }
     let mut mesh = Mesh::default();
     for &magnitude in &rows {
-        for &(value, opacity) in columns {
-            let strength = narrow(opacity.sqrt() * factor_at(factor, magnitude));
+        for &(value, opacity) in &columns {
+            let shown = shape.map_or(1.0, |shape| shape.at(value, magnitude));
+            let strength = narrow(opacity.sqrt() * factor_at(factor, magnitude) * shown);
             let pos = pos2(plane.map.x(value), plane.y(magnitude));
             let color = colour.gamma_multiply(0.75 * strength);
             mesh.vertices.push(Vertex { pos, uv: WHITE_UV, color });
@@ -191,6 +216,35 @@ fn edges(ui: &Ui, index: usize, (interval, rows): (&Interval, Rangef), plane: &P
             asked.push(Action::Edit(Edit::Interval(index, Interval { range, ..*interval })));
         }
         hand.on_hover_cursor(CursorIcon::ResizeHorizontal);
+    }
+}
+
+/// Draggable corners of a term's polygon.
+fn corners(ui: &Ui, index: usize, shape: &Arc<scene::Shape>, plane: &Plane<'_>, asked: &mut Vec<Action>) {
+    let (Second::Gradient, Form::Polygon { corners, soft }) = (&shape.second, &shape.form) else { return };
+    let painter = ui.painter().with_clip_rect(plane.map.rect.expand(HANDLE / 2.0));
+    let place = |corner: &[f64; 2]| pos2(plane.map.x(corner[0]), plane.y(corner[1]));
+    let stroke = Stroke::new(if chosen(ui) == Some(index) { 2.0 } else { 1.0 }, ui.visuals().strong_text_color());
+    for (number, corner) in corners.iter().enumerate() {
+        painter.line_segment([place(corner), place(&corners[(number + 1) % corners.len()])], stroke);
+    }
+    for (number, corner) in corners.iter().enumerate() {
+        let at = place(corner);
+        painter.circle_filled(at, HANDLE / 3.0, ui.visuals().strong_text_color());
+        let rect = Rect::from_center_size(at, Vec2::splat(1.5 * HANDLE));
+        let hand = ui.interact(rect, ui.id().with(("polygon", index, number)), Sense::click_and_drag());
+        hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("polygon {index}: corner {number}")));
+        if hand.is_pointer_button_down_on() {
+            choose(ui, index);
+        }
+        if let (true, Some(pointer)) = (hand.dragged(), hand.interact_pointer_pos()) {
+            let mut next = corners.clone();
+            next[number] = [plane.map.value(pointer.x), plane.magnitude(pointer.y)];
+            let form = Form::Polygon { corners: next, soft: *soft };
+            let moved = Arc::new(scene::Shape { second: Second::Gradient, form });
+            asked.push(Action::Edit(Edit::TermShape(index, Some(moved))));
+        }
+        hand.on_hover_cursor(CursorIcon::Move);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Transfer function panel: intervals over the value histogram, in their materials' colours under the current light.
 
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 use egui::style::ScrollStyle;
 use egui::{
@@ -20,7 +21,8 @@ use crate::number::{brief_in, count};
 use crate::plan::Stale;
 use crate::plan::is_constant;
 use crate::scene::{
-    Blending, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry, Material, OPAQUE_DEPTH, Scene, Term,
+    self, Blending, Form, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry, Material, OPAQUE_DEPTH, SOFT, Scene,
+    Second, Term,
 };
 use crate::spectrum::colour::display_code;
 use crate::view::action::Action;
@@ -605,7 +607,37 @@ fn row(
         let switch = Switch { text: "own factor", help, name: format!("interval {index}: gradient point") };
         let found = factor(ui, &switch, &term.gradient, steepest(&state.scene, statistics));
         asked.extend(found.map(|next| Action::Edit(Edit::TermGradient(index, next))));
+        let half = steepest(&state.scene, statistics) / 2.0;
+        asked.extend(polygon(ui, index, term, half).map(|shape| Action::Edit(Edit::TermShape(index, shape))));
     }
+}
+
+/// The switch of a term's polygon over values and gradient magnitudes, of which central differences reach `most`. Returns the new shape.
+fn polygon(ui: &mut Ui, index: usize, term: &Term, most: f64) -> Option<Option<Arc<scene::Shape>>> {
+    let told = term.shape.as_deref().and_then(|shape| match &shape.form {
+        Form::Polygon { .. } if shape.second == Second::Gradient => None,
+        Form::Polygon { .. } => Some("a polygon over another field"),
+        Form::Ratio(_) => Some("the ratio to another field"),
+        Form::Painted(_) => Some("a painted picture"),
+    });
+    if let Some(told) = told {
+        let help = "A shape of the scene file. Remove it there.";
+        ui.label(RichText::new(format!("shown by {told}")).small()).on_hover_text(help);
+        return None;
+    }
+    let mut on = term.shape.is_some();
+    let help = "Limits the interval to an area over values and gradient magnitudes: drag its corners above. It fades behind its edges.";
+    let switch = ui.checkbox(&mut on, "polygon");
+    switch.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, true, on, format!("interval {index}: polygon")));
+    if !switch.on_hover_text(help).changed() {
+        return None;
+    }
+    let [low, high] = term.as_interval()?.range;
+    let width = (high - low).max(f64::MIN_POSITIVE);
+    let corners =
+        vec![[f64::midpoint(low, high), 0.0], [low - width / 2.0, most / 2.0], [high + width / 2.0, most / 2.0]];
+    let triangle = scene::Shape { second: Second::Gradient, form: Form::Polygon { corners, soft: SOFT } };
+    Some(on.then(|| Arc::new(triangle)))
 }
 
 fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) -> Response {
