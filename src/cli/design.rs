@@ -110,7 +110,7 @@ fn warn_of_old_lights(scene: &Path, text: &str, palette: &Palette) {
 /// palette that nothing shows: most likely they were renamed in one place alone.
 fn check_materials(scene: &Path, table: &toml::Table, palette: &Palette) -> Result<(), CliError> {
     let mut shown = Vec::new();
-    for list in ["transfer", "labels"] {
+    for list in ["transfer", "labels", "volumes"] {
         names_of_materials(table.get(list), false, &mut shown);
     }
     let rows = || palette.materials.iter().map(|row| row.name.as_str());

@@ -17,13 +17,13 @@ use crate::output::page::{self, PackedPage, Page, PageError, Summary, escaped};
 use crate::progress::Progress;
 use crate::render::{Job, Keeps, PlannedJob, RenderWarning, Renderer};
 use crate::scene::{Camera, Mix, Placement, Scene, positions};
-use crate::spectrum::{Light, Reflectance};
+use crate::spectrum::{Light, Reflectance, Spectrum};
 use crate::volume::HostMemory;
 use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files;
 use super::level;
-use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, told_of_placed};
+use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, surfaces_of, told_of_placed};
 use super::{CliError, Report, warn_of};
 
 const EXAMPLES: &str = "\
@@ -163,7 +163,8 @@ fn light(args: &Args, header: &mut FilmFile) -> Result<Vec<Placed>, CliError> {
         return Ok(Vec::new());
     }
     let positions: Vec<String> = header.positions.iter().map(|position| position.name.clone()).collect();
-    let Requested { mix, placed } = args.lights.mix(&header.stated()?, &header.opening()?, &positions)?;
+    let surfaces: Vec<Spectrum> = header.materials().into_iter().map(|material| material.1).collect();
+    let Requested { mix, placed } = args.lights.mix(&header.stated()?, &header.opening()?, &positions, &surfaces)?;
     header.open_with(&mix);
     if let Some(dial) = &mut header.dial {
         // Sliders mix these lights.
@@ -186,7 +187,7 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let stated = Mix::of_scene(&file.scene);
     let mix = match args.lights.lights[..] {
         [] => stated,
-        _ => args.lights.mix(&stated, &file.opening_mix(), &names)?.mix,
+        _ => args.lights.mix(&stated, &file.opening_mix(), &names, &surfaces_of(&file.scene))?.mix,
     };
     let size = args.size.unwrap_or([800, 800]);
     let (cameras, columns) = cameras(args, &file.scene, size)?;

@@ -11,6 +11,7 @@ use crate::document::Requested;
 use crate::film::Components;
 use crate::measure::{Stopwatch, Timing};
 use crate::progress::Progress;
+use crate::spectrum::Spectrum;
 use crate::spectrum::observer::Observer;
 
 use super::accuracy::tolerance;
@@ -25,6 +26,7 @@ Examples:
   relume render scene.toml -o day.png --accumulators acc.exr
   relume relight acc.exr --light A -o evening.png
   relume relight acc.exr --light FL11=0.7 --light \"blackbody 3000=0.3\" -o office.exr
+  relume relight cells.exr --light DAPI:#ff00ff --light GFP=0.5 -o two.png        channels in other colours
   relume relight acc.exr --dial 0.3,-0.2 -o between.png
   relume relight acc.exr --sweep day..lamp --frames 50 -o evening.png        evening-0001.png to evening-0050.png
   relume relight acc.exr --loop --frames 100 -o lights.apng                  an animated PNG";
@@ -124,7 +126,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     saved.means.display.exposure = args.exposure.unwrap_or(saved.means.display.exposure);
     let frame = args.dress.annotate.frame(saved.frame.clone().unwrap_or_default());
     args.dress.annotate.warn(&saved);
-    let Requested { mix: given, placed } = args.lights.mix(&saved.mix, &saved.shown, &saved.positions)?;
+    let surfaces: Vec<Spectrum> = saved.materials.iter().map(|material| material.1.clone()).collect();
+    let Requested { mix: given, placed } = args.lights.mix(&saved.mix, &saved.shown, &saved.positions, &surfaces)?;
     let on_dial = args.dial.is_given();
 
     let mut text = String::new();

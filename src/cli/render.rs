@@ -31,7 +31,7 @@ use super::goal::GoalArgs;
 use super::level;
 use super::model::Learnt;
 use super::processes::{self, Asked, Processes, Sharing, sharing};
-use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, time_or_all, told_of_placed};
+use super::scene::{LightArgs, LookArgs, SceneArgs, add_placed, size, surfaces_of, time_or_all, told_of_placed};
 use super::{CliError, Report, light_grid, turntable, warn_of};
 
 const EXAMPLES: &str = "\
@@ -447,7 +447,7 @@ impl<'a> Work<'a> {
         warn_of(RenderWarning::of_scene(&scene, &statistics, args.size));
         let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
         let (stated, shown) = (Mix::of_scene(&scene), file.opening_mix());
-        let Requested { mix, placed } = args.lights.mix(&stated, &shown, &positions)?;
+        let Requested { mix, placed } = args.lights.mix(&stated, &shown, &positions, &surfaces_of(&scene))?;
         let read = clock.read();
         let clock = Stopwatch::start();
         let choice = match args.goal.goal() {

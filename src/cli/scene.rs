@@ -10,7 +10,8 @@ use crate::document::{
 };
 use crate::number::brief;
 use crate::progress::Progress;
-use crate::scene::{FIELDS, Mix};
+use crate::scene::{FIELDS, Mix, Scene};
+use crate::spectrum::Spectrum;
 use crate::volume::{ByteOrder, HostMemory, RawLayout, Selection, Statistics, Unit, Volume, VoxelType};
 
 use super::CliError;
@@ -305,7 +306,8 @@ pub(crate) struct LightArgs {
     /// NAME is a light of the scene, else a standard (D65, …), else a file with two columns, nm and power. A light of the
     /// scene shines from its own position. Any other light takes the place of the lights of the picture: it shines from
     /// their positions, with their weights, so that brightness and shadows stay, or only from POSITION; `relume info`
-    /// lists the positions. WEIGHT is a factor. A name may contain @ and =: if the whole text is the name of
+    /// lists the positions. WEIGHT is a factor. NAME:#RRGGBB is a light of the scene in bands of its own, such as that of a
+    /// channel, under which what it shows has this colour. A name may contain @ and =: if the whole text is the name of
     /// a light or a file, Relume does not split it.
     #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
     pub(crate) lights: Vec<LightRequest>,
@@ -525,10 +527,8 @@ impl SceneArgs {
         if let Some(guess) = &file.guess {
             let time = file.scene.volume().selection.time;
             tracing::info!("{guess}{}", time.map_or_else(String::new, of_time));
-            tracing::info!(
-                "To change it, use --look (tissue, bone, vessel, grey, fluorescence, maximum, a transfer preset or a file: see --help), use \
-                 --window and --level, or edit the scene that --save-scene FILE writes."
-            );
+            let are_channels = !file.scene.fields.sharing().is_empty();
+            tracing::info!("{}", if are_channels { OF_CHANNELS } else { OF_LOOK });
         }
         Ok((file, statistics))
     }
@@ -577,11 +577,21 @@ impl LightArgs {
     }
 
     /// The requested mix, or `shown`, the mix of the picture so far, without a request; `stated` is the mix of the scene.
-    pub(crate) fn mix(&self, stated: &Mix, shown: &Mix, positions: &[String]) -> Result<Requested, CliError> {
+    /// Colours of lights are those of these `surfaces` under them.
+    pub(crate) fn mix(
+        &self,
+        stated: &Mix,
+        shown: &Mix,
+        positions: &[String],
+        surfaces: &[Spectrum],
+    ) -> Result<Requested, CliError> {
         if self.lights.is_empty() {
             return Ok(Requested { mix: shown.clone(), placed: Vec::new() });
         }
-        Ok(document::requested(stated, shown, positions, &self.lights, Path::new(""))?)
+        let requests: Vec<String> = self.lights.iter().map(|request| request.0.clone()).collect();
+        let (stated, plain) = document::recoloured(stated, &requests, surfaces).map_err(CliError::Failed)?;
+        let plain: Vec<LightRequest> = plain.into_iter().map(LightRequest).collect();
+        Ok(document::requested(&stated, shown, positions, &plain, Path::new(""))?)
     }
 }
 
@@ -662,3 +672,16 @@ pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
         None => Err("write WIDTHxHEIGHT, such as 800x600".to_owned()),
     }
 }
+
+/// Reflectances of the materials of a scene.
+pub(crate) fn surfaces_of(scene: &Scene) -> Vec<Spectrum> {
+    scene.materials.iter().map(|material| material.reflectance.spectrum().clone()).collect()
+}
+
+/// What changes a first look.
+const OF_LOOK: &str = "To change it, use --look (tissue, bone, vessel, grey, fluorescence, maximum, a transfer preset or a file: see --help), use \
+                       --window and --level, or edit the scene that --save-scene FILE writes.";
+
+/// What changes a first look at channels.
+const OF_CHANNELS: &str = "To change it, name some of them with --channels, show one with --component N, also with --look or --window and --level, \
+                           show the largest values with --look maximum, or edit the scene that --save-scene FILE writes.";

@@ -221,7 +221,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             );
         } else {
             tracing::warn!(
-                "a slice shows one of the {number} fields, the first; name the file of another one, such as {}",
+                "a slice shows one of the {number} fields, the first; relume slice {} shows {}",
+                other.volume.source,
                 other.name
             );
         }

@@ -25,6 +25,7 @@ use volumes::LabelMap;
 
 use super::Wish;
 pub use clip::clip_plane;
+pub(crate) use volumes::is_segmentation;
 
 use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::error::chain;
@@ -637,7 +638,7 @@ impl Text<'_> {
         let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref), scalars)?;
         let declared = self.label_entries(&file.labels, &materials)?;
         let (terms, gradient_opacity) =
-            self.transfer(&file.transfer, &materials, (&file.fields_beside(FIRST_FIELD), base))?;
+            self.transfer(&file.transfer, &materials, (&file.fields_beside(file.first_field()), base))?;
         // Refused before the volume is read, which may take long.
         for key in key::SCENE {
             self.scalar(key, "", scalars)?;
@@ -669,7 +670,7 @@ impl Text<'_> {
         let transforms = file.volumes.values().filter_map(|field| field.get_ref().transform.as_ref());
         inputs.extend(transforms.filter_map(|transform| transform.get_ref().file(base)));
         let mut scene = Scene { labels, materials, lights, background, camera, crop, ..Scene::new(&name, volume) };
-        scene.fields = scene.fields.with(further);
+        scene.fields = scene.fields.called(file.first_field()).with(further);
         scene.clip = self.clip(&file.clip, &scene.fields)?;
         (scene.transfer.terms, scene.transfer.gradient_opacity) = (terms, gradient_opacity);
         self.check_fields(&file, &scene)?;

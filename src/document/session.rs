@@ -16,7 +16,7 @@ use relume_colour::palette::{Palette, Solution};
 use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
 use relume_scene::key::{self, Key};
 use relume_scene::{
-    Aim, Camera, Clip, ClipPlane, FIRST_FIELD, Fields, Form, Keep, Painting, Projection, Scene, Second, Shape, Term,
+    Aim, Camera, Clip, ClipPlane, Fields, Form, Keep, Painting, Projection, Scene, Second, Shape, Term,
 };
 use relume_volume::{ByteOrder, is_built_in};
 
@@ -231,7 +231,7 @@ fn clip(Clip { planes, keep, cap }: &Clip, fields: &Fields) -> Table {
         }
         if !plane.cuts_all() {
             let cut = fields.iter().zip(plane.fields).filter(|(_, cuts)| *cuts);
-            row.insert("volumes", Value::from(names(cut.map(|(field, _)| named(&field.name)))));
+            row.insert("volumes", Value::from(names(cut.map(|(field, _)| field.name.as_str()))));
         }
         row
     };
@@ -574,7 +574,7 @@ fn terms(table: &mut dyn TableLike, [now, then]: [&[Term]; 2], scene: &Scene) ->
         }
         // Without one of its own, an interval has that of all.
         if !term.by.is_empty() || has_by {
-            let factors = term.by.iter().map(|factor| (named(&factor.field), Value::Array(points(&factor.points))));
+            let factors = term.by.iter().map(|factor| (factor.field.as_str(), Value::Array(points(&factor.points))));
             row.insert("by", Value::InlineTable(factors.collect()));
         }
         if let Some(of_term) = &term.shape {
@@ -596,7 +596,7 @@ fn shape(Shape { second, form }: &Shape) -> InlineTable {
         "by",
         match second {
             Second::Gradient => "gradient".into(),
-            Second::Field(name) => named(name).into(),
+            Second::Field(name) => name.into(),
         },
     );
     match form {
@@ -614,11 +614,6 @@ fn shape(Shape { second, form }: &Shape) -> InlineTable {
         }
     }
     table
-}
-
-/// Name by which files refer to a field.
-fn named(name: &str) -> &str {
-    if name.is_empty() { FIRST_FIELD } else { name }
 }
 
 /// Points of a factor or a curve, as files state them.

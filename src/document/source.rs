@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::file::{Given, InMemory, parse_around, volume_alone};
+use super::file::{Given, InMemory, is_segmentation, parse_around, volume_alone};
 use super::import::{self, Import, ImportError};
 use super::look::beside::{BesideVolume, beside};
-use super::look::channels::{ChannelVolume, channels as look_channels};
+use super::look::channels::{ChannelVolume, channel_name, channels as look_channels};
 use super::look::first_look::{
     Channel, FirstLook, Look, LookError, NoCt, Shown, Subject, Wish, first_look, is_speckled, labels_text,
 };
@@ -15,7 +15,7 @@ use relume_base::input;
 use relume_base::number::readable;
 use relume_base::progress::{Progress, Quiet};
 use relume_scene::{Blending, FIELDS};
-use relume_volume::{RawLayout, Selection, Several, Statistics, Volume, VolumeError, has_header, is_volume};
+use relume_volume::{Asked, RawLayout, Selection, Several, Statistics, Volume, VolumeError, has_header, is_volume};
 
 /// A file to open, with options.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -462,11 +462,22 @@ fn look_at(
     progress: &dyn Progress,
 ) -> Result<(SceneFile, Statistics), OpenError> {
     let whole_name = path.display().to_string();
+    let stated_time = options.selection.time;
+    let mut told = labels_beside(&mut options, progress)?;
     let labels = in_memory.as_ref().and_then(|volumes| volumes.labels.clone());
     let further = in_memory.as_ref().map_or_else(Vec::new, |volumes| volumes.further.clone());
     let has_map = labels.is_some();
     let is_of_file = in_memory.is_none();
-    let ((volume, stored), has_parts) = match volume_alone(&whole_name, in_memory, &options, progress) {
+    let mut alone = volume_alone(&whole_name, in_memory, &options, progress);
+    let is_of_other = |error: &SceneError| {
+        matches!(error, SceneError::Volume { source: VolumeError::NoSuch { asked: Asked::Time(_), .. }, .. })
+    };
+    if !options.beside.is_empty() && is_of_file && alone.as_ref().is_err_and(is_of_other) {
+        // The time is that of a series beside it.
+        options.selection.time = None;
+        alone = volume_alone(&whole_name, None, &options, progress);
+    }
+    let ((volume, stored), has_parts) = match alone {
         Ok(found) => found,
         Err(error) => {
             let chosen = channels_of(&error, &options)?.filter(|_| is_of_file);
@@ -491,10 +502,21 @@ fn look_at(
         Arc::make_mut(&mut volume).geometry = stored;
     }
     let (mut text, mut guess) = (text, guess);
+    guess.extend(told.take());
     if !options.beside.is_empty() {
         let open = |path: &PathBuf| {
             let selection = Selection { memory: options.selection.memory, ..Selection::default() };
-            let volume = Arc::new(relume_volume::open(path, &selection, progress)?);
+            let volume = match relume_volume::open(path, &selection, progress) {
+                // The time is that of the series among them.
+                Err(VolumeError::Choose { there: Several::Times(_) | Several::Steps { .. }, .. })
+                    if stated_time.is_some() =>
+                {
+                    let selection = Selection { time: stated_time, ..selection };
+                    relume_volume::open(path, &selection, progress)
+                }
+                opened => opened,
+            };
+            let volume = Arc::new(volume?);
             Ok(BesideVolume { path: path.clone(), volume })
         };
         let mut others = options.beside.iter().map(open).collect::<Result<Vec<_>, VolumeError>>()?;
@@ -510,6 +532,28 @@ fn look_at(
     let own = file.scene.labels.is_some() && options.labels.is_none() && !has_map;
     let statistics = if own { file.scene.volume().statistics()? } else { statistics };
     Ok((SceneFile { guess: Some(guess), ..file }, statistics))
+}
+
+/// Takes the label map among the volumes beside a first one as its labels, if it has none; returns a sentence about it.
+fn labels_beside(options: &mut SceneOptions, progress: &dyn Progress) -> Result<Option<String>, OpenError> {
+    if options.labels.is_some() {
+        return Ok(None);
+    }
+    for index in 0..options.beside.len() {
+        let path = &options.beside[index];
+        let selection = Selection { memory: options.selection.memory, ..Selection::default() };
+        // What cannot be opened alone is told where it is shown.
+        let Ok(volume) = relume_volume::open(path, &selection, progress) else { continue };
+        if is_segmentation(&volume) {
+            let told = format!(
+                " The values of {} are labels, of which each is shown as a material of its own.",
+                path.display()
+            );
+            options.labels = Some(options.beside.remove(index));
+            return Ok(Some(told));
+        }
+    }
+    Ok(None)
 }
 
 /// True if nothing but the largest values of rays is wished for.
@@ -540,7 +584,13 @@ fn channels_of(error: &SceneError, options: &SceneOptions) -> Result<Option<Vec<
     let wrong = |problem: String| OpenError::from(VolumeError::Layout { source_name: source_name.clone(), problem });
     let mut chosen: Vec<(usize, String)> = Vec::new();
     for wanted in stated {
-        let named = names.iter().position(|name| name == wanted);
+        let named = names.iter().position(|name| name == wanted).or_else(|| {
+            let alike = |name: &String| name.eq_ignore_ascii_case(wanted);
+            names.iter().position(alike).filter(|_| names.iter().filter(|name| alike(name)).count() == 1)
+        });
+        // As pictures call those without a name.
+        let shown = |component: usize| name(component).trim().is_empty() && channel_name(component) == *wanted;
+        let named = named.or_else(|| (0..*count).find(|&component| shown(component)));
         let found = named.or_else(|| wanted.parse().ok().filter(|number| number < count));
         let Some(component) = found else {
             let known = match names.is_empty() {

@@ -7,16 +7,15 @@ use glam::{DVec2, DVec3};
 
 use super::design::{self, Spectra, Step};
 use super::look::moves::{self, Move};
-use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, along};
+use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, along, in_colour};
 use relume_base::number::count;
 use relume_colour::palette::Palette;
-use relume_colour::spectrum::ThinFilm;
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
-use relume_scene::plan::MOST_GROUPS;
+use relume_colour::spectrum::{Spectrum, ThinFilm};
 use relume_scene::{
-    Accuracy, AmbientShares, BRIGHTEST, Blending, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, Interval, LabelEntry,
-    Lighting, Mix, PHASES, Scene, Shape, Term, key,
+    Accuracy, AmbientShares, BRIGHTEST, Blending, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, INTENSITY, Interval,
+    LabelEntry, Lighting, MOST_GROUPS, Mix, PHASES, Scene, Shape, Term, key,
 };
 
 /// All editable state of a document.
@@ -96,6 +95,8 @@ pub enum Edit {
     Crop(Option<[DVec3; 2]>),
     /// Restores the crop box of the scene.
     ResetCrop,
+    /// Gives a light, by its index, the bands in which what it lights has this sRGB code. A light without such bands stays.
+    LightColour(usize, [u8; 3]),
     /// Replaces the clip planes.
     Clip(Clip),
     /// Replaces all terms by these intervals.
@@ -138,6 +139,23 @@ impl Edit {
         }
     }
 
+    /// True if the edit mixes lights alone, which any plan has.
+    fn leaves_march(&self) -> bool {
+        matches!(
+            self,
+            Self::Weight(..)
+                | Self::On(..)
+                | Self::Solo(_)
+                | Self::Normalise(_)
+                | Self::Master(_)
+                | Self::Hand(_)
+                | Self::HandOnNode(_)
+                | Self::NodePlace(..)
+                | Self::Camera(..)
+                | Self::Exposure(_)
+        )
+    }
+
     /// Whether the edit does not affect the lights and their mix.
     #[must_use]
     pub fn leaves_light(&self) -> bool {
@@ -164,6 +182,7 @@ impl Edit {
             | Self::Label(..)
             | Self::ResetTransfer
             | Self::Accuracy(_)
+            | Self::LightColour(..)
             | Self::Spectra(_) => true,
             Self::Weight(..)
             | Self::On(..)
@@ -349,7 +368,7 @@ impl State {
     pub(super) fn apply(&mut self, edit: &Edit, opened: &SceneFile) {
         let shares = self.shares();
         let (light, dial, scene) = (&mut self.light, &mut self.dial, &mut self.scene);
-        let transfer = scene.transfer.clone();
+        let before = scene.clone();
         match *edit {
             Edit::Weight(index, weight) => {
                 if light.mixing == Mixing::Dial {
@@ -474,6 +493,17 @@ impl State {
                 scene.crop = parts.map(|parts| crop_from_parts(parts, scene.frame.geometry.dims));
             }
             Edit::ResetCrop => scene.crop = opened.scene.crop,
+            Edit::LightColour(index, code) => {
+                let surfaces: Vec<Spectrum> =
+                    scene.materials.iter().map(|material| material.reflectance.spectrum().clone()).collect();
+                let colour = code.map(|part| f64::from(part) / 255.0);
+                if let Some(light) = scene.lights.get_mut(index)
+                    && let Some((spectrum, factor)) = in_colour(&light.spectrum, surfaces.iter(), colour)
+                {
+                    light.intensity = (light.intensity * factor).clamp(*INTENSITY.start(), *INTENSITY.end());
+                    light.spectrum = spectrum;
+                }
+            }
             Edit::Clip(ref clip) => scene.clip = clip.allowed(),
             Edit::Intervals(ref intervals) => {
                 let allowed = intervals.iter().filter_map(|interval| interval.allowed(&scene.materials));
@@ -553,7 +583,11 @@ impl State {
         }
         // More would be no scene that a file may state.
         if scene.transfer.factors().len() > FACTORS || scene.groups().len() > MOST_GROUPS {
-            scene.transfer = transfer;
+            scene.transfer.clone_from(&before.transfer);
+        }
+        // Nor one that no march can show: a session of it could not be opened.
+        if !edit.leaves_march() && scene.refused().is_some() && before.refused().is_none() {
+            *scene = before;
         }
         light.preset = match *edit {
             Edit::DialPreset(index) => Some(index).filter(|&index| index < dial.presets.len()),

@@ -68,6 +68,18 @@ impl Clip {
         self.in_force().any(|plane| !plane.cuts_all()) || (self.keep == Keep::Any && several)
     }
 
+    /// True if rays end at a plane: all fields end there.
+    #[must_use]
+    pub fn shortens(&self, plane: &ClipPlane) -> bool {
+        !self.is_by_field() || (self.keep == Keep::All && plane.cuts_all())
+    }
+
+    /// The planes that are on, those at which rays end first.
+    pub fn in_order(&self) -> impl Iterator<Item = &ClipPlane> {
+        let ends = self.in_force().filter(|plane| self.shortens(plane));
+        ends.chain(self.in_force().filter(|plane| !self.shortens(plane))).take(CLIP_PLANES)
+    }
+
     /// The planes that cut the field with this index.
     fn of_field(&self, field: usize) -> impl Iterator<Item = &ClipPlane> {
         self.in_force().filter(move |plane| plane.fields[field])

@@ -8,7 +8,7 @@ use relume_volume::{BrickCache, CacheCounts, Statistics, Volume, VolumeError};
 /// A field: the values of a volume, wherever its voxels reside.
 #[derive(Clone, Debug)]
 pub struct Field {
-    /// Name of a further field; empty for the first.
+    /// Its name in the scene; that of the first is [`FIRST_FIELD`] unless the scene gives it another one.
     pub name: String,
     /// Voxel values and their grid.
     pub volume: Arc<Volume>,
@@ -68,7 +68,7 @@ impl Field {
 /// Largest number of fields of a scene: their values make a vector.
 pub const FIELDS: usize = 4;
 
-/// Name of the first field in factors by its values.
+/// Name of the first field, unless the scene gives it another one.
 pub const FIRST_FIELD: &str = "volume";
 
 /// All fields of a scene. Further fields on the grid of the first share its texels; others have grids of their own.
@@ -82,7 +82,14 @@ impl Fields {
     /// The field of `volume` alone.
     #[must_use]
     pub fn of(volume: Arc<Volume>) -> Self {
-        Self { first: Field::new(String::new(), volume, Vec::new()), further: Vec::new() }
+        Self { first: Field::new(FIRST_FIELD.to_owned(), volume, Vec::new()), further: Vec::new() }
+    }
+
+    /// The same with another name of the first.
+    #[must_use]
+    pub fn called(mut self, name: &str) -> Self {
+        name.clone_into(&mut self.first.name);
+        self
     }
 
     /// The same with further fields: those on the grid of the first before those on grids of their own, otherwise in this order.

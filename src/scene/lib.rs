@@ -5,6 +5,7 @@ mod blocks;
 mod camera;
 mod clip;
 mod coarse;
+mod curve;
 mod digest;
 mod fields;
 pub mod film;
@@ -26,6 +27,7 @@ pub use camera::{Aim, Camera, Fill, Projection, View};
 pub use camera::{centre, unit};
 pub use clip::{CLIP_PLANES, Clip, ClipPlane, Keep};
 pub use coarse::{Coarse, LabelLeft, Level};
+pub use curve::factor_at;
 pub use fields::{FIELDS, FIRST_FIELD, Field, Fields};
 pub use frame::Frame;
 pub use lights::{BRIGHTEST, INTENSITY};
@@ -33,8 +35,8 @@ pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, posit
 pub use shape::{Form, MOST_CORNERS, Painting, SHAPE_EDGE, SOFT, Second, Shape};
 pub use transfer::depth_from_opacity;
 pub use transfer::{
-    Depths, FACTORS, Factors, FieldFactor, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MaterialCurve, Medium,
-    OPAQUE_DEPTH, Term, Transfer, different_factors, factor_at,
+    Depths, FACTORS, Factors, FieldFactor, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MOST_GROUPS,
+    MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer, different_factors,
 };
 
 use relume_colour::model::ModelKind;
@@ -141,6 +143,12 @@ impl Scene {
             shadows: Shadows::default(),
             display: Display::default(),
         }
+    }
+
+    /// Why no march can show the scene, as far as that does not depend on its colours.
+    #[must_use]
+    pub fn refused(&self) -> Option<plan::PlanError> {
+        plan::refused(self)
     }
 
     /// Volume of the first field, whose grid is that of the frame: the one that texts, slices and histograms are about.

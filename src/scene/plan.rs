@@ -14,7 +14,6 @@ use std::sync::Arc;
 
 use crate::key::Named;
 pub use crate::key::Stale;
-use crate::tables::ClipTable;
 use fitted::{Coefficients, RECENT, Wanted};
 pub use integration::{Narrow, narrow, read_ahead};
 pub use light::{Arrival, LightPlan, MOST_SHADOWED, Share};
@@ -24,9 +23,9 @@ use needs::{exponents, longest_way, transmittance};
 pub use warning::PlanWarning;
 
 use crate::{
-    AccumulateAs, Accuracy, AmbientShares, Blending, FACTORS, FIELDS, Field, Gradients, Integration, Interpolation,
-    LabelInterpolation, Lighting, Lookup, Overlap, Placement, Position, Scene, Second, Shading, StoreAs, VolumeAs,
-    positions,
+    AccumulateAs, Accuracy, AmbientShares, Blending, FIELDS, Field, Gradients, Integration, Interpolation, Keep,
+    LabelInterpolation, Lighting, Lookup, MOST_GROUPS, Overlap, Placement, Position, Scene, Second, Shading, StoreAs,
+    VolumeAs, positions,
 };
 use relume_base::progress::Progress;
 use relume_colour::model::{ColourModel, ModelError, ModelKind, Order};
@@ -122,9 +121,6 @@ pub struct Groups {
 
 /// Vectors of a shape in a [`FactorTable`](crate::tables::FactorTable).
 pub const SHAPE_VECTORS: usize = 2;
-
-/// Largest number of groups.
-pub const MOST_GROUPS: usize = FACTORS + FIELDS - 1;
 
 /// Clip planes as a march meets them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -758,6 +754,14 @@ fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     half::check(planned, scene)
 }
 
+/// Why `scene` has no plan, as far as that does not depend on its colours.
+#[must_use]
+pub(crate) fn refused(scene: &Scene) -> Option<PlanError> {
+    let planned = planned(scene, None);
+    let of_extremes = if planned.plan.blending.is_extreme() { check_extremes(&planned, scene).err() } else { None };
+    of_extremes.or_else(|| if planned.plan.groups.further > 0 { check_fields(&planned, scene).err() } else { None })
+}
+
 /// Refuses what a single value of a ray cannot have.
 fn check_extremes(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let plan = &planned.plan;
@@ -799,7 +803,7 @@ fn check_fields(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     } else if scene.fields.iter().any(|field| field.bricks().is_some()) {
         "a file of bricks; open the volumes that it was made of"
     } else if plan.groups.overlap != Overlap::Add && plan.light.grid_lights() > 0 && hides_unseen(planned, scene) {
-        "an overlap other than \"add\" with shadows and X-ray materials or coloured absorption, whose shadows do not tell where they are; take overlap = \"add\", or leave out the shadows"
+        "an overlap other than \"add\" with shadows and X-ray materials or coloured absorption, whose shadows do not tell where they are; take overlap = \"add\", leave out the shadows, or give these materials xray = false"
     } else {
         return Ok(());
     };
@@ -918,7 +922,6 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         Accumulate::Spectral { .. } => needs::phases(used()).len(),
     };
     let labels = !scene.declared().is_empty();
-    let clip = ClipTable::new(scene);
     let mut plan = ScenePlan {
         accumulate,
         transmittance: match (transmittance, model.as_ref().map(|model| model.kind())) {
@@ -931,11 +934,11 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         thin_films,
         groups: Groups::of(scene),
         clip: ClipPlan {
-            planes: clip.planes().len(),
-            shortening: clip.shortening(),
-            keeps_any: clip.keeps_any,
+            planes: scene.clip.in_order().count(),
+            shortening: scene.clip.in_order().filter(|plane| scene.clip.shortens(plane)).count(),
+            keeps_any: scene.clip.is_by_field() && scene.clip.keep == Keep::Any,
             caps: scene.clip.cap
-                && !clip.planes().is_empty()
+                && scene.clip.in_force().next().is_some()
                 && (diffuse || specular.is_some() || thin_films.total() > 0),
         },
         labels,

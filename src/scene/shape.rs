@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use relume_base::number::count;
 
-use super::transfer::factor_at;
+use super::curve::factor_at;
 
 /// A factor on scattering and absorption over a plane: the value of the term's field along one axis, a second number along the other.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub struct Shape {
 pub enum Second {
     /// The gradient magnitude of the first field, in data units per world unit.
     Gradient,
-    /// The value of the field with this name; empty for the first.
+    /// The value of the field with this name.
     Field(String),
 }
 
@@ -71,7 +71,10 @@ impl Shape {
     pub fn at(&self, value: f64, second: f64) -> f64 {
         let second = if second.is_nan() { f64::NEG_INFINITY } else { second };
         match &self.form {
-            Form::Polygon { corners, soft } => in_polygon(corners, *soft, [value, second]),
+            // No gradient is below 0, so nothing fades there.
+            Form::Polygon { corners, soft } => {
+                in_polygon(corners, *soft, [value, second], self.second == Second::Gradient)
+            }
             Form::Ratio(points) => {
                 let ratio = match (second > 0.0, value > 0.0) {
                     (false, _) => 0.0,
@@ -136,8 +139,8 @@ fn around(corners: &[[f64; 2]]) -> [[f64; 2]; 2] {
     })
 }
 
-/// The factor of a polygon at a point.
-fn in_polygon(corners: &[[f64; 2]], soft: f64, point: [f64; 2]) -> f64 {
+/// The factor of a polygon at a point; at an edge along a second number of 0 it may stay.
+fn in_polygon(corners: &[[f64; 2]], soft: f64, point: [f64; 2], stays_at_0: bool) -> f64 {
     let ranges = around(corners);
     let unit = |point: [f64; 2]| -> [f64; 2] {
         std::array::from_fn(|axis| (point[axis] - ranges[axis][0]) / (ranges[axis][1] - ranges[axis][0]))
@@ -161,7 +164,9 @@ fn in_polygon(corners: &[[f64; 2]], soft: f64, point: [f64; 2]) -> f64 {
             if square > 0.0 { (along[0].mul_add(from[0], along[1] * from[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
         (from[0] - part * along[0]).hypot(from[1] - part * along[1])
     };
-    let nearest = edges().map(distance).fold(f64::INFINITY, f64::min);
+    let at_0 = -ranges[1][0] / (ranges[1][1] - ranges[1][0]);
+    let fades = |(a, b): &(&[f64; 2], &[f64; 2])| !(stays_at_0 && a[1] <= at_0 && b[1] <= at_0);
+    let nearest = edges().filter(fades).map(distance).fold(f64::INFINITY, f64::min);
     if soft > 0.0 { (nearest / soft).min(1.0) } else { 1.0 }
 }
 
@@ -203,6 +208,14 @@ mod tests {
         // 20 of 200 below the upper edge.
         assert!(close(shape(0.2).at(100.0, 180.0), 0.5));
         assert!(close(shape(0.2).at(100.0, f64::NAN), 0.0));
+        // A box on the axis of gradients fades at three sides.
+        let corners = vec![[0.0, 0.0], [100.0, 0.0], [100.0, 50.0], [0.0, 50.0]];
+        let on_axis = Shape { second: Second::Gradient, form: Form::Polygon { corners, soft: 0.2 } };
+        assert!(
+            close(on_axis.at(50.0, 0.0), 1.0)
+                && close(on_axis.at(10.0, 0.0), 0.5)
+                && close(on_axis.at(50.0, 45.0), 0.5)
+        );
     }
 
     #[test]

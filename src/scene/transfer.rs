@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use smallvec::{SmallVec, smallvec};
 
-use super::{Material, Shape};
+use super::curve::{factor_at, height_at};
+use super::{FIELDS, Material, Shape};
 
 /// Optical depth per opacity length for opacity 1. It occludes everything at any step down to a ten-millionth of the
 /// opacity length, and stays finite in every product.
@@ -46,6 +47,9 @@ pub const GRADIENT_POINTS: usize = 16;
 /// Largest number of different factors on the terms of a scene.
 pub const FACTORS: usize = 4;
 
+/// Largest number of groups of terms with equal factors, of all fields.
+pub const MOST_GROUPS: usize = FACTORS + FIELDS - 1;
+
 /// A term: an [`Interval`], or opacity, absorption and material as curves over the values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
@@ -70,7 +74,7 @@ pub struct Term {
 /// Factor on scattering and absorption by the value of another field: of a mask, or of a tracer that marks what is to be seen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldFactor {
-    /// Name of the field; empty for the first.
+    /// Name of the field.
     pub field: String,
     /// Points (value, factor from 0 to 1), values ascending; constant beyond the ends. Outside the box of the field, it is that of the first
     /// point.
@@ -323,26 +327,6 @@ impl Interval {
             absorption,
             ..*self
         })
-    }
-}
-
-/// A factor where the gradient has this `magnitude`; 1 without points.
-#[must_use]
-pub fn factor_at(factor: &[(f64, f64)], magnitude: f64) -> f64 {
-    if factor.is_empty() { 1.0 } else { height_at(factor, magnitude) }
-}
-
-/// The height of a curve at `value`, linear between its points; 0 without points.
-fn height_at(curve: &[(f64, f64)], value: f64) -> f64 {
-    let after = curve.partition_point(|point| point.0 < value);
-    let here = curve.iter().skip(after).take_while(|point| point.0 <= value).map(|point| point.1);
-    if let Some(highest) = here.reduce(f64::max) {
-        return highest;
-    }
-    match (after.checked_sub(1).and_then(|i| curve.get(i)), curve.get(after)) {
-        (Some(&(v0, o0)), Some(&(v1, o1))) => o0 + (o1 - o0) * ((value - v0) / (v1 - v0)),
-        (Some(&(_, end)), None) | (None, Some(&(_, end))) => end,
-        (None, None) => 0.0,
     }
 }
 

@@ -19,7 +19,7 @@ use crate::document::{Edit, State};
 use crate::input;
 use crate::measure::{Goal, Preset};
 use crate::palette::Target;
-use crate::scene::{Form, Interval, SOFT, Second, Shape};
+use crate::scene::{FIELDS, Form, Interval, SOFT, Second, Shape};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::srgb_code;
@@ -321,6 +321,12 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             [index, low, high] => {
                 let [low, high] = numbers(verb, &[low, high])?;
                 let [index] = numbers(verb, &[index])?;
+                if !(low < high && index < FIELDS) {
+                    return Err(format!(
+                        "field {index} {low} {high}: the lower value comes first, and a field is 0 to {}",
+                        FIELDS - 1
+                    ));
+                }
                 edit(Edit::FieldRange(index, [low, high]))
             }
             _ => return Err("write field INDEX LOW HIGH; 0 is the volume".to_owned()),

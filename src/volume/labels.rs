@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{Geometry, Volume, VolumeError, Voxel, Voxels, allocate, with_voxels};
+use super::{Geometry, Presets, Volume, VolumeError, Voxel, Voxels, allocate, with_voxels};
 use relume_base::number::{count, nearest_label, readable, whole};
 use relume_base::parallel;
 
@@ -113,6 +113,31 @@ impl Volume {
             }
         });
         Ok(())
+    }
+
+    /// The volume with 1 in place of each of these values, and 0 in place of all others.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Layout`] if no voxel has any of them.
+    pub fn mask_of(&self, values: &[f64]) -> Result<Self, VolumeError> {
+        let is_one = |value: f64| values.iter().any(|wanted| (wanted - value).abs() <= 0.0);
+        let mask: Vec<u8> = with_voxels!(&self.voxels, stored => {
+            stored.iter().map(|voxel| u8::from(is_one(voxel.to_f64().mul_add(self.slope, self.intercept)))).collect()
+        });
+        if !mask.contains(&1) {
+            let listed: Vec<String> = values.iter().map(|&value| readable(value)).collect();
+            let problem = format!("no voxel has the value {}, so a mask of it is empty", listed.join(" or "));
+            return Err(VolumeError::Layout { source_name: self.source.clone(), problem });
+        }
+        Ok(Self {
+            voxels: Voxels::U8(mask),
+            slope: 1.0,
+            intercept: 0.0,
+            has_labels: false,
+            presets: Presets::default(),
+            ..self.clone()
+        })
     }
 
     /// Number of voxels of each label, if there are at most `most`, the background included.

@@ -50,6 +50,7 @@ pub use modality::Modality;
 pub use presets::{LabelPreset, Presets, Window};
 pub use readers::offered::Offered;
 pub use readers::preview::Preview;
+pub use readers::slices::grey_picture;
 pub use readers::vti::PackedBlocks;
 pub use select::{HostMemory, Part, Selection};
 pub use several::{Asked, Series, Several};

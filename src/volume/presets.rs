@@ -26,6 +26,27 @@ impl Presets {
     }
 }
 
+/// The colour, `#rrggbb`, in which light of this wavelength in nm is usually drawn: from violet to red, without its brightness.
+pub(super) fn drawn_colour(nm: f64) -> Option<String> {
+    /// Wavelengths with their colours, linear in between.
+    const ANCHORS: [(f64, [f64; 3]); 7] = [
+        (380.0, [1.0, 0.0, 1.0]),
+        (440.0, [0.0, 0.0, 1.0]),
+        (490.0, [0.0, 1.0, 1.0]),
+        (510.0, [0.0, 1.0, 0.0]),
+        (580.0, [1.0, 1.0, 0.0]),
+        (645.0, [1.0, 0.0, 0.0]),
+        (1000.0, [1.0, 0.0, 0.0]),
+    ];
+    let pair = ANCHORS.windows(2).find(|pair| (pair[0].0..=pair[1].0).contains(&nm))?;
+    let part = (nm - pair[0].0) / (pair[1].0 - pair[0].0);
+    let code = |index: usize| {
+        let [from, to] = [pair[0].1[index], pair[1].1[index]];
+        format!("{:02x}", relume_base::number::Real::index((255.0 * part.mul_add(to - from, from)).round()))
+    };
+    Some(format!("#{}{}{}", code(0), code(1), code(2)))
+}
+
 /// A range of values from black to white.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {

@@ -947,7 +947,13 @@ fn fields_that_do_not_belong_together_are_refused() {
     let field = "{phantom=\"frog\",transfer={intervals=[{material=\"bone\",range=[1,9],opacity=0.1}]}}";
     let four: Vec<String> = ["a", "b", "c", "d"].iter().map(|name| format!("{name}={field}")).collect();
     definition_refused(&format!("volumes={{{}}}", four.join(",")), &["5 fields", "the limit is 4"]);
-    definition_refused("volumes.a={component=1}", &["transfer"]);
+    definition_refused("volumes.a={component=1}", &["volumes.a", "another component", "`file`"]);
+    definition_refused("volumes.a={phantom=\"frog\"}", &["volumes.a has no effect", "transfer", "by = "]);
+    definition_refused("volumes.a={phantom=\"frog\",only=[999]}", &["no voxel has the value 999"]);
+    definition_refused(
+        "volumes.a={phantom=\"frog\",transform=[1,0,0,0,0,1,0,0,0,0,0,0]}",
+        &["singular", "determinant"],
+    );
     definition_refused("volumes.a={component=1,transfer={gradient=[[0,1]]}}", &["gradient"]);
     let graded = field.replace("opacity=0.1", "opacity=0.1,gradient=[[5,0],[9,1]]");
     definition_refused(&format!("volumes.a={graded}"), &["volumes.a.transfer", "only the first field"]);

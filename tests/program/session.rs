@@ -16,7 +16,9 @@ use relume::document::{Document, Edit, Mixing, SessionError, State};
 use relume::document::{Question, Unknown};
 use relume::palette::{Member, ModelTerm};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Accuracy, Clip, ClipPlane, Form, Interval, Keep, Lighting, Scene, Second, Shape};
+use relume::scene::{
+    AccumulateAs, Accuracy, Clip, ClipPlane, FIELDS, Form, Interval, Keep, Lighting, Scene, Second, Shape,
+};
 use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
@@ -56,7 +58,7 @@ fn polygon(corners: &[[f64; 2]]) -> Arc<Shape> {
 fn planes(numbers: &[(DVec3, DVec3)]) -> Vec<ClipPlane> {
     numbers
         .iter()
-        .map(|&(point, normal)| ClipPlane { on: point.x >= 1.0, ..ClipPlane::new(point, normal).unwrap() })
+        .map(|&(point, normal)| ClipPlane { point, normal, on: point.x >= 1.0, fields: [true; FIELDS] })
         .collect()
 }
 

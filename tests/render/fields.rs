@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
-use relume::document::{self, Definition, InMemory, SceneOptions};
+use relume::document::{self, Definition, Document, Edit, InMemory, SceneOptions};
 use relume::film::{Film, RelightMatrices};
 use relume::number::Real;
 use relume::plan::{Planned, Stale, plan};
@@ -220,11 +220,10 @@ fn the_light_of_a_channel_leaves_the_others_black_to_the_bit() {
     let scene = &file.scene;
     assert_eq!(scene.fields.further().len(), 1);
     assert_eq!(scene.materials.iter().map(|it| it.name.as_str()).collect::<Vec<_>>(), ["DAPI", "GFP"]);
-    // It opens in the light of all, as bright as it is.
+    // It opens in the lights of the channels, each with a switch.
     let mix = file.opening_mix();
-    let on: Vec<(&str, f64)> =
-        mix.0.iter().filter(|it| it.weight > 0.0).map(|it| (it.name.as_str(), it.weight)).collect();
-    assert!(on == [("all", 2.0)] && !file.dial.normalise, "{on:?}");
+    let on: Vec<&str> = mix.0.iter().filter(|it| it.weight > 0.0).map(|it| it.name.as_str()).collect();
+    assert_eq!(on, ["DAPI", "GFP"]);
     let planned = plan(scene, &Quiet).unwrap();
     for (index, light) in scene.lights.iter().enumerate() {
         let shown = planned.materials.iter().position(|&material| scene.materials[material].name == light.name);
@@ -247,6 +246,18 @@ fn the_light_of_a_channel_leaves_the_others_black_to_the_bit() {
     };
     let sum = |name: &str| colours(name).iter().fold(DVec3::ZERO, |sum, colour| sum + *colour);
     assert!((sum("all") - sum("DAPI") - sum("GFP")).abs().max_element() < 1e-9 * float(scene.lights.len()));
+    // Another colour is a relight, and leaves the others black, too.
+    let index = scene.lights.iter().position(|light| light.name == "GFP").unwrap();
+    let mut document = Document::new(file.clone());
+    document.edit(&Edit::LightColour(index, [255, 0, 255]));
+    let recoloured = &document.state().scene;
+    assert_eq!(Stale::between(scene, &planned, recoloured), Stale::Picture);
+    let colours = matrices(recoloured, &planned, index).colours;
+    let of =
+        |name: &str| planned.materials.iter().position(|&material| scene.materials[material].name == name).unwrap();
+    assert_eq!(colours[of("DAPI")], DVec3::ZERO);
+    let [red, green, blue] = colours[of("GFP")].to_array();
+    assert!(green < 0.05 * red && (red - blue).abs() < 0.1 * red, "magenta: {red} {green} {blue}");
 }
 
 #[test]

@@ -15,7 +15,7 @@ use super::super::files;
 use super::super::frames::{self, Form, Frames};
 use super::super::level;
 use super::super::model::warn_of_plan;
-use super::super::scene::{add_placed, told_of_placed};
+use super::super::scene::{add_placed, surfaces_of, told_of_placed};
 use super::super::{CliError, Report, info, turntable, warn_of};
 use super::{Args, Requested, free_name, learn, lit_by, renderer_for, save_scene};
 
@@ -83,7 +83,8 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     warn_of(RenderWarning::of_values(&statistics));
     warn_of(RenderWarning::of_scene(&first.scene, &statistics, args.size));
     let names: Vec<String> = positions(&first.scene).into_iter().map(|position| position.name).collect();
-    let Requested { mix, placed } = args.lights.mix(&Mix::of_scene(&first.scene), &first.opening_mix(), &names)?;
+    let Requested { mix, placed } =
+        args.lights.mix(&Mix::of_scene(&first.scene), &first.opening_mix(), &names, &surfaces_of(&first.scene))?;
     let cameras: Vec<Camera> = match args.turntable {
         Some(frames) => {
             first.scene.volume().prepare_coarse(progress)?;

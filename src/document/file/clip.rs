@@ -54,8 +54,7 @@ impl Text<'_> {
 
 /// The fields that a plane cuts, by their names.
 fn cut_fields(volumes: &[String], fields: &Fields) -> Result<[bool; FIELDS], String> {
-    let name_of = |field: &Field| if field.name.is_empty() { FIRST_FIELD.to_owned() } else { field.name.clone() };
-    let names: Vec<String> = fields.iter().map(name_of).collect();
+    let names: Vec<String> = fields.iter().map(|field| field.name.clone()).collect();
     if let Some(unknown) = volumes.iter().find(|name| !names.contains(name)) {
         return Err(format!("a clip plane of the volume {unknown:?}; there are: {}", names.join(", ")));
     }

@@ -164,6 +164,8 @@ fn number_or_text<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<S
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct VolumeFile {
+    /// Name of the first field.
+    pub(super) name: Option<At<String>>,
     pub(super) file: Option<PathBuf>,
     pub(super) phantom: Option<At<String>>,
     pub(super) labels: Option<PathBuf>,
@@ -222,9 +224,14 @@ pub(super) struct ThinFilmFile {
 }
 
 impl Root {
+    /// Name of the first field.
+    pub(super) fn first_field(&self) -> &str {
+        self.volume.name.as_ref().map_or(FIRST_FIELD, |name| name.get_ref())
+    }
+
     /// Names of the fields besides the one with this name.
     pub(super) fn fields_beside(&self, name: &str) -> Vec<&str> {
-        let all = std::iter::once(FIRST_FIELD).chain(self.volumes.keys().map(String::as_str));
+        let all = std::iter::once(self.first_field()).chain(self.volumes.keys().map(String::as_str));
         all.filter(|other| *other != name).collect()
     }
 }
@@ -240,6 +247,8 @@ pub(super) struct FurtherFile {
     pub(super) array: Option<String>,
     #[serde(default, deserialize_with = "number_or_text")]
     pub(super) series: Option<String>,
+    /// Values that become 1; all others become 0.
+    pub(super) only: Option<At<Vec<f64>>>,
     pub(super) transform: Option<At<TransformFile>>,
     /// None of a field that shows nothing itself, such as a mask.
     pub(super) transfer: Option<At<TransferFile>>,

@@ -1,32 +1,19 @@
 //! Reads the materials, the transfer function and the labels of a scene file.
 
 use super::*;
-use relume_base::number::rounded;
-use relume_volume::Voxels;
 
 /// Name of the gradient magnitude as the second number of a shape.
 const GRADIENT: &str = "gradient";
 
 /// The factors of a picture, row by row from below, and the number of its columns.
 fn painting(path: &Path) -> Result<(usize, Arc<[f32]>), String> {
-    let volume = relume_volume::open_by(path, None, &Selection::default(), &relume_base::progress::Quiet);
-    let volume = volume.map_err(|error| format!("shape.image: {error}"))?;
-    let [columns, rows, slices] = volume.geometry.dims;
-    let white = match &volume.voxels {
-        Voxels::U8(_) => f64::from(u8::MAX),
-        Voxels::U16(_) => f64::from(u16::MAX),
-        _ => 1.0,
-    };
-    if slices != 1 || columns < 2 || rows < 2 {
-        return Err(format!(
-            "shape.image: {} has {columns}×{rows}×{slices} pixels; it must be one picture of at least 2×2",
-            path.display()
-        ));
+    let (columns, levels) =
+        relume_volume::grey_picture(path).map_err(|error| format!("shape.image: {}", chain(&error)))?;
+    let rows = levels.len() / columns.max(1);
+    if columns < 2 || rows < 2 {
+        return Err(format!("shape.image: {} has {columns}×{rows} pixels; it must have at least 2×2", path.display()));
     }
-    let height = |row: usize, column: usize| volume.voxels.value((rows - 1 - row) * columns + column).unwrap_or(0.0);
-    let heights = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
-    let heights = heights.map(|(row, column)| rounded((height(row, column) / white).clamp(0.0, 1.0)));
-    Ok((columns, heights.collect()))
+    Ok((columns, levels.chunks(columns).rev().flatten().copied().collect()))
 }
 
 impl Text<'_> {
@@ -185,8 +172,7 @@ impl Text<'_> {
             }
             let pairs = Spanned::new(stated.span(), stated.get_ref().pairs());
             let points = self.points(&format!("by.{name}"), &pairs)?;
-            let field = if name == FIRST_FIELD { String::new() } else { name.clone() };
-            Ok(FieldFactor { field, points })
+            Ok(FieldFactor { field: name.clone(), points })
         };
         stated.map(|stated| stated.iter().map(factor).collect()).transpose()
     }
@@ -209,7 +195,6 @@ impl Text<'_> {
         let file = stated.get_ref();
         let second = match file.by.as_str() {
             GRADIENT => Second::Gradient,
-            FIRST_FIELD if others.contains(&FIRST_FIELD) => Second::Field(String::new()),
             name if others.contains(&name) => Second::Field(name.to_owned()),
             name => {
                 let known = std::iter::once(GRADIENT).chain(others.iter().copied()).collect::<Vec<_>>().join(", ");

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::look::first_look::{Kind, Values};
-use relume_scene::plan::MOST_GROUPS;
+use relume_scene::MOST_GROUPS;
 
 impl Text<'_> {
     pub(super) fn crop(&self, crop: &At<CropFile>, volume: &Volume) -> Result<[DVec3; 2], SceneError> {
@@ -178,12 +178,10 @@ impl Text<'_> {
         }
         let of = |(name, stated): (&String, &At<FurtherFile>)| {
             let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
-            let FurtherFile { file: path, phantom, component, time, array, series, transform, transfer } =
+            let FurtherFile { file: path, phantom, component, time, array, series, only, transform, transfer } =
                 stated.get_ref();
-            if name == FIRST_FIELD {
-                let message = format!(
-                    "volumes.{name}: factors by the values of the first field call it {FIRST_FIELD:?}; give this one another name"
-                );
+            if name == FIRST_FIELD || name == file.first_field() {
+                let message = format!("volumes.{name}: the first volume has this name; give this one another name");
                 return Err(self.invalid(stated, message));
             }
             let mut terms = Vec::new();
@@ -234,6 +232,9 @@ impl Text<'_> {
                 }
             };
             volume.require_voxels("one of several fields").map_err(fail)?;
+            if let Some(only) = only {
+                volume = volume.mask_of(only.get_ref()).map_err(fail)?;
+            }
             if let Some(blocks) = file.volume.blocks(options) {
                 volume = volume.downsample(blocks).map_err(fail)?;
             }
@@ -284,6 +285,17 @@ impl Text<'_> {
         let row = |i: usize| DVec3::new(rows[4 * i], rows[4 * i + 1], rows[4 * i + 2]);
         let matrix = DMat3::from_cols(row(0), row(1), row(2)).transpose();
         let shift = DVec3::new(rows[3], rows[7], rows[11]);
+        // In relation to the lengths of its columns.
+        let size = matrix.x_axis.length() * matrix.y_axis.length() * matrix.z_axis.length();
+        let volume_of = matrix.determinant().abs();
+        if !(rows.iter().all(|number| number.is_finite()) && volume_of > 1e-9 * size) {
+            let message = format!(
+                "the transform is singular: it leaves {} no volume (its determinant is {}); write 12 finite numbers by rows, of which the first three of each are a rotation times scales",
+                volume.source,
+                readable(matrix.determinant())
+            );
+            return Err(self.invalid(stated, message));
+        }
         let Geometry { dims, spacing, origin, direction } = volume.geometry;
         let axes = matrix * direction;
         let lengths = DVec3::from_array(DVec3::AXES.map(|axis| (axes * axis).length()));
@@ -419,7 +431,7 @@ pub(super) struct LabelMap<'a> {
 }
 
 /// Whether the values of a volume without a scene are labels, which have no mean.
-fn is_segmentation(volume: &Volume) -> bool {
+pub(crate) fn is_segmentation(volume: &Volume) -> bool {
     let values = volume.statistics().ok().map(|statistics| Values::of(volume, &statistics));
     volume.bricks.is_none() && values.is_some_and(|values| matches!(values.kind, Kind::Labels(_)))
 }

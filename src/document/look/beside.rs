@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::str::FromStr as _;
 use std::sync::Arc;
 
-use toml_edit::{DocumentMut, Item, Table, Value, value};
+use toml_edit::{DocumentMut, InlineTable, Item, Table, Value, value};
 
 use super::channels::{brighten, number, number_in, rename};
 use super::first_look::{Look, LookError, Subject, Wish, first_look};
@@ -12,8 +13,11 @@ use relume_base::number::brief_in;
 use relume_base::progress::Progress;
 use relume_volume::Volume;
 
-/// Reflectances of such materials in their order: patches of the ColorChecker.
+/// Reflectances of such materials in their order, where the first look has no designed spectra: patches of the ColorChecker.
 const COLOURS: [&str; 3] = ["orange", "cyan", "magenta"];
+
+/// Designed spectra of the materials of a first look and of what glows beside them, each with a light of its own.
+const DESIGN: &str = include_str!("../../../data/scenes/volume_beside.toml");
 
 /// A volume beside the first, with its file.
 pub(crate) struct BesideVolume {
@@ -50,7 +54,7 @@ pub(crate) fn beside(
     let ours = length(&document["transfer"], spacing);
     // Of the largest values an opacity length of each is seen.
     let is_largest = document.get("blending").is_some();
-    let mut told = Vec::new();
+    let (mut told, mut names) = (Vec::new(), Vec::new());
     let mut volumes = Table::new();
     volumes.set_implicit(true);
     for (index, BesideVolume { path, volume }) in others.iter_mut().enumerate() {
@@ -90,13 +94,63 @@ pub(crate) fn beside(
         // Wherever the scene is saved.
         let path = std::path::absolute(&*path).unwrap_or_else(|_| path.clone());
         own.insert("file", value(path.display().to_string()));
+        if let Some(time) = volume.selection.time {
+            own.insert("time", value(i64::try_from(time).unwrap_or(i64::MAX)));
+        }
         own.insert("transfer", Item::Table(transfer));
         volumes.insert(&name, Item::Table(own));
+        names.push(name);
     }
     document.insert("volumes", Item::Table(volumes));
+    let lights = give_lights(&mut document, &names);
     let what = if is_largest { "the largest values, as light that adds up" } else { "what glows and hides nothing" };
-    let guess = format!(" Beside it, where each is in the world, {what}: {}.", told.join(", "));
+    let alone = if lights.is_empty() {
+        String::new()
+    } else {
+        format!(" Alone it is seen under the light {}.", lights.join(", "))
+    };
+    let guess = format!(" Beside it, where each is in the world, {what}: {}.{alone}", told.join(", "));
     Ok(BesideLook { text: document.to_string(), guess })
+}
+
+/// Gives the designed materials of a first look and those of the volumes beside it spectra by which each light shows one of them; returns
+/// the names of the new lights. None, if the look has other spectra.
+fn give_lights(document: &mut DocumentMut, names: &[String]) -> Vec<String> {
+    let design: DocumentMut = DESIGN.parse().unwrap_or_default();
+    let code = |cells: &Item, name: &str| Some(cells.get(name)?.get("day")?.as_str()?.to_owned());
+    let theirs = &design["palette"]["cells"];
+    let first = DocumentMut::from_str(super::first_look::DESIGN).unwrap_or_default();
+    // The part in the design of each material of the look, by its colour in that of looks without others.
+    let part = |document: &DocumentMut, name: &str| {
+        let colour = code(document.get("palette")?.get("cells")?, name)?;
+        let parts = super::first_look::DESIGNED.into_iter();
+        parts.map(str::to_owned).find(|part| code(&first["palette"]["cells"], part).as_ref() == Some(&colour))
+    };
+    let materials = document.get("palette").and_then(|palette| palette.get("materials")?.as_table_like());
+    let ours: Vec<String> =
+        materials.map_or_else(Vec::new, |table| table.iter().map(|(name, _)| name.to_owned()).collect());
+    let parts: Option<Vec<String>> = ours.iter().map(|name| part(document, name)).collect();
+    let Some(parts) = parts.filter(|parts| !parts.is_empty()) else { return Vec::new() };
+    let glows = (1..=names.len()).map(|number| format!("glow{number}"));
+    let all: Vec<(String, String)> = ours.iter().chain(names).cloned().zip(parts.into_iter().chain(glows)).collect();
+    let light = |name: &str| format!("for_{name}");
+    for (name, part) in &all {
+        let mut cells = InlineTable::new();
+        cells.insert("day", code(theirs, part).unwrap_or_default().into());
+        for (other, _) in &all {
+            cells.insert(light(other), if other == name { "as under day" } else { "black" }.into());
+        }
+        document["palette"]["cells"][name] = value(cells);
+        for side in ["materials", "lights"] {
+            let key = if side == "lights" { light(name) } else { name.clone() };
+            if document["palette"][side].get(&key).is_none() {
+                document["palette"][side][&key] = Item::Table(Table::new());
+            }
+        }
+        document["materials"][name]["reflectance"] = design["materials"][part]["reflectance"].clone();
+        document["lights"][&light(name)] = design["lights"][&light(part)].clone();
+    }
+    names.iter().map(|name| light(name)).collect()
 }
 
 /// A name for keys from that of a file.

@@ -54,6 +54,10 @@ pub(crate) fn channels(
 ) -> Result<ChannelLook, LookError> {
     let number = channels.len();
     let names = names(channels);
+    let mut places: Vec<usize> = channels.iter().map(|channel| channel.component % COLOURS.len()).collect();
+    if places.iter().collect::<BTreeSet<_>>().len() < number {
+        places = (0..number).collect();
+    }
     let mut document = DocumentMut::new();
     let (mut described, mut boxes) = (Vec::new(), Vec::new());
     let (mut materials, mut lights, mut further) = (Table::new(), Table::new(), Table::new());
@@ -66,7 +70,8 @@ pub(crate) fn channels(
         let look = first_look(name, &mut channel.volume, &statistics, wish, progress)?;
         let mut looked: DocumentMut = look.text.parse().unwrap_or_default();
         boxes.extend(around(&looked));
-        let colour = channel.volume.presets.colour.unwrap_or(COLOURS[index % COLOURS.len()]);
+        // By its place in the file, so that it keeps its colour among others.
+        let colour = channel.volume.presets.colour.unwrap_or(COLOURS[places[index]]);
         let comb = comb(index, number, colour);
         let mut material = looked["materials"]["stain"].as_table().cloned().unwrap_or_default();
         material.insert("reflectance", samples(&comb));
@@ -108,17 +113,23 @@ pub(crate) fn channels(
     for name in ["materials", "lights", "volumes"] {
         document[name].as_table_mut().into_iter().for_each(|table| table.set_implicit(true));
     }
+    // Factors and clip planes refer to it by its name, as to the others.
+    document["volume"]["name"] = value(names.first().map_or("", String::as_str));
     document["volume"]["component"] = number_of(channels.first().map_or(0, |channel| channel.component));
     if blending.is_extreme() {
         document["blending"] = value(blending.name());
     }
     // Brightness is that of the lights.
     document["dial"]["normalise"] = value(false);
-    document["mix"]["by"] = value("dial");
+    // Each channel has a switch, a slider and a colour of its own; the light of all is for the dial.
+    document["mix"] = Item::Table(Table::new());
+    document["mix"]["by"] = value("sliders");
+    document["mix"]["off"] = value([ALL].into_iter().collect::<Array>());
     document["mix"]["hand"] = value(ALL);
     let guess = format!(
-        "{name} has no scene, so Relume made one: {number} channels, each in bands of the spectrum of its own, {}: {}. The light \
+        "{name} has no scene, so Relume made one: {number} channel{}, each in bands of the spectrum of its own, {}: {}. The light \
          of its name shows one of them alone.",
+        if number == 1 { "" } else { "s" },
         if blending.is_extreme() { "of which the largest values add up" } else { "which add up" },
         described.join(", ")
     );
@@ -168,13 +179,18 @@ fn fit_all(document: &mut DocumentMut, boxes: &[[DVec3; 2]]) {
     }
 }
 
+/// Name of a channel whose file states none.
+pub(crate) fn channel_name(component: usize) -> String {
+    format!("channel {}", component + 1)
+}
+
 /// Names of the channels for keys: those of the file, made different; a number where there is none.
 fn names(channels: &[ChannelVolume]) -> Vec<String> {
     let mut taken = BTreeSet::from([ALL.to_owned()]);
     let of = |channel: &ChannelVolume| {
         let stated: String = channel.name.chars().filter(|letter| !letter.is_control()).collect();
         let stated = match stated.trim() {
-            "" => format!("channel {}", channel.component + 1),
+            "" => channel_name(channel.component),
             name => name.to_owned(),
         };
         let different = (2..).map(|number| format!("{stated} {number}"));

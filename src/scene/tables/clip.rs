@@ -3,7 +3,7 @@
 use glam::{DVec3, DVec4};
 
 use super::{Storage, unit_length};
-use crate::{CLIP_PLANES, ClipPlane, FIELDS, Keep, Scene};
+use crate::{CLIP_PLANES, FIELDS, Keep, Scene};
 use relume_base::number::count;
 
 /// Numbers of the shading of cut faces.
@@ -24,7 +24,7 @@ impl CapTable {
         let to_local = scene.frame.geometry.direction.transpose();
         Self {
             planes: ClipTable::new(scene),
-            outward: in_order(scene).map(|plane| to_local * plane.outward()).collect(),
+            outward: scene.clip.in_order().map(|plane| to_local * plane.outward()).collect(),
             fall: storage.fall_from_texel(unit_length(&scene.frame.geometry)),
         }
     }
@@ -42,18 +42,6 @@ pub struct ClipTable {
     pub keeps_any: bool,
 }
 
-/// The planes of a scene in the order of tables.
-fn in_order(scene: &Scene) -> impl Iterator<Item = &ClipPlane> {
-    let is_own = |plane: &&ClipPlane| is_own(scene, plane);
-    let shortening = scene.clip.in_force().filter(move |plane| !is_own(plane));
-    shortening.chain(scene.clip.in_force().filter(is_own)).take(CLIP_PLANES)
-}
-
-/// True if a plane does not shorten rays.
-fn is_own(scene: &Scene, plane: &ClipPlane) -> bool {
-    scene.clip.is_by_field() && (scene.clip.keep == Keep::Any || !plane.cuts_all())
-}
-
 impl ClipTable {
     /// Builds the planes of `scene`.
     #[must_use]
@@ -65,13 +53,13 @@ impl ClipTable {
         let corner = geometry.origin - geometry.direction * (geometry.spacing / 2.0);
         let keeps_any = scene.clip.is_by_field() && scene.clip.keep == Keep::Any;
         let mut table = Self { keeps_any, ..Self::default() };
-        for plane in in_order(scene) {
+        for plane in scene.clip.in_order() {
             let outward = plane.outward();
             let across = geometry.direction.transpose() * outward * geometry.spacing * dims / unit;
             table.planes[table.number] = across.extend(outward.dot(corner - plane.point) / unit);
             table.fields[table.number] = plane.fields;
             table.number += 1;
-            table.shortening += usize::from(!is_own(scene, plane));
+            table.shortening += usize::from(scene.clip.shortens(plane));
         }
         table
     }

@@ -2,8 +2,8 @@
 
 use super::Storage;
 use crate::plan::{Accumulate, Integrate, LANE, Planned, Shares, Transmittance};
-use crate::transfer::{bends, factor_at, medium_of};
-use crate::{Blending, Group, Lookup, Material, Medium, Scene, Second, Term};
+use crate::transfer::{bends, medium_of};
+use crate::{Blending, Group, Lookup, Material, Medium, Scene, Second, Term, factor_at};
 use relume_base::number::count;
 use relume_base::number::rounded;
 use relume_colour::model::{Amplification, ColourModel, Matrices, ModelKind, Order};

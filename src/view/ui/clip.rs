@@ -12,7 +12,7 @@ use super::spectrum::narrow;
 use crate::document::{Document, Edit};
 use crate::number::count;
 use crate::plan::Stale;
-use crate::scene::{CLIP_PLANES, Clip, ClipPlane, FIRST_FIELD, Field, Frame, Keep, Scene};
+use crate::scene::{CLIP_PLANES, Clip, ClipPlane, Frame, Keep, Scene};
 use crate::view::action::Action;
 use crate::view::slices::{Plane, index_from_world};
 
@@ -94,19 +94,23 @@ fn row(ui: &mut Ui, scene: &Scene, (index, plane): (usize, &ClipPlane), next: &m
     if ui.small_button("flip").on_hover_text("Shows the other side.").clicked() {
         next.planes[index].normal = -plane.normal;
     }
+    let removed = ui.small_button("remove").on_hover_text("Removes the plane.").clicked();
     if !scene.fields.further().is_empty() {
         cuts(ui, scene, (index, plane), next);
     }
-    ui.small_button("remove").on_hover_text("Removes the plane.").clicked()
+    removed
 }
 
 /// The choice of the volumes that a plane cuts.
 fn cuts(ui: &mut Ui, scene: &Scene, (index, plane): (usize, &ClipPlane), next: &mut Clip) {
-    let named = |field: &Field| if field.name.is_empty() { FIRST_FIELD.to_owned() } else { field.name.clone() };
-    let names: Vec<String> = scene.fields.iter().map(named).collect();
+    let names: Vec<String> = scene.fields.iter().map(|field| field.name.clone()).collect();
     let cut = plane.fields.iter().zip(&names).filter(|(cuts, _)| **cuts);
     let cut: Vec<&str> = cut.map(|(_, name)| name.as_str()).collect();
-    let called = if plane.cuts_all() { "all".to_owned() } else { cut.join(", ") };
+    let called = match &cut[..] {
+        _ if plane.cuts_all() => "all".to_owned(),
+        [one] => (*one).to_owned(),
+        several => format!("{} volumes", several.len()),
+    };
     let menu = ui.menu_button(format!("cuts {called}"), |ui| {
         for (field, name) in names.iter().enumerate() {
             let mut cuts = plane.fields[field];

@@ -1,14 +1,16 @@
 //! Light panel: slider, switch, swatch and spectrum per light.
 
-use egui::{Checkbox, RichText, Ui, Vec2};
+use egui::{Checkbox, RichText, Ui, Vec2, WidgetInfo, WidgetType};
 
 use super::axis::places;
 use super::controls::{number, panel, sides, slider, toggle};
 use super::spectrum::{curve, swatch};
 use crate::document::Mixing;
-use crate::document::{Document, Edit};
+use crate::document::{Document, Edit, in_colour, shown_colour};
 use crate::plan::Stale;
 use crate::scene::{AmbientShares, BRIGHTEST, Lighting, Placement, Scene, SceneLight, Shading};
+use crate::spectrum::Spectrum;
+use crate::spectrum::colour::xyz_of;
 use crate::view::action::Action;
 
 /// Shows the light panel.
@@ -25,8 +27,10 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let by_slider = state.light.mixing == Mixing::Sliders;
             let other_alone = state.light.solo.is_some_and(|alone| alone != index);
             let switch = |ui: &mut Ui| {
-                swatch(ui, &light.spectrum, &state.scene.display, 16.0)
-                    .on_hover_text("Colour of the light on the display, at full brightness.");
+                let chosen = colour(ui, &state.scene, light);
+                if let Some(code) = chosen {
+                    return Some(Action::Edit(Edit::LightColour(index, code)));
+                }
                 let mut on = if by_slider { stated.is_some_and(|slider| slider.on) } else { share > 0.0 };
                 let name = RichText::new(&light.name).strong();
                 let switch = ui.add_enabled(by_slider && !other_alone, Checkbox::new(&mut on, name));
@@ -109,6 +113,29 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     });
 }
 
+/// The colour of a light: of what it shows alone, which another one can take, or of the light itself. Returns a new colour.
+fn colour(ui: &mut Ui, scene: &Scene, light: &SceneLight) -> Option<[u8; 3]> {
+    let surfaces = || scene.materials.iter().map(|material| material.reflectance.spectrum());
+    let is_lit = |surface: &Spectrum| xyz_of(&(surface * light.spectrum.spectrum())).0[1] > 1e-6;
+    // Where several materials are seen, a colour would be that of none.
+    let alone = surfaces().filter(|surface| is_lit(surface)).count() == 1;
+    let shown = alone.then(|| shown_colour(&light.spectrum, surfaces())).flatten();
+    let can_change = shown.is_some() && in_colour(&light.spectrum, surfaces(), [1.0; 3]).is_some();
+    let Some(mut code) = shown.filter(|_| can_change) else {
+        swatch(ui, &light.spectrum, &scene.display, 16.0)
+            .on_hover_text("Colour of the light on the display, at full brightness.");
+        return None;
+    };
+    ui.spacing_mut().interact_size = Vec2::splat(16.0);
+    let before = code;
+    let button = ui.color_edit_button_srgb(&mut code);
+    button.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, format!("{}: colour", light.name)));
+    button.on_hover_text(
+        "Colour of what this light shows alone. Another one is a relight: the volume is not marched again.",
+    );
+    (code != before).then_some(code)
+}
+
 /// Shows the choice of the sides of surfaces that lights shade.
 fn shaded_sides(ui: &mut Ui, lighting: Lighting, asked: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
@@ -169,5 +196,5 @@ fn reach(ui: &mut Ui, scene: &Scene, asked: &mut Vec<Action>) {
 
 /// Names a number for screen readers and tests.
 fn name(response: &egui::Response, of: &str, value: f64) {
-    response.widget_info(|| egui::WidgetInfo::slider(true, value, of));
+    response.widget_info(|| WidgetInfo::slider(true, value, of));
 }

@@ -45,14 +45,15 @@ pub(super) fn show(ui: &mut Ui, document: &Document, seen: Option<[f64; 2]>, ask
         fields::show(ui, document, asked);
         buttons(ui, document, asked);
         window(ui, document, asked);
-        along_rays(ui, document.state().scene.blending, asked);
+        along_rays(ui, &document.state().scene, asked);
         gradient(ui, document, asked);
         labels(ui, document.state(), &colours, asked);
     });
 }
 
 /// Shows the choice of the rule that blends the values along a ray.
-fn along_rays(ui: &mut Ui, blending: Blending, asked: &mut Vec<Action>) {
+fn along_rays(ui: &mut Ui, scene: &Scene, asked: &mut Vec<Action>) {
+    let blending = scene.blending;
     ui.horizontal_wrapped(|ui| {
         ui.label("Along a ray").on_hover_text("The rule that blends the values along a ray. A change marches the volume again.");
         let choices = [
@@ -70,7 +71,14 @@ fn along_rays(ui: &mut Ui, blending: Blending, asked: &mut Vec<Action>) {
             ),
         ];
         for (choice, name, help) in choices {
-            if toggle(ui, blending == choice, name).on_hover_text(help).clicked() && blending != choice {
+            let why = if blending == choice { None } else { Scene { blending: choice, ..scene.clone() }.refused() };
+            let button = ui.add_enabled_ui(why.is_none(), |ui| toggle(ui, blending == choice, name)).inner;
+            let button = button.on_hover_text(help);
+            let button = match why {
+                Some(why) => button.on_disabled_hover_text(why.to_string()),
+                None => button,
+            };
+            if button.clicked() && blending != choice {
                 asked.push(Action::Edit(Edit::Blending(choice)));
             }
         }
@@ -92,7 +100,7 @@ pub(super) fn wide(ui: &mut Ui, document: &Document, seen: Option<[f64; 2]>, ask
     ScrollArea::vertical().id_salt("intervals").auto_shrink(false).show(right, |ui| {
         rows(ui, document, &colours, asked);
         fields::show(ui, document, asked);
-        along_rays(ui, document.state().scene.blending, asked);
+        along_rays(ui, &document.state().scene, asked);
         gradient(ui, document, asked);
         labels(ui, document.state(), &colours, asked);
     });

@@ -35,9 +35,9 @@ use relume_scene::{Aim, Camera, Fill, Interval, MaterialCurve, Projection, Term}
 use relume_volume::{Geometry, Presets, Statistics, Volume, VolumeError, Window};
 
 /// Designed materials and lights of a first look.
-const DESIGN: &str = include_str!("../../../../data/scenes/volume.toml");
+pub(super) const DESIGN: &str = include_str!("../../../../data/scenes/volume.toml");
 /// Names of its materials, from the faintest to the most solid.
-const DESIGNED: [&str; 3] = ["faint", "middle", "solid"];
+pub(super) const DESIGNED: [&str; 3] = ["faint", "middle", "solid"];
 
 /// A kind of picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -949,14 +949,21 @@ fn shape(
             format!("{kind}, shown in grey: transparent up to {low}, most opaque from {high}{in_units}"),
         );
     }
+    // Windows of channels often begin at 0, in front of the noise of the surroundings.
+    let in_front = |window: &Window| {
+        let from = values.objects_from;
+        [if from < window.high { window.low.max(from) } else { window.low }, window.high]
+    };
     if wish.look == Some(Look::Fluorescence) {
-        let range = opened(values, [values.objects_from, high], [1.0, 0.0]);
-        let layer = alone("stain", Colour::Code("#46e06a".to_owned()), range, 1.5);
+        // The window of a channel, as far as the file states one.
+        let stated = presets.windows.iter().find(|window| presets.colour.is_some() && values.are_in(window));
+        let range = opened(values, stated.map_or([values.objects_from, high], in_front), [1.0, 0.0]);
+        let stain = presets.colour.map_or_else(|| "#46e06a".to_owned(), code);
+        let colour = if presets.colour.is_some() { stain.as_str() } else { "green" };
         let [low, high] = range.map(brief_value);
-        return (
-            Shape::Ramp { layer, rise: Rise::Shining },
-            format!("{kind}, shown as a green X-ray material, brighter from {low} to {high}"),
-        );
+        let told = format!("{kind}, shown as an X-ray material in {colour}, brighter from {low} to {high}");
+        let layer = alone("stain", Colour::Code(stain), range, 1.5);
+        return (Shape::Ramp { layer, rise: Rise::Shining }, told);
     }
     if wish.look == Some(Look::Maximum) {
         // Most rays meet one of the largest values.
@@ -983,11 +990,7 @@ fn shape(
     };
     if let (Kind::Other(_), None, Some(colour)) = (&values.kind, wish.look, presets.colour) {
         let stated = presets.windows.iter().find(|window| values.are_in(window));
-        // Windows of channels often begin at 0, in front of the noise of the surroundings.
-        let from = values.objects_from;
-        let range = stated.map_or([from, high], |window| {
-            [if from < window.high { window.low.max(from) } else { window.low }, window.high]
-        });
+        let range = stated.map_or([values.objects_from, high], in_front);
         let range = opened(values, range, [1.0, 0.0]);
         let code = code(colour);
         let layer = alone("channel", Colour::Code(code.clone()), range, 4.0);

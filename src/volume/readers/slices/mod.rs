@@ -309,6 +309,37 @@ impl Run {
     }
 }
 
+/// Grey levels of a picture, from 0 for black to 1 for white, row by row from above, and the number of its columns.
+///
+/// # Errors
+///
+/// [`VolumeError`]: for a file that is no PNG, JPEG, BMP or PNM, and for colours.
+pub fn grey_picture(path: &Path) -> Result<(usize, Vec<f32>), VolumeError> {
+    let picture = picture::picture(path)?;
+    let wrong =
+        |problem: &str| VolumeError::Layout { source_name: path.display().to_string(), problem: problem.to_owned() };
+    if picture.samples != 1 {
+        return Err(wrong("a picture in colour; save it in grey"));
+    }
+    let white = match picture.sample {
+        Sample::Bits(1) => 1.0,
+        sample if sample.voxel_type() == VoxelType::U8 => f32::from(u8::MAX),
+        sample if sample.voxel_type() == VoxelType::U16 => f32::from(u16::MAX),
+        _ => return Err(wrong("a picture of numbers other than 8 or 16 bits")),
+    };
+    let numbers = picture::numbers(path)?;
+    let levels: Vec<f32> = if white > f32::from(u8::MAX) {
+        numbers.as_chunks::<2>().0.iter().map(|&number| f32::from(u16::from_ne_bytes(number)) / white).collect()
+    } else {
+        numbers.iter().map(|&number| f32::from(number) / white).collect()
+    };
+    if levels.len() == picture.width * picture.height {
+        Ok((picture.width, levels))
+    } else {
+        Err(wrong("a picture that is cut off"))
+    }
+}
+
 /// Size and type of one slice.
 fn one(path: &Path) -> Result<Picture, VolumeError> {
     if is_tiff(path) { Ok(*tiff::slice(path, 0)?.picture()) } else { picture::picture(path) }

@@ -11,6 +11,7 @@ use quick_xml::{Reader, XmlVersion};
 
 use super::directory::MOST_PAGES;
 use super::stated::Stated;
+use crate::presets::drawn_colour;
 use crate::readers::lengths::{printable, unit};
 use crate::several::Series;
 
@@ -247,6 +248,13 @@ impl Image {
                     }
                     self.stated.metadata.extend(value.map(|value| (format!("{key} of channel {index}"), value)));
                 }
+            }
+            // Without a colour, that of its emission.
+            let stated = self.stated.colours.get(index).is_some_and(Option::is_some);
+            let in_nm = attribute(tag, "EmissionWavelengthUnit")?.is_none_or(|unit| unit.trim() == "nm");
+            if let Some(emission) = attribute(tag, "EmissionWavelength")?.filter(|_| in_nm && !stated && index < 64) {
+                self.stated.colours.resize(index, None);
+                self.stated.colours.push(emission.trim().parse().ok().and_then(drawn_colour));
             }
             // A colour is one channel with several samples.
             let samples = whole::<usize>(tag, "SamplesPerPixel")?.unwrap_or(1).clamp(1, self.stated.sizes[1] - index);
