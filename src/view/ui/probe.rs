@@ -2,14 +2,18 @@
 
 use egui::{Color32, Grid, Id, Key, Label, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
+use glam::DVec3;
+
 use super::spectrum::{code, narrow, patch, plot};
 use super::transfer::colours;
 use super::{Shown, floating};
 use crate::document::Document;
 use crate::number::{brief_in, readable};
+use crate::scene::Scene;
 use crate::spectrum::colour::Lab;
 use crate::view::action::Action;
 use crate::view::probe::{Lit, Probe, Share, Stretch};
+use crate::view::slices::index_from_world;
 
 /// Sum of the pixel shares above which a note is shown, as a multiple of the pixel.
 const MORE_THAN_ALL: f64 = 1.002;
@@ -146,7 +150,11 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
             ray(ui, document, stretches, &colours);
             if let Some(stretch) = probe.brightest() {
                 let (place, value) = (place(document, stretch), told_value(document, stretch.value));
-                let text = format!("Most of the light comes from the value {value}, at {place}.");
+                let others = others(&document.state().scene, stretch.place);
+                let first = &document.state().scene.fields.first().name;
+                let values =
+                    if others.is_empty() { format!("the value {value}") } else { format!("{first} {value}, {others}") };
+                let text = format!("Most of the light comes from {values}, at {place}.");
                 ui.label(RichText::new(text).small());
             }
         }
@@ -347,6 +355,25 @@ fn place(document: &Document, stretch: &Stretch) -> String {
     // Adding 0 removes the sign of −0.
     let [i, j, k] = stretch.place.to_array().map(|along| along.round() + 0.0);
     format!("{x} {y} {z} (near voxel {i} {j} {k})")
+}
+
+/// Names and values of further fields at the voxel around a place of the first, in voxel indices.
+fn others(scene: &Scene, place: DVec3) -> String {
+    let world = scene.frame.geometry.world_from_index(place);
+    let told = scene.fields.further().iter().filter_map(|field| {
+        let volume = field.at_hand().0;
+        let [width, height, depth] = volume.geometry.dims;
+        let nearest = index_from_world(&volume.geometry, world).round();
+        let last = DVec3::from_array([width, height, depth].map(crate::number::count)) - 1.0;
+        if nearest.cmplt(DVec3::ZERO).any() || nearest.cmpgt(last).any() {
+            return Some(format!("no {}", field.name));
+        }
+        let [x, y, z] = nearest.to_array().map(crate::number::Real::index);
+        let value = volume.voxels.value(x + width * (y + height * z))?.mul_add(volume.slope, volume.intercept);
+        let statistics = field.statistics();
+        Some(format!("{} {}", field.name, brief_in(value, statistics.max - statistics.min)))
+    });
+    told.collect::<Vec<_>>().join(", ")
 }
 
 /// A value of the volume, with the digits that tell its values apart.
