@@ -754,8 +754,9 @@ fn save_scene(path: &Path, source: &Source, file: &SceneFile) -> Result<(), CliE
 fn lit_by(mix: &Mix) -> String {
     let mut lights: Vec<String> = Vec::new();
     for light in mix.0.iter().filter(|light| light.weight > 0.0) {
-        let weight = brief(light.weight);
-        let told = if weight == "1" { light.name.clone() } else { format!("{} × {weight}", light.name) };
+        // Nobody sees half a percent.
+        let is_one = (light.weight - 1.0).abs() < 0.005;
+        let told = if is_one { light.name.clone() } else { format!("{} × {}", light.name, brief(light.weight)) };
         if !lights.contains(&told) {
             lights.push(told);
         }

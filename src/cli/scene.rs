@@ -589,7 +589,8 @@ impl LightArgs {
             return Ok(Requested { mix: shown.clone(), placed: Vec::new() });
         }
         let requests: Vec<String> = self.lights.iter().map(|request| request.0.clone()).collect();
-        let (stated, plain) = document::recoloured(stated, &requests, surfaces).map_err(CliError::Failed)?;
+        let (stated, plain) = document::recoloured(stated, &requests, surfaces)
+            .map_err(|message| CliError::Failed(format!("--light {message}")))?;
         let plain: Vec<LightRequest> = plain.into_iter().map(LightRequest).collect();
         Ok(document::requested(&stated, shown, positions, &plain, Path::new(""))?)
     }

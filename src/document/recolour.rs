@@ -83,11 +83,11 @@ pub fn recoloured(stated: &Mix, requests: &[String], surfaces: &[Spectrum]) -> R
             plain.push(request.clone());
             continue;
         };
-        let code = srgb_code(&format!("#{digits}")).map_err(|error| format!("--light {request}: {error}"))?;
+        let code = srgb_code(&format!("#{digits}")).map_err(|error| format!("{request}: {error}"))?;
         let colour = code.map(|part| f64::from(part) / 255.0);
         for light in mix.0.iter_mut().filter(|light| light.name == name) {
             let (spectrum, factor) = in_colour(&light.spectrum, surfaces.iter(), colour).ok_or_else(|| {
-                format!("--light {request}: the light {name} does not light one material in blue, green and red bands, as that of a channel does; give its spectrum as a file")
+                format!("{request}: the light {name} does not light one material in blue, green and red bands, as that of a channel does; give its spectrum as a file")
             })?;
             *light = MixLight { spectrum, weight: light.weight * factor, ..light.clone() };
         }

@@ -506,18 +506,19 @@ fn look_at(
     if !options.beside.is_empty() {
         let open = |path: &PathBuf| {
             let selection = Selection { memory: options.selection.memory, ..Selection::default() };
+            let mut time = None;
             let volume = match relume_volume::open(path, &selection, progress) {
                 // The time is that of the series among them.
                 Err(VolumeError::Choose { there: Several::Times(_) | Several::Steps { .. }, .. })
                     if stated_time.is_some() =>
                 {
-                    let selection = Selection { time: stated_time, ..selection };
-                    relume_volume::open(path, &selection, progress)
+                    time = stated_time;
+                    relume_volume::open(path, &Selection { time, ..selection }, progress)
                 }
                 opened => opened,
             };
             let volume = Arc::new(volume?);
-            Ok(BesideVolume { path: path.clone(), volume })
+            Ok(BesideVolume { path: path.clone(), time, volume })
         };
         let mut others = options.beside.iter().map(open).collect::<Result<Vec<_>, VolumeError>>()?;
         let look = beside(&text, volume.geometry.spacing.min_element(), &mut others, progress).map_err(of_look)?;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::Term;
+use super::{FACTORS, Term};
 use relume_volume::{BrickCache, CacheCounts, Statistics, Volume, VolumeError};
 
 /// A field: the values of a volume, wherever its voxels reside.
@@ -67,6 +67,9 @@ impl Field {
 
 /// Largest number of fields of a scene: their values make a vector.
 pub const FIELDS: usize = 4;
+
+/// Largest number of groups of terms with equal factors, of all fields.
+pub const MOST_GROUPS: usize = FACTORS + FIELDS - 1;
 
 /// Name of the first field, unless the scene gives it another one.
 pub const FIRST_FIELD: &str = "volume";

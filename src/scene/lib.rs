@@ -28,15 +28,15 @@ pub use camera::{centre, unit};
 pub use clip::{CLIP_PLANES, Clip, ClipPlane, Keep};
 pub use coarse::{Coarse, LabelLeft, Level};
 pub use curve::factor_at;
-pub use fields::{FIELDS, FIRST_FIELD, Field, Fields};
+pub use fields::{FIELDS, FIRST_FIELD, Field, Fields, MOST_GROUPS};
 pub use frame::Frame;
 pub use lights::{BRIGHTEST, INTENSITY};
 pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
 pub use shape::{Form, MOST_CORNERS, Painting, SHAPE_EDGE, SOFT, Second, Shape};
 pub use transfer::depth_from_opacity;
 pub use transfer::{
-    Depths, FACTORS, Factors, FieldFactor, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MOST_GROUPS,
-    MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer, different_factors,
+    Depths, FACTORS, Factors, FieldFactor, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MaterialCurve, Medium,
+    OPAQUE_DEPTH, Term, Transfer, different_factors,
 };
 
 use relume_colour::model::ModelKind;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use smallvec::{SmallVec, smallvec};
 
 use super::curve::{factor_at, height_at};
-use super::{FIELDS, Material, Shape};
+use super::{Material, Shape};
 
 /// Optical depth per opacity length for opacity 1. It occludes everything at any step down to a ten-millionth of the
 /// opacity length, and stays finite in every product.
@@ -46,9 +46,6 @@ pub const GRADIENT_POINTS: usize = 16;
 
 /// Largest number of different factors on the terms of a scene.
 pub const FACTORS: usize = 4;
-
-/// Largest number of groups of terms with equal factors, of all fields.
-pub const MOST_GROUPS: usize = FACTORS + FIELDS - 1;
 
 /// A term: an [`Interval`], or opacity, absorption and material as curves over the values.
 #[derive(Clone, Debug, PartialEq)]

@@ -22,6 +22,8 @@ const DESIGN: &str = include_str!("../../../data/scenes/volume_beside.toml");
 /// A volume beside the first, with its file.
 pub(crate) struct BesideVolume {
     pub(crate) path: PathBuf,
+    /// The time step that was chosen among several.
+    pub(crate) time: Option<usize>,
     pub(crate) volume: Arc<Volume>,
 }
 
@@ -57,7 +59,7 @@ pub(crate) fn beside(
     let (mut told, mut names) = (Vec::new(), Vec::new());
     let mut volumes = Table::new();
     volumes.set_implicit(true);
-    for (index, BesideVolume { path, volume }) in others.iter_mut().enumerate() {
+    for (index, BesideVolume { path, time, volume }) in others.iter_mut().enumerate() {
         let name = free_name(path, &mut taken);
         let statistics = volume.statistics()?;
         let wish = (Wish { look: Some(Look::Fluorescence), ..Wish::default() }, Subject::default());
@@ -94,7 +96,7 @@ pub(crate) fn beside(
         // Wherever the scene is saved.
         let path = std::path::absolute(&*path).unwrap_or_else(|_| path.clone());
         own.insert("file", value(path.display().to_string()));
-        if let Some(time) = volume.selection.time {
+        if let Some(time) = *time {
             own.insert("time", value(i64::try_from(time).unwrap_or(i64::MAX)));
         }
         own.insert("transfer", Item::Table(transfer));
