@@ -949,7 +949,8 @@ fn fields_that_do_not_belong_together_are_refused() {
     definition_refused(&format!("volumes={{{}}}", four.join(",")), &["5 fields", "the limit is 4"]);
     definition_refused("volumes.a={component=1}", &["volumes.a", "another component", "`file`"]);
     definition_refused("volumes.a={phantom=\"frog\"}", &["volumes.a has no effect", "transfer", "by = "]);
-    definition_refused("volumes.a={phantom=\"frog\",only=[999]}", &["no voxel has the value 999"]);
+    let mask = ["-D", "volumes.a={phantom=\"frog\",only=[999]}"];
+    Folder::new().refused(1, &render(&mask), &["no voxel has the value 999"]);
     definition_refused(
         "volumes.a={phantom=\"frog\",transform=[1,0,0,0,0,1,0,0,0,0,0,0]}",
         &["singular", "determinant"],
