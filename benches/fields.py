@@ -20,6 +20,7 @@ ABSORPTION = {
     "transfer.intervals.skin.absorption": 0.02,
 }
 FACTOR = [[5, 0], [20, 1]]
+SHAPE = {"by": "gradient", "polygon": [[60, 0], [40, 40], [160, 40], [140, 0]]}
 AROUND = {"clip.planes": ["x:100%", "-x:100%", "y:100%", "-y:100%", "z:100%", "-z:100%"]}
 RUNS = 9
 
@@ -55,7 +56,11 @@ ROWS = [
     ("a factor on all terms, coloured", ABSORPTION, {**ABSORPTION, "transfer.gradient_opacity": FACTOR}, 2.3),
     ("two groups", {}, {"transfer.intervals.skin.gradient": FACTOR}, 1.3),
     ("two groups, coloured", ABSORPTION, {**ABSORPTION, "transfer.intervals.skin.gradient": FACTOR}, 2.3),
+    ("a polygon over values and gradients on a term", {}, {"transfer.intervals.skin.shape": SHAPE}, 1.3),
+    ("the same, coloured", ABSORPTION, {**ABSORPTION, "transfer.intervals.skin.shape": SHAPE}, 2.3),
     ("three channels beside one", ONE, THREE, 1.6),
+    ("three channels, one of them scaled by another", THREE, {**THREE, "volumes.one.transfer.by": {"two": [[80, 0], [120, 1]]}}, 1.3),
+    ("three channels, of which the first hides the others", THREE, {**THREE, "overlap": "first"}, 1.3),
     ("a flat field on its own grid over a shaded one", {}, PLACED, 1.9),
     ("a shaded field on its own grid over a shaded one", {}, again(1), 1.9),
     ("the same, coloured", ABSORPTION, {**ABSORPTION, **again(1)}, 3.5),
@@ -67,6 +72,8 @@ ROWS = [
     ("six planes that cut nothing, not shaded", {"shading": "none"}, {"shading": "none", **AROUND}, 1.15),
     ("six planes that cut nothing, coloured", ABSORPTION, {**ABSORPTION, **AROUND}, 2.2),
     ("a plane that cuts half", {}, {"clip.planes": ["y:50%"]}, 1.0),
+    ("a corner that three planes cut out", {}, {"clip.planes": ["x:50%", "y:50%", "z:50%"], "clip.keep": "any"}, 1.3),
+    ("a plane of one channel of three", THREE, {**THREE, "clip.planes": [{"plane": "y:50%", "volumes": ["one"]}]}, 1.3),
 ]
 
 
