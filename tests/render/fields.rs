@@ -247,6 +247,11 @@ fn the_light_of_a_channel_leaves_the_others_black_to_the_bit() {
     let sum = |name: &str| colours(name).iter().fold(DVec3::ZERO, |sum, colour| sum + *colour);
     assert!((sum("all") - sum("DAPI") - sum("GFP")).abs().max_element() < 1e-9 * float(scene.lights.len()));
     // Another colour is a relight, and leaves the others black, too.
+    for light in ["DAPI", "GFP"] {
+        let light = &scene.lights.iter().find(|it| it.name == light).unwrap().spectrum;
+        let surfaces = scene.materials.iter().map(|material| material.reflectance.spectrum());
+        assert!(document::in_colour(light, surfaces, [1.0, 0.0, 0.0]).is_some(), "any colour");
+    }
     let index = scene.lights.iter().position(|light| light.name == "GFP").unwrap();
     let mut document = Document::new(file.clone());
     document.edit(&Edit::LightColour(index, [255, 0, 255]));

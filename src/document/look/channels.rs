@@ -22,6 +22,9 @@ const PARTS: [f64; 2] = [490.0, 580.0];
 /// Colours of channels whose file states none, in their order: those of stains from short to long waves.
 const COLOURS: [[f64; 3]; 4] = [[0.25, 0.45, 1.0], [0.2, 0.85, 0.3], [1.0, 0.3, 0.2], [0.9, 0.3, 0.9]];
 
+/// Least height of a part of a comb.
+const LEAST: f64 = 0.005;
+
 /// A channel of a file.
 pub(crate) struct ChannelVolume {
     /// Index of its component in the file.
@@ -218,6 +221,8 @@ fn comb(index: usize, number: usize, colour: [f64; 3]) -> Spectrum {
     let wanted = if parts.determinant().abs() > 1e-12 { parts.inverse() * linear } else { DVec3::ONE };
     let heights = wanted.max(DVec3::ZERO);
     let heights = if heights.max_element() > 0.0 { heights / heights.max_element() } else { DVec3::ONE };
+    // Enough in each part for a light to show the channel in any other colour, and too little to be seen in daylight.
+    let heights = heights.max(DVec3::splat(LEAST));
     let band = |band: usize| if band % number == index { heights[part_of(band)] } else { 0.0 };
     // Five decimals, as written.
     Spectrum::from_samples(std::array::from_fn(|i: usize| (band(i) * 1e5).round() / 1e5))
