@@ -216,8 +216,11 @@ fn placed_like(document: &DocumentMut, name: &str, palette: &Palette) -> Vec<(&'
 /// Whether a definition may name a file.
 fn names_files(definition: &Definition) -> bool {
     let key = definition.text.split(['.', '=']).next().unwrap_or_default().trim();
-    !["accuracy", "blending", "camera", "clip", "crop", "display", "lighting", "mix", "shading", "shadows", "transfer"]
-        .contains(&key)
+    ![
+        "accuracy", "blending", "camera", "clip", "crop", "display", "lighting", "mix", "overlap", "shading",
+        "shadows", "transfer",
+    ]
+    .contains(&key)
 }
 
 fn clip(Clip { planes, keep, cap }: &Clip, fields: &Fields) -> Table {

@@ -15,7 +15,7 @@ use relume_colour::spectrum::observer::Observer;
 use relume_colour::spectrum::{Spectrum, ThinFilm};
 use relume_scene::{
     Accuracy, AmbientShares, BRIGHTEST, Blending, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, INTENSITY, Interval,
-    LabelEntry, Lighting, MOST_GROUPS, Mix, PHASES, Scene, Shape, Term, key,
+    LabelEntry, Lighting, MOST_GROUPS, Mix, Overlap, PHASES, Scene, Shape, Term, key,
 };
 
 /// All editable state of a document.
@@ -95,6 +95,8 @@ pub enum Edit {
     Crop(Option<[DVec3; 2]>),
     /// Restores the crop box of the scene.
     ResetCrop,
+    /// What is seen where several fields have a medium.
+    Overlap(Overlap),
     /// Gives a light, by its index, the bands in which what it lights has this sRGB code. A light without such bands stays.
     LightColour(usize, [u8; 3]),
     /// Replaces the clip planes.
@@ -183,6 +185,7 @@ impl Edit {
             | Self::ResetTransfer
             | Self::Accuracy(_)
             | Self::LightColour(..)
+            | Self::Overlap(_)
             | Self::Spectra(_) => true,
             Self::Weight(..)
             | Self::On(..)
@@ -493,6 +496,7 @@ impl State {
                 scene.crop = parts.map(|parts| crop_from_parts(parts, scene.frame.geometry.dims));
             }
             Edit::ResetCrop => scene.crop = opened.scene.crop,
+            Edit::Overlap(overlap) => scene.overlap = overlap,
             Edit::LightColour(index, code) => {
                 let surfaces: Vec<Spectrum> =
                     scene.materials.iter().map(|material| material.reflectance.spectrum().clone()).collect();

@@ -101,6 +101,30 @@ pub(super) fn toggle(ui: &mut Ui, on: bool, text: &str) -> Response {
     ui.add(Button::selectable(on, text).frame_when_inactive(true))
 }
 
+/// A row of choices, each with a name and help; `why` one is not possible is told on it. Returns a new one.
+pub(super) fn choices<T: Copy + PartialEq>(
+    ui: &mut Ui,
+    (label, help): (&str, &str),
+    all: &[(T, &str, &str)],
+    now: T,
+    why: impl Fn(T) -> Option<String>,
+) -> Option<T> {
+    let mut chosen = None;
+    ui.horizontal_wrapped(|ui| {
+        ui.label(label).on_hover_text(help);
+        for &(choice, name, help) in all {
+            let why = if choice == now { None } else { why(choice) };
+            let button = ui.add_enabled_ui(why.is_none(), |ui| toggle(ui, choice == now, name)).inner;
+            let button = button.on_hover_text(help);
+            let button = if let Some(why) = why { button.on_disabled_hover_text(why) } else { button };
+            if button.clicked() && choice != now {
+                chosen = Some(choice);
+            }
+        }
+    });
+    chosen
+}
+
 /// A number field to drag or type in. Typed text is applied as one edit on Enter or on a click elsewhere. The number is
 /// shown with `decimals` decimals and [`SIGNIFICANT`] digits at most; a negative count of decimals rounds to tens, hundreds
 /// and so on. `with` sets further options.

@@ -3,9 +3,9 @@
 use egui::{Ui, WidgetInfo};
 
 use super::axis::places;
-use super::controls::{number, say_beside};
+use super::controls::{choices, number, say_beside};
 use crate::document::{Document, Edit};
-use crate::scene::{Field, Scene};
+use crate::scene::{FIRST_FIELD, Field, Overlap, Scene};
 use crate::view::action::Action;
 
 /// Shows a row for each field, if there are several.
@@ -20,6 +20,15 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         let Some(range) = scene.range_of(index) else { continue };
         ui.horizontal(|ui| row(ui, scene, (index, range), asked));
     }
+    let label = ("Where they overlap", "What is seen where several have a medium. A change marches the volume again.");
+    let all = [
+        (Overlap::Add, "together", "Their media scatter and absorb together."),
+        (Overlap::First, "first", "The first of them alone: it hides the others."),
+        (Overlap::Last, "last", "The last of them alone: it replaces the others."),
+    ];
+    let why = |overlap: Overlap| Scene { overlap, ..scene.clone() }.refused().map(|why| why.to_string());
+    let chosen = choices(ui, label, &all, scene.overlap, why);
+    asked.extend(chosen.map(|overlap| Action::Edit(Edit::Overlap(overlap))));
 }
 
 fn row(ui: &mut Ui, scene: &Scene, (index, range): (usize, [f64; 2]), asked: &mut Vec<Action>) {
@@ -44,10 +53,11 @@ fn row(ui: &mut Ui, scene: &Scene, (index, range): (usize, [f64; 2]), asked: &mu
     }
 }
 
-/// Name of a field: that of the first is its material, if it shows one alone.
+/// Name of a field: that of the first is its material, if it has none and shows one alone.
 fn name(scene: &Scene, index: usize) -> String {
     match index.checked_sub(1).and_then(|further| scene.fields.further().get(further)) {
         Some(field) => field.name.clone(),
+        None if scene.fields.first().name != FIRST_FIELD => scene.fields.first().name.clone(),
         None => match scene.terms_of(0) {
             [term] if term.material.0.len() == 1 => {
                 scene.materials.get(term.material.0[0].1).map_or_else(String::new, |material| material.name.clone())

@@ -10,7 +10,7 @@ use egui::{
 };
 
 use super::axis::{HANDLE, Map, choose, chosen, middle, places, snapped};
-use super::controls::{number, panel, say_beside, sides, text, toggle};
+use super::controls::{choices, number, panel, say_beside, sides, text};
 use super::fields;
 use super::rectangles;
 use super::spectrum::{code, narrow};
@@ -53,36 +53,24 @@ pub(super) fn show(ui: &mut Ui, document: &Document, seen: Option<[f64; 2]>, ask
 
 /// Shows the choice of the rule that blends the values along a ray.
 fn along_rays(ui: &mut Ui, scene: &Scene, asked: &mut Vec<Action>) {
-    let blending = scene.blending;
-    ui.horizontal_wrapped(|ui| {
-        ui.label("Along a ray").on_hover_text("The rule that blends the values along a ray. A change marches the volume again.");
-        let choices = [
-            (Blending::Composite, "all", "All values, front to back: each dims what is behind it."),
-            (
-                Blending::Maximum,
-                "largest",
-                "The largest value alone (maximum intensity projection), with the opacity of its interval: for vessels and channels. \
-                 Nothing is shaded.",
-            ),
-            (
-                Blending::Minimum,
-                "smallest",
-                "The smallest value alone (minimum intensity projection): for airways, within a crop box. Nothing is shaded.",
-            ),
-        ];
-        for (choice, name, help) in choices {
-            let why = if blending == choice { None } else { Scene { blending: choice, ..scene.clone() }.refused() };
-            let button = ui.add_enabled_ui(why.is_none(), |ui| toggle(ui, blending == choice, name)).inner;
-            let button = button.on_hover_text(help);
-            let button = match why {
-                Some(why) => button.on_disabled_hover_text(why.to_string()),
-                None => button,
-            };
-            if button.clicked() && blending != choice {
-                asked.push(Action::Edit(Edit::Blending(choice)));
-            }
-        }
-    });
+    let label = ("Along a ray", "The rule that blends the values along a ray. A change marches the volume again.");
+    let all = [
+        (Blending::Composite, "all", "All values, front to back: each dims what is behind it."),
+        (
+            Blending::Maximum,
+            "largest",
+            "The largest value alone (maximum intensity projection), with the opacity of its interval: for vessels and channels. \
+             Nothing is shaded.",
+        ),
+        (
+            Blending::Minimum,
+            "smallest",
+            "The smallest value alone (minimum intensity projection): for airways, within a crop box. Nothing is shaded.",
+        ),
+    ];
+    let why = |blending: Blending| Scene { blending, ..scene.clone() }.refused().map(|why| why.to_string());
+    let chosen = choices(ui, label, &all, scene.blending, why);
+    asked.extend(chosen.map(|blending| Action::Edit(Edit::Blending(blending))));
 }
 
 /// Shows the transfer function in a wide dock: the graph on the left, the numbers of the intervals on the right.
