@@ -17,7 +17,7 @@ use relume::document::{Question, Unknown};
 use relume::palette::{Member, ModelTerm};
 use relume::progress::Quiet;
 use relume::scene::{
-    AccumulateAs, Accuracy, Clip, ClipPlane, FIELDS, Form, Interval, Keep, Lighting, Scene, Second, Shape,
+    AccumulateAs, Accuracy, Clip, ClipPlane, FIELDS, Form, Interval, Keep, Lighting, Overlap, Scene, Second, Shape,
 };
 use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::observer::Observer;
@@ -103,6 +103,8 @@ fn edits() -> Vec<Edit> {
         Edit::TermShape(1, Some(polygon(&[[f64::NAN, 0.1], [30.0, 9.0], [77.7, 9.0]]))),
         Edit::Interval(1, Interval { range: [41.0, 66.0], ..interval(1) }),
         Edit::RemoveTerm(0),
+        Edit::Overlap(Overlap::Last),
+        Edit::LightColour(0, [10, 200, 30]),
         Edit::Crop(Some([DVec3::NAN, DVec3::splat(-1.0)])),
         Edit::Clip(Clip {
             planes: planes(&[(DVec3::new(1.0 / 3.0, 2.0, 7.7), DVec3::new(0.1, -2.0, 0.3))]),
