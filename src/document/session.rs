@@ -108,6 +108,10 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
         document.insert("base", value(from(&base, &folder)?));
     }
     volume(&mut document, source, &base)?;
+    if !source.options.beside.is_empty() && opened.scene.volume().selection.time.is_none() {
+        // The time is that of a series beside the first volume, which has it.
+        table(&mut document, "volume")?.remove("time");
+    }
     let (scene, then) = (&state.scene, &opened.scene);
     if scene.camera != then.camera {
         document.insert("camera", Item::Table(camera(scene)));

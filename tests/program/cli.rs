@@ -214,6 +214,21 @@ fn volumes_on_grids_of_their_own_are_shown_together_and_none_is_dropped() {
     };
     let by_file = moved("pet.tfm", "file.png");
     assert!(by_file == moved("[1, 0, 0, -3, 0, 1, 0, 0, 0, 0, 1, 0]", "numbers.png") && by_file != bytes("both.png"));
+    // The time of a series beside a volume of one time, also of its saved scene.
+    let series = [&cube(4, 2.5, [2.0; 3])[..], &cube(4, 2.5, [2.0; 3])].concat();
+    let text = String::from_utf8_lossy(&series[..300]).into_owned();
+    let head = text.split("\n\n").next().unwrap_or_default().to_owned();
+    let voxels = cube(4, 2.5, [2.0; 3])[head.len() + 2..].to_vec();
+    let head = head
+        .replace("dimension: 3", "dimension: 4")
+        .replace("sizes: 4 4 4", "sizes: 4 4 4 2")
+        .replace("(0,0,2.5)", "(0,0,2.5) none")
+        + "\nkinds: domain domain domain time";
+    write("series.nrrd", &[head.as_bytes(), b"\n\n", &voxels[..], &voxels[..]].concat());
+    folder.refused(1, &["render", "ct.nrrd", "series.nrrd", "-o", "no.png"], &["series.nrrd", "2 time steps"]);
+    done(&["render", "ct.nrrd", "series.nrrd", "--time", "1", "-o", "second.png", "--save-scene", "second.toml"]);
+    done(&["render", "second.toml", "-o", "again.png"]);
+    assert_eq!(bytes("second.png"), bytes("again.png"));
     let far = done(&["render", "ct.nrrd", "far.nrrd", "-o", "far.png"]);
     assert!(far.err.contains("nothing of it is shown"), "{}", far.err);
     let channels = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");

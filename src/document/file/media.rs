@@ -166,7 +166,7 @@ impl Text<'_> {
             if !others.contains(&name.as_str()) {
                 let message = match others {
                     [] => format!("by.{name}: there is no other field; add [volumes.{name}]"),
-                    _ => format!("by.{name}: the other fields are {}", others.join(", ")),
+                    _ => format!("by.{name}: there is no other field {name:?}; there are {}", others.join(", ")),
                 };
                 return Err(self.invalid(stated, message));
             }
