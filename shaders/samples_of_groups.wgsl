@@ -1,6 +1,6 @@
 // The medium of a sample as densities of groups of terms, which have factors of their own. Part of `march.wgsl`.
 
-// What is left of the step of the first field and its labels.
+// The part that is left of the step of the first field and its labels.
 fn left_of_first(step: Step) -> Step {
     var left = step;
     left.opacity = scaled_depth(step.opacity, parts.x);

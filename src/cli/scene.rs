@@ -679,10 +679,10 @@ pub(crate) fn surfaces_of(scene: &Scene) -> Vec<Spectrum> {
     scene.materials.iter().map(|material| material.reflectance.spectrum().clone()).collect()
 }
 
-/// What changes a first look.
+/// Ways to change a first look.
 const OF_LOOK: &str = "To change it, use --look (tissue, bone, vessel, grey, fluorescence, maximum, a transfer preset or a file: see --help), use \
                        --window and --level, or edit the scene that --save-scene FILE writes.";
 
-/// What changes a first look at channels.
+/// Ways to change a first look at channels.
 const OF_CHANNELS: &str = "To change it, name some of them with --channels, show one with --component N, also with --look or --window and --level, \
                            show the largest values with --look maximum, or edit the scene that --save-scene FILE writes.";

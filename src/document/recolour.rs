@@ -1,16 +1,31 @@
 //! Lights that show what they light in another colour: the light of a channel as its filter and its colour (docs/theory/fields.md).
 
 use glam::{DMat3, DVec3};
-use relume_colour::spectrum::colour::{LinearSrgb, display_code, linear_srgb_from_xyz, xyz_of};
+use relume_colour::spectrum::colour::{LinearSrgb, decode_srgb, display_code, linear_srgb_from_xyz, xyz_of};
 use relume_colour::spectrum::{BANDS, Light, Spectrum, srgb_code, standard, wavelength_nm};
 use relume_scene::{Mix, MixLight};
 
 /// Bounds of the parts of the spectrum, in nm: blue, green and red.
 const PARTS: [f64; 2] = [490.0, 580.0];
 
+/// The part of the spectrum in which a band lies: 0 blue, 1 green, 2 red.
+pub(crate) fn part_of(band: usize) -> usize {
+    PARTS.iter().filter(|&&bound| wavelength_nm(band) >= bound).count()
+}
+
+/// Heights of the three parts, the largest 1, by which parts that are `seen` in linear sRGB at a height of 1 have the chromaticity of these
+/// sRGB code values from 0 to 1, as far as heights from 0 give it; `None` if the parts do not span the colours.
+pub(crate) fn heights(seen: impl Fn(DVec3) -> DVec3, colour: [f64; 3]) -> Option<DVec3> {
+    let parts = DMat3::from_cols(seen(DVec3::X), seen(DVec3::Y), seen(DVec3::Z));
+    let scale = parts.x_axis.length() * parts.y_axis.length() * parts.z_axis.length();
+    let wanted = DVec3::from_array(colour.map(|code| decode_srgb(code.clamp(0.0, 1.0))));
+    let heights = (parts.determinant().abs() > 1e-6 * scale).then(|| (parts.inverse() * wanted).max(DVec3::ZERO))?;
+    (heights.max_element() > 0.0).then(|| heights / heights.max_element())
+}
+
 /// A light in the bands of `light` alone, under which the surface that is brightest under it has the chromaticity of these sRGB code values
 /// from 0 to 1, as far as powers from 0 give it, and its factor: the largest linear sRGB component stays. `None` if no surface is bright
-/// under it, or if its bands have no blue, green and red part.
+/// under it, if several are, or if its bands have no blue, green and red part.
 #[must_use]
 pub fn in_colour<'a>(
     light: &Light,
@@ -19,31 +34,23 @@ pub fn in_colour<'a>(
 ) -> Option<(Light, f64)> {
     let powers = light.spectrum();
     let seen = |surface: &Spectrum, powers: &Spectrum| xyz_of(&(surface * powers));
-    let brightest = surfaces.max_by(|a, b| seen(a, powers).0[1].total_cmp(&seen(b, powers).0[1]))?;
+    let surfaces: Vec<&Spectrum> = surfaces.collect();
+    let brightest = *surfaces.iter().max_by(|a, b| seen(a, powers).0[1].total_cmp(&seen(b, powers).0[1]))?;
     let largest = |powers: &Spectrum| linear(seen(brightest, powers)).max_element();
     let before = largest(powers);
     let peak = powers.samples().iter().copied().fold(0.0, f64::max);
     let is_on = |band: usize| powers.samples()[band] > 1e-6 * peak;
-    let part_of = |band: usize| PARTS.iter().filter(|&&bound| wavelength_nm(band) >= bound).count();
     let daylight = standard::d65().spectrum();
     let of_parts = |heights: DVec3| {
         let band = |band: usize| if is_on(band) { heights[part_of(band)] * daylight.samples()[band] } else { 0.0 };
         Spectrum::from_samples(std::array::from_fn::<f64, BANDS, _>(band))
     };
-    let wanted = DVec3::from_array(colour.map(|code| {
-        let code = code.clamp(0.0, 1.0);
-        if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
-    }));
-    let column = |axis: DVec3| linear(seen(brightest, &of_parts(axis)));
-    let parts = DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z));
-    let scale = parts.x_axis.length() * parts.y_axis.length() * parts.z_axis.length();
-    if !(before > 0.0 && parts.determinant().abs() > 1e-6 * scale) {
-        return None;
-    }
-    let heights = (parts.inverse() * wanted).max(DVec3::ZERO);
-    let powers = of_parts(heights / heights.max_element());
+    let powers = of_parts(heights(|axis| linear(seen(brightest, &of_parts(axis))), colour)?);
     let after = largest(&powers);
-    if !(heights.max_element() > 0.0 && after > 0.0) {
+    // In its bands nothing else is seen.
+    let others = surfaces.iter().filter(|surface| !std::ptr::eq(**surface, brightest));
+    let is_alone = others.map(|surface| seen(surface, &powers).0[1]).all(|seen_too| seen_too <= 1e-6 * after);
+    if !(before > 0.0 && after > 0.0 && is_alone) {
         return None;
     }
     let powers = powers.scaled(before / after);

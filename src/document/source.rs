@@ -463,7 +463,6 @@ fn look_at(
 ) -> Result<(SceneFile, Statistics), OpenError> {
     let whole_name = path.display().to_string();
     let stated_time = options.selection.time;
-    let mut told = labels_beside(&mut options, progress)?;
     let labels = in_memory.as_ref().and_then(|volumes| volumes.labels.clone());
     let further = in_memory.as_ref().map_or_else(Vec::new, |volumes| volumes.further.clone());
     let has_map = labels.is_some();
@@ -495,6 +494,31 @@ fn look_at(
         let problem = format!("one volume of it is read, and the channels {} were asked for", stated.join(", "));
         return Err(VolumeError::Layout { source_name: whole_name, problem }.into());
     }
+    let open = |path: &PathBuf| {
+        let selection = Selection { memory: options.selection.memory, ..Selection::default() };
+        let mut time = None;
+        let volume = match relume_volume::open(path, &selection, progress) {
+            // The time is that of the series among them.
+            Err(VolumeError::Choose { there: Several::Times(_) | Several::Steps { .. }, .. })
+                if stated_time.is_some() =>
+            {
+                time = stated_time;
+                relume_volume::open(path, &Selection { time, ..selection }, progress)
+            }
+            opened => opened,
+        };
+        let volume = Arc::new(volume?);
+        Ok(BesideVolume { path: path.clone(), time, volume })
+    };
+    let mut others = options.beside.iter().map(open).collect::<Result<Vec<_>, VolumeError>>()?;
+    let mut told = None;
+    let is_map = |other: &BesideVolume| is_segmentation(&other.volume);
+    if let Some(index) = others.iter().position(is_map).filter(|_| options.labels.is_none() && !has_map) {
+        let path = others.remove(index).path;
+        let what = "are labels, of which each is shown as a material of its own";
+        told = Some(format!(" The values of {} {what}.", path.display()));
+        options.labels = Some(path);
+    }
     let subject = Subject { has_parts, is_of_times: false };
     let volumes = InMemory { volume, labels: labels.clone(), further: Vec::new() };
     let Looked { mut volume, text, guess, statistics } = looked(path, volumes, (&mut options, subject), progress)?;
@@ -502,25 +526,8 @@ fn look_at(
         Arc::make_mut(&mut volume).geometry = stored;
     }
     let (mut text, mut guess) = (text, guess);
-    guess.extend(told.take());
-    if !options.beside.is_empty() {
-        let open = |path: &PathBuf| {
-            let selection = Selection { memory: options.selection.memory, ..Selection::default() };
-            let mut time = None;
-            let volume = match relume_volume::open(path, &selection, progress) {
-                // The time is that of the series among them.
-                Err(VolumeError::Choose { there: Several::Times(_) | Several::Steps { .. }, .. })
-                    if stated_time.is_some() =>
-                {
-                    time = stated_time;
-                    relume_volume::open(path, &Selection { time, ..selection }, progress)
-                }
-                opened => opened,
-            };
-            let volume = Arc::new(volume?);
-            Ok(BesideVolume { path: path.clone(), time, volume })
-        };
-        let mut others = options.beside.iter().map(open).collect::<Result<Vec<_>, VolumeError>>()?;
+    guess.extend(told);
+    if !others.is_empty() {
         let look = beside(&text, volume.geometry.spacing.min_element(), &mut others, progress).map_err(of_look)?;
         guess.push_str(&look.guess);
         // The scene reads them again, as any scene does that states them.
@@ -533,28 +540,6 @@ fn look_at(
     let own = file.scene.labels.is_some() && options.labels.is_none() && !has_map;
     let statistics = if own { file.scene.volume().statistics()? } else { statistics };
     Ok((SceneFile { guess: Some(guess), ..file }, statistics))
-}
-
-/// Takes the label map among the volumes beside a first one as its labels, if it has none; returns a sentence about it.
-fn labels_beside(options: &mut SceneOptions, progress: &dyn Progress) -> Result<Option<String>, OpenError> {
-    if options.labels.is_some() {
-        return Ok(None);
-    }
-    for index in 0..options.beside.len() {
-        let path = &options.beside[index];
-        let selection = Selection { memory: options.selection.memory, ..Selection::default() };
-        // What cannot be opened alone is told where it is shown.
-        let Ok(volume) = relume_volume::open(path, &selection, progress) else { continue };
-        if is_segmentation(&volume) {
-            let told = format!(
-                " The values of {} are labels, of which each is shown as a material of its own.",
-                path.display()
-            );
-            options.labels = Some(options.beside.remove(index));
-            return Ok(Some(told));
-        }
-    }
-    Ok(None)
 }
 
 /// True if nothing but the largest values of rays is wished for.

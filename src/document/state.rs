@@ -95,7 +95,7 @@ pub enum Edit {
     Crop(Option<[DVec3; 2]>),
     /// Restores the crop box of the scene.
     ResetCrop,
-    /// What is seen where several fields have a medium.
+    /// Rule for places where several fields have a medium.
     Overlap(Overlap),
     /// Gives a light, by its index, the bands in which what it lights has this sRGB code. A light without such bands stays.
     LightColour(usize, [u8; 3]),
@@ -371,7 +371,7 @@ impl State {
     pub(super) fn apply(&mut self, edit: &Edit, opened: &SceneFile) {
         let shares = self.shares();
         let (light, dial, scene) = (&mut self.light, &mut self.dial, &mut self.scene);
-        let before = scene.clone();
+        let before = (!edit.leaves_march()).then(|| scene.clone());
         match *edit {
             Edit::Weight(index, weight) => {
                 if light.mixing == Mixing::Dial {
@@ -587,10 +587,13 @@ impl State {
         }
         // More would be no scene that a file may state.
         if scene.transfer.factors().len() > FACTORS || scene.groups().len() > MOST_GROUPS {
-            scene.transfer.clone_from(&before.transfer);
+            before.iter().for_each(|before| scene.transfer.clone_from(&before.transfer));
         }
         // Nor one that no march can show: a session of it could not be opened.
-        if !edit.leaves_march() && scene.refused().is_some() && before.refused().is_none() {
+        if let Some(before) = before
+            && scene.refused().is_some()
+            && before.refused().is_none()
+        {
             *scene = before;
         }
         light.preset = match *edit {

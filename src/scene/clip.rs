@@ -22,10 +22,10 @@ pub struct Clip {
 /// The part of a field that several planes leave.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Keep {
-    /// What each of them keeps.
+    /// The part that each of them keeps.
     #[default]
     All,
-    /// What at least one of them keeps: a corner is cut out.
+    /// All that at least one of them keeps: a corner is cut out.
     Any,
 }
 
@@ -100,7 +100,7 @@ impl Clip {
     pub fn leaves_nothing(&self, frame: &Frame, [low, high]: [DVec3; 2]) -> bool {
         let geometry = &frame.geometry;
         if self.is_by_field() && self.keep == Keep::Any {
-            // What goes is convex: all of the box, if all of its corners.
+            // The removed part is convex: all of the box goes, if all of its corners do.
             let corner = |bits: usize| {
                 DVec3::from_array(std::array::from_fn(
                     |axis| if bits >> axis & 1 == 0 { low[axis] } else { high[axis] },

@@ -64,7 +64,7 @@ pub struct Scene {
     pub lights: Vec<SceneLight>,
     /// Rule that blends the values along a ray.
     pub blending: Blending,
-    /// What is seen where several fields have a medium.
+    /// Rule for places where several fields have a medium.
     pub overlap: Overlap,
     /// Whether lights shade by direction.
     pub shading: Shading,
@@ -580,7 +580,7 @@ impl Blending {
     }
 }
 
-/// What is seen at a place where several fields have a medium.
+/// Rule for places where several fields have a medium.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Overlap {
     /// Their media together.

@@ -113,7 +113,7 @@ pub struct Groups {
     pub further: usize,
     /// Those of them that share its texels; the others have grids of their own.
     pub sharing: usize,
-    /// What is seen where several fields have a medium.
+    /// Rule for places where several fields have a medium.
     pub overlap: Overlap,
     /// True for each further field, by its index, whose media are shaded by its own normals.
     pub lit: [bool; FIELDS],

@@ -130,7 +130,7 @@ fn a_corner_cut_out_is_its_closed_form_on_every_rung() {
         ];
         scene.clip = Clip { keep: Keep::Any, ..clip(&planes) };
         let whole = lengths(&scene, &[], size);
-        // What lies beyond all planes is what the same planes leave, the other way round.
+        // The part beyond all planes is the one that the same planes leave, the other way round.
         let turned = planes.map(|plane| ClipPlane { normal: -plane.normal, ..plane });
         let gone = lengths(&scene, &turned, size);
         assert!(gone.iter().filter(|&&length| length > 1.0).count() > 60, "a corner is seen");

@@ -66,7 +66,7 @@ fn two_boxes_that_overlap_in_part_are_their_closed_form_on_every_rung() {
     }
 }
 
-/// Where both are, the first or the last alone is seen.
+/// Of two boxes, the first or the last alone is seen in their common part.
 #[test]
 fn boxes_that_hide_one_another_are_their_closed_form_on_every_rung() {
     let turned = DMat3::from_rotation_z(0.5);

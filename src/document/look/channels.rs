@@ -3,22 +3,21 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
 
 use super::first_look::{Look, LookError, Subject, Wish, first_look};
+use crate::recolour::{heights, part_of};
 use relume_base::number::{brief_in, count, readable};
 use relume_base::progress::Progress;
 use relume_colour::spectrum::colour::{linear_srgb_from_xyz, xyz_of};
-use relume_colour::spectrum::{BANDS, Spectrum, standard, wavelength_nm};
+use relume_colour::spectrum::{BANDS, Spectrum, standard};
 use relume_scene::Blending;
 use relume_scene::key::Named;
 use relume_volume::Volume;
 
 /// Name of the light that shows all channels.
 const ALL: &str = "all";
-/// Bounds of the parts of a comb, in nm: blue, green and red.
-const PARTS: [f64; 2] = [490.0, 580.0];
 /// Colours of channels whose file states none, in their order: those of stains from short to long waves.
 const COLOURS: [[f64; 3]; 4] = [[0.25, 0.45, 1.0], [0.2, 0.85, 0.3], [1.0, 0.3, 0.2], [0.9, 0.3, 0.9]];
 
@@ -206,21 +205,14 @@ fn names(channels: &[ChannelVolume]) -> Vec<String> {
 /// The reflectance of channel `index` of `number`: every `number`-th band, in three heights by which it has the chromaticity of `colour`
 /// in daylight, as far as heights from 0 to 1 give it.
 fn comb(index: usize, number: usize, colour: [f64; 3]) -> Spectrum {
-    let part_of = |band: usize| PARTS.iter().filter(|&&bound| wavelength_nm(band) >= bound).count();
     let daylight = standard::d65().spectrum();
-    let of_part = |part: usize| {
+    let seen = |heights: DVec3| {
         let band = |band: usize| {
-            if band % number == index && part_of(band) == part { daylight.samples()[band] } else { 0.0 }
+            if band % number == index { heights[part_of(band)] * daylight.samples()[band] } else { 0.0 }
         };
         DVec3::from_array(linear_srgb_from_xyz(xyz_of(&Spectrum::from_samples(std::array::from_fn(band)))).0)
     };
-    let linear = DVec3::from_array(
-        colour.map(|code| if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }),
-    );
-    let parts = DMat3::from_cols(of_part(0), of_part(1), of_part(2));
-    let wanted = if parts.determinant().abs() > 1e-12 { parts.inverse() * linear } else { DVec3::ONE };
-    let heights = wanted.max(DVec3::ZERO);
-    let heights = if heights.max_element() > 0.0 { heights / heights.max_element() } else { DVec3::ONE };
+    let heights = heights(seen, colour).unwrap_or(DVec3::ONE);
     // Enough in each part for a light to show the channel in any other colour, and too little to be seen in daylight.
     let heights = heights.max(DVec3::splat(LEAST));
     let band = |band: usize| if band % number == index { heights[part_of(band)] } else { 0.0 };

@@ -88,7 +88,7 @@ impl<R: Real> Planes<R> {
         }
         let of_field = |field: usize| {
             let own = self.own_planes(field);
-            // What a field without planes of its own has removed.
+            // Nothing is removed of a field without planes of its own.
             let nothing = self.keeps_any && own.clone().next().is_none();
             own.fold([-far, if nothing { -far } else { far }], |[low, high], index| {
                 let plane = self.planes[index];

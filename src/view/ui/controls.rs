@@ -101,7 +101,7 @@ pub(super) fn toggle(ui: &mut Ui, on: bool, text: &str) -> Response {
     ui.add(Button::selectable(on, text).frame_when_inactive(true))
 }
 
-/// A row of choices, each with a name and help; `why` one is not possible is told on it. Returns a new one.
+/// A row of choices, each with a name and help; the reason of one that is not possible, of `why`, is told on it. Returns a new one.
 pub(super) fn choices<T: Copy + PartialEq>(
     ui: &mut Ui,
     (label, help): (&str, &str),
@@ -113,11 +113,13 @@ pub(super) fn choices<T: Copy + PartialEq>(
     ui.horizontal_wrapped(|ui| {
         ui.label(label).on_hover_text(help);
         for &(choice, name, help) in all {
-            let why = if choice == now { None } else { why(choice) };
-            let button = ui.add_enabled_ui(why.is_none(), |ui| toggle(ui, choice == now, name)).inner;
-            let button = button.on_hover_text(help);
-            let button = if let Some(why) = why { button.on_disabled_hover_text(why) } else { button };
-            if button.clicked() && choice != now {
+            let button = toggle(ui, choice == now, name);
+            // Asked where a user is about to choose it, because it takes a plan.
+            let is_asked = choice != now && (button.hovered() || button.clicked());
+            let why = if is_asked { why(choice) } else { None };
+            let is_possible = why.is_none();
+            let button = button.on_hover_text(why.as_deref().unwrap_or(help));
+            if button.clicked() && choice != now && is_possible {
                 chosen = Some(choice);
             }
         }

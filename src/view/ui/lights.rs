@@ -9,8 +9,6 @@ use crate::document::Mixing;
 use crate::document::{Document, Edit, in_colour, shown_colour};
 use crate::plan::Stale;
 use crate::scene::{AmbientShares, BRIGHTEST, Lighting, Placement, Scene, SceneLight, Shading};
-use crate::spectrum::Spectrum;
-use crate::spectrum::colour::xyz_of;
 use crate::view::action::Action;
 
 /// Shows the light panel.
@@ -116,10 +114,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
 /// The colour of a light: of what it shows alone, which another one can take, or of the light itself. Returns a new colour.
 fn colour(ui: &mut Ui, scene: &Scene, light: &SceneLight) -> Option<[u8; 3]> {
     let surfaces = || scene.materials.iter().map(|material| material.reflectance.spectrum());
-    let is_lit = |surface: &Spectrum| xyz_of(&(surface * light.spectrum.spectrum())).0[1] > 1e-6;
-    // Where several materials are seen, a colour would be that of none.
-    let alone = surfaces().filter(|surface| is_lit(surface)).count() == 1;
-    let shown = alone.then(|| shown_colour(&light.spectrum, surfaces())).flatten();
+    let shown = shown_colour(&light.spectrum, surfaces());
     let can_change = shown.is_some() && in_colour(&light.spectrum, surfaces(), [1.0; 3]).is_some();
     let Some(mut code) = shown.filter(|_| can_change) else {
         swatch(ui, &light.spectrum, &scene.display, 16.0)
