@@ -6,8 +6,9 @@ use std::sync::Arc;
 use glam::DVec3;
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
 
+use super::bands::{heights, part_of};
 use super::first_look::{Look, LookError, Subject, Wish, first_look};
-use crate::recolour::{heights, part_of};
+
 use relume_base::number::{brief_in, count, readable};
 use relume_base::progress::Progress;
 use relume_colour::spectrum::colour::{linear_srgb_from_xyz, xyz_of};

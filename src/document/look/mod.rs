@@ -1,6 +1,7 @@
 //! Defaults for volumes without a scene: first looks, cameras that fit the visible voxels, camera moves, transfer functions
 //! by name.
 
+pub(crate) mod bands;
 pub(crate) mod beside;
 pub(crate) mod channels;
 pub mod first_look;
