@@ -25,6 +25,7 @@ use volumes::LabelMap;
 
 use super::Wish;
 pub use clip::clip_plane;
+use clip::fields_named;
 pub(crate) use volumes::is_segmentation;
 
 use super::define::{Definition, byte_of, define, path_at, responsible};
@@ -674,6 +675,14 @@ impl Text<'_> {
         scene.clip = self.clip(&file.clip, &scene.fields)?;
         (scene.transfer.terms, scene.transfer.gradient_opacity) = (terms, gradient_opacity);
         self.check_fields(&file, &scene)?;
+        if let Some(hidden) = &file.hidden {
+            if scene.fields.further().is_empty() {
+                let message = "hidden: the scene has one field, and without it nothing; add others in [volumes], or leave `hidden` out";
+                return Err(self.invalid(hidden, message.to_owned()));
+            }
+            scene.hidden = fields_named(hidden.get_ref(), "hidden", &scene.fields)
+                .map_err(|message| self.invalid(hidden, message))?;
+        }
         self.set(&mut scene, key::SCENE, "", scalars)?;
         if scene.camera.view(&scene.frame.geometry, 1.0).is_none() {
             let message = "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight";

@@ -16,7 +16,7 @@ use relume_colour::palette::{Palette, Solution};
 use relume_colour::spectrum::{Layers, Spectrum, ThinFilm, ThinFilmAngle};
 use relume_scene::key::{self, Key};
 use relume_scene::{
-    Aim, Camera, Clip, ClipPlane, Fields, Form, Keep, Painting, Projection, Scene, Second, Shape, Term,
+    Aim, Camera, Clip, ClipPlane, FIELDS, Fields, Form, Keep, Painting, Projection, Scene, Second, Shape, Term,
 };
 use relume_volume::{ByteOrder, is_built_in};
 
@@ -132,6 +132,9 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
         };
     }
     further(&mut document, scene, then)?;
+    if scene.hidden != then.hidden {
+        document.insert("hidden", value(fields_of(scene.hidden, &scene.fields)));
+    }
     labels(&mut document, scene, then)?;
     let palette = state.palette.as_ref().filter(|_| state.palette != design::stated(opened));
     let open = palette.map_or_else(Vec::new, |palette| design::open(scene, palette));
@@ -221,7 +224,7 @@ fn placed_like(document: &DocumentMut, name: &str, palette: &Palette) -> Vec<(&'
 fn names_files(definition: &Definition) -> bool {
     let key = definition.text.split(['.', '=']).next().unwrap_or_default().trim();
     ![
-        "accuracy", "blending", "camera", "clip", "crop", "display", "lighting", "mix", "overlap", "shading",
+        "accuracy", "blending", "camera", "clip", "crop", "display", "hidden", "lighting", "mix", "overlap", "shading",
         "shadows", "transfer",
     ]
     .contains(&key)
@@ -237,8 +240,7 @@ fn clip(Clip { planes, keep, cap }: &Clip, fields: &Fields) -> Table {
             row.insert("on", false.into());
         }
         if !plane.cuts_all() {
-            let cut = fields.iter().zip(plane.fields).filter(|(_, cuts)| *cuts);
-            row.insert("volumes", Value::from(names(cut.map(|(field, _)| field.name.as_str()))));
+            row.insert("volumes", Value::from(fields_of(plane.fields, fields)));
         }
         row
     };
@@ -250,6 +252,11 @@ fn clip(Clip { planes, keep, cap }: &Clip, fields: &Fields) -> Table {
         table.insert("cap", value(false));
     }
     table
+}
+
+/// The names of the `chosen` fields.
+fn fields_of(chosen: [bool; FIELDS], fields: &Fields) -> Array {
+    names(fields.iter().zip(chosen).filter(|(_, chosen)| *chosen).map(|(field, _)| field.name.as_str()))
 }
 
 /// `path` as a scene in `folder` names it: relative if it lies in the folder, so that both can be moved together, and

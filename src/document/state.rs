@@ -18,6 +18,9 @@ use relume_scene::{
     LabelEntry, Lighting, MOST_GROUPS, Mix, Overlap, PHASES, Scene, Shape, Term, key,
 };
 
+/// Least part of its scattering that occludes, of a material with an opacity of 1.
+const LEAST_OF_OPAQUE: f64 = 0.001;
+
 /// All editable state of a document.
 #[derive(Clone, Debug)]
 pub struct State {
@@ -97,6 +100,10 @@ pub enum Edit {
     ResetCrop,
     /// Rule for places where several fields have a medium.
     Overlap(Overlap),
+    /// Hides a field, by its index, or shows it again.
+    Hidden(usize, bool),
+    /// Part of the scattering of a material, by its index, that occludes what is behind it.
+    Occludes(usize, f64),
     /// Gives a light, by its index, the bands in which what it lights has this sRGB code. A light without such bands stays.
     LightColour(usize, [u8; 3]),
     /// Replaces the clip planes.
@@ -186,6 +193,8 @@ impl Edit {
             | Self::Accuracy(_)
             | Self::LightColour(..)
             | Self::Overlap(_)
+            | Self::Hidden(..)
+            | Self::Occludes(..)
             | Self::Spectra(_) => true,
             Self::Weight(..)
             | Self::On(..)
@@ -347,6 +356,7 @@ impl State {
             lights,
             blending,
             overlap,
+            hidden,
             shading: _,
             lighting,
             background,
@@ -363,6 +373,7 @@ impl State {
             && (camera, crop, clip) == (&to.camera, &to.crop, &to.clip)
             && (accuracy, display) == (&to.accuracy, &to.display)
             && (*blending, *overlap, *lighting, *shadows) == (to.blending, to.overlap, to.lighting, to.shadows)
+            && *hidden == to.hidden
             && (materials, lights, background) == (&to.materials, &to.lights, &to.background)
             && (transfer, declared(scene)) == (&to.transfer, declared(to))
             && fields.terms() == to.fields.terms()
@@ -497,6 +508,19 @@ impl State {
             }
             Edit::ResetCrop => scene.crop = opened.scene.crop,
             Edit::Overlap(overlap) => scene.overlap = overlap,
+            Edit::Hidden(index, hides) => {
+                if let Some(hidden) = scene.hidden.get_mut(index).filter(|_| index < scene.fields.iter().count()) {
+                    *hidden = hides;
+                }
+            }
+            Edit::Occludes(index, part) => {
+                // A dense material that occludes nothing would scatter infinite light.
+                let is_opaque = scene.has_opaque(index);
+                if let Some(material) = scene.materials.get_mut(index) {
+                    let least = if is_opaque { LEAST_OF_OPAQUE } else { 0.0 };
+                    material.occludes = if part.is_nan() { 1.0 } else { part.clamp(least, 1.0) };
+                }
+            }
             Edit::LightColour(index, code) => {
                 let surfaces: Vec<Spectrum> =
                     scene.materials.iter().map(|material| material.reflectance.spectrum().clone()).collect();

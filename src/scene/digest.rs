@@ -21,6 +21,7 @@ impl Scene {
             lights,
             blending,
             overlap,
+            hidden,
             shading,
             lighting,
             background,
@@ -34,7 +35,7 @@ impl Scene {
         } = self;
         let mut hasher = DefaultHasher::new();
         format!(
-            "{materials:?} {transfer:?} {lights:?} {blending:?} {overlap:?} {shading:?} {lighting:?} {background:?}"
+            "{materials:?} {transfer:?} {lights:?} {blending:?} {overlap:?} {hidden:?} {shading:?} {lighting:?} {background:?}"
         )
         .hash(&mut hasher);
         format!("{camera:?} {crop:?} {clip:?} {accuracy:?} {shadows:?} {display:?}").hash(&mut hasher);

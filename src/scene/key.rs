@@ -536,7 +536,7 @@ pub const MATERIAL: &[Key<Material>] = &[
     Key::new("diffuse", Number(UNIT, ""), Tables, field!(Material: diffuse)),
     Key::new("specular", Number(UNIT, ""), Tables, field!(Material: specular)),
     Key::new("exponent", Whole([1, 1024], None), Tables, field!(Material: exponent)),
-    Key::new("xray", Switch, Tables, field!(Material: xray)),
+    Key::new("occludes", Number(UNIT, ""), Tables, field!(Material: occludes)),
     Key::new("phase", Number([*PHASES.start(), *PHASES.end()], ""), Tables, field!(Material: phase)),
 ];
 

@@ -66,6 +66,8 @@ pub struct Scene {
     pub blending: Blending,
     /// Rule for places where several fields have a medium.
     pub overlap: Overlap,
+    /// Fields that show nothing, by their indices; factors by their values stay.
+    pub hidden: [bool; FIELDS],
     /// Whether lights shade by direction.
     pub shading: Shading,
     /// Sides of a surface that directed lights shade.
@@ -132,6 +134,7 @@ impl Scene {
             lights: Vec::new(),
             blending: Blending::default(),
             overlap: Overlap::default(),
+            hidden: [false; FIELDS],
             shading: Shading::default(),
             lighting: Lighting::default(),
             background: None,
@@ -171,9 +174,15 @@ impl Scene {
         self
     }
 
-    /// What field `index` shows.
+    /// What field `index` shows: nothing if it is hidden.
     #[must_use]
     pub fn terms_of(&self, index: usize) -> &[Term] {
+        if self.hidden.get(index).is_some_and(|hidden| *hidden) { &[] } else { self.own_terms_of(index) }
+    }
+
+    /// What field `index` shows unless it is hidden.
+    #[must_use]
+    pub fn own_terms_of(&self, index: usize) -> &[Term] {
         match index.checked_sub(1) {
             None => &self.transfer.terms,
             Some(further) => self.fields.further().get(further).map_or(&[], |field| &field.terms),
@@ -184,7 +193,7 @@ impl Scene {
     #[must_use]
     pub fn range_of(&self, index: usize) -> Option<[f64; 2]> {
         let values = || {
-            self.terms_of(index)
+            self.own_terms_of(index)
                 .iter()
                 .flat_map(|term| term.opacity.iter().chain(&term.absorption))
                 .map(|point| point.0)
@@ -197,14 +206,14 @@ impl Scene {
     pub fn stretch(&mut self, index: usize, to: [f64; 2]) {
         let is_range = to[0] < to[1] && to.iter().all(|end| end.abs() <= f64::MAX / 4.0);
         let Some(from) = self.range_of(index).filter(|_| is_range) else { return };
-        let terms = self.terms_of(index).iter().map(|term| term.stretched(from, to)).collect();
+        let terms = self.own_terms_of(index).iter().map(|term| term.stretched(from, to)).collect();
         match index.checked_sub(1) {
             None => self.transfer.terms = terms,
             Some(further) => self.fields.show(further, terms),
         }
     }
 
-    /// Groups of terms that a march looks up apart, those of the first field first.
+    /// Groups of terms that a march looks up apart, those of the first field first: at least one, even if nothing is shown.
     #[must_use]
     pub fn groups(&self) -> Vec<Group<'_>> {
         let mut groups = Vec::new();
@@ -214,6 +223,9 @@ impl Scene {
             let factors = different_factors(self.terms_of(field), all).into_iter();
             groups.extend(factors.map(|factors| Group { field, factors }));
         }
+        if groups.is_empty() {
+            groups.push(Group { field: 0, factors: Factors::default() });
+        }
         groups
     }
 
@@ -221,6 +233,18 @@ impl Scene {
     #[must_use]
     pub fn shows(&self, index: usize) -> bool {
         self.uses(index, |term| &term.opacity, |entry| entry.opacity)
+    }
+
+    /// True if the material `index` has an opacity of 1 at some value or as a label, of hidden fields too.
+    #[must_use]
+    pub fn has_opaque(&self, index: usize) -> bool {
+        let is_opaque = |term: &Term| {
+            term.opacity.iter().any(|point| point.1 >= 1.0) && term.material.0.iter().any(|point| point.1 == index)
+        };
+        let labels = self.declared();
+        (0..=self.fields.further().len()).any(|field| self.own_terms_of(field).iter().any(is_opaque))
+            || labels.iter().flat_map(|entry| &entry.terms).any(is_opaque)
+            || labels.iter().any(|it| it.terms.is_empty() && it.material == index && it.opacity >= 1.0)
     }
 
     /// Whether the material `index` is visible through a value of the transfer function.
@@ -308,9 +332,9 @@ impl Scene {
         self.labels.as_ref().map_or(&[], |labels| &labels.declared)
     }
 
-    /// The terms of all fields.
+    /// The terms of all fields that are not hidden.
     fn field_terms(&self) -> impl Iterator<Item = &Term> {
-        self.transfer.terms.iter().chain(self.fields.further().iter().flat_map(|field| &field.terms))
+        (0..=self.fields.further().len()).flat_map(|field| self.terms_of(field))
     }
 
     /// The terms of all fields, and those of labels by value.
@@ -350,8 +374,9 @@ pub struct Material {
     pub specular: f64,
     /// Exponent of the specular part.
     pub exponent: u32,
-    /// X-ray material: adds light but occludes nothing (§5.2 of the paper).
-    pub xray: bool,
+    /// Part of its scattering that occludes what is behind, 0 to 1: all of it by default. One of 0 is an X-ray material, which adds light but
+    /// occludes nothing (§5.2 of the paper).
+    pub occludes: f64,
     /// Mean cosine of the angle by which a scattered ray turns, in [`PHASES`]: 0 scatters evenly in all directions, a
     /// positive number mostly forwards. It has an effect in scenes without shading (docs/theory/phase-functions.md).
     pub phase: f64,
@@ -372,7 +397,7 @@ impl Material {
             diffuse: 0.8,
             specular: 0.0,
             exponent: 20,
-            xray: false,
+            occludes: 1.0,
             phase: 0.0,
             film: None,
         }
@@ -407,10 +432,16 @@ impl Material {
         if self.thin_film_at(ThinFilmAngle::Lobe).is_some() { 0.0 } else { self.specular }
     }
 
+    /// True if it occludes nothing.
+    #[must_use]
+    pub fn is_xray(&self) -> bool {
+        self.occludes <= 0.0
+    }
+
     /// `opacity` clamped to the range of this material; an X-ray material never has opacity 1.
     #[must_use]
     pub fn allowed_opacity(&self, opacity: f64) -> f64 {
-        let most = if self.xray { 0.999 } else { 1.0 };
+        let most = if self.is_xray() { 0.999 } else { 1.0 };
         if opacity.is_nan() { 0.0 } else { opacity.clamp(0.0, most) }
     }
 }

@@ -24,8 +24,8 @@ pub use warning::PlanWarning;
 
 use crate::{
     AccumulateAs, Accuracy, AmbientShares, Blending, FIELDS, Field, Gradients, Integration, Interpolation, Keep,
-    LabelInterpolation, Lighting, Lookup, MOST_GROUPS, Overlap, Placement, Position, Scene, Second, Shading, StoreAs,
-    VolumeAs, positions,
+    LabelInterpolation, Lighting, Lookup, MOST_GROUPS, Material, Overlap, Placement, Position, Scene, Second, Shading,
+    StoreAs, VolumeAs, positions,
 };
 use relume_base::progress::Progress;
 use relume_colour::model::{ColourModel, ModelError, ModelKind, Order};
@@ -789,7 +789,7 @@ fn check_extremes(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
 
 /// True if shadows do not tell where all media are.
 fn hides_unseen(planned: &Planned, scene: &Scene) -> bool {
-    let is_xray = |&material: &usize| scene.materials.get(material).is_some_and(|material| material.xray);
+    let is_xray = |&material: &usize| scene.materials.get(material).is_some_and(Material::is_xray);
     planned.plan.light.absorbers > 0 || planned.materials.iter().any(is_xray)
 }
 
@@ -803,7 +803,7 @@ fn check_fields(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     } else if scene.fields.iter().any(|field| field.bricks().is_some()) {
         "a file of bricks; open the volumes that it was made of"
     } else if plan.groups.overlap != Overlap::Add && plan.light.grid_lights() > 0 && hides_unseen(planned, scene) {
-        "an overlap other than \"add\" with shadows and X-ray materials or coloured absorption, whose shadows do not tell where they are; take overlap = \"add\", leave out the shadows, or give these materials xray = false"
+        "an overlap other than \"add\" with shadows and X-ray materials or coloured absorption, whose shadows do not tell where they are; take overlap = \"add\", leave out the shadows, or let these materials occlude"
     } else {
         return Ok(());
     };

@@ -123,6 +123,12 @@ impl Medium {
 }
 
 impl Medium {
+    /// Scattering that occludes, of these `materials`: optical depth per opacity length.
+    #[must_use]
+    pub fn occluding(&self, materials: &[Material]) -> f64 {
+        materials.iter().zip(&self.scattering).map(|(material, depth)| material.occludes * depth).sum()
+    }
+
     /// Adds `other`, of as many materials.
     pub(crate) fn add(&mut self, other: &Self) {
         self.scattering.iter_mut().zip(&other.scattering).for_each(|(sum, depth)| *sum += depth);

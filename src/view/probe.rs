@@ -500,8 +500,7 @@ impl<'a> Profile<'a> {
         } else {
             length * scene.step_length() / scene.transfer.opacity_length
         };
-        let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
-        let grey: f64 = occluding.map(|(_, depth)| depth * lengths).sum();
+        let grey = medium.occluding(&scene.materials) * lengths;
         let [scattering, absorption] = [medium.scattering, medium.absorption]
             .map(|depths| depths.into_iter().map(|depth| depth * lengths).collect::<Vec<f64>>());
         let absorbing: Vec<(usize, &Spectrum, f64)> = (scene.materials.iter().zip(&absorption).enumerate())

@@ -119,6 +119,10 @@ pub enum About {
     IntervalMaterial(usize),
     /// Opacity of the label.
     LabelOpacity(f64),
+    /// Part of the scattering of the material that occludes.
+    Occludes(f64),
+    /// Hides the field, or shows it again.
+    Hidden(bool),
 }
 
 /// Mouse and keyboard input; positions are in points of the window.
@@ -293,6 +297,11 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             let (opacity, name) = rest.split_last().ok_or("label NAME OPACITY")?;
             Command::Named(About::LabelOpacity(numbers::<f64, 1>(verb, &[opacity])?[0]), name.join(" "))
         }
+        "occludes" => {
+            let (part, name) = rest.split_last().ok_or("occludes MATERIAL PART")?;
+            Command::Named(About::Occludes(numbers::<f64, 1>(verb, &[part])?[0]), name.join(" "))
+        }
+        "hide" | "show" => Command::Named(About::Hidden(verb == "hide"), name()?),
         "exposure" => edit(Edit::Exposure(numbers::<f64, 1>(verb, rest)?[0])),
         "normalise" => edit(Edit::Normalise(switch(verb, rest)?)),
         "vision" | "sees" => {
@@ -540,6 +549,7 @@ impl About {
         let node = || find(state.dial.nodes.iter().map(|node| node.light.as_str()).collect());
         let preset = || find(state.dial.presets.iter().map(|one| one.name.as_str()).collect());
         let material = || find(state.scene.materials.iter().map(|material| material.name.as_str()).collect());
+        let field = || find(state.scene.fields.iter().map(|field| field.name.as_str()).collect());
         let labels = || state.scene.labels.iter().flat_map(|labels| &labels.declared);
         let label = || find(labels().map(|entry| entry.name.as_str()).collect());
         Ok(match self {
@@ -559,6 +569,8 @@ impl About {
             Self::IntervalMaterial(index) => {
                 Edit::Interval(index, Interval { material: material()?, ..interval(state, index)? })
             }
+            Self::Occludes(part) => Edit::Occludes(material()?, part),
+            Self::Hidden(hides) => Edit::Hidden(field()?, hides),
             Self::LabelOpacity(opacity) => {
                 let index = label()?;
                 if labels().nth(index).is_some_and(|entry| !entry.terms.is_empty()) {

@@ -757,7 +757,7 @@ fn a_scene_takes_its_spectra_from_a_palette() {
     let used = used.scene;
     let names: Vec<&str> = used.materials.iter().map(|material| material.name.as_str()).collect();
     assert_eq!(names, ["tissue", "vessel"]);
-    assert!(used.materials[1].xray && used.materials[1].reflectance == palette.materials[2]);
+    assert!(used.materials[1].is_xray() && used.materials[1].reflectance == palette.materials[2]);
     // Definitions in the scene itself take precedence.
     assert_eq!(used.materials[0].reflectance, Reflectance::new(Spectrum::constant(0.5)).unwrap());
     assert_eq!(used.background.as_ref(), Some(&palette.materials[0]));

@@ -987,6 +987,9 @@ fn fields_that_do_not_belong_together_are_refused() {
     }
     definition_refused("clip.keep=\"some\"", &["keep", "any"]);
     definition_refused("overlap=\"second\"", &["overlap", "first"]);
+    definition_refused("hidden=[\"volume\"]", &["hidden", "one field"]);
+    definition_refused("materials.bone.occludes=1.5", &["occludes", "from 0 to 1"]);
+    definition_refused("materials.bone.xray=0", &["xray", "boolean"]);
     definition_refused(&format!("volumes.a={}", field.replace("frog", "toad")), &["toad"]);
     definition_refused(&format!("volumes.a={}", field.replace("bone", "stone")), &["stone"]);
 

@@ -148,14 +148,21 @@ fn ranges_of_fields_are_saved_as_stretched_terms() {
     let mut document = Document::new(parse(text));
     let ranges = [[40.0, 80.5], [20.5, 150.25], [-3.0, 200.0]];
     for (index, range) in ranges.into_iter().enumerate() {
+        document.edit(&Edit::Hidden(index, index != 1));
+        document.edit(&Edit::Hidden(7, true));
+        document.edit(&Edit::Occludes(index % 2, [0.25, f64::NAN, 0.0][index]));
         document.edit(&Edit::FieldRange(index, range));
         assert_eq!(document.state().scene.range_of(index), Some(range));
         document.edit(&Edit::FieldRange(index, [7.0, 7.0]));
         document.edit(&Edit::FieldRange(index, [f64::NAN, 9.0]));
         assert_eq!(document.state().scene.range_of(index), Some(range), "no range");
         let (text, file) = saved(&document);
+        assert_eq!(
+            (file.scene.hidden, &file.scene.materials),
+            (document.state().scene.hidden, &document.state().scene.materials)
+        );
         for field in 0..3 {
-            assert_eq!(file.scene.terms_of(field), document.state().scene.terms_of(field), "{field}: {text}");
+            assert_eq!(file.scene.own_terms_of(field), document.state().scene.own_terms_of(field), "{field}: {text}");
         }
         let clip = Clip { cap: index == 1, ..document.state().scene.clip.clone() };
         document.edit(&Edit::Clip(clip.clone()));

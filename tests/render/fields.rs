@@ -86,6 +86,79 @@ fn overlapping_slabs_are_their_closed_form_on_every_rung() {
     }
 }
 
+/// Depths of each slab, the light of both, and what is left, marched on every rung.
+fn check_slabs(what: &str, scene: Scene, expected: [f64; 3]) {
+    let rungs = Rungs::new(scene, [4, 4]);
+    check(&format!("{what}: f64"), &rungs.march::<f64>(&rungs.exact()), expected, 1e-12);
+    check(&format!("{what}: tables"), &rungs.march::<f64>(&rungs.stored::<f64>()), expected, 1e-6);
+    check(&format!("{what}: f32"), &rungs.march::<f32>(&rungs.stored::<f32>()), expected, 4e-6);
+    with_renderer(|renderer| check(&format!("{what}: device"), &rungs.gpu(renderer), expected, 6e-6));
+}
+
+/// From a sum, where neither hides, to dyes that hide each other.
+#[test]
+fn the_part_that_occludes_leads_from_a_sum_to_dyes_that_hide() {
+    let [one, two] = [0.03, 0.05];
+    for parts in [[0.25, 1.0], [0.5, 0.0], [0.001, 0.6]] {
+        let mut scene = scene(&[first(one), field("other", "two", two)].concat(), 100, &[("other", 100)]);
+        for (material, part) in scene.materials.iter_mut().zip(parts) {
+            material.occludes = part;
+        }
+        let (a, b) = (depth(one), depth(two));
+        let extinction = parts[0] * a + parts[1] * b;
+        let left = (-extinction).exp();
+        let gained = (1.0 - left) / extinction;
+        check_slabs(&format!("{parts:?}"), scene, [a * gained, b * gained, left]);
+    }
+}
+
+#[test]
+fn hidden_fields_are_as_if_they_were_not_there() {
+    let [one, two] = [0.03, 0.05];
+    let alone = |depth: f64| 1.0 - (-depth).exp();
+    let (a, b) = (depth(one), depth(two));
+    for (hidden, expected) in [
+        ([true, false], vec![alone(b), (-b).exp()]),
+        ([false, true], vec![alone(a), (-a).exp()]),
+        ([true, true], vec![1.0]),
+    ] {
+        let mut scene = scene(&[first(one), field("other", "two", two)].concat(), 100, &[("other", 100)]);
+        scene.hidden[..2].copy_from_slice(&hidden);
+        let rungs = Rungs::new(scene, [4, 4]);
+        let numbers = |film: Film<f64>| [film.accumulators, film.transmittance].concat();
+        let found = numbers(rungs.march::<f64>(&rungs.exact()));
+        for (i, number) in found.iter().enumerate() {
+            let expected = expected[i * expected.len() / found.len()];
+            assert!((number - expected).abs() <= 1e-12, "{hidden:?}: {number} for {expected}");
+        }
+        with_renderer(|renderer| {
+            let film = rungs.gpu(renderer);
+            let on_device: Vec<f32> = [film.accumulators, film.transmittance].concat();
+            assert_eq!(on_device.len(), found.len(), "{hidden:?}");
+            for (here, there) in found.iter().zip(on_device) {
+                assert!((here - f64::from(there)).abs() <= 6e-6, "{hidden:?}: {there} for {here}");
+            }
+        });
+    }
+}
+
+/// Values of a hidden field still scale others.
+#[test]
+fn a_hidden_field_keeps_its_factors() {
+    let text = first(0.04).replace(" }]", ", by = { other = [[50, 0], [150, 1]] } }]");
+    let text = [text, field("other", "two", 0.05)].concat();
+    let mut scene = scene(&text, 100, &[("other", 100)]);
+    scene.hidden[1] = true;
+    let rungs = Rungs::new(scene, [4, 4]);
+    let left = (-0.5 * depth(0.04)).exp();
+    let film = rungs.march::<f64>(&rungs.exact());
+    assert!(
+        film.transmittance.iter().all(|found| (found - left).abs() <= 1e-12),
+        "{:?} for {left}",
+        film.transmittance
+    );
+}
+
 /// Each field is scaled by half through the value of the other one, which is 100 everywhere.
 #[test]
 fn factors_by_each_other_are_their_closed_form_on_every_rung() {

@@ -678,5 +678,7 @@ matrix! {
     phases_nearest_labels phases_background phases_xray phases_thinned phases_exact_linear phases_shadows phases_every
     phases_five phases_forwards phases_backwards phases_grey phases_grey_shadows phases_coloured phases_coloured_labels
     phases_coloured_xray phases_alike phases_sharpened phases_segments phases_grey_segments phases_coloured_thinned
+    fields_hidden fields_hidden_mask occludes_unshaded occludes_three occludes_coloured occludes_segments occludes_shadows
+    occludes_labels occludes_fields occludes_sharpened
     films_three films_highlights films_labels films_shadows films_every films_grey films_coloured_shadows films_segments
 }

@@ -365,7 +365,7 @@ fn an_xray_material_casts_no_shadow_and_is_lit_through_that_of_others() {
             relume::scene::Term::interval(0, [20000.0, 65535.0], 1000.0, 0.3, 0.0),
             relume::scene::Term::interval(1, [5000.0, 19000.0], 1000.0, opacity, 0.0),
         ];
-        scene.materials[1].xray = xray;
+        scene.materials[1].occludes = if xray { 0.0 } else { 1.0 };
         scene
     };
     let pixels = SIZE[0] * SIZE[1];
@@ -780,7 +780,7 @@ fn a_light_grid_is_filled_again_only_where_its_depths_change() {
         assert_eq!(fills(&crop).0, 2, "another crop box");
         let xray = |opacity: f64| {
             let mut scene = occluded("none");
-            scene.materials[1].xray = true;
+            scene.materials[1].occludes = 0.0;
             scene.transfer.terms.push(relume::scene::Term::interval(1, [2000.0, 9000.0], 100.0, opacity, 0.0));
             scene
         };

@@ -130,6 +130,29 @@ fn what_would_show_is_refused_with_the_way_out() {
     assert!(error <= 1.0, "{error}");
 }
 
+/// Dense where it occludes little: its light adds up to 1/occludes of its reflectance.
+#[test]
+fn what_occludes_a_part_stays_below_its_bound() {
+    let largest = |occludes: f64, opacity: f64| {
+        let mut scene = scenes::named("unshaded_one");
+        scene.accuracy.storage = StoreAs::Half;
+        scene.materials.iter_mut().for_each(|material| material.occludes = occludes);
+        scene.transfer.terms = vec![relume::scene::Term::interval(0, [f64::from(i16::MIN), 1e6], 0.0, opacity, 0.0)];
+        let error = plan(&scene, &Quiet).map(|planned| planned.half_precision_error(&scene));
+        let mut single = scene.clone();
+        single.accuracy.storage = StoreAs::Single;
+        let rungs = Rungs::new(single, [9, 9]);
+        (rungs.march::<f64>(&rungs.exact()).accumulators.into_iter().fold(0.0, f64::max), error)
+    };
+    for (occludes, opacity) in [(0.5, 1.0), (0.01, 1.0), (0.01, 0.01), (0.0, 0.01)] {
+        let (found, error) = largest(occludes, opacity);
+        assert!(found > 0.1 && found <= (1.0 / occludes) * (1.0 + 1e-9), "{occludes}, {opacity}: {found}");
+        assert!(error.is_ok(), "{occludes}, {opacity}: {error:?}");
+    }
+    let (found, error) = largest(1e-5, 1.0);
+    assert!(found > 65504.0 && matches!(error, Err(PlanError::HalfRange)), "{found}: {error:?}");
+}
+
 #[test]
 fn what_is_too_large_for_sixteen_bits_is_refused() {
     let mut huge = scenes::named("coloured_one");

@@ -52,20 +52,28 @@ impl Text<'_> {
     }
 }
 
+/// The fields with these `names`, by their indices; `what` names them in the message of an unknown one.
+pub(super) fn fields_named(names: &[String], what: &str, fields: &Fields) -> Result<[bool; FIELDS], String> {
+    let all: Vec<&str> = fields.iter().map(|field| field.name.as_str()).collect();
+    match names.iter().find(|name| !all.contains(&name.as_str())) {
+        Some(unknown) => Err(format!("{what} {unknown:?}; there are: {}", all.join(", "))),
+        None => Ok(std::array::from_fn(|index| all.get(index).is_some_and(|name| names.iter().any(|it| it == name)))),
+    }
+}
+
 /// The fields that a plane cuts, by their names.
 fn cut_fields(volumes: &[String], fields: &Fields) -> Result<[bool; FIELDS], String> {
-    let names: Vec<String> = fields.iter().map(|field| field.name.clone()).collect();
-    if let Some(unknown) = volumes.iter().find(|name| !names.contains(name)) {
-        return Err(format!("a clip plane of the volume {unknown:?}; there are: {}", names.join(", ")));
+    let named = fields_named(volumes, "a clip plane of the volume", fields)?;
+    let number = fields.iter().count();
+    match named.iter().filter(|named| **named).count() {
+        0 => {
+            let names: Vec<&str> = fields.iter().map(|field| field.name.as_str()).collect();
+            Err(format!("a clip plane of no volume; name some of {}, or leave out `volumes`", names.join(", ")))
+        }
+        // A plane of all fields is one of all that a scene may have.
+        cut if cut == number => Ok([true; FIELDS]),
+        _ => Ok(named),
     }
-    if volumes.is_empty() {
-        return Err(format!("a clip plane of no volume; name some of {}, or leave out `volumes`", names.join(", ")));
-    }
-    // A plane of all fields is one of all that a scene may have.
-    let cuts = |index: usize| names.get(index).is_none_or(|name| volumes.contains(name));
-    let all = std::array::from_fn(cuts);
-    let is_all = all.iter().all(|&cuts| cuts);
-    Ok(if is_all { all } else { std::array::from_fn(|index| index < names.len() && all[index]) })
 }
 
 /// The clip plane of a `text` such as `z:50%`, in `frame`: the direction in which all goes, and a place on the plane.

@@ -66,6 +66,8 @@ pub(super) struct Root {
     pub(super) version: At<i64>,
     pub(super) base: Option<PathBuf>,
     pub(super) background: Option<At<SpectrumSource>>,
+    /// Names of fields that show nothing.
+    pub(super) hidden: Option<At<Vec<String>>>,
     #[serde(default)]
     pub(super) volume: VolumeFile,
     #[serde(default)]
@@ -208,6 +210,8 @@ pub(super) struct MaterialFile {
     pub(super) reflectance: Option<At<SpectrumSource>>,
     pub(super) absorption: Option<At<SpectrumSource>>,
     pub(super) film: Option<At<ThinFilmFile>>,
+    /// Short for `occludes = 0`, unless that is stated.
+    pub(super) xray: Option<bool>,
     pub(super) emission: Option<At<Value>>,
     pub(super) fluorescence: Option<At<Value>>,
 }

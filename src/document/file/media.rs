@@ -45,6 +45,7 @@ impl Text<'_> {
                     material.absorption = Some(self.spectrum(key, stated, |source| source.absorption(base))?);
                 }
                 material.film = file.film.as_ref().map(|film| self.film(name, film)).transpose()?;
+                material.occludes = if file.xray == Some(true) { 0.0 } else { 1.0 };
                 self.set(&mut material, key::MATERIAL, &format!("materials.{name}."), scalars)?;
                 Ok(material)
             })
@@ -94,7 +95,7 @@ impl Text<'_> {
 
     pub(super) fn opacity(&self, key: &str, value: &At<f64>, material: &Material) -> Result<f64, SceneError> {
         let opacity = self.number(key, value, &UNIT)?;
-        if material.xray && opacity >= 1.0 {
+        if material.is_xray() && opacity >= 1.0 {
             let message = format!(
                 "{key} = 1; the opacity of the X-ray material {} must be at least 0 and less than 1, because 1 would scatter infinite light",
                 material.name
@@ -304,7 +305,7 @@ impl Text<'_> {
         let mut curve = Vec::new();
         for (value, name) in material.get_ref() {
             let index = self.material_named(name, materials).map_err(|message| self.invalid(material, message))?;
-            if materials[index].xray && points.iter().any(|point| point.1 >= 1.0) {
+            if materials[index].is_xray() && points.iter().any(|point| point.1 >= 1.0) {
                 return Err(self.invalid(
                     opacity,
                     format!("transfer.opacity = 1; the opacity of the X-ray material {name} must be less than 1"),

@@ -118,7 +118,7 @@ fn shone(left: &Left<'_>) -> f64 {
 /// X-rays of opacity 0.5 in 9 × 9 × 9 voxels; the opacity length is so short that the diagonal adds up to `sum`.
 fn shining(reflectance: &'static str, sum: f64) -> Result<Scene, ExtremeError> {
     let mut scene = Slab { dims: [9, 9, 9], opacity: 0.5, reflectance, ..Slab::default() }.scene()?;
-    scene.materials.iter_mut().for_each(|material| material.xray = true);
+    scene.materials.iter_mut().for_each(|material| material.occludes = 0.0);
     let diagonal = 243.0_f64.sqrt();
     scene.transfer.opacity_length = diagonal * std::f64::consts::LN_2 / sum;
     Ok(scene)

@@ -34,7 +34,10 @@ pub(super) fn error(planned: &Planned, scene: &Scene) -> f64 {
     let (mut xrays, mut surface) = (0.0, 0.0_f64);
     for (material, index) in sums {
         let largest = largest_number(planned, material);
-        if material.xray { xrays += largest * largest_sum(scene, index) } else { surface = surface.max(largest) }
+        match most(material, scene, index) {
+            Most::Sum(sum) => xrays += largest * sum,
+            Most::Surface(gain) => surface = surface.max(gain * largest),
+        }
     }
     if xrays + surface > LARGEST {
         return f64::INFINITY;
@@ -80,7 +83,25 @@ fn largest_phase(planned: &Planned, material: &Material) -> f64 {
     if planned.plan.phases > 0 { (1.0 + size) / (1.0 - size).powi(2) } else { 1.0 }
 }
 
-/// Largest sum of an X-ray material along the longest path.
+/// Largest weight of a material along a ray.
+enum Most {
+    /// By itself, which adds to all others.
+    Sum(f64),
+    /// As a surface, which hides what it adds to: one over the part of its scattering that occludes.
+    Surface(f64),
+}
+
+/// The bound on the weight of the material of this index that is lower, but that of a surface where it hides all behind it.
+fn most(material: &Material, scene: &Scene, index: usize) -> Most {
+    let surface = 1.0 / material.occludes;
+    if material.occludes >= 1.0 {
+        return Most::Surface(1.0);
+    }
+    let sum = largest_sum(scene, index);
+    if sum < surface { Most::Sum(sum) } else { Most::Surface(surface) }
+}
+
+/// Largest sum of a material that hides nothing along the longest path.
 fn largest_sum(scene: &Scene, material: usize) -> f64 {
     let terms = scene.all_terms().filter(|term| term.material.0.iter().any(|point| point.1 == material));
     let of_terms = terms.map(|term| term.opacity.iter().map(|point| point.1).fold(0.0, f64::max));
@@ -89,12 +110,18 @@ fn largest_sum(scene: &Scene, material: usize) -> f64 {
     of_terms.chain(of_labels).map(depth_from_opacity).sum::<f64>() * longest_way(scene)
 }
 
-/// Largest sum of weights: 1, or the sum of the X-ray materials if that is larger, times the largest phase function.
+/// Largest sum of weights: the largest surface, or the sum of the X-ray materials if that is larger, times the largest phase function.
 fn largest_total(planned: &Planned, scene: &Scene) -> f64 {
-    let xrays = (0..scene.materials.len()).filter(|&material| scene.materials[material].xray);
+    let (mut xrays, mut surface) = (0.0, 1.0_f64);
+    for (index, material) in scene.materials.iter().enumerate() {
+        match most(material, scene, index) {
+            Most::Sum(sum) => xrays += sum,
+            Most::Surface(gain) => surface = surface.max(gain),
+        }
+    }
     let used = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
     let phase = used.map(|material| largest_phase(planned, material)).fold(1.0, f64::max);
-    xrays.map(|material| largest_sum(scene, material)).sum::<f64>().max(1.0) * phase
+    xrays.max(surface) * phase
 }
 
 /// Error of material weights.

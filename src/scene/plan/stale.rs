@@ -24,6 +24,7 @@ impl Stale {
             // Compared in the plan.
             blending: _,
             overlap: _,
+            hidden,
             shading: _,
             lighting: _,
             background,
@@ -41,7 +42,7 @@ impl Stale {
         let mut stale = Self::of_plans(before, after);
         let mut add = |changed: bool, stage: Self| stale = stale.max(if changed { stage } else { Self::Nothing });
         add(!fields.are(&after.fields) || *frame != after.frame, Self::Volume);
-        add(fields.terms() != after.fields.terms(), Self::Tables);
+        add(fields.terms() != after.fields.terms() || *hidden != after.hidden, Self::Tables);
         add(true, of_labels(labels.as_ref(), after.labels.as_ref()));
         let phases = match planned.plan.phases {
             // A phase function that has an effect in one of the scenes changes the plan.
@@ -167,10 +168,12 @@ fn of_labels(before: Option<&Labels>, after: Option<&Labels>) -> Stale {
 }
 
 fn of_materials(before: &Material, after: &Material, [spectra, phases, thin_films]: [Stale; 3]) -> Stale {
-    let Material { name: _, reflectance, absorption, ambient, diffuse, specular, exponent, xray, phase, film } = before;
+    let Material { name: _, reflectance, absorption, ambient, diffuse, specular, exponent, occludes, phase, film } =
+        before;
     let same_medium = *absorption == after.absorption
         && (*ambient, *diffuse, *specular) == (after.ambient, after.diffuse, after.specular)
-        && (*exponent, *xray) == (after.exponent, after.xray);
+        && *exponent == after.exponent
+        && *occludes == after.occludes;
     if !same_medium {
         return Stale::Tables;
     }

@@ -252,7 +252,8 @@ impl<'a> Steps<'a> {
 
     /// Sets a source and an opacity to those of [`Self::of_value`].
     pub fn write(&self, value: f64, step: [&mut Vec<f64>; 2]) {
-        self.write_medium(&self.scene.transfer.medium(value, self.scene.materials.len()), step);
+        let terms = self.scene.terms_of(0);
+        self.write_medium(&medium_of(terms, value, self.scene.materials.len(), |_| 1.0), step);
     }
 
     /// Returns the extinction of the terms of a `group` at a data value that light with shadows meets: optical depth per unit of
@@ -395,10 +396,9 @@ impl<'a> Steps<'a> {
         self.scene.step_length() / self.scene.transfer.opacity_length
     }
 
-    /// Scattering of the materials that occlude: optical depth per opacity length.
+    /// Scattering that occludes: optical depth per opacity length.
     fn occluding(&self, medium: &Medium) -> f64 {
-        let occluding = self.scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
-        occluding.map(|(_, depth)| depth).sum()
+        medium.occluding(&self.scene.materials)
     }
 
     /// Sets a source and an opacity to those of a step in `medium`.

@@ -1,6 +1,6 @@
-//! Values of several fields, such as channels: the range that each shows.
+//! Several fields, such as channels: which are shown, the range of values that each shows, and what it hides.
 
-use egui::{Ui, WidgetInfo};
+use egui::{Ui, WidgetInfo, WidgetType};
 
 use super::axis::places;
 use super::controls::{choices, number, say_beside};
@@ -33,11 +33,16 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
 
 fn row(ui: &mut Ui, scene: &Scene, (index, range): (usize, [f64; 2]), asked: &mut Vec<Action>) {
     let name = name(scene, index);
-    ui.label(&name).on_hover_text("The values of this field that are shown: what it shows is stretched to other ones.");
+    let mut shown = !scene.hidden[index];
+    let eye = ui.checkbox(&mut shown, &name);
+    eye.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, true, shown, format!("field {name}: shown")));
+    if eye.on_hover_text("Shows or hides this field. A change marches the volume again.").changed() {
+        asked.push(Action::Edit(Edit::Hidden(index, !shown)));
+    }
     let statistics = scene.fields.iter().nth(index).map(Field::statistics);
     let span = statistics.map_or(1.0, |statistics| statistics.max - statistics.min);
     for (end, word) in ["from", "to"].into_iter().enumerate() {
-        ui.label(word);
+        ui.label(word).on_hover_text("The values that are shown: what the field shows is stretched to other ones.");
         let mut value = range[end];
         let field = number(ui, &mut value, places(span / 10.0), |drag| drag.speed(span / 1000.0));
         field.widget_info(|| WidgetInfo::slider(true, value, format!("field {name}: {word}")));
@@ -51,6 +56,24 @@ fn row(ui: &mut Ui, scene: &Scene, (index, range): (usize, [f64; 2]), asked: &mu
             }
         }
     }
+    if let Some((index, material)) = own_material(scene, index).and_then(|own| Some((own, scene.materials.get(own)?))) {
+        let help = "Part of its scattering that hides what is behind: at 0 its light only adds, at 1 it hides others as its opacity says. A change marches the volume again.";
+        ui.label("occludes").on_hover_text(help);
+        let mut part = material.occludes;
+        let field = number(ui, &mut part, 2, |drag| drag.speed(0.01).range(0.0..=1.0)).on_hover_text(help);
+        field.widget_info(|| WidgetInfo::slider(true, part, format!("field {name}: occludes")));
+        if field.changed() {
+            asked.push(Action::Edit(Edit::Occludes(index, part)));
+        }
+    }
+}
+
+/// The one material that field `index` shows, if no other field shows it.
+fn own_material(scene: &Scene, index: usize) -> Option<usize> {
+    let shown = |field: usize| scene.own_terms_of(field).iter().flat_map(|term| &term.material.0).map(|point| point.1);
+    let own = shown(index).next()?;
+    let others = (0..=scene.fields.further().len()).filter(|&other| other != index);
+    (shown(index).all(|other| other == own) && !others.flat_map(shown).any(|other| other == own)).then_some(own)
 }
 
 /// Name of a field: that of the first is its material, if it has none and shows one alone.
@@ -58,7 +81,7 @@ fn name(scene: &Scene, index: usize) -> String {
     match index.checked_sub(1).and_then(|further| scene.fields.further().get(further)) {
         Some(field) => field.name.clone(),
         None if scene.fields.first().name != FIRST_FIELD => scene.fields.first().name.clone(),
-        None => match scene.terms_of(0) {
+        None => match scene.own_terms_of(0) {
             [term] if term.material.0.len() == 1 => {
                 scene.materials.get(term.material.0[0].1).map_or_else(String::new, |material| material.name.clone())
             }
