@@ -612,7 +612,8 @@ fn each_field_is_seen(case: &Case<'_>) -> Result<(), &'static str> {
     if scene.fields.further().is_empty() {
         return Err("there is one");
     }
-    for (index, field) in scene.fields.further().iter().enumerate() {
+    let further = scene.fields.further().iter().enumerate();
+    for (index, field) in further.filter(|(index, _)| !scene.hidden[index + 1]) {
         let flat = |points: &[(f64, f64)]| points.iter().map(|point| (point.0, 0.0)).collect();
         let hidden =
             |term: &Term| Term { opacity: flat(&term.opacity), absorption: flat(&term.absorption), ..term.clone() };
