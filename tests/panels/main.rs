@@ -13,6 +13,7 @@ mod dial;
 mod dial_presets;
 mod docks;
 mod document;
+mod fields;
 mod layout;
 mod lights;
 mod notices;
