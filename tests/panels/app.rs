@@ -214,7 +214,9 @@ pub(crate) fn type_into(window: &mut Harness<'_, App>, label: &str, text: &str) 
 pub(crate) fn retype(window: &mut Harness<'_, App>, label: &str, text: &str) {
     let named = window.get_by_label(label).rect();
     let in_line = |place: &Rect| (place.center().y - named.center().y).abs() < 5.0;
-    let field = window.get_all_by_role(Role::SpinButton).map(|node| node.rect()).find(in_line).unwrap_or(named);
+    let fields: Vec<Rect> = window.get_all_by_role(Role::SpinButton).map(|node| node.rect()).filter(in_line).collect();
+    let own = fields.iter().find(|place| place.contains(named.center())).or(fields.first());
+    let field = own.copied().unwrap_or(named);
     click_at(window, field.center());
     window.run();
     window.key_press_modifiers(Modifiers::COMMAND, Key::A);
