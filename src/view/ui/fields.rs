@@ -18,7 +18,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     ui.separator();
     for index in 0..=further {
         let Some(range) = scene.range_of(index) else { continue };
-        ui.horizontal(|ui| row(ui, scene, (index, range), asked));
+        ui.horizontal_wrapped(|ui| row(ui, scene, (index, range), asked));
     }
     let label = ("Where they overlap", "What is seen where several have a medium. A change marches the volume again.");
     let all = [
