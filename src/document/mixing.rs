@@ -60,6 +60,12 @@ impl LightState {
         }
     }
 
+    /// True if all lights shine as the scene states them: nothing mixes them.
+    #[must_use]
+    pub fn is_of_all(&self) -> bool {
+        self.mixing == Mixing::Sliders && self.solo.is_none() && self.sliders.iter().all(|slider| slider.on)
+    }
+
     /// Mix of the current weights. `stated` is the mix of the scene, `lights` its lights and `dial` its dial.
     #[must_use]
     pub fn mix(&self, stated: Mix, lights: &[SceneLight], dial: &Dial) -> Mix {

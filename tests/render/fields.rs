@@ -9,7 +9,7 @@ use relume::film::{Film, RelightMatrices};
 use relume::number::Real;
 use relume::plan::{Planned, Stale, plan};
 use relume::progress::Quiet;
-use relume::scene::{Field, Integration, Mix, MixLight, Scene};
+use relume::scene::{ClipPlane, Field, Integration, Keep, Mix, MixLight, Overlap, Scene};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::volume::{Geometry, Volume, Voxels};
 
@@ -140,6 +140,21 @@ fn hidden_fields_are_as_if_they_were_not_there() {
             }
         });
     }
+}
+
+#[test]
+fn rules_for_several_without_several_are_told_of() {
+    let mut scene = scene(&first(0.1), 100, &[]);
+    scene.overlap = Overlap::First;
+    scene.clip.keep = Keep::Any;
+    scene.clip.planes = vec![ClipPlane::new(DVec3::ZERO, DVec3::Z).unwrap()];
+    let warnings: Vec<String> = plan(&scene, &Quiet).unwrap().warnings.iter().map(ToString::to_string).collect();
+    assert!(
+        matches!(&warnings[..], [overlap, keep] if overlap.contains("one field") && keep.contains("one clip plane")),
+        "{warnings:?}"
+    );
+    scene.clip.planes.push(ClipPlane::new(DVec3::ONE, DVec3::X).unwrap());
+    assert_eq!(plan(&scene, &Quiet).unwrap().warnings.len(), 1);
 }
 
 /// Values of a hidden field still scale others.

@@ -291,6 +291,17 @@ fn a_volume_without_a_scene_shows_something_at_once() {
     assert_eq!(at(2, 2), 0, "and air is not seen");
 }
 
+/// Switches, sliders and colours are at hand, as the look says; under the dial they would have no effect.
+#[test]
+fn channels_open_by_the_sliders() {
+    let Some(screen) = Screen::new() else { return };
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");
+    let folder = folder();
+    screen.script(&folder, file, "settle\nsave session opened.toml\n");
+    let session = std::fs::read_to_string(folder.path("opened.toml")).unwrap();
+    assert!(session.contains("by = \"sliders\"") && session.contains("off = [\"all\"]"), "{session}");
+}
+
 #[test]
 fn it_ends_after_its_frames_and_in_the_middle_of_a_march() {
     let Some(screen) = Screen::new() else { return };

@@ -1,13 +1,23 @@
 //! Explains plans in sentences, for people who know volumes but not this program.
 
 use super::{ClipPlan, Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower};
+use crate::key::Named as _;
 use crate::{
-    AccumulateAs, Accuracy, AmbientShares, Blending, Field, Gradients, Integration, Interpolation, Lookup, Overlap,
-    Scene, Shading, ShadowMethod,
+    AccumulateAs, Accuracy, AmbientShares, Blending, Field, Gradients, Integration, Interpolation, Keep, Lookup,
+    Overlap, Scene, Shading, ShadowMethod,
 };
 use relume_base::number::{brief, readable};
 use relume_colour::model::ModelKind;
 use relume_colour::spectrum::{Layers, THIN_FILM_ANGLES, ThinFilmAngle};
+
+/// Rules for several fields or clip planes, of a scene with one.
+fn unused_rules(scene: &Scene) -> impl Iterator<Item = PlanWarning> {
+    let overlap = scene.fields.further().is_empty() && scene.overlap != Overlap::default();
+    let overlap = overlap.then(|| (format!("overlap = \"{}\"", scene.overlap.name()), "the scene has one field"));
+    let keep = scene.clip.keep == Keep::Any && scene.clip.planes.iter().filter(|plane| plane.on).count() == 1;
+    let keep = keep.then(|| ("clip.keep = \"any\"".to_owned(), "one clip plane keeps the same by either rule"));
+    overlap.into_iter().chain(keep).map(|(setting, why)| PlanWarning::RuleUnused { setting, why })
+}
 
 impl Planned {
     /// Settings that this plan does not use.
@@ -30,7 +40,8 @@ impl Planned {
         let shadows =
             (is_extreme && !settings.is_empty()).then(|| PlanWarning::ShadowsUnused { settings: settings.join(", ") });
         let thin_films = self.unused_thin_films(scene).into_iter().chain(self.inexact_thin_films(scene));
-        stated.map(|setting| PlanWarning::Unused { setting }).chain(phases).chain(shadows).chain(thin_films).collect()
+        let of_model = stated.map(|setting| PlanWarning::Unused { setting });
+        of_model.chain(unused_rules(scene)).chain(phases).chain(shadows).chain(thin_films).collect()
     }
 
     /// Films without effect.

@@ -13,6 +13,13 @@ pub enum PlanWarning {
         /// The setting, such as "k = 8".
         setting: String,
     },
+    /// A rule for several fields or clip planes has no effect, because there is one.
+    RuleUnused {
+        /// The setting.
+        setting: String,
+        /// The reason.
+        why: &'static str,
+    },
     /// Phase functions of some materials have no effect, because gradients shade the scene, or a single value of a ray is seen.
     PhaseUnused {
         /// Names of the materials.
@@ -70,6 +77,7 @@ impl PlanWarning {
     pub fn code(&self) -> &'static str {
         match self {
             Self::Unused { .. } => "setting-unused",
+            Self::RuleUnused { .. } => "rule-unused",
             Self::PhaseUnused { .. } => "phase-unused",
             Self::ShadowsUnused { .. } => "shadows-unused",
             Self::FilmUnused { .. } => "film-unused",
@@ -90,6 +98,7 @@ impl fmt::Display for PlanWarning {
                     "{setting} has no effect: pixels keep material weights, which are exact for this scene"
                 )
             }
+            Self::RuleUnused { setting, why } => write!(formatter, "{setting} has no effect: {why}"),
             Self::PhaseUnused { materials, is_extreme } => {
                 let why = if *is_extreme {
                     "a single value of a ray is seen; use blending = \"composite\""

@@ -1,12 +1,16 @@
 //! Several fields, such as channels: which are shown, the range of values that each shows, and what it hides.
 
-use egui::{Ui, WidgetInfo, WidgetType};
+use egui::{Grid, RichText, Ui, WidgetInfo, WidgetType};
 
 use super::axis::places;
 use super::controls::{choices, number, say_beside};
 use crate::document::{Document, Edit};
 use crate::scene::{FIRST_FIELD, Field, Overlap, Scene};
 use crate::view::action::Action;
+
+const SHOWN: &str = "Shows or hides this field. A change marches the volume again.";
+const VALUES: &str = "The values that are shown: what the field shows is stretched to other ones.";
+const OCCLUDES: &str = "Part of its scattering that hides what is behind: at 0 its light only adds, at 1 it hides others as its opacity says. A change marches the volume again.";
 
 /// Shows a row for each field, if there are several.
 pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
@@ -16,10 +20,18 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         return;
     }
     ui.separator();
-    for index in 0..=further {
-        let Some(range) = scene.range_of(index) else { continue };
-        ui.horizontal_wrapped(|ui| row(ui, scene, (index, range), asked));
-    }
+    Grid::new("fields").num_columns(4).spacing([8.0, 4.0]).show(ui, |ui| {
+        ui.label("").on_hover_text(SHOWN);
+        ui.label(RichText::new("from").small().weak()).on_hover_text(VALUES);
+        ui.label(RichText::new("to").small().weak()).on_hover_text(VALUES);
+        ui.label(RichText::new("occludes").small().weak()).on_hover_text(OCCLUDES);
+        ui.end_row();
+        for index in 0..=further {
+            let Some(range) = scene.range_of(index) else { continue };
+            row(ui, scene, (index, range), asked);
+            ui.end_row();
+        }
+    });
     let label = ("Where they overlap", "What is seen where several have a medium. A change marches the volume again.");
     let all = [
         (Overlap::Add, "together", "Their media scatter and absorb together."),
@@ -36,16 +48,16 @@ fn row(ui: &mut Ui, scene: &Scene, (index, range): (usize, [f64; 2]), asked: &mu
     let mut shown = !scene.hidden[index];
     let eye = ui.checkbox(&mut shown, &name);
     eye.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, true, shown, format!("field {name}: shown")));
-    if eye.on_hover_text("Shows or hides this field. A change marches the volume again.").changed() {
+    if eye.on_hover_text(SHOWN).changed() {
         asked.push(Action::Edit(Edit::Hidden(index, !shown)));
     }
     let statistics = scene.fields.iter().nth(index).map(Field::statistics);
     let span = statistics.map_or(1.0, |statistics| statistics.max - statistics.min);
     for (end, word) in ["from", "to"].into_iter().enumerate() {
-        ui.label(word).on_hover_text("The values that are shown: what the field shows is stretched to other ones.");
         let mut value = range[end];
         let field = number(ui, &mut value, places(span / 10.0), |drag| drag.speed(span / 1000.0));
         field.widget_info(|| WidgetInfo::slider(true, value, format!("field {name}: {word}")));
+        let field = field.on_hover_text(VALUES);
         if field.changed() && value.to_bits() != range[end].to_bits() {
             let mut next = range;
             next[end] = value;
@@ -57,10 +69,8 @@ fn row(ui: &mut Ui, scene: &Scene, (index, range): (usize, [f64; 2]), asked: &mu
         }
     }
     if let Some((index, material)) = own_material(scene, index).and_then(|own| Some((own, scene.materials.get(own)?))) {
-        let help = "Part of its scattering that hides what is behind: at 0 its light only adds, at 1 it hides others as its opacity says. A change marches the volume again.";
-        ui.label("occludes").on_hover_text(help);
         let mut part = material.occludes;
-        let field = number(ui, &mut part, 2, |drag| drag.speed(0.01).range(0.0..=1.0)).on_hover_text(help);
+        let field = number(ui, &mut part, 2, |drag| drag.speed(0.01).range(0.0..=1.0)).on_hover_text(OCCLUDES);
         field.widget_info(|| WidgetInfo::slider(true, part, format!("field {name}: occludes")));
         if field.changed() {
             asked.push(Action::Edit(Edit::Occludes(index, part)));

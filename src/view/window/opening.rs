@@ -5,7 +5,7 @@ use std::thread::JoinHandle;
 use egui::Rect;
 
 use super::{ViewError, Viewer, Woken};
-use crate::document::{Document, Edit, Mixing, OpenError, Question, SceneFile, Source, Unknown};
+use crate::document::{Document, Edit, OpenError, Question, SceneFile, Source, Unknown};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::view::action::Leaving;
@@ -210,9 +210,8 @@ impl Viewer {
         match self.opened.document.as_ref().filter(|_| loaded.source.is_another_of(&self.opened.source)) {
             Some(before) if before.has_grid_of(scene) => Some(before.clone().with_file(loaded.file.clone(), alike)),
             Some(_) if self.losing().changes => None,
-            // The lights of a bare volume are a choice, not a mix.
-            // A look may say which.
-            _ if loaded.source.bare_volume().is_some() && loaded.file.light.mixing != Mixing::Dial => {
+            // The lights of a bare volume are a choice, not a mix, unless its look mixes them.
+            _ if loaded.source.bare_volume().is_some() && loaded.file.light.is_of_all() => {
                 Some(Document::starting(loaded.file.clone(), &Edit::HandOnNode(0)))
             }
             _ => Some(Document::new(loaded.file.clone())),
