@@ -56,6 +56,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
             let all = [
                 "--clip",
+                "--range",
+                "--hide",
                 "--labels",
                 "--label-names",
                 "--downsample",
@@ -74,7 +76,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             of_devices()
         }
         (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
-            let flags = ["-D", "--clip", "--labels", "--label-names", "--downsample", "--dims", "--spacing", "--voxel"];
+            let flags = [
+                "-D",
+                "--clip",
+                "--range",
+                "--hide",
+                "--labels",
+                "--label-names",
+                "--downsample",
+                "--dims",
+                "--spacing",
+                "--voxel",
+            ];
             let why = format!("{} is a film file; the flag is for scenes and volumes", path.display());
             args.refuse(&[&flags[..], &args.scene.selection.choices().map(|(flag, _)| flag)].concat(), &why)?;
             args.refuse_accuracy(&why)?;
@@ -82,7 +95,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }
         (Some(path), None) | (None, Some(path)) if args.scene.scene.is_none() || !is_scene(path) => {
             let why = format!("{} is a volume; the flag is for scenes", path.display());
-            args.refuse(&["-D", "--clip", "--labels"], &why)?;
+            args.refuse(&["-D", "--clip", "--range", "--hide", "--labels"], &why)?;
             args.refuse_accuracy(&why)?;
             // A file of bricks describes its voxels itself.
             let memory = if args.scene.downsample.is_none() { HostMemory::InFile } else { HostMemory::Whole };
@@ -129,7 +142,6 @@ impl Args {
     fn refuse(&self, flags: &[&str], why: &str) -> Result<(), CliError> {
         let others = [
             ("-D", !self.scene.define.is_empty()),
-            ("--clip", self.scene.is_clipped()),
             ("--labels", self.scene.labels.is_some()),
             ("--label-names", self.scene.label_names.is_some()),
             ("--downsample", self.scene.downsample.is_some()),
@@ -137,7 +149,8 @@ impl Args {
             ("--spacing", self.scene.raw.spacing().is_some()),
             ("--voxel", !self.voxel.is_empty()),
         ];
-        let mut given = self.scene.selection.choices().into_iter().chain(others);
+        let of_scene = self.scene.of_picture().into_iter().chain(others);
+        let mut given = self.scene.selection.choices().into_iter().chain(of_scene);
         match given.find(|(flag, given)| *given && flags.contains(flag)) {
             Some((flag, _)) => Err(CliError::Usage(format!("{flag} has no effect: {why}"))),
             None => Ok(()),

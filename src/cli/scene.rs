@@ -49,6 +49,13 @@ pub(crate) struct SceneArgs {
     /// of the scene.
     #[arg(long, value_name = "DIRECTION:PLACE", allow_hyphen_values = true)]
     clip: Vec<String>,
+    /// Show other values: stretch what a field shows to those from LOW to HIGH, as contrast limits do (repeatable): of the volume, or of a
+    /// channel or further volume by its name.
+    #[arg(long, value_name = "[NAME=]LOW:HIGH", allow_hyphen_values = true, value_parser = range)]
+    range: Vec<Definition>,
+    /// Hide these fields of several, by name, separated by commas: volumes or channels that show nothing, and hide nothing.
+    #[arg(long, value_name = "NAMES")]
+    hide: Option<String>,
     /// Average blocks of A×B×C voxels after loading, for less memory and time but less detail.
     #[arg(long, value_name = "AxBxC", value_parser = three)]
     pub(crate) downsample: Option<[usize; 3]>,
@@ -334,8 +341,9 @@ const OF_SCENES_VOLUME: [&str; 16] = [
 ];
 
 /// Keys of a scene that a flag overrides.
-const OVERRIDDEN: [(&str, &[&str]); 16] = [
+const OVERRIDDEN: [(&str, &[&str]); 17] = [
     ("--clip", &["clip.planes"]),
+    ("--hide", &["hidden"]),
     ("--labels", &["volume.labels", "volume.phantom_labels"]),
     ("--downsample", &["volume.downsample"]),
     ("--spacing", &["volume.spacing"]),
@@ -353,6 +361,18 @@ const OVERRIDDEN: [(&str, &[&str]); 16] = [
     ("--accumulate", &["accuracy.accumulate"]),
 ];
 
+/// The definition of `[NAME=]LOW:HIGH`.
+fn range(text: &str) -> Result<Definition, String> {
+    let (field, ends) = text.rsplit_once('=').map_or((None, text), |(name, ends)| (Some(name), ends));
+    let number = |end: &str| end.trim().parse::<f64>().ok().filter(|number| number.is_finite());
+    let ends = ends.split_once(':').and_then(|(low, high)| Some((number(low)?, number(high)?)));
+    let (low, high) = ends
+        .filter(|(low, high)| low < high)
+        .ok_or("write LOW:HIGH, two numbers, the lower one first, such as 100:4000 or GFP=100:4000")?;
+    let key = field.map_or_else(|| "transfer".to_owned(), |name| format!("volumes.{}.transfer", name.trim()));
+    Ok(Definition { given: format!("--range {text}"), text: format!("{key}.range=[{low:?}, {high:?}]") })
+}
+
 impl SceneArgs {
     /// Changes of the scene.
     pub(crate) fn options(&self) -> SceneOptions {
@@ -369,6 +389,8 @@ impl SceneArgs {
                 .definitions()
                 .chain(self.accuracy.definitions())
                 .chain(self.clip_planes())
+                .chain(self.range.iter().cloned())
+                .chain(self.hidden())
                 .collect(),
             wish: Wish::default(),
             preset: None,
@@ -383,13 +405,19 @@ impl SceneArgs {
         (!self.clip.is_empty()).then(|| Definition { given, text: format!("clip.planes={:?}", self.clip) })
     }
 
+    /// The definition of the hidden fields, if a flag names any.
+    fn hidden(&self) -> Option<Definition> {
+        let names = self.hide.as_ref()?;
+        let listed: Vec<&str> = names.split(',').map(str::trim).collect();
+        Some(Definition { given: format!("--hide {names}"), text: format!("hidden={listed:?}") })
+    }
+
     /// Flags that change the scene or its volume, and whether each is given.
     fn flags(&self) -> Vec<(&'static str, bool)> {
         let others = [
             ("--volume", self.volume.is_some()),
             ("--channels", self.channels.is_some()),
             ("a further VOLUME", !self.beside.is_empty()),
-            ("--clip", !self.clip.is_empty()),
             ("--labels", self.labels.is_some()),
             ("--label-names", self.label_names.is_some()),
             ("--downsample", self.downsample.is_some()),
@@ -397,7 +425,7 @@ impl SceneArgs {
             ("--dims", self.raw.dims.is_some()),
             ("--spacing", self.raw.spacing.is_some()),
         ];
-        others.into_iter().chain(self.selection.choices()).collect()
+        others.into_iter().chain(self.of_picture()).chain(self.selection.choices()).collect()
     }
 
     /// A flag that changes the scene or its volume, if one is given; `--tolerance` is not counted.
@@ -486,9 +514,9 @@ impl SceneArgs {
         self.flags().into_iter().chain(of_accuracy).any(|(name, given)| given && name == flag)
     }
 
-    /// True if a flag gives clip planes.
-    pub(crate) fn is_clipped(&self) -> bool {
-        !self.clip.is_empty()
+    /// Flags of what a scene shows, and whether each is given: those that a picture has, but no volume.
+    pub(crate) fn of_picture(&self) -> [(&'static str, bool); 3] {
+        [("--clip", !self.clip.is_empty()), ("--range", !self.range.is_empty()), ("--hide", self.hide.is_some())]
     }
 
     /// Refuses volumes beside the first for a `command` that reads one.

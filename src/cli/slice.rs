@@ -112,10 +112,12 @@ impl Args {
         if let Some(flag) = self.scene.accuracy.given().first() {
             return unused(format!("{flag} has no effect: a slice shows values, without a colour model"));
         }
-        if self.scene.is_clipped() {
-            return unused("--clip has no effect: a slice shows all voxels of its plane".to_owned());
-        }
         let shows_colours = [Over::Materials, Over::Labels].into_iter().any(|over| self.shows(over));
+        // Materials over a slice follow the transfer function.
+        let of_picture = self.scene.of_picture().into_iter().filter(|(flag, _)| !(shows_colours && *flag == "--range"));
+        if let Some((flag, _)) = of_picture.clone().find(|(_, given)| *given) {
+            return unused(format!("{flag} has no effect: a slice shows all voxels of its plane"));
+        }
         let of_look = self.scene.define.definitions().find(|it| !it.text.trim_start().starts_with("volume."));
         if let (false, Some(definition)) = (shows_colours, of_look) {
             return unused(format!(

@@ -5,6 +5,8 @@ use std::fmt::Write as _;
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
+use relume_scene::FIRST_FIELD;
+
 /// A change of one value of a scene file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Definition {
@@ -33,7 +35,13 @@ pub(super) fn define(table: &mut Table, definition: &str) -> Result<String, Stri
         .filter(|table| table.len() == 1)
         .and_then(|mut table| table.remove("v"))
         .unwrap_or_else(|| Value::String(stated.trim().to_owned()));
-    let keys: Vec<&str> = path.split('.').map(str::trim).collect();
+    let mut keys: Vec<&str> = path.split('.').map(str::trim).collect();
+    // The first field is called as the others, and its transfer function stands by itself.
+    if let ["volumes", name, rest @ ..] = &*keys.clone()
+        && is_first(table, name)
+    {
+        keys = if rest.first() == Some(&"transfer") { rest.to_vec() } else { [&["volume"], rest].concat() };
+    }
     let (first, rest) = keys.split_first().filter(|_| !keys.contains(&"")).ok_or("a part of the key is empty")?;
     let mut resolved = (*first).to_owned();
     let mut place = table.entry(*first).or_insert_with(|| Value::Table(Table::new()));
@@ -53,6 +61,12 @@ pub(super) fn define(table: &mut Table, definition: &str) -> Result<String, Stri
     }
     *place = value;
     Ok(format!("{resolved}={stated}"))
+}
+
+/// True if the first field of a scene has this name.
+fn is_first(table: &Table, name: &str) -> bool {
+    let stated = table.get("volume").and_then(|volume| volume.get("name")?.as_str());
+    stated.unwrap_or(FIRST_FIELD) == name
 }
 
 /// Index of `key` in a list: the number, or the table whose `name` or `material` it is.
@@ -181,6 +195,19 @@ mod tests {
         assert!(unknown.contains("0 to 1, or skin, bone"), "{unknown}");
         let twice = defined(&intervals.replace("skin", "bone"), "bone").err().unwrap_or_default();
         assert!(twice.contains("use an index: 0, 1"), "{twice}");
+    }
+
+    #[test]
+    fn the_first_field_is_called_as_the_others() {
+        let defined = |text: &str, definition: &str| {
+            let mut table: Table = text.parse().unwrap_or_default();
+            define(&mut table, definition)
+        };
+        let named = "[volume]\nname = \"ct\"\n";
+        assert_eq!(defined(named, "volumes.ct.transfer.range=[1, 2]"), Ok("transfer.range=[1, 2]".to_owned()));
+        assert_eq!(defined(named, "volumes.ct.time=3"), Ok("volume.time=3".to_owned()));
+        assert_eq!(defined("", "volumes.volume.time=3"), Ok("volume.time=3".to_owned()));
+        assert_eq!(defined(named, "volumes.pet.time=3"), Ok("volumes.pet.time=3".to_owned()));
     }
 
     #[test]

@@ -552,13 +552,17 @@ fn terms(table: &mut dyn TableLike, [now, then]: [&[Term]; 2], scene: &Scene) ->
     if curves > 1 {
         return Err(SessionError::Curves(curves));
     }
+    // The terms have its values.
+    let is_stretched = table.remove("range").is_some();
     if curves == 0 {
         for key in ["opacity", "absorption", "material"] {
             table.remove(key);
         }
     }
     let is_curve = |term: &&Term| term.as_interval().is_none();
-    if let Some(curve) = now.iter().find(is_curve).filter(|curve| then.iter().find(is_curve) != Some(*curve)) {
+    if let Some(curve) =
+        now.iter().find(is_curve).filter(|curve| is_stretched || then.iter().find(is_curve) != Some(*curve))
+    {
         table.insert("opacity", value(points(&curve.opacity)));
         if !curve.absorption.is_empty() {
             table.insert("absorption", value(points(&curve.absorption)));

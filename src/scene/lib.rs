@@ -36,7 +36,7 @@ pub use shape::{Form, MOST_CORNERS, Painting, SHAPE_EDGE, SOFT, Second, Shape};
 pub use transfer::depth_from_opacity;
 pub use transfer::{
     Depths, FACTORS, Factors, FieldFactor, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MaterialCurve, Medium,
-    OPAQUE_DEPTH, Term, Transfer, different_factors,
+    OPAQUE_DEPTH, Term, Transfer, different_factors, stretched,
 };
 
 use relume_colour::model::ModelKind;
@@ -192,21 +192,12 @@ impl Scene {
     /// Lowest and highest value at a point of the terms of field `index`; `None` without two of them.
     #[must_use]
     pub fn range_of(&self, index: usize) -> Option<[f64; 2]> {
-        let values = || {
-            self.own_terms_of(index)
-                .iter()
-                .flat_map(|term| term.opacity.iter().chain(&term.absorption))
-                .map(|point| point.0)
-        };
-        let range = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
-        (range[0] < range[1]).then_some(range)
+        transfer::range_of(self.own_terms_of(index))
     }
 
     /// Stretches the terms of field `index` to other values, of which the first is lower. A range without a width has no effect.
     pub fn stretch(&mut self, index: usize, to: [f64; 2]) {
-        let is_range = to[0] < to[1] && to.iter().all(|end| end.abs() <= f64::MAX / 4.0);
-        let Some(from) = self.range_of(index).filter(|_| is_range) else { return };
-        let terms = self.own_terms_of(index).iter().map(|term| term.stretched(from, to)).collect();
+        let Some(terms) = stretched(self.own_terms_of(index), to) else { return };
         match index.checked_sub(1) {
             None => self.transfer.terms = terms,
             Some(further) => self.fields.show(further, terms),

@@ -214,6 +214,22 @@ pub fn different_factors<'a>(terms: &'a [Term], all: &'a [(f64, f64)]) -> Vec<Fa
     factors
 }
 
+/// Lowest and highest value at a point of `terms`; `None` without two of them.
+pub(crate) fn range_of(terms: &[Term]) -> Option<[f64; 2]> {
+    let points = terms.iter().flat_map(|term| term.opacity.iter().chain(&term.absorption));
+    let [low, high] =
+        points.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &(value, _)| [low.min(value), high.max(value)]);
+    (low < high).then_some([low, high])
+}
+
+/// `terms` over other values, of which the first is lower; `None` if either range has no width.
+#[must_use]
+pub fn stretched(terms: &[Term], to: [f64; 2]) -> Option<Vec<Term>> {
+    let is_range = to[0] < to[1] && to.iter().all(|end| end.abs() <= f64::MAX / 4.0);
+    let from = range_of(terms).filter(|_| is_range)?;
+    Some(terms.iter().map(|term| term.stretched(from, to)).collect())
+}
+
 /// Optical depth of `opacity` (0 to 1), at most [`OPAQUE_DEPTH`].
 #[must_use]
 pub fn depth_from_opacity(opacity: f64) -> f64 {

@@ -287,6 +287,27 @@ fn channels_are_listed_by_their_names() {
     }
     folder.done(&[&["render", "m.toml", "-o", "again.png"][..], &small].concat());
     assert_eq!(std::fs::read(folder.path("m.png")).unwrap(), std::fs::read(folder.path("again.png")).unwrap());
+    // Contrast limits and hidden channels, of the first one too; a session keeps them.
+    for (flags, words) in [
+        (["--range", "GFP=20:90"], ["[volumes.GFP.transfer]", "range = [20.0, 90.0]"]),
+        (["--range", "DAPI=20:90"], ["[transfer]", "range = [20.0, 90.0]"]),
+        (["--range", "1e2:2e2"], ["[transfer]", "range = [100.0, 200.0]"]),
+        (["--hide", "DAPI"], ["hidden = [", "DAPI"]),
+    ] {
+        let more = ["-o", "changed.png", "--save-scene", "changed.toml"];
+        folder.done(&[&["render", file][..], &flags, &more, &small].concat());
+        let scene = std::fs::read_to_string(folder.path("changed.toml")).unwrap();
+        assert!(words.iter().all(|word| scene.contains(word)), "{flags:?}: {scene}");
+        folder.done(&[&["render", "changed.toml", "-o", "again.png"][..], &small].concat());
+        assert!(bytes("changed.png") == bytes("again.png") && bytes("changed.png") != bytes("c.png"), "{flags:?}");
+    }
+    folder.refused(
+        2,
+        &["render", file, "--range", "RFP=1:2"],
+        &["--range RFP=1:2", "none with two values", "DAPI, GFP"],
+    );
+    folder.refused(2, &["render", file, "--range", "GFP=2:1"], &["--range", "the lower one first"]);
+    folder.refused(2, &["render", file, "--hide", "RFP"], &["--hide RFP", "there are: DAPI, GFP"]);
     folder.refused(1, &["render", file, "--channels", "GFP,0", "--look", "bone"], &["the look maximum"]);
     folder.refused(
         1,

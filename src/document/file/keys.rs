@@ -282,6 +282,9 @@ impl TransformFile {
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TransferFile {
+    /// Lowest and highest value to which the terms are stretched.
+    #[serde(default, deserialize_with = "numbers")]
+    pub(super) range: Option<At<[f64; 2]>>,
     #[serde(default)]
     pub(super) intervals: Vec<IntervalFile>,
     #[serde(default, deserialize_with = "lists")]

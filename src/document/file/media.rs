@@ -150,6 +150,9 @@ impl Text<'_> {
                 return Err(self.invalid(alone, "a material curve needs an `opacity` curve"));
             }
         }
+        if let Some(range) = &file.range {
+            terms = self.stretched(&terms, range, others)?;
+        }
         let all = self.factor("gradient_opacity", file.gradient_opacity.as_ref())?;
         let factors = different_factors(&terms, &all).len();
         if let Some(last) = file.intervals.last().filter(|_| factors > FACTORS) {
@@ -159,6 +162,24 @@ impl Text<'_> {
             return Err(self.invalid(&last.range, message));
         }
         Ok((terms, all))
+    }
+
+    /// `terms` over the values of `range`; the field is one beside those with the names `others`.
+    fn stretched(&self, terms: &[Term], range: &At<[f64; 2]>, others: &[&str]) -> Result<Vec<Term>, SceneError> {
+        let [low, high] = *range.get_ref();
+        relume_scene::stretched(terms, [low, high]).ok_or_else(|| {
+            let message = if low < high && low.is_finite() && high.is_finite() {
+                let others =
+                    if others.is_empty() { String::new() } else { format!("; other fields are {}", others.join(", ")) };
+                format!(
+                    "transfer.range stretches intervals and curves, and this field has none with two values{others}"
+                )
+            } else {
+                let [low, high] = [low, high].map(readable);
+                format!("transfer.range = [{low}, {high}]; it must be two finite numbers, the lower one first")
+            };
+            self.invalid(range, message)
+        })
     }
 
     /// Factors by the values of other fields; `None` if the file states none.
