@@ -58,6 +58,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                 "--clip",
                 "--range",
                 "--hide",
+                "--mask",
+                "--crop",
                 "--labels",
                 "--label-names",
                 "--downsample",
@@ -81,6 +83,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                 "--clip",
                 "--range",
                 "--hide",
+                "--mask",
+                "--crop",
                 "--labels",
                 "--label-names",
                 "--downsample",
@@ -95,7 +99,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }
         (Some(path), None) | (None, Some(path)) if args.scene.scene.is_none() || !is_scene(path) => {
             let why = format!("{} is a volume; the flag is for scenes", path.display());
-            args.refuse(&["-D", "--clip", "--range", "--hide", "--labels"], &why)?;
+            args.refuse(&["-D", "--clip", "--range", "--hide", "--mask", "--crop", "--labels"], &why)?;
             args.refuse_accuracy(&why)?;
             // A file of bricks describes its voxels itself.
             let memory = if args.scene.downsample.is_none() { HostMemory::InFile } else { HostMemory::Whole };
@@ -459,6 +463,13 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     if let Some(percentiles) = &percentiles {
         let listed = percentiles.map(|(part, value)| format!("{part} %: {}", in_values(value))).join(", ");
         line("percentile", &listed);
+    }
+    let joint = volume.bricks.is_none().then(|| volume.joint_histogram([statistics.min, statistics.max])).flatten();
+    let magnitudes =
+        joint.as_ref().map(|joint| [50.0, 75.0, 95.0, 99.0].map(|part| (part, joint.magnitude(part / 100.0))));
+    if let Some(magnitudes) = &magnitudes {
+        let listed = magnitudes.map(|(part, magnitude)| format!("{part} %: {}", brief(magnitude))).join(", ");
+        line("gradient", &format!("{listed} (magnitudes, per unit of length)"));
     }
     line("histogram", &format!("{}  (64 bins; heights are logarithmic)", bars(&statistics.histogram)));
     line("", &ends(statistics.min, statistics.max));

@@ -56,6 +56,13 @@ pub(crate) struct SceneArgs {
     /// Hide these fields of several, by name, separated by commas: volumes or channels that show nothing, and hide nothing.
     #[arg(long, value_name = "NAMES")]
     hide: Option<String>,
+    /// Show a field only where something else is: inside labels of a label map, --mask pet=organs.nrrd:1,2, or where another field has at least
+    /// a value, --mask spots=nuclei:30000. With ! before it, --mask 'pet=!organs.nrrd:1', only elsewhere.
+    #[arg(long, value_name = "NAME=[!]WHAT:NUMBERS", value_parser = mask)]
+    mask: Option<Mask>,
+    /// Crop to a box: LOW:HIGH along x, y and z, in voxel indices or parts of the volume: 25%:75%,0:100,50%:100%.
+    #[arg(long, value_name = "X,Y,Z", value_parser = crop)]
+    crop: Option<Definition>,
     /// Average blocks of A×B×C voxels after loading, for less memory and time but less detail.
     #[arg(long, value_name = "AxBxC", value_parser = three)]
     pub(crate) downsample: Option<[usize; 3]>,
@@ -73,7 +80,7 @@ pub(crate) struct SceneArgs {
 #[derive(Debug, Args)]
 pub(crate) struct DefineArgs {
     /// Change a value of the scene file, or add one (repeatable), for example -D lights.key.intensity=2 or -D
-    /// transfer.intervals.bone.opacity=0.5.
+    /// transfer.intervals.bone.opacity=0.5. * stands for each: -D 'lights.*.shadows=true'.
     #[arg(short = 'D', long = "define", value_name = "KEY=VALUE")]
     define: Vec<String>,
 }
@@ -341,9 +348,10 @@ const OF_SCENES_VOLUME: [&str; 16] = [
 ];
 
 /// Keys of a scene that a flag overrides.
-const OVERRIDDEN: [(&str, &[&str]); 17] = [
+const OVERRIDDEN: [(&str, &[&str]); 18] = [
     ("--clip", &["clip.planes"]),
     ("--hide", &["hidden"]),
+    ("--crop", &["crop"]),
     ("--labels", &["volume.labels", "volume.phantom_labels"]),
     ("--downsample", &["volume.downsample"]),
     ("--spacing", &["volume.spacing"]),
@@ -373,6 +381,58 @@ fn range(text: &str) -> Result<Definition, String> {
     Ok(Definition { given: format!("--range {text}"), text: format!("{key}.range=[{low:?}, {high:?}]") })
 }
 
+/// Definitions of the factor by a mask.
+#[derive(Clone, Debug)]
+struct Mask(Vec<Definition>);
+
+/// The definitions of `NAME=[!]WHAT:NUMBERS`.
+fn mask(text: &str) -> Result<Mask, String> {
+    let parts = text.split_once('=').and_then(|(field, rest)| Some((field.trim(), rest.rsplit_once(':')?)));
+    let (field, (what, numbers)) = parts
+        .ok_or("write NAME=FILE:LABELS, such as pet=organs.nrrd:1, or NAME=OTHER:VALUE, such as spots=nuclei:300")?;
+    let (what, is_outside) = what.trim().strip_prefix('!').map_or((what.trim(), false), |what| (what, true));
+    let parsed: Option<Vec<f64>> =
+        numbers.split(',').map(|number| number.trim().parse().ok().filter(|number: &f64| number.is_finite())).collect();
+    let numbers = parsed.ok_or_else(|| format!("{numbers:?} is no number, nor numbers separated by commas"))?;
+    let [outside, inside] = if is_outside { [1, 0] } else { [0, 1] };
+    let define = |text: String| Definition { given: format!("--mask {}", field.to_owned() + "=" + what), text };
+    let by = |name: &str, from: f64, to: f64| {
+        define(format!("volumes.{field}.transfer.by={{ {name:?} = [[{from:?}, {outside}], [{to:?}, {inside}]] }}"))
+    };
+    let path = Path::new(what);
+    if path.is_file() {
+        let path = std::path::absolute(path).map_err(|error| error.to_string())?;
+        // Of labels that are 1 inside, half-way.
+        let file = define(format!("volumes.mask={{ file = {:?}, only = {numbers:?} }}", path.display().to_string()));
+        return Ok(Mask(vec![file, by("mask", 0.4, 0.6)]));
+    }
+    match (numbers.as_slice(), path.extension()) {
+        // Values of a factor ascend: it rises just below.
+        ([value], None) => Ok(Mask(vec![by(what, value - (value.abs() * 1e-4).max(1e-9), *value)])),
+        (_, Some(_)) => Err(format!("there is no file {what}")),
+        _ => Err(format!("{what} is no file, and of another field one value is compared: NAME=OTHER:VALUE")),
+    }
+}
+
+/// The definition of a crop box.
+fn crop(text: &str) -> Result<Definition, String> {
+    let place = |place: &str| {
+        let place = place.trim();
+        let number = place.strip_suffix('%').unwrap_or(place).parse::<f64>().ok()?;
+        number.is_finite().then(|| if place.ends_with('%') { format!("{place:?}") } else { format!("{number:?}") })
+    };
+    let axis = |axis: &str| {
+        let (low, high) = axis.split_once(':')?;
+        Some([place(low)?, place(high)?])
+    };
+    let axes: Option<Vec<[String; 2]>> = text.split(',').map(axis).collect();
+    let axes: Option<[[String; 2]; 3]> = axes.and_then(|axes| axes.try_into().ok());
+    let [x, y, z] = axes.ok_or("write LOW:HIGH along x, y and z, such as 25%:75%,0:100,50%:100%")?;
+    let end = |end: usize| format!("[{}, {}, {}]", x[end], y[end], z[end]);
+    let text_of_box = format!("crop={{ min = {}, max = {} }}", end(0), end(1));
+    Ok(Definition { given: format!("--crop {text}"), text: text_of_box })
+}
+
 impl SceneArgs {
     /// Changes of the scene.
     pub(crate) fn options(&self) -> SceneOptions {
@@ -391,6 +451,8 @@ impl SceneArgs {
                 .chain(self.clip_planes())
                 .chain(self.range.iter().cloned())
                 .chain(self.hidden())
+                .chain(self.mask.iter().flat_map(|mask| mask.0.iter().cloned()))
+                .chain(self.crop.clone())
                 .collect(),
             wish: Wish::default(),
             preset: None,
@@ -491,13 +553,30 @@ impl SceneArgs {
                 tracing::warn!("-D {} has no effect: -D {} follows", all[at], all[at + 1 + later]);
             }
         }
+        let of_ranges: Vec<&str> = self.range.iter().filter_map(|it| it.text.split('=').next()).collect();
+        for (at, key) in of_ranges.iter().enumerate() {
+            if of_ranges[at + 1..].contains(key) {
+                return Err(CliError::Usage(format!(
+                    "{} has no effect: another --range follows",
+                    self.range[at].given
+                )));
+            }
+            if let Some(other) = keys.iter().position(|given| given.trim() == *key) {
+                let definition = &self.define.define[other];
+                return Err(CliError::Usage(format!(
+                    "-D {definition} has no effect beside --range; omit one of the two"
+                )));
+            }
+        }
         let by_volume = self.volume.is_some() || source.bare_volume().is_some();
         let whose = "the volume in place of that of the scene";
         let by_flags = OVERRIDDEN.iter().filter(|(flag, _)| self.is_given(flag));
         let by_flags = by_flags.flat_map(|(flag, keys)| keys.iter().map(move |key| (*flag, *key)));
         let overriding = OF_SCENES_VOLUME.iter().filter(|_| by_volume).map(|key| (whose, *key)).chain(by_flags);
         for (by, key) in overriding {
-            if let Some(at) = keys.iter().position(|given| given.trim() == key) {
+            let is_within =
+                |given: &str| given == key || given.strip_prefix(key).is_some_and(|rest| rest.starts_with('.'));
+            if let Some(at) = keys.iter().position(|given| is_within(given.trim())) {
                 return Err(CliError::Usage(format!(
                     "-D {} has no effect beside {by}; {}",
                     self.define.define[at],
@@ -515,8 +594,14 @@ impl SceneArgs {
     }
 
     /// Flags of what a scene shows, and whether each is given: those that a picture has, but no volume.
-    pub(crate) fn of_picture(&self) -> [(&'static str, bool); 3] {
-        [("--clip", !self.clip.is_empty()), ("--range", !self.range.is_empty()), ("--hide", self.hide.is_some())]
+    pub(crate) fn of_picture(&self) -> [(&'static str, bool); 5] {
+        [
+            ("--clip", !self.clip.is_empty()),
+            ("--range", !self.range.is_empty()),
+            ("--hide", self.hide.is_some()),
+            ("--mask", self.mask.is_some()),
+            ("--crop", self.crop.is_some()),
+        ]
     }
 
     /// Refuses volumes beside the first for a `command` that reads one.
@@ -555,7 +640,11 @@ impl SceneArgs {
         if let Some(guess) = &file.guess {
             let time = file.scene.volume().selection.time;
             tracing::info!("{guess}{}", time.map_or_else(String::new, of_time));
-            let are_channels = !file.scene.fields.sharing().is_empty();
+            if !self.range.is_empty() {
+                let ranges: Vec<&str> = self.range.iter().map(|range| range.given.as_str()).collect();
+                tracing::info!("These are the values before {}.", ranges.join(" "));
+            }
+            let are_channels = self.channels.is_some() || !file.scene.fields.sharing().is_empty();
             tracing::info!("{}", if are_channels { OF_CHANNELS } else { OF_LOOK });
         }
         Ok((file, statistics))

@@ -1,7 +1,5 @@
 //! `-D key=value`: applies definitions to a scene's text, and attributes errors to the definitions that cause them.
 
-use std::fmt::Write as _;
-
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
@@ -35,38 +33,94 @@ pub(super) fn define(table: &mut Table, definition: &str) -> Result<String, Stri
         .filter(|table| table.len() == 1)
         .and_then(|mut table| table.remove("v"))
         .unwrap_or_else(|| Value::String(stated.trim().to_owned()));
-    let mut keys: Vec<&str> = path.split('.').map(str::trim).collect();
-    // The first field is called as the others, and its transfer function stands by itself.
-    if let ["volumes", name, rest @ ..] = &*keys.clone()
-        && is_first(table, name)
-    {
-        keys = if rest.first() == Some(&"transfer") { rest.to_vec() } else { [&["volume"], rest].concat() };
+    let keys: Vec<&str> = path.split('.').map(str::trim).collect();
+    if keys.contains(&"") {
+        return Err("a part of the key is empty".to_owned());
     }
-    let (first, rest) = keys.split_first().filter(|_| !keys.contains(&"")).ok_or("a part of the key is empty")?;
-    let mut resolved = (*first).to_owned();
-    let mut place = table.entry(*first).or_insert_with(|| Value::Table(Table::new()));
-    for key in rest {
-        place = match place {
-            Value::Table(table) => {
-                let _ = write!(resolved, ".{key}");
-                table.entry(*key).or_insert_with(|| Value::Table(Table::new()))
-            }
-            Value::Array(array) => {
-                let index = index_in(array, key)?;
-                let _ = write!(resolved, ".{index}");
-                &mut array[index]
-            }
-            _ => return Err(format!("there is no key {key:?}: the value before it is neither a table nor a list")),
-        };
-    }
-    *place = value;
-    Ok(format!("{resolved}={stated}"))
+    let keys = of_field(table, keys)?;
+    let keys: Vec<&str> = keys.iter().map(String::as_str).collect();
+    let mut resolved = Vec::new();
+    let (first, rest) = keys.split_first().ok_or("a part of the key is empty")?;
+    let place = table.entry(*first).or_insert_with(|| Value::Table(Table::new()));
+    put(place, rest, &value, &mut resolved)?;
+    resolved.insert(0, (*first).to_owned());
+    Ok(format!("{}={stated}", resolved.join(".")))
 }
 
-/// True if the first field of a scene has this name.
-fn is_first(table: &Table, name: &str) -> bool {
-    let stated = table.get("volume").and_then(|volume| volume.get("name")?.as_str());
-    stated.unwrap_or(FIRST_FIELD) == name
+/// Stands for each entry of a table or list in a key.
+pub(super) const EACH: &str = "*";
+
+/// Sets the value at the path `keys` below `place`, and adds that path to `resolved`, with indices in place of names.
+fn put(place: &mut Value, keys: &[&str], value: &Value, resolved: &mut Vec<String>) -> Result<(), String> {
+    let Some((key, rest)) = keys.split_first() else {
+        *place = value.clone();
+        return Ok(());
+    };
+    if *key == EACH {
+        let mut each: Vec<&mut Value> = match place {
+            Value::Table(table) => table.iter_mut().map(|(_, entry)| entry).collect(),
+            Value::Array(array) => array.iter_mut().collect(),
+            _ => Vec::new(),
+        };
+        if each.is_empty() {
+            return Err("there is nothing for * to stand for".to_owned());
+        }
+        let mut below = Vec::new();
+        for entry in &mut each {
+            below.clear();
+            put(entry, rest, value, &mut below)?;
+        }
+        resolved.push(EACH.to_owned());
+        resolved.append(&mut below);
+        return Ok(());
+    }
+    match place {
+        Value::Table(table) => {
+            resolved.push((*key).to_owned());
+            put(table.entry(*key).or_insert_with(|| Value::Table(Table::new())), rest, value, resolved)
+        }
+        Value::Array(array) => {
+            let index = index_in(array, key)?;
+            resolved.push(index.to_string());
+            put(&mut array[index], rest, value, resolved)
+        }
+        _ => Err(format!("there is no key {key:?}: the value before it is neither a table nor a list")),
+    }
+}
+
+/// The path `keys` of a scene, where `volumes.NAME` is the first field, whose transfer function stands by itself, or a further one in any case of
+/// its letters.
+fn of_field(table: &Table, keys: Vec<&str>) -> Result<Vec<String>, String> {
+    let owned = |keys: &[&str]| keys.iter().map(|key| (*key).to_owned()).collect::<Vec<_>>();
+    let ["volumes", name, rest @ ..] = &*keys else { return Ok(owned(&keys)) };
+    let first = table.get("volume").and_then(|volume| volume.get("name")?.as_str()).unwrap_or(FIRST_FIELD);
+    let further = table.get("volumes").and_then(Value::as_table).into_iter().flatten();
+    let all: Vec<&str> = std::iter::once(first).chain(further.map(|(name, _)| name.as_str())).collect();
+    match place_among(&all, name) {
+        // A whole table is a further field.
+        Some(0) if rest.is_empty() => Ok(owned(&keys)),
+        Some(0) if rest.first() == Some(&"transfer") => Ok(owned(rest)),
+        Some(0) => Ok(owned(&[&["volume"], rest].concat())),
+        Some(place) => Ok(owned(&[&["volumes", all[place]], rest].concat())),
+        // What changes a transfer function defines no volume.
+        None if matches!(rest, ["transfer", "range" | "by", ..]) => {
+            Err(format!("there is no {name:?}; there are: {}", all.join(", ")))
+        }
+        None => Ok(owned(&keys)),
+    }
+}
+
+/// Index of `name` among `all`, or of the only one that differs in the case of its letters.
+pub(super) fn alike_among(all: &[&str], name: &str) -> Option<usize> {
+    all.iter().position(|one| *one == name).or_else(|| {
+        let mut alike = (0..all.len()).filter(|&index| all[index].to_lowercase() == name.to_lowercase());
+        alike.next().filter(|_| alike.next().is_none())
+    })
+}
+
+/// Index of the field `name` among `all` fields ([`alike_among`]); the usual name of the first is that of the first.
+pub(super) fn place_among(all: &[&str], name: &str) -> Option<usize> {
+    alike_among(all, name).or_else(|| (name == FIRST_FIELD && !all.is_empty()).then_some(0))
 }
 
 /// Index of `key` in a list: the number, or the table whose `name` or `material` it is.
@@ -96,7 +150,7 @@ fn index_in(array: &[Value], key: &str) -> Result<usize, String> {
 pub(super) fn responsible<'a>(definitions: &'a [Definition], path: &[String]) -> Option<&'a Definition> {
     definitions.iter().rev().find(|definition| {
         let keys = definition.text.split('=').next().unwrap_or_default().split('.').map(str::trim);
-        !path.is_empty() && keys.zip(path).all(|(key, part)| key == part)
+        !path.is_empty() && keys.zip(path).all(|(key, part)| key == part || key == EACH)
     })
 }
 
@@ -208,6 +262,22 @@ mod tests {
         assert_eq!(defined(named, "volumes.ct.time=3"), Ok("volume.time=3".to_owned()));
         assert_eq!(defined("", "volumes.volume.time=3"), Ok("volume.time=3".to_owned()));
         assert_eq!(defined(named, "volumes.pet.time=3"), Ok("volumes.pet.time=3".to_owned()));
+        assert_eq!(defined(named, "volumes.CT.time=3"), Ok("volume.time=3".to_owned()));
+        let two = format!("{named}[volumes.pet]\n");
+        assert_eq!(defined(&two, "volumes.Pet.time=3"), Ok("volumes.pet.time=3".to_owned()));
+        assert_eq!(
+            defined(&two, "volumes.spect.transfer.range=[1, 2]"),
+            Err("there is no \"spect\"; there are: ct, pet".to_owned())
+        );
+    }
+
+    #[test]
+    fn a_star_is_each_entry() {
+        let mut table: Table = "[lights.a]\n[lights.b]\nshadows = false\n".parse().unwrap_or_default();
+        assert_eq!(define(&mut table, "lights.*.shadows=true"), Ok("lights.*.shadows=true".to_owned()));
+        let set = |name: &str| table["lights"][name].get("shadows").and_then(Value::as_bool);
+        assert_eq!(["a", "b"].map(set), [Some(true); 2]);
+        assert!(define(&mut table, "materials.*.xray=true").is_err_and(|why| why.contains('*')));
     }
 
     #[test]

@@ -28,7 +28,7 @@ pub use clip::clip_plane;
 use clip::fields_named;
 pub(crate) use volumes::is_segmentation;
 
-use super::define::{Definition, byte_of, define, path_at, responsible};
+use super::define::{Definition, EACH, alike_among, byte_of, define, path_at, responsible};
 use super::error::chain;
 use super::light_request::warn_below_zero;
 use super::{Dial, DialPreset, LightState, SceneError, SceneFile};
@@ -48,7 +48,7 @@ use relume_scene::{
     unit,
 };
 use relume_volume::{
-    self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Unit, Volume, VolumeError, is_background,
+    self, Geometry, MOST_LABELS, Phantom, RawLayout, Selection, Statistics, Unit, Volume, VolumeError, is_background,
 };
 
 /// The scene for a program start without a file.
@@ -293,6 +293,12 @@ fn with_definitions<T>(
         Ok(Definition { given: definition.given.clone(), text })
     };
     let definitions: &[Definition] = &definitions.iter().map(resolve).collect::<Result<Vec<_>, SceneError>>()?;
+    // Flags may name the first field or not.
+    let ranges = definitions.iter().filter(|definition| definition.text.starts_with("transfer.range="));
+    if let [first, .., last] = &*ranges.collect::<Vec<_>>() {
+        let message = format!("has no effect: {} follows, of the same field", last.given);
+        return Err(SceneError::Define { given: first.given.clone(), message });
+    }
     if let Some(error) = definitions.iter().find_map(|definition| unused_material(&before, &table, definition)) {
         return Err(error);
     }
@@ -304,10 +310,30 @@ fn with_definitions<T>(
     read(&defined, file)
 }
 
+/// Warns of stated ranges that no voxel has.
+fn warn_of_ranges(file: &Root, scene: &Scene) {
+    let of_field = |field: &Field| {
+        let of_further = file.volumes.get(&field.name).and_then(|stated| stated.get_ref().transfer.as_ref());
+        let transfer =
+            if field.name == scene.fields.first().name { Some(&file.transfer) } else { of_further.map(At::get_ref) };
+        transfer.and_then(|transfer| transfer.range.as_ref()).map(|range| *range.get_ref())
+    };
+    for (field, [low, high]) in scene.fields.iter().filter_map(|field| Some((field, of_field(field)?))) {
+        let Statistics { min, max, .. } = field.statistics();
+        if high < *min || low > *max {
+            let [low, high, min, max] = [low, high, *min, *max].map(readable);
+            tracing::warn!(
+                "no voxel of {} is in its range from {low} to {high}: its values are {min} to {max}",
+                field.name
+            );
+        }
+    }
+}
+
 /// The error for a definition of a material that `before` does not have, if nothing in `table` uses it: most likely it is
 /// misnamed.
 fn unused_material(before: &Table, table: &Table, definition: &Definition) -> Option<SceneError> {
-    let name = definition.text.strip_prefix("materials.")?.split(['.', '=']).next()?;
+    let name = definition.text.strip_prefix("materials.")?.split(['.', '=']).next().filter(|name| *name != EACH)?;
     let materials = before.get("materials").and_then(toml::Value::as_table);
     if materials.is_some_and(|materials| materials.contains_key(name)) {
         return None;
@@ -675,12 +701,16 @@ impl Text<'_> {
         scene.clip = self.clip(&file.clip, &scene.fields)?;
         (scene.transfer.terms, scene.transfer.gradient_opacity) = (terms, gradient_opacity);
         self.check_fields(&file, &scene)?;
+        warn_of_ranges(&file, &scene);
         if let Some(hidden) = &file.hidden {
             if scene.fields.further().is_empty() {
-                let message = "hidden: the scene has one field, and without it nothing; add others in [volumes], or leave `hidden` out";
-                return Err(self.invalid(hidden, message.to_owned()));
+                let message = format!(
+                    "hidden: the scene has one field, {}, and nothing without it; add others in [volumes], or leave `hidden` out",
+                    file.first_field()
+                );
+                return Err(self.invalid(hidden, message));
             }
-            scene.hidden = fields_named(hidden.get_ref(), "hidden", &scene.fields)
+            scene.hidden = fields_named(hidden.get_ref(), "`hidden`", &scene.fields)
                 .map_err(|message| self.invalid(hidden, message))?;
         }
         self.set(&mut scene, key::SCENE, "", scalars)?;

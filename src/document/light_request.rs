@@ -92,7 +92,7 @@ pub fn requested(
                         chain(&error)
                     )),
                     None => fail(format!(
-                        "there is no light {:?} in the scene; its lights are {}; otherwise: {}",
+                        "there is no light {:?} in the scene; its lights are {}, and one in another colour is NAME:#RRGGBB; otherwise: {}",
                         request.name,
                         lights.join(", "),
                         chain(&error)

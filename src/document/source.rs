@@ -227,9 +227,16 @@ impl Source {
     pub fn times(&self, progress: &dyn Progress) -> Result<usize, OpenError> {
         let opened = match self.alone() {
             Some(path) => {
-                let options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
-                let read = volume_alone(&path.display().to_string(), None, &options, progress);
-                read.map(drop).map_err(of_volume)
+                let mut options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
+                let name = path.display().to_string();
+                let mut read = volume_alone(&name, None, &options, progress).map(drop);
+                // All channels have the same times.
+                let chosen = read.as_ref().err().map(|error| channels_of(error, &options)).transpose()?.flatten();
+                if let Some((component, _)) = chosen.and_then(|chosen| chosen.into_iter().next()) {
+                    options.selection.component = Some(component);
+                    read = volume_alone(&name, None, &options, progress).map(drop);
+                }
+                read.map_err(of_volume)
             }
             None => self.read(progress).map(drop),
         };
@@ -263,7 +270,15 @@ impl Source {
         let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
         for time in 0..times {
             options.selection.time = Some(time);
-            let ((volume, _), has_parts) = volume_alone(&name, None, &options, progress).map_err(of_volume)?;
+            let ((volume, _), has_parts) = match volume_alone(&name, None, &options, progress) {
+                Ok(found) => found,
+                Err(error) => {
+                    return match channels_of(&error, &options)? {
+                        Some(chosen) => self.series_of_channels(path, options, &chosen, (times, progress)),
+                        None => Err(of_volume(error)),
+                    };
+                }
+            };
             let Statistics { min, max, .. } = volume.statistics()?;
             ends = [ends[0].min(min), ends[1].max(max)];
             match &mut largest {
@@ -288,6 +303,36 @@ impl Source {
         // Names that the look does not use are not used at any time.
         let options = SceneOptions { label_names: options.label_names, ..self.options.clone() };
         Ok(Series { source: Self { options, ..self.clone() }, look })
+    }
+
+    /// The scenes of all `times` of several channels: one look, made from the largest value of each voxel of each channel.
+    fn series_of_channels(
+        &self,
+        path: &Path,
+        mut options: SceneOptions,
+        chosen: &[(usize, String)],
+        (times, progress): (usize, &dyn Progress),
+    ) -> Result<Series, OpenError> {
+        let blending = blending_of_channels(&mut options);
+        let mut largest: Vec<ChannelVolume> = Vec::new();
+        for time in 0..times {
+            options.selection.time = Some(time);
+            let channels = opened_channels(path, &mut options, chosen, progress)?;
+            if largest.is_empty() {
+                largest = channels;
+            } else {
+                for (largest, channel) in largest.iter_mut().zip(channels) {
+                    Arc::make_mut(&mut largest.volume).raise_to(&channel.volume)?;
+                }
+            }
+        }
+        let of_file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let look = look_channels(&of_file, &mut largest, blending, progress).map_err(of_look)?;
+        let guess =
+            format!("{} All {times} time steps have this look, by the largest value of each voxel.", look.guess);
+        // The text says which channels there are, and wishes are in it.
+        let options = SceneOptions { wish: Wish::default(), channels: None, ..self.options.clone() };
+        Ok(Series { source: Self { options, ..self.clone() }, look: Some((look.text, guess)) })
     }
 
     /// The volume that is opened without a scene, if there is one.
@@ -528,7 +573,8 @@ fn look_at(
     let (mut text, mut guess) = (text, guess);
     guess.extend(told);
     if !others.is_empty() {
-        let look = beside(&text, volume.geometry.spacing.min_element(), &mut others, progress).map_err(of_look)?;
+        let look =
+            beside((&text, path), volume.geometry.spacing.min_element(), &mut others, progress).map_err(of_look)?;
         guess.push_str(&look.guess);
         // The scene reads them again, as any scene does that states them.
         text = look.text;
@@ -596,6 +642,30 @@ fn channels_of(error: &SceneError, options: &SceneOptions) -> Result<Option<Vec<
     Ok(Some(chosen))
 }
 
+/// The rule by which channels are blended, of a wish that the options then have no more: it is for values that have no look of their own.
+fn blending_of_channels(options: &mut SceneOptions) -> Blending {
+    let blending = if sees_maximum(options) { Blending::Maximum } else { Blending::Composite };
+    options.wish = Wish::default();
+    blending
+}
+
+/// The `chosen` channels of the volume of `options`.
+fn opened_channels(
+    path: &Path,
+    options: &mut SceneOptions,
+    chosen: &[(usize, String)],
+    progress: &dyn Progress,
+) -> Result<Vec<ChannelVolume>, OpenError> {
+    let name = path.display().to_string();
+    let mut channels = Vec::new();
+    for (component, of_file) in chosen {
+        options.selection.component = Some(*component);
+        let ((volume, _), _) = volume_alone(&name, None, options, progress).map_err(of_volume)?;
+        channels.push(ChannelVolume { component: *component, name: of_file.clone(), volume });
+    }
+    Ok(channels)
+}
+
 /// The scene of several channels of the volume of `options`, made from their values.
 fn look_at_channels(
     path: &Path,
@@ -604,15 +674,8 @@ fn look_at_channels(
     progress: &dyn Progress,
 ) -> Result<(SceneFile, Statistics), OpenError> {
     let name = path.display().to_string();
-    let mut channels = Vec::new();
-    // Wishes are for values that have no look of their own.
-    let blending = if sees_maximum(&options) { Blending::Maximum } else { Blending::Composite };
-    options.wish = Wish::default();
-    for (component, of_file) in chosen {
-        options.selection.component = Some(component);
-        let ((volume, _), _) = volume_alone(&name, None, &options, progress).map_err(of_volume)?;
-        channels.push(ChannelVolume { component, name: of_file, volume });
-    }
+    let blending = blending_of_channels(&mut options);
+    let mut channels = opened_channels(path, &mut options, &chosen, progress)?;
     options.selection.component = channels.first().map(|channel| channel.component);
     let of_file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let look = look_channels(&of_file, &mut channels, blending, progress).map_err(of_look)?;

@@ -20,6 +20,22 @@ pub struct JointHistogram {
     pub counts: Vec<u32>,
 }
 
+impl JointHistogram {
+    /// Magnitude below which this `part` of the voxels lies, to the end of its bin.
+    #[must_use]
+    pub fn magnitude(&self, part: f64) -> f64 {
+        let rows = self.counts.chunks(JOINT_BINS[0]);
+        let rows: Vec<f64> = rows.map(|row| row.iter().copied().map(f64::from).sum()).collect();
+        let wanted = part * rows.iter().sum::<f64>();
+        let mut below = 0.0;
+        let row = rows.iter().position(|voxels| {
+            below += voxels;
+            below >= wanted
+        });
+        self.steepest * count(row.map_or(rows.len(), |row| row + 1)) / count(rows.len().max(1))
+    }
+}
+
 impl Volume {
     /// Counts the voxels by value, from `low` to `high`, and gradient magnitude: the length of the differences between neighbours, central,
     /// one-sided at faces, per world unit. Of many voxels it counts every n-th, up to half a million. `None` if no voxel of finite value
@@ -83,6 +99,7 @@ mod tests {
         let last = &joint.counts[values * (magnitudes - 1)..];
         assert_eq!(last.iter().sum::<u32>(), 256, "all in the row of the largest magnitude");
         assert_eq!(last.iter().filter(|&&count| count == 16).count(), 16, "sixteen values");
+        assert!((joint.magnitude(0.5) - 1.5).abs() < 1e-12, "{}", joint.magnitude(0.5));
     }
 
     #[test]

@@ -229,6 +229,38 @@ fn volumes_on_grids_of_their_own_are_shown_together_and_none_is_dropped() {
     done(&["render", "ct.nrrd", "series.nrrd", "--time", "1", "-o", "second.png", "--save-scene", "second.toml"]);
     done(&["render", "second.toml", "-o", "again.png"]);
     assert_eq!(bytes("second.png"), bytes("again.png"));
+    // Inside a label, elsewhere, and where the other is bright; by the names of the files.
+    let of_labels = cube(24, 1.0, [0.0; 3]);
+    write("organs.nrrd", &of_labels);
+    let changed = |flags: &[&str]| {
+        done(&[&["render", "ct.nrrd", "pet.nrrd", "-o", "changed.png"][..], flags].concat());
+        bytes("changed.png")
+    };
+    let [inside, outside, above] =
+        ["pet=organs.nrrd:240", "PET=!organs.nrrd:240", "pet=ct:238"].map(|mask| {
+            let what = mask.replace("organs.nrrd", &folder.path("organs.nrrd").display().to_string());
+            changed(&["--mask", &what])
+        });
+    let by_hand = "volumes.pet.transfer.by={mask=[[0.4,0],[0.6,1]]}";
+    let file = "volumes.mask={file=\"organs.nrrd\",only=[240]}";
+    assert!(inside == changed(&["-D", file, "-D", by_hand]), "a mask by hand");
+    assert!(inside != bytes("both.png") && outside != inside && above != bytes("both.png"));
+    assert!(changed(&["--hide", "CT"]) == changed(&["--hide", "volume"]));
+    assert!(
+        changed(&["--crop", "0%:50%,0:23,11.5:100%"]) == changed(&["-D", "crop={min=[0,0,11.5],max=[11.5,23,23]}"])
+    );
+    for (flags, words) in [
+        (["--mask", "pet=nosuch.nrrd:1"], &["no file nosuch.nrrd"][..]),
+        (["--mask", "pet"], &["NAME=FILE:LABELS"]),
+        (["--mask", "pet=ct:1,2"], &["one value"]),
+        (["--mask", "pet=bone:1"], &["\"bone\"", "ct"]),
+        (["--crop", "1:2"], &["LOW:HIGH along x, y and z"]),
+        (["--crop", "0:200%,0:1,0:1"], &["200%", "100%"]),
+    ] {
+        folder.refused(2, &[&["render", "ct.nrrd", "pet.nrrd"][..], &flags].concat(), words);
+    }
+    let none = done(&["render", "ct.nrrd", "pet.nrrd", "--range", "pet=5000:6000", "-o", "none.png"]);
+    assert!(none.err.contains("no voxel of pet"), "{}", none.err);
     let far = done(&["render", "ct.nrrd", "far.nrrd", "-o", "far.png"]);
     assert!(far.err.contains("nothing of it is shown"), "{}", far.err);
     let channels = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");
@@ -301,11 +333,16 @@ fn channels_are_listed_by_their_names() {
         folder.done(&[&["render", "changed.toml", "-o", "again.png"][..], &small].concat());
         assert!(bytes("changed.png") == bytes("again.png") && bytes("changed.png") != bytes("c.png"), "{flags:?}");
     }
+    folder.refused(2, &["render", file, "--range", "RFP=1:2"], &["--range RFP=1:2", "no \"RFP\"", "DAPI, GFP"]);
+    let twice = ["render", file, "--range", "GFP=1:2", "--range", "GFP=3:4"];
+    folder.refused(2, &twice, &["GFP=1:2", "another --range"]);
     folder.refused(
         2,
-        &["render", file, "--range", "RFP=1:2"],
-        &["--range RFP=1:2", "none with two values", "DAPI, GFP"],
+        &["render", file, "--range", "1:2", "-D", "transfer.range=[3,4]"],
+        &["transfer.range", "--range"],
     );
+    let clipped = ["render", file, "--clip", "z:50%", "-D", "clip.planes.0.on=false"];
+    folder.refused(2, &clipped, &["clip.planes.0.on", "--clip"]);
     folder.refused(2, &["render", file, "--range", "GFP=2:1"], &["--range", "the lower one first"]);
     folder.refused(2, &["render", file, "--hide", "RFP"], &["--hide RFP", "there are: DAPI, GFP"]);
     folder.refused(1, &["render", file, "--channels", "GFP,0", "--look", "bone"], &["the look maximum"]);

@@ -1482,6 +1482,42 @@ fn the_lung_look_shows_lungs_through_ribs() {
 }
 
 #[test]
+fn all_times_of_several_channels_have_one_look() {
+    // A ball that loses a third of its light from time to time, beside one that keeps it.
+    let value = |index: usize| {
+        let (channel, voxel, time) = (index % 2, index / 2 % 4096, index / 8192);
+        let [x, y, z] = [voxel % 16, voxel / 16 % 16, voxel / 256].map(|it| i32::try_from(it).unwrap());
+        let inside = (x - if channel == 0 { 4 } else { 11 }).pow(2) + (y - 8).pow(2) + (z - 8).pow(2) < 16;
+        let bright = if channel == 0 { [210, 140, 93][time] } else { 180 };
+        u8::try_from(index % 5).unwrap() + if inside { bright } else { 0 }
+    };
+    let axes =
+        "space dimension: 3\nspace directions: none (1,0,0) (0,1,0) (0,0,1) none\nkinds: none space space space time\n";
+    let voxels = (0..3 * 8192).map(value);
+    let folder = Folder::new().with("c.nrrd", nrrd_of("uint8", &[2, 16, 16, 16, 3], axes, voxels));
+    let all = ["render", "c.nrrd", "--time", "all", "--size", "32x32"];
+    let told = folder.done(&[&all[..], &["-o", "p.png", "--save-scene", "s.toml"]].concat()).err;
+    assert!(told.contains("2 channels") && told.contains("All 3 time steps have this look"), "{told}");
+    let sums = |name: &str| {
+        [1, 2, 3]
+            .map(|n| codes(&folder.path(&format!("{name}-000{n}.png"))).iter().map(|&it| u32::from(it)).sum::<u32>())
+    };
+    for (light, fades) in [("channel 1", true), ("channel 2", false)] {
+        folder.done(&[&all[..], &["--light", light, "-o", "alone.png"]].concat());
+        let sums = sums("alone");
+        let falls = sums.windows(2).all(|pair| 10 * pair[1] < 9 * pair[0]);
+        assert!(
+            sums[2] > 0 && falls == fades && (fades || sums[0].abs_diff(sums[2]) < sums[0] / 50),
+            "{light}: {sums:?}"
+        );
+    }
+    folder.done(&["render", "s.toml", "--time", "1", "--size", "32x32", "-o", "second.png"]);
+    assert_eq!(codes(&folder.path("second.png")), codes(&folder.path("p-0002.png")), "the saved scene");
+    folder.done(&[&all[..], &["--channels", "1", "-o", "one.png"]].concat());
+    assert!(sums("one").windows(2).all(|pair| pair[0].abs_diff(pair[1]) < pair[0] / 50), "{:?}", sums("one"));
+}
+
+#[test]
 fn all_times_of_a_series_have_one_look_so_that_bleaching_is_seen() {
     // A ball that moves, and loses a third of its light from time to time.
     let value = |index: usize| {

@@ -43,7 +43,9 @@ const RAW: [(&str, Use); 5] = [
 ];
 
 /// Flags of a scene and its colour accuracy.
-const SCENE: [(&str, Use); 13] = [
+const SCENE: [(&str, Use); 15] = [
+    ("--mask", Not(&["slice", "ball.nrrd", "--mask", "pet=ct:3", "-o", "p.png"], 2, "--mask has no effect")),
+    ("--crop", Not(&["slice", "ball.nrrd", "--crop", "0:1,0:1,0:1", "-o", "p.png"], 2, "--crop has no effect")),
     ("--range", Not(&["slice", "ball.nrrd", "--range", "1:9", "-o", "p.png"], 2, "--range has no effect")),
     ("--hide", Not(&["slice", "ball.nrrd", "--hide", "pet", "-o", "p.png"], 2, "--hide has no effect")),
     ("--clip", Not(&["slice", "ball.nrrd", "--clip", "z:50%", "-o", "p.png"], 2, "--clip has no effect")),
@@ -275,7 +277,7 @@ fn every_flag_is_used_or_refused() {
             ],
         ),
         ("measure", vec![&SCENE, &SELECTION, &RAW, &MEASURE, &GOAL, &[("--output", Always)]]),
-        ("bench", vec![&SELECTION, &SCENE[8..], &BENCH]),
+        ("bench", vec![&SELECTION, &SCENE[10..], &BENCH]),
         ("convert", vec![&SELECTION, &RAW, &[("--downsample", Always)]]),
         ("bricks", vec![&SELECTION, &RAW, &[("--memory", Always), ("--output", Always)]]),
     ];

@@ -253,7 +253,7 @@ fn the_chest_is_designed_merged_revealed_and_shared() {
 #[test]
 fn channels_of_a_stack_are_shown_from_one_place() {
     let folder = Folder::new().with("cells.ome.tif", ome_tiff());
-    runs(&folder, "docs/tutorial/microscopy.md", 11);
+    runs(&folder, "docs/tutorial/microscopy.md", 17);
     let pictures = ["nuclei.png", "membranes.png"].map(|name| std::fs::read(folder.path(name)).unwrap());
     assert!(pictures[0] != pictures[1], "two channels");
 }

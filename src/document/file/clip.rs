@@ -1,5 +1,7 @@
 //! Reads the clip planes of a scene file.
 
+use crate::define::place_among;
+
 use super::keys::{ClipFile, ClipNumbers, ClipPlaneFile, ClipText, KeepFile};
 use super::*;
 use relume_scene::{Fields, Frame, Keep};
@@ -55,15 +57,19 @@ impl Text<'_> {
 /// The fields with these `names`, by their indices; `what` names them in the message of an unknown one.
 pub(super) fn fields_named(names: &[String], what: &str, fields: &Fields) -> Result<[bool; FIELDS], String> {
     let all: Vec<&str> = fields.iter().map(|field| field.name.as_str()).collect();
-    match names.iter().find(|name| !all.contains(&name.as_str())) {
-        Some(unknown) => Err(format!("{what} {unknown:?}; there are: {}", all.join(", "))),
-        None => Ok(std::array::from_fn(|index| all.get(index).is_some_and(|name| names.iter().any(|it| it == name)))),
+    let mut named = [false; FIELDS];
+    for name in names {
+        match place_among(&all, name) {
+            Some(index) => named[index] = true,
+            None => return Err(format!("there is no {name:?} for {what}; there are: {}", all.join(", "))),
+        }
     }
+    Ok(named)
 }
 
 /// The fields that a plane cuts, by their names.
 fn cut_fields(volumes: &[String], fields: &Fields) -> Result<[bool; FIELDS], String> {
-    let named = fields_named(volumes, "a clip plane of the volume", fields)?;
+    let named = fields_named(volumes, "a clip plane", fields)?;
     let number = fields.iter().count();
     match named.iter().filter(|named| **named).count() {
         0 => {

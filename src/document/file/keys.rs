@@ -20,10 +20,6 @@ use relume_volume::ByteOrder;
 /// A value with its place in the file.
 pub(super) type At<T> = Spanned<T>;
 
-fn plain_numbers<'de, D: Deserializer<'de>, const N: usize>(stated: D) -> Result<[f64; N], D::Error> {
-    List::deserialize(stated).map(|list| list.0)
-}
-
 fn counts<'de, D: Deserializer<'de>>(stated: D) -> Result<Option<[NonZeroUsize; 3]>, D::Error> {
     List::deserialize(stated).map(|list| Some(list.0))
 }
@@ -510,8 +506,20 @@ pub(super) struct ClipNumbers {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CropFile {
-    #[serde(deserialize_with = "plain_numbers")]
-    pub(super) min: [f64; 3],
-    #[serde(deserialize_with = "plain_numbers")]
-    pub(super) max: [f64; 3],
+    #[serde(deserialize_with = "three_places")]
+    pub(super) min: [PlaceFile; 3],
+    #[serde(deserialize_with = "three_places")]
+    pub(super) max: [PlaceFile; 3],
+}
+
+/// A place along an axis of the volume.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a place along an axis is a voxel index, or a text such as \"25%\"")]
+pub(super) enum PlaceFile {
+    Voxel(f64),
+    Part(String),
+}
+
+fn three_places<'de, D: Deserializer<'de>>(stated: D) -> Result<[PlaceFile; 3], D::Error> {
+    List::deserialize(stated).map(|list| list.0)
 }

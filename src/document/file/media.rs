@@ -185,16 +185,16 @@ impl Text<'_> {
     /// Factors by the values of other fields; `None` if the file states none.
     fn by(&self, stated: Option<&ByFile>, others: &[&str]) -> Result<Option<Vec<FieldFactor>>, SceneError> {
         let factor = |(name, stated): (&String, &At<ListsFile>)| {
-            if !others.contains(&name.as_str()) {
+            let Some(place) = alike_among(others, name) else {
                 let message = match others {
                     [] => format!("by.{name}: there is no other field; add [volumes.{name}]"),
                     _ => format!("by.{name}: there is no other field {name:?}; there are {}", others.join(", ")),
                 };
                 return Err(self.invalid(stated, message));
-            }
+            };
             let pairs = Spanned::new(stated.span(), stated.get_ref().pairs());
             let points = self.points(&format!("by.{name}"), &pairs)?;
-            Ok(FieldFactor { field: name.clone(), points })
+            Ok(FieldFactor { field: others[place].to_owned(), points })
         };
         stated.map(|stated| stated.iter().map(factor).collect()).transpose()
     }

@@ -6,8 +6,25 @@ use relume_scene::MOST_GROUPS;
 
 impl Text<'_> {
     pub(super) fn crop(&self, crop: &At<CropFile>, volume: &Volume) -> Result<[DVec3; 2], SceneError> {
-        let CropFile { min, max } = crop.get_ref();
         let last = volume.geometry.dims.map(|n| count(n) - 1.0);
+        let corner = |places: &[PlaceFile; 3]| -> Result<[f64; 3], SceneError> {
+            let mut corner = [0.0; 3];
+            for axis in 0..3 {
+                corner[axis] = match &places[axis] {
+                    PlaceFile::Voxel(index) => *index,
+                    PlaceFile::Part(text) => {
+                        let part = text.strip_suffix('%').and_then(|part| part.trim().parse::<f64>().ok());
+                        let part = part.filter(|part| (0.0..=100.0).contains(part)).ok_or_else(|| {
+                            let message = format!("crop: {text:?} is no place along an axis; write a voxel index, or a part from \"0%\" to \"100%\"");
+                            self.invalid(crop, message)
+                        })?;
+                        part / 100.0 * last[axis]
+                    }
+                };
+            }
+            Ok(corner)
+        };
+        let [min, max] = [corner(&crop.get_ref().min)?, corner(&crop.get_ref().max)?];
         for axis in 0..3 {
             // Only an axis of one voxel may have equal indices.
             let apart = min[axis] < max[axis] || last[axis] <= 0.0;
@@ -20,7 +37,7 @@ impl Text<'_> {
                 return Err(self.invalid(crop, message));
             }
         }
-        Ok([DVec3::from_array(*min), DVec3::from_array(*max)])
+        Ok([DVec3::from_array(min), DVec3::from_array(max)])
     }
 
     /// The volume, and its grid before the scene changes spacing, origin or direction.
@@ -257,9 +274,22 @@ impl Text<'_> {
                 let note = match place_in(&volume.geometry, &first.geometry) {
                     Place::Inside => None,
                     Place::Partly => Some("reaches beyond the box of the volume; what lies there is not shown"),
-                    Place::Outside => Some("lies outside the box of the volume: nothing of it is shown"),
+                    Place::Outside => Some(
+                        "lies outside the box of the volume: nothing of it is shown. Are both of the same place, such as one patient?",
+                    ),
                 };
                 volume.notes.extend(note.map(|note| format!("{}: volumes.{name} {note}", volume.source)));
+                if volume.anatomical != first.anatomical && transform.is_none() && phantom.is_none() {
+                    let [with, without] = if volume.anatomical {
+                        [&*volume.source, &*first.source]
+                    } else {
+                        [&*first.source, &*volume.source]
+                    };
+                    let note = format!(
+                        "{with} has the axes of a patient, and {without} has none: are both of the same place?"
+                    );
+                    volume.notes.push(note);
+                }
                 return Ok(Field::new(name.clone(), Arc::new(volume), terms));
             }
             if !lies {

@@ -8,13 +8,19 @@ use std::sync::Arc;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, Value, value};
 
 use super::channels::{brighten, number, number_in, rename};
-use super::first_look::{Look, LookError, Subject, Wish, first_look};
+use super::first_look::{Look, LookError, Subject, Values, Wish, first_look};
 use relume_base::number::brief_in;
 use relume_base::progress::Progress;
 use relume_volume::Volume;
 
 /// Reflectances of such materials in their order, where the first look has no designed spectra: patches of the ColorChecker.
-const COLOURS: [&str; 3] = ["orange", "cyan", "magenta"];
+const COLOURS: [&str; 3] = ["magenta", "cyan", "orange"];
+
+/// Number in the design of what glows beside a first look, in their order: the last are nearest to its own colours.
+const GLOWS: [usize; 3] = [3, 2, 1];
+
+/// Part of the voxels of a volume beside the first that shows nothing: its surroundings and what is everywhere, as the blood in a PET.
+const DARK: f64 = 0.95;
 
 /// Designed spectra of the materials of a first look and of what glows beside them, each with a light of its own.
 const DESIGN: &str = include_str!("../../../data/scenes/volume_beside.toml");
@@ -33,13 +39,13 @@ pub(crate) struct BesideLook {
     pub(crate) guess: String,
 }
 
-/// The first look `text` of a volume with this smallest `spacing`, and `others` beside it: their high values add light and hide nothing.
+/// The first look `text` of the volume in the file `first` with this smallest `spacing`, and `others` beside it: their high values add light and hide nothing.
 ///
 /// # Errors
 ///
 /// [`LookError`].
 pub(crate) fn beside(
-    text: &str,
+    (text, first): (&str, &Path),
     spacing: f64,
     others: &mut [BesideVolume],
     progress: &dyn Progress,
@@ -59,6 +65,7 @@ pub(crate) fn beside(
     let (mut told, mut names) = (Vec::new(), Vec::new());
     let mut volumes = Table::new();
     volumes.set_implicit(true);
+    document["volume"]["name"] = value(free_name(first, &mut taken));
     for (index, BesideVolume { path, time, volume }) in others.iter_mut().enumerate() {
         let name = free_name(path, &mut taken);
         let statistics = volume.statistics()?;
@@ -69,6 +76,8 @@ pub(crate) fn beside(
         let mut transfer = looked["transfer"].as_table().cloned().unwrap_or_default();
         transfer.remove("opacity_length");
         rename(&mut transfer, &name);
+        let values = Values::of(volume, &statistics);
+        raise(&mut transfer, [values.percentile(DARK), values.percentile(0.9995)]);
         if is_largest {
             brighten(&mut transfer);
         }
@@ -133,7 +142,7 @@ fn give_lights(document: &mut DocumentMut, names: &[String]) -> Vec<String> {
         materials.map_or_else(Vec::new, |table| table.iter().map(|(name, _)| name.to_owned()).collect());
     let parts: Option<Vec<String>> = ours.iter().map(|name| part(document, name)).collect();
     let Some(parts) = parts.filter(|parts| !parts.is_empty()) else { return Vec::new() };
-    let glows = (1..=names.len()).map(|number| format!("glow{number}"));
+    let glows = GLOWS.into_iter().map(|number| format!("glow{number}"));
     let all: Vec<(String, String)> = ours.iter().chain(names).cloned().zip(parts.into_iter().chain(glows)).collect();
     let light = |name: &str| format!("for_{name}");
     for (name, part) in &all {
@@ -153,6 +162,28 @@ fn give_lights(document: &mut DocumentMut, names: &[String]) -> Vec<String> {
         document["lights"][&light(name)] = design["lights"][&light(part)].clone();
     }
     names.iter().map(|name| light(name)).collect()
+}
+
+/// Lets the curves of `transfer` begin at `low` and end at `high`, if they begin and end below.
+fn raise(transfer: &mut Table, [low, high]: [f64; 2]) {
+    let value_of = |point: &Value| number_in(point.as_array()?.get(0)?);
+    let curve = |transfer: &Table| -> Option<[f64; 2]> {
+        let points = transfer.get("opacity")?.as_array()?;
+        Some([value_of(points.get(0)?)?, value_of(points.get(points.len().checked_sub(1)?)?)?])
+    };
+    let Some([from, to]) = curve(transfer) else { return };
+    let [low, high] = [low.max(from), high.max(to)];
+    if !(from < to && low < high) {
+        return;
+    }
+    for name in ["opacity", "material"] {
+        let points = transfer.get_mut(name).and_then(Item::as_array_mut);
+        for point in points.into_iter().flat_map(|points| points.iter_mut()).filter_map(Value::as_array_mut) {
+            if let Some(value) = point.get(0).and_then(number_in) {
+                point.replace(0, number((value - from) / (to - from) * (high - low) + low));
+            }
+        }
+    }
 }
 
 /// A name for keys from that of a file.

@@ -129,13 +129,18 @@ pub(crate) fn channels(
     document["mix"]["by"] = value("sliders");
     document["mix"]["off"] = value([ALL].into_iter().collect::<Array>());
     document["mix"]["hand"] = value(ALL);
-    let guess = format!(
-        "{name} has no scene, so Relume made one: {number} channel{}, each in bands of the spectrum of its own, {}: {}. The light \
-         of its name shows one of them alone.",
-        if number == 1 { "" } else { "s" },
-        if blending.is_extreme() { "of which the largest values add up" } else { "which add up" },
-        described.join(", ")
-    );
+    let largest = blending.is_extreme();
+    let guess = if number == 1 {
+        let values = if largest { "by its largest values: " } else { "" };
+        format!("{name} has no scene, so Relume made one: the channel {values}{}.", described.join(", "))
+    } else {
+        let how = if largest { "of which the largest values add up" } else { "which add up" };
+        format!(
+            "{name} has no scene, so Relume made one: {number} channels, each in bands of the spectrum of its own, {how}: {}. The light \
+             of its name shows one of them alone.",
+            described.join(", ")
+        )
+    };
     // The first look at the first channel describes itself in the second line.
     let text = document.to_string();
     let lines =

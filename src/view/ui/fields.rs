@@ -8,7 +8,7 @@ use crate::document::{Document, Edit};
 use crate::scene::{FIRST_FIELD, Field, Overlap, Scene};
 use crate::view::action::Action;
 
-const SHOWN: &str = "Shows or hides this field. A change marches the volume again.";
+const SHOWN: &str = "Shows or hides this field. Its light, switched off, would leave it dark, and it would still hide what is behind. A change marches the volume again.";
 const VALUES: &str = "The values that are shown: what the field shows is stretched to other ones.";
 const OCCLUDES: &str = "Part of its scattering that hides what is behind: at 0 its light only adds, at 1 it hides others as its opacity says. A change marches the volume again.";
 
