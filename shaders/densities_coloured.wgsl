@@ -30,3 +30,12 @@ fn is_depth(depth: Transmittance) -> bool {
     }
     return is_any;
 }
+
+// Largest difference of two depths.
+fn depth_between(a: Transmittance, b: Transmittance) -> f32 {
+    var most = vec4f();
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        most = max(most, abs(a[lane] - b[lane]));
+    }
+    return max(max(most.x, most.y), max(most.z, most.w));
+}

@@ -17,3 +17,8 @@ fn gain_of(lost: Transmittance, depth: Transmittance, length: f32, lane: u32) ->
 fn is_depth(depth: Transmittance) -> bool {
     return depth != 0.0;
 }
+
+// Difference of two depths.
+fn depth_between(a: Transmittance, b: Transmittance) -> f32 {
+    return abs(a - b);
+}

@@ -53,6 +53,8 @@ struct Band {
     // Place of the ray in its pixel, from 0 to 1.
     across: f32,
     down: f32,
+    // Phase of the ray in its pixel, in 2⁻³² of a step.
+    phase: u32,
 }
 
 // Opposite corners of the marched block, far away where it ends with the volume, and the axes along which its upper face
@@ -121,6 +123,13 @@ fn clip(eye: f32, base: vec3f, direction: vec3f, low: vec3f, high: vec3f) -> vec
     return vec2f(max(max(eye, x.x), max(y.x, z.x)), min(min(x.y, y.y), z.y));
 }
 
+// Part of a step at which the steps of a ray begin: interleaved gradient noise in whole numbers (`tables::phase_of`).
+fn phase_of(pixel: vec2u) -> f32 {
+    let line = pixel.x * 288237661u + pixel.y * 25070368u;
+    let noise = line * 52u + (line >> 16u) * 64417u;
+    return f32((noise + band.phase) >> 8u) * (1.0 / 16777216.0);
+}
+
 fn ray_through(pixel: vec2u) -> Ray {
     let u = (f32(pixel.x) + band.across) * march.pixel_width - 1.0;
     let v = 1.0 - (f32(pixel.y) + band.down) * march.pixel_height;
@@ -132,7 +141,10 @@ fn ray_through(pixel: vec2u) -> Ray {
     // Steps are numbered from the volume's box; crop box and clip planes select some of them, and parts of the first and the last.
     // Rays start at the eye.
     let eye = -(march.eye_distance * length);
-    let start = clip(eye, base, direction, march.low, march.high).x;
+    var start = clip(eye, base, direction, march.low, march.high).x;
+    if (JITTER) {
+        start -= phase_of(pixel) * march.step_length;
+    }
     var shown = clip(eye, base, direction, march.crop_low, march.crop_high);
     if (PLANES > 0u) {
         shown = left_by_planes(base, direction, shown);

@@ -96,7 +96,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         dark = brightest(transmittance) < march.termination;
         if (dark) { break; }
     }
-    if (EXTREMES) {
+    if (FINISHES) {
         transmittance = finished(ray, transmittance, &sums);
     }
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {

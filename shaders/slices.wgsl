@@ -39,7 +39,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     end = select(end, 0u, brightest(transmittance) < march.termination);
     transmittance = march_steps(ray, n, end, transmittance, &sums);
-    if (EXTREMES) {
+    if (FINISHES) {
         transmittance = finished(ray, transmittance, &sums);
     }
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {

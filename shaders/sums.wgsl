@@ -13,8 +13,3 @@ fn store_more(pixel: vec2u) {
     }
     store_transmittance_to(pixel, TRANSMITTANCE_LANES, lost_transmittance);
 }
-
-// The film of the ray is in its sums already.
-fn finished(ray: Ray, transmittance: Transmittance, sums: ptr<function, array<vec4f, LAYERS>>) -> Transmittance {
-    return transmittance;
-}

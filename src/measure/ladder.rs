@@ -138,6 +138,7 @@ struct March {
     interpolation: Interpolation,
     labels: LabelInterpolation,
     rays: usize,
+    jitter: bool,
     integration: Integration,
     variation: u64,
     /// Spacing of the light grid and directions of the sky; rays without them.
@@ -153,6 +154,7 @@ impl March {
             interpolation: accuracy.interpolation,
             labels: accuracy.labels,
             rays: accuracy.rays,
+            jitter: accuracy.jitter,
             integration: accuracy.integration,
             variation: accuracy.variation.to_bits(),
         }

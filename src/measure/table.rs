@@ -28,6 +28,7 @@ pub(super) fn taken_integration(row: &Measured) -> String {
     let name = match row.integration {
         Integrate::Segments => "segments",
         Integrate::Samples => "samples",
+        Integrate::Refined => "adaptive",
     };
     if row.other_integration { format!(" (auto took {name})") } else { String::new() }
 }

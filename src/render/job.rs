@@ -12,7 +12,7 @@ use relume_scene::film::{Film, RelightMatrices};
 use relume_scene::plan::{PlanError, Planned, plan_for, plan_full_spectrum};
 use relume_scene::reference::{Exact, ReferenceError, Skipping, Stored, march, render};
 use relume_scene::tables::{
-    Cells, LabelMap, Occupancy, PlacedField, Storage, StoredScene, StoredVolume, occupancy_of_fields,
+    Cells, LabelMap, Occupancy, PlacedField, Storage, StoredScene, StoredVolume, occupancy_of_fields, reach_in_voxels,
 };
 use relume_scene::{AccumulateAs, Camera, Coarse, LabelLeft, Level, Mix, Scene};
 use relume_volume::{Statistics, Volume};
@@ -229,6 +229,7 @@ impl PlannedJob {
         };
         let cells = Cells::new(volume, &storage, labels.as_deref());
         let stored = StoredScene::of(scene, planned, (storage, stored), labels);
+        let reach = reach_in_voxels(scene, &planned.plan);
         let occupancy = match &stored.segments {
             None if planned.plan.groups.further > 0 => {
                 let further = scene.fields.further().iter().zip(&stored.further);
@@ -241,8 +242,8 @@ impl PlannedJob {
                     &stored.table,
                 )
             }
-            None => cells.occupancy(&stored.table.active_entries()),
-            Some(table) => cells.occupancy_of_segments(&self.scene, &table.active_entries()),
+            None => cells.occupancy_within(scene, reach, &stored.table.active_entries()),
+            Some(table) => cells.occupancy_within(scene, reach, &table.active_entries()),
         };
         Ok(OnCpu { job: self, stored, occupancy })
     }

@@ -72,7 +72,7 @@ pub struct March {
     /// Rounds of a volume in bricks.
     rounds: Option<Rounds>,
     /// Places of the rays of a pixel that remain after the current one, the last first.
-    places: Vec<[f32; 2]>,
+    places: Vec<schedule::RayPlace>,
     /// Mean of the finished rays; `None` if a pixel has one ray.
     mean: Option<Mean>,
     /// True if a block is marched, whose rays begin with the film in the images.

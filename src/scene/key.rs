@@ -417,7 +417,7 @@ mod choices {
     impl Named for ShadowMethod { const ALL: Choices<Self> = &[(Self::Grid, "grid"), (Self::Rays, "rays")]; }
     impl Named for Interpolation { const ALL: Choices<Self> = &[(Self::Nearest, "nearest"), (Self::Linear, "linear"), (Self::ExactLinear, "exact_linear"), (Self::Cubic, "cubic")]; }
     impl Named for LabelInterpolation { const ALL: Choices<Self> = &[(Self::Smooth, "smooth"), (Self::Nearest, "nearest")]; }
-    impl Named for Integration { const ALL: Choices<Self> = &[(Self::Auto, "auto"), (Self::Segments, "segments"), (Self::Samples, "samples")]; }
+    impl Named for Integration { const ALL: Choices<Self> = &[(Self::Auto, "auto"), (Self::Segments, "segments"), (Self::Samples, "samples"), (Self::Adaptive, "adaptive")]; }
     impl Named for VolumeAs { const ALL: Choices<Self> = &[(Self::Auto, "auto"), (Self::Single, "f32"), (Self::Short, "u16")]; }
     impl Named for Gradients { const ALL: Choices<Self> = &[(Self::Packed, "packed"), (Self::Central, "central")]; }
     impl Named for StoreAs { const ALL: Choices<Self> = &[(Self::Single, "f32"), (Self::Half, "f16")]; }
@@ -481,10 +481,12 @@ pub const SCENE: &[Key<Scene>] = &[
         .knob("0,0.001,0.01,0.1", "transmittance at which a ray ends").growing(|number| 10.0 * number),
     Key::new("accuracy.rays", Whole([1, 256], None), Nothing, field!(Scene: accuracy.rays))
         .knob("", "rays of a pixel, whose mean it is").growing(|rays| 4.0 * rays),
+    Key::new("accuracy.jitter", Switch, Nothing, field!(Scene: accuracy.jitter))
+        .knob("on", "steps of each ray from another part of a step on, in place of the same: a grain in place of rings"),
     Key::new("accuracy.integration", names::<Integration>(), Nothing, field!(Scene: accuracy.integration))
-        .knob("segments", "medium of a step: at its middle (samples), or its mean between the values at both ends (segments)"),
+        .knob("segments,adaptive", "medium of a step: at its middle (samples), its mean between the values at both ends (segments), or at up to three places where it differs from the steps beside (adaptive)"),
     Key::new("accuracy.variation", Number([1e-6, 1.0], ""), Accumulators, field!(Scene: accuracy.variation))
-        .knob("", "change of opacity and shading above which a segment is divided").growing(|number| 10.0 * number),
+        .knob("", "change of opacity and shading above which a step is divided (segments, adaptive)").growing(|number| 10.0 * number),
     Key::new("shadows.spacing", Number([0.5, 64.0], "voxels"), Accumulators, field!(Scene: shadows.spacing))
         .knob("", "voxels between nodes of the light grid"),
     Key::new("shadows.directions", Whole([8, 1024], None), Accumulators, field!(Scene: shadows.directions))

@@ -669,6 +669,9 @@ pub enum Integration {
     Segments,
     /// Point samples, one in the middle of each step.
     Samples,
+    /// Point samples, and further ones between two that differ (docs/theory/refinement.md); samples alone where the plan
+    /// cannot refine them.
+    Adaptive,
 }
 
 /// Range of the parameter of a phase function.
@@ -686,10 +689,14 @@ pub struct Accuracy {
     /// Rays of a pixel: its accumulators are their mean, which smooths edges and relights as exactly as
     /// one ray. Time is proportional to their number.
     pub rays: usize,
+    /// True if the steps of each ray begin at another part of a step (docs/theory/march.md), so that the lattice of the samples is seen as a fine
+    /// grain and not as rings; the rays of a pixel then lie evenly between each other's samples.
+    pub jitter: bool,
     /// Integration of the medium along a ray.
     pub integration: Integration,
     /// Variation of a segment: the largest change of a step's opacity, and of its shading, between the ends of a segment
-    /// that is not divided (docs/theory/segments.md). A smaller one divides more segments.
+    /// that is not divided (docs/theory/segments.md). A smaller one divides more segments. Of adaptive samples, it gives the bound on the
+    /// difference to the samples beside, [`plan::refinement_bound`].
     pub variation: f64,
     /// Empty-space skipping; exact, so it affects no error.
     pub skipping: bool,
@@ -726,6 +733,7 @@ impl Accuracy {
             step_length,
             termination: 1e-4,
             rays: 1,
+            jitter: false,
             integration: Integration::default(),
             variation: 1e-3,
             skipping: true,

@@ -39,6 +39,12 @@ pub const LANE: usize = 4;
 /// Largest number of parts of a segment.
 pub const MOST_PARTS: f32 = 4.0;
 
+/// Difference between two samples above which their steps are refined towards each other, of this [`Accuracy::variation`]: 0.02 of the default.
+#[must_use]
+pub fn refinement_bound(variation: f64) -> f64 {
+    (0.4 * variation).sqrt()
+}
+
 /// Fraction of the tolerance allowed to coefficients that replace exact weights: exactness is given up only for a small
 /// error.
 const EXACTNESS: f64 = 0.5;
@@ -88,6 +94,8 @@ pub struct ScenePlan {
     pub skipping: bool,
     /// Rays of a pixel, whose mean its accumulators are.
     pub rays: usize,
+    /// True if each ray has a phase of its own.
+    pub jitter: bool,
     /// Whether sums keep what rounding takes from them, because a ray may have more than [`MOST_PLAIN_STEPS`].
     pub compensated: bool,
     /// Storage of finished accumulators.
@@ -252,6 +260,8 @@ pub enum Integrate {
     Samples,
     /// Means of the medium over the values between the ends of a segment.
     Segments,
+    /// The medium at the middle of each step, and nearer to the next one where they differ.
+    Refined,
 }
 
 /// Contents of pixels.
@@ -953,6 +963,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         gradients: Gradients::Packed,
         skipping: scene.accuracy.skipping,
         rays: scene.accuracy.rays,
+        jitter: scene.accuracy.jitter,
         compensated: scene.most_steps() > MOST_PLAIN_STEPS && !scene.blending.is_extreme(),
         storage: scene.accuracy.storage,
     };
@@ -963,13 +974,18 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         // Texels of several fields have no room for gradients.
         plan.gradients = if plan.groups.sharing > 0 { Gradients::Central } else { scene.accuracy.gradients };
     }
-    let wanted = match scene.accuracy.integration {
-        Integration::Samples => false,
+    let wants_segments = match scene.accuracy.integration {
+        Integration::Samples | Integration::Adaptive => false,
         Integration::Segments => true,
         Integration::Auto => narrow(scene).is_some(),
     };
-    if wanted && no_segments(&plan, model.as_deref()).is_none() {
+    if wants_segments && no_segments(&plan, model.as_deref()).is_none() {
         plan.integration = Integrate::Segments;
+    }
+    if scene.accuracy.integration == Integration::Adaptive && not_refined(&plan, model.as_deref()).is_none() {
+        plan.integration = Integrate::Refined;
+        // Parts of a step are closed from densities.
+        plan.groups.number = plan.groups.number.max(1);
     }
     Planned { plan, materials, positions, model, warnings: Vec::new() }
 }
@@ -1004,6 +1020,23 @@ fn no_segments(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static
     }
 }
 
+/// Why `plan` does not refine steps, if it does not.
+fn not_refined(plan: &ScenePlan, model: Option<&ColourModel>) -> Option<&'static str> {
+    if plan.transmittance == Transmittance::Mixed {
+        Some("the model peercy multiplies matrices")
+    } else if projects_steps(plan, model) {
+        Some("the model projects the transmittance of each step")
+    } else if plan.blending.is_extreme() {
+        Some("a single value of a ray is seen")
+    } else if plan.groups.further > 0 {
+        Some("a sample has several fields")
+    } else if plan.clip.is_by_field() {
+        Some("clip planes of single volumes, or keep = \"any\", leave parts of a step")
+    } else {
+        None
+    }
+}
+
 /// Storage of the values: all fields of a scene have the same, by the types of their voxels.
 fn stored_volume(scene: &Scene) -> VolumeAs {
     if scene.fields.further().is_empty() || scene.accuracy.volume != VolumeAs::Auto {
@@ -1024,6 +1057,12 @@ impl Planned {
     #[must_use]
     pub fn no_segments(&self) -> Option<&'static str> {
         no_segments(&self.plan, self.model.as_deref())
+    }
+
+    /// Why this plan does not refine steps, if it does not.
+    #[must_use]
+    pub fn not_refined(&self) -> Option<&'static str> {
+        not_refined(&self.plan, self.model.as_deref())
     }
 
     /// Fits the colour model, if any, to `observer`; pixels are the same for every observer. Returns a warning if the

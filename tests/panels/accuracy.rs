@@ -63,4 +63,12 @@ fn the_switch_of_segments_changes_the_integration_where_the_plan_has_them() {
     window.run();
     let changed = Accuracy { integration: Integration::Samples, ..accuracy() };
     assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(changed))));
+    for (label, changed) in [
+        ("Adaptive", Accuracy { integration: Integration::Adaptive, ..accuracy() }),
+        ("Jitter", Accuracy { integration: Integration::Adaptive, jitter: true, ..accuracy() }),
+    ] {
+        window.get_by_label(label).click();
+        window.run();
+        assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(changed))));
+    }
 }

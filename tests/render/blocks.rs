@@ -142,6 +142,35 @@ fn the_composite_of_blocks_is_one_march() {
 }
 
 /// Every block begins with all light, so one behind an opaque block is marched too, and dimmed afterwards.
+/// A block does not know the light that is left behind those in front of it, and refines its steps as if all were: blocks of any number
+/// composite to the same film, and that of one march is near.
+#[test]
+fn blocks_refine_steps_alike_and_more_than_one_march() {
+    for name in ["refined_three", "refined_coloured", "refined_labels"] {
+        let whole = Rungs::new(scenes::named(name), SIZE);
+        let composite = |leaves: usize| {
+            let (scenes, low_first) = parts(&whole.scene, whole.size, leaves);
+            let rungs = scenes.into_iter().map(|scene| Rungs::planned(scene, whole.planned.clone(), whole.size));
+            let rungs: Vec<Rungs> = rungs.collect();
+            let films: Vec<Film<f64>> = rungs.iter().map(|rungs| rungs.march(&rungs.exact())).collect();
+            let on_device = with_renderer(|renderer| {
+                let films: Vec<Film<f32>> = rungs.iter().map(|rungs| rungs.gpu(renderer)).collect();
+                composited(&films, &low_first)
+            });
+            (composited(&films, &low_first), on_device)
+        };
+        let ((two, of_two), (five, of_five)) = (composite(2), composite(5));
+        let apart = difference(&two, &five);
+        assert!(apart <= 1e-12, "{name}: {apart}");
+        if let Some((one, other)) = of_two.zip(of_five) {
+            let apart = difference(&one, &other);
+            assert!(apart <= 1e-6, "{name} on the device: {apart}");
+        }
+        let apart = difference(&two, &whole.march::<f64>(&whole.exact()));
+        assert!(apart > 0.0 && apart <= 0.02, "{name} as a whole: {apart}");
+    }
+}
+
 #[test]
 fn early_termination_leaves_out_as_much_light_as_in_one_march() {
     let mut scene = scenes::named("diffuse_three");

@@ -21,6 +21,7 @@ mod probe;
 mod properties;
 mod ranks;
 mod rays;
+mod refined;
 mod scenes;
 mod segments;
 mod shader;

@@ -176,7 +176,7 @@ fn rungs_agree(case: &Case<'_>) -> Result<(), &'static str> {
     let is_plain = !plan.light.is_dimmed() && plan.phases == 0 && plan.thin_films == FilmCounts::default();
     let limits = match (plan.integration, plan.labels) {
         (Integrate::Segments, true) => LABEL_IN_SEGMENTS,
-        (Integrate::Segments, false) if is_plain => [WEIGHTS_DEVICE_P99, WEIGHTS_DEVICE],
+        (Integrate::Segments | Integrate::Refined, false) if is_plain => [WEIGHTS_DEVICE_P99, WEIGHTS_DEVICE],
         _ => [SAME_GRID; 2],
     };
     let single = case.single().relight(&matrices);
@@ -255,8 +255,8 @@ fn relit_is_rendered(case: &Case<'_>) -> Result<(), &'static str> {
             let part = alone.planned.plan.components() * SIZE[0] * SIZE[1];
             let own = renderer.read(&marched).unwrap().accumulators;
             assert!(own == film.accumulators[light.position * part..][..part], "{name}: {} alone", light.name);
-        } else if !is_same && planned.plan.integration == Integrate::Segments {
-            return Err("segments are divided by the largest number of a step, and one light has other numbers");
+        } else if !is_same && planned.plan.integration != Integrate::Samples {
+            return Err("steps are divided by the largest number of a step, and one light has other numbers");
         }
         let shown = renderer.relight_linear(&marched).unwrap();
         shown.run(&alone.matrices()).unwrap();
@@ -305,7 +305,7 @@ fn any_division_is_the_same(case: &Case<'_>) -> Result<(), &'static str> {
 }
 
 /// Scenes that are marched in every way: highlights, labels, the eye inside, X-ray materials and coloured absorption.
-const EVERY_WAY: [&str; 10] = [
+const EVERY_WAY: [&str; 12] = [
     "specular_three",
     "labels",
     "inside",
@@ -316,6 +316,8 @@ const EVERY_WAY: [&str; 10] = [
     "segments_inside",
     "segments_xray",
     "segments_coloured_three",
+    "refined_specular",
+    "refined_inside",
 ];
 
 /// A volume of several bricks along each axis, in pools of two slots, of some, and of all.
@@ -357,6 +359,11 @@ fn in_blocks_is_whole(case: &Case<'_>) -> Result<(), &'static str> {
     }
     if plan.blending.is_extreme() {
         return Err("the film of a part of a ray does not hold its values: refused");
+    }
+    if plan.integration == Integrate::Refined {
+        return Err(
+            "a part of a ray does not know the light that is left: `blocks::blocks_refine_steps_alike_and_more_than_one_march`",
+        );
     }
     if plan.phases > 0 || plan.thin_films != FilmCounts::default() || plan.light.is_dimmed() {
         return Err("light is scattered behind the ends of a ray: `blocks::cases` has films and shadows");
@@ -433,6 +440,7 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         gradients,
         skipping,
         rays,
+        jitter,
         compensated,
         storage,
     } = plan;
@@ -513,12 +521,14 @@ pub(super) fn features(plan: &ScenePlan) -> String {
     add(*background, "background".into());
     add(*lookup != Lookup::Linear, "nearest entry".into());
     add(*integration == Integrate::Segments, "segments".into());
+    add(*integration == Integrate::Refined, "refined".into());
     add(blending.is_extreme(), format!("{blending:?}"));
     add(*interpolation != Interpolation::Linear, format!("{interpolation:?}"));
     add(*volume != VolumeAs::Auto, format!("{volume:?}"));
     add(*gradients != Gradients::Packed, format!("{gradients:?}"));
     add(!skipping, "unskipped".into());
     add(*rays > 1, format!("{rays} rays"));
+    add(*jitter, "jitter".into());
     add(*compensated, "compensated".into());
     add(*storage != StoreAs::Single, format!("{storage:?}"));
     words
@@ -680,6 +690,12 @@ matrix! {
     phases_five phases_forwards phases_backwards phases_grey phases_grey_shadows phases_coloured phases_coloured_labels
     phases_coloured_xray phases_alike phases_sharpened phases_segments phases_grey_segments phases_coloured_thinned
     fields_hidden fields_hidden_mask occludes_unshaded occludes_three occludes_coloured occludes_segments occludes_shadows
-    occludes_labels occludes_fields occludes_sharpened
+    occludes_labels occludes_fields occludes_sharpened refined_unshaded refined_three refined_specular refined_xray refined_coloured
+    refined_labels refined_nearest_labels refined_rows refined_background refined_cropped refined_inside refined_rotated
+    refined_nearest refined_central refined_cubic refined_exact_linear refined_thinned refined_rectangles refined_shape
+    refined_shadows refined_phases refined_films refined_clipped refined_rays refined_unskipped refined_long_steps
+    refined_finely refined_own_shares refined_orthographic jitter_unshaded jitter_three jitter_coloured jitter_labels
+    jitter_cropped jitter_inside jitter_segments jitter_refined jitter_rays jitter_fields jitter_maximum jitter_clipped
+    jitter_shadows jitter_unskipped
     films_three films_highlights films_labels films_shadows films_every films_grey films_coloured_shadows films_segments
 }

@@ -35,8 +35,18 @@ pub(super) struct Band {
     pub(super) first_row: u32,
     pub(super) first_sample: u32,
     pub(super) end_sample: u32,
-    /// Place of the ray in its pixel, from 0 to 1 across and down.
-    place: [f32; 2],
+    /// The ray in its pixel.
+    place: RayPlace,
+}
+
+/// A ray in its pixel.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct RayPlace {
+    /// From 0 to 1 across and down.
+    pub(super) place: [f32; 2],
+    /// Its phase, in 2⁻³² of a step.
+    pub(super) phase: u32,
 }
 
 /// Target duration of a dispatch, and how many samples fit into it, as far as is known.
@@ -79,6 +89,8 @@ pub(super) fn longest_slice(iterations: Iterations, integration: Integrate) -> u
         Integrate::Samples => 1,
         // The most parts, and the segment as a whole.
         Integrate::Segments => 1 + whole(f64::from(MOST_PARTS)),
+        // Three parts, and two samples before the first of a run.
+        Integrate::Refined => 5,
     };
     let per_sample = (turns * iterations.per_turn).max(1);
     unsigned(ITERATIONS.saturating_sub(iterations.once) / per_sample).clamp(1, SLICE)
@@ -100,8 +112,8 @@ pub(super) struct Schedule {
     end_row: u32,
     first_sample: u32,
     slice: u32,
-    /// Place of the rays in their pixels, from 0 to 1 across and down.
-    place: [f32; 2],
+    /// The present rays in their pixels.
+    place: RayPlace,
     /// Target number of samples of the next dispatch.
     budget: f64,
     /// Approximate largest number of samples of any dispatch, from an earlier march.
@@ -131,7 +143,7 @@ impl Schedule {
             end_row: size[1],
             first_sample: 0,
             slice: 0,
-            place: [0.5; 2],
+            place: RayPlace { place: [0.5; 2], phase: 0 },
             budget,
             most,
             taken: 0.0,
@@ -141,7 +153,7 @@ impl Schedule {
     }
 
     /// Begins with the rays through `place` of each pixel, at the speed measured so far.
-    pub(super) fn begin_rays(&mut self, place: [f32; 2]) {
+    pub(super) fn begin_rays(&mut self, place: RayPlace) {
         self.place = place;
         self.begin_round(Round { first_row: 0, end_row: self.size[1], first_sample: 0 });
     }

@@ -9,16 +9,16 @@ use glam::DVec3;
 use super::dispatching::{Dispatching, TableMemory};
 use super::mean::Mean;
 use super::rounds::Rounds;
-use super::schedule::{Schedule, Speed, longest_slice};
+use super::schedule::{RayPlace, Schedule, Speed, longest_slice};
 use super::source::{UNIFORM_BYTES, VECTOR_BYTES, formats, source};
 use super::{DeviceFilm, March};
 use crate::{RenderError, Renderer, Uploaded};
 use relume_base::number::{count, rounded, unsigned};
-use relume_scene::plan::{Integrate, LANE, Planned, Transmittance};
+use relume_scene::plan::{Integrate, LANE, Planned, Transmittance, refinement_bound};
 use relume_scene::tables::{
     BlockBox, CapTable, ClipTable, FactorTable, LabelTable, Occupancy, PhaseTable, PlacedField, PositionTable,
     RayTable, SegmentTable, ShadingTable, Steps, Storage, ThinFilmTable, TransferTable, gradient_numbers,
-    occupancy_of_fields, ray_places,
+    occupancy_of_fields, phase_of_ray, ray_places, reach_in_voxels,
 };
 use relume_scene::{FIELDS, Interpolation, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
@@ -62,7 +62,7 @@ pub struct MarchUniform {
     pub active_highs: [f32; FIELDS],
 }
 
-/// Uniform of segments, in the layout of `shaders/segments.wgsl`; whole vectors.
+/// Uniform of the division of steps, in the layout of `shaders/segments.wgsl` and `shaders/refined.wgsl`; whole vectors.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 struct SegmentUniform {
@@ -107,7 +107,7 @@ impl Values {
     fn new(scene: &Scene, planned: &Planned, domains: &[[f64; 2]]) -> (Self, LabelTable) {
         let domain = domains.first().copied().unwrap_or_default();
         let values = match planned.plan.integration {
-            Integrate::Samples => Self::Steps(TransferTable::new(scene, planned, domains)),
+            Integrate::Samples | Integrate::Refined => Self::Steps(TransferTable::new(scene, planned, domains)),
             Integrate::Segments => Self::Segments(SegmentTable::new(scene, planned, domain)),
         };
         // Segments have no labels by value.
@@ -126,12 +126,13 @@ impl Values {
 
 /// Occupancy of the macrocells of `uploaded` under the table `values`.
 fn occupancy_of(scene: &Scene, planned: &Planned, uploaded: &Uploaded, values: &Values) -> Occupancy {
+    let reach = reach_in_voxels(scene, &planned.plan);
     match values {
         Values::Steps(table) if planned.plan.groups.further > 0 => {
             occupancy_of_fields(&uploaded.all_cells(), &uploaded.places, table)
         }
-        Values::Steps(table) => uploaded.cells.occupancy(&table.active_entries()),
-        Values::Segments(table) => uploaded.cells.occupancy_of_segments(scene, &table.active_entries()),
+        Values::Steps(table) => uploaded.cells.occupancy_within(scene, reach, &table.active_entries()),
+        Values::Segments(table) => uploaded.cells.occupancy_within(scene, reach, &table.active_entries()),
     }
 }
 
@@ -293,7 +294,11 @@ impl Renderer {
             Values::Steps(_) => 0.0,
             Values::Segments(table) => rounded(table.unit),
         };
-        let segments = SegmentUniform { unit, variation: rounded(scene.accuracy.variation), unused: [0.0; 2] };
+        let variation = match plan.integration {
+            Integrate::Refined => refinement_bound(scene.accuracy.variation),
+            Integrate::Samples | Integrate::Segments => scene.accuracy.variation,
+        };
+        let segments = SegmentUniform { unit, variation: rounded(variation), unused: [0.0; 2] };
         let segments = uniform("segments", bytemuck::bytes_of(&segments))?;
         let (tables, tabled) = self.tables(&values, &label_table.table)?;
         let label_rows = storage("label rows", bytemuck::cast_slice(&label_table.rows.words()))?;
@@ -317,8 +322,9 @@ impl Renderer {
         }
 
         let mean = if plan.rays > 1 { Some(Mean::new(self, plan, [&accumulators, &transmittance])?) } else { None };
-        let mut places: Vec<[f32; 2]> =
-            ray_places(plan.rays).into_iter().map(|place| place.map(rounded)).rev().collect();
+        let place =
+            |(index, place): (usize, [f64; 2])| RayPlace { place: place.map(rounded), phase: phase_of_ray(index) };
+        let mut places: Vec<RayPlace> = ray_places(plan.rays).into_iter().enumerate().map(place).rev().collect();
 
         let grid = self.light_grid(scene, planned, uploaded, coarse)?;
 

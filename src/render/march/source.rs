@@ -72,16 +72,23 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
             parts.push(text!("table_of_groups.wgsl"));
         }
         Integrate::Samples if plan.groups.any() => {
-            parts.extend([text!("samples.wgsl"), text!("samples_of_groups.wgsl"), text!("table_of_groups.wgsl")]);
-            parts.push(("the media of the plan", others::text(plan).into()));
+            parts.extend([text!("keys.wgsl"), text!("samples.wgsl")]);
+            parts.extend(samples_of_groups(plan));
         }
-        Integrate::Samples => parts.extend([text!("samples.wgsl"), text!("samples_of_steps.wgsl")]),
+        Integrate::Samples => parts.extend([text!("keys.wgsl"), text!("samples.wgsl"), text!("samples_of_steps.wgsl")]),
+        Integrate::Refined => {
+            parts.extend([text!("keys.wgsl"), text!("refined.wgsl")]);
+            parts.extend(samples_of_groups(plan));
+        }
         Integrate::Segments => {
             parts.push(if grey { text!("segments_grey.wgsl") } else { text!("segments_coloured.wgsl") });
             parts.push(text!("segments.wgsl"));
         }
     }
     parts.push(if plan.blending.is_extreme() { text!("extremes.wgsl") } else { text!("sums.wgsl") });
+    if !finishes(plan) {
+        parts.push(text!("unfinished.wgsl"));
+    }
     parts.push(match plan.light.absorbers {
         0 => text!("share_grey.wgsl"),
         _ => text!("share_coloured.wgsl"),
@@ -101,9 +108,20 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
     parts
 }
 
+/// Shader texts for the medium of a sample as densities of groups of terms.
+fn samples_of_groups(plan: &ScenePlan) -> [Part; 3] {
+    let media = ("the media of the plan", others::text(plan).into());
+    [text!("samples_of_groups.wgsl"), text!("table_of_groups.wgsl"), media]
+}
+
+/// True if a ray adds light after its last step.
+fn finishes(plan: &ScenePlan) -> bool {
+    plan.integration == Integrate::Refined || plan.blending.is_extreme()
+}
+
 /// True if the steps that a face cuts are marched among the others.
 fn cuts_in_runs(plan: &ScenePlan) -> bool {
-    plan.integration == Integrate::Segments || plan.blending.is_extreme() || plan.clip.is_by_field()
+    plan.integration != Integrate::Samples || plan.blending.is_extreme() || plan.clip.is_by_field()
 }
 
 /// Formats of accumulators and transmittance.
@@ -251,7 +269,9 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .f32("MOST_PARTS", MOST_PARTS)
         .bool("SKIPPING", plan.skipping)
         .bool("KEEPS_MORE", plan.keeps_more())
-        .bool("EXTREMES", plan.blending.is_extreme())
+        .bool("JITTER", plan.jitter)
+        .bool("FINISHES", finishes(plan))
+        .bool("SHADED", plan.shades_by_gradient())
         .f32("EXTREME_SIGN", if plan.blending == Blending::Minimum { -1.0 } else { 1.0 })
         // Otherwise `cut_steps.wgsl` adds the steps that a face cuts.
         .bool("CUT_IN_RUNS", cuts_in_runs(plan) || residence != Residence::Whole)
@@ -395,6 +415,7 @@ mod tests {
             gradients: Gradients::Packed,
             skipping: true,
             rays: 1,
+            jitter: false,
             compensated: false,
             storage: StoreAs::Single,
         }

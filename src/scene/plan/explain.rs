@@ -1,6 +1,9 @@
 //! Explains plans in sentences, for people who know volumes but not this program.
 
-use super::{ClipPlan, Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower};
+use super::{
+    ClipPlan, Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower,
+    refinement_bound,
+};
 use crate::key::Named as _;
 use crate::{
     AccumulateAs, Accuracy, AmbientShares, Blending, Field, Gradients, Integration, Interpolation, Keep, Lookup,
@@ -400,10 +403,23 @@ impl Planned {
                 ));
             }
         }
+        if plan.integration == Integrate::Refined {
+            sentences.push(format!(
+                "A step has one sample, and one more towards each sample beside it from which its medium or shading differs by more than {}.",
+                brief(refinement_bound(scene.accuracy.variation))
+            ));
+        } else if scene.accuracy.integration == Integration::Adaptive
+            && let Some(why) = self.not_refined()
+        {
+            sentences.push(format!("A step has one sample, wherever the medium changes, because {why}."));
+        }
         sentences.push(format!(
             "Rays from the eye sample the volume in steps of {} (its own unit of length), {termination}; empty regions are {skipping}.",
             brief(scene.accuracy.step_length)
         ));
+        if plan.jitter {
+            sentences.push("The steps of each ray begin at another part of a step.".to_owned());
+        }
         if plan.compensated {
             sentences
                 .push("A ray may have so many steps that their sums keep what rounding takes from them.".to_owned());

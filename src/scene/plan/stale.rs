@@ -108,6 +108,7 @@ impl Stale {
             gradients: _,
             skipping,
             rays,
+            jitter,
             compensated,
             storage,
         } = *plan;
@@ -132,8 +133,8 @@ impl Stale {
         if tables || *materials != after.materials || positions.len() != after.positions.len() {
             return Self::Tables;
         }
-        let march = (background, skipping, rays, compensated, storage)
-            != (later.background, later.skipping, later.rays, later.compensated, later.storage);
+        let march = (background, skipping, (rays, jitter), compensated, storage)
+            != (later.background, later.skipping, (later.rays, later.jitter), later.compensated, later.storage);
         if march { Self::Accumulators } else { Self::Nothing }
     }
 }

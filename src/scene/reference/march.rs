@@ -12,8 +12,8 @@ use super::light::{At, Light, Scratch};
 use super::{End, ReferenceError, Samples, Step, Values, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
-use crate::plan::{Integrate, LANE, MOST_PARTS, Planned, Transmittance};
-use crate::tables::{RayTable, ray_places};
+use crate::plan::{Integrate, LANE, MOST_PARTS, Planned, Transmittance, refinement_bound};
+use crate::tables::{RayTable, phase_of, phase_of_ray, ray_places};
 use crate::{Blending, FIELDS, Scene};
 use relume_base::number::{Real, count, dot, unit};
 use relume_base::parallel;
@@ -91,6 +91,14 @@ struct Extreme<R> {
     place: [R; 3],
 }
 
+/// Part of a step with a medium of its own.
+struct Part<R> {
+    place: [R; 3],
+    density: Step<R>,
+    /// In steps.
+    length: R,
+}
+
 /// Constants of a frame.
 struct Frame<'a, R> {
     planned: &'a Planned,
@@ -98,6 +106,8 @@ struct Frame<'a, R> {
     step_length: R,
     termination: R,
     variation: R,
+    /// Difference above which a step is refined.
+    bound: R,
     clip: Planes<R>,
     light: Light<'a, R>,
     size: [usize; 2],
@@ -121,6 +131,7 @@ impl<'a, R: Real> Frame<'a, R> {
             step_length: R::from_f64(rays.step_length),
             termination: R::from_f64(scene.accuracy.termination),
             variation: R::from_f64(scene.accuracy.variation),
+            bound: R::from_f64(refinement_bound(scene.accuracy.variation)),
             clip,
             light,
             size,
@@ -128,8 +139,8 @@ impl<'a, R: Real> Frame<'a, R> {
         })
     }
 
-    /// Returns the ray through `place` of pixel `[x, y]`, y down; a place is from 0 to 1 across and down.
-    fn ray_through(&self, [x, y]: [usize; 2], place: [f64; 2]) -> Ray<R> {
+    /// Returns ray number `index` through `place` of pixel `[x, y]`, y down; a place is from 0 to 1 across and down.
+    fn ray_through(&self, [x, y]: [usize; 2], index: usize, place: [f64; 2]) -> Ray<R> {
         let rays = &self.rays;
         let from = |vector: DVec3| vector.to_array().map(R::from_f64);
         let one = R::from_f64(1.0);
@@ -156,7 +167,10 @@ impl<'a, R: Real> Frame<'a, R> {
                 [near.max(enter), far.min(leave)]
             })
         };
-        let [start, _] = clip(from(rays.low), from(rays.high));
+        let [mut start, _] = clip(from(rays.low), from(rays.high));
+        if self.planned.plan.jitter {
+            start = start - R::from_f64(phase_of([x, y], phase_of_ray(index))) * self.step_length;
+        }
         let shown = clip(from(rays.crop_low), from(rays.crop_high));
         let [near, far] = self.clip.left(base, direction, shown);
         let zero = R::default();
@@ -222,6 +236,9 @@ impl<'a, R: Real> Frame<'a, R> {
         }
         if self.planned.plan.blending.is_extreme() {
             return self.march_extremes(samples, ray, sums, seen);
+        }
+        if self.planned.plan.integration == Integrate::Refined {
+            return self.march_refined(samples, ray, sums, seen);
         }
         let mixed = self.planned.plan.transmittance == Transmittance::Mixed;
         let plan = &self.planned.plan;
@@ -401,6 +418,93 @@ impl<'a, R: Real> Frame<'a, R> {
         transmittance
     }
 
+    /// [`Self::march_along`] with steps that are refined (docs/theory/refinement.md): one sample in the middle, and one more at each end where
+    /// the medium differs from that of the sample beside. Twin of `shaders/refined.wgsl`.
+    fn march_refined(
+        &self,
+        samples: &dyn Samples<R>,
+        ray: &Ray<R>,
+        sums: &mut [R],
+        mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
+    ) -> Vec<R> {
+        let (half, one) = (R::from_f64(0.5), R::from_f64(1.0));
+        let mut transmittance = self.all_light();
+        let (mut step, mut scratch) = (Step::default(), Scratch::default());
+        let mut lost = self.lost(sums.len(), transmittance.len());
+        let at = |place: [R; 3]| {
+            let mut density = Step::default();
+            samples.sample(place, &mut density);
+            density.normal = samples.normal(place);
+            density
+        };
+        // Places of samples in steps from the beginning of step n, whole steps beyond the ray.
+        let middle = |n: usize| {
+            let [from, to] = if n < ray.samples { ray.part(n) } else { [R::default(), one] };
+            (from + to) * half
+        };
+        let beside = |n: usize| -> [Step<R>; 2] {
+            let behind = if n > 0 {
+                ray.place(n - 1, middle(n - 1), self.step_length)
+            } else {
+                ray.place(0, -half, self.step_length)
+            };
+            [at(behind), at(ray.place(n + 1, middle(n + 1), self.step_length))]
+        };
+        for (n, place) in self.occupied(samples, ray) {
+            let [from, to] = ray.part(n);
+            let length = to - from;
+            let here = at(place);
+            let [behind, ahead] = beside(n);
+            // A part of a picture does not know the light that is left.
+            let left = if self.rays.block.is_some() {
+                one
+            } else {
+                transmittance.iter().fold(R::default(), |most, &left| most.max(left))
+            };
+            let outer = [self.rise(&behind, &here), self.rise(&here, &ahead)];
+            let outer = outer.map(|rise| outer_part(left * rise, self.bound));
+            let places = [from + outer[0] * length * half, to - outer[1] * length * half];
+            let places = places.map(|within| ray.place(n, within, self.step_length));
+            let mut parts: SmallVec<[Part<R>; 3]> = SmallVec::new();
+            let part = |end: usize| Part { place: places[end], density: at(places[end]), length: outer[end] * length };
+            parts.extend((outer[0] > R::default()).then(|| part(0)));
+            parts.push(Part { place, density: here, length: (one - outer[0] - outer[1]) * length });
+            parts.extend((outer[1] > R::default()).then(|| part(1)));
+            for Part { place, density, length } in parts {
+                across(&density, length, self.planned.plan.lanes() * LANE, &mut step);
+                step.normal = density.normal;
+                if !seen(&RaySample { index: n, place, length, transmittance: &transmittance }) {
+                    return transmittance;
+                }
+                if step.does_nothing() {
+                    continue;
+                }
+                let at = At { view: ray.view, place, step: &step, transmittance: &transmittance };
+                self.light.add(&at, samples, sums, &mut lost, &mut scratch);
+                attenuate_all(&mut transmittance, &step.opacity, lost.as_mut());
+                if transmittance.iter().all(|&left| left.abs() < self.termination) {
+                    return transmittance;
+                }
+            }
+        }
+        transmittance
+    }
+
+    /// Difference between the media of two samples: the largest of the numbers that they scatter and hide, and half of the turn of the
+    /// normal, times what both scatter.
+    fn rise(&self, a: &Step<R>, b: &Step<R>) -> R {
+        let difference =
+            |a: &[R], b: &[R]| a.iter().zip(b).fold(R::default(), |most, (&a, &b)| most.max((a - b).abs()));
+        let lit = |step: &Step<R>| step.source.iter().fold(R::default(), |most, &lit| most.max(lit.abs()));
+        let rise = difference(&a.source, &b.source).max(difference(&a.opacity, &b.opacity));
+        if !self.planned.plan.shades_by_gradient() {
+            return rise;
+        }
+        let turn: [R; 3] = std::array::from_fn(|axis| b.normal[axis] - a.normal[axis]);
+        let both = lit(a).min(lit(b));
+        (dot(turn, turn).sqrt() * R::from_f64(0.5)).mul_add(both, rise)
+    }
+
     /// Number of parts of a segment, 1 to [`MOST_PARTS`], not necessarily whole: the last part is shorter, so that a
     /// picture depends continuously on the data. `density` is the segment's mean, and `varied` its variation.
     fn parts(&self, [a, b]: [&End<R>; 2], varied: R, density: &Step<R>) -> R {
@@ -435,7 +539,7 @@ impl<'a, R: Real> Frame<'a, R> {
         let (mut sums, mut transmittance) = (Vec::new(), Vec::new());
         for (i, &place) in self.places.iter().enumerate() {
             let mut of_ray = vec![R::default(); self.planned.plan.components() * self.planned.positions.len()];
-            let left = self.march_along(samples, &self.ray_through(pixel, place), &mut of_ray, |_| true);
+            let left = self.march_along(samples, &self.ray_through(pixel, i, place), &mut of_ray, |_| true);
             if i == 0 {
                 (sums, transmittance) = (of_ray, left);
                 continue;
@@ -470,6 +574,13 @@ pub fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &m
     close(&density.source, &mut step.source);
     step.others.resize_with(density.others.len(), Vec::new);
     density.others.iter().zip(&mut step.others).for_each(|(density, other)| close(density, other));
+}
+
+/// Length of the first or the last part of a step, as a part of it, where its sample and the one beside differ by `rise`: 0 up to `bound`, and a
+/// third from one and a half of it on, so that a picture depends continuously on the data.
+fn outer_part<R: Real>(rise: R, bound: R) -> R {
+    let (zero, one) = (R::default(), R::from_f64(1.0));
+    ((rise / bound - one) * R::from_f64(2.0)).max(zero).min(one) * R::from_f64(1.0 / 3.0)
 }
 
 /// Range of `s` where the coordinate `base + s·direction` lies between `low` and `high`. For a ray parallel to the
@@ -539,7 +650,7 @@ pub(super) fn march_ray<R: Real>(
     let Marched { planned, progress, .. } = *of;
     let frame = Frame::<R>::new(of, 1)?;
     let mut accumulators = vec![R::default(); planned.plan.components() * planned.positions.len()];
-    let ray = frame.ray_through(pixel, [0.5; 2]);
+    let ray = frame.ray_through(pixel, 0, [0.5; 2]);
     let mut transmittance = frame.march_along(of.samples, &ray, &mut accumulators, |sample| {
         seen(sample);
         sample.index % AT_ONCE > 0 || !progress.cancelled()

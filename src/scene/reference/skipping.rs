@@ -32,7 +32,7 @@ impl<'a, S> Skipping<'a, S> {
         }
     }
 
-    /// The same for the occupancy of tables, and for segments [`occupancy_of_segments`](crate::tables::Cells::occupancy_of_segments),
+    /// The same for the occupancy of tables, and for segments [`occupancy_within`](crate::tables::Cells::occupancy_within),
     /// without which a segment that crosses from cell to cell may not be empty. A table of shadows has entries of its own.
     #[must_use]
     pub fn of_tables(self) -> Self {

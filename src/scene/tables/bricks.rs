@@ -20,6 +20,18 @@ pub fn slot_edge(apron: u32) -> u32 {
     BRICK + 2 * apron + 1
 }
 
+/// Largest distance in voxels between the middle of a step and what the step depends on: its ends if it is a segment, the samples beside it
+/// if it is refined.
+#[must_use]
+pub fn reach_in_voxels(scene: &Scene, plan: &ScenePlan) -> f64 {
+    let steps = match plan.integration {
+        Integrate::Samples => 0.0,
+        Integrate::Segments => 0.5,
+        Integrate::Refined => 1.0,
+    };
+    steps * scene.step_length() / scene.frame.geometry.spacing.min_element()
+}
+
 /// Voxels in front of a brick that its samples read under `plan`; behind it there is one more.
 #[must_use]
 pub fn apron(scene: &Scene, plan: &ScenePlan) -> u32 {
@@ -27,10 +39,9 @@ pub fn apron(scene: &Scene, plan: &ScenePlan) -> u32 {
     let differences = u32::from(plan.gradient() && plan.gradients == Gradients::Central);
     let reach = match plan.integration {
         Integrate::Samples => 1,
-        // A segment reaches half a step beyond the macrocell of its middle; a little more for rounding.
-        Integrate::Segments => {
-            let half = scene.step_length() / 2.0 / scene.frame.geometry.spacing.min_element();
-            unsigned(whole((half + 0.01).ceil())).max(1)
+        // A little more for rounding.
+        Integrate::Segments | Integrate::Refined => {
+            unsigned(whole((reach_in_voxels(scene, plan) + 0.01).ceil())).max(1)
         }
     };
     reach + cubic + differences

@@ -88,15 +88,14 @@ impl Cells {
         Occupancy { dims: self.dims, words, occupied }
     }
 
-    /// The occupancy of the segments of `scene` under a table as in [`Self::occupancy`]. A segment belongs to the macrocell of its
-    /// middle, and reaches half a step beyond it.
+    /// The occupancy of the steps of `scene` under a table as in [`Self::occupancy`], where these depend on places as far from their
+    /// middles as this `distance` in voxels ([`reach_in_voxels`](super::reach_in_voxels)). A step belongs to the macrocell of its middle.
     #[must_use]
-    pub fn occupancy_of_segments(&self, scene: &Scene, active: &[bool]) -> Occupancy {
+    pub fn occupancy_within(&self, scene: &Scene, distance: f64, active: &[bool]) -> Occupancy {
         let occupancy = self.occupancy(active);
-        let half = scene.step_length() / 2.0 / scene.frame.geometry.spacing.min_element();
         // The range of a macrocell includes one voxel more on each side, of which the cubic filter reads one.
         let spare = if scene.accuracy.interpolation == Interpolation::Cubic { 0.0 } else { 1.0 };
-        let reach = whole(((half - spare).max(0.0) / count(CELL)).ceil());
+        let reach = whole(((distance - spare).max(0.0) / count(CELL)).ceil());
         if reach > 0 { occupancy.within(reach) } else { occupancy }
     }
 }

@@ -20,7 +20,7 @@ mod transfer;
 mod whole;
 
 pub use boxes::read_for_box;
-pub use bricks::{BRICK, BrickGrid, apron, slot_edge};
+pub use bricks::{BRICK, BrickGrid, apron, reach_in_voxels, slot_edge};
 pub use cells::{CELL, Cells, Occupancy, occupancy_of_fields};
 pub use clip::{CapTable, ClipTable};
 pub use factors::FactorTable;
@@ -28,7 +28,7 @@ pub use labels::{LabelRows, LabelTable};
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction, sky_reach};
 pub use phase::{Phase, PhaseTable};
 pub use placed::{PlacedField, gradient_numbers};
-pub use rays::{BlockBox, MOST_SAMPLES, RayTable, ray_places};
+pub use rays::{BlockBox, MOST_SAMPLES, RayTable, phase_of, phase_of_ray, ray_places};
 pub use reflected::Reflected;
 pub use segments::SegmentTable;
 pub(crate) use segments::mean_density;

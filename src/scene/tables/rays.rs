@@ -97,6 +97,24 @@ pub fn ray_places(count: usize) -> Vec<[f64; 2]> {
     points.iter().map(|point| std::array::from_fn(|axis| point[axis] - mean[axis] + 0.5)).collect()
 }
 
+/// Part of a step, in 2⁻³² of it, at which the steps of ray `index` of a pixel begin, of those of its first ray: the van der Corput sequence, so
+/// that the rays lie between each other's samples.
+#[must_use]
+pub fn phase_of_ray(index: usize) -> u32 {
+    u32::try_from(index).unwrap_or(u32::MAX).reverse_bits()
+}
+
+/// Part of a step at which the steps of a ray begin that has the phase `of_ray` in its pixel: interleaved gradient noise (Jimenez 2014), in whole
+/// numbers, so that it is the same on any device. Twin of `phase_of` in `shaders/rays.wgsl`.
+#[must_use]
+pub fn phase_of([x, y]: [usize; 2], of_ray: u32) -> f64 {
+    let [x, y] = [x, y].map(|at| u32::try_from(at).unwrap_or(u32::MAX));
+    // 0.06711056 and 0.00583715 of 2³², then 52.9829189 of that.
+    let line = x.wrapping_mul(288_237_661).wrapping_add(y.wrapping_mul(25_070_368));
+    let noise = line.wrapping_mul(52).wrapping_add((line >> 16).wrapping_mul(64_417));
+    f64::from(noise.wrapping_add(of_ray) >> 8) / 16_777_216.0
+}
+
 /// Texture coordinates of opposite corners in voxel indices.
 fn texture_box(frame: &Frame, [first, last]: [DVec3; 2]) -> [DVec3; 2] {
     let dims = DVec3::from_array(frame.geometry.dims.map(count));

@@ -366,7 +366,7 @@ impl<'a> Steps<'a> {
         let steps = if self.planned.plan.blending.is_extreme() { 1.0 } else { self.step_in_opacity_lengths() };
         let depths = self.depths(medium, self.occluding(medium), steps);
         let largest = match self.planned.plan.integration {
-            Integrate::Samples => LARGEST_SAMPLED_DEPTH,
+            Integrate::Samples | Integrate::Refined => LARGEST_SAMPLED_DEPTH,
             Integrate::Segments => LARGEST_DEPTH,
         };
         let of_depth = |&depth: &f64| if depth > largest { steps * (largest / depth) } else { steps };
