@@ -1256,6 +1256,13 @@ fn text(
     line("\n[display]\nexposure = 1.3");
     if matches!(shape, Shape::Layers(layers) if is_nearest(layers)) {
         line("\n# No interpolation between labels.\n[accuracy]\ninterpolation = \"nearest\"");
+    } else {
+        line(
+            "\n# A fine grain in place of rings on smooth surfaces, and further samples where the medium changes.\n[accuracy]\njitter = true",
+        );
+        if !is_largest {
+            line("integration = \"adaptive\"");
+        }
     }
     text
 }
