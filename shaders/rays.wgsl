@@ -123,8 +123,8 @@ fn clip(eye: f32, base: vec3f, direction: vec3f, low: vec3f, high: vec3f) -> vec
     return vec2f(max(max(eye, x.x), max(y.x, z.x)), min(min(x.y, y.y), z.y));
 }
 
-// Part of a step at which the steps of a ray begin: interleaved gradient noise in whole numbers (`tables::phase_of`).
-fn phase_of(pixel: vec2u) -> f32 {
+// Part of a step at which the steps of a ray begin: interleaved gradient noise in whole numbers (`tables::ray_phase`).
+fn ray_phase(pixel: vec2u) -> f32 {
     let line = pixel.x * 288237661u + pixel.y * 25070368u;
     let noise = line * 52u + (line >> 16u) * 64417u;
     return f32((noise + band.phase) >> 8u) * (1.0 / 16777216.0);
@@ -143,7 +143,7 @@ fn ray_through(pixel: vec2u) -> Ray {
     let eye = -(march.eye_distance * length);
     var start = clip(eye, base, direction, march.low, march.high).x;
     if (JITTER) {
-        start -= phase_of(pixel) * march.step_length;
+        start -= ray_phase(pixel) * march.step_length;
     }
     var shown = clip(eye, base, direction, march.crop_low, march.crop_high);
     if (PLANES > 0u) {

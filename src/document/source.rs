@@ -330,8 +330,9 @@ impl Source {
         let look = look_channels(&of_file, &mut largest, blending, progress).map_err(of_look)?;
         let guess =
             format!("{} All {times} time steps have this look, by the largest value of each voxel.", look.guess);
-        // The text says which channels there are, and wishes are in it.
-        let options = SceneOptions { wish: Wish::default(), channels: None, ..self.options.clone() };
+        // The text says which further channels there are, and wishes are in it.
+        let mut options = SceneOptions { wish: Wish::default(), channels: None, ..self.options.clone() };
+        options.selection.component = chosen.first().map(|(component, _)| *component);
         Ok(Series { source: Self { options, ..self.clone() }, look: Some((look.text, guess)) })
     }
 

@@ -236,11 +236,10 @@ fn volumes_on_grids_of_their_own_are_shown_together_and_none_is_dropped() {
         done(&[&["render", "ct.nrrd", "pet.nrrd", "-o", "changed.png"][..], flags].concat());
         bytes("changed.png")
     };
-    let [inside, outside, above] =
-        ["pet=organs.nrrd:240", "PET=!organs.nrrd:240", "pet=ct:238"].map(|mask| {
-            let what = mask.replace("organs.nrrd", &folder.path("organs.nrrd").display().to_string());
-            changed(&["--mask", &what])
-        });
+    let [inside, outside, above] = ["pet=organs.nrrd:240", "PET=!organs.nrrd:240", "pet=ct:238"].map(|mask| {
+        let what = mask.replace("organs.nrrd", &folder.path("organs.nrrd").display().to_string());
+        changed(&["--mask", &what])
+    });
     let by_hand = "volumes.pet.transfer.by={mask=[[0.4,0],[0.6,1]]}";
     let file = "volumes.mask={file=\"organs.nrrd\",only=[240]}";
     assert!(inside == changed(&["-D", file, "-D", by_hand]), "a mask by hand");

@@ -5,7 +5,7 @@ use crate::support;
 
 use glam::DVec3;
 use relume::scene::{Projection, Scene};
-use relume::tables::{phase_of, phase_of_ray};
+use relume::tables::{phase_of_ray, ray_phase};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE};
 
@@ -72,10 +72,11 @@ fn phases_are_spread_evenly_over_a_step_and_over_neighbours() {
     let mut counts = [0_u32; 8];
     for place in 0..64 * 64 {
         let pixel = [place % 64, place / 64];
-        let phase = phase_of(pixel, 0);
+        let phase = ray_phase(pixel, 0);
         assert!((0.0..1.0).contains(&phase));
         counts[relume::number::whole(phase * 8.0)] += 1;
-        let around = [[pixel[0] + 1, pixel[1]], [pixel[0], pixel[1] + 1]].map(|next| (phase_of(next, 0) - phase).abs());
+        let around =
+            [[pixel[0] + 1, pixel[1]], [pixel[0], pixel[1] + 1]].map(|next| (ray_phase(next, 0) - phase).abs());
         assert!(around.iter().all(|apart| *apart > 0.1 && *apart < 0.9), "{pixel:?}: {around:?}");
     }
     assert!(counts.iter().all(|&found| found.abs_diff(512) < 40), "{counts:?}");

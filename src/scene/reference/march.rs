@@ -13,7 +13,7 @@ use super::{End, ReferenceError, Samples, Step, Values, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
 use crate::plan::{Integrate, LANE, MOST_PARTS, Planned, Transmittance, refinement_bound};
-use crate::tables::{RayTable, phase_of, phase_of_ray, ray_places};
+use crate::tables::{RayTable, phase_of_ray, ray_phase, ray_places};
 use crate::{Blending, FIELDS, Scene};
 use relume_base::number::{Real, count, dot, unit};
 use relume_base::parallel;
@@ -169,7 +169,7 @@ impl<'a, R: Real> Frame<'a, R> {
         };
         let [mut start, _] = clip(from(rays.low), from(rays.high));
         if self.planned.plan.jitter {
-            start = start - R::from_f64(phase_of([x, y], phase_of_ray(index))) * self.step_length;
+            start = start - R::from_f64(ray_phase([x, y], phase_of_ray(index))) * self.step_length;
         }
         let shown = clip(from(rays.crop_low), from(rays.crop_high));
         let [near, far] = self.clip.left(base, direction, shown);

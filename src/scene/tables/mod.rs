@@ -28,7 +28,7 @@ pub use labels::{LabelRows, LabelTable};
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction, sky_reach};
 pub use phase::{Phase, PhaseTable};
 pub use placed::{PlacedField, gradient_numbers};
-pub use rays::{BlockBox, MOST_SAMPLES, RayTable, phase_of, phase_of_ray, ray_places};
+pub use rays::{BlockBox, MOST_SAMPLES, RayTable, phase_of_ray, ray_phase, ray_places};
 pub use reflected::Reflected;
 pub use segments::SegmentTable;
 pub(crate) use segments::mean_density;

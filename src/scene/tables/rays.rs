@@ -105,9 +105,9 @@ pub fn phase_of_ray(index: usize) -> u32 {
 }
 
 /// Part of a step at which the steps of a ray begin that has the phase `of_ray` in its pixel: interleaved gradient noise (Jimenez 2014), in whole
-/// numbers, so that it is the same on any device. Twin of `phase_of` in `shaders/rays.wgsl`.
+/// numbers, so that it is the same on any device. Twin of `ray_phase` in `shaders/rays.wgsl`.
 #[must_use]
-pub fn phase_of([x, y]: [usize; 2], of_ray: u32) -> f64 {
+pub fn ray_phase([x, y]: [usize; 2], of_ray: u32) -> f64 {
     let [x, y] = [x, y].map(|at| u32::try_from(at).unwrap_or(u32::MAX));
     // 0.06711056 and 0.00583715 of 2³², then 52.9829189 of that.
     let line = x.wrapping_mul(288_237_661).wrapping_add(y.wrapping_mul(25_070_368));
