@@ -1,4 +1,4 @@
-// What a sample reads before its medium, and whether it can be visible. Part of `march.wgsl`.
+// Texel, coordinate and label of a sample, read before its medium, and a test of its visibility. Part of `march.wgsl`.
 
 // Texel, table coordinate and label of a sample.
 struct Key {
@@ -23,7 +23,7 @@ fn key_at(place: vec3f) -> Key {
     return Key(texel, fields, coordinate, label);
 }
 
-// Whether the sample can be visible.
+// True if the sample can be visible.
 fn is_active(key: Key) -> bool {
     if (SEVERAL_FIELDS) {
         let above = key.fields.values > march.active_lows;

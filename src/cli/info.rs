@@ -24,7 +24,7 @@ use crate::vulkan::{DeviceInfo, devices};
 
 use super::advice::sentence;
 use super::model::{Learnt, warn_of_plan};
-use super::scene::{SceneArgs, Wanted, voxel};
+use super::scene::{OF_PICTURE, SceneArgs, Wanted, voxel};
 use super::{CliError, Report};
 
 const EXAMPLES: &str = "\
@@ -55,11 +55,6 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     match (&args.scene.scene, &args.scene.volume) {
         (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
             let all = [
-                "--clip",
-                "--range",
-                "--hide",
-                "--mask",
-                "--crop",
                 "--labels",
                 "--label-names",
                 "--downsample",
@@ -74,32 +69,22 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                 "--spacing",
                 "--voxel",
             ];
-            args.refuse(&all, "it needs a scene or a volume")?;
+            args.refuse(&[&OF_PICTURE[..], &all].concat(), "it needs a scene or a volume")?;
             of_devices()
         }
         (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
-            let flags = [
-                "-D",
-                "--clip",
-                "--range",
-                "--hide",
-                "--mask",
-                "--crop",
-                "--labels",
-                "--label-names",
-                "--downsample",
-                "--dims",
-                "--spacing",
-                "--voxel",
-            ];
+            let flags = ["-D", "--labels", "--label-names", "--downsample", "--dims", "--spacing", "--voxel"];
             let why = format!("{} is a film file; the flag is for scenes and volumes", path.display());
-            args.refuse(&[&flags[..], &args.scene.selection.choices().map(|(flag, _)| flag)].concat(), &why)?;
+            args.refuse(
+                &[&OF_PICTURE[..], &flags, &args.scene.selection.choices().map(|(flag, _)| flag)].concat(),
+                &why,
+            )?;
             args.refuse_accuracy(&why)?;
             Ok(of_accumulators(path, &FilmFile::read(path)?))
         }
         (Some(path), None) | (None, Some(path)) if args.scene.scene.is_none() || !is_scene(path) => {
             let why = format!("{} is a volume; the flag is for scenes", path.display());
-            args.refuse(&["-D", "--clip", "--range", "--hide", "--mask", "--crop", "--labels"], &why)?;
+            args.refuse(&[&OF_PICTURE[..], &["-D", "--labels"]].concat(), &why)?;
             args.refuse_accuracy(&why)?;
             // A file of bricks describes its voxels itself.
             let memory = if args.scene.downsample.is_none() { HostMemory::InFile } else { HostMemory::Whole };
@@ -153,7 +138,7 @@ impl Args {
             ("--spacing", self.scene.raw.spacing().is_some()),
             ("--voxel", !self.voxel.is_empty()),
         ];
-        let of_scene = self.scene.of_picture().into_iter().chain(others);
+        let of_scene = self.scene.of_picture().chain(others);
         let mut given = self.scene.selection.choices().into_iter().chain(of_scene);
         match given.find(|(flag, given)| *given && flags.contains(flag)) {
             Some((flag, _)) => Err(CliError::Usage(format!("{flag} has no effect: {why}"))),

@@ -381,6 +381,9 @@ fn range(text: &str) -> Result<Definition, String> {
     Ok(Definition { given: format!("--range {text}"), text: format!("{key}.range=[{low:?}, {high:?}]") })
 }
 
+/// Flags of what a scene shows: those that a picture has, but no volume.
+pub(crate) const OF_PICTURE: [&str; 5] = ["--clip", "--range", "--hide", "--mask", "--crop"];
+
 /// Definitions of the factor by a mask.
 #[derive(Clone, Debug)]
 struct Mask(Vec<Definition>);
@@ -553,21 +556,6 @@ impl SceneArgs {
                 tracing::warn!("-D {} has no effect: -D {} follows", all[at], all[at + 1 + later]);
             }
         }
-        let of_ranges: Vec<&str> = self.range.iter().filter_map(|it| it.text.split('=').next()).collect();
-        for (at, key) in of_ranges.iter().enumerate() {
-            if of_ranges[at + 1..].contains(key) {
-                return Err(CliError::Usage(format!(
-                    "{} has no effect: another --range follows",
-                    self.range[at].given
-                )));
-            }
-            if let Some(other) = keys.iter().position(|given| given.trim() == *key) {
-                let definition = &self.define.define[other];
-                return Err(CliError::Usage(format!(
-                    "-D {definition} has no effect beside --range; omit one of the two"
-                )));
-            }
-        }
         let by_volume = self.volume.is_some() || source.bare_volume().is_some();
         let whose = "the volume in place of that of the scene";
         let by_flags = OVERRIDDEN.iter().filter(|(flag, _)| self.is_given(flag));
@@ -593,15 +581,16 @@ impl SceneArgs {
         self.flags().into_iter().chain(of_accuracy).any(|(name, given)| given && name == flag)
     }
 
-    /// Flags of what a scene shows, and whether each is given: those that a picture has, but no volume.
-    pub(crate) fn of_picture(&self) -> [(&'static str, bool); 5] {
-        [
-            ("--clip", !self.clip.is_empty()),
-            ("--range", !self.range.is_empty()),
-            ("--hide", self.hide.is_some()),
-            ("--mask", self.mask.is_some()),
-            ("--crop", self.crop.is_some()),
-        ]
+    /// [`OF_PICTURE`], and whether each is given.
+    pub(crate) fn of_picture(&self) -> impl Iterator<Item = (&'static str, bool)> {
+        let given = [
+            !self.clip.is_empty(),
+            !self.range.is_empty(),
+            self.hide.is_some(),
+            self.mask.is_some(),
+            self.crop.is_some(),
+        ];
+        OF_PICTURE.into_iter().zip(given)
     }
 
     /// Refuses volumes beside the first for a `command` that reads one.

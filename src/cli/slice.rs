@@ -114,8 +114,8 @@ impl Args {
         }
         let shows_colours = [Over::Materials, Over::Labels].into_iter().any(|over| self.shows(over));
         // Materials over a slice follow the transfer function.
-        let of_picture = self.scene.of_picture().into_iter().filter(|(flag, _)| !(shows_colours && *flag == "--range"));
-        if let Some((flag, _)) = of_picture.clone().find(|(_, given)| *given) {
+        let mut of_picture = self.scene.of_picture().filter(|(flag, _)| !(shows_colours && *flag == "--range"));
+        if let Some((flag, _)) = of_picture.find(|(_, given)| *given) {
             return unused(format!("{flag} has no effect: a slice shows all voxels of its plane"));
         }
         let of_look = self.scene.define.definitions().find(|it| !it.text.trim_start().starts_with("volume."));

@@ -102,7 +102,7 @@ fn of_field(table: &Table, keys: Vec<&str>) -> Result<Vec<String>, String> {
         Some(0) if rest.first() == Some(&"transfer") => Ok(owned(rest)),
         Some(0) => Ok(owned(&[&["volume"], rest].concat())),
         Some(place) => Ok(owned(&[&["volumes", all[place]], rest].concat())),
-        // What changes a transfer function defines no volume.
+        // A change of a transfer function defines no volume.
         None if matches!(rest, ["transfer", "range" | "by", ..]) => {
             Err(format!("there is no {name:?}; there are: {}", all.join(", ")))
         }

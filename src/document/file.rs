@@ -293,11 +293,14 @@ fn with_definitions<T>(
         Ok(Definition { given: definition.given.clone(), text })
     };
     let definitions: &[Definition] = &definitions.iter().map(resolve).collect::<Result<Vec<_>, SceneError>>()?;
-    // Flags may name the first field or not.
-    let ranges = definitions.iter().filter(|definition| definition.text.starts_with("transfer.range="));
-    if let [first, .., last] = &*ranges.collect::<Vec<_>>() {
-        let message = format!("has no effect: {} follows, of the same field", last.given);
-        return Err(SceneError::Define { given: first.given.clone(), message });
+    // Flags may name a field in several ways.
+    let key = |definition: &Definition| definition.text.split('=').next().unwrap_or_default().to_owned();
+    let is_of_field = |key: &str| key.ends_with("transfer.range") || key.ends_with("transfer.by");
+    for (index, first) in definitions.iter().enumerate().filter(|(_, definition)| is_of_field(&key(definition))) {
+        if let Some(later) = definitions[index + 1..].iter().find(|later| key(later) == key(first)) {
+            let message = format!("has no effect: {} follows, of the same field", later.given);
+            return Err(SceneError::Define { given: first.given.clone(), message });
+        }
     }
     if let Some(error) = definitions.iter().find_map(|definition| unused_material(&before, &table, definition)) {
         return Err(error);

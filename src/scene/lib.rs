@@ -174,13 +174,13 @@ impl Scene {
         self
     }
 
-    /// What field `index` shows: nothing if it is hidden.
+    /// Terms of field `index`: none if it is hidden.
     #[must_use]
     pub fn terms_of(&self, index: usize) -> &[Term] {
         if self.hidden.get(index).is_some_and(|hidden| *hidden) { &[] } else { self.own_terms_of(index) }
     }
 
-    /// What field `index` shows unless it is hidden.
+    /// Terms of field `index`, hidden or not.
     #[must_use]
     pub fn own_terms_of(&self, index: usize) -> &[Term] {
         match index.checked_sub(1) {

@@ -258,6 +258,8 @@ fn volumes_on_grids_of_their_own_are_shown_together_and_none_is_dropped() {
     ] {
         folder.refused(2, &[&["render", "ct.nrrd", "pet.nrrd"][..], &flags].concat(), words);
     }
+    let twice = ["render", "ct.nrrd", "pet.nrrd", "-D", by_hand, "--mask", "PET=ct:200"];
+    folder.refused(2, &twice, &["-D volumes.pet.transfer.by", "--mask PET=ct follows"]);
     let none = done(&["render", "ct.nrrd", "pet.nrrd", "--range", "pet=5000:6000", "-o", "none.png"]);
     assert!(none.err.contains("no voxel of pet"), "{}", none.err);
     let far = done(&["render", "ct.nrrd", "far.nrrd", "-o", "far.png"]);
@@ -334,7 +336,9 @@ fn channels_are_listed_by_their_names() {
     }
     folder.refused(2, &["render", file, "--range", "RFP=1:2"], &["--range RFP=1:2", "no \"RFP\"", "DAPI, GFP"]);
     let twice = ["render", file, "--range", "GFP=1:2", "--range", "GFP=3:4"];
-    folder.refused(2, &twice, &["GFP=1:2", "another --range"]);
+    folder.refused(2, &twice, &["--range GFP=1:2", "has no effect", "--range GFP=3:4 follows"]);
+    let named = ["render", file, "--range", "1:2", "--range", "DAPI=3:4"];
+    folder.refused(2, &named, &["--range 1:2", "--range DAPI=3:4 follows"]);
     folder.refused(
         2,
         &["render", file, "--range", "1:2", "-D", "transfer.range=[3,4]"],

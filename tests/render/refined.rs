@@ -7,8 +7,9 @@ use relume::reference::{RaySample, march_ray};
 use relume::scene::{Blending, Integration, Scene};
 
 use crate::matrix::differences;
-use crate::support::rungs::{Rungs, with_renderer};
-use crate::support::scenes::{self, SIZE, slab_straight_on};
+use crate::segments::check_slabs;
+use crate::support::rungs::Rungs;
+use crate::support::scenes::{self, SIZE};
 
 fn adaptive(mut scene: Scene) -> Scene {
     scene.accuracy.integration = Integration::Adaptive;
@@ -17,25 +18,7 @@ fn adaptive(mut scene: Scene) -> Scene {
 
 #[test]
 fn a_homogeneous_slab_is_exact_for_any_step_and_any_bound() {
-    // 24 units of opacity 0.08 per unit.
-    let expected = 0.92_f64.powi(24);
-    for (step, variation) in [(1.0, 1.0), (0.5, 1e-3), (0.25, 1e-6), (3.0, 1.0), (8.0, 1e-3)] {
-        let mut scene = adaptive(slab_straight_on(step, 0.08, ""));
-        scene.accuracy.variation = variation;
-        let rungs = Rungs::new(scene, [3, 3]);
-        assert_eq!(rungs.planned.plan.integration, Integrate::Refined);
-        let near = |rung: &str, found: &[f64], tolerance: f64| {
-            for &number in found {
-                let error = (number - expected).abs() / expected;
-                assert!(error <= tolerance, "{rung}, step {step}, variation {variation}: {number} for {expected}");
-            }
-        };
-        let in_f64 =
-            |film: relume::film::Film<f32>| film.transmittance.iter().map(|&t| f64::from(t)).collect::<Vec<_>>();
-        near("exact", &rungs.march::<f64>(&rungs.exact()).transmittance, 1e-12);
-        near("f32", &in_f64(rungs.march::<f32>(&rungs.stored::<f32>())), 1e-5);
-        with_renderer(|renderer| near("device", &in_f64(rungs.gpu(renderer)), 1e-5));
-    }
+    check_slabs(Integration::Adaptive, Integrate::Refined);
 }
 
 /// Colours of a scene with exact tables, where the brightest of `truth` is white.

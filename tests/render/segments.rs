@@ -13,13 +13,17 @@ use support::scenes::{self, SIZE, float, in_segments, of, sampled, slab_straight
 
 #[test]
 fn a_homogeneous_slab_is_exact_for_any_step_and_any_division() {
-    // 24 units of opacity 0.08 per unit.
+    check_slabs(Integration::Segments, Integrate::Segments);
+}
+
+/// A slab of 24 units of opacity 0.08 per unit on every rung, in steps of several lengths that are divided by several variations.
+pub(super) fn check_slabs(integration: Integration, planned: Integrate) {
     let expected = 0.92_f64.powi(24);
     for (step, variation) in [(1.0, 1.0), (0.5, 1e-3), (0.25, 1e-6), (3.0, 1.0), (8.0, 1e-3)] {
-        let mut scene = in_segments(slab_straight_on(step, 0.08, ""));
-        scene.accuracy.variation = variation;
+        let mut scene = slab_straight_on(step, 0.08, "");
+        (scene.accuracy.integration, scene.accuracy.variation) = (integration, variation);
         let rungs = Rungs::new(scene, [3, 3]);
-        assert_eq!(rungs.planned.plan.integration, Integrate::Segments);
+        assert_eq!(rungs.planned.plan.integration, planned, "step {step}");
         let near = |rung: &str, found: &[f64], tolerance: f64| {
             for &number in found {
                 let error = (number - expected).abs() / expected;

@@ -113,6 +113,8 @@ pub(crate) fn beside(
         names.push(name);
     }
     document.insert("volumes", Item::Table(volumes));
+    // A sample has several fields.
+    document.get_mut("accuracy").and_then(Item::as_table_mut).and_then(|accuracy| accuracy.remove("integration"));
     let lights = give_lights(&mut document, &names);
     let what = if is_largest { "the largest values, as light that adds up" } else { "what glows and hides nothing" };
     let alone = if lights.is_empty() {

@@ -122,6 +122,8 @@ pub(crate) fn channels(
     if blending.is_extreme() {
         document["blending"] = value(blending.name());
     }
+    // A sample has several fields.
+    document["accuracy"].as_table_mut().and_then(|accuracy| accuracy.remove("integration"));
     // Brightness is that of the lights.
     document["dial"]["normalise"] = value(false);
     // Each channel has a switch, a slider and a colour of its own; the light of all is for the dial.

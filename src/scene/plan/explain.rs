@@ -44,7 +44,10 @@ impl Planned {
             (is_extreme && !settings.is_empty()).then(|| PlanWarning::ShadowsUnused { settings: settings.join(", ") });
         let thin_films = self.unused_thin_films(scene).into_iter().chain(self.inexact_thin_films(scene));
         let of_model = stated.map(|setting| PlanWarning::Unused { setting });
-        of_model.chain(unused_rules(scene)).chain(phases).chain(shadows).chain(thin_films).collect()
+        let adaptive = (scene.accuracy.integration == Integration::Adaptive).then(|| self.not_refined()).flatten();
+        let adaptive =
+            adaptive.map(|why| PlanWarning::RuleUnused { setting: "integration = \"adaptive\"".to_owned(), why });
+        of_model.chain(unused_rules(scene)).chain(adaptive).chain(phases).chain(shadows).chain(thin_films).collect()
     }
 
     /// Films without effect.

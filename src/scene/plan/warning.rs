@@ -13,7 +13,7 @@ pub enum PlanWarning {
         /// The setting, such as "k = 8".
         setting: String,
     },
-    /// A rule for several fields or clip planes has no effect, because there is one.
+    /// A rule has no effect: one for several fields or clip planes, of which there is one, or adaptive samples.
     RuleUnused {
         /// The setting.
         setting: String,

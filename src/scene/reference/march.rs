@@ -442,19 +442,20 @@ impl<'a, R: Real> Frame<'a, R> {
             let [from, to] = if n < ray.samples { ray.part(n) } else { [R::default(), one] };
             (from + to) * half
         };
-        let beside = |n: usize| -> [Step<R>; 2] {
-            let behind = if n > 0 {
-                ray.place(n - 1, middle(n - 1), self.step_length)
-            } else {
-                ray.place(0, -half, self.step_length)
-            };
-            [at(behind), at(ray.place(n + 1, middle(n + 1), self.step_length))]
+        let behind = |n: usize| {
+            let place = n.checked_sub(1).map(|before| ray.place(before, middle(before), self.step_length));
+            at(place.unwrap_or_else(|| ray.place(0, -half, self.step_length)))
         };
+        // The samples of a step and of the one ahead, and its number.
+        let mut known: Option<(usize, [Step<R>; 2])> = None;
         for (n, place) in self.occupied(samples, ray) {
             let [from, to] = ray.part(n);
             let length = to - from;
-            let here = at(place);
-            let [behind, ahead] = beside(n);
+            let [behind, here] = match known.take() {
+                Some((last, samples)) if last + 1 == n => samples,
+                _ => [behind(n), at(place)],
+            };
+            let ahead = at(ray.place(n + 1, middle(n + 1), self.step_length));
             // A part of a picture does not know the light that is left.
             let left = if self.rays.block.is_some() {
                 one
@@ -468,8 +469,9 @@ impl<'a, R: Real> Frame<'a, R> {
             let mut parts: SmallVec<[Part<R>; 3]> = SmallVec::new();
             let part = |end: usize| Part { place: places[end], density: at(places[end]), length: outer[end] * length };
             parts.extend((outer[0] > R::default()).then(|| part(0)));
-            parts.push(Part { place, density: here, length: (one - outer[0] - outer[1]) * length });
+            parts.push(Part { place, density: here.clone(), length: (one - outer[0] - outer[1]) * length });
             parts.extend((outer[1] > R::default()).then(|| part(1)));
+            known = Some((n, [here, ahead]));
             for Part { place, density, length } in parts {
                 across(&density, length, self.planned.plan.lanes() * LANE, &mut step);
                 step.normal = density.normal;
