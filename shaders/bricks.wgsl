@@ -25,6 +25,11 @@ fn texel_at(voxel: vec3f) -> vec4f {
     return textureLoad(volume, vec3i(clamp(voxel, vec3f(), bricks.dims - 1.0) + brick_shift), 0);
 }
 
+// The texel at a place, by the filter of the device.
+fn filtered(place: vec3f) -> vec4f {
+    return textureSampleLevel(volume, volume_sampler, fma(place, bricks.dims, brick_shift) * bricks.texel, 0.0);
+}
+
 fn fetch(place: vec3f) -> vec4f {
     var texel: vec4f;
     if (EXACT_LINEAR) {
@@ -33,8 +38,10 @@ fn fetch(place: vec3f) -> vec4f {
         texel = cubic_between(fma(place, volume_dims(), vec3f(-0.5)));
     } else if (NEAREST) {
         texel = texel_at(floor(place * volume_dims()));
+    } else if (CUBIC_ALONG) {
+        texel = cubic_along(place);
     } else {
-        texel = textureSampleLevel(volume, volume_sampler, fma(place, bricks.dims, brick_shift) * bricks.texel, 0.0);
+        texel = filtered(place);
     }
     return texel;
 }

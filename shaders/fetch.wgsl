@@ -61,6 +61,21 @@ fn cubic_between(voxel: vec3f) -> vec4f {
         + z.w * cubic_plane(base + 2.0 * step, x, y);
 }
 
+// A cubic B-spline along one axis, linear along the others, by two fetches: the filter mixes each pair of slices by their weights.
+fn cubic_along(place: vec3f) -> vec4f {
+    let slices = volume_dims()[CUBIC_AXIS];
+    let slice = fma(place[CUBIC_AXIS], slices, -0.5);
+    let base = floor(slice);
+    let weights = cubic_weights(slice - base);
+    let before = weights.x + weights.y;
+    let after = weights.z + weights.w;
+    var first = place;
+    var second = place;
+    first[CUBIC_AXIS] = (base - 0.5 + weights.y / before) / slices;
+    second[CUBIC_AXIS] = (base + 1.5 + weights.w / after) / slices;
+    return fma(vec4f(before), filtered(first), after * filtered(second));
+}
+
 // Differences between the next and the previous voxel along each axis.
 fn central_difference(place: vec3f) -> vec3f {
     let voxel = 1.0 / volume_dims();

@@ -5,6 +5,10 @@ struct Relight {
     height: u32,
     // Whether these accumulators were relit before.
     again: u32,
+    // 1 for a soft curve near white, or else 0.
+    soft: u32,
+    // Square roots of the colours of the backdrop at the top and at the bottom.
+    backdrop: array<vec4f, 2>,
     // Per lane of the transmittance: red, green and blue of the background, and the weights in the total transmittance.
     background: array<array<vec4f, 4>, TRANSMITTANCE_LANES>,
     // Per layer of the accumulators: red, green and blue of its components.
@@ -32,6 +36,14 @@ fn encode(colour: vec3f) -> vec3f {
     curve = fma(curve, u, vec3f(0.12357587));
     curve = fma(curve, u, vec3f(-0.05844659));
     return select(curve, 12.92 * clipped, clipped <= vec3f(0.0031308));
+}
+
+// Twin of `Tone::show`.
+fn shown_softly(colour: vec3f) -> vec3f {
+    let most = min(max(colour.r, max(colour.g, colour.b)), BRIGHTEST);
+    let over = most - KNEE;
+    let curve = KNEE + (1.0 - KNEE) * over / (over + (1.0 - KNEE));
+    return select(colour, colour * (curve / most), most > KNEE);
 }
 
 @compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
@@ -88,6 +100,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             }
         }
         if (DISPLAY) {
+            for (var once = 0u; once < relight.soft; once += 1u) {
+                colour = shown_softly(colour);
+            }
+            if (BACKDROP) {
+                let root = mix(relight.backdrop[0].rgb, relight.backdrop[1].rgb, f32(y) / f32(max(relight.height, 2u) - 1u));
+                colour += total * root * root;
+            }
             // Rounded here: devices may convert to a code that is off by 0.6, and some do.
             textureStore(display, pixel, 0, vec4f(round(255.0 * encode(colour)) * (1.0 / 255.0), 1.0));
         } else {

@@ -11,6 +11,11 @@ fn texel_at(voxel: vec3f) -> vec4f {
     return textureLoad(volume, vec3i(clamp(voxel, vec3f(), last)), 0);
 }
 
+// The texel at a place, by the filter of the device.
+fn filtered(place: vec3f) -> vec4f {
+    return textureSampleLevel(volume, volume_sampler, place, 0.0);
+}
+
 fn fetch(place: vec3f) -> vec4f {
     var texel: vec4f;
     if (EXACT_LINEAR) {
@@ -20,8 +25,10 @@ fn fetch(place: vec3f) -> vec4f {
     } else if (NEAREST) {
         // A sampler may round the place to eight bits of a voxel first.
         texel = texel_at(floor(place * volume_dims()));
+    } else if (CUBIC_ALONG) {
+        texel = cubic_along(place);
     } else {
-        texel = textureSampleLevel(volume, volume_sampler, place, 0.0);
+        texel = filtered(place);
     }
     return texel;
 }

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, final
+from typing import Any, Literal, final
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
@@ -100,7 +100,12 @@ class Scene:
         define: Mapping[str, Any] | None = None,
         progress: _Progress | None = None,
     ) -> Scene: ...
-    def define(self, definitions: Mapping[str, Any]) -> Scene: ...
+    def define(
+        self,
+        definitions: Mapping[str, Any] | None = None,
+        *,
+        quality: Literal["draft", "good", "best"] | None = None,
+    ) -> Scene: ...
     def _around(
         self,
         columns: int,
@@ -175,7 +180,8 @@ class Film:
         *,
         hand: tuple[float, float] | None = None,
         preset: str | None = None,
-        exposure: float | None = None,
+        exposure: float | Literal["auto"] | None = None,
+        tone: Literal["linear", "soft"] | None = None,
         observer: int | str | None = None,
         adapt: bool | None = None,
         encoded: bool = False,
@@ -187,7 +193,7 @@ class Film:
         *,
         hand: tuple[float, float] | None = None,
         preset: str | None = None,
-        exposure: float | None = None,
+        exposure: float | Literal["auto"] | None = None,
         observer: int | str | None = None,
         adapt: bool | None = None,
     ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
@@ -207,7 +213,8 @@ class Film:
         *,
         hand: tuple[float, float] | None = None,
         preset: str | None = None,
-        exposure: float | None = None,
+        exposure: float | Literal["auto"] | None = None,
+        tone: Literal["linear", "soft"] | None = None,
         observer: int | str | None = None,
         adapt: bool | None = None,
     ) -> None: ...
@@ -265,6 +272,7 @@ def open(
     look: str | None = None,
     preset: _Path | None = None,
     define: Mapping[str, Any] | None = None,
+    quality: Literal["draft", "good", "best"] | None = None,
     progress: _Progress | None = None,
 ) -> Scene: ...
 def example() -> Scene: ...

@@ -9,11 +9,12 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyString, PyTuple, PyType};
 use relume::document::{KeptFilm, LightRequest, requested, spread};
-use relume::film::{Components, RelightMatrices, Relightable};
+use relume::film::{Components, RelightMatrices, Relightable, automatic_exposure};
 use relume::measure::Choice;
 use relume::output::page::{self, PackedPage, Page};
 use relume::output::{Alpha, Depth, FilmFile, Picture, PictureKind, display_codes, png_bytes, write_png};
-use relume::scene::{INTENSITY, Mix, MixLight};
+use relume::scene::key::Named as _;
+use relume::scene::{Backdrop, INTENSITY, Mix, MixLight, Tone};
 use relume::spectrum::BANDS;
 use relume::tables::Reflected;
 
@@ -186,19 +187,41 @@ impl Film {
         if let Some(year) = asked.observer {
             means.see_by(spectra::observer_of(year)?).map_err(Failed::from)?;
         }
-        if let Some(exposure) = asked.exposure {
+        let exposure = asked.exposure.as_ref().map(Exposure::read).transpose()?;
+        if let Some(Some(exposure)) = exposure {
             if !(exposure > 0.0 && exposure <= 1e9) {
                 return Err(PyValueError::new_err(format!(
-                    "exposure {exposure}: it is a factor above 0 and at most 1e9"
+                    "exposure {exposure}: it is a factor above 0 and at most 1e9, or \"auto\""
                 )));
             }
-            means.display.exposure = exposure;
+            means.display.exposure = Some(exposure);
         }
         means.display.adapt = asked.adapt.unwrap_or(means.display.adapt);
+        means.display.tone = asked.tone.map_or(Ok(means.display.tone), tone_of)?;
         for light in means.learn(&mix, kept.tolerance).map_err(Failed::from)? {
             work::heard(light);
         }
+        if exposure == Some(None) {
+            means.display.exposure = None;
+            let picture = kept.film.rgba(&means.under(&mix));
+            means.display.exposure = Some(automatic_exposure(&picture, &mix, &means.display));
+        }
         Ok(Lit { mix, means })
+    }
+
+    /// Linear RGBA under the light of `asked`, as its tone displays it.
+    fn displayed(&self, py: Python<'_>, asked: &Asked<'_, '_>) -> PyResult<Vec<f32>> {
+        let Lit { mix, means } = self.lit(py, asked)?;
+        let film = &self.0.film;
+        Ok(work::detached(py, || {
+            let mut linear = film.rgba(&means.under(&mix));
+            means.display.tone.show(&mut linear);
+            let backdrop = means.display.backdrop.colours().filter(|_| means.background.is_none());
+            if let Some(colours) = backdrop {
+                Backdrop::behind(colours, &mut linear, film.size[0]);
+            }
+            linear
+        }))
     }
 
     /// Linear RGBA under the light of `asked`.
@@ -236,9 +259,36 @@ struct Asked<'a, 'py> {
     light: Option<&'a Bound<'py, PyAny>>,
     hand: Option<[f64; 2]>,
     preset: Option<&'a str>,
-    exposure: Option<f64>,
+    exposure: Option<Exposure>,
+    tone: Option<&'a str>,
     observer: Option<&'a Bound<'py, PyAny>>,
     adapt: Option<bool>,
+}
+
+/// A requested exposure.
+#[derive(FromPyObject)]
+enum Exposure {
+    Factor(f64),
+    Word(String),
+}
+
+impl Exposure {
+    /// The factor; `None` is an automatic one.
+    fn read(&self) -> PyResult<Option<f64>> {
+        match self {
+            Self::Factor(factor) => Ok(Some(*factor)),
+            Self::Word(word) if word == "auto" => Ok(None),
+            Self::Word(word) => Err(PyValueError::new_err(format!(
+                "exposure {word:?}: it is a factor above 0 and at most 1e9, or \"auto\""
+            ))),
+        }
+    }
+}
+
+/// The tone of this name.
+fn tone_of(name: &str) -> PyResult<Tone> {
+    let found = Tone::ALL.iter().find(|(_, one)| *one == name).map(|(tone, _)| *tone);
+    found.ok_or_else(|| PyValueError::new_err(format!("tone {name:?}: it is \"linear\" or \"soft\"")))
 }
 
 #[pymethods]
@@ -343,26 +393,30 @@ impl Film {
     /// `light` is a name (of the scene, a standard, a file), a dict of weights by name, a list of (name or spectrum, weight,
     /// position), or a spectrum; `hand` and `preset` are of the dial. Without them, the light is as rendered. `out` takes
     /// the place of a new array.
-    #[pyo3(signature = (light=None, *, hand=None, preset=None, exposure=None, observer=None, adapt=None, encoded=false, out=None))]
+    #[pyo3(signature = (light=None, *, hand=None, preset=None, exposure=None, tone=None, observer=None, adapt=None, encoded=false, out=None))]
     fn relight<'py>(
         &self,
         py: Python<'py>,
         light: Option<&Bound<'py, PyAny>>,
         hand: Option<[f64; 2]>,
         preset: Option<&str>,
-        exposure: Option<f64>,
+        exposure: Option<Exposure>,
+        tone: Option<&str>,
         observer: Option<&Bound<'py, PyAny>>,
         adapt: Option<bool>,
         encoded: bool,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let asked = Asked { light, hand, preset, exposure, observer, adapt };
+        let asked = Asked { light, hand, preset, exposure, tone, observer, adapt };
         let [rows, columns] = self.rows_and_columns();
+        if tone.is_some() && !encoded {
+            return Err(PyTypeError::new_err("tone is for encoded pictures; linear ones have none"));
+        }
         if encoded {
             if out.is_some() {
                 return Err(PyTypeError::new_err("out is for linear pictures; encoded makes an array of its own"));
             }
-            let linear = self.linear(py, &asked)?;
+            let linear = self.displayed(py, &asked)?;
             let codes = work::detached(py, || -> Made<Vec<u8>> {
                 let picture = Picture::new(columns, rows, &linear)?;
                 Ok(display_codes(&picture, Depth::Eight, Alpha::OverBlack))
@@ -399,11 +453,11 @@ impl Film {
         light: Option<&Bound<'py, PyAny>>,
         hand: Option<[f64; 2]>,
         preset: Option<&str>,
-        exposure: Option<f64>,
+        exposure: Option<Exposure>,
         observer: Option<&Bound<'py, PyAny>>,
         adapt: Option<bool>,
     ) -> PyResult<(Bound<'py, PyArray3<f64>>, Bound<'py, PyArray2<f64>>)> {
-        let Lit { mix, means } = self.lit(py, &Asked { light, hand, preset, exposure, observer, adapt })?;
+        let Lit { mix, means } = self.lit(py, &Asked { light, hand, preset, exposure, tone: None, observer, adapt })?;
         let RelightMatrices { colours, background, .. } = means.under(&mix);
         let numbers = |colours: &[DVec3]| colours.iter().flat_map(|colour| colour.to_array()).collect::<Vec<f64>>();
         let components = self.0.film.components;
@@ -459,7 +513,7 @@ impl Film {
     }
 
     /// Writes the picture under a light as a PNG, as `relume relight -o FILE.png`.
-    #[pyo3(signature = (path, light=None, *, hand=None, preset=None, exposure=None, observer=None, adapt=None))]
+    #[pyo3(signature = (path, light=None, *, hand=None, preset=None, exposure=None, tone=None, observer=None, adapt=None))]
     fn to_png<'py>(
         &self,
         py: Python<'py>,
@@ -467,7 +521,8 @@ impl Film {
         light: Option<&Bound<'py, PyAny>>,
         hand: Option<[f64; 2]>,
         preset: Option<&str>,
-        exposure: Option<f64>,
+        exposure: Option<Exposure>,
+        tone: Option<&str>,
         observer: Option<&Bound<'py, PyAny>>,
         adapt: Option<bool>,
     ) -> PyResult<()> {
@@ -475,7 +530,7 @@ impl Film {
             let message = format!("{}: the name of a PNG must end in .png", path.display());
             return Err(Failed::new("OutputError", "picture-name", message).into());
         }
-        let linear = self.linear(py, &Asked { light, hand, preset, exposure, observer, adapt })?;
+        let linear = self.displayed(py, &Asked { light, hand, preset, exposure, tone, observer, adapt })?;
         let [rows, columns] = self.rows_and_columns();
         Ok(work::detached(py, || -> Made<()> {
             Ok(write_png(&path, &Picture::new(columns, rows, &linear)?, Depth::Eight, Alpha::OverBlack)?)
@@ -548,7 +603,7 @@ impl Film {
 
     /// The picture as rendered, in a notebook.
     pub(crate) fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let linear = self.linear(py, &Asked::default())?;
+        let linear = self.displayed(py, &Asked::default())?;
         let [rows, columns] = self.rows_and_columns();
         let png = work::detached(py, || -> Made<Vec<u8>> {
             Ok(png_bytes(&Picture::new(columns, rows, &linear)?, Depth::Eight, Alpha::OverBlack)?)

@@ -10,7 +10,7 @@ use pyo3::types::{PyDict, PyType};
 use relume::document::moves::{Move, around, moved};
 use relume::document::session::with_camera;
 use relume::document::{
-    Definition, InMemory, Look, SceneFile, SceneOptions, Source, Wish, first_look_of, load, parse, parse_on,
+    Definition, InMemory, Look, Quality, SceneFile, SceneOptions, Source, Wish, first_look_of, load, parse, parse_on,
     parse_ready, redefined,
 };
 use relume::film::Film as Numbers;
@@ -42,6 +42,11 @@ pub(crate) struct Scene {
 /// The volumes in memory of two arguments.
 fn in_memory(volume: &Bound<'_, PyAny>, labels: Option<&Bound<'_, PyAny>>) -> PyResult<InMemory> {
     Ok(InMemory { volume: Volume::of(volume)?, labels: labels.map(Volume::of).transpose()?, further: Vec::new() })
+}
+
+/// The quality of this name.
+fn quality_of(name: Option<&str>) -> PyResult<Option<Quality>> {
+    name.map(|name| Quality::named(name).map_err(PyValueError::new_err)).transpose()
 }
 
 /// Definitions of a dict: keys such as `camera.azimuth`, or nested dicts.
@@ -100,10 +105,15 @@ impl Scene {
         };
         let enlargement = Enlargement::new(marched, size);
         let dial = self.file.light.dial_of_film(&self.file.dial);
+        // An automatic exposure is that of the first film.
+        let mut exposure = job.scene.display.exposure;
         let made = |(camera, film): (&Camera, Numbers<f32>)| {
             let film = if enlargement.is_none() { film } else { enlargement.accumulation(&film) };
-            let scene = seen_by(&job.scene, camera);
-            Ok(Film::of(FilmFile::of_march(&scene, &job.planned, &mix, dial.clone(), film)?)?.chosen(choice.clone()))
+            let mut scene = seen_by(&job.scene, camera);
+            scene.display.exposure = exposure;
+            let file = FilmFile::of_march(&scene, &job.planned, &mix, dial.clone(), film)?;
+            exposure = file.exposure;
+            Ok(Film::of(file)?.chosen(choice.clone()))
         };
         job.cameras.iter().zip(films).map(made).collect()
     }
@@ -262,10 +272,12 @@ impl Scene {
     }
 
     /// The scene with other values of keys, `{"camera.azimuth": 40}` or nested, on the same volume.
-    fn define(&self, py: Python<'_>, definitions: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let definitions = definitions_of(Some(definitions))?;
+    #[pyo3(signature = (definitions=None, *, quality=None))]
+    fn define(&self, py: Python<'_>, definitions: Option<&Bound<'_, PyDict>>, quality: Option<&str>) -> PyResult<Self> {
+        let (definitions, quality) = (definitions_of(definitions)?, quality_of(quality)?);
         work::run(py, None, |progress| {
-            Self::new_of(redefined(&self.file, &definitions, progress)?, Some(self.statistics.clone()))
+            let changes = (quality, &*definitions);
+            Self::new_of(redefined(&self.file, changes, progress)?, Some(self.statistics.clone()))
         })
     }
 
@@ -544,16 +556,17 @@ fn opened(
 /// The scene of a file: a scene, or a volume with a first look, as `relume render FILE`; or the first look of an array or an image, as
 /// `Scene.first_look`.
 #[pyfunction]
-#[pyo3(signature = (path, *, look=None, preset=None, define=None, progress=None))]
+#[pyo3(signature = (path, *, look=None, preset=None, define=None, quality=None, progress=None))]
 pub(crate) fn open(
     py: Python<'_>,
     path: &Bound<'_, PyAny>,
     look: Option<&str>,
     preset: Option<PathBuf>,
     define: Option<&Bound<'_, PyDict>>,
+    quality: Option<&str>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Scene> {
-    let options = options_of(look, preset, define)?;
+    let options = SceneOptions { quality: quality_of(quality)?, ..options_of(look, preset, define)? };
     if is_path(path)? {
         return opened(py, path_of(path)?, options, progress);
     }

@@ -13,9 +13,8 @@ use crate::annotate::{Frame, Overlay};
 use crate::document::KeptFilm;
 use crate::film::{Components, Film, Relightable};
 use crate::memory;
-use crate::number::count;
 use crate::output::{Alpha, Depth, FilmFile, Picture, PictureKind, check_writable, draw_over, write_exr, write_png};
-use crate::scene::Mix;
+use crate::scene::{self, Mix, Tone};
 use crate::spectrum::colour::decode_srgb;
 use crate::tables::Reflected;
 
@@ -51,7 +50,8 @@ pub(crate) struct DressArgs {
     /// Put a colour behind the picture, or two with a gradient from top to bottom, or leave the background transparent (alpha
     /// in PNG; EXR files always keep opacity): transparent for programs that mix linear light, transparent-srgb for those that
     /// mix codes, as browsers and slides do.
-    /// No light changes this colour. The lights do change `background` of a scene, which is a surface.
+    /// No light changes this colour. The lights do change `background` of a scene, which is a surface. Default: the backdrop of
+    /// the scene (display.backdrop), or black.
     #[arg(long, value_name = "transparent|transparent-srgb|#RRGGBB[..#RRGGBB]", value_parser = backdrop)]
     pub(crate) background: Option<Backdrop>,
     #[command(flatten)]
@@ -165,6 +165,12 @@ impl DressArgs {
         self.bits.unwrap_or(Bits::Eight)
     }
 
+    /// The backdrop of PNG files: the requested one, or else that which a scene states if it has no background.
+    pub(crate) fn backdrop(&self, stated: scene::Backdrop, has_background: bool) -> Option<Backdrop> {
+        let of_scene = stated.colours().filter(|_| !has_background).map(Backdrop::Colours);
+        self.background.or(of_scene)
+    }
+
     /// Refuses flags for PNG files if none of `pictures` is one.
     pub(crate) fn check(&self, pictures: &[PathBuf]) -> Result<(), CliError> {
         let flags = [
@@ -198,8 +204,8 @@ pub(crate) enum Backdrop {
     Transparent,
     /// The same, for programs that mix codes of sRGB.
     TransparentForCodes,
-    /// Colours of the screen at the top and at the bottom, as parts of the codes of sRGB, which no light changes. Codes
-    /// between them, as they look evenly graded.
+    /// Colours of the screen at the top and at the bottom, as parts of the codes of sRGB, which no light changes, and others
+    /// between them.
     Colours([[f64; 3]; 2]),
 }
 
@@ -231,21 +237,9 @@ impl Backdrop {
     }
 
     /// The picture of linear RGBA, `width` pixels wide, over this backdrop.
-    #[expect(clippy::cast_possible_truncation, reason = "pictures are stored in f32")]
     pub(crate) fn behind(self, rgba: &mut [f32], width: usize) {
-        let Self::Colours([top, bottom]) = self else { return };
-        let rows = rgba.as_chunks_mut::<4>().0.chunks_mut(width.max(1));
-        let last = count(rows.len().max(2) - 1);
-        for (y, row) in rows.enumerate() {
-            let down = count(y) / last;
-            let colour = [0, 1, 2].map(|channel| decode_srgb((1.0 - down) * top[channel] + down * bottom[channel]));
-            for pixel in row {
-                let clear = 1.0 - f64::from(pixel[3]);
-                for (channel, behind) in pixel.iter_mut().zip(colour) {
-                    *channel = (f64::from(*channel) + clear * behind) as f32;
-                }
-                pixel[3] = 1.0;
-            }
+        if let Self::Colours(colours) = self {
+            scene::Backdrop::behind(colours, rgba, width);
         }
     }
 }
@@ -259,18 +253,19 @@ pub(crate) fn alpha(backdrop: Option<Backdrop>) -> Alpha {
     }
 }
 
-/// Linear RGBA of `size` with the backdrop behind it, and the overlay of a picture of this frame over it; `None` with
-/// neither of them.
+/// Linear RGBA of `size` as `tone` displays it, with the backdrop behind it, and the overlay of a picture of this frame over it;
+/// `None` where that changes nothing.
 pub(crate) fn dressed(
-    linear: &[f32],
+    (linear, tone): (&[f32], Tone),
     size: [usize; 2],
     backdrop: Option<Backdrop>,
     overlay: Option<(&Overlay<'_>, &Frame)>,
 ) -> Result<Option<Vec<f32>>, CliError> {
-    if backdrop.is_none() && overlay.is_none() {
+    if backdrop.is_none() && overlay.is_none() && tone == Tone::Linear {
         return Ok(None);
     }
     let mut rgba = linear.to_vec();
+    tone.show(&mut rgba);
     if let Some(backdrop) = backdrop {
         backdrop.behind(&mut rgba, size[0]);
     }

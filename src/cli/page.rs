@@ -153,6 +153,7 @@ fn saved(args: &Args, path: &Path) -> Result<Films, CliError> {
     let numbers = (film.accumulators.len() + film.transmittance.len()) / film.pixels().max(1);
     page::check_memory(1, film.size, numbers, true, memory::available_bytes())
         .map_err(|error| CliError::Failed(format!("{}: {error}; render a smaller film", path.display())))?;
+    header.expose(&film)?;
     let placed = light(args, &mut header)?;
     Ok(Films { header, views: vec![film], columns: 1, placed, times: vec![("load", clock.read())] })
 }
@@ -216,6 +217,7 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
         let pixel = pixel_length(camera, &scene.frame.geometry, size.map(count));
         (frame.pixel, frame.edges) = (pixel.map(|it| it.units), None);
     }
+    header.expose(&views[0])?;
     let placed = light(args, &mut header)?;
     Ok(Films { header, views, columns, placed, times })
 }
@@ -264,8 +266,9 @@ pub(super) fn small_page(
     let views = marched(renderer, &job, size, progress)?;
     let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
     let dial = file.light.dial_of_film(&file.dial);
-    let film =
+    let mut film =
         FilmFile::of_march(&job.scene, &job.planned, &file.opening_mix(), dial, empty).map_err(PageError::from)?;
+    views.first().map_or(Ok(()), |view| film.expose(view)).map_err(PageError::from)?;
     packed_small(&film, &views, &file.scene.name, progress)
 }
 

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use serde_json::json;
 
-use crate::film::Film;
+use crate::film::{Film, RelightMatrices, automatic_exposure};
 use crate::measure::{Stopwatch, Timing};
 use crate::number::count;
 use crate::output::OutputError;
@@ -237,6 +237,8 @@ pub(crate) struct Picture {
     pub(crate) linear: Option<Vec<f32>>,
     /// 8-bit sRGB RGBA.
     pub(crate) display: Option<Vec<u8>>,
+    /// Exposure of the picture.
+    pub(crate) exposure: Option<f64>,
     /// Marches, dispatches and occupied macrocells are those of this process.
     pub(crate) device: DeviceFilm,
     pub(crate) times: Vec<(&'static str, Timing)>,
@@ -273,7 +275,7 @@ impl Processes {
     pub(crate) fn render(
         &self,
         on_device: &SceneRenderer,
-        mix: &Mix,
+        (mix, opening): (&Mix, &Mix),
         (size, cut): ([usize; 2], &Cut),
         asked: Asked,
         progress: &dyn Progress,
@@ -287,7 +289,7 @@ impl Processes {
 
         let clock = Stopwatch::start();
         let Own { device, stripe } = film;
-        let (renderer, matrices) = (on_device.renderer(), on_device.matrices(mix));
+        let (renderer, mut matrices) = (on_device.renderer(), on_device.matrices(mix));
         let width = size[0];
         let of_rows = |pixels: &[u8], bytes: usize| -> Vec<(Range<usize>, Vec<u8>)> {
             let part = |rows: &Range<usize>| &pixels[rows.start * width * bytes..rows.end * width * bytes];
@@ -300,17 +302,29 @@ impl Processes {
             }
             self.is_first().then_some(whole)
         };
+        let linear_picture = |matrices: &RelightMatrices| -> Result<Option<Vec<f32>>, CliError> {
+            let relight = renderer.relight_linear(&device)?;
+            relight.run(matrices)?;
+            let parts = of_rows(bytemuck::cast_slice(&relight.read::<f32>()?), 16);
+            Ok(picture(16, gather_rows(&*self.ranks, parts)).map(|bytes| bytemuck::pod_collect_to_vec(&bytes)))
+        };
+        let mut exposure = on_device.scene().display.exposure;
+        if exposure.is_none() {
+            // The first process has the picture, and the others hear of its exposure.
+            let found = linear_picture(&at_exposure(on_device, opening, None))?;
+            let found = found.map(|rgba| automatic_exposure(&rgba, opening, &on_device.scene().display));
+            let told = all_gather(&*self.ranks, found.map_or_else(Vec::new, |found| found.to_le_bytes().to_vec()));
+            exposure = told.first().and_then(|bytes| Some(f64::from_le_bytes(bytes[..].try_into().ok()?)));
+            matrices = at_exposure(on_device, mix, exposure);
+        }
         let (mut display, mut linear, mut whole) = (None, None, None);
         if asked.display {
-            let relight = renderer.relight_display(&device)?;
+            let relight = renderer.relight_display_over(&device, matrices.backdrop)?;
             relight.run(&matrices)?;
             display = picture(4, gather_rows(&*self.ranks, of_rows(&relight.read()?, 4)));
         }
         if asked.linear {
-            let relight = renderer.relight_linear(&device)?;
-            relight.run(&matrices)?;
-            let parts = of_rows(bytemuck::cast_slice(&relight.read::<f32>()?), 16);
-            linear = picture(16, gather_rows(&*self.ranks, parts)).map(|bytes| bytemuck::pod_collect_to_vec(&bytes));
+            linear = linear_picture(&matrices)?;
         }
         if asked.film {
             let mut parts = Vec::new();
@@ -329,7 +343,7 @@ impl Processes {
         }
         details["count"] = self.count().into();
         let times = vec![("march", march), ("relight", clock.read())];
-        Ok(Some(Picture { film: whole, linear, display, device, times, details }))
+        Ok(Some(Picture { film: whole, linear, display, exposure, device, times, details }))
     }
 
     /// The blocks of the picture.
@@ -453,6 +467,13 @@ impl Processes {
         let scene = Scene { block: Some(block), ..on_device.scene().clone() };
         Ok(on_device.with_scene(scene, on_device.planned().clone(), progress)?)
     }
+}
+
+/// The relight matrices of the scene under `mix` at another `exposure`.
+pub(crate) fn at_exposure(on_device: &SceneRenderer, mix: &Mix, exposure: Option<f64>) -> RelightMatrices {
+    let mut scene = on_device.scene().clone();
+    scene.display.exposure = exposure;
+    RelightMatrices::of_scene(&scene, on_device.planned(), mix)
 }
 
 /// Marches `rows` of a block, from the film of the blocks in front if there is one.

@@ -8,9 +8,12 @@ use serde_json::json;
 
 use crate::annotate::Overlay;
 use crate::document::Requested;
-use crate::film::Components;
+use crate::film::{Components, automatic_exposure};
 use crate::measure::{Stopwatch, Timing};
+use crate::number::brief;
 use crate::progress::Progress;
+use crate::scene::Tone;
+use crate::scene::key::Named as _;
 use crate::spectrum::Spectrum;
 use crate::spectrum::observer::Observer;
 
@@ -56,17 +59,39 @@ pub(crate) struct Args {
     /// may write one animated PNG (.apng).
     #[arg(short, long, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
-    /// Factor on the linear picture, in place of that of the file (display.exposure of the scene).
-    #[arg(long, value_name = "FACTOR", value_parser = exposure)]
-    exposure: Option<f64>,
+    /// Factor on the linear picture, in place of that of the file (display.exposure of the scene); auto makes the brighter parts of
+    /// the first picture almost white.
+    #[arg(long, value_name = "FACTOR|auto", value_parser = exposure)]
+    exposure: Option<Exposure>,
+    /// Curve of PNG files, in place of that of the file (display.tone of the scene): linear clips colours above white, soft lets
+    /// them approach it with their hue.
+    #[arg(long, value_name = "linear|soft", value_parser = tone)]
+    tone: Option<Tone>,
     #[command(flatten)]
     dress: DressArgs,
 }
 
+/// A requested exposure.
+#[derive(Clone, Copy, Debug)]
+enum Exposure {
+    Factor(f64),
+    Auto,
+}
+
 /// Parses a factor on the linear picture.
-fn exposure(text: &str) -> Result<f64, String> {
+fn exposure(text: &str) -> Result<Exposure, String> {
+    if text == "auto" {
+        return Ok(Exposure::Auto);
+    }
     let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number <= 1e9);
-    number.ok_or_else(|| "write a factor above 0 and at most 1e9, such as 1.5".to_owned())
+    let wrong = || "write a factor above 0 and at most 1e9, such as 1.5, or auto".to_owned();
+    number.map(Exposure::Factor).ok_or_else(wrong)
+}
+
+/// Parses the name of a curve.
+fn tone(text: &str) -> Result<Tone, String> {
+    let found = Tone::ALL.iter().find(|(_, name)| *name == text);
+    found.map(|(tone, _)| *tone).ok_or_else(|| "a curve is linear or soft".to_owned())
 }
 
 /// Parses the year of an observer.
@@ -123,7 +148,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     if let Some(observer) = args.observer {
         saved.means.see_by(observer)?;
     }
-    saved.means.display.exposure = args.exposure.unwrap_or(saved.means.display.exposure);
+    saved.means.display.tone = args.tone.unwrap_or(saved.means.display.tone);
+    if let Some(Exposure::Factor(factor)) = args.exposure {
+        saved.means.display.exposure = Some(factor);
+    }
     let frame = args.dress.annotate.frame(saved.frame.clone().unwrap_or_default());
     args.dress.annotate.warn(&saved);
     let surfaces: Vec<Spectrum> = saved.materials.iter().map(|material| material.1.clone()).collect();
@@ -150,10 +178,17 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let visible = LazyCell::new(|| saved.visible());
     let hand = args.dial.hand(&saved.dial, &saved.mix, |mix| saved.means.relight(&visible, mix))?;
     let mixes = hand.as_ref().map_or_else(|| vec![given], |hand| hand.mixes(&saved.mix));
+    if let (Some(Exposure::Auto), Some(mix)) = (args.exposure, mixes.first()) {
+        saved.means.display.exposure = None;
+        let exposure = automatic_exposure(&saved.relight(mix), mix, &saved.means.display);
+        saved.means.display.exposure = Some(exposure);
+        text += &format!("exposure {}\n", brief(exposure));
+    }
     let mut relit = clock.read();
     let whole = Stopwatch::start();
     let mut relighting = Timing::default();
-    let form = Form { size: saved.film.size, bits: args.dress.bits(), backdrop: args.dress.background };
+    let backdrop = args.dress.backdrop(saved.means.display.backdrop, saved.means.background.is_some());
+    let form = Form { size: saved.film.size, bits: args.dress.bits(), backdrop };
     let inputs_of =
         |frame: usize| digest(film, &format!("{:?} {:?} {:?}", mixes[frame], saved.means.display, args.dress));
     let made = pictures.write(form, ("relighting", progress), inputs_of, |index| {
@@ -164,7 +199,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             Overlay::of_surfaces(&saved.materials, saved.positions.len(), &mixes[index], &saved.means.display)
         });
         let overlay = overlay.as_ref().map(|overlay| (overlay, &frame));
-        let shown = files::dressed(&linear, form.size, form.backdrop, overlay)?;
+        let shown = files::dressed((&linear, saved.means.display.tone), form.size, form.backdrop, overlay)?;
         Ok(Frame { linear, shown })
     })?;
     let written = whole.read() - relighting;
@@ -187,6 +222,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         "size": saved.film.size,
         "frames": frames,
         "pictures": pictures.json(made),
+        "exposure": saved.means.display.factor(),
         "model": model_json,
         "times": {"load": read, "relight": relit, "write": written},
     });

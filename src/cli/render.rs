@@ -11,7 +11,7 @@ use serde_json::{Map, json};
 
 use crate::annotate::{Frame, Overlay};
 use crate::document::{Placed, Requested, SceneFile, Source, State, is_no_scene, session};
-use crate::film::{Film, RelightMatrices, Relightable};
+use crate::film::{Film, RelightMatrices, Relightable, automatic_exposure};
 use crate::measure::{Choice, Enlargement, Stopwatch, Timing, peak_mb};
 use crate::number::{brief, count};
 use crate::output::{FilmFile, OutputError, Picture, PictureKind, write_atomically, write_ready_png};
@@ -303,6 +303,8 @@ struct Marched {
     bricks: Option<BrickCounts>,
     /// Level of the shadows in words.
     shadows: String,
+    /// Exposure of the picture, where it is known.
+    exposure: Option<f64>,
 }
 
 /// Results that the outputs need.
@@ -538,6 +540,11 @@ impl<'a> Work<'a> {
         Ok(work)
     }
 
+    /// Lights with which the film of the scene opens.
+    const fn opening(&self) -> &Mix {
+        if self.is_mixed { &self.mix } else { &self.shown }
+    }
+
     /// The film of the scene as a file.
     fn film_file(&self, film: Film<f32>) -> Result<FilmFile, OutputError> {
         let PlannedJob { scene, planned, .. } = &self.job;
@@ -545,7 +552,7 @@ impl<'a> Work<'a> {
         if self.is_mixed {
             dial.hand = None;
         }
-        FilmFile::of_march(scene, planned, if self.is_mixed { &self.mix } else { &self.shown }, dial, film)
+        FilmFile::of_march(scene, planned, self.opening(), dial, film)
     }
 
     /// Refuses a film that cannot be written, before it is marched.
@@ -568,17 +575,28 @@ impl<'a> Work<'a> {
         self.args.dress.overlay(|| Overlay::of_scene(&self.job.scene, &self.job.planned, &self.mix))
     }
 
-    fn save_scene(&self) -> Result<(), CliError> {
-        self.args.save_scene.as_ref().map_or(Ok(()), |path| save_scene(path, self.source, &self.file))
+    /// Saves the scene with the exposure of its pictures.
+    fn save_scene(&self, exposure: Option<f64>) -> Result<(), CliError> {
+        let saved = |path: &PathBuf| save_scene(path, self.source, &self.file, exposure);
+        self.args.save_scene.as_ref().map_or(Ok(()), saved)
     }
 
     /// Writes pictures of a full turn.
-    fn turned(&self, frames: &Frames<'_>, progress: &dyn Progress) -> Result<Report, CliError> {
-        let Self { args, mix, job, .. } = self;
+    fn turned(mut self, frames: &Frames<'_>, progress: &dyn Progress) -> Result<Report, CliError> {
+        let Self { args, job, .. } = &self;
         let ready = ready_device(job, (args, args.size), progress)?;
         let mut times = vec![("load", self.loaded)];
         times.extend(ready.times);
-        let inputs = digest(job.scene.digest(), &format!("{mix:?} {}", args.replan));
+        let inputs = digest(job.scene.digest(), &format!("{:?} {}", self.mix, args.replan));
+        let mut on_device = ready.on_device;
+        if job.scene.display.exposure.is_none() {
+            // That of the first picture for all of them, whoever writes it.
+            on_device.camera_mut().clone_from(&job.cameras[0]);
+            let film = on_device.march(args.size, progress)?;
+            on_device.expose(&film, &self.shown)?;
+        }
+        self.job.scene.display.exposure = on_device.scene().display.exposure;
+        let Self { args, mix, job, .. } = &self;
         let look = turntable::Look {
             mix,
             size: args.size,
@@ -587,11 +605,10 @@ impl<'a> Work<'a> {
             cameras: &job.cameras,
             inputs,
         };
-        let mut on_device = ready.on_device;
         let written = turntable::write(&mut on_device, &look, frames, progress)?;
         let read = job.scene.fields.first().reads();
         times.extend(written.times);
-        self.save_scene()?;
+        self.save_scene(on_device.scene().display.exposure)?;
         let bricks = told_of(written.bricks, read) + &written.shadows;
         let lights = told_of_placed(&self.placed);
         let text = format!("{}{lights}{}{bricks}{}\n", frames.told(written.pictures), self.level.0, spent(&times));
@@ -612,15 +629,14 @@ impl<'a> Work<'a> {
     }
 
     /// Marches the scene once and writes its pictures, film and spectra.
-    fn pictured(&self, processes: Option<&Processes>, progress: &dyn Progress) -> Result<Report, CliError> {
-        let Self { args, mix, job, choice, pictures, .. } = self;
-        let PlannedJob { scene, planned, .. } = job;
+    fn pictured(mut self, processes: Option<&Processes>, progress: &dyn Progress) -> Result<Report, CliError> {
+        let Self { args, mix, job, choice, pictures, .. } = &self;
         let marched_size = choice.as_ref().map_or(args.size, |choice| choice.setting.marched_size(args.size));
         let enlargement = Enlargement::new(marched_size, args.size);
-        let overlay = self.overlay();
-        let frame = args.dress.annotate.frame(Frame::of(&scene.camera, &scene.frame, args.size));
+        let frame = args.dress.annotate.frame(Frame::of(&job.scene.camera, &job.scene.frame, args.size));
         let kinds: Vec<PictureKind> = pictures.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
         let encoded = args.dress.bits() == Bits::Eight && !args.reference && enlargement.is_none();
+        let backdrop = args.dress.backdrop(job.scene.display.backdrop, job.scene.background.is_some());
         let encoded = encoded && args.dress.background.is_none() && !args.dress.annotate.is_given();
         let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
         let wanted = Wanted {
@@ -630,9 +646,9 @@ impl<'a> Work<'a> {
             bands: args.spectral.is_some() && args.reference,
         };
         let marched = if args.reference {
-            Some(on_cpu(job, mix, args.size, wanted, progress)?)
+            Some(on_cpu(job, (mix, &self.shown), args.size, wanted, progress)?)
         } else {
-            on_device(job, mix, (args, marched_size, processes), wanted, progress)?
+            on_device(job, (mix, &self.shown), (args, marched_size, processes), wanted, progress)?
         };
         let Some(mut marched) = marched else {
             return Ok(Report { text: String::new(), json: json!({}) });
@@ -642,16 +658,22 @@ impl<'a> Work<'a> {
         }
 
         let clock = Stopwatch::start();
+        for display in [&mut self.job.scene.display, &mut self.whole.display] {
+            display.exposure = display.exposure.or(marched.exposure);
+        }
+        let Self { args, mix, job, choice, pictures, .. } = &self;
+        let PlannedJob { scene, planned, .. } = job;
+        let overlay = self.overlay();
         let shown = match &marched.linear {
             Some(linear) => files::dressed(
-                linear,
+                (linear, scene.display.tone),
                 args.size,
-                args.dress.background,
+                backdrop,
                 overlay.as_ref().map(|overlay| (overlay, &frame)),
             )?,
             None => None,
         };
-        let alpha = files::alpha(args.dress.background);
+        let alpha = files::alpha(backdrop);
         for path in *pictures {
             let kind = picture_kind(path)?;
             match (&marched.display, &marched.linear) {
@@ -684,7 +706,7 @@ impl<'a> Work<'a> {
         if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
             self.film_file(accumulation)?.write(path)?;
         }
-        self.save_scene()?;
+        self.save_scene(scene.display.exposure)?;
         let written = clock.read();
         let checked = match (choice, &marched.linear) {
             (Some(choice), Some(linear)) => {
@@ -736,9 +758,11 @@ impl<'a> Work<'a> {
 }
 
 /// Saves the scene as `path`. A scene that is there, and may have been edited, is kept as `path.bak`.
-fn save_scene(path: &Path, source: &Source, file: &SceneFile) -> Result<(), CliError> {
+fn save_scene(path: &Path, source: &Source, file: &SceneFile, exposure: Option<f64>) -> Result<(), CliError> {
     let refused = |error: &dyn Error| CliError::Failed(format!("--save-scene {}: {error}", path.display()));
-    let text = session::text(path, source, file, &State::new(file)).map_err(|error| refused(&error))?;
+    let mut state = State::new(file);
+    state.scene.display.exposure = exposure;
+    let text = session::text(path, source, file, &state).map_err(|error| refused(&error))?;
     let write = |path: &Path, bytes: &[u8]| write_atomically(path, |out| out.write_all(bytes));
     if let Some(former) = std::fs::read(path).ok().filter(|former| former != text.as_bytes()) {
         let mut kept = path.as_os_str().to_owned();
@@ -818,7 +842,7 @@ fn ready_device(
 
 fn on_device(
     job: &PlannedJob,
-    mix: &Mix,
+    (mix, opening): (&Mix, &Mix),
     (args, size, processes): (&Args, [usize; 2], Option<&Processes>),
     wanted: Wanted,
     progress: &dyn Progress,
@@ -837,10 +861,12 @@ fn on_device(
         Some(processes) => {
             let asked = Asked { film: accumulation, linear, display };
             let cut = processes.agree(&job.scene, &job.planned, mix, (size, uploaded.light_block()), asked)?;
-            let Some(made) = processes.render(&on_device, mix, (size, &cut), asked, progress)? else { return Ok(None) };
+            let Some(made) = processes.render(&on_device, (mix, opening), (size, &cut), asked, progress)? else {
+                return Ok(None);
+            };
             made
         }
-        None => one_march(&on_device, mix, size, wanted, progress)?,
+        None => one_march(&on_device, (mix, opening), size, wanted, progress)?,
     };
     let accumulators = &made.device;
     warn_of(RenderWarning::of_film(&on_device, accumulators, mix));
@@ -859,6 +885,7 @@ fn on_device(
     }
     Ok(Some(Marched {
         accumulation: made.film,
+        exposure: made.exposure,
         bands: None,
         linear: made.linear,
         display: made.display,
@@ -874,20 +901,25 @@ fn on_device(
 /// Marches and relights in this process alone.
 fn one_march(
     on_device: &SceneRenderer,
-    mix: &Mix,
+    (mix, opening): (&Mix, &Mix),
     size: [usize; 2],
     wanted: Wanted,
     progress: &dyn Progress,
 ) -> Result<processes::Picture, CliError> {
-    let renderer = on_device.renderer();
     let clock = Stopwatch::start();
     let device = on_device.march(size, progress)?;
     let march = clock.read();
     let clock = Stopwatch::start();
-    let matrices = on_device.matrices(mix);
+    let exposure = match on_device.scene() {
+        // An automatic one is found in the whole film.
+        scene if scene.block.is_some() => scene.display.exposure,
+        _ => Some(on_device.exposure(&device, opening)?),
+    };
+    let renderer = on_device.renderer();
+    let matrices = processes::at_exposure(on_device, mix, exposure);
     let (mut display, mut linear, mut film) = (None, None, None);
     if wanted.display {
-        let relight = renderer.relight_display(&device)?;
+        let relight = renderer.relight_display_over(&device, matrices.backdrop)?;
         relight.run(&matrices)?;
         display = Some(relight.read()?);
     }
@@ -900,7 +932,7 @@ fn one_march(
         film = Some(renderer.read(&device)?);
     }
     let times = vec![("march", march), ("relight", clock.read())];
-    Ok(processes::Picture { film, linear, display, device, times, details: json!(null) })
+    Ok(processes::Picture { film, linear, display, exposure, device, times, details: json!(null) })
 }
 
 /// Rounds a number to the f32 of a film file.
@@ -911,7 +943,7 @@ fn narrow(number: f64) -> f32 {
 
 fn on_cpu(
     job: &PlannedJob,
-    mix: &Mix,
+    (mix, opening): (&Mix, &Mix),
     size: [usize; 2],
     wanted: Wanted,
     progress: &dyn Progress,
@@ -929,8 +961,23 @@ fn on_cpu(
     } else if wanted.linear {
         linear = Some(files::rgba(reference.picture(mix, size, progress)?.into_iter()));
     }
+    let mut exposure = job.scene.display.exposure;
+    if exposure.is_none() && job.scene.block.is_none() {
+        // A picture of all bands under the opening lights, at exposure 1.
+        let known = linear.as_ref().filter(|_| mix == opening).cloned();
+        let picture = match known {
+            Some(linear) => linear,
+            None => files::rgba(reference.picture(opening, size, progress)?.into_iter()),
+        };
+        let found = automatic_exposure(&picture, opening, &job.scene.display);
+        exposure = Some(found);
+        for pixel in linear.iter_mut().flat_map(|linear| linear.as_chunks_mut::<4>().0) {
+            pixel[..3].iter_mut().for_each(|part| *part = narrow(f64::from(*part) * found));
+        }
+    }
     let accumulation = wanted.accumulation.then(|| reference.film(size, progress)).transpose()?;
     Ok(Marched {
+        exposure,
         accumulation: accumulation.map(|film| film.map(narrow)),
         bands,
         linear,

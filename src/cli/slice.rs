@@ -10,7 +10,7 @@ use crate::document::{SceneFile, State};
 use crate::number::{brief, count, whole};
 use crate::output::Picture;
 use crate::progress::Progress;
-use crate::scene::{LabelEntry, Mix, Scene};
+use crate::scene::{LabelEntry, Mix, Scene, Tone};
 use crate::spectrum::colour::decode_srgb;
 use crate::view::slices::{Overlay, Painted, Plane, Slices, codes, planes, voxel, window_of, windows};
 use crate::volume::HostMemory;
@@ -284,7 +284,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let pixel = PixelLength { units, exact: true };
     let frame = Frame { pixel: Some(pixel), unit: volume.unit, edges: Some(edges(&plane)) };
     let frame = args.annotate.frame(frame);
-    let shown = files::dressed(&linear, size, None, annotated.as_ref().map(|overlay| (overlay, &frame)))?;
+    let shown =
+        files::dressed((&linear, Tone::Linear), size, None, annotated.as_ref().map(|overlay| (overlay, &frame)))?;
     let picture = Picture::new(size[0], size[1], shown.as_deref().unwrap_or(&linear))?;
     files::write_linear(&args.output, &picture, Bits::Eight, files::alpha(None))?;
 

@@ -50,8 +50,9 @@ pub(crate) fn write(
     progress: &dyn Progress,
 ) -> Result<Written, CliError> {
     let Look { mix, size: [width, height], dress, ref overlay, cameras, inputs } = *look;
-    let (bits, backdrop) = (dress.bits(), dress.background);
-    let matrices = on_device.matrices(mix);
+    let scene = on_device.scene();
+    let (bits, backdrop) = (dress.bits(), dress.backdrop(scene.display.backdrop, scene.background.is_some()));
+    let (matrices, tone) = (on_device.matrices(mix), on_device.scene().display.tone);
     let (mut marching, mut relighting) = (Timing::default(), Timing::default());
     let mut bricks = None::<BrickCounts>;
     let (mut shadows, mut grid) = (String::new(), serde_json::Value::Null);
@@ -75,8 +76,12 @@ pub(crate) fn write(
         relighting += clock.read();
         let frame = annotate::Frame::of(&cameras[index], &on_device.scene().frame, [width, height]);
         let frame = dress.annotate.frame(frame);
-        let shown =
-            files::dressed(&linear, [width, height], backdrop, overlay.as_ref().map(|overlay| (overlay, &frame)))?;
+        let shown = files::dressed(
+            (&linear, tone),
+            [width, height],
+            backdrop,
+            overlay.as_ref().map(|overlay| (overlay, &frame)),
+        )?;
         Ok(Frame { linear, shown })
     })?;
     let writing = whole.read() - marching - relighting;

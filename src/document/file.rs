@@ -31,7 +31,7 @@ pub(crate) use volumes::is_segmentation;
 use super::define::{Definition, EACH, alike_among, byte_of, define, path_at, responsible};
 use super::error::chain;
 use super::light_request::warn_below_zero;
-use super::{Dial, DialPreset, LightState, SceneError, SceneFile};
+use super::{Dial, DialPreset, LightState, Quality, SceneError, SceneFile};
 use relume_base::input;
 use relume_base::number::{brief, count, readable};
 use relume_base::progress::Progress;
@@ -75,6 +75,8 @@ pub struct SceneOptions {
     pub downsample: Option<[usize; 3]>,
     /// Changed values, in the order in which they apply.
     pub definitions: Vec<Definition>,
+    /// Step, rays, samples, shadows and sky in one word; `definitions` may change them again.
+    pub quality: Option<Quality>,
     /// The picture of a volume without a scene.
     pub wish: Wish,
     /// Preset of another program that makes this picture.
@@ -191,14 +193,14 @@ pub fn parse_ready(
     parse_around(Some(given), (name, text), base, &options, progress)
 }
 
-/// The scene of `file` with further `definitions`, on its own volume, which is neither read nor copied.
+/// The scene of `file` with a quality and further `definitions`, on its own volume, which is neither read nor copied.
 ///
 /// # Errors
 ///
 /// [`SceneError::Define`] for a definition of the volume other than its grid; and as [`load`].
 pub fn redefined(
     file: &SceneFile,
-    definitions: &[Definition],
+    (quality, definitions): (Option<Quality>, &[Definition]),
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
     const OF_GRID: [&str; 4] = ["spacing", "origin", "direction", "unit"];
@@ -219,7 +221,9 @@ pub fn redefined(
     let labels = scene.labels.as_ref().map(|labels| Arc::clone(&labels.volume));
     let further = scene.fields.further().iter().map(|field| (field.name.clone(), Arc::clone(&field.volume)));
     let volumes = InMemory { volume: Arc::clone(&scene.fields.first().volume), labels, further: further.collect() };
-    let made = parse_ready(volumes, (&file.name, &file.text), &file.base, definitions, progress)?;
+    let options = SceneOptions { quality, definitions: definitions.to_vec(), ..SceneOptions::default() };
+    let given = Given { volumes, is_ready: true, has_ready_labels: true };
+    let made = parse_around(Some(given), (&file.name, &file.text), &file.base, &options, progress)?;
     Ok(SceneFile { inputs: file.inputs.clone(), guess: file.guess.clone(), ..made })
 }
 
@@ -251,7 +255,8 @@ pub(super) fn parse_around(
     options: &SceneOptions,
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
-    with_definitions(text, &options.definitions, |text, file| text.resolve(file, given, base, options, progress))
+    let changes = (options.quality, &*options.definitions);
+    with_definitions(text, changes, |text, file| text.resolve(file, given, base, options, progress))
 }
 
 /// Reads the volume of `options`, unless it is in memory. It stands for a scene of this `name`, and has the changes of its
@@ -271,22 +276,24 @@ pub(super) fn volume_alone(
         let (volume, stored) = text.volume(&file.volume, given, Path::new(""), options, progress)?;
         Ok(((volume, stored), file.volume.largest_part_above.is_some()))
     };
-    with_definitions((name, "version = 1\n"), &definitions, read)
+    with_definitions((name, "version = 1\n"), (None, &definitions), read)
 }
 
-/// Reads the scene `text` of this `name`, changed by `definitions`.
+/// Reads the scene `text` of this `name`, changed by a quality and by `definitions`.
 fn with_definitions<T>(
     (name, text): (&str, &str),
-    definitions: &[Definition],
+    (quality, definitions): (Option<Quality>, &[Definition]),
     read: impl FnOnce(&Text<'_>, Root) -> Result<T, SceneError>,
 ) -> Result<T, SceneError> {
     let stated = Text { name: name.to_owned(), text, changed: None };
     let file = stated.root()?;
-    if definitions.is_empty() {
+    if definitions.is_empty() && quality.is_none() {
         return read(&stated, file);
     }
     let before: Table = text.parse().map_err(|error| stated.unreadable(&error))?;
     let mut table = before.clone();
+    let of_quality = quality.map_or_else(Vec::new, |quality| quality.definitions(&mut table));
+    let definitions = &[&of_quality, definitions].concat();
     let resolve = |definition: &Definition| {
         let failed = |message| SceneError::Define { given: definition.given.clone(), message };
         let text = define(&mut table, &definition.text).map_err(failed)?;

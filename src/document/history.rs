@@ -58,6 +58,14 @@ impl Document {
         self.saved = self.now.clone();
     }
 
+    /// Makes an automatic exposure this factor, that of the first picture. It is no edit.
+    pub fn expose(&mut self, factor: f64) {
+        let undone = self.past.iter_mut().chain(&mut self.future);
+        for state in undone.chain([&mut self.now, &mut self.saved]) {
+            state.scene.display.exposure.get_or_insert(factor);
+        }
+    }
+
     /// Whether the state is as opened or last saved.
     #[must_use]
     pub fn is_saved(&self) -> bool {

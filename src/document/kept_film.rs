@@ -43,6 +43,9 @@ impl KeptFilm {
     /// [`OutputError::Inconsistent`] if a spectrum is not finite.
     pub fn new(mut file: FilmFile) -> Result<Self, OutputError> {
         let film = file.take_film();
+        if file.part.is_none() {
+            file.expose(&film)?;
+        }
         let tolerance = match &file.components {
             Components::Surfaces(_) => f64::INFINITY,
             Components::Model(Stored { tolerance, .. }) => *tolerance,

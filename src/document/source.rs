@@ -8,7 +8,7 @@ use super::import::{self, Import, ImportError};
 use super::look::beside::{BesideVolume, beside};
 use super::look::channels::{ChannelVolume, channel_name, channels as look_channels};
 use super::look::first_look::{
-    Channel, FirstLook, Look, LookError, NoCt, Shown, Subject, Wish, first_look, is_speckled, labels_text,
+    Channel, FirstLook, Look, LookError, NoCt, Subject, Wish, first_look, is_speckled, labels_text,
 };
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded, parse};
 use relume_base::input;
@@ -288,7 +288,7 @@ impl Source {
         }
         let look = match largest {
             Some((volume, has_parts)) => {
-                let subject = Subject { has_parts, is_of_times: true };
+                let subject = Subject { has_parts, is_of_times: true, has_labels: false };
                 let volumes = InMemory { volume, labels: None, further: Vec::new() };
                 let Looked { text, guess, .. } = looked(path, volumes, (&mut options, subject), progress)?;
                 let [least, most] = ends.map(readable);
@@ -395,37 +395,31 @@ fn looked(
     volume.prepare_coarse(progress)?;
     let notes = volume.notes.len();
     let has_labels = labels.is_some() || options.labels.is_some();
-    let of_names = match &options.label_names {
-        Some(names) if !has_labels => {
-            let volume = Arc::make_mut(&mut volume);
-            volume.name_labels(names)?;
-            volume.notes.split_off(notes)
-        }
-        _ => Vec::new(),
-    };
+    if let Some(names) = options.label_names.as_ref().filter(|_| !has_labels) {
+        let volume = Arc::make_mut(&mut volume);
+        volume.name_labels(names)?;
+        volume.notes.truncate(notes);
+    }
     let statistics = volume.statistics()?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let subject = Subject { has_labels, ..subject };
     let look = look_of(&name, (&mut volume, &statistics), (&*options, subject), progress)?;
     let statistics = if look.is_alone { volume.statistics()? } else { statistics };
     // A label map is named again, with the notes.
-    if let Some(names) = options.label_names.take_if(|_| !has_labels && look.labels != Shown::AsMap) {
+    if let Some(names) = options.label_names.take_if(|_| !has_labels && !look.is_label_map) {
         let volume = Arc::make_mut(&mut volume);
-        volume.notes.extend(of_names);
-        if look.labels == Shown::Not {
-            volume.notes.truncate(notes);
-            volume.notes.push(format!(
-                "{}: the values are not shown as labels, so the names in {} are not used",
-                path.display(),
-                names.display()
-            ));
-        }
+        volume.notes.push(format!(
+            "{}: the values are not shown as labels, so the names in {} are not used",
+            path.display(),
+            names.display()
+        ));
     }
     let (mut text, mut guess) = (look.text, look.guess);
     let others = || match (&labels, &options.labels) {
         (Some(labels), _) => Some(labels.source.clone()),
         (None, file) => file.as_ref().map(|file| file.display().to_string()),
     };
-    if let (Some(labels), Shown::AsMap) = (others(), look.labels) {
+    if let Some(labels) = others().filter(|_| look.is_label_map) {
         let problem = format!(
             "its values are labels, so it takes no others ({labels}); name the scan as the volume, and this file as its labels"
         );
@@ -565,7 +559,7 @@ fn look_at(
         told = Some(format!(" The values of {} {what}.", path.display()));
         options.labels = Some(path);
     }
-    let subject = Subject { has_parts, is_of_times: false };
+    let subject = Subject { has_parts, is_of_times: false, has_labels: options.labels.is_some() };
     let volumes = InMemory { volume, labels: labels.clone(), further: Vec::new() };
     let Looked { mut volume, text, guess, statistics } = looked(path, volumes, (&mut options, subject), progress)?;
     if volume.geometry != stored {

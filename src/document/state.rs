@@ -14,8 +14,8 @@ use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
 use relume_colour::spectrum::{Spectrum, ThinFilm};
 use relume_scene::{
-    Accuracy, AmbientShares, BRIGHTEST, Blending, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, INTENSITY, Interval,
-    LabelEntry, Lighting, MOST_GROUPS, Mix, Overlap, PHASES, Scene, Shape, Term, key,
+    Accuracy, AmbientShares, BRIGHTEST, Backdrop, Blending, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, INTENSITY,
+    Interval, LabelEntry, Lighting, MOST_GROUPS, Mix, Overlap, PHASES, Scene, Shape, Term, Tone, key,
 };
 
 /// Least part of its scattering that occludes, of a material with an opacity of 1.
@@ -87,9 +87,13 @@ pub enum Edit {
     /// Moves the hand to a step of a tour: the first number of steps out of the second, through all dial presets.
     Tour(usize, usize),
     /// Factor of linear colours.
-    Exposure(f64),
+    Exposure(Option<f64>),
     /// Whether colours are adapted to the white of the lights.
     Adapt(bool),
+    /// Curve of the displayed colours.
+    Tone(Tone),
+    /// Colours of the screen behind the volume.
+    Backdrop(Backdrop),
     /// Standard observer.
     Observer(Observer),
     /// Colour vision deficiency to preview.
@@ -162,6 +166,8 @@ impl Edit {
                 | Self::NodePlace(..)
                 | Self::Camera(..)
                 | Self::Exposure(_)
+                | Self::Tone(_)
+                | Self::Backdrop(_)
         )
     }
 
@@ -214,6 +220,8 @@ impl Edit {
             | Self::Forget(_)
             | Self::Tour(..)
             | Self::Exposure(_)
+            | Self::Tone(_)
+            | Self::Backdrop(_)
             | Self::Adapt(_)
             | Self::Observer(_)
             | Self::Deficiency(_)
@@ -322,7 +330,7 @@ impl State {
     /// Whether any light shines, at an exposure above 0.
     #[must_use]
     pub fn is_lit(&self) -> bool {
-        self.mix().0.iter().any(|light| light.weight > 0.0) && self.scene.display.exposure > 0.0
+        self.mix().0.iter().any(|light| light.weight > 0.0) && self.scene.display.factor() > 0.0
     }
 
     /// The light of swatches: the current one, or in the dark that of the scene, because black swatches tell nothing.
@@ -542,6 +550,8 @@ impl State {
                 scene.display.exposure = exposure;
                 key::clamp(scene, "display.");
             }
+            Edit::Tone(tone) => scene.display.tone = tone,
+            Edit::Backdrop(backdrop) => scene.display.backdrop = backdrop,
             Edit::Adapt(adapt) => scene.display.adapt = adapt,
             Edit::Camera(step, aspect) => {
                 scene.camera = moves::moved(scene, &opened.scene.camera, aspect, step);
@@ -630,6 +640,8 @@ impl State {
                 is_on && dial.presets.get(index).is_some_and(|preset| preset.hand == light.hand)
             }),
             Edit::Exposure(_)
+            | Edit::Tone(_)
+            | Edit::Backdrop(_)
             | Edit::Adapt(_)
             | Edit::Observer(_)
             | Edit::Deficiency(_)

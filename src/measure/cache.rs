@@ -118,7 +118,7 @@ mod tests {
         assert_eq!(known(&scene, "other", [3, 4]), None);
         assert_eq!(known(&scene, "device", [4, 3]), None);
         let mut brighter = scene.clone();
-        brighter.display.exposure = 2.0;
+        brighter.display.exposure = Some(2.0);
         assert_eq!(known(&brighter, "device", [3, 4]), None);
         let mut one_sided = scene.clone();
         one_sided.lighting = relume_scene::Lighting::OneSided;

@@ -8,10 +8,10 @@ use serde::Serialize;
 
 use super::clock::{Limit, Stopwatch};
 use super::skipping::occupancy;
-use relume_base::number::{count, whole};
+use relume_base::number::{count, rounded, whole};
 use relume_base::progress::Progress;
-use relume_colour::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use relume_scene::film::RelightMatrices;
+use relume_colour::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, XYZ_FROM_LINEAR_SRGB};
+use relume_scene::film::{RelightMatrices, Relightable, automatic_exposure};
 use relume_scene::plan::{Planned, ScenePlan, plan_full_spectrum};
 use relume_scene::reference::{Exact, KeptDepths, Marching, ReferenceError, Skipping, Stored, render_pixels};
 use relume_scene::tables::{LabelMap, Occupancy, Storage, StoredScene, StoredVolume};
@@ -176,6 +176,8 @@ pub(super) struct Ladder<'a> {
     occupancy: Occupancy,
     size: [usize; 2],
     mix: Mix,
+    /// Exposure of all colours.
+    exposure: Option<f64>,
     /// The visible pixels.
     pub(super) pixels: Vec<[usize; 2]>,
     /// XYZ behind the volume.
@@ -203,13 +205,33 @@ impl<'a> Ladder<'a> {
     ) -> Result<Self, LadderError> {
         let mut ladder = Self::without_pixels(scene, mix, size, (finest, true_rays(most_rays)))?;
         ladder.pixels = ladder.showing(pixels, progress)?;
+        ladder.expose(progress)?;
         Ok(ladder)
+    }
+
+    /// Makes an automatic exposure that of some of the pixels, as the scene states them.
+    pub(super) fn expose(&mut self, progress: &dyn Progress) -> Result<(), LadderError> {
+        const MOST: usize = 512;
+        if self.exposure.is_none() {
+            let step = self.pixels.len().div_ceil(MOST).max(1);
+            let pixels: Vec<[usize; 2]> = self.pixels.iter().copied().step_by(step).collect();
+            let truth = plan_full_spectrum(self.scene);
+            let found = self.march_exact(self.scene, &truth, &pixels, progress)?;
+            let rgba = |(xyz, opacity): &(DVec3, f64)| {
+                let colour = *LINEAR_SRGB_FROM_XYZ * *xyz;
+                [colour.x, colour.y, colour.z, *opacity].map(rounded)
+            };
+            let picture: Vec<f32> = found.iter().flat_map(rgba).collect();
+            self.exposure = Some(automatic_exposure(&picture, &self.mix, &self.scene.display));
+            self.background = self.matrices(self.scene, &truth).background.iter().copied().sum();
+        }
+        Ok(())
     }
 
     /// The ladder of the same pixels of `scene`, which is that of this ladder with a coarser level of its volume.
     pub(super) fn of_level<'b>(&self, scene: &'b Scene) -> Result<Ladder<'b>, LadderError> {
         let ladder = Ladder::without_pixels(scene, self.mix.clone(), self.size, (self.finest, self.rays))?;
-        Ok(Ladder { pixels: self.pixels.clone(), ..ladder })
+        Ok(Ladder { pixels: self.pixels.clone(), exposure: self.exposure, background: self.background, ..ladder })
     }
 
     fn without_pixels(
@@ -230,6 +252,7 @@ impl<'a> Ladder<'a> {
             labels,
             size,
             mix,
+            exposure: scene.display.exposure,
             pixels: Vec::new(),
             background: DVec3::ZERO,
             finest,
@@ -402,7 +425,9 @@ impl<'a> Ladder<'a> {
 
     /// The same matrices to linear sRGB.
     pub(super) fn shown(&self, scene: &Scene, planned: &Planned) -> RelightMatrices {
-        RelightMatrices::of_scene(scene, planned, &self.mix)
+        let mut means = Relightable::new(scene, planned);
+        means.display.exposure = self.exposure;
+        means.under(&self.mix)
     }
 }
 

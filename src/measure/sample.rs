@@ -52,6 +52,7 @@ pub(super) fn drawn<'a>(
     let showing = whole(count(found.len()) * count(pixels) / count(pixels - left.len()).max(1.0));
     found.truncate(most);
     ladder.pixels = found;
+    ladder.expose(progress)?;
     Ok(Drawn { ladder, showing })
 }
 

@@ -75,7 +75,7 @@ impl Knob {
         match self.key().kind {
             Kind::Names(names) => Some(names()),
             Kind::Switch => Some(SWITCH.to_vec()),
-            Kind::Number(..) | Kind::Whole(..) => None,
+            Kind::Number(..) | Kind::NumberOr(..) | Kind::Whole(..) => None,
         }
     }
 

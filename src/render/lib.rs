@@ -404,7 +404,7 @@ impl Renderer {
 pub fn shaders_of(plan: &ScenePlan) -> Result<[(&'static str, Shader); 3], ShaderError> {
     Ok([
         ("march", march::source(plan, Dispatching::default()).compile()?),
-        ("relight_display", relight::source(plan, relight::Target::Display).compile()?),
+        ("relight_display", relight::source(plan, relight::Target::Display { backdrop: false }).compile()?),
         ("relight_linear", relight::source(plan, relight::Target::Linear).compile()?),
     ])
 }

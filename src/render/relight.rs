@@ -4,12 +4,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3Swizzles as _};
 
 use super::march::{common, images, read_layer};
 use super::{DeviceFilm, RenderError, Renderer, Source};
-use relume_base::number::unsigned;
-use relume_scene::film::RelightMatrices;
+use relume_base::number::{rounded, unsigned};
+use relume_scene::film::{RelightMatrices, automatic_exposure};
 use relume_scene::plan::{LANE, ScenePlan};
+use relume_scene::{Backdrop, Display, Mix, Tone};
 use relume_vulkan::{Buffer, Device, Format, HostUse, Resource, StorageImage};
 
 /// Workgroup of a relight: long rows (docs/theory/device.md).
@@ -22,8 +24,8 @@ const ROWS: u32 = 8;
 /// Output of a relight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Target {
-    /// 8-bit sRGB.
-    Display,
+    /// 8-bit sRGB, in front of a backdrop or of black.
+    Display { backdrop: bool },
     /// Linear sRGB and opacity in f32.
     Linear,
 }
@@ -37,17 +39,19 @@ pub struct RelightUniform {
     pub width: u32,
     pub height: u32,
     pub again: u32,
-    pub padding: u32,
+    pub soft: u32,
+    /// Square roots of linear colours at the top and at the bottom.
+    pub backdrop: [[f32; 4]; 2],
 }
 
-/// Whether the relight reads the transmittance: for a background, or for the opacity of the picture.
+/// Whether the relight reads the transmittance: for a background or a backdrop, or for the opacity of the picture.
 fn reads_transmittance(plan: &ScenePlan, target: Target) -> bool {
-    plan.background || target == Target::Linear
+    plan.background || target != Target::Display { backdrop: false }
 }
 
 /// Whether pictures for `target` are relit often; the first relight then records the pixels that show no material.
 fn is_lit_again(target: Target) -> bool {
-    target == Target::Display
+    target != Target::Linear
 }
 
 /// Source of the relight shader of `plan`.
@@ -60,8 +64,11 @@ pub(super) fn source(plan: &ScenePlan, target: Target) -> Source {
         .alias("AccumulatorImage", &accumulators)
         .alias("TransmittanceImage", &transmittance)
         .bool("SKIP_EMPTY", is_lit_again(target))
-        .bool("DISPLAY", target == Target::Display)
+        .bool("DISPLAY", target != Target::Linear)
+        .bool("BACKDROP", target == Target::Display { backdrop: true })
         .bool("FEW_LAYERS", plan.layers() <= FEW_LAYERS)
+        .f32("KNEE", rounded(Tone::KNEE))
+        .f32("BRIGHTEST", rounded(Tone::BRIGHTEST))
         .u32("ROWS", ROWS)
         .u32("GROUP_WIDTH", GROUP[0])
         .u32("GROUP_HEIGHT", GROUP[1]);
@@ -90,7 +97,16 @@ impl Renderer {
     ///
     /// [`RenderError`].
     pub fn relight_display(&self, film: &DeviceFilm) -> Result<Relight, RenderError> {
-        self.relight(film, Target::Display, Format::Rgba8Unorm)
+        self.relight_display_over(film, Backdrop::None)
+    }
+
+    /// The same in front of a `backdrop`, if the scene has no background.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn relight_display_over(&self, film: &DeviceFilm, backdrop: Backdrop) -> Result<Relight, RenderError> {
+        self.relight_over(film, backdrop, Format::Rgba8Unorm)
     }
 
     /// The same in BGRA, the format of windows.
@@ -98,8 +114,13 @@ impl Renderer {
     /// # Errors
     ///
     /// [`RenderError`].
-    pub fn relight_window(&self, film: &DeviceFilm) -> Result<Relight, RenderError> {
-        self.relight(film, Target::Display, Format::Bgra8Unorm)
+    pub fn relight_window(&self, film: &DeviceFilm, backdrop: Backdrop) -> Result<Relight, RenderError> {
+        self.relight_over(film, backdrop, Format::Bgra8Unorm)
+    }
+
+    fn relight_over(&self, film: &DeviceFilm, backdrop: Backdrop, format: Format) -> Result<Relight, RenderError> {
+        let backdrop = backdrop != Backdrop::None && !film.planned.plan.background;
+        self.relight(film, Target::Display { backdrop }, format)
     }
 
     /// Prepares a relight to linear sRGB and opacity (1 − transmittance) in f32, rows from the top.
@@ -111,6 +132,23 @@ impl Renderer {
         self.relight(film, Target::Linear, Format::Rgba32Float)
     }
 
+    /// The exposure that [`automatic_exposure`] finds for `film` under `mix`, of which `matrices` are those at exposure 1.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn automatic_exposure(
+        &self,
+        film: &DeviceFilm,
+        matrices: &RelightMatrices,
+        mix: &Mix,
+        display: &Display,
+    ) -> Result<f64, RenderError> {
+        let relight = self.relight_linear(film)?;
+        relight.run(matrices)?;
+        Ok(automatic_exposure(&relight.read::<f32>()?, mix, display))
+    }
+
     fn relight(&self, film: &DeviceFilm, target: Target, format: Format) -> Result<Relight, RenderError> {
         let plan = &film.planned.plan;
         let device = &self.device;
@@ -119,7 +157,7 @@ impl Renderer {
             + plan.layers().max(1) * size_of::<[[f32; LANE]; 3]>();
         let uniform = Buffer::host(device, "relight", bytes as u64, HostUse::Uniform)?;
         let name = match target {
-            Target::Display => "display",
+            Target::Display { .. } => "display",
             Target::Linear => "linear",
         };
         let picture = StorageImage::new(device, name, format, film.size.map(unsigned), 1)?;
@@ -155,7 +193,18 @@ impl Relight {
     pub fn run(&self, matrices: &RelightMatrices) -> Result<Option<Duration>, RenderError> {
         let size = self.picture.extent();
         let again = u32::from(self.lit.load(Ordering::Relaxed));
-        let head = RelightUniform { width: size[0], height: size[1], again, padding: 0 };
+        let mut roots = matrices.backdrop.colours().map_or([DVec3::ZERO; 2], Backdrop::roots);
+        if self.picture.format() == Format::Bgra8Unorm {
+            roots = roots.map(|root| root.zyx());
+        }
+        let backdrop = roots.map(|root| root.extend(0.0).to_array().map(rounded));
+        let head = RelightUniform {
+            width: size[0],
+            height: size[1],
+            again,
+            soft: u32::from(matrices.tone == Tone::Soft),
+            backdrop,
+        };
         self.uniform.write(0, bytemuck::bytes_of(&head))?;
         let (mut transmittance, mut lanes) = (matrices.transmittance_lanes(), matrices.lanes(self.components));
         if self.picture.format() == Format::Bgra8Unorm {

@@ -7,7 +7,7 @@ use relume_base::progress::Progress;
 use relume_colour::model::ColourModel;
 use relume_scene::film::RelightMatrices;
 use relume_scene::plan::{Planned, ScenePlan, plan};
-use relume_scene::{Camera, Mix, Scene};
+use relume_scene::{Camera, Display, Mix, Scene};
 use relume_volume::Statistics;
 
 /// Size of the picture that compiles the shaders. Lavapipe compiles again if a side becomes a power of two or stops
@@ -190,6 +190,32 @@ impl SceneRenderer {
     #[must_use]
     pub fn matrices(&self, mix: &Mix) -> RelightMatrices {
         RelightMatrices::of_scene(&self.scene, &self.planned, mix)
+    }
+
+    /// Conversion of colours for the screen, which no march depends on.
+    pub fn display_mut(&mut self) -> &mut Display {
+        &mut self.scene.display
+    }
+
+    /// Makes an automatic exposure of the scene that of `film` under `mix`.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn expose(&mut self, film: &DeviceFilm, mix: &Mix) -> Result<(), RenderError> {
+        self.scene.display.exposure = Some(self.exposure(film, mix)?);
+        Ok(())
+    }
+
+    /// The exposure of the scene; an automatic one is that of `film` under `mix`.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn exposure(&self, film: &DeviceFilm, mix: &Mix) -> Result<f64, RenderError> {
+        let display = &self.scene.display;
+        let found = || self.renderer.automatic_exposure(film, &self.matrices(mix), mix, display);
+        display.exposure.map_or_else(found, Ok)
     }
 
     /// Runs the pipeline of a march in bricks once, without bricks: all rays wait. No compilation delays the march then.

@@ -12,7 +12,7 @@ use relume_base::number::{count, unsigned};
 use relume_base::progress::Progress;
 use relume_scene::plan::{Planned, ScenePlan};
 use relume_scene::tables::{BrickGrid, Cells, LabelMap, PlacedField, Storage, VolumeFormat, apron, slot_edge};
-use relume_scene::{FIELDS, Interpolation, Scene};
+use relume_scene::{FIELDS, Scene};
 use relume_volume::{Statistics, macrocells};
 use relume_vulkan::{Buffer, Format, HostUse, Image3d};
 
@@ -419,7 +419,7 @@ impl Renderer {
     /// Refuses a volume that the device cannot filter.
     fn check_filter(&self, planned: &Planned, storage: &Storage) -> Result<(), RenderError> {
         let format = texels(storage.format, &planned.plan);
-        if planned.plan.interpolation == Interpolation::Linear && !self.device.limits().linear_filter(format) {
+        if planned.plan.interpolation.is_filtered() && !self.device.limits().linear_filter(format) {
             let device = self.device.info().name.clone();
             return Err(RenderError::Filter { format: storage.format, device });
         }

@@ -25,13 +25,13 @@ use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::nearest;
 use relume_colour::spectrum::observer::Observer;
 
-use Kind::{Number, Switch, Whole};
+use Kind::{Number, NumberOr, Switch, Whole};
 use Stale::{Accumulators, Matrices, Nothing, Picture, Tables};
 
 use crate::{
-    AccumulateAs, Aim, AmbientShares, BRIGHTEST, Blending, Gradients, INTENSITY, Integration, Interpolation,
-    LabelInterpolation, Lighting, Lookup, Material, Overlap, PHASES, Projection, Scene, SceneLight, Shading,
-    ShadowMethod, StoreAs, VolumeAs,
+    AccumulateAs, Aim, AmbientShares, BRIGHTEST, Backdrop, Blending, Gradients, INTENSITY, Integration, Interpolation,
+    LARGEST_EXPOSURE, LabelInterpolation, Lighting, Lookup, Material, Overlap, PHASES, Projection, Scene, SceneLight,
+    Shading, ShadowMethod, StoreAs, Tone, VolumeAs,
 };
 
 /// A key of a part `T` of a scene: the scene itself, a material or a light.
@@ -69,6 +69,8 @@ pub struct Access<T> {
 pub enum Kind {
     /// A number of a range and its unit, if it has one.
     Number([f64; 2], &'static str),
+    /// A number of a range, or a word in place of one.
+    NumberOr([f64; 2], &'static str),
     /// A whole number of a range, or a word in place of one.
     Whole([usize; 2], Option<&'static str>),
     /// One of these names.
@@ -163,6 +165,7 @@ impl Kind {
     pub fn allowed(&self) -> String {
         match self {
             Self::Number(range, _) => numbers(*range),
+            Self::NumberOr(range, word) => format!("{}, or {word:?}", numbers(*range)),
             Self::Whole([least, most], word) => {
                 let or = word.map_or_else(String::new, |word| format!(", or {word:?}"));
                 format!("a whole number from {least} to {most}{or}")
@@ -176,7 +179,10 @@ impl Kind {
     #[must_use]
     pub fn allows(&self, value: Value<'_>) -> bool {
         match (self, value) {
-            (Self::Number([least, most], _), Value::Number(number)) => (*least..=*most).contains(&number),
+            (Self::Number([least, most], _) | Self::NumberOr([least, most], _), Value::Number(number)) => {
+                (*least..=*most).contains(&number)
+            }
+            (Self::NumberOr(_, word), Value::Name(name)) => *word == name,
             (Self::Whole([least, most], _), Value::Number(number)) => {
                 number.fract() == 0.0 && (count(*least)..=count(*most)).contains(&number)
             }
@@ -241,7 +247,7 @@ impl<T> Key<T> {
     #[must_use]
     pub fn offered(&self) -> RangeInclusive<f64> {
         let [least, most] = match (self.offered, self.kind) {
-            (Some(range), _) | (None, Number(range, _)) => range,
+            (Some(range), _) | (None, Number(range, _) | NumberOr(range, _)) => range,
             (None, Whole(range, _)) => range.map(count),
             (None, Kind::Names(_) | Switch) => FINITE,
         };
@@ -415,7 +421,7 @@ mod choices {
     impl Named for Lighting { const ALL: Choices<Self> = &[(Self::TwoSided, "two_sided"), (Self::OneSided, "one_sided")]; }
     impl Named for AmbientShares { const ALL: Choices<Self> = &[(Self::Open, "open"), (Self::Occluded, "occluded")]; }
     impl Named for ShadowMethod { const ALL: Choices<Self> = &[(Self::Grid, "grid"), (Self::Rays, "rays")]; }
-    impl Named for Interpolation { const ALL: Choices<Self> = &[(Self::Nearest, "nearest"), (Self::Linear, "linear"), (Self::ExactLinear, "exact_linear"), (Self::Cubic, "cubic")]; }
+    impl Named for Interpolation { const ALL: Choices<Self> = &[(Self::Nearest, "nearest"), (Self::Linear, "linear"), (Self::ExactLinear, "exact_linear"), (Self::Cubic, "cubic"), (Self::CubicX, "cubic_x"), (Self::CubicY, "cubic_y"), (Self::CubicZ, "cubic_z")]; }
     impl Named for LabelInterpolation { const ALL: Choices<Self> = &[(Self::Smooth, "smooth"), (Self::Nearest, "nearest")]; }
     impl Named for Integration { const ALL: Choices<Self> = &[(Self::Auto, "auto"), (Self::Segments, "segments"), (Self::Samples, "samples"), (Self::Adaptive, "adaptive")]; }
     impl Named for VolumeAs { const ALL: Choices<Self> = &[(Self::Auto, "auto"), (Self::Single, "f32"), (Self::Short, "u16")]; }
@@ -423,6 +429,8 @@ mod choices {
     impl Named for StoreAs { const ALL: Choices<Self> = &[(Self::Single, "f32"), (Self::Half, "f16")]; }
     impl Named for AccumulateAs { const ALL: Choices<Self> = &[(Self::Auto, "auto"), (Self::Weights, "weights"), (Self::Spectral, "spectral")]; }
     impl Named for Lookup { const ALL: Choices<Self> = &[(Self::Nearest, "nearest"), (Self::Linear, "linear")]; }
+    impl Named for Backdrop { const ALL: Choices<Self> = &[(Self::None, "none"), (Self::Dark, "dark")]; }
+    impl Named for Tone { const ALL: Choices<Self> = &[(Self::Linear, "linear"), (Self::Soft, "soft")]; }
     impl Named for Observer { const ALL: Choices<Self> = &[(Self::Cie1931, "1931"), (Self::Cie1964, "1964")]; }
     impl Named for Deficiency { const ALL: Choices<Self> = &[(Self::Protan, "protan"), (Self::Deutan, "deutan"), (Self::Tritan, "tritan")]; }
 }
@@ -524,7 +532,17 @@ pub const SCENE: &[Key<Scene>] = &[
     Key::new("camera.elevation", Number([-89.9, 89.9], "degrees"), Accumulators,
         field!(Scene: camera.aim, Aim::Orbit { elevation, .. } => elevation)),
     // By hand, as weights of lights: their products stay in the range of files.
-    Key::new("display.exposure", Number([0.0, 1e9], ""), Picture, field!(Scene: display.exposure)).offering([0.0, BRIGHTEST], false),
+    Key::new("display.exposure", NumberOr([0.0, LARGEST_EXPOSURE], "auto"), Picture, Access {
+        get: |it: &Scene| it.display.exposure.value().or(Some(Value::Name("auto"))),
+        put: |it: &mut Scene, value| {
+            if value.is_some() {
+                it.display.exposure = f64::of(value);
+            }
+        },
+    })
+        .offering([0.0, BRIGHTEST], false),
+    Key::new("display.tone", names::<Tone>(), Picture, field!(Scene: display.tone)),
+    Key::new("display.backdrop", names::<Backdrop>(), Picture, field!(Scene: display.backdrop)),
     Key::new("display.adapt", Switch, Picture, field!(Scene: display.adapt)),
     Key::new("display.observer", names::<Observer>(), Matrices, field!(Scene: display.observer)),
     Key::new("display.deficiency", names::<Deficiency>(), Picture, field!(Scene: display.deficiency))

@@ -646,6 +646,44 @@ pub enum Interpolation {
     ExactLinear,
     /// Cubic B-spline, 64 fetches: smoother surfaces, and softer details of one or two voxels.
     Cubic,
+    /// Cubic B-spline along x alone, linear along the others by the device's filter, two fetches: for slices thicker than
+    /// their pixels. Fields on grids of their own are interpolated linearly.
+    CubicX,
+    /// The same along y.
+    CubicY,
+    /// The same along z.
+    CubicZ,
+}
+
+impl Interpolation {
+    /// The axis of the grid along which alone the interpolation is cubic.
+    #[must_use]
+    pub const fn cubic_axis(self) -> Option<usize> {
+        match self {
+            Self::CubicX => Some(0),
+            Self::CubicY => Some(1),
+            Self::CubicZ => Some(2),
+            Self::Nearest | Self::Linear | Self::ExactLinear | Self::Cubic => None,
+        }
+    }
+
+    /// That of a field, which may be placed on a grid of its own.
+    #[must_use]
+    pub const fn of_field(self, is_placed: bool) -> Self {
+        if is_placed && self.cubic_axis().is_some() { Self::Linear } else { self }
+    }
+
+    /// True if a value depends on four voxels along some axis.
+    #[must_use]
+    pub const fn is_cubic(self) -> bool {
+        matches!(self, Self::Cubic) || self.cubic_axis().is_some()
+    }
+
+    /// True if the filter of the device interpolates.
+    #[must_use]
+    pub const fn is_filtered(self) -> bool {
+        matches!(self, Self::Linear) || self.cubic_axis().is_some()
+    }
 }
 
 /// Label of a place between voxels.
@@ -796,11 +834,40 @@ pub enum AccumulateAs {
     Spectral,
 }
 
+/// Largest exposure.
+pub const LARGEST_EXPOSURE: f64 = 1e9;
+/// Largest automatic exposure, relative to the one at which a white surface is white.
+pub const BRIGHTENED: f64 = 3.0;
+
+/// Curve of the displayed colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Tone {
+    /// None: components above 1 are clipped, which changes hues.
+    #[default]
+    Linear,
+    /// Components up to 0.75 as they are; brighter colours approach 1 and keep their hue and saturation.
+    Soft,
+}
+
+/// Colours of the screen behind the volume, which no light changes and no linear picture has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Backdrop {
+    /// Black.
+    #[default]
+    None,
+    /// A dark gradient, against which glass and dark sides stand out.
+    Dark,
+}
+
 /// Conversion from XYZ to the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Display {
-    /// Factor of linear sRGB.
-    pub exposure: f64,
+    /// Factor of linear sRGB; `None` is that of [`film::automatic_exposure`], from the first film on.
+    pub exposure: Option<f64>,
+    /// Curve of colours near white.
+    pub tone: Tone,
+    /// Colours of the screen behind a picture without a background.
+    pub backdrop: Backdrop,
     /// Bradford adaptation of the white of the mix to D65; without it, a tungsten light looks orange.
     pub adapt: bool,
     /// Standard observer.
@@ -809,8 +876,23 @@ pub struct Display {
     pub deficiency: Option<Deficiency>,
 }
 
+impl Display {
+    /// Factor of linear sRGB; 1 as long as an automatic one has no film.
+    #[must_use]
+    pub fn factor(&self) -> f64 {
+        self.exposure.unwrap_or(1.0)
+    }
+}
+
 impl Default for Display {
     fn default() -> Self {
-        Self { exposure: 1.0, adapt: false, observer: Observer::default(), deficiency: None }
+        Self {
+            exposure: Some(1.0),
+            tone: Tone::Linear,
+            backdrop: Backdrop::None,
+            adapt: false,
+            observer: Observer::default(),
+            deficiency: None,
+        }
     }
 }

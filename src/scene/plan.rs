@@ -560,7 +560,11 @@ impl ScenePlan {
     /// a fifth.
     #[must_use]
     pub fn skips_invisible(&self) -> bool {
-        let voxels = if self.interpolation == Interpolation::Cubic { 64 } else { 8 };
+        let voxels = match self.interpolation {
+            Interpolation::Cubic => 64,
+            it if it.cubic_axis().is_some() => 16,
+            _ => 8,
+        };
         let opacity = if self.transmittance == Transmittance::Grey { 1 } else { self.transmittance_lanes() * LANE };
         let entries = if self.lookup == Lookup::Nearest { 1 } else { 2 };
         let differences = if self.gradient() && self.gradients == Gradients::Central { 6 * voxels } else { 0 };

@@ -23,7 +23,7 @@ use crate::progress::Progress;
 use crate::render::{
     BrickCounts, DeviceFilm, Job, March, PlannedJob, Relight, RenderError, Renderer, SceneRenderer, Speed,
 };
-use crate::scene::{Coarse, Scene, positions};
+use crate::scene::{Backdrop, Coarse, Scene, positions};
 use crate::volume::Statistics;
 use crate::vulkan::StorageImage;
 
@@ -208,6 +208,10 @@ struct Lit {
     size: [usize; 2],
     accumulators: DeviceFilm,
     means: Relightable,
+    /// Exposure of this film where the state has an automatic one.
+    exposure: Option<f64>,
+    /// Backdrop that `relight` was prepared for.
+    backdrop: Backdrop,
 }
 
 impl Lit {
@@ -220,6 +224,7 @@ impl Lit {
         // march will have as many positions as the mix.
         (positions(scene).len() == count).then(|| {
             let mut display = scene.display.clone();
+            display.exposure = display.exposure.or(self.exposure);
             if let Components::Model(model, _) = &self.means.components {
                 display.observer = model.observer();
             }
@@ -624,7 +629,8 @@ impl Engine {
         let marched = bricks.and_then(|bricks| bricks.on_device.as_ref()).unwrap_or(&self.on_device);
         let model = marched.planned().model.clone();
         let mut accumulators = march.finish(self.renderer())?;
-        let relight = self.renderer().relight_window(&accumulators)?;
+        let backdrop = self.state.scene.display.backdrop;
+        let relight = self.renderer().relight_window(&accumulators, backdrop)?;
         // Its colour model may have been refitted for another observer in the meantime.
         accumulators.planned.model = model;
         // Spectra that leave the film valid may have changed, too. Before a coarse march ends, `bricks` may have a scene of
@@ -632,7 +638,17 @@ impl Engine {
         let scene = bricks.map_or_else(|| self.on_device.scene(), |bricks| &bricks.scene);
         let means = Relightable::new(scene, &accumulators.planned);
         self.pictures += 1;
-        self.lit = Some(Lit { relight, by: None, level, of_bricks, size: self.size, accumulators, means });
+        self.lit = Some(Lit {
+            relight,
+            by: None,
+            level,
+            of_bricks,
+            size: self.size,
+            accumulators,
+            means,
+            exposure: None,
+            backdrop,
+        });
         self.unlit = true;
         if self.wanted.is_none() && self.planning.is_none() {
             let complete = self.lit.as_ref().is_some_and(|lit| self.is_complete(lit));
@@ -643,10 +659,24 @@ impl Engine {
 
     fn relight(&mut self) -> Result<bool, RenderError> {
         let Some(lit) = self.lit.as_mut().filter(|_| self.unlit) else { return Ok(false) };
-        let Some(matrices) = lit.matrices(&self.state) else { return Ok(false) };
+        let Some(mut matrices) = lit.matrices(&self.state) else { return Ok(false) };
+        let display = &self.state.scene.display;
+        if display.exposure.is_some() {
+            // Another automatic one is that of its own lights.
+            lit.exposure = None;
+        } else if lit.exposure.is_none() {
+            let renderer = self.on_device.renderer();
+            let exposure = renderer.automatic_exposure(&lit.accumulators, &matrices, &self.state.mix(), display)?;
+            lit.exposure = Some(exposure);
+            matrices = lit.matrices(&self.state).unwrap_or(matrices);
+        }
         self.unlit = false;
         if lit.by.as_ref() == Some(&matrices) {
             return Ok(false);
+        }
+        if lit.backdrop != display.backdrop {
+            lit.backdrop = display.backdrop;
+            lit.relight = self.on_device.renderer().relight_window(&lit.accumulators, lit.backdrop)?;
         }
         lit.relight.run(&matrices)?;
         lit.by = Some(matrices);
@@ -673,6 +703,13 @@ impl Engine {
     pub fn is_finest(&self) -> bool {
         let lit = self.lit.as_ref().is_some_and(|lit| self.is_complete(lit) && lit.size == self.size);
         (lit || self.failed || (self.stopped && self.lit.is_some())) && !self.has_work(true)
+    }
+
+    /// The exposure of the finest picture, if that of its state is automatic.
+    #[must_use]
+    pub fn found_exposure(&self) -> Option<f64> {
+        let lit = self.lit.as_ref().filter(|_| self.state.scene.display.exposure.is_none() && self.is_finest())?;
+        lit.exposure
     }
 
     /// Coarse level of the volume that the picture shows; `None` if it shows all voxels, and before the first picture.

@@ -65,7 +65,7 @@ impl Snapshot {
                 Ok(write_exr(path, &Picture::new(width, height, &relight.read::<f32>()?)?)?)
             }
             PictureKind::Png => {
-                let relight = self.renderer.relight_display(&self.accumulators)?;
+                let relight = self.renderer.relight_display_over(&self.accumulators, self.matrices.backdrop)?;
                 relight.run(&self.matrices)?;
                 let pixels: Vec<[u8; 4]> = relight.read()?;
                 Ok(write_rgba(path, [width, height], pixels.as_flattened())?)

@@ -19,7 +19,8 @@ use crate::document::{Edit, State};
 use crate::input;
 use crate::measure::{Goal, Preset};
 use crate::palette::Target;
-use crate::scene::{FIELDS, Form, Interval, SOFT, Second, Shape};
+use crate::scene::key::Named as _;
+use crate::scene::{Backdrop, FIELDS, Form, Interval, SOFT, Second, Shape, Tone};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::srgb_code;
@@ -302,7 +303,18 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             Command::Named(About::Occludes(numbers::<f64, 1>(verb, &[part])?[0]), name.join(" "))
         }
         "hide" | "show" => Command::Named(About::Hidden(verb == "hide"), name()?),
-        "exposure" => edit(Edit::Exposure(numbers::<f64, 1>(verb, rest)?[0])),
+        "exposure" if matches!(rest, ["auto"]) => edit(Edit::Exposure(None)),
+        "exposure" => edit(Edit::Exposure(Some(numbers::<f64, 1>(verb, rest)?[0]))),
+        "backdrop" => {
+            let name = text();
+            let known = Backdrop::ALL.iter().find(|(_, one)| *one == name);
+            edit(Edit::Backdrop(known.ok_or("backdrop none, or backdrop dark")?.0))
+        }
+        "tone" => {
+            let name = text();
+            let known = Tone::ALL.iter().find(|(_, one)| *one == name);
+            edit(Edit::Tone(known.ok_or("tone linear, or tone soft")?.0))
+        }
         "normalise" => edit(Edit::Normalise(switch(verb, rest)?)),
         "vision" | "sees" => {
             if verb == "sees" {

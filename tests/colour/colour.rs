@@ -9,7 +9,6 @@ use relume::spectrum::colour::{
     decode_srgb, display_code, encode_srgb, lab_from_xyz, linear_srgb_from_xyz, xyz, xyz_from_linear_srgb, xyz_of,
 };
 use relume::spectrum::deficiency::Deficiency;
-use relume::spectrum::observer::Observer;
 use relume::spectrum::{BANDS, Kind, Reflectance, Spectrum, SpectrumError, smooth_reflectance, standard};
 
 fn assert_close(actual: [f64; 3], expected: [f64; 3], limit: f64) {
@@ -319,7 +318,7 @@ fn colours_brighter_or_purer_than_any_reflectance_are_refused() {
 
 #[test]
 fn a_display_for_a_deficiency_shows_the_published_columns_of_the_primaries_and_leaves_greys() {
-    let display = |deficiency| Display { exposure: 2.0, adapt: false, observer: Observer::Cie1931, deficiency };
+    let display = |deficiency| Display { exposure: Some(2.0), deficiency, ..Display::default() };
     let of = |deficiency| display_from_xyz(&Mix(Vec::new()), &display(deficiency)) * *XYZ_FROM_LINEAR_SRGB;
     // Machado, Oliveira and Fernandes 2009, table 1, severity 1: red as seen by deuteranopes.
     assert_close((of(Some(Deficiency::Deutan)) * DVec3::X).to_array(), [0.734644, 0.560170, -0.023640], 1e-12);

@@ -10,3 +10,4 @@ mod palette_pictures;
 mod spectrum;
 #[path = "../support/mod.rs"]
 mod support;
+mod tone;

@@ -65,7 +65,7 @@ fn where_the_eye_adapts_the_white_of_a_light_is_that_of_the_screen_to_either_obs
     let light = standard::light("A").unwrap();
     let mix = Mix(vec![MixLight { name: "lamp".to_owned(), spectrum: light.clone(), weight: 0.7, position: 0 }]);
     for observer in Observer::ALL {
-        let display = Display { exposure: 1.0, adapt: true, observer, deficiency: None };
+        let display = Display { adapt: true, observer, ..Display::default() };
         let seen = DVec3::from(observer.xyz_of(light.spectrum()).0);
         let shown = display_from_xyz(&mix, &display) * (seen / seen.y);
         let white = DVec3::from(linear_srgb_from_xyz(d65_white()).0);

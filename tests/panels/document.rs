@@ -11,7 +11,7 @@ use relume::document::moves::Move;
 use relume::document::{Document, Edit};
 use relume::plan::Stale;
 use relume::progress::Quiet;
-use relume::scene::{Accuracy, Form, Interval, Second, Shape};
+use relume::scene::{Accuracy, Backdrop, Form, Interval, Second, Shape, Tone};
 use relume::spectrum::observer::Observer;
 
 use crate::app::{document, offered};
@@ -31,7 +31,7 @@ fn numbers_out_of_range_are_brought_into_it() {
             Edit::Weight(0, number),
             Edit::Weight(99, number),
             Edit::Master(number),
-            Edit::Exposure(number),
+            Edit::Exposure(Some(number)),
             Edit::Hand(DVec2::new(number, number)),
             Edit::NodePlace(0, DVec2::splat(number)),
             Edit::Camera(Move::Orbit { right: number, up: number }, number),
@@ -62,7 +62,13 @@ fn an_edit_makes_stale_what_it_must() {
         Edit::DialPreset(0),
         offered(&document()),
     ];
-    let display = [Edit::Exposure(2.0), Edit::Adapt(true)];
+    let display = [
+        Edit::Exposure(Some(2.0)),
+        Edit::Exposure(None),
+        Edit::Tone(Tone::Soft),
+        Edit::Backdrop(Backdrop::Dark),
+        Edit::Adapt(true),
+    ];
     let observer = [Edit::Observer(Observer::Cie1964)];
     let camera = [Edit::Camera(Move::Orbit { right: 10.0, up: 0.0 }, 1.0), Edit::Camera(Move::Projection, 1.0)];
     let tables = [
@@ -108,7 +114,7 @@ fn an_edit_makes_stale_what_it_must() {
 fn steps_back_are_bounded_however_much_is_done() {
     let mut document = document();
     for step in 0..1000 {
-        document.edit(&Edit::Exposure(1.0 + f64::from(step)));
+        document.edit(&Edit::Exposure(Some(1.0 + f64::from(step))));
         document.rest();
     }
     let mut undone = 0;
@@ -166,7 +172,7 @@ fn what_ends_where_it_began_is_no_step_back() {
 fn a_document_is_saved_until_it_is_changed_and_again_where_that_is_undone() {
     let mut document = document();
     assert!(document.is_saved());
-    document.edit(&Edit::Exposure(2.0));
+    document.edit(&Edit::Exposure(Some(2.0)));
     assert!(!document.is_saved());
     document.undo();
     assert!(document.is_saved());

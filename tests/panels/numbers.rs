@@ -179,7 +179,7 @@ fn a_slider_that_is_typed_below_nothing_says_that_it_became_nothing() {
         window.run();
         retype(&mut window, "Exposure", typed);
         let display = &window.state().document.as_ref().unwrap().state().scene.display;
-        assert!((display.exposure - weight).abs() < 1e-9, "{typed}: {}", display.exposure);
+        assert!((display.factor() - weight).abs() < 1e-9, "{typed}: {}", display.factor());
         assert_eq!(is_painted(&window, "than the limit"), !told.is_empty(), "{typed}");
         assert!(is_painted(&window, told), "{typed}");
     }

@@ -39,11 +39,11 @@ fn changed(change: impl FnOnce(&mut Scene)) -> Scene {
 }
 
 /// A pixel's four weights (three materials) and the picture's four bytes; without a background the transmittance is not
-/// read. The matrices: 16 bytes of header, 64 of transmittance, 48 per position.
+/// read. The matrices: 48 bytes of header, 64 of transmittance, 48 per position.
 #[test]
 fn a_relight_is_one_dispatch_and_costs_the_same_whatever_was_marched() {
     let pixels = (SIZE[0] * SIZE[1]) as u64;
-    let expected = [1, 0, pixels * (16 + 4) + 16 + 64 + 48];
+    let expected = [1, 0, pixels * (16 + 4) + 48 + 64 + 48];
     assert_eq!(relight(changed(|_| {})), expected);
     let others: [(&str, Scene); 4] = [
         (

@@ -715,7 +715,7 @@ fn relighting_saved_accumulators_equals_rendering_under_that_light() {
         assert_same(&fresh, &relit, 1e-5);
     }
     let json = folder.done(&["relight", "acc.exr", "--light", "A@day=2", "-o", "p.png", "--json"]).json();
-    assert_eq!(keys(&json), ["frames", "model", "outputs", "pictures", "size", "times", "warnings"]);
+    assert_eq!(keys(&json), ["exposure", "frames", "model", "outputs", "pictures", "size", "times", "warnings"]);
     assert_eq!(json["frames"][0]["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
 }
 

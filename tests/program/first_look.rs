@@ -2,6 +2,7 @@
 
 use crate::support;
 
+use relume::spectrum::colour::{decode_srgb, encode_srgb};
 use support::program::{Folder, SCENE};
 
 const RENDER: [&str; 6] = ["render", "scene.toml", "--size", "8x8", "-o", "p.png"];
@@ -340,7 +341,7 @@ fn a_picture_without_a_name_takes_the_volumes_and_keeps_what_is_there() {
 #[test]
 fn the_camera_fits_what_is_visible_and_not_the_box_of_the_volume() {
     let folder = Folder::new().with("ball.nrrd", ball());
-    folder.done(&["render", "ball.nrrd", "--size", "300x300", "-o", "p.png"]);
+    folder.done(&["render", "ball.nrrd", "--size", "300x300", "-o", "p.png", "--background", "#000000"]);
     let spans = spans(&folder.path("p.png"));
     let larger = spans[0][0].max(spans[1][0]);
     assert!((larger / 0.9 - 1.0).abs() <= 0.02, "{spans:?}");
@@ -356,14 +357,16 @@ fn the_camera_fits_wide_and_high_pictures() {
     });
     // The march ends at the centres of thick slices, and specks of noise hardly show.
     let column = nrrd([40, 40, 8], "spacings: 1 1 6\n", |[x, y, z]| {
+        // Noise, without which these would be labels.
+        let noise = u8::try_from((x + 2 * y + 3 * z).rem_euclid(7)).unwrap();
         let (x, y) = (x - 20, y - 20);
         let is_speck = z == 4 && (x, y) == (-18, 0);
-        if x * x + y * y < 144 { 200 } else { u8::from(is_speck) * 60 }
+        noise + if x * x + y * y < 144 { 200 } else { u8::from(is_speck) * 60 }
     });
     let folder = Folder::new().with("slab.nrrd", slab).with("column.nrrd", column);
     let sizes = ["256x256", "320x240", "320x180", "240x320", "180x320"];
     for (name, size) in sizes.into_iter().flat_map(|size| [("slab.nrrd", size), ("column.nrrd", size)]) {
-        folder.done(&["render", name, "--size", size, "-o", "p.png"]);
+        folder.done(&["render", name, "--size", size, "-o", "p.png", "--background", "#000000"]);
         let spans = spans(&folder.path("p.png"));
         let larger = spans[0][0].max(spans[1][0]);
         // 2 %, and half of one of at least 180 pixels at either end.
@@ -383,7 +386,18 @@ fn a_patient_stands_upright_and_a_stack_has_z_up() {
     let patient = nrrd([20, 20, 40], axes, body);
     let folder = Folder::new().with("stack.nrrd", stack).with("patient.nrrd", patient);
     for (name, head_is_up) in [("stack.nrrd", true), ("patient.nrrd", false)] {
-        folder.done(&["render", name, "--size", "100x100", "-o", "p.png", "--save-scene", "p.toml"]);
+        folder.done(&[
+            "render",
+            name,
+            "--size",
+            "100x100",
+            "-o",
+            "p.png",
+            "--background",
+            "#000000",
+            "--save-scene",
+            "p.toml",
+        ]);
         let mut decoder =
             png::Decoder::new(std::io::BufReader::new(std::fs::File::open(folder.path("p.png")).unwrap()))
                 .read_info()
@@ -455,7 +469,7 @@ fn labels_have_colours_that_can_be_told_apart() {
         ["label_1", "label_5", "label_9"].iter().all(|name| text.contains(&format!("[materials.{name}."))),
         "{text}"
     );
-    assert!(text.contains("interpolation = \"nearest\""), "{text}");
+    assert!(text.contains("are_labels = true") && !text.contains("interpolation"), "{text}");
     // Daylight makes up for what the combs leave out.
     let codes = |arguments: &[&str]| {
         folder.done(&[&["render", "s.toml", "--size", "64x64", "-o", "q.png"][..], arguments].concat());
@@ -466,7 +480,7 @@ fn labels_have_colours_that_can_be_told_apart() {
     // Each light shows its own label alone, and daylight shows all.
     let lit = |light: &str| -> Vec<usize> {
         let size = ["render", "s.toml", "--size", "64x64", "-o", "q.png", "--light", light];
-        folder.done(&[&size[..], &["-D", "accuracy.rays=1"]].concat());
+        folder.done(&[&size[..], &["-D", "accuracy.rays=1", "--background", "#000000"]].concat());
         let (_, pixels) = png(&folder.path("q.png"));
         let bright = pixels.chunks_exact(3).enumerate().filter(|(_, it)| it.iter().any(|&code| code > 8));
         bright.map(|(at, _)| at % 64).collect()
@@ -719,7 +733,7 @@ fn nifti_and_dicom_of_one_head_give_the_same_picture() {
     let folder = Folder::new().with("head.nii", head_in_nifti());
     head_in_dicom(&folder);
     for (name, picture) in [("head.nii", "n.png"), ("head", "d.png")] {
-        folder.done(&["render", name, "--size", "64x64", "-o", picture]);
+        folder.done(&["render", name, "--size", "64x64", "-o", picture, "--background", "#000000"]);
     }
     let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
     assert!(bytes("n.png") == bytes("d.png"), "the two pictures differ");
@@ -746,15 +760,45 @@ fn nifti_and_dicom_of_one_head_give_the_same_picture() {
 }
 
 #[test]
+fn the_light_of_a_layer_leaves_the_solid_one_black() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    folder.done(&["render", "ball.nrrd", "--size", "64x64", "-o", "a.png", "--accumulators", "film.exr"]);
+    let brightest = |light: &str| {
+        folder.done(&["relight", "film.exr", "--light", light, "--background", "#000000", "-o", "b.png"]);
+        let (samples, pixels) = png(&folder.path("b.png"));
+        // The core lies in the middle of the ball.
+        pixels.chunks_exact(samples).map(|pixel| pixel.iter().copied().max().unwrap_or(0)).max()
+    };
+    let json = folder.done(&["info", "film.exr", "--json"]).json();
+    let components = json["components"].to_string();
+    assert!(!components.contains("white"), "highlights would shine under every light: {components}");
+    assert!(brightest("for_faint") > Some(20), "the shell is seen by its own light");
+    let alone =
+        ["render", "ball.nrrd", "--look", "bone", "--size", "64x64", "-o", "c.png", "--accumulators", "alone.exr"];
+    folder.done(&alone);
+    let json = folder.done(&["info", "alone.exr", "--json"]).json();
+    assert!(json["components"].to_string().contains("white"), "one material alone has highlights: {json}");
+}
+
+#[test]
+fn a_ramp_of_few_values_is_no_segmentation() {
+    let stored = |index: usize| u16::try_from(index % 50 * 1311).unwrap().to_le_bytes();
+    let ramp = nrrd_of("uint16", &[50, 20, 20], "", (0..50 * 20 * 20).flat_map(stored));
+    let folder = Folder::new().with("ramp.nrrd", ramp);
+    let told = folder.done(&["render", "ramp.nrrd", "--size", "8x8", "-o", "p.png"]).err;
+    assert!(!told.contains("segmentation"), "{told}");
+}
+
+#[test]
 fn names_of_segments_are_those_of_the_materials() {
     use crate::support::dicom::{EXPLICIT, file, segmentation};
     let half = [0, 1, 1, 0, 1, 1, 0, 1, 1];
     let frames = [(1, 0.0, half), (1, 2.0, half), (2, 4.0, half)];
     let folder = Folder::new().with("seg.dcm", file(&segmentation("BINARY", &frames), EXPLICIT));
     let outcome = folder.done(&["render", "seg.dcm", "--size", "32x32", "-o", "p.png", "--save-scene", "s.toml"]);
-    assert!(outcome.err.contains("liver from 0.5 to 1.5, spleen from 1.5 to 2.5"), "{}", outcome.err);
+    assert!(outcome.err.contains("a segmentation with 2 labels: liver, spleen"), "{}", outcome.err);
     let text = std::fs::read_to_string(folder.path("s.toml")).unwrap();
-    for words in ["[materials.liver.", "[materials.spleen.", "[lights.for_spleen]", "material = \"spleen\""] {
+    for words in ["[materials.liver.", "[materials.spleen.", "[lights.for_spleen]", "[labels.2]"] {
         assert!(text.contains(words), "no {words} in {text}");
     }
     // The saved scene is read like any other.
@@ -899,7 +943,7 @@ fn a_picture_has_any_background_or_none() {
     assert_eq!((outside.len(), outside[3]), (4, 0), "nothing is behind");
     assert!(inside[3] > 200, "{inside:?}");
     assert_eq!(corner("#20c0ff").0, [0x20, 0xc0, 0xff]);
-    // A gradient of codes from the top to the bottom row.
+    // A gradient from the top to the bottom row.
     let column = |from: &str| {
         corner(from);
         let (samples, rgb) = png(&folder.path("p.png"));
@@ -907,7 +951,11 @@ fn a_picture_has_any_background_or_none() {
     };
     let [top, middle, bottom] = column("#20c0ff..#000000");
     assert_eq!((top, bottom), (vec![0x20, 0xc0, 0xff], vec![0, 0, 0]));
-    let expected = [0x20, 0xc0, 0xff].map(|code| f64::from(code) * 15.0 / 31.0);
+    // Square roots of linear light change evenly.
+    let expected = [0x20_u8, 0xc0, 0xff].map(|code| {
+        let root = decode_srgb(f64::from(code) / 255.0).sqrt() * 15.0 / 31.0;
+        255.0 * encode_srgb(root * root)
+    });
     assert!(middle.iter().zip(expected).all(|(&code, part)| (f64::from(code) - part).abs() <= 1.0), "{middle:?}");
     for wrong in ["white", "#fffffg", "#ffffff..", "..#ffffff", "#ffffff..#00"] {
         let words = ["#ffffff", "#202838..#000000"];
@@ -1003,10 +1051,12 @@ fn the_lights_of_a_first_look_are_three_point_lights_that_follow_the_camera() {
         let saved = ["render", "ball.nrrd", "--size", "40x40", "-o", "a.png", "--save-scene", "a.toml"];
         folder.done(&[&saved[..], look].concat());
         let json = folder.done(&["info", "a.toml", "--json"]).json();
-        let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
         folder.done(&["render", "a.toml", "--size", "40x40", "-o", "a.png", "--accumulators", "film.exr"]);
         folder.done(&["relight", "film.exr", "-o", "again.png"]);
-        assert!(bytes("a.png") == bytes("again.png"), "{look:?}: relit from its film");
+        // The host displays it in f64, the device in f32.
+        let [one, other] = ["a.png", "again.png"].map(|name| codes(&folder.path(name)));
+        let apart = one.iter().zip(&other).map(|(one, other)| one.abs_diff(*other)).max();
+        assert!(apart <= Some(1), "{look:?}: {apart:?} relit from its film");
         let lights = json["lights"].as_array().unwrap();
         assert!(lights.iter().all(|light| light["kind"] == "three_point"), "{lights:?}");
         assert_eq!(json["plan"]["positions"].as_array().unwrap().len(), 1, "one accumulator: {}", json["plan"]);
@@ -1169,6 +1219,8 @@ fn a_turntable_fits_its_widest_view_and_does_not_breathe() {
             "t.png",
             "-D",
             "camera.azimuth=0",
+            "--background",
+            "#000000",
         ]);
         let spans: Vec<[[f64; 2]; 2]> = (1..=12).map(|n| spans(&folder.path(&format!("t-{n:04}.png")))).collect();
         let ends = spans.iter().flatten().flat_map(|[span, middle]| [middle - span / 2.0, middle + span / 2.0]);
@@ -1262,7 +1314,10 @@ fn a_soft_object_in_one_colour_fits_the_picture_by_what_is_visible_of_it() {
         ["--look", "fluorescence"],
         ["--look", "maximum"],
     ] {
-        folder.done(&[&["render", "soft.nrrd", "--size", "240x240", "-o", "p.png"][..], &look].concat());
+        // The fit counts on light that nothing dims, at this exposure.
+        let lit = ["-D", "display.exposure=1.3", "-D", "shadows.ambient=open", "-D", "lights.*.shadows=false"];
+        let black = ["render", "soft.nrrd", "--size", "240x240", "--background", "#000000", "-o", "p.png"];
+        folder.done(&[&black[..], &lit, &look].concat());
         let [[width, _], [height, _]] = spans_above(12, &folder.path("p.png"));
         assert!((width.max(height) - 0.9).abs() < 0.018, "{look:?}: {width} wide, {height} high");
     }
@@ -1327,6 +1382,68 @@ fn a_film_is_relit_with_exposure_background_and_annotations_as_rendered() {
     assert_eq!(apart(&brighter, &codes(&folder.path("d.png"))), 0, "the exposure of render");
     folder.refused(2, &["relight", "film.exr", "-o", "f.png", "--exposure", "0"], &["--exposure", "above 0"]);
     folder.refused(2, &["relight", "film.exr", "-o", "f.png", "--title", "x"], &["--annotate"]);
+}
+
+#[test]
+fn an_automatic_exposure_is_one_number_wherever_the_picture_is_made() {
+    let folder = Folder::new().with("ball.nrrd", ball());
+    let render = ["render", "ball.nrrd", "--size", "64x64"];
+    folder.done(
+        &[&render[..], &["-o", "a.png", "-o", "a.exr", "--accumulators", "film.exr", "--save-scene", "s.toml"]]
+            .concat(),
+    );
+    let scene: toml::Table = std::fs::read_to_string(folder.path("s.toml")).unwrap().parse().unwrap();
+    let exposure = scene["display"]["exposure"].as_float().unwrap();
+    assert!(exposure > 0.2 && exposure <= 3.0, "{exposure}");
+    assert_eq!(scene["display"]["tone"].as_str(), Some("soft"));
+    let expected = codes(&folder.path("a.png"));
+    // The scene with its number, the film, and the film in parts.
+    folder.done(&["render", "s.toml", "--size", "64x64", "-o", "b.png"]);
+    assert!(codes(&folder.path("b.png")) == expected, "the saved scene");
+    folder.done(&["relight", "film.exr", "-o", "c.png"]);
+    let apart = |other: &[u8]| expected.iter().zip(other).filter(|(one, other)| one.abs_diff(**other) > 1).count();
+    assert_eq!(apart(&codes(&folder.path("c.png"))), 0, "the film");
+    for part in ["1", "2"] {
+        let (block, name) = (format!("{part}/2"), format!("part-{part}.exr"));
+        let plain = ["-D", "accuracy.integration=samples"];
+        folder.done(&[&render[..], &plain, &["--block", &block, "--accumulators", &name]].concat());
+    }
+    folder.done(&["composite", "part-1.exr", "part-2.exr", "-o", "whole.exr"]);
+    let told = folder.done(&["relight", "whole.exr", "-o", "d.png", "--json"]).json();
+    let whole = told["exposure"].as_f64().unwrap();
+    assert!((whole / exposure - 1.0).abs() < 0.03, "{whole} of parts, {exposure} of the whole");
+    // Under other lights the exposure stays; `auto` finds another one.
+    let told = folder.done(&["relight", "film.exr", "--light", "A=0.1", "-o", "e.png", "--json"]).json();
+    assert_eq!(told["exposure"].as_f64(), Some(exposure));
+    let dim = ["relight", "film.exr", "--light", "A=0.1", "--exposure", "auto", "-o", "f.png", "--json"];
+    let found = folder.done(&dim).json()["exposure"].as_f64().unwrap();
+    assert!(found > 5.0 * exposure, "{found} under a dim light, {exposure}");
+    // Requested lights of the scene do not change it either, nor do those of a turn or a page.
+    let dim = ["-o", "i.png", "--light", "day=0.1", "--accumulators", "dim.exr", "--save-scene", "dim.toml"];
+    folder.done(&[&render[..], &dim].concat());
+    let scene: toml::Table = std::fs::read_to_string(folder.path("dim.toml")).unwrap().parse().unwrap();
+    assert_eq!(scene["display"]["exposure"].as_float(), Some(exposure), "under a dim light");
+    let told = folder.done(&["relight", "dim.exr", "-o", "j.png", "--json"]).json();
+    assert_eq!(told["exposure"].as_f64(), Some(exposure), "its film");
+    // However little light there is, it is a number that a scene may state.
+    let faint = [&render[..], &["-o", "k.png", "-D", "lights.*.intensity=1e-12", "--save-scene", "k.toml"]].concat();
+    folder.done(&faint);
+    folder.done(&["render", "k.toml", "--size", "8x8", "-o", "k.png"]);
+    // Pictures of a turn have one exposure, whichever part of them is made.
+    folder.done(&[&render[..], &["--turntable", "3", "-o", "t.png"]].concat());
+    let all: Vec<Vec<u8>> = (1..=3).map(|n| codes(&folder.path(&format!("t-000{n}.png")))).collect();
+    folder.done(&[&render[..], &["--turntable", "3", "--part", "3/3", "-o", "u.png"]].concat());
+    assert!(codes(&folder.path("u-0003.png")) == all[2], "the third picture of a turn");
+    // Linear pictures have neither tone nor backdrop.
+    folder.done(&[&render[..], &["-o", "g.exr", "-D", "display.tone=linear", "-D", "display.backdrop=none"]].concat());
+    let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+    assert!(bytes("a.exr") == bytes("g.exr"), "the linear picture");
+    folder.refused(2, &["relight", "film.exr", "-o", "h.png", "--tone", "hard"], &["--tone", "soft"]);
+    folder.refused(
+        2,
+        &[&render[..], &["-o", "h.png", "-D", "display.exposure=bright"]].concat(),
+        &["exposure", "auto"],
+    );
 }
 
 #[test]
@@ -1477,7 +1594,7 @@ fn the_lung_look_shows_lungs_through_ribs() {
     for lung in [left, right] {
         // The lung is brighter than what is between, and its colour is not that of bones, which are nearly white.
         assert!(lung[0] > 90.0 && lung[0] > 1.5 * middle[0], "{lung:?} beside {middle:?}");
-        assert!(lung[0] > 1.5 * lung[2], "{lung:?}");
+        assert!(lung[0] > 1.25 * lung[2], "{lung:?}");
     }
 }
 

@@ -43,7 +43,8 @@ const RAW: [(&str, Use); 5] = [
 ];
 
 /// Flags of a scene and its colour accuracy.
-const SCENE: [(&str, Use); 15] = [
+const SCENE: [(&str, Use); 16] = [
+    ("--quality", Not(&["slice", "ball.nrrd", "--quality", "best", "-o", "p.png"], 2, "--quality has no effect")),
     ("--mask", Not(&["slice", "ball.nrrd", "--mask", "pet=ct:3", "-o", "p.png"], 2, "--mask has no effect")),
     ("--crop", Not(&["slice", "ball.nrrd", "--crop", "0:1,0:1,0:1", "-o", "p.png"], 2, "--crop has no effect")),
     ("--range", Not(&["slice", "ball.nrrd", "--range", "1:9", "-o", "p.png"], 2, "--range has no effect")),
@@ -103,7 +104,7 @@ const RENDER: [(&str, Use); 13] = [
     ("--save-scene", Always),
 ];
 
-const RELIGHT: [(&str, Use); 12] = [
+const RELIGHT: [(&str, Use); 13] = [
     ("--light", Always),
     ("--dial", Always),
     ("--dial-preset", Always),
@@ -116,6 +117,7 @@ const RELIGHT: [(&str, Use); 12] = [
     ("--tolerance", Not(&["relight", "film.exr", "--tolerance", "1", "-o", "p.png"], 2, "--tolerance has no effect")),
     ("--output", Always),
     ("--exposure", Always),
+    ("--tone", Always),
 ];
 
 const PAGE: [(&str, Use); 8] = [
@@ -277,7 +279,7 @@ fn every_flag_is_used_or_refused() {
             ],
         ),
         ("measure", vec![&SCENE, &SELECTION, &RAW, &MEASURE, &GOAL, &[("--output", Always)]]),
-        ("bench", vec![&SELECTION, &SCENE[10..], &BENCH]),
+        ("bench", vec![&SELECTION, &SCENE[11..], &BENCH]),
         ("convert", vec![&SELECTION, &RAW, &[("--downsample", Always)]]),
         ("bricks", vec![&SELECTION, &RAW, &[("--memory", Always), ("--output", Always)]]),
     ];

@@ -27,6 +27,9 @@ fn allowed(kind: Kind) -> Vec<Value<'static>> {
             let inner = 0.5_f64.clamp(least, most);
             [least, inner, most].map(Value::Number).to_vec()
         }
+        Kind::NumberOr([least, most], word) => {
+            vec![Value::Number(least), Value::Number(0.5_f64.clamp(least, most)), Value::Name(word)]
+        }
         Kind::Whole([least, most], word) => {
             let ends = [least, most].map(|end| Value::Number(relume::number::count(end)));
             ends.into_iter().chain(word.map(Value::Name)).collect()
@@ -39,7 +42,9 @@ fn allowed(kind: Kind) -> Vec<Value<'static>> {
 /// Some values that a key refuses.
 fn refused(kind: Kind) -> Vec<Value<'static>> {
     let beyond = match kind {
-        Kind::Number([least, most], _) => vec![(least - 1.0).next_down(), most * 2.0, f64::NAN, f64::INFINITY],
+        Kind::Number([least, most], _) | Kind::NumberOr([least, most], _) => {
+            vec![(least - 1.0).next_down(), most * 2.0, f64::NAN, f64::INFINITY]
+        }
         Kind::Whole([least, most], _) => [least, most].map(relume::number::count).map(|end| end * 1.5 - 0.75).to_vec(),
         Kind::Names(_) | Kind::Switch => vec![1.0],
     };
@@ -132,7 +137,7 @@ fn fields(scene: &Scene) -> Vec<String> {
         storage,
     } = &scene.accuracy;
     let Shadows { method, spacing, start, ambient, directions, reach } = scene.shadows;
-    let Display { exposure, adapt, observer, deficiency } = &scene.display;
+    let Display { exposure, tone, backdrop, adapt, observer, deficiency } = &scene.display;
     vec![
         format!("{step_length}"),
         format!("{termination}"),
@@ -157,7 +162,9 @@ fn fields(scene: &Scene) -> Vec<String> {
         format!("{ambient:?}"),
         format!("{directions}"),
         format!("{reach:?}"),
-        format!("{exposure}"),
+        format!("{exposure:?}"),
+        format!("{tone:?}"),
+        format!("{backdrop:?}"),
         format!("{adapt}"),
         format!("{observer:?}"),
         format!("{deficiency:?}"),
@@ -223,6 +230,10 @@ fn documents<T>(keys: &[Key<T>], table: impl Fn(&str) -> (String, String), new: 
         };
         match key.kind {
             Kind::Number([least, most], _) if most < f64::MAX => ranges(least, most),
+            Kind::NumberOr([least, most], word) => {
+                ranges(least, most);
+                states(&format!("{word:?}"));
+            }
             Kind::Number([least, _], _) if least > 0.0 => states("above 0"),
             Kind::Whole([least, most], _) => ranges(relume::number::count(least), relume::number::count(most)),
             Kind::Names(names) => names().into_iter().for_each(|name| states(&format!("{name:?}"))),

@@ -27,6 +27,7 @@ mod output;
 mod page;
 mod parts;
 mod presets;
+mod quality;
 mod session;
 mod shell;
 mod slice;

@@ -208,7 +208,7 @@ fn settings_are_timed_in_turn_until_all_have_as_many_runs() {
 fn directions_of_the_sky_are_measured_and_no_timed_frame_fills_a_light_grid() {
     let mut scene = parsed(SCENE);
     // Nodes near enough for the directions to have the largest error.
-    (scene.shadows.ambient, scene.shadows.spacing) = (AmbientShares::Occluded, 1.0);
+    (scene.shadows.ambient, scene.shadows.spacing) = (AmbientShares::Occluded, 0.5);
     let options = SurveyOptions { pixels: 24, runs: 3, ..OPTIONS };
     let settings = sweep(&["directions=8,32"]);
     with_renderer(|renderer| {

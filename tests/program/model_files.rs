@@ -68,7 +68,7 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> FilmFile {
         ],
         lights: lights.iter().enumerate().map(light).collect(),
         background: Some([0.25; BANDS]),
-        exposure: 2.0,
+        exposure: Some(2.0),
         accumulators: (0..2 * dimension * width * height).map(number).collect(),
         transmittance: (0..numbers * width * height).map(|index| number(index + 7)).collect(),
         ..FilmFile::empty([width, height], Components::Model(Stored { model, coloured, tolerance: 0.7 }))

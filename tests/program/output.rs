@@ -15,7 +15,7 @@ use relume::output::{
     Alpha, BANDS, Depth, FilmFile, OutputError, Picture, display_codes, png_bytes, write_atomically, write_exr,
     write_png, write_ready_png, write_spectral,
 };
-use relume::scene::Placement;
+use relume::scene::{Backdrop, Placement, Tone};
 use relume::spectrum::observer::Observer;
 use support::exr::damage;
 
@@ -363,7 +363,9 @@ fn example() -> FilmFile {
             Light { name: "A".to_owned(), position: 0, weight: 2.0, shown: None, spectrum: ramp(3.0) },
         ],
         background: Some(ramp(0.5)),
-        exposure: 1.25,
+        exposure: Some(1.25),
+        tone: Tone::Soft,
+        backdrop: Backdrop::Dark,
         adapt: true,
         observer: Observer::default(),
         dial: Some(Dial {

@@ -640,8 +640,10 @@ fn a_page_shows_the_pictures_of_relight() {
         "--accumulators",
         "grey.exr",
     ]);
+    let soft = ["-D", "display.tone=soft", "-D", "display.exposure=4", "--accumulators", "soft.exr"];
+    folder.done(&[&["render", "grey.toml", "--size", "23x19"][..], &soft].concat());
     let mut browser = Browser::new();
-    for film in ["session.exr", "glass.exr", "grey.exr"] {
+    for film in ["session.exr", "glass.exr", "grey.exr", "soft.exr"] {
         let header = FilmFile::read(&folder.path(film)).unwrap();
         let names: Vec<&str> = header.lights.iter().map(|light| light.name.as_str()).collect();
         assert!(names.len() >= 2, "{names:?}");

@@ -17,7 +17,8 @@ use relume::document::{Question, Unknown};
 use relume::palette::{Member, ModelTerm};
 use relume::progress::Quiet;
 use relume::scene::{
-    AccumulateAs, Accuracy, Clip, ClipPlane, FIELDS, Form, Interval, Keep, Lighting, Overlap, Scene, Second, Shape,
+    AccumulateAs, Accuracy, Backdrop, Clip, ClipPlane, FIELDS, Form, Interval, Keep, Lighting, Overlap, Scene, Second,
+    Shape, Tone,
 };
 use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::observer::Observer;
@@ -86,7 +87,9 @@ fn edits() -> Vec<Edit> {
         Edit::Deficiency(Some(Deficiency::Deutan)),
         Edit::Observer(Observer::Cie1964),
         Edit::Crop(Some([DVec3::new(0.1, 0.2, 0.3), DVec3::new(0.7, 1.0, 0.9)])),
-        Edit::Exposure(1.7),
+        Edit::Exposure(Some(1.7)),
+        Edit::Tone(Tone::Soft),
+        Edit::Backdrop(Backdrop::Dark),
         Edit::Deficiency(None),
         Edit::Observer(Observer::Cie1931),
         Edit::Adapt(true),
@@ -235,7 +238,7 @@ fn what_the_command_line_has_changed_is_saved() {
     let options = SceneOptions { definitions, ..SceneOptions::default() };
     let opened = document::parse("test", SCENE, Path::new(""), &options, &Quiet).unwrap();
     let scene = saved(&Document::new(opened)).1.scene;
-    assert_eq!((scene.display.exposure, scene.accuracy.dimension), (3.0, Some(5)));
+    assert_eq!((scene.display.exposure, scene.accuracy.dimension), (Some(3.0), Some(5)));
 
     let smaller = SceneOptions { downsample: Some([2, 2, 1]), ..SceneOptions::default() };
     let opened = document::parse("test", SCENE, Path::new(""), &smaller, &Quiet).unwrap();

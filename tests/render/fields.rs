@@ -357,7 +357,7 @@ fn the_light_of_a_channel_leaves_the_others_black_to_the_bit() {
 fn a_scene_of_channels_is_defined_anew_on_the_same_voxels() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tiff/channels.ome.tif");
     let (file, _) = document::Source::of(Path::new(file)).read(&Quiet).unwrap();
-    let define = |text: &str| document::redefined(&file, &[Definition::new(text)], &Quiet);
+    let define = |text: &str| document::redefined(&file, (None, &[Definition::new(text)]), &Quiet);
     let finer = define("accuracy.step=0.25").unwrap();
     assert!(finer.scene.fields.are(&file.scene.fields), "nothing is read or copied");
     let other = define("volumes.GFP.transfer.opacity=[[0, 0], [9, 0.5]]").unwrap();

@@ -8,10 +8,11 @@ use crate::support;
 use glam::DVec3;
 use relume::film::{Components, Film, RelightMatrices};
 use relume::number::Real;
+use relume::output::{Alpha, Depth, Picture, display_codes};
 use relume::plan::{FilmCounts, Integrate, ScenePlan};
 use relume::reference::{End, Samples, Step, Stored};
 use relume::render::Renderer;
-use relume::scene::{Gradients, Integration, Interpolation, Lookup};
+use relume::scene::{Backdrop, Gradients, Integration, Interpolation, Lookup, Tone};
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, lab_from_xyz, xyz_of};
 use relume::volume::{Geometry, Volume, Voxels};
@@ -298,6 +299,8 @@ fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
             rungs.scene.background.as_ref().map_or(&black, |surface| surface.spectrum()),
         )],
         transmittance_weights: vec![1.0],
+        tone: Tone::Linear,
+        backdrop: Backdrop::None,
     }
 }
 
@@ -372,6 +375,37 @@ fn a_displayed_picture_has_the_codes_of_the_curve_of_srgb() {
             }
         }
         assert_eq!(seen.len(), 256, "{seen:?}");
+    });
+}
+
+#[test]
+fn a_soft_tone_and_a_backdrop_have_the_codes_of_the_host() {
+    let rungs = Rungs::new(scenes::named("diffuse_one"), [32, 24]);
+    with_renderer(|renderer| {
+        let accumulators = rungs.gpu_accumulators(renderer);
+        let linear = renderer.relight_linear(&accumulators).unwrap();
+        let display = renderer.relight_display_over(&accumulators, Backdrop::Dark).unwrap();
+        let window = renderer.relight_window(&accumulators, Backdrop::Dark).unwrap();
+        for bright in [0.5, 8.0, 80.0] {
+            let mut matrices = RelightMatrices { tone: Tone::Soft, backdrop: Backdrop::Dark, ..rungs.matrices() };
+            matrices.colours.iter_mut().for_each(|colour| *colour *= bright);
+            for relight in [&linear, &display, &window] {
+                relight.run(&matrices).unwrap();
+            }
+            let mut shown: Vec<f32> = linear.read().unwrap();
+            assert!(shown.iter().any(|&part| bright < 1.0 || part > 0.75), "{bright}: something is compressed");
+            Tone::Soft.show(&mut shown);
+            Backdrop::behind(Backdrop::Dark.colours().unwrap(), &mut shown, 32);
+            let picture = Picture::new(32, 24, &shown).unwrap();
+            let codes = display_codes(&picture, Depth::Eight, Alpha::OverBlack);
+            let (found, swapped) = (display.read::<[u8; 4]>().unwrap(), window.read::<[u8; 4]>().unwrap());
+            for ((code, found), swapped) in codes.chunks_exact(3).zip(&found).zip(&swapped) {
+                let apart = (0..3).map(|channel| code[channel].abs_diff(found[channel])).max();
+                assert!(apart <= Some(1), "{bright}: {code:?}, and {found:?} on the device");
+                assert_eq!([swapped[2], swapped[1], swapped[0]], found[..3], "{bright}: blue first");
+            }
+            assert_eq!(found[0][..3], [0x2a, 0x2f, 0x38], "the corner is the backdrop");
+        }
     });
 }
 

@@ -696,6 +696,7 @@ matrix! {
     refined_shadows refined_phases refined_films refined_clipped refined_rays refined_unskipped refined_long_steps
     refined_finely refined_own_shares refined_orthographic jitter_unshaded jitter_three jitter_coloured jitter_labels
     jitter_cropped jitter_inside jitter_segments jitter_refined jitter_rays jitter_fields jitter_maximum jitter_clipped
-    jitter_shadows jitter_unskipped
+    jitter_shadows jitter_unskipped slices_z slices_x slices_y slices_central slices_refined slices_segments slices_fields
+    slices_placed slices_shadows slices_labels
     films_three films_highlights films_labels films_shadows films_every films_grey films_coloured_shadows films_segments
 }

@@ -695,6 +695,8 @@ fn occluded_ambient_shares_are_those_of_ambient_light_with_shadows() {
     both.lights[0].shadows = false;
     both.materials.iter_mut().for_each(|material| (material.ambient, material.diffuse) = (0.3, 0.6));
     both.shadows.ambient = AmbientShares::Occluded;
+    // By grids, the sky of shares is summed at twice the spacing of that of a light.
+    both.shadows.method = ShadowMethod::Rays;
     let mut diffuse = both.clone();
     diffuse.materials.iter_mut().for_each(|material| material.ambient = 0.0);
     let mut sky = both.clone();

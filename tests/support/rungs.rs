@@ -116,7 +116,7 @@ pub fn in_xyz(matrices: &RelightMatrices) -> RelightMatrices {
     RelightMatrices {
         colours: matrices.colours.iter().map(|&colour| *XYZ_FROM_LINEAR_SRGB * colour).collect(),
         background: matrices.background.iter().map(|&colour| *XYZ_FROM_LINEAR_SRGB * colour).collect(),
-        transmittance_weights: matrices.transmittance_weights.clone(),
+        ..matrices.clone()
     }
 }
 
@@ -126,7 +126,7 @@ pub fn magnitudes<R: Real>(accumulation: &Film<R>, matrices: &RelightMatrices) -
     let matrices = RelightMatrices {
         colours: matrices.colours.iter().map(|colour| colour.abs()).collect(),
         background: matrices.background.iter().map(|colour| colour.abs()).collect(),
-        transmittance_weights: matrices.transmittance_weights.clone(),
+        ..matrices.clone()
     };
     absolute.relight(&matrices)
 }

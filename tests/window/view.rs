@@ -288,7 +288,22 @@ fn a_volume_without_a_scene_shows_something_at_once() {
         pixels[first..first + 3].iter().map(|&part| u32::from(part)).sum::<u32>()
     };
     assert!(at(info.width / 2, info.height / 2) > 150, "the ball is seen in the middle");
-    assert_eq!(at(2, 2), 0, "and air is not seen");
+    assert_eq!(at(2, 2), 0x2a + 0x2f + 0x38, "and air is not seen: it is the backdrop");
+}
+
+#[test]
+fn an_automatic_exposure_is_found_again_for_another_light() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "settle\nexposure auto\nsettle\nsave session one.toml\nmaster 0.2\nsettle\nexposure auto\nsettle\nsave session two.toml\n";
+    screen.script(&folder, "scene.toml", script);
+    let exposure = |name: &str| -> f64 {
+        let text = std::fs::read_to_string(folder.path(name)).unwrap();
+        let line = text.lines().find(|line| line.starts_with("exposure = ")).unwrap_or_else(|| panic!("{text}"));
+        line["exposure = ".len()..].trim().parse().unwrap()
+    };
+    let [one, two] = ["one.toml", "two.toml"].map(exposure);
+    assert!(two > 3.0 * one, "{two} under a fifth of the light, {one}");
 }
 
 /// Switches, sliders and colours are at hand, as the look says; under the dial they would have no effect.

@@ -20,10 +20,9 @@ use super::super::{CliError, Report, info, turntable, warn_of};
 use super::{Args, Requested, free_name, learn, lit_by, renderer_for, save_scene};
 
 /// A time step on the device.
-struct Step<'a> {
+struct Step {
     time: usize,
     on_device: SceneRenderer,
-    overlay: Option<Overlay<'a>>,
 }
 
 /// Refuses what belongs to one time step.
@@ -93,7 +92,7 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         None => vec![first.scene.camera.clone(); count],
     };
     let renderer = renderer_for(args)?;
-    let step = |time: usize, is_first: bool| -> Result<Step<'_>, CliError> {
+    let step = |time: usize, is_first: bool| -> Result<Step, CliError> {
         let (file, statistics) = series.at(time, progress)?;
         let job = Job::new(file.scene.clone(), statistics).of_pictures(args.size, cameras.clone());
         let mut job = Job { lights: args.replanned(&mix), ..job }.planned(progress)?;
@@ -109,14 +108,16 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         if is_first {
             warn_of(RenderWarning::of_nothing(&job.scene, &job.planned, &mix, None));
         }
-        let overlay = args.dress.overlay(|| Overlay::of_scene(&job.scene, &job.planned, &mix));
         let on_device = job.uploaded(&renderer, &unreported(progress))?;
-        Ok(Step { time, on_device, overlay })
+        Ok(Step { time, on_device })
     };
     let mut current = step(0, true)?;
     let loaded = clock.read();
     let clock = Stopwatch::start();
-    let form = Form { size: args.size, bits: args.dress.bits(), backdrop: args.dress.background };
+    let backdrop = args.dress.backdrop(first.scene.display.backdrop, first.scene.background.is_some());
+    let form = Form { size: args.size, bits: args.dress.bits(), backdrop };
+    let (tone, opening) = (first.scene.display.tone, first.opening_mix());
+    let mut exposure = first.scene.display.exposure;
     let digest = frames::digest(first.scene.digest(), &format!("{mix:?}"));
     let inputs_of = |index: usize| frames::digest(digest, &format!("{index} of {count}"));
     let written = frames.write(form, ("marching", progress), inputs_of, |index| {
@@ -124,25 +125,34 @@ pub(super) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         if current.time != time {
             current = step(time, false)?;
         }
-        let Step { on_device, overlay, .. } = &mut current;
+        let Step { on_device, .. } = &mut current;
         if args.turntable.is_some() {
             on_device.camera_mut().clone_from(&cameras[index]);
         }
         let film = on_device.march(args.size, &unreported(progress))?;
+        on_device.display_mut().exposure = exposure;
+        on_device.expose(&film, &opening)?;
+        exposure = on_device.scene().display.exposure;
         let matrices = on_device.matrices(&mix);
+        let (scene, planned) = (on_device.scene(), on_device.planned());
+        let overlay = args.dress.overlay(|| Overlay::of_scene(scene, planned, &mix));
         let relight = on_device.renderer().relight_linear(&film)?;
         relight.run(&matrices)?;
         let linear = relight.read::<f32>()?;
         let frame =
             args.dress.annotate.frame(Frame::of(&on_device.scene().camera, &on_device.scene().frame, args.size));
-        let shown =
-            files::dressed(&linear, args.size, form.backdrop, overlay.as_ref().map(|overlay| (overlay, &frame)))?;
+        let shown = files::dressed(
+            (&linear, tone),
+            args.size,
+            form.backdrop,
+            overlay.as_ref().map(|overlay| (overlay, &frame)),
+        )?;
         Ok(frames::Frame { linear, shown })
     })?;
     if let Some(path) = &args.save_scene {
         let mut source = source.clone();
         source.options.selection.time = Some(0);
-        save_scene(path, &source, &first)?;
+        save_scene(path, &source, &first, exposure)?;
     }
     let spent = [("load", loaded), ("pictures", clock.read())];
     let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Interpolation, Preset, Shading};
-use crate::look::first_look::{FirstLook, Shown, viewed};
+use crate::look::first_look::{FirstLook, viewed};
 use relume_base::number::{brief_in, count};
 use relume_colour::spectrum::colour::{LinearSrgb, decode_srgb, display_code};
 use relume_scene::{GRADIENT_POINTS, MaterialCurve, Term};
@@ -103,7 +103,7 @@ pub(crate) fn scene(
         Interpolation::Nearest => line("\n[accuracy]\ninterpolation = \"nearest\""),
         Interpolation::Cubic => line("\n[accuracy]\ninterpolation = \"cubic\""),
     }
-    Ok(FirstLook { text, guess, is_alone: false, labels: Shown::Not })
+    Ok(FirstLook { text, guess, is_alone: false, is_label_map: false })
 }
 
 /// Points at the places of `spread`, which maps the range of the points.

@@ -132,12 +132,13 @@ fn give_lights(document: &mut DocumentMut, names: &[String]) -> Vec<String> {
     let design: DocumentMut = DESIGN.parse().unwrap_or_default();
     let code = |cells: &Item, name: &str| Some(cells.get(name)?.get("day")?.as_str()?.to_owned());
     let theirs = &design["palette"]["cells"];
-    let first = DocumentMut::from_str(super::first_look::DESIGN).unwrap_or_default();
+    let first = [super::first_look::DESIGN, super::first_look::TISSUE];
+    let first = first.map(|design| DocumentMut::from_str(design).unwrap_or_default());
     // The part in the design of each material of the look, by its colour in that of looks without others.
     let part = |document: &DocumentMut, name: &str| {
         let colour = code(document.get("palette")?.get("cells")?, name)?;
-        let parts = super::first_look::DESIGNED.into_iter();
-        parts.map(str::to_owned).find(|part| code(&first["palette"]["cells"], part).as_ref() == Some(&colour))
+        let is_of = |part: &str| first.iter().any(|it| code(&it["palette"]["cells"], part).as_ref() == Some(&colour));
+        super::first_look::DESIGNED.into_iter().find(|part| is_of(part)).map(str::to_owned)
     };
     let materials = document.get("palette").and_then(|palette| palette.get("materials")?.as_table_like());
     let ours: Vec<String> =
@@ -162,6 +163,11 @@ fn give_lights(document: &mut DocumentMut, names: &[String]) -> Vec<String> {
         }
         document["materials"][name]["reflectance"] = design["materials"][part]["reflectance"].clone();
         document["lights"][&light(name)] = design["lights"][&light(part)].clone();
+    }
+    // All lights alike: others would have accumulators of their own.
+    let casts = document["lights"].get("day").and_then(|day| day.get("shadows")).cloned();
+    if let Some(casts) = casts {
+        names.iter().for_each(|name| document["lights"][&light(name)]["shadows"] = casts.clone());
     }
     names.iter().map(|name| light(name)).collect()
 }

@@ -134,7 +134,7 @@ fn lit(intensity: f64) -> Result<Scene, ExtremeError> {
 /// The same slab at `exposure`.
 fn exposed(exposure: f64) -> Result<Scene, ExtremeError> {
     let mut scene = lit(1.0)?;
-    scene.display.exposure = exposure;
+    scene.display.exposure = Some(exposure);
     Ok(scene)
 }
 

@@ -17,7 +17,7 @@ use relume_base::number::{count, rounded, unsigned, whole};
 use relume_scene::plan::{Planned, ScenePlan};
 use relume_scene::tables::{
     CapTable, ExtinctionTable, FactorTable, GRID_LIGHTS, GridDepth, GridLight, LARGEST_RISE, LightGrid, PositionTable,
-    SKY_SPACING, Sweep, Within, sky_direction, sky_reach,
+    Sweep, Within, sky_direction, sky_reach, sky_spacing,
 };
 use relume_scene::{Interpolation, Lookup, Scene};
 use relume_vulkan::{Buffer, ComputePipeline, Filter, Format, HostUse, Image3d, Resource, ResourceSet, Sampler};
@@ -32,6 +32,9 @@ const FIRST_SAMPLES: f64 = 1e5;
 const MOST_COLUMNS: usize = 1 << 18;
 /// Spacing of the grid of a coarse picture, as a multiple of the spacing of others: a sixty-fourth of the nodes.
 const COARSER: f64 = 4.0;
+/// Part of the directions of a sky that a coarse picture has, and the fewest.
+const FEWER_DIRECTIONS: usize = 4;
+const LEAST_DIRECTIONS: usize = 8;
 /// Part of the device's memory that a light grid may take.
 const MEMORY_PART: f64 = 1.0 / 8.0;
 
@@ -214,7 +217,7 @@ impl Renderer {
             let texels = depths.div_ceil(GRID_LIGHTS);
             let [width, height, depth] = grid.dims;
             let sides = [width, height, depth * texels];
-            let of_sky = |reach| 4.0 * LightGrid::new(scene, SKY_SPACING * spacing).kept_columns(reach);
+            let of_sky = |reach| 4.0 * LightGrid::new(scene, sky_spacing(&plan.light) * spacing).kept_columns(reach);
             count(width * height * depth * texels) * f64::from(format.texel_bytes()) <= room
                 && reach.map_or(0.0, of_sky) <= most_columns
                 && sides.iter().zip(extent).all(|(&n, limit)| n <= limit as usize)
@@ -251,8 +254,9 @@ impl Renderer {
     ) -> Result<Option<Arc<DeviceGrid>>, RenderError> {
         let plan = &planned.plan;
         let Some(spacing) = self.light_spacing(scene, plan, uploaded) else { return Ok(None) };
-        let depths = PositionTable::new(scene, planned).grid_depths(scene, planned);
-        let grids = |spacing: f64| [spacing, SKY_SPACING * spacing].map(|spacing| LightGrid::new(scene, spacing));
+        let mut depths = PositionTable::new(scene, planned).grid_depths(scene, planned);
+        let grids =
+            |spacing: f64| [spacing, sky_spacing(&plan.light) * spacing].map(|spacing| LightGrid::new(scene, spacing));
         let [grid, sky] = grids(spacing);
         let (medium, _) = uploaded.medium();
         let extinctions = ExtinctionTable::of_plan(scene, planned, &medium.domains());
@@ -285,6 +289,11 @@ impl Renderer {
                 return Ok(Some(grid));
             }
             [key.grid, key.sky] = grids(COARSER * spacing);
+            for depth in &mut depths {
+                if let GridLight::Sky { directions, .. } = &mut depth.light {
+                    *directions = (*directions / FEWER_DIRECTIONS).max(LEAST_DIRECTIONS);
+                }
+            }
             kept = coarser;
         }
         let mut before = known(kept).filter(|grid| grid.key == key);
@@ -646,7 +655,7 @@ impl DeviceGrid {
                 Ok(())
             })?;
         }
-        let filter = if plan.interpolation == Interpolation::Linear { Filter::Linear } else { Filter::Nearest };
+        let filter = if plan.interpolation.is_filtered() { Filter::Linear } else { Filter::Nearest };
         let sampler = Sampler::new(device, "volume", filter)?;
         let (pipeline, set) = renderer.bind(light_grid_source(plan, GROUP, memory, fill, self.texel()), |name| {
             Some(match name {

@@ -20,7 +20,7 @@ use relume_scene::tables::{
     RayTable, SegmentTable, ShadingTable, Steps, Storage, ThinFilmTable, TransferTable, gradient_numbers,
     occupancy_of_fields, phase_of_ray, ray_places, reach_in_voxels,
 };
-use relume_scene::{FIELDS, Interpolation, Scene, ShadowMethod, StoreAs};
+use relume_scene::{FIELDS, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
 /// Uniform of a frame, in the layout of `shaders/march.wgsl`.
@@ -302,11 +302,8 @@ impl Renderer {
         let segments = uniform("segments", bytemuck::bytes_of(&segments))?;
         let (tables, tabled) = self.tables(&values, &label_table.table)?;
         let label_rows = storage("label rows", bytemuck::cast_slice(&label_table.rows.words()))?;
-        let filter = match plan.interpolation {
-            Interpolation::Linear => Filter::Linear,
-            // These fetch texels themselves.
-            Interpolation::Nearest | Interpolation::ExactLinear | Interpolation::Cubic => Filter::Nearest,
-        };
+        // Others fetch texels themselves.
+        let filter = if plan.interpolation.is_filtered() { Filter::Linear } else { Filter::Nearest };
         let sampler = Sampler::new(device, "volume", filter)?;
         let [vectors, format] = formats(plan, StoreAs::Single);
         let image = |name, format, layers: usize| {

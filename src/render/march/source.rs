@@ -265,6 +265,8 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
         .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
+        .bool("CUBIC_ALONG", plan.interpolation.cubic_axis().is_some())
+        .u32("CUBIC_AXIS", unsigned(plan.interpolation.cubic_axis().unwrap_or(0)))
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .f32("MOST_PARTS", MOST_PARTS)
         .bool("SKIPPING", plan.skipping)
@@ -330,6 +332,8 @@ pub(super) fn light_grid_source(
         .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
         .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
+        .bool("CUBIC_ALONG", plan.interpolation.cubic_axis().is_some())
+        .u32("CUBIC_AXIS", unsigned(plan.interpolation.cubic_axis().unwrap_or(0)))
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .u32("GROUP_WIDTH", group[0])
         .u32("GROUP_HEIGHT", group[1])
@@ -488,7 +492,7 @@ mod tests {
         let cubic = ScenePlan { interpolation: Interpolation::Cubic, ..linear.clone() };
         let behind = ScenePlan { background: true, ..linear.clone() };
         let marched = |plan| source(plan, Dispatching::default());
-        let relit = |plan| crate::relight::source(plan, crate::relight::Target::Display);
+        let relit = |plan| crate::relight::source(plan, crate::relight::Target::Display { backdrop: false });
         assert!(marched(&linear) != marched(&cubic) && relit(&linear) == relit(&cubic), "values between voxels");
         assert!(marched(&linear) == marched(&behind) && relit(&linear) != relit(&behind), "what is behind the volume");
         // Another memory of tables needs other bindings.

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 
 use super::Film;
 use crate::plan::{LANE, Planned, Transmittance};
-use crate::{Display, Mix, MixLight, Scene};
+use crate::{Backdrop, Display, Mix, MixLight, Scene, Tone};
 use relume_base::number::{Real, count as count_f64, rounded};
 use relume_colour::model::{ColourModel, ModelError, UnplannedLight};
 use relume_colour::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, Xyz, bradford, d65_white};
@@ -71,6 +71,10 @@ pub struct RelightMatrices {
     pub background: Vec<DVec3>,
     /// Weight of each number of the transmittance in the transmitted light; the weights sum to 1 in empty space.
     pub transmittance_weights: Vec<f64>,
+    /// Curve of pictures for the screen; linear pictures are without it.
+    pub tone: Tone,
+    /// Colours of the screen behind them, if there is no background.
+    pub backdrop: Backdrop,
 }
 
 impl RelightMatrices {
@@ -134,6 +138,12 @@ impl Relightable {
         film.relight(&self.under(mix))
     }
 
+    /// Luminance of a white surface under `mix`, as displayed at exposure 1.
+    pub(super) fn white_under(mix: &Mix, display: &Display) -> f64 {
+        let luminance = |light: &MixLight| light.weight * display.observer.xyz_of(light.spectrum.spectrum()).0[1];
+        mix.0.iter().map(luminance).sum()
+    }
+
     /// The colours of the components under `mix`, all sums in f64.
     #[must_use]
     pub fn under(&self, mix: &Mix) -> RelightMatrices {
@@ -145,6 +155,7 @@ impl Relightable {
     pub fn under_on(&self, mix: &Mix, background: Option<&Reflectance>, display: &Display) -> RelightMatrices {
         let Self { components, positions, .. } = self;
         let display_from_xyz = display_from_xyz(mix, display);
+        let backdrop = if background.is_some() { Backdrop::None } else { display.backdrop };
         let count = components.len();
         let mut colours = vec![DVec3::ZERO; *positions * count];
         let mut everywhere = vec![DVec3::ZERO; count];
@@ -184,7 +195,13 @@ impl Relightable {
             }
         };
         let shown = |colours: Vec<DVec3>| colours.into_iter().map(|colour| display_from_xyz * colour).collect();
-        RelightMatrices { colours: shown(colours), background: shown(background), transmittance_weights }
+        RelightMatrices {
+            colours: shown(colours),
+            background: shown(background),
+            transmittance_weights,
+            tone: display.tone,
+            backdrop,
+        }
     }
 }
 
@@ -242,5 +259,5 @@ pub fn display_from_xyz(mix: &Mix, display: &Display) -> DMat3 {
     } else {
         *LINEAR_SRGB_FROM_XYZ
     };
-    display.deficiency.map_or(DMat3::IDENTITY, Deficiency::matrix) * adapted * display.exposure
+    display.deficiency.map_or(DMat3::IDENTITY, Deficiency::matrix) * adapted * display.factor()
 }

@@ -1,10 +1,12 @@
 //! The film: accumulators and transmittance of each pixel, independent of the light's spectrum, and its relighting.
 
+mod exposure;
 mod matrices;
 mod relight;
 mod rows;
 mod tree;
 
+pub use exposure::automatic_exposure;
 pub use matrices::{Components, RelightMatrices, Relightable, display_from_xyz};
 pub(crate) use relight::relit_pixel;
 pub use rows::Rectangle;

@@ -118,6 +118,8 @@ mod tests {
             };
             let colour = |i: usize| DVec3::new(0.1, 0.7, 0.3) * relume_base::number::count(i + 1);
             let matrices = RelightMatrices {
+                tone: crate::Tone::Linear,
+                backdrop: crate::Backdrop::None,
                 colours: (0..2 * components).map(colour).collect(),
                 background: (0..through).map(colour).collect(),
                 transmittance_weights: vec![1.0 / relume_base::number::count(through); through],

@@ -380,6 +380,9 @@ impl Planned {
             Interpolation::Linear => "values are interpolated linearly",
             Interpolation::ExactLinear => "values are interpolated linearly in full precision",
             Interpolation::Cubic => "values are interpolated by a cubic spline",
+            Interpolation::CubicX => "values are interpolated by a cubic spline along x and linearly along y and z",
+            Interpolation::CubicY => "values are interpolated by a cubic spline along y and linearly along x and z",
+            Interpolation::CubicZ => "values are interpolated by a cubic spline along z and linearly along x and y",
             Interpolation::Nearest => "the value is that of the nearest voxel",
         };
         let entries = match plan.lookup {
@@ -463,7 +466,8 @@ impl Planned {
         if light.sky().is_some() {
             let directions = scene.shadows.directions;
             sentences.push(format!(
-                "Ambient light is the mean of {directions} directions of an evenly bright sky, each dimmed by the medium. The light grid is filled along each of them, at twice the spacing."
+                "Ambient light is the mean of {directions} directions of an evenly bright sky, each dimmed by the medium. A grid of {} times the spacing is filled along each of them.",
+                if light.has_sky_light() { "two" } else { "four" }
             ));
             if let Some(reach) = scene.shadows.reach {
                 sentences.push(format!(

@@ -1,7 +1,7 @@
 //! Colour errors of finished accumulators in 16-bit floats (docs/theory/numerics.md).
 
 use super::{PlanError, Planned, Transmittance, longest_way};
-use crate::{Material, Scene, SceneLight, StoreAs, depth_from_opacity};
+use crate::{BRIGHTENED, Material, Scene, SceneLight, StoreAs, depth_from_opacity};
 use relume_colour::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 
 /// Largest relative rounding error: half of the last of 11 bits.
@@ -53,7 +53,7 @@ pub(super) fn error(planned: &Planned, scene: &Scene) -> f64 {
 
 /// Displayed brightness of a surface under the light, relative to a unit light; at least 1.
 fn brightness(scene: &Scene, light: &SceneLight) -> f64 {
-    (light.intensity * scene.display.exposure).max(1.0)
+    (light.intensity * scene.display.exposure.unwrap_or(BRIGHTENED)).max(1.0)
 }
 
 /// Largest number in a pixel that shows only `material`.

@@ -128,6 +128,13 @@ impl LightPlan {
         (self.occluded || self.arrivals.iter().any(behind)).then(|| self.behind().count())
     }
 
+    /// True if the medium dims a light from everywhere, and not the ambient shares of directed ones alone.
+    #[must_use]
+    pub fn has_sky_light(&self) -> bool {
+        let is_sky = |arrival: &Arrival| arrival.direction == Direction::Everywhere && arrival.share != Share::Open;
+        self.arrivals.iter().any(is_sky)
+    }
+
     /// Indices of the vectors of the lights of the light grid in their order, without the sky.
     pub fn behind(&self) -> impl Iterator<Item = usize> + use<'_> {
         let is_behind =

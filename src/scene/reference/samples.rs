@@ -314,12 +314,12 @@ impl<'a> Exact<'a> {
 
     /// The data value at `place`.
     fn value_at(&self, place: [f64; 3]) -> f64 {
-        self.value_of((self.volume, &self.storage), place)
+        self.value_of((self.volume, &self.storage), self.scene.accuracy.interpolation, place)
     }
 
     /// The value of a volume at `place`.
-    fn value_of(&self, (volume, storage): (&Volume, &Storage), place: [f64; 3]) -> f64 {
-        let (dims, interpolation) = (volume.geometry.dims, self.scene.accuracy.interpolation);
+    fn value_of(&self, (volume, storage): (&Volume, &Storage), interpolation: Interpolation, place: [f64; 3]) -> f64 {
+        let dims = volume.geometry.dims;
         let normalised = interpolate(place, dims, interpolation, |index| [normalised_voxel(volume, storage, index)])[0];
         let [low, high] = storage.domain;
         (high - low).mul_add(normalised, low)
@@ -405,12 +405,12 @@ impl<'a> Exact<'a> {
 
     /// Derivatives of the normalised value at `place`, per world unit.
     fn gradient_at(&self, place: [f64; 3]) -> [f64; 3] {
-        self.gradient_of((self.volume, &self.storage), place)
+        self.gradient_of((self.volume, &self.storage), self.scene.accuracy.interpolation, place)
     }
 
     /// The same of a volume at `place`, in its texture coordinates, along its own axes.
-    fn gradient_of(&self, of: (&Volume, &Storage), place: [f64; 3]) -> [f64; 3] {
-        interpolate(place, of.0.geometry.dims, self.scene.accuracy.interpolation, |index| gradient_of_voxel(of, index))
+    fn gradient_of(&self, of: (&Volume, &Storage), interpolation: Interpolation, place: [f64; 3]) -> [f64; 3] {
+        interpolate(place, of.0.geometry.dims, interpolation, |index| gradient_of_voxel(of, index))
     }
 }
 
@@ -529,9 +529,10 @@ impl Samples<f64> for Exact<'_> {
             let (volume, storage, placed) = &self.further[field - 1];
             let own = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place));
             let Some(own) = own else { return [0.0; 3] };
-            let gradient = glam::DVec3::from_array(self.gradient_of((volume, storage), own));
+            let interpolation = self.scene.accuracy.interpolation.of_field(placed.is_some());
+            let gradient = glam::DVec3::from_array(self.gradient_of((volume, storage), interpolation, own));
             let gradient = frame.direction.transpose() * (volume.geometry.direction * gradient);
-            let value = self.value_of((volume, storage), own);
+            let value = self.value_of((volume, storage), interpolation, own);
             let fall = fall_from(value, storage, frame.spacing.min_element());
             let gradient = gradient.to_array();
             unit(self.clip.as_ref().map_or(gradient, |clip| clip.capped(field, gradient, fall, place)))
@@ -543,7 +544,8 @@ impl Samples<f64> for Exact<'_> {
         let first = self.value_at(place);
         let further = self.further.iter().map(|(volume, storage, placed)| {
             let place = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place))?;
-            Some(self.value_of((volume, storage), place))
+            let interpolation = self.scene.accuracy.interpolation.of_field(placed.is_some());
+            Some(self.value_of((volume, storage), interpolation, place))
         });
         std::iter::once(Some(first)).chain(further).collect()
     }
@@ -743,12 +745,17 @@ impl<'a, R: Real> Stored<'a, R> {
 
     /// The numbers of `texels` at `place`.
     fn fetch<const N: usize>(&self, place: [R; 3], texels: &[[f32; N]]) -> [R; N] {
-        self.fetch_of(self.volume.dims, place, texels)
+        self.fetch_of((self.volume.dims, false), place, texels)
     }
 
-    /// The numbers of `texels` of a grid at `place`, in its texture coordinates.
-    fn fetch_of<const N: usize>(&self, dims: [usize; 3], place: [R; 3], texels: &[[f32; N]]) -> [R; N] {
-        interpolate(place, dims, self.planned.plan.interpolation, |[x, y, z]| {
+    /// The numbers of `texels` of a grid at `place`, in its texture coordinates, of a field that is placed there if it is so.
+    fn fetch_of<const N: usize>(
+        &self,
+        (dims, is_placed): ([usize; 3], bool),
+        place: [R; 3],
+        texels: &[[f32; N]],
+    ) -> [R; N] {
+        interpolate(place, dims, self.planned.plan.interpolation.of_field(is_placed), |[x, y, z]| {
             let texel = texels.get(x + dims[0] * (y + dims[1] * z)).copied().unwrap_or([0.0; N]);
             texel.map(|number| R::from_f64(f64::from(number)))
         })
@@ -850,11 +857,11 @@ impl<'a, R: Real> Stored<'a, R> {
         let StoredField { volume, placed, numbers: [scales, falls] } = &self.further[field - 1];
         let own = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place))?;
         let value = |place: [R; 3]| {
-            let [value] = self.fetch_of(volume.dims, place, volume.values.as_chunks().0);
+            let [value] = self.fetch_of((volume.dims, placed.is_some()), place, volume.values.as_chunks().0);
             value
         };
         let differences: [R; 3] = match &volume.gradients {
-            Some(gradients) => self.fetch_of(volume.dims, own, gradients),
+            Some(gradients) => self.fetch_of((volume.dims, placed.is_some()), own, gradients),
             None => std::array::from_fn(|axis| {
                 let voxel = R::from_f64(1.0 / count(volume.dims[axis]));
                 let (mut before, mut after) = (own, own);
@@ -950,7 +957,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         let [first] = self.fetch(place, self.volume.values.as_chunks().0);
         let further = self.further.iter().map(|StoredField { volume, placed, .. }| {
             let place = placed.as_ref().map_or(Some(place), |placed| texture_place(placed, place))?;
-            let [value] = self.fetch_of(volume.dims, place, volume.values.as_chunks().0);
+            let [value] = self.fetch_of((volume.dims, placed.is_some()), place, volume.values.as_chunks().0);
             Some(value)
         });
         std::iter::once(Some(first)).chain(further).collect()
@@ -1185,6 +1192,26 @@ fn interpolate<R: Real, const N: usize>(
         let line = |y, z| mix(0, around(0).map(|x| texel([x, y, z])));
         let plane = |z| mix(1, around(1).map(|y| line(y, z)));
         return mix(2, around(2).map(plane));
+    }
+    if let Some(axis) = interpolation.cubic_axis() {
+        let [one, other] = [(axis + 1) % 3, (axis + 2) % 3];
+        // Places of the four voxels of a line, and their two neighbours along each of the other axes.
+        let lerp = |[a, b]: [[R; N]; 2], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
+        let at = |places: [usize; 3]| {
+            let mut voxel = [0; 3];
+            (voxel[axis], voxel[one], voxel[other]) = (places[0], places[1], places[2]);
+            texel(voxel)
+        };
+        let ends = |axis: usize| [0, 1].map(|step| on(axis, base[axis] + step));
+        let slice = |along: usize| {
+            lerp(ends(other).map(|v| lerp(ends(one).map(|u| at([along, u, v])), fraction[one])), fraction[other])
+        };
+        let parts = [-1, 0, 1, 2].map(|step| slice(on(axis, base[axis] + step)));
+        let weights = cubic_weights(fraction[axis]);
+        return std::array::from_fn(|i| {
+            let sum = |sum: R, (weight, part): (&R, &[R; N])| *weight * part[i] + sum;
+            weights.iter().zip(&parts).fold(R::default(), sum)
+        });
     }
     let [xs, ys, zs]: [[usize; 2]; 3] = std::array::from_fn(|axis| [0, 1].map(|step| on(axis, base[axis] + step)));
     let lerp = |[a, b]: [[R; N]; 2], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };

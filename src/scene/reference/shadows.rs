@@ -10,7 +10,7 @@ use super::{ReferenceError, Samples};
 use crate::plan::Planned;
 use crate::tables::{
     GridLight, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, PositionTable, SECOND_DIFFERENCE, SKY_SPACING,
-    Steps, Sweep, Within, sky_direction,
+    Steps, Sweep, Within, sky_direction, sky_spacing,
 };
 use crate::{Scene, ShadowMethod, Shadows};
 use relume_base::memory;
@@ -71,7 +71,7 @@ impl<R: Real> Reaching<R> {
         let grid = LightGrid::new(scene, spacing);
         let free = memory::available_bytes();
         if method == ShadowMethod::Grid {
-            let sky = LightGrid::new(scene, SKY_SPACING * spacing);
+            let sky = LightGrid::new(scene, sky_spacing(&planned.plan.light) * spacing);
             let columns = lights.iter().map(|light| kept_columns(&sky, *light)).fold(0.0, f64::max);
             let depths = planned.plan.light.grid_depths();
             check_memory(spacing, count(grid.dims.iter().product()) * count(depths) + columns, size_of::<R>(), free)?;
@@ -114,7 +114,7 @@ impl<R: Real> Reaching<R> {
                 Ok(Dimming::Grid(Box::new(sky), vec![depths]))
             }
             (GridLight::Sky { directions, reach }, ShadowMethod::Grid) => {
-                let sky = LightGrid::new(scene, SKY_SPACING * spacing);
+                let sky = LightGrid::new(scene, sky_spacing(&planned.plan.light) * spacing);
                 let depths = kept((light, grid, 0), &|| {
                     let depths = sky_depths(&sky, directions, [start, reach.unwrap_or(FAR)], samples, progress)?;
                     Ok(resampled(&sky, &depths, &grid, samples))

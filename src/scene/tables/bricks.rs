@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::{CELL, Occupancy, RayTable};
 use crate::plan::{Integrate, ScenePlan};
-use crate::{Gradients, Interpolation, Scene};
+use crate::{Gradients, Scene};
 use relume_base::number::{count, unsigned, whole};
 
 pub use relume_volume::BRICK;
@@ -35,7 +35,7 @@ pub fn reach_in_voxels(scene: &Scene, plan: &ScenePlan) -> f64 {
 /// Voxels in front of a brick that its samples read under `plan`; behind it there is one more.
 #[must_use]
 pub fn apron(scene: &Scene, plan: &ScenePlan) -> u32 {
-    let cubic = u32::from(plan.interpolation == Interpolation::Cubic);
+    let cubic = u32::from(plan.interpolation.is_cubic());
     let differences = u32::from(plan.gradient() && plan.gradients == Gradients::Central);
     let reach = match plan.integration {
         Integrate::Samples => 1,

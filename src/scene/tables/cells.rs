@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use glam::DVec3;
 
 use super::{LabelMap, PlacedField, Storage, TransferTable};
-use crate::{Interpolation, Scene};
+use crate::Scene;
 use relume_base::number::{count, rounded, whole};
 use relume_base::parallel;
 use relume_volume::{BrickCache, Volume, VolumeError, cell_ranges, macrocells};
@@ -94,7 +94,7 @@ impl Cells {
     pub fn occupancy_within(&self, scene: &Scene, distance: f64, active: &[bool]) -> Occupancy {
         let occupancy = self.occupancy(active);
         // The range of a macrocell includes one voxel more on each side, of which the cubic filter reads one.
-        let spare = if scene.accuracy.interpolation == Interpolation::Cubic { 0.0 } else { 1.0 };
+        let spare = if scene.accuracy.interpolation.is_cubic() { 0.0 } else { 1.0 };
         let reach = whole(((distance - spare).max(0.0) / count(CELL)).ceil());
         if reach > 0 { occupancy.within(reach) } else { occupancy }
     }

@@ -34,7 +34,7 @@ pub use segments::SegmentTable;
 pub(crate) use segments::mean_density;
 pub use shadows::{
     ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, SECOND_DIFFERENCE,
-    SKY_SPACING, Sweep, Within,
+    SKY_SPACING, Sweep, Within, sky_spacing,
 };
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
 pub use stored::StoredScene;

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::rays::crop_box;
 use super::unit_length;
 use super::{ClipTable, LabelRows, Steps, Storage, TransferTable};
-use crate::plan::Planned;
+use crate::plan::{LightPlan, Planned};
 use crate::{Medium, Scene};
 use relume_base::number::{brief, count, readable, rounded, whole};
 
@@ -15,9 +15,17 @@ pub const LARGEST_RISE: f64 = 4.0;
 
 /// Part of the second difference of a depth that nodes leave out (docs/theory/shadows.md).
 pub const SECOND_DIFFERENCE: f64 = 1.0 / 12.0;
-/// Spacing of the grid on which the light of the sky is summed, as a multiple of that of the light grid. The sum over all
+/// Spacing of the grid on which the light of a sky is summed, as a multiple of that of the light grid. The sum over all
 /// directions is smooth.
 pub const SKY_SPACING: f64 = 2.0;
+/// The same for a sky that dims ambient shares alone, a small part of the light (docs/theory/shadows.md).
+const SKY_SPACING_OF_SHARES: f64 = 4.0;
+
+/// Spacing of the grid on which the light of the sky of `light` is summed, as a multiple of that of the light grid.
+#[must_use]
+pub fn sky_spacing(light: &LightPlan) -> f64 {
+    if light.has_sky_light() { SKY_SPACING } else { SKY_SPACING_OF_SHARES }
+}
 
 /// Largest optical depth that stands for the mean light of the sky.
 pub const LARGEST_SKY_DEPTH: f64 = 20.0;

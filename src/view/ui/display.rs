@@ -5,6 +5,7 @@ use egui::{ComboBox, Ui};
 use super::controls::{panel, slider, toggle};
 use crate::document::{Document, Edit};
 use crate::plan::Stale;
+use crate::scene::{Backdrop, Tone};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::view::action::Action;
@@ -13,15 +14,35 @@ use crate::view::action::Action;
 pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     panel(ui, "Display", Stale::Picture, |ui| {
         let display = &document.state().scene.display;
-        let mut exposure = display.exposure;
+        let mut exposure = display.factor();
         ui.horizontal(|ui| {
             ui.label("Exposure");
-            ui.spacing_mut().slider_width = ui.available_width() - 76.0;
+            ui.spacing_mut().slider_width = ui.available_width() - 120.0;
             let slider = slider(ui, &mut exposure, 0.05..=20.0, 2, |slider| slider.logarithmic(true));
             if slider.on_hover_text("Factor of all colours before display.").changed() {
-                asked.push(Action::Edit(Edit::Exposure(exposure)));
+                asked.push(Action::Edit(Edit::Exposure(Some(exposure))));
+            }
+            let auto = ui
+                .button("Auto")
+                .on_hover_text("As bright as the screen can show the picture: its brighter parts just below white.");
+            if auto.clicked() {
+                asked.push(Action::Edit(Edit::Exposure(None)));
             }
         });
+        let mut soft = display.tone == Tone::Soft;
+        let tone = ui.checkbox(&mut soft, "soft highlights");
+        let help = "On: colours near white keep their hue. Off: they are clipped. Measured colours and EXR files are without it.";
+        if tone.on_hover_text(help).changed() {
+            asked.push(Action::Edit(Edit::Tone(if soft { Tone::Soft } else { Tone::Linear })));
+        }
+        let mut dark = display.backdrop == Backdrop::Dark;
+        let backdrop = ui.checkbox(&mut dark, "dark gradient behind");
+        if backdrop
+            .on_hover_text("Glass and dark sides stand out against it. No light changes it. Off: black.")
+            .changed()
+        {
+            asked.push(Action::Edit(Edit::Backdrop(if dark { Backdrop::Dark } else { Backdrop::None })));
+        }
         let mut adapt = display.adapt;
         let adapts = ui.checkbox(&mut adapt, "white balance");
         if adapts.on_hover_text("On: white looks white under every light. Off: tungsten light looks orange.").changed()

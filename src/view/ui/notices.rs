@@ -119,8 +119,8 @@ fn lit(document: &Document) -> Vec<Edit> {
     edits.push(Edit::Master(1.0));
     // Also the dial's nodes, else the picture would be dark again as soon as the dial mixes.
     edits.extend(all_nodes);
-    if state.scene.display.exposure <= 0.0 {
-        edits.push(Edit::Exposure(1.0));
+    if state.scene.display.factor() <= 0.0 {
+        edits.push(Edit::Exposure(Some(1.0)));
     }
     edits
 }

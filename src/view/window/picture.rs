@@ -167,6 +167,9 @@ impl Viewer {
     /// Records the times of the first and finest pictures shown.
     pub(super) fn note_reached(&mut self) {
         let Some(engine) = &self.engine else { return };
+        if let (Some(exposure), Some(document)) = (engine.found_exposure(), &mut self.opened.document) {
+            document.expose(exposure);
+        }
         let (before, after) = (self.picture.reached, engine.reached());
         let took = 1000.0 * engine.since_change().as_secs_f64();
         if after.first && !before.first {

@@ -12,9 +12,9 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use glam::DVec3;
-use toml_edit::{DocumentMut, Item, TableLike};
+use toml_edit::{DocumentMut, Item, TableLike, value};
 
-use values::are_intervals;
+use values::FEW_LABELS;
 pub use values::{Kind, Peak, Values};
 
 pub(crate) use self::labels::{is_speckled, labels_text};
@@ -36,7 +36,9 @@ use relume_volume::{Geometry, Presets, Statistics, Volume, VolumeError, Window};
 
 /// Designed materials and lights of a first look.
 pub(super) const DESIGN: &str = include_str!("../../../../data/scenes/volume.toml");
-/// Names of its materials, from the faintest to the most solid.
+/// The same for bodies.
+pub(super) const TISSUE: &str = include_str!("../../../../data/scenes/tissue.toml");
+/// Names of their materials, from the faintest to the most solid.
 pub(super) const DESIGNED: [&str; 3] = ["faint", "middle", "solid"];
 
 /// A kind of picture.
@@ -135,6 +137,8 @@ pub(crate) struct Subject {
     pub(crate) has_parts: bool,
     /// The values are the largest ones of several times.
     pub(crate) is_of_times: bool,
+    /// Labels are given beside the values.
+    pub(crate) has_labels: bool,
 }
 
 /// A first look.
@@ -146,20 +150,15 @@ pub(crate) struct FirstLook {
     pub(crate) guess: String,
     /// Other parts than the body were removed from the volume.
     pub(crate) is_alone: bool,
-    /// How it shows labels.
-    pub(crate) labels: Shown,
+    /// The values are labels, which it shows by a label map.
+    pub(crate) is_label_map: bool,
 }
 
-/// How a first look shows the labels of a volume.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Shown {
-    /// The values are no labels, or taken as values.
-    Not,
-    /// By intervals of the transfer function.
-    AsIntervals,
-    /// By a label map.
-    AsMap,
-}
+/// Share of the highlights of solid layers, and the Phong exponent: wet, as tissue and bone are.
+const SPECULAR: f64 = 0.25;
+const EXPONENT: i64 = 20;
+/// Part of the object that is solid from which its lights cast shadows.
+const SOLID_PART: f64 = 1.0 / 3.0;
 
 /// Mean thickness in voxels below which a label is thin.
 const THIN: f64 = 1.5;
@@ -185,6 +184,16 @@ impl Layer {
         match &self.colour {
             Colour::Code(code) => code,
             Colour::Designed(_) => label_colour(index),
+        }
+    }
+}
+
+impl Depth {
+    /// True for a layer that hides what is behind it.
+    fn is_solid(self) -> bool {
+        match self {
+            Self::Ray(depth) => depth >= 6.0,
+            Self::Voxel(depth) => depth >= 0.1,
         }
     }
 }
@@ -480,6 +489,17 @@ fn thicknesses(thinned: &Thinned, layers: &[Layer], axis: usize) -> Vec<f64> {
     found.into_iter().map(|(voxels, columns)| count(voxels) / count(columns.max(1))).collect()
 }
 
+/// Part of the rays along `axis` through these layers that meet a solid one.
+fn solid_part(thinned: &Thinned, layers: &[Layer], axis: usize) -> f64 {
+    let (mut met, mut solid) = (0, 0);
+    for_columns(thinned, axis, |column| {
+        let meets = |layer: &Layer| column.iter().any(|value| (layer.range[0]..=layer.range[1]).contains(value));
+        met += usize::from(layers.iter().any(meets));
+        solid += usize::from(layers.iter().any(|layer| layer.depth.is_solid() && meets(layer)));
+    });
+    count(solid) / count(met.max(1))
+}
+
 /// Voxels of the upper half of a window that a ray along `axis` meets, averaged over the rays that meet it; of a steep
 /// ramp, all voxels weighted by their fraction of the largest opacity.
 fn ramp_thickness(thinned: &Thinned, [low, high]: [f64; 2], rise: Rise, axis: usize) -> f64 {
@@ -504,6 +524,20 @@ fn ramp_thickness(thinned: &Thinned, [low, high]: [f64; 2], rise: Rise, axis: us
         }
     });
     sum / count(columns.max(1))
+}
+
+/// Ratio of the distance of slices to that of their pixels from which they are thick.
+const THICK: f64 = 1.5;
+
+/// The axis across slices that are thicker than their pixels, if there is one: with linear interpolation, each would be a step of a
+/// surface.
+fn thick_axis(geometry: &Geometry) -> Option<usize> {
+    let spacing = geometry.spacing.to_array();
+    let is_thick = |axis: usize| {
+        let others = spacing.iter().enumerate().filter(|(other, _)| *other != axis).map(|(_, length)| *length);
+        geometry.dims[axis] > 3 && spacing[axis] > THICK * others.fold(0.0, f64::max)
+    };
+    (0..3).find(|&axis| is_thick(axis))
 }
 
 /// Ratio of largest to smallest extent from which a volume is viewed as a sheet.
@@ -680,7 +714,7 @@ pub(crate) fn first_look(
     name: &str,
     volume: &mut Arc<Volume>,
     statistics: &Statistics,
-    (wish, Subject { has_parts, is_of_times }): (Wish, Subject),
+    (wish, Subject { has_parts, is_of_times, has_labels }): (Wish, Subject),
     progress: &dyn Progress,
 ) -> Result<FirstLook, LookError> {
     // A comment ends with its line.
@@ -689,6 +723,10 @@ pub(crate) fn first_look(
     let at_hand = volume.at_hand();
     let block = volume.block_of(at_hand);
     let mut values = Values::of(at_hand, statistics);
+    if has_labels && matches!(&values.kind, Kind::Labels(ids) if ids.len() <= FEW_LABELS) && !volume.has_labels {
+        // A scan of few values beside its labels.
+        values.kind = Kind::Other(None);
+    }
     if is_of_times {
         // Objects are fainter at some of the times than their largest values are.
         values.objects_from = values.surface_from;
@@ -751,13 +789,17 @@ pub(crate) fn first_look(
     } else {
         let depths =
             Depths::of(&terms(&shape, &opacities, values.most), geometry.spacing.min_element() / brightness(&shape));
-        let is_interpolated = !matches!(values.kind, Kind::Labels(_));
-        fit::framed(&camera, &outline, &Seen::new(at_hand, crop, is_interpolated, depths))
+        fit::framed(&camera, &outline, &Seen::new(at_hand, crop, true, depths))
     };
     let of_all = |[low, high]: [[usize; 3]; 2]| {
         let of_block = |axis: usize, at: usize, end: usize| (at * block[axis] + end).min(geometry.dims[axis] - 1);
         let low = std::array::from_fn(|axis| of_block(axis, low[axis], 0));
         [low, std::array::from_fn(|axis| of_block(axis, high[axis], block[axis] - 1))]
+    };
+    // Behind glass, shadows hide more than they show.
+    let casts = match &shape {
+        Shape::Layers(layers) => solid_part(&values.thinned, layers, axis) >= SOLID_PART,
+        Shape::Labels { .. } | Shape::Ramp { .. } => true,
     };
     let is_alone = matches!(alone, Some(Alone::Above(_)));
     let left_out = match alone {
@@ -766,14 +808,8 @@ pub(crate) fn first_look(
         None => "",
     };
     let guess = format!("{name} has no scene, so Relume made one: {guess}{left_out}.");
-    let groups = match (&values.kind, &shape) {
-        (Kind::Labels(_), Shape::Layers(layers)) if layers.len() > 1 && wish.look.is_none() => {
-            let names: Vec<String> = layers.iter().map(|layer| layer.name.clone()).collect();
-            let sizes: Vec<f64> = layers.iter().map(|layer| values.share(layer.range)).collect();
-            let outer = layers.iter().position(|layer| matches!(layer.depth, Depth::Ray(depth) if depth < 1.0));
-            Some(groups::of_labels(&names, &sizes, outer))
-        }
-        (_, Shape::Labels { labels, outer, .. }) if labels.len() > 1 && labels::have_own_materials(labels) => {
+    let groups = match &shape {
+        Shape::Labels { labels, outer, .. } if labels.len() > 1 && labels::have_own_materials(labels) => {
             let names: Vec<String> = labels.iter().map(|label| label.name.clone()).collect();
             let all: u64 = values.label_counts.values().sum();
             let size = |label: &Named| {
@@ -785,22 +821,20 @@ pub(crate) fn first_look(
         }
         _ => None,
     };
-    let mut text =
-        text(name, &guess, (&shape, groups.as_ref()), &opacities, &camera, alone.map(|it| it.of(of_all)), geometry);
+    let is_body = volume.anatomical || matches!(values.kind, Kind::Ct { .. });
+    let palette = if is_body { TISSUE } else { DESIGN };
+    let surroundings = (alone.map(|it| it.of(of_all)), geometry);
+    let mut text = text(name, &guess, (&shape, groups.as_ref(), palette), &opacities, &camera, surroundings, casts);
     // The last table of its text is that of the accuracy.
-    if matches!(&shape, Shape::Layers(layers) if is_nearest(layers) && has_thin(&values.thinned, layers)) {
+    let is_thin = |labels: &[Named]| has_thin(&values.thinned, &label_layers(labels.to_vec(), None));
+    if matches!(&shape, Shape::Labels { labels, .. } if labels.len() <= FEW_LABELS && is_thin(labels)) {
         let step = geometry.spacing.min_element() * STEP_OF_THIN;
         let _ = writeln!(
             text,
             "# A label is hardly thicker than a voxel, and would have stripes with longer steps.\nstep = {step:?}"
         );
     }
-    let labels = match (&shape, &values.kind) {
-        (Shape::Labels { .. }, _) => Shown::AsMap,
-        (Shape::Layers(_), Kind::Labels(_)) if wish.look.is_none() => Shown::AsIntervals,
-        _ => Shown::Not,
-    };
-    Ok(FirstLook { text, guess, is_alone, labels })
+    Ok(FirstLook { text, guess, is_alone, is_label_map: matches!(shape, Shape::Labels { .. }) })
 }
 
 /// The view of a transfer function on a volume.
@@ -1005,9 +1039,7 @@ fn shape(
     }
     // A window of the file says more than the histogram.
     let stated = presets.windows.iter().find(|window| values.are_in(window)).filter(|_| wish.look.is_none());
-    if let (Kind::Labels(ids), None) = (&values.kind, wish.look)
-        && !are_intervals(ids)
-    {
+    if let (Kind::Labels(ids), None) = (&values.kind, wish.look) {
         let (labels, outer, from) = of_labels(values, ids, presets, axis);
         let shown: Vec<&str> = labels.iter().take(4).map(|label| label.name.as_str()).collect();
         let more = labels.len() - shown.len();
@@ -1016,10 +1048,6 @@ fn shape(
         return (Shape::Labels { labels, outer, from }, guess);
     }
     let mut layers = match (&values.kind, wish.look) {
-        (Kind::Labels(ids), None) => {
-            let (labels, outer, _) = of_labels(values, ids, presets, axis);
-            label_layers(labels, outer)
-        }
         (_, Some(Look::Preset(preset))) => preset_layers(preset, statistics, values.water(statistics)),
         (Kind::Ct { water }, look) => {
             let mut found = ct_layers(look.unwrap_or(Look::Tissue), *water, values.most);
@@ -1135,18 +1163,20 @@ fn terms(shape: &Shape, opacities: &[f64], most: f64) -> Vec<Term> {
 fn text(
     name: &str,
     guess: &str,
-    (shape, groups): (&Shape, Option<&Groups>),
+    (shape, groups, palette): (&Shape, Option<&Groups>, &str),
     opacities: &[f64],
     camera: &Camera,
-    alone: Option<Alone>,
-    geometry: &Geometry,
+    (alone, geometry): (Option<Alone>, &Geometry),
+    casts: bool,
 ) -> String {
     let shines = matches!(shape, Shape::Ramp { rise: Rise::Shining, .. });
     let is_largest = matches!(shape, Shape::Ramp { rise: Rise::Largest, .. });
     // A single slice has no gradient across it to shade.
+    let is_flat = flat_side(geometry).is_some();
+    let is_lit = !(shines || is_largest || is_flat);
     let shading = if is_largest {
         "blending = \"maximum\"\n"
-    } else if flat_side(geometry).is_some() {
+    } else if is_flat {
         "shading = \"none\"\n"
     } else {
         "lighting = \"one_sided\"\n"
@@ -1223,7 +1253,7 @@ fn text(
         line(
             "\n# In daylight all materials are visible; each of the other lights shows one material and leaves the others black.",
         );
-        line(&designed(&layers));
+        line(&designed(&layers, palette, is_lit));
     } else if let Some(groups) = groups {
         let code = |(index, layer): (usize, &Layer)| (layer.name.clone(), layer.code(index).to_owned());
         let labels: Vec<(String, String)> = layers.iter().enumerate().map(code).collect();
@@ -1253,16 +1283,32 @@ fn text(
         line("\n# The box of the largest connected part. Parts outside it, such as a table, are cropped.\n[crop]");
         line(&format!("min = {:?}\nmax = {:?}", low.map(count), high.map(count)));
     }
-    line("\n[display]\nexposure = 1.3");
-    if matches!(shape, Shape::Layers(layers) if is_nearest(layers)) {
-        line("\n# No interpolation between labels.\n[accuracy]\ninterpolation = \"nearest\"");
+    if !is_lit {
+        line("\n[display]\nexposure = 1.3");
     } else {
         line(
-            "\n# A fine grain in place of rings on smooth surfaces, and further samples where the medium changes.\n[accuracy]\njitter = true",
+            "\n# The brighter parts of the first picture almost white; brighter ones keep their hue.\n[display]\nexposure = \"auto\"\ntone = \"soft\"\nbackdrop = \"dark\"",
         );
-        if !is_largest {
-            line("integration = \"adaptive\"");
-        }
+        line(
+            "\n# Hollows are darker than what is open to all sides. Light behind the medium is found on a coarse grid.\n[shadows]\nambient = \"occluded\"\nspacing = 4\nstart = 6",
+        );
+    }
+    line(
+        "\n# A fine grain in place of rings on smooth surfaces, and further samples where the medium changes.\n[accuracy]\njitter = true",
+    );
+    if !is_largest {
+        line("integration = \"adaptive\"");
+    }
+    if let Some(axis) = thick_axis(geometry).filter(|_| is_lit) {
+        let axis = ["x", "y", "z"][axis];
+        line(&format!(
+            "# Slices along {axis} are thicker than their pixels: a spline across them, in place of steps.\ninterpolation = \"cubic_{axis}\""
+        ));
+    }
+    if is_lit && casts {
+        // All lights alike: others would have accumulators of their own.
+        let light = "kind = \"three_point\"\n";
+        text = text.replace(light, &format!("{light}shadows = true\n"));
     }
     text
 }
@@ -1299,17 +1345,13 @@ fn has_thin(thinned: &Thinned, layers: &[Layer]) -> bool {
     (0..3).any(is_thin)
 }
 
-/// Whether the values of these layers are labels, between which nothing is interpolated.
-fn is_nearest(layers: &[Layer]) -> bool {
-    layers.iter().any(|layer| matches!(layer.colour, Colour::Code(_)))
-}
-
-/// The designed materials and lights of `layers`.
-fn designed(layers: &[Layer]) -> String {
+/// The designed materials and lights of `layers` in a palette. A single one that is solid and lit has highlights: they are white, and
+/// would show a material under the lights that leave it black.
+fn designed(layers: &[Layer], palette: &str, is_lit: bool) -> String {
     let used = |role: usize| layers.iter().find(|layer| matches!(layer.colour, Colour::Designed(it) if it == role));
-    let start = DESIGN.find("[palette]").unwrap_or_default();
-    let end = DESIGN.find("[camera]").unwrap_or(DESIGN.len());
-    let design = DESIGN.get(start..end).unwrap_or_default();
+    let start = palette.find("[palette]").unwrap_or_default();
+    let end = palette.find("[camera]").unwrap_or(palette.len());
+    let design = palette.get(start..end).unwrap_or_default();
     let mut document: DocumentMut = design.parse().unwrap_or_default();
     for (role, name) in DESIGNED.into_iter().enumerate().filter(|&(role, _)| used(role).is_none()) {
         let light = format!("for_{name}");
@@ -1321,6 +1363,11 @@ fn designed(layers: &[Layer]) -> String {
         for other in DESIGNED.into_iter().enumerate().filter(|&(other, _)| other != role).map(|(_, name)| name) {
             remove(&mut document, &["palette", "cells", other], &light);
         }
+    }
+    let shines = |role: usize| layers.len() == 1 && used(role).is_some_and(|layer| layer.depth.is_solid());
+    for (_, name) in DESIGNED.into_iter().enumerate().filter(|&(role, _)| is_lit && shines(role)) {
+        let material = &mut document["materials"][name];
+        (material["specular"], material["exponent"]) = (value(SPECULAR), value(EXPONENT));
     }
     let mut text = document.to_string();
     for (role, name) in DESIGNED.into_iter().enumerate() {

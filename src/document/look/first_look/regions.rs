@@ -1,6 +1,6 @@
 //! Tells segmentations with many labels from scans with whole numbers, by voxels and their neighbours (docs/theory/first-look.md).
 
-use relume_base::number::{count, whole};
+use relume_base::number::{count, from_label, whole};
 use relume_volume::{LabelCounts, Volume};
 
 /// Places that are examined.
@@ -91,9 +91,23 @@ pub(super) fn may_be_labels(volume: &Volume) -> bool {
     objects > 0 && count(alike) >= ALIKE * count(objects) && count(jumps) >= JUMPS * count(pairs)
 }
 
-/// Whether the voxels of each label, of which there are so many, are few regions.
+/// Whether the voxels of each label, of which there are so many, are few regions, and neighbours differ by any number of labels.
 pub(super) fn are_labels(volume: &Volume, counts: &LabelCounts) -> bool {
     let places = Places { volume, dims: volume.geometry.dims };
+    let labels: Vec<f64> = counts.keys().map(|&label| from_label(label)).collect();
+    let rank = |value: f64| labels.partition_point(|&label| label < value);
+    let (mut pairs, mut jumps) = (0, 0);
+    for (place, value) in places.objects(background(volume)) {
+        for beside in (0..3).flat_map(|axis| places.beside(place, axis)) {
+            // A scan of few values, such as a ramp, has steps from one of them to the next, however large they are.
+            let apart = rank(places.value(beside)).abs_diff(rank(value));
+            pairs += usize::from(apart > 0);
+            jumps += usize::from(apart > 1);
+        }
+    }
+    if count(jumps) < JUMPS * count(pairs) {
+        return false;
+    }
     let mut spreads: Vec<f64> = Vec::new();
     for (index, (place, value)) in places.objects(background(volume)).enumerate() {
         // A tenth of them tells as much.

@@ -16,8 +16,6 @@ const BINS: usize = 256;
 const SORTED: usize = 400_000;
 /// Most labels that are shown as intervals of the transfer function; a volume with more values needs more evidence, too.
 pub(super) const FEW_LABELS: usize = 48;
-/// Largest label that an interval of the transfer function can tell from its neighbours.
-const LARGEST_INTERVAL: i64 = 65_535;
 
 /// Kind of data, as far as the values tell.
 #[derive(Clone, Debug, PartialEq)]
@@ -374,11 +372,6 @@ fn labels(
     let is_object = |label: i64| label != lowest && (lowest >= 0 || !is_background(label, &counts));
     let found: Vec<i64> = counts.keys().copied().filter(|&label| is_object(label)).collect();
     (!found.is_empty()).then_some((found, counts))
-}
-
-/// Whether these labels are shown as intervals of values. The others are shown by a label map.
-pub(super) fn are_intervals(labels: &[i64]) -> bool {
-    labels.len() <= FEW_LABELS && labels.iter().all(|label| (-LARGEST_INTERVAL..=LARGEST_INTERVAL).contains(label))
 }
 
 /// Whether the values are those of a segmentation with few labels: few, and constant over neighbourhoods unless the file says that they

@@ -247,6 +247,10 @@ pub fn composite(
     let [first, last] = node.leaves;
     let part = (last + 1 - first < blocks).then(|| FilmPart { first, last, ..front.part.clone() });
     let header = front.header.clone();
-    let film = FilmFile { part, accumulators: film.accumulators, transmittance: film.transmittance, ..header };
+    let mut header = FilmFile { part, ..header };
+    if header.part.is_none() {
+        header.expose(&film)?;
+    }
+    let film = FilmFile { accumulators: film.accumulators, transmittance: film.transmittance, ..header };
     Ok(Composited { film, blocks: [first, last, blocks] })
 }

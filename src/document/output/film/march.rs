@@ -52,7 +52,7 @@ impl FilmFile {
             shown: shown(light),
             spectrum: *light.spectrum.spectrum().samples(),
         });
-        Ok(Self {
+        let mut file = Self {
             width: accumulation.size[0],
             height: accumulation.size[1],
             components,
@@ -60,14 +60,21 @@ impl FilmFile {
             lights: lights.collect(),
             background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
             exposure: scene.display.exposure,
+            tone: scene.display.tone,
+            backdrop: scene.display.backdrop,
             adapt: scene.display.adapt,
             observer: scene.display.observer,
             dial: Some(dial),
             frame: Some(Frame::of(&annotate::Frame::of(&scene.camera, &scene.frame, accumulation.size))),
             part: FilmPart::of_scene(scene, accumulation.size),
-            accumulators: accumulation.accumulators,
-            transmittance: accumulation.transmittance,
-        })
+            accumulators: Vec::new(),
+            transmittance: Vec::new(),
+        };
+        if file.part.is_none() && !accumulation.transmittance.is_empty() {
+            file.expose(&accumulation)?;
+        }
+        (file.accumulators, file.transmittance) = (accumulation.accumulators, accumulation.transmittance);
+        Ok(file)
     }
 }
 

@@ -14,7 +14,9 @@
 //! | --- | --- |
 //! | `version` | 1 with material weights, 2 with a colour model, 3 with a colour model and spectra outside its fit; in a part 4, 5 and 6 |
 //! | `part` | in a part only: see below |
-//! | `exposure` | factor on the linear picture; default 1 |
+//! | `exposure` | factor on the linear picture, in a part also `"auto"`; default 1 |
+//! | `tone` | `"linear"` or `"soft"`: curve of the displayed picture (docs/theory/tone.md of Relume); default `"linear"` |
+//! | `backdrop` | `"none"` or `"dark"`: colours of the screen behind the displayed picture; default `"none"` |
 //! | `adapt` | whether the white of the mix is adapted to D65 (Bradford); default false |
 //! | `observer` | `"1931"` or `"1964"`: the CIE 2-degree or 10-degree standard observer; default 1931. Displays assume the 1931 observer: for 1964, XYZ are scaled so that D65 has Y = 1, and adapted from the 1964 to the 1931 white of D65 (Bradford). All XYZ here are these |
 //! | `background` | 81 numbers: the reflectance behind the volume, lit by every light; black if absent |
@@ -122,8 +124,8 @@ use serde::{Deserialize, Serialize};
 
 use relume_colour::model::{ColourModel, ModelKind};
 use relume_colour::spectrum::observer::Observer;
-use relume_scene::Placement;
 use relume_scene::film::Film;
+use relume_scene::{Backdrop, Placement, Tone};
 
 /// Name of the attribute with the TOML text.
 const ATTRIBUTE: &str = "relume";
@@ -167,8 +169,12 @@ pub struct FilmFile {
     pub lights: Vec<Light>,
     /// Reflectance behind the volume, lit by every light; `None` is black.
     pub background: Option<[f64; BANDS]>,
-    /// Factor on the linear picture.
-    pub exposure: f64,
+    /// Factor on the linear picture; `None`, in parts, is that of [`relume_scene::film::automatic_exposure`] for the whole film.
+    pub exposure: Option<f64>,
+    /// Curve of the displayed picture.
+    pub tone: Tone,
+    /// Colours of the screen behind the displayed picture.
+    pub backdrop: Backdrop,
     /// Whether to adapt the white of the mix to D65.
     pub adapt: bool,
     /// Standard observer of all colours.
@@ -197,7 +203,9 @@ impl FilmFile {
             positions: Vec::new(),
             lights: Vec::new(),
             background: None,
-            exposure: 1.0,
+            exposure: Some(1.0),
+            tone: Tone::Linear,
+            backdrop: Backdrop::None,
             adapt: false,
             observer: Observer::default(),
             dial: None,

@@ -102,7 +102,22 @@ impl FilmFile {
     /// Display of the saved picture.
     #[must_use]
     pub fn display(&self) -> Display {
-        Display { exposure: self.exposure, adapt: self.adapt, observer: self.observer, deficiency: None }
+        let Self { exposure, tone, backdrop, adapt, observer, .. } = *self;
+        Display { exposure, tone, backdrop, adapt, observer, deficiency: None }
+    }
+
+    /// Makes an automatic exposure that of `film`, the numbers of the pixels, under the lights of the saved picture.
+    ///
+    /// # Errors
+    ///
+    /// [`OutputError::Inconsistent`] if a spectrum is not finite.
+    pub fn expose(&mut self, film: &film::Film<f32>) -> Result<(), OutputError> {
+        if self.exposure.is_none() && film.pixels() > 0 {
+            let (means, mix) = (self.relightable()?, self.opening()?);
+            let picture = film.rgba(&means.under(&mix));
+            self.exposure = Some(film::automatic_exposure(&picture, &mix, &means.display));
+        }
+        Ok(())
     }
 
     /// Names and reflectances of the materials; none with a colour model.

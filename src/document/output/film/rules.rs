@@ -91,7 +91,7 @@ impl FilmFile {
             }
         }
         check_finite("", "background", self.background.as_ref().map_or(&[], |background| background))?;
-        check_finite("", "exposure", &[self.exposure])
+        check_finite("", "exposure", self.exposure.as_slice())
     }
 
     /// Checks that a file can hold the model.

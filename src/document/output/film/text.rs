@@ -8,6 +8,7 @@ use super::{BANDS, Component, Components, Dial, FRAME, FilmFile, FilmPart, Frame
 use relume_colour::model::{ErrorSummary, LightMatrix, ModelKind};
 use relume_colour::spectrum::observer::Observer;
 use relume_colour::spectrum::{Light as LightSpectrum, Spectrum};
+use relume_scene::key::Named;
 use relume_scene::{LightKind, Placement};
 use relume_volume::Unit;
 
@@ -30,8 +31,12 @@ struct Document {
     version: i64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     part: Option<FilmPart>,
-    #[serde(default = "one")]
-    exposure: f64,
+    #[serde(default = "Exposure::usual")]
+    exposure: Exposure,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    tone: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    backdrop: Option<String>,
     #[serde(default)]
     adapt: bool,
     #[serde(default, skip_serializing_if = "is_usual")]
@@ -114,9 +119,47 @@ struct LightEntry {
     unseen: Option<ErrorSummary>,
 }
 
-/// Default exposure and tolerance.
+/// Default tolerance.
 fn one() -> f64 {
     1.0
+}
+
+/// The name of a choice, if it is not the default.
+fn stated<N: Named + Default>(choice: N) -> Option<String> {
+    (choice != N::default()).then(|| choice.name().to_owned())
+}
+
+/// The choice of a key by its name.
+fn chosen<N: Named + Default>(key: &str, name: Option<String>) -> Result<N, String> {
+    let Some(name) = name else { return Ok(N::default()) };
+    let found = N::ALL.iter().find(|(_, one)| *one == name).map(|(choice, _)| *choice);
+    found.ok_or_else(|| format!("unknown {key} {name:?}"))
+}
+
+/// Exposure as a number, or a word.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum Exposure {
+    Factor(f64),
+    Word(String),
+}
+
+/// The word of an automatic exposure.
+const AUTO: &str = "auto";
+
+impl Exposure {
+    fn usual() -> Self {
+        Self::Factor(1.0)
+    }
+
+    fn read(&self, is_part: bool) -> Result<Option<f64>, String> {
+        match self {
+            Self::Factor(factor) => Ok(Some(*factor)),
+            Self::Word(word) if word == AUTO && is_part => Ok(None),
+            Self::Word(word) if word == AUTO => Err("only a part may have an exposure of \"auto\"".to_owned()),
+            Self::Word(word) => Err(format!("the exposure {word:?} is neither a number nor \"auto\"")),
+        }
+    }
 }
 
 /// Whether this is the default observer.
@@ -206,7 +249,9 @@ impl From<&FilmFile> for Document {
                     Some(_) => CHECKED,
                 },
             part: accumulators.part.clone(),
-            exposure: accumulators.exposure,
+            exposure: accumulators.exposure.map_or_else(|| Exposure::Word(AUTO.to_owned()), Exposure::Factor),
+            tone: stated(accumulators.tone),
+            backdrop: stated(accumulators.backdrop),
             adapt: accumulators.adapt,
             observer: accumulators.observer,
             background: accumulators.background.map(|background| background.to_vec()),
@@ -288,12 +333,16 @@ pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String
     };
     let lights = document.lights.into_iter().map(light).collect::<Result<_, String>>()?;
     let background = document.background.map(|spectrum| bands("`background`", spectrum)).transpose()?;
-    let Document { exposure, adapt, observer, dial, part, .. } = document;
+    let Document { exposure, tone, backdrop, adapt, observer, dial, part, .. } = document;
+    let exposure = exposure.read(part.is_some())?;
+    let (tone, backdrop) = (chosen("tone", tone)?, chosen("backdrop", backdrop)?);
     let accumulators = FilmFile {
         positions,
         lights,
         background,
         exposure,
+        tone,
+        backdrop,
         adapt,
         observer,
         dial,

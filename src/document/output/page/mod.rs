@@ -345,13 +345,14 @@ impl Page<'_> {
         let shrink = (count(STILL) / count(width.max(height))).min(1.0);
         let size = [width, height].map(|side| whole((count(side) * shrink).round()).max(1));
         let linear = film.relight(&lights.matrices(&lights.opening, lights.seen()));
+        let tone = self.film.tone;
         let mean = |index: usize| {
             let (x, y) = (index % size[0], index / size[0]);
             let span =
                 |at: usize, of: usize, whole: usize| at * whole / of..((at + 1) * whole / of).max(at * whole / of + 1);
             let (columns, rows) = (span(x, size[0], width), span(y, size[1], height));
             let parts = rows.clone().flat_map(|row| columns.clone().map(move |column| row * width + column));
-            let sum: DVec3 = parts.map(|pixel| linear[pixel].clamp(DVec3::ZERO, DVec3::ONE)).sum();
+            let sum: DVec3 = parts.map(|pixel| tone.shown(linear[pixel]).clamp(DVec3::ZERO, DVec3::ONE)).sum();
             (sum / count(rows.len() * columns.len())).to_array().map(rounded)
         };
         let shown: Vec<[f32; 3]> = (0..size[0] * size[1]).into_par_iter().map(mean).collect();

@@ -245,7 +245,7 @@ function codesTable() {
 }
 
 /** What a drawer is made for: size, channels and groups of a page. */
-const shapeOf = ({ size, channels, groups }) => JSON.stringify([size, channels.length, channels.some(({ wide }) => wide), groups.map(({ first, matrix }) => [first, matrix.length])]);
+const shapeOf = ({ size, channels, groups, soft }) => JSON.stringify([soft, size, channels.length, channels.some(({ wide }) => wide), groups.map(({ first, matrix }) => [first, matrix.length])]);
 
 /** Draws on a canvas by JavaScript. A drawer `takes` another page of the same shape. */
 function plain(page, canvas) {
@@ -280,6 +280,7 @@ function plain(page, canvas) {
       [shown, runs] = [turning, fresh];
     },
     draw(colours) {
+      const toned = page.soft ? (most) => most > 0.75 ? (1 - 0.0625 / (most - 0.5)) / most : 1 : () => 1;
       const level = (value) => value <= 0 ? 0 : value >= 1 ? 65535 : (value * 65535 + 0.5) | 0;
       const parts = shown.map((one, c) => ({ ...one, rgb: colours[c].map((part) => part * page.channels[c].scale) }))
         .filter(({ rgb }) => rgb.some((part) => part));
@@ -291,7 +292,8 @@ function plain(page, canvas) {
           else addCodes(codes, zero, first, count, r, g, b);
         }
         for (let i = 0, at = runs[first]; i < count; i++) {
-          const colour = 0xff000000 | table[level(blue[i])] << 16 | table[level(green[i])] << 8 | table[level(red[i])];
+          const r = red[i], g = green[i], b = blue[i], tone = toned(max(r, g, b));
+          const colour = 0xff000000 | table[level(b * tone)] << 16 | table[level(g * tone)] << 8 | table[level(r * tone)];
           for (const end = runs[first + i + 1]; at < end; at++) out[at] = colour;
         }
       }
@@ -347,7 +349,8 @@ out vec4 pixel;
 void main() {
 ivec2 at = ivec2(int(gl_FragCoord.x), ${height - 1} - int(gl_FragCoord.y));
 vec3 sum = vec3(0);
-${body}sum = clamp(sum, 0.0, 1.0);
+${body}${page.soft ? "float most = max(sum.r, max(sum.g, sum.b)); if (most > 0.75) sum *= (1.0 - 0.0625 / (most - 0.5)) / most;" : ""}
+sum = clamp(sum, 0.0, 1.0);
 pixel = vec4(mix(12.92 * sum, 1.055 * pow(sum, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, sum)), 1);
 }`;
   const program = gl.createProgram();

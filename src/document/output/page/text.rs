@@ -17,6 +17,7 @@ use relume_colour::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, bradford_cones, d65_
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::observer::Observer;
 use relume_colour::spectrum::{Light, Spectrum};
+use relume_scene::Tone;
 use relume_scene::film::Components;
 
 /// Version of the data of a page.
@@ -221,7 +222,8 @@ pub(super) fn json(page: &Page<'_>, lights: &Lights, planes: &Planes) -> String 
         "lights": of_film.collect::<Vec<_>>(),
         "standards": standards.collect::<Vec<_>>(),
         "dial": film.dial,
-        "exposure": film.exposure,
+        "exposure": film.exposure.unwrap_or(1.0),
+        "soft": film.tone == Tone::Soft,
         "adapt": film.adapt,
         "observer": film.observer,
         "observers": Observer::ALL.map(|observer| observer.matching().each_ref().map(spectrum)),
