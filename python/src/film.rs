@@ -287,8 +287,7 @@ impl Exposure {
 
 /// The tone of this name.
 fn tone_of(name: &str) -> PyResult<Tone> {
-    let found = Tone::ALL.iter().find(|(_, one)| *one == name).map(|(tone, _)| *tone);
-    found.ok_or_else(|| PyValueError::new_err(format!("tone {name:?}: it is \"linear\" or \"soft\"")))
+    Tone::named(name, "the tones").map_err(PyValueError::new_err)
 }
 
 #[pymethods]

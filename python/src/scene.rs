@@ -46,7 +46,7 @@ fn in_memory(volume: &Bound<'_, PyAny>, labels: Option<&Bound<'_, PyAny>>) -> Py
 
 /// The quality of this name.
 fn quality_of(name: Option<&str>) -> PyResult<Option<Quality>> {
-    name.map(|name| Quality::named(name).map_err(PyValueError::new_err)).transpose()
+    name.map(|name| Quality::of(name).map_err(PyValueError::new_err)).transpose()
 }
 
 /// Definitions of a dict: keys such as `camera.azimuth`, or nested dicts.

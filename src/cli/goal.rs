@@ -49,7 +49,7 @@ impl GoalArgs {
 
 /// Parses the name of a goal. The name of a look is told its flag.
 fn preset(name: &str) -> Result<Preset, String> {
-    Preset::named(name).map_err(|error| match Look::named(name) {
+    Preset::of(name).map_err(|error| match Look::named(name) {
         Ok(_) => format!("{error}; for the look of a volume, use --look {name}"),
         Err(_) => error,
     })

@@ -90,16 +90,12 @@ fn exposure(text: &str) -> Result<Exposure, String> {
 
 /// Parses the name of a curve.
 fn tone(text: &str) -> Result<Tone, String> {
-    let found = Tone::ALL.iter().find(|(_, name)| *name == text);
-    found.map(|(tone, _)| *tone).ok_or_else(|| "a curve is linear or soft".to_owned())
+    Tone::named(text, "the curves")
 }
 
 /// Parses the year of an observer.
 fn observer(year: &str) -> Result<Observer, String> {
-    Observer::ALL
-        .into_iter()
-        .find(|one| one.to_string() == year)
-        .ok_or_else(|| "an observer is 1931 or 1964".to_owned())
+    Observer::named(year, "the observers")
 }
 
 /// Settings that are fixed since the file was rendered.

@@ -69,7 +69,7 @@ pub(crate) struct SceneArgs {
     /// Samples, rays, shadows and sky in one word. draft: one sample a step, no shadows. good: further samples where two differ,
     /// shadows of all lights and of the sky on a grid of 4 voxels; one and a half to twice the time of draft. best: four rays a
     /// pixel and a grid of 2 voxels; three to six times. -D changes single keys of it.
-    #[arg(long, value_name = "draft|good|best", value_parser = Quality::named)]
+    #[arg(long, value_name = "draft|good|best", value_parser = Quality::of)]
     quality: Option<Quality>,
     #[command(flatten)]
     pub(crate) define: DefineArgs,

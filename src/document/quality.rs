@@ -3,7 +3,7 @@
 use toml::{Table, Value};
 
 use super::Definition;
-use relume_colour::written::refused_name;
+use relume_scene::key::{Choices, Named};
 
 /// How much of the light and of the samples a picture has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,28 +16,19 @@ pub enum Quality {
     Best,
 }
 
+impl Named for Quality {
+    /// From the fastest.
+    const ALL: Choices<Self> = &[(Self::Draft, "draft"), (Self::Good, "good"), (Self::Best, "best")];
+}
+
 impl Quality {
-    /// All of them, from the fastest.
-    pub const ALL: [Self; 3] = [Self::Draft, Self::Good, Self::Best];
-
-    /// Its name.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Draft => "draft",
-            Self::Good => "good",
-            Self::Best => "best",
-        }
-    }
-
     /// The quality of this name.
     ///
     /// # Errors
     ///
     /// The names of all, and the most similar one.
-    pub fn named(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|quality| quality.name() == name);
-        found.ok_or_else(|| refused_name(name, "the qualities", &Self::ALL.map(Self::name)))
+    pub fn of(name: &str) -> Result<Self, String> {
+        Self::named(name, "the qualities")
     }
 
     /// Its changes of the scene `table`, in which the step becomes the default. It changes no interpolation, and nothing of which the scene

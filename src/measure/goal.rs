@@ -1,6 +1,6 @@
 //! Goals of a picture.
 
-use relume_colour::written::refused_name;
+use relume_scene::key::{Choices, Named};
 
 /// Accuracy or time goal of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,28 +42,20 @@ pub enum Preset {
     Reference,
 }
 
+impl Named for Preset {
+    /// From the fastest to the most accurate.
+    const ALL: Choices<Self> =
+        &[(Self::Interactive, "interactive"), (Self::Balanced, "balanced"), (Self::Reference, "reference")];
+}
+
 impl Preset {
-    /// All presets, from the fastest to the most accurate.
-    pub const ALL: [Self; 3] = [Self::Interactive, Self::Balanced, Self::Reference];
-
-    /// Its name.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Interactive => "interactive",
-            Self::Balanced => "balanced",
-            Self::Reference => "reference",
-        }
-    }
-
     /// The preset of this name.
     ///
     /// # Errors
     ///
     /// The names of all presets, and the most similar one.
-    pub fn named(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|preset| preset.name() == name);
-        found.ok_or_else(|| refused_name(name, "the presets of accuracy", &Self::ALL.map(Self::name)))
+    pub fn of(name: &str) -> Result<Self, String> {
+        Self::named(name, "the presets of accuracy")
     }
 
     /// Returns the goal of this preset.

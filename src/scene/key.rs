@@ -24,6 +24,7 @@ use relume_colour::model::{LARGEST_DIMENSION, ModelKind};
 use relume_colour::spectrum::deficiency::Deficiency;
 use relume_colour::spectrum::nearest;
 use relume_colour::spectrum::observer::Observer;
+use relume_colour::written::refused_name;
 
 use Kind::{Number, NumberOr, Switch, Whole};
 use Stale::{Accumulators, Matrices, Nothing, Picture, Tables};
@@ -394,6 +395,22 @@ pub trait Named: Copy + PartialEq + 'static {
     fn name(self) -> &'static str {
         Self::ALL.iter().find(|(one, _)| *one == self).map_or("", |(_, name)| name)
     }
+
+    /// The choice of this name, if there is one.
+    #[must_use]
+    fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(_, one)| *one == name).map(|(choice, _)| *choice)
+    }
+
+    /// The choice of this name, of `what`, such as "the tones".
+    ///
+    /// # Errors
+    ///
+    /// The names of all choices, and the most similar one.
+    fn named(name: &str, what: &str) -> Result<Self, String> {
+        let all: Vec<&str> = Self::ALL.iter().map(|(_, name)| *name).collect();
+        Self::of_name(name).ok_or_else(|| refused_name(name, what, &all))
+    }
 }
 
 impl<N: Named> Field for N {
@@ -402,7 +419,7 @@ impl<N: Named> Field for N {
     }
 
     fn of(value: Option<Value<'_>>) -> Option<Self> {
-        N::ALL.iter().find(|(_, name)| value == Some(Value::Name(name))).map(|(one, _)| *one)
+        if let Some(Value::Name(name)) = value { N::of_name(name) } else { None }
     }
 }
 

@@ -305,29 +305,21 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "hide" | "show" => Command::Named(About::Hidden(verb == "hide"), name()?),
         "exposure" if matches!(rest, ["auto"]) => edit(Edit::Exposure(None)),
         "exposure" => edit(Edit::Exposure(Some(numbers::<f64, 1>(verb, rest)?[0]))),
-        "backdrop" => {
-            let name = text();
-            let known = Backdrop::ALL.iter().find(|(_, one)| *one == name);
-            edit(Edit::Backdrop(known.ok_or("backdrop none, or backdrop dark")?.0))
-        }
-        "tone" => {
-            let name = text();
-            let known = Tone::ALL.iter().find(|(_, one)| *one == name);
-            edit(Edit::Tone(known.ok_or("tone linear, or tone soft")?.0))
-        }
+        "backdrop" => edit(Edit::Backdrop(Backdrop::of_name(&text()).ok_or("backdrop none, or backdrop dark")?)),
+        "tone" => edit(Edit::Tone(Tone::of_name(&text()).ok_or("tone linear, or tone soft")?)),
         "normalise" => edit(Edit::Normalise(switch(verb, rest)?)),
         "vision" | "sees" => {
             if verb == "sees" {
                 tracing::warn!("the command sees is now called vision, and `all` is now called `normal`");
             }
-            let found = Deficiency::ALL.into_iter().find(|one| one.to_string() == text());
+            let found = Deficiency::of_name(&text());
             if found.is_none() && !matches!(rest, ["normal" | "all"]) {
                 return Err("write vision normal, vision protan, vision deutan or vision tritan".to_owned());
             }
             edit(Edit::Deficiency(found))
         }
         "observer" => {
-            let found = Observer::ALL.into_iter().find(|one| one.to_string() == text());
+            let found = Observer::of_name(&text());
             edit(Edit::Observer(found.ok_or("write observer 1931 or observer 1964")?))
         }
         "crop" => match rest {

@@ -1438,7 +1438,7 @@ fn an_automatic_exposure_is_one_number_wherever_the_picture_is_made() {
     folder.done(&[&render[..], &["-o", "g.exr", "-D", "display.tone=linear", "-D", "display.backdrop=none"]].concat());
     let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
     assert!(bytes("a.exr") == bytes("g.exr"), "the linear picture");
-    folder.refused(2, &["relight", "film.exr", "-o", "h.png", "--tone", "hard"], &["--tone", "soft"]);
+    folder.refused(2, &["relight", "film.exr", "-o", "h.png", "--tone", "sof"], &["--tone", "did you mean soft?"]);
     folder.refused(
         2,
         &[&render[..], &["-o", "h.png", "-D", "display.exposure=bright"]].concat(),

@@ -6,7 +6,7 @@ use crate::support;
 use glam::DVec3;
 use relume::plan::{Accumulate, plan};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Interpolation, Lookup, Placement, Scene, Shading};
+use relume::scene::{AccumulateAs, Backdrop, Interpolation, Lookup, Placement, Scene, Shading};
 use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
@@ -184,6 +184,18 @@ fn a_plan_says_how_the_volume_and_its_table_are_read() {
     assert_eq!(usual.matches("interpolated linearly").count(), 2, "values and transfer function: {usual}");
     let nearest = explained(|scene| scene.accuracy.interpolation = Interpolation::Nearest);
     assert!(nearest.contains("nearest voxel"), "{nearest}");
+    let shown = explained(|scene| scene.display.backdrop = Backdrop::Dark);
+    assert!(shown.contains("dark backdrop") && !shown.contains("is black"), "{shown}");
+    let hidden = explained(|scene| {
+        scene.display.backdrop = Backdrop::Dark;
+        scene.background = Some(Reflectance::new(Spectrum::constant(0.5)).unwrap());
+    });
+    assert!(hidden.contains("hides the backdrop"), "{hidden}");
+    for (name, expected) in [("slices_placed", true), ("slices_fields", false), ("placed_two", false)] {
+        let scene = scenes::named(name);
+        let said = plan(&scene, &Quiet).unwrap().explain(&scene).join(" ");
+        assert_eq!(said.contains("own are interpolated linearly"), expected, "{name}: {said}");
+    }
     let entry = explained(|scene| scene.transfer.lookup = Lookup::Nearest);
     assert!(entry.contains("in small steps"), "{entry}");
     let thin = explained(|scene| scene.accuracy.step_length = 1e-9);

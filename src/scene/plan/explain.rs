@@ -6,8 +6,8 @@ use super::{
 };
 use crate::key::Named as _;
 use crate::{
-    AccumulateAs, Accuracy, AmbientShares, Blending, Field, Gradients, Integration, Interpolation, Keep, Lookup,
-    Overlap, Scene, Shading, ShadowMethod,
+    AccumulateAs, Accuracy, AmbientShares, Backdrop, Blending, Field, Gradients, Integration, Interpolation, Keep,
+    Lookup, Overlap, Scene, Shading, ShadowMethod,
 };
 use relume_base::number::{brief, readable};
 use relume_colour::model::ModelKind;
@@ -369,10 +369,17 @@ impl Planned {
             }
         }
         sentences.push(
-            if plan.background {
-                "The background is visible through the volume, and relit with everything else."
-            } else {
-                "The background is black and costs nothing."
+            match (plan.background, scene.display.backdrop) {
+                (true, Backdrop::None) => {
+                    "The background is visible through the volume, and relit with everything else."
+                }
+                (true, Backdrop::Dark) => {
+                    "The background is visible through the volume, and relit with everything else; it hides the backdrop."
+                }
+                (false, Backdrop::None) => "The background is black and costs nothing.",
+                (false, Backdrop::Dark) => {
+                    "Behind the volume is the dark backdrop of the screen, which no light changes; it costs nothing."
+                }
             }
             .to_owned(),
         );
@@ -390,6 +397,9 @@ impl Planned {
             Lookup::Nearest => "the transfer function changes in small steps",
         };
         sentences.push(format!("Between voxels, {values}; {entries}."));
+        if plan.interpolation.cubic_axis().is_some() && plan.groups.beside() > 0 {
+            sentences.push("Fields on grids of their own are interpolated linearly along all axes.".to_owned());
+        }
         let termination = if scene.accuracy.termination > 0.0 && !plan.blending.is_extreme() {
             format!("until the transmittance is below {} %", readable(100.0 * scene.accuracy.termination))
         } else {

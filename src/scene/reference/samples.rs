@@ -1193,10 +1193,9 @@ fn interpolate<R: Real, const N: usize>(
         let plane = |z| mix(1, around(1).map(|y| line(y, z)));
         return mix(2, around(2).map(plane));
     }
+    let lerp = |[a, b]: [[R; N]; 2], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
     if let Some(axis) = interpolation.cubic_axis() {
         let [one, other] = [(axis + 1) % 3, (axis + 2) % 3];
-        // Places of the four voxels of a line, and their two neighbours along each of the other axes.
-        let lerp = |[a, b]: [[R; N]; 2], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
         let at = |places: [usize; 3]| {
             let mut voxel = [0; 3];
             (voxel[axis], voxel[one], voxel[other]) = (places[0], places[1], places[2]);
@@ -1214,7 +1213,6 @@ fn interpolate<R: Real, const N: usize>(
         });
     }
     let [xs, ys, zs]: [[usize; 2]; 3] = std::array::from_fn(|axis| [0, 1].map(|step| on(axis, base[axis] + step)));
-    let lerp = |[a, b]: [[R; N]; 2], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
     let line = |y, z| lerp(xs.map(|x| texel([x, y, z])), fraction[0]);
     let plane = |z| lerp(ys.map(|y| line(y, z)), fraction[1]);
     lerp(zs.map(plane), fraction[2])

@@ -132,8 +132,7 @@ fn stated<N: Named + Default>(choice: N) -> Option<String> {
 /// The choice of a key by its name.
 fn chosen<N: Named + Default>(key: &str, name: Option<String>) -> Result<N, String> {
     let Some(name) = name else { return Ok(N::default()) };
-    let found = N::ALL.iter().find(|(_, one)| *one == name).map(|(choice, _)| *choice);
-    found.ok_or_else(|| format!("unknown {key} {name:?}"))
+    N::of_name(&name).ok_or_else(|| format!("unknown {key} {name:?}"))
 }
 
 /// Exposure as a number, or a word.
