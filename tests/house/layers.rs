@@ -29,7 +29,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("volume", &["input", "memory", "progress", "number", "parallel"]),
     ("model", &["spectrum", "progress", "number"]),
     ("palette", &["input", "model", "spectrum", "progress", "number", "written"]),
-    ("scene", &["model", "spectrum", "volume", "progress", "number"]),
+    ("scene", &["model", "spectrum", "volume", "progress", "number", "written"]),
     ("plan", &["scene", "model", "spectrum", "progress", "number"]),
     ("film", &["plan", "scene", "model", "spectrum", "number", "parallel"]),
     ("ranks", &["film", "scene"]),
