@@ -5,6 +5,9 @@ struct Segments {
     unused: f32,
     // Difference of samples above which a step is refined.
     bound: f32,
+    // From a table coordinate to a place in the table.
+    scale: f32,
+    offset: f32,
 }
 
 @group(0) @binding(13) var<uniform> segments_uniform: Segments;
@@ -24,13 +27,15 @@ var<private> known: u32 = 0xffffffffu;
 var<private> has_run: bool = false;
 var<private> here: Step;
 var<private> rise_here: f32;
+// That of its value in the table of crossed intervals (`crossing_at`); below 0 if it is not known.
+var<private> crossing_here: vec3f;
 // True if the sample can be visible.
 var<private> seen_here: bool;
 var<private> waiting: Part;
 
-// Difference of two samples: the largest of the numbers that they scatter and hide, and half of the turn of the normal, times what both
-// scatter.
-fn rise_between(a: Step, b: Step) -> f32 {
+// Difference of two samples: the largest of the numbers that they scatter and hide and of the interval that their values `crossed`, and half of
+// the turn of the normal, times what both scatter.
+fn rise_between(a: Step, b: Step, crossed: f32) -> f32 {
     var most = vec4f();
     var lit_a = vec4f();
     var lit_b = vec4f();
@@ -42,12 +47,33 @@ fn rise_between(a: Step, b: Step) -> f32 {
         }
     }
     var rise = max(max(max(most.x, most.y), max(most.z, most.w)), depth_between(a.opacity, b.opacity));
+    if (CROSSINGS) {
+        rise = max(rise, crossed);
+    }
     if (SHADED) {
         let turn = b.normal - a.normal;
         let both = min(max(max(lit_a.x, lit_a.y), max(lit_a.z, lit_a.w)), max(max(lit_b.x, lit_b.y), max(lit_b.z, lit_b.w)));
         rise = fma(sqrt(dot(turn, turn)) * 0.5, both, rise);
     }
     return rise;
+}
+
+// A table coordinate, the sum over the values below it in the table of crossed intervals, and the number there. Twin of `Crossing::at`.
+fn crossing_at(coordinate: f32) -> vec3f {
+    let place = clamp(fma(coordinate, segments_uniform.scale, segments_uniform.offset), 0.0, f32(CROSSING_CELLS));
+    let number = min(u32(place), CROSSING_CELLS - 1u);
+    let cell = crossings[number];
+    let within = place - f32(number);
+    return vec3f(coordinate, fma(within, cell.y, cell.x), fma(within, cell.w - cell.z, cell.z));
+}
+
+// How far the mean between two values is outside the numbers of both; less for values closer than two cells, and 0 within one. Twin of
+// `Crossing::between`.
+fn crossed_between(a: vec3f, b: vec3f) -> f32 {
+    let distance = abs(b.x - a.x) * segments_uniform.scale;
+    let mean = abs(b.y - a.y) / max(distance, 1.0);
+    let outside = max(mean - max(a.z, b.z), min(a.z, b.z) - mean);
+    return select(0.0, max(outside, 0.0) * clamp(distance - 1.0, 0.0, 1.0), a.x >= 0.0);
 }
 
 // Lengths of the first and the last part of a step, as parts of it: 0 up to the bound, and a third from one and a half of it on, so that a
@@ -87,10 +113,12 @@ fn march_run(
     var outer = vec2f();
     var ahead: Step;
     var rise_ahead = 0.0;
+    var crossing_ahead: vec3f;
     var seen_ahead = false;
     if (held == 0u) {
         held = select(0u, 1u, has_run);
         here = Step();
+        crossing_here = vec3f(-1.0, 0.0, 0.0);
         seen_here = false;
         rise_here = 0.0;
     }
@@ -101,6 +129,7 @@ fn march_run(
         var place: vec3f;
         var key: Key;
         var seen = false;
+        var skipped = false;
         // Of an outer part; the step before it is known.
         let beside = part_within(ray, n, stage, outer);
         if (SKIP_INVISIBLE) {
@@ -111,8 +140,13 @@ fn march_run(
                 place = place_along(ray, n, held, stage, beside);
                 key = key_at(place);
                 seen = is_active(key);
-                if (seen || seen_here || held < 2u || stage > 0u || left_of(transmittance) * rise_here > segments_uniform.bound) { break; }
+                // What can be visible may lie between two values that cannot.
+                let crosses = CROSSINGS && (key.coordinate <= march.active_low) != (crossing_here.x <= march.active_low);
+                let counts = seen || seen_here || crosses;
+                if (counts || held < 2u || stage > 0u || left_of(transmittance) * rise_here > segments_uniform.bound) { break; }
                 rise_here = 0.0;
+                crossing_here.x = key.coordinate;
+                skipped = true;
                 n += 1u;
             }
         } else {
@@ -121,6 +155,13 @@ fn march_run(
             seen = true;
         }
         if (n >= end) { break; }
+        var crossing: vec3f;
+        if (CROSSINGS) {
+            crossing = crossing_at(key.coordinate);
+            if (skipped) {
+                crossing_here = crossing_at(crossing_here.x);
+            }
+        }
         let medium = medium_at(place, key);
         let whole = step_of(ray, n);
         let length = whole.y - whole.x;
@@ -139,16 +180,22 @@ fn march_run(
         }
         var done = false;
         if (stage == 0u) {
-            let rise = rise_between(here, medium);
+            var crossed = 0.0;
+            if (CROSSINGS) {
+                crossed = crossed_between(crossing_here, crossing);
+            }
+            let rise = rise_between(here, medium, crossed);
             if (held < 2u) {
                 here = medium;
                 rise_here = rise;
+                crossing_here = crossing;
                 seen_here = seen;
                 held += 1u;
             } else {
                 outer = outer_parts(left_of(transmittance) * vec2f(rise_here, rise));
                 ahead = medium;
                 rise_ahead = rise;
+                crossing_ahead = crossing;
                 seen_ahead = seen;
                 stage = select(select(3u, 2u, outer.y > 0.0), 1u, outer.x > 0.0);
             }
@@ -165,6 +212,7 @@ fn march_run(
         if (done) {
             here = ahead;
             rise_here = rise_ahead;
+            crossing_here = crossing_ahead;
             seen_here = seen_ahead;
             outer = vec2f();
             stage = 0u;

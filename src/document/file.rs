@@ -24,6 +24,7 @@ use media::Declared;
 use volumes::LabelMap;
 
 use super::Wish;
+use super::look::first_look::ChosenParts;
 pub use clip::clip_plane;
 use clip::fields_named;
 pub(crate) use volumes::is_segmentation;
@@ -157,7 +158,7 @@ pub fn parse(
 }
 
 /// As [`parse`], for volumes in memory, in place of those that the scene and the `options` name. Keys of the scene that
-/// change a volume (`spacing`, `origin`, `direction`, `unit`, `downsample`, `largest_part_above`) change a copy; without
+/// change a volume (`spacing`, `origin`, `direction`, `unit`, `downsample`, `largest_part_above`, `without_specks`) change a copy; without
 /// them, the scene holds the same volume.
 ///
 /// # Errors
@@ -260,13 +261,13 @@ pub(super) fn parse_around(
 }
 
 /// Reads the volume of `options`, unless it is in memory. It stands for a scene of this `name`, and has the changes of its
-/// definitions. Also returns its grid before these changes, and whether they choose its connected part.
+/// definitions. Also returns its grid before these changes, and which parts they choose.
 pub(super) fn volume_alone(
     name: &str,
     in_memory: Option<InMemory>,
     options: &SceneOptions,
     progress: &dyn Progress,
-) -> Result<((Arc<Volume>, Geometry), bool), SceneError> {
+) -> Result<((Arc<Volume>, Geometry), ChosenParts), SceneError> {
     let of_volume = |definition: &&Definition| {
         definition.text.split(['.', '=']).next().is_some_and(|table| table.trim() == "volume")
     };
@@ -274,7 +275,8 @@ pub(super) fn volume_alone(
     let read = |text: &Text<'_>, file: Root| {
         let given = in_memory.map(|volumes| Given { volumes, is_ready: false, has_ready_labels: false });
         let (volume, stored) = text.volume(&file.volume, given, Path::new(""), options, progress)?;
-        Ok(((volume, stored), file.volume.largest_part_above.is_some()))
+        let largest = file.volume.largest_part_above.is_some();
+        Ok(((volume, stored), ChosenParts { largest, specks: largest || file.volume.without_specks.is_some() }))
     };
     with_definitions((name, "version = 1\n"), (None, &definitions), read)
 }

@@ -8,7 +8,7 @@ use super::import::{self, Import, ImportError};
 use super::look::beside::{BesideVolume, beside};
 use super::look::channels::{ChannelVolume, channel_name, channels as look_channels};
 use super::look::first_look::{
-    Channel, FirstLook, Look, LookError, NoCt, Subject, Wish, first_look, is_speckled, labels_text,
+    Channel, ChosenParts, FirstLook, Look, LookError, NoCt, Subject, Wish, first_look, is_speckled, labels_text,
 };
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded, parse};
 use relume_base::input;
@@ -266,11 +266,11 @@ impl Source {
         }
         let name = path.display().to_string();
         let mut options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
-        let mut largest: Option<(Arc<Volume>, bool)> = None;
+        let mut largest: Option<(Arc<Volume>, ChosenParts)> = None;
         let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
         for time in 0..times {
             options.selection.time = Some(time);
-            let ((volume, _), has_parts) = match volume_alone(&name, None, &options, progress) {
+            let ((volume, _), parts) = match volume_alone(&name, None, &options, progress) {
                 Ok(found) => found,
                 Err(error) => {
                     return match channels_of(&error, &options)? {
@@ -283,12 +283,12 @@ impl Source {
             ends = [ends[0].min(min), ends[1].max(max)];
             match &mut largest {
                 Some((largest, _)) => Arc::make_mut(largest).raise_to(&volume)?,
-                None => largest = Some((volume, has_parts)),
+                None => largest = Some((volume, parts)),
             }
         }
         let look = match largest {
-            Some((volume, has_parts)) => {
-                let subject = Subject { has_parts, is_of_times: true, has_labels: false };
+            Some((volume, parts)) => {
+                let subject = Subject { parts, is_of_times: true, has_labels: false };
                 let volumes = InMemory { volume, labels: None, further: Vec::new() };
                 let Looked { text, guess, .. } = looked(path, volumes, (&mut options, subject), progress)?;
                 let [least, most] = ends.map(readable);
@@ -404,7 +404,7 @@ fn looked(
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let subject = Subject { has_labels, ..subject };
     let look = look_of(&name, (&mut volume, &statistics), (&*options, subject), progress)?;
-    let statistics = if look.is_alone { volume.statistics()? } else { statistics };
+    let statistics = if look.is_changed { volume.statistics()? } else { statistics };
     // A label map is named again, with the notes.
     if let Some(names) = options.label_names.take_if(|_| !has_labels && !look.is_label_map) {
         let volume = Arc::make_mut(&mut volume);
@@ -516,7 +516,7 @@ fn look_at(
         options.selection.time = None;
         alone = volume_alone(&whole_name, None, &options, progress);
     }
-    let ((volume, stored), has_parts) = match alone {
+    let ((volume, stored), parts) = match alone {
         Ok(found) => found,
         Err(error) => {
             let chosen = channels_of(&error, &options)?.filter(|_| is_of_file);
@@ -559,7 +559,7 @@ fn look_at(
         told = Some(format!(" The values of {} {what}.", path.display()));
         options.labels = Some(path);
     }
-    let subject = Subject { has_parts, is_of_times: false, has_labels: options.labels.is_some() };
+    let subject = Subject { parts, is_of_times: false, has_labels: options.labels.is_some() };
     let volumes = InMemory { volume, labels: labels.clone(), further: Vec::new() };
     let Looked { mut volume, text, guess, statistics } = looked(path, volumes, (&mut options, subject), progress)?;
     if volume.geometry != stored {

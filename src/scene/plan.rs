@@ -15,7 +15,7 @@ use std::sync::Arc;
 use crate::key::Named;
 pub use crate::key::Stale;
 use fitted::{Coefficients, RECENT, Wanted};
-pub use integration::{Narrow, narrow, read_ahead};
+pub use integration::{Crossed, Narrow, crossed, narrow, read_ahead};
 pub use light::{Arrival, LightPlan, MOST_SHADOWED, Share};
 pub use needs::PlannedFilm;
 pub use needs::is_constant;
@@ -96,6 +96,8 @@ pub struct ScenePlan {
     pub rays: usize,
     /// True if each ray has a phase of its own.
     pub jitter: bool,
+    /// True if refined steps count intervals between the values of two samples, because steps often cross one.
+    pub crossings: bool,
     /// Whether sums keep what rounding takes from them, because a ray may have more than [`MOST_PLAIN_STEPS`].
     pub compensated: bool,
     /// Storage of finished accumulators.
@@ -968,6 +970,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         skipping: scene.accuracy.skipping,
         rays: scene.accuracy.rays,
         jitter: scene.accuracy.jitter,
+        crossings: false,
         compensated: scene.most_steps() > MOST_PLAIN_STEPS && !scene.blending.is_extreme(),
         storage: scene.accuracy.storage,
     };
@@ -988,6 +991,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     }
     if scene.accuracy.integration == Integration::Adaptive && not_refined(&plan, model.as_deref()).is_none() {
         plan.integration = Integrate::Refined;
+        plan.crossings = crossed(scene).is_some();
         // Parts of a step are closed from densities.
         plan.groups.number = plan.groups.number.max(1);
     }

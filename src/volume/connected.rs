@@ -1,4 +1,4 @@
-//! The largest connected part of the voxels above a value.
+//! Connected parts of the voxels above a value: the largest, and specks.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -88,6 +88,8 @@ pub struct Parts {
     slices: Vec<Slice>,
     /// The part of each run; those inside the largest part belong to it.
     roots: Vec<usize>,
+    /// Number of voxels of each part, by its root.
+    voxels: Vec<usize>,
     /// Part of the most voxels.
     largest: usize,
     /// Stored number for the voxels of other parts.
@@ -122,6 +124,18 @@ impl Parts {
         }
         let largest = boxes.remove(&self.largest).unwrap_or(nothing);
         (largest, boxes.into_values().collect())
+    }
+
+    /// Number of voxels in the parts of fewer than `voxels` voxels, but for those inside the largest part.
+    pub fn specks(&self, voxels: usize) -> usize {
+        let runs = self.slices.iter().flat_map(|slice| &slice.runs).enumerate();
+        runs.filter(|&(run, _)| self.is_smaller(run, voxels)).map(|(_, [from, to])| (to - from) as usize).sum()
+    }
+
+    /// Whether a run is of another part than the largest, and of fewer than `voxels` voxels.
+    fn is_smaller(&self, run: usize, voxels: usize) -> bool {
+        let root = self.roots[run];
+        root != self.largest && self.voxels[root] < voxels
     }
 
     /// Number of voxels of other parts outside a box.
@@ -218,17 +232,41 @@ impl Volume {
         let limit = if self.slope == 0.0 { f64::INFINITY } else { (value - self.intercept) / self.slope };
         let smaller = if self.slope < 0.0 { f64::max } else { f64::min };
         let lowest = slices.iter().map(|slice| slice.lowest).fold(limit, smaller);
-        Ok(Parts { slices, roots, largest, lowest, sizes: [kept, all - kept] })
+        Ok(Parts { slices, roots, voxels: sizes, largest, lowest, sizes: [kept, all - kept] })
+    }
+
+    /// Removes the connected parts of fewer than `voxels` voxels above `value`, as [`Self::keep_largest_part_above`] removes all
+    /// others than the largest. Returns the number of changed voxels.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::keep_largest_part_above`].
+    pub fn remove_specks_above(
+        &mut self,
+        value: f64,
+        voxels: usize,
+        progress: &dyn Progress,
+    ) -> Result<usize, VolumeError> {
+        self.require_voxels("volume.without_specks")?;
+        let parts = self.parts_above(value, progress)?;
+        self.remove_smaller(&parts, voxels);
+        Ok(parts.specks(voxels))
     }
 
     /// Gives the voxels of all `parts` of this volume but the largest the smallest value.
     pub fn keep_largest(&mut self, parts: &Parts) {
+        self.remove_smaller(parts, usize::MAX);
+    }
+
+    /// Gives the voxels of those `parts` of this volume that have fewer than `least` voxels the smallest value; the largest stays, with
+    /// what is inside.
+    pub fn remove_smaller(&mut self, parts: &Parts, least: usize) {
         let [nx, ny, _] = self.geometry.dims;
         with_voxels!(&mut self.voxels, voxels => {
             let lowest = Voxel::nearest(parts.lowest);
             parallel::rows_mut(voxels, nx * ny, &|z, voxels| {
                 for (y, row) in voxels.chunks_mut(nx).enumerate() {
-                    for [from, to] in parts.slices[z].row(y, |run| parts.roots[run] != parts.largest) {
+                    for [from, to] in parts.slices[z].row(y, |run| parts.is_smaller(run, least)) {
                         row[from..to].fill(lowest);
                     }
                 }
@@ -454,6 +492,15 @@ mod tests {
                     !is_kept(*place) && (0..3).any(|axis| at[axis] < low[axis] || at[axis] > high[axis])
                 };
                 assert_eq!(parts.outside([low, high]), (0..voxels).filter(is_outside).count());
+                for least in [0, 1, 2, 4, most, most + 1] {
+                    let is_speck = |place: usize| !is_kept(place) && sizes[part[place].unwrap()] < least;
+                    let without: Vec<i16> =
+                        (0..voxels).map(|place| if is_speck(place) { below } else { stored[place] }).collect();
+                    let mut fewer = kept.clone();
+                    let removed = fewer.remove_specks_above(1.0, least, &Quiet).unwrap();
+                    assert_eq!(removed, (0..voxels).filter(|&place| is_speck(place)).count(), "{dims:?} {least}");
+                    assert_eq!(fewer.voxels, Voxels::I16(without), "{dims:?} {least}, slope {slope}");
+                }
                 assert_eq!(kept.keep_largest_part_above(1.0, &Quiet).unwrap(), others);
                 assert_eq!(kept.voxels, Voxels::I16(expected), "{dims:?}, slope {slope}");
                 assert_eq!(kept.keep_largest_part_above(1.0, &Quiet).unwrap(), 0, "nothing is left to remove");

@@ -181,5 +181,9 @@ fn accumulators_are_relit_for_the_observer_that_they_say_and_for_the_one_that_is
             assert!(apart <= 1e-5, "{kept}, {file} {flags:?}: {apart}");
         }
     }
-    folder.refused(2, &["relight", "a1964.exr", "-o", "q.exr", "--observer", "1951"], &["the observers are 1931, 1964"]);
+    folder.refused(
+        2,
+        &["relight", "a1964.exr", "-o", "q.exr", "--observer", "1951"],
+        &["the observers are 1931, 1964"],
+    );
 }

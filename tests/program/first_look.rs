@@ -548,6 +548,9 @@ fn what_a_body_lies_on_becomes_air_also_inside_its_box() {
     assert!(render(&["whole.toml"], "whole.png").1 != shown, "the rest would be visible");
     let (said, _) = render(&["alone.nrrd"], "first.png");
     assert!(!said.contains("connected"), "{said}");
+    // A choice of specks is none of the table.
+    let (said, _) = render(&["rest.nrrd", "-D", "volume.without_specks={above=-300,voxels=5}"], "specks.png");
+    assert!(said.contains("; only the largest connected part is shown."), "{said}");
     // A definition decides, and the saved scene has it.
     for value in ["-2000", "200"] {
         let definition = format!("volume.largest_part_above={value}");
@@ -591,6 +594,59 @@ fn the_table_of_a_patient_becomes_air_in_values_without_a_unit_too() {
         assert_eq!(said.contains("; only the largest connected part is shown."), is_removed, "{name}: {said}");
         let text = std::fs::read_to_string(folder.path(&scene)).unwrap();
         assert_eq!(text.contains("\nlargest_part_above = "), is_removed, "{name}: {text}");
+    }
+}
+
+#[test]
+fn specks_of_layers_are_left_out_and_grains_are_not() {
+    // A ball with a bubble, in which is a nodule; beside it a small cube and a larger one, or many small ones.
+    let scan = |side: i32, grains: bool| {
+        nrrd([48, 40, 40], "", move |[x, y, z]| {
+            let from = |centre: [i32; 3]| (x - centre[0]).pow(2) + (y - centre[1]).pow(2) + (z - centre[2]).pow(2);
+            let within =
+                |low: [i32; 3], side: i32| [x, y, z].iter().zip(low).all(|(at, low)| (low..low + side).contains(at));
+            match from([18, 20, 20]) {
+                0..2 => 210,
+                2..20 => 8,
+                20..170 => 120 + u8::try_from((x + 2 * y + 3 * z).rem_euclid(60)).unwrap(),
+                _ if within([41, 4, 4], side) || within([40, 30, 30], 5) => 200,
+                _ if grains && x > 34 && [x, y, z].iter().all(|at| at % 4 < 2) => 190,
+                _ => u8::try_from((x + y + z) % 5).unwrap(),
+            }
+        })
+    };
+    let folder = Folder::new()
+        .with("speck.nrrd", scan(3, false))
+        .with("none.nrrd", scan(0, false))
+        .with("grains.nrrd", scan(3, true));
+    let render = |more: &[&str], picture: &str| {
+        let outcome = folder.done(&[&["render", "--size", "60x60", "-o", picture], more].concat());
+        (outcome.err, std::fs::read(folder.path(picture)).unwrap())
+    };
+    let (said, shown) = render(&["speck.nrrd", "--save-scene", "speck.toml"], "speck.png");
+    assert!(said.contains("; connected parts of fewer than 50 voxels are left out."), "{said}");
+    let text = std::fs::read_to_string(folder.path("speck.toml")).unwrap();
+    assert!(text.contains("\nwithout_specks = { above = ") && text.contains(", voxels = 50 }\n"), "{text}");
+    assert!(render(&["speck.toml"], "saved.png").1 == shown, "the saved scene shows the same");
+    assert!(render(&["speck.toml", "--volume", "none.nrrd"], "none.png").1 == shown, "the speck alone is air");
+    std::fs::write(folder.path("whole.toml"), text.replace("without_specks", "# without_specks")).unwrap();
+    assert!(render(&["whole.toml"], "whole.png").1 != shown, "the speck would be visible");
+    // A definition decides, and the saved scene has it.
+    let all = "volume.without_specks={above=50,voxels=0}";
+    let (said, _) = render(&["speck.nrrd", "-D", all, "--save-scene", "own.toml"], "own.png");
+    assert!(!said.contains("connected parts"), "{said}");
+    assert!(std::fs::read_to_string(folder.path("own.toml")).unwrap().contains("voxels = 0"));
+    for more in [&["none.nrrd"][..], &["grains.nrrd"], &["speck.nrrd", "--look", "tissue"]] {
+        assert!(!render(more, "other.png").0.contains("connected parts"), "{more:?}");
+    }
+    for (value, words) in [
+        ("{above=nan,voxels=50}", &["volume.without_specks: above = NaN", "a finite number"][..]),
+        ("{above=1,voxels=-1}", &["without_specks"]),
+        ("50", &["without_specks=50", "a table of `above` and `voxels`"]),
+        ("{above=1}", &["voxels"]),
+    ] {
+        let definition = format!("volume.without_specks={value}");
+        folder.refused(2, &["render", "whole.toml", "-o", "q.png", "-D", &definition], words);
     }
 }
 
@@ -905,8 +961,31 @@ fn the_outer_layer_is_a_surface_around_a_ragged_core_and_glass_around_a_compact_
     };
     let ragged = outer(&|at| far(at) < 90 && is_odd(at));
     let compact = outer(&|at| far(at) < 36);
-    assert!((ragged - 0.148).abs() < 1e-9, "an optical depth of 0.16 a voxel: {ragged}");
+    let surface = |depth: f64| -(-depth).exp_m1();
+    assert!((ragged - surface(0.6)).abs() < 1e-3, "the most along a coarse voxel: {ragged}");
     assert!(compact < 0.06, "{compact}");
+    // 22 along the edge of a cube with as many voxels as a ball of radius 30.
+    let folder = Folder::new().with(
+        "v.nrrd",
+        nrrd([64, 64, 64], "", |[x, y, z]| {
+            let at = [x / 2, y / 2, z / 2];
+            let inner = if far(at) < 170 && is_odd([x, y, z]) { 200 } else { 100 };
+            let noise = u8::try_from((7 * x + 13 * y + 29 * z) % 9).unwrap();
+            noise + if (x - 32).pow(2) + (y - 32).pow(2) + (z - 32).pow(2) < 900 { inner } else { 0 }
+        }),
+    );
+    folder.done(&["render", "v.nrrd", "--size", "8x8", "--save-scene", "s.toml", "-o", "p.png"]);
+    let scene: toml::Table = std::fs::read_to_string(folder.path("s.toml")).unwrap().parse().unwrap();
+    let found = scene["transfer"]["intervals"][0]["opacity"].as_float().unwrap();
+    // What glows inside is seen through it.
+    let glow = nrrd([8, 8, 8], "space origin: (28,28,28)\n", |[x, y, z]| u8::try_from(x * 20 + y + z).unwrap());
+    let folder = folder.with("glow.nrrd", glow);
+    folder.done(&["render", "v.nrrd", "glow.nrrd", "--size", "8x8", "--save-scene", "t.toml", "-o", "p.png"]);
+    let both: toml::Table = std::fs::read_to_string(folder.path("t.toml")).unwrap().parse().unwrap();
+    let through = both["transfer"]["intervals"][0]["opacity"].as_float().unwrap();
+    assert!(((-through).ln_1p() / (-found).ln_1p() - 0.05).abs() < 1e-3, "{through} for {found}");
+    let edge = (4.0 / 3.0 * std::f64::consts::PI * 30.0_f64.powi(3)).cbrt();
+    assert!((found - surface(22.0 / edge)).abs() < 0.01, "{found} for {}", surface(22.0 / edge));
 }
 
 #[test]
@@ -1666,4 +1745,27 @@ fn all_times_of_a_series_have_one_look_so_that_bleaching_is_seen() {
     folder.refused(2, &["info", "t.nrrd", "--time", "all"], &["only `relume render` takes all time steps"]);
     folder.refused(2, &[&all[..], &["--accumulators", "a.exr"]].concat(), &["--time all", "--accumulators"]);
     folder.refused(2, &["render", "scene.toml", "--time", "all", "-o", "q.png"], &["has one time step"]);
+}
+
+#[test]
+fn what_is_small_at_each_time_stays_in_a_look_of_all_times() {
+    // A large ball at rest, a particle that moves, whose way is long, and a speck at one time.
+    let value = |index: usize| {
+        let [x, y, z] = [index % 32, index / 32 % 24, index / 768 % 24].map(|it| i32::try_from(it).unwrap());
+        let time = i32::try_from(index / (768 * 24)).unwrap();
+        let ball = (x - 9).pow(2) + (y - 9).pow(2) + (z - 9).pow(2) < 60;
+        let particle = (3 * time + 2..3 * time + 6).contains(&x) && (19..22).contains(&y) && (19..22).contains(&z);
+        let speck = (x, y, z, time) == (28, 4, 4, 0);
+        u8::try_from(index % 5).unwrap()
+            + if ball || particle || speck { 150 + u8::try_from(index % 37).unwrap() } else { 0 }
+    };
+    let axes = "space dimension: 3\nspace directions: (1,0,0) (0,1,0) (0,0,1) none\nkinds: space space space time\n";
+    let voxels = (0..5 * 768 * 24).map(value);
+    let folder = Folder::new().with("t.nrrd", nrrd_of("uint8", &[32, 24, 24, 5], axes, voxels));
+    let render =
+        |more: &[&str]| folder.done(&[&["render", "t.nrrd", "--size", "8x8", "-o", "p.png"], more].concat()).err;
+    let said = render(&["--time", "all", "--save-scene", "s.toml"]);
+    assert!(!said.contains("connected parts"), "{said}");
+    assert!(!std::fs::read_to_string(folder.path("s.toml")).unwrap().contains("without_specks"));
+    assert!(render(&["--time", "0"]).contains("; connected parts of fewer than 50 voxels are left out"), "alone");
 }

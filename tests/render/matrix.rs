@@ -441,6 +441,7 @@ pub(super) fn features(plan: &ScenePlan) -> String {
         skipping,
         rays,
         jitter,
+        crossings,
         compensated,
         storage,
     } = plan;
@@ -522,6 +523,7 @@ pub(super) fn features(plan: &ScenePlan) -> String {
     add(*lookup != Lookup::Linear, "nearest entry".into());
     add(*integration == Integrate::Segments, "segments".into());
     add(*integration == Integrate::Refined, "refined".into());
+    add(*crossings, "crossed intervals".into());
     add(blending.is_extreme(), format!("{blending:?}"));
     add(*interpolation != Interpolation::Linear, format!("{interpolation:?}"));
     add(*volume != VolumeAs::Auto, format!("{volume:?}"));
@@ -694,7 +696,8 @@ matrix! {
     refined_labels refined_nearest_labels refined_rows refined_background refined_cropped refined_inside refined_rotated
     refined_nearest refined_central refined_cubic refined_exact_linear refined_thinned refined_rectangles refined_shape
     refined_shadows refined_phases refined_films refined_clipped refined_rays refined_unskipped refined_long_steps
-    refined_finely refined_own_shares refined_orthographic jitter_unshaded jitter_three jitter_coloured jitter_labels
+    refined_finely refined_own_shares refined_orthographic crossed_unshaded crossed_three crossed_coloured crossed_thinned
+    crossed_cropped crossed_nearest crossed_unskipped crossed_rays jitter_unshaded jitter_three jitter_coloured jitter_labels
     jitter_cropped jitter_inside jitter_segments jitter_refined jitter_rays jitter_fields jitter_maximum jitter_clipped
     jitter_shadows jitter_unskipped slices_z slices_x slices_y slices_central slices_refined slices_segments slices_fields
     slices_placed slices_shadows slices_labels

@@ -8,7 +8,7 @@ use relume::scene::{Blending, Integration, Scene};
 
 use crate::matrix::differences;
 use crate::segments::check_slabs;
-use crate::support::rungs::Rungs;
+use crate::support::rungs::{Rungs, with_renderer};
 use crate::support::scenes::{self, SIZE};
 
 fn adaptive(mut scene: Scene) -> Scene {
@@ -72,6 +72,75 @@ fn a_bound_leads_from_plain_samples_to_three_a_step() {
         march_ray(&rungs.scene, &rungs.planned, &rungs.exact(), [SIZE, middle], &Quiet, count).unwrap();
     }
     assert!(seen[0] > seen[1] && seen[0] <= 3 * seen[1], "{seen:?}");
+}
+
+/// Media that no sample sees are found between two: of a face that is a voxel wide, a thin shell has the depth of its integral on average,
+/// and in each pixel nearly so.
+#[test]
+fn an_interval_between_the_values_of_two_samples_is_seen() {
+    let text = r#"
+        shading = "none"
+        [materials.only]
+        reflectance = "orange"
+        [transfer]
+        opacity_length = 1
+        intervals = [{ material = "only", range = [20000, 36000], ramp = 2000, opacity = 0.2 }]
+        [lights.day]
+        spectrum = "D65"
+        [camera]
+        projection = "orthographic"
+        height = 10
+        position = [8, 8, -20]
+        target = [9, 8.5, 8]
+        [accuracy]
+        termination = 0
+        jitter = true
+        "#;
+    // Values jump from 0 to 60000 between two slices: the trapezoid has the area of 18000 of them.
+    let scene = scenes::of(text, scenes::sampled([16, 16, 16], |place| if place.z < 0.0 { 0.0 } else { 60_000.0 }));
+    let transmittance = |integration: Integration| {
+        let mut scene = scene.clone();
+        scene.accuracy.integration = integration;
+        let rungs = Rungs::new(scene, [12, 12]);
+        assert_eq!(rungs.planned.plan.crossings, integration == Integration::Adaptive);
+        rungs.march::<f64>(&rungs.exact()).transmittance
+    };
+    let along = DVec3::new(1.0, 0.5, 28.0).normalize().z;
+    let expected = 0.8_f64.powf(0.3 / along);
+    let errors = |integration| {
+        let all = transmittance(integration);
+        all.iter().map(|found| (found - expected).abs() / (1.0 - expected)).sum::<f64>() / scenes::float(all.len())
+    };
+    let [plain, refined] = [Integration::Samples, Integration::Adaptive].map(errors);
+    assert!(plain > 0.8 && refined < 0.4, "{plain} of plain samples, {refined} of refined steps");
+    // No sample on either side can be visible, and the device skips none of these.
+    let shaded =
+        text.replace("shading = \"none\"", "").replace("jitter = true", "jitter = true\ngradients = \"central\"");
+    let rungs = Rungs::new(adaptive(scenes::of(&shaded, (**scene.volume()).clone())), [12, 12]);
+    assert!(rungs.planned.plan.skips_invisible() && rungs.planned.plan.crossings);
+    let expected = rungs.march::<f32>(&rungs.stored::<f32>()).transmittance;
+    with_renderer(|renderer| {
+        for (found, expected) in rungs.gpu(renderer).transmittance.iter().zip(&expected) {
+            assert!((found - expected).abs() < 1e-4, "{found} on the device, {expected} in f32");
+        }
+    });
+}
+
+#[test]
+fn a_plan_counts_crossed_intervals_where_steps_cross_a_range() {
+    let counts = |change: &dyn Fn(&mut Scene)| {
+        let mut scene = adaptive(scenes::named("crossed_three"));
+        change(&mut scene);
+        let planned = plan(&scene, &Quiet).unwrap();
+        let says = planned.explain(&scene).iter().any(|sentence| sentence.starts_with("Intervals between the values"));
+        assert_eq!(says, planned.plan.crossings);
+        planned.plan.crossings
+    };
+    assert!(counts(&|_| {}));
+    assert!(!counts(&|scene| scene.accuracy.integration = Integration::Samples));
+    // Steps that are short enough do not.
+    assert!(!counts(&|scene| scene.accuracy.step_length /= 16.0));
+    assert!(!counts(&|scene| scene.transfer = scenes::named("refined_three").transfer));
 }
 
 #[test]

@@ -174,6 +174,7 @@ pub(super) struct VolumeFile {
     #[serde(default, deserialize_with = "counts")]
     pub(super) downsample: Option<[NonZeroUsize; 3]>,
     pub(super) largest_part_above: Option<At<f64>>,
+    pub(super) without_specks: Option<At<SpecksFile>>,
     #[serde(default, deserialize_with = "counts")]
     pub(super) dims: Option<[NonZeroUsize; 3]>,
     #[serde(default, deserialize_with = "numbers")]
@@ -339,6 +340,14 @@ pub(super) struct ShapeFile {
     pub(super) values: Option<At<[f64; 2]>>,
     #[serde(default, deserialize_with = "numbers")]
     pub(super) second: Option<At<[f64; 2]>>,
+}
+
+/// Parts of fewer than `voxels` voxels above a value.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table of `above` and `voxels`")]
+pub(super) struct SpecksFile {
+    pub(super) above: f64,
+    pub(super) voxels: usize,
 }
 
 #[derive(Deserialize)]

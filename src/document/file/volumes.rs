@@ -97,6 +97,18 @@ impl Text<'_> {
                 error => fail(error),
             })?;
         }
+        if let Some(specks) = file.without_specks.as_ref().filter(|_| !is_ready) {
+            let SpecksFile { above, voxels } = *specks.get_ref();
+            if !above.is_finite() {
+                let message = format!("volume.without_specks: above = {above}; it must be a finite number");
+                return Err(self.invalid(specks, message));
+            }
+            match Arc::make_mut(&mut volume).remove_specks_above(above, voxels, progress) {
+                // Nothing is above the value, so no speck is.
+                Ok(_) | Err(VolumeError::NothingAbove { .. }) => {}
+                Err(error) => return Err(fail(error)),
+            }
+        }
         let selection = Selection { asks: false, ..selection.or(&volume.selection) };
         if (is_of_file || is_ready) && selection != volume.selection {
             Arc::make_mut(&mut volume).selection = selection;

@@ -103,7 +103,7 @@ pub(crate) fn scene(
         Interpolation::Nearest => line("\n[accuracy]\ninterpolation = \"nearest\""),
         Interpolation::Cubic => line("\n[accuracy]\ninterpolation = \"cubic\""),
     }
-    Ok(FirstLook { text, guess, is_alone: false, is_label_map: false })
+    Ok(FirstLook { text, guess, is_changed: false, is_label_map: false })
 }
 
 /// Points at the places of `spread`, which maps the range of the points.

@@ -8,13 +8,16 @@ use std::sync::Arc;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, Value, value};
 
 use super::channels::{brighten, number, number_in, rename};
-use super::first_look::{Look, LookError, Subject, Values, Wish, first_look};
+use super::first_look::{Look, LookError, SURFACE, Subject, Values, Wish, first_look};
 use relume_base::number::brief_in;
 use relume_base::progress::Progress;
 use relume_volume::Volume;
 
 /// Reflectances of such materials in their order, where the first look has no designed spectra: patches of the ColorChecker.
 const COLOURS: [&str; 3] = ["magenta", "cyan", "orange"];
+
+/// Part of the optical depth that the surface of a ragged object keeps, so that what glows inside is seen.
+const GLASS: f64 = 0.05;
 
 /// Number in the design of what glows beside a first look, in their order: the last are nearest to its own colours.
 const GLOWS: [usize; 3] = [3, 2, 1];
@@ -60,6 +63,7 @@ pub(crate) fn beside(
         transfer.get("opacity_length").and_then(Item::as_value).and_then(number_in).unwrap_or(spacing)
     };
     let ours = length(&document["transfer"], spacing);
+    make_glass(&mut document["transfer"]);
     // Of the largest values an opacity length of each is seen.
     let is_largest = document.get("blending").is_some();
     let (mut told, mut names) = (Vec::new(), Vec::new());
@@ -124,6 +128,20 @@ pub(crate) fn beside(
     };
     let guess = format!(" Beside it, where each is in the world, {what}: {}.{alone}", told.join(", "));
     Ok(BesideLook { text: document.to_string(), guess })
+}
+
+/// Makes glass of the surface in a `transfer`, if there is one.
+fn make_glass(transfer: &mut Item) {
+    let intervals = transfer.get_mut("intervals").and_then(Item::as_array_mut);
+    let tables =
+        intervals.into_iter().flat_map(|intervals| intervals.iter_mut()).filter_map(Value::as_inline_table_mut);
+    for interval in tables.filter(|it| it.get("material").and_then(Value::as_str) == Some(SURFACE)) {
+        if let Some(opacity) = interval.get_mut("opacity")
+            && let Some(solid) = number_in(opacity)
+        {
+            *opacity = number((-(GLASS * (-solid).ln_1p()).exp_m1() * 1e6).round() / 1e6);
+        }
+    }
 }
 
 /// Gives the designed materials of a first look and those of the volumes beside it spectra by which each light shows one of them; returns

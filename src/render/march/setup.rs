@@ -16,9 +16,9 @@ use crate::{RenderError, Renderer, Uploaded};
 use relume_base::number::{count, rounded, unsigned};
 use relume_scene::plan::{Integrate, LANE, Planned, Transmittance, refinement_bound};
 use relume_scene::tables::{
-    BlockBox, CapTable, ClipTable, FactorTable, LabelTable, Occupancy, PhaseTable, PlacedField, PositionTable,
-    RayTable, SegmentTable, ShadingTable, Steps, Storage, ThinFilmTable, TransferTable, gradient_numbers,
-    occupancy_of_fields, phase_of_ray, ray_places, reach_in_voxels,
+    BlockBox, CapTable, ClipTable, CrossingTable, FactorTable, LabelTable, Occupancy, PhaseTable, PlacedField,
+    PositionTable, RayTable, SegmentTable, ShadingTable, Steps, Storage, ThinFilmTable, TransferTable,
+    gradient_numbers, occupancy_of_fields, phase_of_ray, ray_places, reach_in_voxels,
 };
 use relume_scene::{FIELDS, Scene, ShadowMethod, StoreAs};
 use relume_vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
@@ -68,7 +68,8 @@ pub struct MarchUniform {
 struct SegmentUniform {
     unit: f32,
     variation: f32,
-    unused: [f32; 2],
+    scale: f32,
+    offset: f32,
 }
 
 /// Uniform of a block, in the layout of `shaders/rays.wgsl`.
@@ -298,9 +299,20 @@ impl Renderer {
             Integrate::Refined => refinement_bound(scene.accuracy.variation),
             Integrate::Samples | Integrate::Segments => scene.accuracy.variation,
         };
-        let segments = SegmentUniform { unit, variation: rounded(variation), unused: [0.0; 2] };
+        let mut segments = SegmentUniform { unit, variation: rounded(variation), ..SegmentUniform::default() };
+        let mut cells = vec![0.0_f32; 4];
+        if let (true, Values::Steps(table)) = (plan.crossings, &values) {
+            let crossings = CrossingTable::new(scene, planned, uploaded.storage.domain);
+            // From coordinates of the table of values, which come from texels as the places do.
+            let [scale, offset] = crossings.place_from_texel(&uploaded.storage);
+            let [of_value, offset_of_value] = table.coordinate_from_texel(&uploaded.storage);
+            let ratio = scale / of_value;
+            [segments.scale, segments.offset] = [ratio, ratio.mul_add(-offset_of_value, offset)].map(rounded);
+            cells = crossings.cells.into_iter().flatten().map(rounded).collect();
+        }
         let segments = uniform("segments", bytemuck::bytes_of(&segments))?;
         let (tables, tabled) = self.tables(&values, &label_table.table)?;
+        let crossings = self.table_buffer("crossings", bytemuck::cast_slice(&cells), tables)?;
         let label_rows = storage("label rows", bytemuck::cast_slice(&label_table.rows.words()))?;
         // Others fetch texels themselves.
         let filter = if plan.interpolation.is_filtered() { Filter::Linear } else { Filter::Nearest };
@@ -365,7 +377,8 @@ impl Renderer {
                 "accumulators" => Resource::StorageImage(&accumulators),
                 "transmittances" => Resource::StorageImage(&transmittance),
                 _ => {
-                    let (_, buffer) = tabled.iter().find(|(table, _)| *table == name)?;
+                    let of_name = tabled.iter().find(|(table, _)| *table == name).map(|(_, buffer)| buffer);
+                    let buffer = of_name.or((name == "crossings").then_some(&crossings))?;
                     match tables {
                         TableMemory::Storage => Resource::Storage(buffer),
                         TableMemory::Uniform => Resource::Uniform(buffer),

@@ -8,7 +8,7 @@ use crate::pool::Residence;
 use crate::{Part, Source};
 use relume_base::number::{rounded, unsigned};
 use relume_scene::plan::{Accumulate, Integrate, LANE, MOST_PARTS, ScenePlan, Shares, Transmittance};
-use relume_scene::tables::{BRICK, CELL, FILM_ROWS, LARGEST_SKY_DEPTH, SECOND_DIFFERENCE, slot_edge};
+use relume_scene::tables::{BRICK, CELL, CROSSING_CELLS, FILM_ROWS, LARGEST_SKY_DEPTH, SECOND_DIFFERENCE, slot_edge};
 use relume_scene::{Blending, Gradients, Interpolation, Lookup, Overlap, SHAPE_EDGE, StoreAs};
 use relume_vulkan::Format;
 use relume_vulkan::shader::Constants;
@@ -78,6 +78,10 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         Integrate::Samples => parts.extend([text!("keys.wgsl"), text!("samples.wgsl"), text!("samples_of_steps.wgsl")]),
         Integrate::Refined => {
             parts.extend([text!("keys.wgsl"), text!("refined.wgsl")]);
+            parts.push(match tables {
+                TableMemory::Storage => text!("crossings_storage.wgsl"),
+                TableMemory::Uniform => text!("crossings_uniform.wgsl"),
+            });
             parts.extend(samples_of_groups(plan));
         }
         Integrate::Segments => {
@@ -206,6 +210,15 @@ fn grouped(constants: Constants, plan: &ScenePlan) -> Constants {
         .u32("SHAPE_EDGE", unsigned(SHAPE_EDGE))
 }
 
+/// Adds the constants of `refined.wgsl`.
+fn refined(constants: Constants, plan: &ScenePlan) -> Constants {
+    if plan.integration != Integrate::Refined {
+        return constants;
+    }
+    let cells = if plan.crossings { unsigned(CROSSING_CELLS) } else { 1 };
+    constants.bool("CROSSINGS", plan.crossings).u32("CROSSING_CELLS", cells)
+}
+
 /// Adds the constants of `clip.wgsl`.
 fn clipped(constants: Constants, plan: &ScenePlan) -> Constants {
     constants
@@ -227,7 +240,7 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
     };
-    clipped(grouped(filmed(bricked(common(plan), residence), plan), plan), plan)
+    refined(clipped(grouped(filmed(bricked(common(plan), residence), plan), plan), plan), plan)
         .bool("BLOCK", block)
         .bool("COMPENSATED", plan.compensated)
         .u32("LANES", unsigned(plan.lanes().max(1)))
@@ -420,6 +433,7 @@ mod tests {
             skipping: true,
             rays: 1,
             jitter: false,
+            crossings: false,
             compensated: false,
             storage: StoreAs::Single,
         }

@@ -1,7 +1,7 @@
 //! Explains plans in sentences, for people who know volumes but not this program.
 
 use super::{
-    ClipPlan, Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, narrow, narrower,
+    ClipPlan, Integrate, MOST_PARTS, PlanWarning, Planned, PlannedFilm, Transmittance, crossed, narrow, narrower,
     refinement_bound,
 };
 use crate::key::Named as _;
@@ -424,6 +424,13 @@ impl Planned {
                 "A step has one sample, and one more towards each sample beside it from which its medium or shading differs by more than {}.",
                 brief(refinement_bound(scene.accuracy.variation))
             ));
+            if let Some(range) = crossed(scene).filter(|_| plan.crossings) {
+                sentences.push(format!(
+                    "Intervals between the values of two samples count too: in {} % of the steps that touch a range of visible values, the values change by more than its width, {}.",
+                    brief(100.0 * range.part),
+                    brief(range.width)
+                ));
+            }
         } else if scene.accuracy.integration == Integration::Adaptive
             && let Some(why) = self.not_refined()
         {

@@ -1,5 +1,5 @@
-//! The choice between samples and segments: whether values change by more than an interval of the transfer function in a
-//! step.
+//! The choice between samples and segments, and whether refined steps count crossed intervals: whether values change by more than an interval of the
+//! transfer function in a step.
 
 use crate::{Scene, Term};
 use relume_base::number::count;
@@ -31,6 +31,43 @@ pub fn narrow(scene: &Scene) -> Option<Narrow> {
     };
     let missed = supports().map(of_support).filter(|narrow| narrow.width < narrow.change);
     missed.min_by(|a, b| (a.width / a.change).total_cmp(&(b.width / b.change)))
+}
+
+/// A range of visible values that steps cross.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossed {
+    /// Width of a range of visible values.
+    pub width: f64,
+    /// Part of the steps that touch it in which the values change by more.
+    pub part: f64,
+}
+
+/// The range of visible values of `scene` that is crossed by the largest part of the steps that touch it, if that is a tenth or more: two samples
+/// that see nothing may then have a medium between them (docs/theory/refinement.md). A range is one of overlapping intervals.
+#[must_use]
+pub fn crossed(scene: &Scene) -> Option<Crossed> {
+    const PART: f64 = 0.1;
+    let mut supports: Vec<[f64; 2]> = scene.transfer.terms.iter().flat_map(supports).collect();
+    supports.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut ranges: Vec<[f64; 2]> = Vec::new();
+    for [low, high] in supports {
+        match ranges.last_mut() {
+            Some(last) if last[1] >= low => last[1] = last[1].max(high),
+            _ => ranges.push([low, high]),
+        }
+    }
+    ranges.retain(|[low, high]| (high - low).is_finite());
+    if ranges.is_empty() {
+        return None;
+    }
+    let pairs = pairs(scene);
+    let of_range = |[low, high]: [f64; 2]| {
+        let touching = pairs.iter().filter(|[from, to]| *from <= high && *to >= low);
+        let (all, by) = touching
+            .fold((0_usize, 0_usize), |(all, by), [from, to]| (all + 1, by + usize::from(to - from > high - low)));
+        Crossed { width: high - low, part: count(by) / count(all.max(1)) }
+    };
+    ranges.into_iter().map(of_range).filter(|range| range.part >= PART).max_by(|a, b| a.part.total_cmp(&b.part))
 }
 
 /// Ranges of values in which `term` scatters or absorbs.

@@ -109,6 +109,7 @@ impl Stale {
             skipping,
             rays,
             jitter,
+            crossings,
             compensated,
             storage,
         } = *plan;
@@ -119,7 +120,7 @@ impl Stale {
             light,
             (shading, phases, thin_films),
             groups,
-            (lookup, integration, blending),
+            (lookup, integration, crossings, blending),
             labels_by_value,
         ) != (
             later.accumulate,
@@ -127,7 +128,7 @@ impl Stale {
             &later.light,
             (later.shading, later.phases, later.thin_films),
             later.groups,
-            (later.lookup, later.integration, later.blending),
+            (later.lookup, later.integration, later.crossings, later.blending),
             later.labels_by_value,
         );
         if tables || *materials != after.materials || positions.len() != after.positions.len() {

@@ -9,7 +9,7 @@ use super::clip::{FAR, Own, Planes};
 use super::composite::{Lost, attenuate_all, attenuate_matrix};
 use super::factors::thin;
 use super::light::{At, Light, Scratch};
-use super::{End, ReferenceError, Samples, Step, Values, store};
+use super::{Crossing, End, ReferenceError, Samples, Step, Values, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
 use crate::plan::{Integrate, LANE, MOST_PARTS, Planned, Transmittance, refinement_bound};
@@ -89,6 +89,13 @@ struct Extreme<R> {
     value: R,
     index: usize,
     place: [R; 3],
+}
+
+/// A sample whose neighbours decide on further ones.
+#[derive(Clone)]
+struct Known<R> {
+    density: Step<R>,
+    crossing: Crossing<R>,
 }
 
 /// Part of a step with a medium of its own.
@@ -431,12 +438,13 @@ impl<'a, R: Real> Frame<'a, R> {
         let mut transmittance = self.all_light();
         let (mut step, mut scratch) = (Step::default(), Scratch::default());
         let mut lost = self.lost(sums.len(), transmittance.len());
-        let at = |place: [R; 3]| {
+        let density_at = |place: [R; 3]| {
             let mut density = Step::default();
             samples.sample(place, &mut density);
             density.normal = samples.normal(place);
             density
         };
+        let at = |place: [R; 3]| Known { density: density_at(place), crossing: samples.crossing(place) };
         // Places of samples in steps from the beginning of step n, whole steps beyond the ray.
         let middle = |n: usize| {
             let [from, to] = if n < ray.samples { ray.part(n) } else { [R::default(), one] };
@@ -447,7 +455,7 @@ impl<'a, R: Real> Frame<'a, R> {
             at(place.unwrap_or_else(|| ray.place(0, -half, self.step_length)))
         };
         // The samples of a step and of the one ahead, and its number.
-        let mut known: Option<(usize, [Step<R>; 2])> = None;
+        let mut known: Option<(usize, [Known<R>; 2])> = None;
         for (n, place) in self.occupied(samples, ray) {
             let [from, to] = ray.part(n);
             let length = to - from;
@@ -467,9 +475,12 @@ impl<'a, R: Real> Frame<'a, R> {
             let places = [from + outer[0] * length * half, to - outer[1] * length * half];
             let places = places.map(|within| ray.place(n, within, self.step_length));
             let mut parts: SmallVec<[Part<R>; 3]> = SmallVec::new();
-            let part = |end: usize| Part { place: places[end], density: at(places[end]), length: outer[end] * length };
+            let part = |end: usize| {
+                let place = places[end];
+                Part { place, density: density_at(place), length: outer[end] * length }
+            };
             parts.extend((outer[0] > R::default()).then(|| part(0)));
-            parts.push(Part { place, density: here.clone(), length: (one - outer[0] - outer[1]) * length });
+            parts.push(Part { place, density: here.density.clone(), length: (one - outer[0] - outer[1]) * length });
             parts.extend((outer[1] > R::default()).then(|| part(1)));
             known = Some((n, [here, ahead]));
             for Part { place, density, length } in parts {
@@ -492,13 +503,15 @@ impl<'a, R: Real> Frame<'a, R> {
         transmittance
     }
 
-    /// Difference between the media of two samples: the largest of the numbers that they scatter and hide, and half of the turn of the
-    /// normal, times what both scatter.
-    fn rise(&self, a: &Step<R>, b: &Step<R>) -> R {
+    /// Difference between the media of two samples: the largest of the numbers that they scatter and hide and of what lies between their
+    /// values, and half of the turn of the normal, times what both scatter.
+    fn rise(&self, one: &Known<R>, other: &Known<R>) -> R {
+        let (a, b) = (&one.density, &other.density);
         let difference =
             |a: &[R], b: &[R]| a.iter().zip(b).fold(R::default(), |most, (&a, &b)| most.max((a - b).abs()));
         let lit = |step: &Step<R>| step.source.iter().fold(R::default(), |most, &lit| most.max(lit.abs()));
         let rise = difference(&a.source, &b.source).max(difference(&a.opacity, &b.opacity));
+        let rise = rise.max(Crossing::between(&one.crossing, &other.crossing));
         if !self.planned.plan.shades_by_gradient() {
             return rise;
         }

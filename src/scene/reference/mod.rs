@@ -18,7 +18,7 @@ pub use composite::{attenuate, attenuate_matrix, composite, composite_matrix};
 pub use kept::{Keeping, KeptDepths};
 pub use march::{Marched, RaySample, across};
 pub use marching::{Marching, march, march_ray, render, render_pixels};
-pub use samples::{End, Exact, Label, Normals, Samples, Step, Stored, Values};
+pub use samples::{Crossing, End, Exact, Label, Normals, Samples, Step, Stored, Values};
 pub use skipping::Skipping;
 pub use store::store;
 

@@ -7,8 +7,8 @@ use super::factors::{coordinates_of, factors_at, sum_groups};
 use super::kept::{Keeping, KeptDepths};
 use crate::plan::{LANE, Planned};
 use crate::tables::{
-    self, CapTable, ExtinctionTable, FactorTable, LabelMap, LabelTable, PlacedField, SegmentTable, Steps, Storage,
-    StoredScene, StoredVolume, TransferTable, gradient_numbers,
+    self, CROSSING_CELLS, CapTable, CrossingTable, ExtinctionTable, FactorTable, LabelMap, LabelTable, PlacedField,
+    SegmentTable, Steps, Storage, StoredScene, StoredVolume, TransferTable, gradient_numbers,
 };
 use crate::{FIELDS, Interpolation, LabelEntry, Lookup, Medium, Scene};
 use relume_base::number::{Real, count, dot, unit};
@@ -223,6 +223,11 @@ pub trait Samples<R: Real>: Sync {
     /// sum over its numbers of the differences between the mean and both ends; 1 where a label begins or ends.
     fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R;
 
+    /// The place of the value at `place` in the table of crossed intervals, for plans that count these.
+    fn crossing(&self, _place: [R; 3]) -> Crossing<R> {
+        Crossing::default()
+    }
+
     /// Optical depth per unit of length (the smallest spacing) at `place`, for shadows: `number` 0 is that of all that is grey,
     /// the others are those of the plan's coloured absorbers.
     fn extinction(&self, place: [R; 3], number: usize) -> R;
@@ -244,6 +249,37 @@ pub trait Samples<R: Real>: Sync {
     }
 }
 
+/// A place in a [`CrossingTable`]. Twin of `crossing_at` in `shaders/refined.wgsl`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Crossing<R> {
+    /// In cells of the table.
+    place: R,
+    /// The sum over the values below.
+    sum: R,
+    /// The number there.
+    own: R,
+}
+
+impl<R: Real> Crossing<R> {
+    fn at(table: &CrossingTable, place: R) -> Self {
+        let inside = place.max(R::default()).min(R::from_f64(count(CROSSING_CELLS)));
+        let number = inside.floor().index().min(CROSSING_CELLS - 1);
+        let [below, own, low, high] = table.cells[number].map(R::from_f64);
+        let within = inside - R::from_f64(count(number));
+        Self { place, sum: within.mul_add(own, below), own: within.mul_add(high - low, low) }
+    }
+
+    /// How far the mean between two values is outside the numbers of both; less for values closer than two cells, and 0 within one.
+    #[must_use]
+    pub fn between(a: &Self, b: &Self) -> R {
+        let distance = (b.place - a.place).abs();
+        let (zero, one) = (R::default(), R::from_f64(1.0));
+        let mean = (b.sum - a.sum).abs() / distance.max(one);
+        let outside = (mean - a.own.max(b.own)).max(a.own.min(b.own) - mean).max(zero);
+        outside * (distance - one).max(zero).min(one)
+    }
+}
+
 /// The scene itself: transfer function without a table, volume without a texture.
 #[derive(Debug)]
 pub struct Exact<'a> {
@@ -259,6 +295,7 @@ pub struct Exact<'a> {
     /// Steps or densities of the rows of labels; of those by value, those at 0.
     label_steps: Vec<tables::Step>,
     bends: Vec<f64>,
+    crossings: Option<CrossingTable>,
     /// If shading sees cut faces.
     clip: Option<Planes<f64>>,
     kept: Option<&'a KeptDepths<f64>>,
@@ -281,6 +318,7 @@ impl<'a> Exact<'a> {
         let bends = scene.transfer.bends();
         let clip = Planes::of_samples(planned, &CapTable::new(scene, &storage));
         let further = scene.fields.further().iter().map(|field| &*field.volume).zip(PlacedField::of_further(scene));
+        let crossings = planned.plan.crossings.then(|| CrossingTable::new(scene, planned, storage.domain));
         Self {
             scene,
             volume: scene.volume(),
@@ -293,6 +331,7 @@ impl<'a> Exact<'a> {
             steps,
             label_steps,
             bends,
+            crossings,
             clip,
             kept: None,
         }
@@ -578,6 +617,16 @@ impl Samples<f64> for Exact<'_> {
         End { value, gradient, fall: self.fall(value), label: self.shares(place).label() }
     }
 
+    fn crossing(&self, place: [f64; 3]) -> Crossing<f64> {
+        let [low, high] = self.storage.domain;
+        let of_value = |table| {
+            let part = if high > low { (self.value_at(place) - low) / (high - low) } else { 0.0 };
+            let [scale, offset] = CrossingTable::place_from_normalised(table);
+            Crossing::at(table, part.mul_add(scale, offset))
+        };
+        self.crossings.as_ref().map_or_else(Crossing::default, of_value)
+    }
+
     fn mean(&self, ends: [&End<f64>; 2], middle: [f64; 3], density: &mut Step<f64>) -> f64 {
         let shares = self.shares(middle);
         let Step { source, opacity, memory: parts, .. } = density;
@@ -675,6 +724,8 @@ pub struct Stored<'a, R> {
     clip: Option<Planes<R>>,
     fall: [R; 2],
     segments: Option<Segments<'a, R>>,
+    /// With scale and offset from texels to its places.
+    crossings: Option<(&'a CrossingTable, [R; 2])>,
     extinctions: &'a [ExtinctionTable],
 }
 
@@ -707,6 +758,7 @@ impl<'a, R: Real> Stored<'a, R> {
             table,
             label_table,
             segments,
+            crossings,
             extinctions,
             factors,
             caps,
@@ -739,6 +791,7 @@ impl<'a, R: Real> Stored<'a, R> {
             clip: Planes::of_samples(planned, caps),
             fall: caps.fall.map(R::from_f64),
             segments: segments.as_ref().map(of_segments),
+            crossings: crossings.as_ref().map(|table| (table, table.place_from_texel(storage).map(R::from_f64))),
             extinctions,
         }
     }
@@ -990,6 +1043,13 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             value.mul_add(segments.scale, segments.offset).max(R::default()).min(last)
         });
         End { value, gradient, fall, label: self.shares(place).label() }
+    }
+
+    fn crossing(&self, place: [R; 3]) -> Crossing<R> {
+        let of_texel = |&(table, [scale, offset]): &(&CrossingTable, [R; 2])| {
+            Crossing::at(table, self.value_at(place).mul_add(scale, offset))
+        };
+        self.crossings.as_ref().map_or_else(Crossing::default, of_texel)
     }
 
     // Twin of `mean_between` in `shaders/segments.wgsl`.

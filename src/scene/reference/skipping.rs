@@ -1,6 +1,6 @@
 //! Empty-space skipping. What is skipped contributes nothing, so the numbers stay the same and take less time.
 
-use super::{End, Keeping, Normals, Samples, Step, Values};
+use super::{Crossing, End, Keeping, Normals, Samples, Step, Values};
 use crate::Scene;
 use crate::plan::{Integrate, Planned};
 use crate::tables::{CELL, Occupancy};
@@ -80,6 +80,10 @@ impl<R: Real, S: Samples<R>> Samples<R> for Skipping<'_, S> {
 
     fn end(&self, place: [R; 3]) -> End<R> {
         self.inner.end(place)
+    }
+
+    fn crossing(&self, place: [R; 3]) -> Crossing<R> {
+        self.inner.crossing(place)
     }
 
     fn mean(&self, ends: [&End<R>; 2], middle: [R; 3], density: &mut Step<R>) -> R {

@@ -169,6 +169,13 @@ pub(crate) fn mean_density(
     mean(steps, bends, ends, &EIGHT_POINTS, density, part);
 }
 
+/// Mean densities between two values: the light scattered and the optical depth per step length.
+pub(super) fn cell_mean(steps: &Steps<'_>, bends: &[f64], ends: [f64; 2]) -> [Vec<f64>; 2] {
+    let (mut density, mut part) = (Step::default(), Step::default());
+    mean(steps, bends, ends, &TWO_POINTS, [&mut density.source, &mut density.opacity], &mut part);
+    [density.source, density.opacity]
+}
+
 fn mean(
     steps: &Steps<'_>,
     bends: &[f64],

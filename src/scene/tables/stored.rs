@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::unit_length;
 use super::{
-    CapTable, ExtinctionTable, FactorTable, LabelMap, LabelTable, PlacedField, SegmentTable, Storage, StoredVolume,
-    TransferTable,
+    CapTable, CrossingTable, ExtinctionTable, FactorTable, LabelMap, LabelTable, PlacedField, SegmentTable, Storage,
+    StoredVolume, TransferTable,
 };
 use crate::Scene;
 use crate::plan::{Integrate, Planned};
@@ -27,6 +27,8 @@ pub struct StoredScene {
     pub label_table: LabelTable,
     /// Table of segments, if the plan integrates in segments.
     pub segments: Option<SegmentTable>,
+    /// Table of crossed intervals, if the plan counts these.
+    pub crossings: Option<CrossingTable>,
     /// Extinction of shadows, if lights with a direction cast them.
     pub extinctions: Vec<ExtinctionTable>,
     /// Table of the factors by the gradient.
@@ -84,6 +86,7 @@ impl StoredScene {
             label_table: LabelTable::new(scene, planned, storage.domain, table.entries()),
             segments: (planned.plan.integration == Integrate::Segments)
                 .then(|| SegmentTable::new(scene, planned, storage.domain)),
+            crossings: planned.plan.crossings.then(|| CrossingTable::new(scene, planned, storage.domain)),
             extinctions: if planned.plan.light.grid_lights() > 0 {
                 ExtinctionTable::of_plan(scene, planned, &domains)
             } else {

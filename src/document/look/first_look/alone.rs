@@ -1,4 +1,4 @@
-//! Removes tables and head rests from first looks.
+//! Removes tables, head rests and specks from first looks.
 
 use std::sync::Arc;
 
@@ -16,13 +16,22 @@ const WORTH: f64 = 0.002;
 /// Fraction of the largest part from which the others are no table: both feet, for instance.
 const SEVERAL: f64 = 0.25;
 
-/// How a first look leaves a table out.
+/// Voxels of a part from which it is no speck.
+pub(super) const SPECK: usize = 50;
+/// Largest part of the voxels of all parts that specks may have: of grains, drops or noise, most parts are small.
+const FEW_SPECKS: f64 = 0.1;
+/// Most voxels of a volume in which specks are looked for: runs of noise take up to sixteen bytes a voxel.
+const MOST_VOXELS: usize = 1 << 27;
+
+/// How a first look leaves parts out.
 #[derive(Clone, Copy)]
 pub(super) enum Alone {
     /// The largest connected part of the voxels above this value.
     Above(f64),
     /// The first and the last voxel along each axis of the box of that part.
     Box([[usize; 3]; 2]),
+    /// Without the parts of fewer than [`SPECK`] voxels above this value.
+    Specks(f64),
 }
 
 impl Alone {
@@ -30,7 +39,7 @@ impl Alone {
     pub(super) fn of(self, of_box: impl Fn([[usize; 3]; 2]) -> [[usize; 3]; 2]) -> Self {
         match self {
             Self::Box(corners) => Self::Box(of_box(corners)),
-            above => above,
+            Self::Above(_) | Self::Specks(_) => self,
         }
     }
 }
@@ -72,6 +81,28 @@ pub(super) fn alone(
     let high = std::array::from_fn(|axis| (high[axis] + 1).min(at_hand.geometry.dims[axis] - 1));
     let corners = [low.map(|at| at.saturating_sub(1)), high];
     Ok(is_worth(count(parts.outside(bounds))).then_some(Alone::Box(corners)))
+}
+
+/// Removes the specks of layers from the volume, where they are few beside the rest; `None` if there are none or many. Voxels that
+/// stay in a file keep them.
+pub(super) fn without_specks(
+    volume: &mut Arc<Volume>,
+    lowest: f64,
+    progress: &dyn Progress,
+) -> Result<Option<Alone>, VolumeError> {
+    if volume.bricks.is_some() || volume.geometry.dims.iter().product::<usize>() > MOST_VOXELS {
+        return Ok(None);
+    }
+    let parts = match volume.parts_above(lowest, progress) {
+        Err(VolumeError::NothingAbove { .. }) => return Ok(None),
+        parts => parts?,
+    };
+    let (specks, all) = (parts.specks(SPECK), parts.sizes.iter().sum::<usize>());
+    if specks == 0 || count(specks) > FEW_SPECKS * count(all) {
+        return Ok(None);
+    }
+    Arc::make_mut(volume).remove_smaller(&parts, SPECK);
+    Ok(Some(Alone::Specks(lowest)))
 }
 
 /// Whether there is a table among the parts of the voxels above a value: parts behind the patient, from the first slice to the

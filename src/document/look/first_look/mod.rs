@@ -19,7 +19,7 @@ pub use values::{Kind, Peak, Values};
 
 pub(crate) use self::labels::{is_speckled, labels_text};
 
-use self::alone::{Alone, alone};
+use self::alone::{Alone, SPECK, alone, without_specks};
 use self::groups::Groups;
 use self::labels::{LABEL_OPACITY, Named, OUTER_DEPTH, label_colour, quoted};
 use self::sample::Thinned;
@@ -38,6 +38,8 @@ use relume_volume::{Geometry, Presets, Statistics, Volume, VolumeError, Window};
 pub(super) const DESIGN: &str = include_str!("../../../../data/scenes/volume.toml");
 /// The same for bodies.
 pub(super) const TISSUE: &str = include_str!("../../../../data/scenes/tissue.toml");
+/// Name of the material of a surface that hides a ragged core.
+pub(super) const SURFACE: &str = "surface";
 /// Names of their materials, from the faintest to the most solid.
 pub(super) const DESIGNED: [&str; 3] = ["faint", "middle", "solid"];
 
@@ -130,11 +132,20 @@ impl Wish {
     }
 }
 
+/// Choices of connected parts by keys.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ChosenParts {
+    /// Whether the largest part is kept alone.
+    pub(crate) largest: bool,
+    /// Whether specks are removed.
+    pub(crate) specks: bool,
+}
+
 /// What a first look is at.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Subject {
-    /// Parts of the volume are chosen already.
-    pub(crate) has_parts: bool,
+    /// Parts of the volume that are chosen already.
+    pub(crate) parts: ChosenParts,
     /// The values are the largest ones of several times.
     pub(crate) is_of_times: bool,
     /// Labels are given beside the values.
@@ -148,8 +159,8 @@ pub(crate) struct FirstLook {
     pub(crate) text: String,
     /// The guess, in a sentence.
     pub(crate) guess: String,
-    /// Other parts than the body were removed from the volume.
-    pub(crate) is_alone: bool,
+    /// Parts were removed from the volume.
+    pub(crate) is_changed: bool,
     /// The values are labels, which it shows by a label map.
     pub(crate) is_label_map: bool,
 }
@@ -345,13 +356,13 @@ fn layers(values: &Values) -> Vec<Layer> {
         let ramp = (0.02 * span).min((high - low) / 2.0).max(0.0);
         let depth = match number - 1 - index {
             0 => Depth::Ray(8.0),
-            _ if has_ragged_core && index == 0 => Depth::Voxel(0.16),
+            _ if has_ragged_core && index == 0 => surface_depth(f64::INFINITY),
             1 => Depth::Ray(0.8),
             _ => Depth::Ray(0.4),
         };
         let role = roles[index.min(roles.len() - 1)];
         // The outermost layer around a ragged core is no glass.
-        let name = if has_ragged_core && index == 0 { "surface" } else { DESIGNED[role] };
+        let name = if has_ragged_core && index == 0 { SURFACE } else { DESIGNED[role] };
         Layer {
             name: name.to_owned(),
             colour: Colour::Designed(role),
@@ -363,6 +374,14 @@ fn layers(values: &Values) -> Vec<Layer> {
         }
     };
     cuts.windows(2).enumerate().map(layer).collect()
+}
+
+/// Optical depth of a surface around an object of this size, in cubes of the smallest spacing: along the edge of a cube of that size, and along
+/// the smallest spacing at least and at most, so that coarse voxels are as sharp as fine ones.
+fn surface_depth(size: f64) -> Depth {
+    const OF_EDGE: f64 = 22.0;
+    const OF_SPACING: [f64; 2] = [0.16, 0.6];
+    Depth::Voxel((OF_EDGE / size.cbrt()).clamp(OF_SPACING[0], OF_SPACING[1]))
 }
 
 /// Layers of a transfer preset, with its opacities; none if it is for CT and `water` has no value.
@@ -714,7 +733,7 @@ pub(crate) fn first_look(
     name: &str,
     volume: &mut Arc<Volume>,
     statistics: &Statistics,
-    (wish, Subject { has_parts, is_of_times, has_labels }): (Wish, Subject),
+    (wish, Subject { parts, is_of_times, has_labels }): (Wish, Subject),
     progress: &dyn Progress,
 ) -> Result<FirstLook, LookError> {
     // A comment ends with its line.
@@ -741,7 +760,14 @@ pub(crate) fn first_look(
     let is_flat = flat_side(geometry).is_some();
     let camera = directions(volume, &values);
     let axis = axis_of_sight(geometry, &camera);
-    let (shape, guess) = shape_of(volume, (&values, statistics), wish, axis);
+    let (mut shape, guess) = shape_of(volume, (&values, statistics), wish, axis);
+    if let Shape::Layers(layers) = &mut shape {
+        let edges = (0..3).map(|edge| geometry.spacing[edge] * count(block[edge] * values.thinned.stride[edge]));
+        let of_one = edges.product::<f64>() / geometry.spacing.min_element().powi(3);
+        let objects = values.share([values.objects_from, f64::MAX]) * count(values.thinned.dims.iter().product());
+        let surface = surface_depth(objects * of_one);
+        layers.iter_mut().filter(|layer| layer.name == SURFACE).for_each(|layer| layer.depth = surface);
+    }
     let stride = count(values.thinned.stride[axis] * block[axis]);
     let scale = stride * geometry.spacing[axis] / geometry.spacing.min_element();
     let thickness = |layers: &[Layer]| -> Vec<f64> {
@@ -757,7 +783,12 @@ pub(crate) fn first_look(
         }
     };
     let shows = |value: f64| ranges.iter().any(|&[low, high]| (low..=high).contains(&value));
-    let alone = if has_parts { None } else { alone(volume, &values, shape.lowest(), progress)? };
+    let mut alone = if parts.largest { None } else { alone(volume, &values, shape.lowest(), progress)? };
+    // What is small at one of several times is not in their largest values, and a look that is asked for may be at small parts.
+    let seeks_specks = !parts.specks && !is_of_times && wish.look.is_none() && matches!(shape, Shape::Layers(_));
+    if alone.is_none() && seeks_specks {
+        alone = without_specks(volume, shape.lowest(), progress)?;
+    }
     let crop = match alone {
         Some(Alone::Box(crop)) => Some(crop),
         _ => None,
@@ -801,10 +832,11 @@ pub(crate) fn first_look(
         Shape::Layers(layers) => solid_part(&values.thinned, layers, axis) >= SOLID_PART,
         Shape::Labels { .. } | Shape::Ramp { .. } => true,
     };
-    let is_alone = matches!(alone, Some(Alone::Above(_)));
+    let is_changed = matches!(alone, Some(Alone::Above(_) | Alone::Specks(_)));
     let left_out = match alone {
         Some(Alone::Box(_)) => "; only the box of the largest connected part is shown",
         Some(Alone::Above(_)) => "; only the largest connected part is shown",
+        Some(Alone::Specks(_)) => &format!("; connected parts of fewer than {SPECK} voxels are left out"),
         None => "",
     };
     let guess = format!("{name} has no scene, so Relume made one: {guess}{left_out}.");
@@ -834,7 +866,7 @@ pub(crate) fn first_look(
             "# A label is hardly thicker than a voxel, and would have stripes with longer steps.\nstep = {step:?}"
         );
     }
-    Ok(FirstLook { text, guess, is_alone, is_label_map: matches!(shape, Shape::Labels { .. }) })
+    Ok(FirstLook { text, guess, is_changed, is_label_map: matches!(shape, Shape::Labels { .. }) })
 }
 
 /// The view of a transfer function on a volume.
@@ -1193,6 +1225,10 @@ fn text(
             "# Only the largest connected part of the voxels above this value is kept; others, such as a table, become air.",
         );
         line(&format!("largest_part_above = {above:?}"));
+    }
+    if let Some(Alone::Specks(above)) = alone {
+        line("# Parts of fewer voxels above this value become air, but for those inside the largest part.");
+        line(&format!("without_specks = {{ above = {above:?}, voxels = {SPECK} }}"));
     }
     if matches!(shape, Shape::Labels { .. }) {
         line("# The voxels are labels; [labels] states how each is shown.\nare_labels = true");
