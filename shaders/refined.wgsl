@@ -27,7 +27,7 @@ var<private> known: u32 = 0xffffffffu;
 var<private> has_run: bool = false;
 var<private> here: Step;
 var<private> rise_here: f32;
-// That of its value in the table of crossed intervals (`crossing_at`); below 0 if it is not known.
+// Result of `crossing_at` for its value; its coordinate is below 0 if the sample is not known.
 var<private> crossing_here: vec3f;
 // True if the sample can be visible.
 var<private> seen_here: bool;
@@ -67,7 +67,7 @@ fn crossing_at(coordinate: f32) -> vec3f {
     return vec3f(coordinate, fma(within, cell.y, cell.x), fma(within, cell.w - cell.z, cell.z));
 }
 
-// How far the mean between two values is outside the numbers of both; less for values closer than two cells, and 0 within one. Twin of
+// Distance of the mean between two values from the range of both numbers; less for values closer than two cells, and 0 within one. Twin of
 // `Crossing::between`.
 fn crossed_between(a: vec3f, b: vec3f) -> f32 {
     let distance = abs(b.x - a.x) * segments_uniform.scale;
@@ -140,7 +140,7 @@ fn march_run(
                 place = place_along(ray, n, held, stage, beside);
                 key = key_at(place);
                 seen = is_active(key);
-                // What can be visible may lie between two values that cannot.
+                // Two invisible values may have a visible interval between them.
                 let crosses = CROSSINGS && (key.coordinate <= march.active_low) != (crossing_here.x <= march.active_low);
                 let counts = seen || seen_here || crosses;
                 if (counts || held < 2u || stage > 0u || left_of(transmittance) * rise_here > segments_uniform.bound) { break; }

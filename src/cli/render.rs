@@ -590,7 +590,7 @@ impl<'a> Work<'a> {
         let inputs = digest(job.scene.digest(), &format!("{:?} {}", self.mix, args.replan));
         let mut on_device = ready.on_device;
         if job.scene.display.exposure.is_none() {
-            // That of the first picture for all of them, whoever writes it.
+            // Exposure of the first picture, for all pictures.
             on_device.camera_mut().clone_from(&job.cameras[0]);
             let film = on_device.march(args.size, progress)?;
             on_device.expose(&film, &self.shown)?;

@@ -5,7 +5,7 @@ use toml::{Table, Value};
 use super::Definition;
 use relume_scene::key::{Choices, Named};
 
-/// How much of the light and of the samples a picture has.
+/// Preset of samples, rays, shadows and sky.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
     /// One ray a pixel and one sample a step, without shadows.

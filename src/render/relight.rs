@@ -44,7 +44,7 @@ pub struct RelightUniform {
     pub backdrop: [[f32; 4]; 2],
 }
 
-/// Whether the relight reads the transmittance: for a background or a backdrop, or for the opacity of the picture.
+/// True if the relight reads the transmittance: for a background or a backdrop, or for the opacity of the picture.
 fn reads_transmittance(plan: &ScenePlan, target: Target) -> bool {
     plan.background || target != Target::Display { backdrop: false }
 }

@@ -667,7 +667,7 @@ impl Interpolation {
         }
     }
 
-    /// That of a field, which may be placed on a grid of its own.
+    /// Interpolation of a field; linear across slices on a grid of its own.
     #[must_use]
     pub const fn of_field(self, is_placed: bool) -> Self {
         if is_placed && self.cubic_axis().is_some() { Self::Linear } else { self }

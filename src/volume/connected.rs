@@ -132,7 +132,7 @@ impl Parts {
         runs.filter(|&(run, _)| self.is_smaller(run, voxels)).map(|(_, [from, to])| (to - from) as usize).sum()
     }
 
-    /// Whether a run is of another part than the largest, and of fewer than `voxels` voxels.
+    /// True for a run of another part than the largest, of fewer than `voxels` voxels.
     fn is_smaller(&self, run: usize, voxels: usize) -> bool {
         let root = self.roots[run];
         root != self.largest && self.voxels[root] < voxels

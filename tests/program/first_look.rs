@@ -977,7 +977,7 @@ fn the_outer_layer_is_a_surface_around_a_ragged_core_and_glass_around_a_compact_
     folder.done(&["render", "v.nrrd", "--size", "8x8", "--save-scene", "s.toml", "-o", "p.png"]);
     let scene: toml::Table = std::fs::read_to_string(folder.path("s.toml")).unwrap().parse().unwrap();
     let found = scene["transfer"]["intervals"][0]["opacity"].as_float().unwrap();
-    // What glows inside is seen through it.
+    // Glass around a glowing volume.
     let glow = nrrd([8, 8, 8], "space origin: (28,28,28)\n", |[x, y, z]| u8::try_from(x * 20 + y + z).unwrap());
     let folder = folder.with("glow.nrrd", glow);
     folder.done(&["render", "v.nrrd", "glow.nrrd", "--size", "8x8", "--save-scene", "t.toml", "-o", "p.png"]);

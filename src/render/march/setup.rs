@@ -300,6 +300,7 @@ impl Renderer {
             Integrate::Samples | Integrate::Segments => scene.accuracy.variation,
         };
         let mut segments = SegmentUniform { unit, variation: rounded(variation), ..SegmentUniform::default() };
+        // One cell for plans that do not read it.
         let mut cells = vec![0.0_f32; 4];
         if let (true, Values::Steps(table)) = (plan.crossings, &values) {
             let crossings = CrossingTable::new(scene, planned, uploaded.storage.domain);
@@ -312,7 +313,9 @@ impl Renderer {
         }
         let segments = uniform("segments", bytemuck::bytes_of(&segments))?;
         let (tables, tabled) = self.tables(&values, &label_table.table)?;
-        let crossings = self.table_buffer("crossings", bytemuck::cast_slice(&cells), tables)?;
+        let is_refined = plan.integration == Integrate::Refined;
+        let crossings = is_refined.then(|| self.table_buffer("crossings", bytemuck::cast_slice(&cells), tables));
+        let crossings = crossings.transpose()?;
         let label_rows = storage("label rows", bytemuck::cast_slice(&label_table.rows.words()))?;
         // Others fetch texels themselves.
         let filter = if plan.interpolation.is_filtered() { Filter::Linear } else { Filter::Nearest };
@@ -378,7 +381,7 @@ impl Renderer {
                 "transmittances" => Resource::StorageImage(&transmittance),
                 _ => {
                     let of_name = tabled.iter().find(|(table, _)| *table == name).map(|(_, buffer)| buffer);
-                    let buffer = of_name.or((name == "crossings").then_some(&crossings))?;
+                    let buffer = of_name.or(crossings.as_ref().filter(|_| name == "crossings"))?;
                     match tables {
                         TableMemory::Storage => Resource::Storage(buffer),
                         TableMemory::Uniform => Resource::Uniform(buffer),

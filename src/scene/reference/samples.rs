@@ -269,7 +269,7 @@ impl<R: Real> Crossing<R> {
         Self { place, sum: within.mul_add(own, below), own: within.mul_add(high - low, low) }
     }
 
-    /// How far the mean between two values is outside the numbers of both; less for values closer than two cells, and 0 within one.
+    /// Distance of the mean between two values from the range of both numbers; less for values closer than two cells, and 0 within one.
     #[must_use]
     pub fn between(a: &Self, b: &Self) -> R {
         let distance = (b.place - a.place).abs();

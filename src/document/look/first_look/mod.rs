@@ -135,9 +135,9 @@ impl Wish {
 /// Choices of connected parts by keys.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ChosenParts {
-    /// Whether the largest part is kept alone.
+    /// True if the largest part is kept alone.
     pub(crate) largest: bool,
-    /// Whether specks are removed.
+    /// True if specks are chosen by a key, or go with all parts but the largest.
     pub(crate) specks: bool,
 }
 
@@ -307,8 +307,8 @@ fn ct_layers(look: Look, water: f64, most: f64) -> Vec<Layer> {
     }
 }
 
-/// Layers by the peaks of the histogram, or by equal shares.
-fn layers(values: &Values) -> Vec<Layer> {
+/// Layers by the peaks of the histogram, or by equal shares, of objects of this `size` ([`size_of_objects`]).
+fn layers(values: &Values, size: f64) -> Vec<Layer> {
     /// Peaks with less than this share of the objects' voxels are noise, or values that a converter has cut off.
     const SHARE: f64 = 0.03;
     /// Ratio of the roughness of the inner layers to that of the object from which its surface shows more than its
@@ -356,7 +356,7 @@ fn layers(values: &Values) -> Vec<Layer> {
         let ramp = (0.02 * span).min((high - low) / 2.0).max(0.0);
         let depth = match number - 1 - index {
             0 => Depth::Ray(8.0),
-            _ if has_ragged_core && index == 0 => surface_depth(f64::INFINITY),
+            _ if has_ragged_core && index == 0 => surface_depth(size),
             1 => Depth::Ray(0.8),
             _ => Depth::Ray(0.4),
         };
@@ -760,14 +760,7 @@ pub(crate) fn first_look(
     let is_flat = flat_side(geometry).is_some();
     let camera = directions(volume, &values);
     let axis = axis_of_sight(geometry, &camera);
-    let (mut shape, guess) = shape_of(volume, (&values, statistics), wish, axis);
-    if let Shape::Layers(layers) = &mut shape {
-        let edges = (0..3).map(|edge| geometry.spacing[edge] * count(block[edge] * values.thinned.stride[edge]));
-        let of_one = edges.product::<f64>() / geometry.spacing.min_element().powi(3);
-        let objects = values.share([values.objects_from, f64::MAX]) * count(values.thinned.dims.iter().product());
-        let surface = surface_depth(objects * of_one);
-        layers.iter_mut().filter(|layer| layer.name == SURFACE).for_each(|layer| layer.depth = surface);
-    }
+    let (shape, guess) = shape_of(volume, (&values, statistics), wish, axis);
     let stride = count(values.thinned.stride[axis] * block[axis]);
     let scale = stride * geometry.spacing[axis] / geometry.spacing.min_element();
     let thickness = |layers: &[Layer]| -> Vec<f64> {
@@ -784,7 +777,7 @@ pub(crate) fn first_look(
     };
     let shows = |value: f64| ranges.iter().any(|&[low, high]| (low..=high).contains(&value));
     let mut alone = if parts.largest { None } else { alone(volume, &values, shape.lowest(), progress)? };
-    // What is small at one of several times is not in their largest values, and a look that is asked for may be at small parts.
+    // Largest values over time hide small moving parts, and a requested look may be at small parts.
     let seeks_specks = !parts.specks && !is_of_times && wish.look.is_none() && matches!(shape, Shape::Layers(_));
     if alone.is_none() && seeks_specks {
         alone = without_specks(volume, shape.lowest(), progress)?;
@@ -933,7 +926,15 @@ fn shape_of(volume: &Volume, (values, statistics): (&Values, &Statistics), wish:
         wish => wish,
     };
     let of_window = if is_flat { Rise::Even } else { Rise::Steep };
-    shape(values, (&volume.presets, statistics), wish, axis, of_window)
+    shape((values, size_of_objects(volume, values)), (&volume.presets, statistics), wish, axis, of_window)
+}
+
+/// Size of the objects of `volume`, in cubes of its smallest spacing.
+fn size_of_objects(volume: &Volume, values: &Values) -> f64 {
+    let (spacing, block) = (volume.geometry.spacing, volume.block_of(volume.at_hand()));
+    let edges = (0..3).map(|axis| spacing[axis] * count(block[axis] * values.thinned.stride[axis]));
+    let voxel = edges.product::<f64>() / spacing.min_element().powi(3);
+    voxel * values.share([values.objects_from, f64::MAX]) * count(values.thinned.dims.iter().product())
 }
 
 /// A range of values that all voxels have, so that it shows them: `wider` at its low and its high end, in hundredths of the
@@ -948,7 +949,7 @@ fn opened(values: &Values, [low, high]: [f64; 2], wider: [f64; 2]) -> [f64; 2] {
 
 /// The layers, and the guess in words.
 fn shape(
-    values: &Values,
+    (values, size): (&Values, f64),
     (presets, statistics): (&Presets, &Statistics),
     wish: Wish,
     axis: usize,
@@ -1085,9 +1086,11 @@ fn shape(
             let mut found = ct_layers(look.unwrap_or(Look::Tissue), *water, values.most);
             found.retain(|layer| values.share(layer.range) > 0.0);
             // A file may state CT for values without any tissue.
-            if found.is_empty() { layers(values) } else { found }
+            if found.is_empty() { layers(values, size) } else { found }
         }
-        (_, None | Some(Look::Tissue)) => stated.map_or_else(|| layers(values), |it| window_layers(it, values.most)),
+        (_, None | Some(Look::Tissue)) => {
+            stated.map_or_else(|| layers(values, size), |it| window_layers(it, values.most))
+        }
         (_, look) => {
             let part = if look == Some(Look::Vessel) { 0.97 } else { 0.75 };
             // Interpolation hardly ever reaches the largest value itself.

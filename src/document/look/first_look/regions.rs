@@ -91,7 +91,7 @@ pub(super) fn may_be_labels(volume: &Volume) -> bool {
     objects > 0 && count(alike) >= ALIKE * count(objects) && count(jumps) >= JUMPS * count(pairs)
 }
 
-/// Whether the voxels of each label, of which there are so many, are few regions, and neighbours differ by any number of labels.
+/// True for a label map: few regions a label (`counts` are their voxels), and neighbours that differ by any number of labels.
 pub(super) fn are_labels(volume: &Volume, counts: &LabelCounts) -> bool {
     let places = Places { volume, dims: volume.geometry.dims };
     let labels: Vec<f64> = counts.keys().map(|&label| from_label(label)).collect();
