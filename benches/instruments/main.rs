@@ -14,6 +14,7 @@ mod needs;
 mod nested;
 mod out_of_core;
 mod palette;
+mod scattering;
 mod shadows;
 mod tables;
 
@@ -42,6 +43,7 @@ use needs::{NeedRow, need_rows};
 use nested::{NestedRow, nested_row};
 use out_of_core::{OutOfCore, out_of_core};
 use palette::palette_rows;
+use scattering::scattering_rows;
 use shadows::{ShadowRow, shadow_rows};
 
 const EXAMPLES: &str = "\
@@ -61,7 +63,7 @@ struct Args {
     /// Number of scenes for `model` and `goals`, and of palettes for `nested`.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
     scenes: u16,
-    /// Number of runs of `palette`.
+    /// Number of runs of `palette`, and thousands of paths of `scattering`.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
     /// The frog for `shadows` and `effects`; default: the phantom.
@@ -103,6 +105,9 @@ enum Instrument {
     Model,
     /// Error of the light grid against rays, and times of shadows beside the march without, in the frog of the peer scene.
     Shadows,
+    /// Error and time of light that scatters more than once against --frames times 1,000 paths of a pixel, in the frog of the peer scene with
+    /// voxels of four: no device.
+    Scattering,
     /// Cost of coloured shadows, phase functions and thin films beside the march without them, in the frog of the peer scene.
     Effects,
     /// Cost of a volume in bricks beside that of the whole volume. Fails above 1.25 times the march, or above twice with
@@ -178,6 +183,10 @@ fn run(instrument: Instrument, args: &Args) -> Result<Report, Box<dyn Error>> {
             let rows = shadow_rows(&renderer, args.volume.as_deref())?;
             let holds = rows.iter().all(ShadowRow::holds);
             Ok(Report { text: shadows::text(&rows), json: json!({ "shadows": rows, "holds": holds }) })
+        }
+        Instrument::Scattering => {
+            let rows = scattering_rows(args.volume.as_deref(), 1000 * args.frames as usize)?;
+            Ok(Report { text: scattering::text(&rows), json: json!({ "scattering": rows }) })
         }
         Instrument::Effects => {
             let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);

@@ -107,7 +107,7 @@ fn sky_pixels(peer: &Scene, directions: usize) -> Result<[Vec<DVec3>; 2], Box<dy
 }
 
 /// Mean and 95th percentile of ΔE00, and the mean change of luminance, over pixels of the volume.
-fn errors(found: &[DVec3], expected: &[DVec3]) -> [f64; 3] {
+pub(crate) fn errors(found: &[DVec3], expected: &[DVec3]) -> [f64; 3] {
     let xyz = |colour: &DVec3| *XYZ_FROM_LINEAR_SRGB * *colour;
     let lab = |colour: &DVec3| lab_from_xyz(Xyz(xyz(colour).to_array()), d65_white());
     let pairs: Vec<_> = found.iter().zip(expected).filter(|(a, b)| a.is_finite() && b.is_finite()).collect();

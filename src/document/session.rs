@@ -224,8 +224,20 @@ fn placed_like(document: &DocumentMut, name: &str, palette: &Palette) -> Vec<(&'
 fn names_files(definition: &Definition) -> bool {
     let key = definition.text.split(['.', '=']).next().unwrap_or_default().trim();
     ![
-        "accuracy", "blending", "camera", "clip", "crop", "display", "hidden", "lighting", "mix", "overlap", "shading",
-        "shadows", "transfer",
+        "accuracy",
+        "blending",
+        "camera",
+        "clip",
+        "crop",
+        "display",
+        "hidden",
+        "lighting",
+        "mix",
+        "overlap",
+        "scattering",
+        "shading",
+        "shadows",
+        "transfer",
     ]
     .contains(&key)
 }

@@ -15,7 +15,7 @@ use relume_colour::spectrum::observer::Observer;
 use relume_colour::spectrum::{Spectrum, ThinFilm};
 use relume_scene::{
     Accuracy, AmbientShares, BRIGHTEST, Backdrop, Blending, Clip, FACTORS, GRADIENT_POINTS, GradientFactor, INTENSITY,
-    Interval, LabelEntry, Lighting, MOST_GROUPS, Mix, Overlap, PHASES, Scene, Shape, Term, Tone, key,
+    Interval, LabelEntry, Lighting, MOST_GROUPS, Mix, Orders, Overlap, PHASES, Scene, Shape, Term, Tone, key,
 };
 
 /// Least part of its scattering that occludes, of a material with an opacity of 1.
@@ -54,6 +54,8 @@ pub enum Edit {
     Lighting(Lighting),
     /// Ambient shares of directed lights: open or occluded.
     AmbientShares(AmbientShares),
+    /// Number of times that light scatters.
+    Orders(Orders),
     /// Distance in world units beyond which nothing dims the sky, at least [`Scene::least_reach`], or none.
     Reach(Option<f64>),
     /// Selects a single light, or all lights that are on.
@@ -182,6 +184,7 @@ impl Edit {
             | Self::Blending(_)
             | Self::Lighting(_)
             | Self::AmbientShares(_)
+            | Self::Orders(_)
             | Self::Reach(_)
             | Self::Interval(..)
             | Self::AddInterval(..)
@@ -374,6 +377,7 @@ impl State {
             block: _,
             accuracy,
             shadows,
+            scattering,
             display,
         } = scene;
         let to = &other.scene;
@@ -381,7 +385,7 @@ impl State {
             && (camera, crop, clip) == (&to.camera, &to.crop, &to.clip)
             && (accuracy, display) == (&to.accuracy, &to.display)
             && (*blending, *overlap, *lighting, *shadows) == (to.blending, to.overlap, to.lighting, to.shadows)
-            && *hidden == to.hidden
+            && (*scattering, *hidden) == (to.scattering, to.hidden)
             && (materials, lights, background) == (&to.materials, &to.lights, &to.background)
             && (transfer, declared(scene)) == (&to.transfer, declared(to))
             && fields.terms() == to.fields.terms()
@@ -431,6 +435,7 @@ impl State {
             Edit::Blending(blending) => scene.blending = blending,
             Edit::Lighting(lighting) => scene.lighting = lighting,
             Edit::AmbientShares(ambient) => scene.shadows.ambient = ambient,
+            Edit::Orders(orders) => scene.scattering.orders = orders,
             Edit::Reach(reach) => {
                 let finite = reach.filter(|reach| reach.is_finite());
                 scene.shadows.reach = finite.map(|reach| reach.max(scene.least_reach()));

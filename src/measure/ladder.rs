@@ -16,7 +16,8 @@ use relume_scene::plan::{Planned, ScenePlan, plan_full_spectrum};
 use relume_scene::reference::{Exact, KeptDepths, Marching, ReferenceError, Skipping, Stored, render_pixels};
 use relume_scene::tables::{LabelMap, Occupancy, Storage, StoredScene, StoredVolume};
 use relume_scene::{
-    Accuracy, AmbientShares, Integration, Interpolation, LabelInterpolation, Mix, Scene, ShadowMethod, Shadows, StoreAs,
+    Accuracy, AmbientShares, Integration, Interpolation, LabelInterpolation, Mix, Orders, Scattering, Scene,
+    ShadowMethod, Shadows, StoreAs,
 };
 use relume_volume::{Statistics, VolumeError};
 
@@ -36,6 +37,8 @@ pub enum Cause {
     Level,
     /// Shadows from a light grid instead of rays to the lights.
     LightGrid,
+    /// Scattered light from a coarser grid and fewer directions.
+    Scattering,
     /// Spectra represented by few numbers.
     Basis,
     /// The transfer function as a table, the volume as a texture, and possibly 16-bit accumulators.
@@ -50,13 +53,14 @@ pub enum Cause {
 
 impl Cause {
     /// All causes, from the truth down.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::PixelArea,
         Self::Step,
         Self::Interpolation,
         Self::Termination,
         Self::Level,
         Self::LightGrid,
+        Self::Scattering,
         Self::Basis,
         Self::Tables,
         Self::Rounding,
@@ -74,6 +78,7 @@ impl Cause {
             Self::Termination => "termination",
             Self::Level => "level",
             Self::LightGrid => "light grid",
+            Self::Scattering => "scattered light",
             Self::Basis => "basis",
             Self::Tables => "tables and storage",
             Self::Rounding => "rounding",
@@ -143,11 +148,17 @@ struct March {
     variation: u64,
     /// Spacing of the light grid and directions of the sky; rays without them.
     grid: Option<(u64, usize)>,
+    /// Spacing of the nodes of scattered light and their directions.
+    scattering: (Option<u64>, Option<usize>),
 }
 
+/// Settings of light on its way to samples.
+pub(super) type Transport = (Shadows, Scattering);
+
 impl March {
-    fn of(accuracy: &Accuracy, shadows: &Shadows) -> Self {
+    fn of(accuracy: &Accuracy, (shadows, scattering): &Transport) -> Self {
         Self {
+            scattering: (scattering.spacing.map(f64::to_bits), scattering.directions),
             grid: (shadows.method == ShadowMethod::Grid).then(|| (shadows.spacing.to_bits(), shadows.directions)),
             step_length: accuracy.step_length.to_bits(),
             termination: accuracy.termination.to_bits(),
@@ -275,6 +286,8 @@ impl<'a> Ladder<'a> {
         (scene.accuracy.integration, scene.accuracy.rays) = (Integration::Samples, self.rays);
         scene.lights.iter_mut().for_each(|light| light.shadows = false);
         scene.shadows.ambient = AmbientShares::Open;
+        // Whatever light scatters, it scatters once.
+        scene.scattering.orders = Orders::Single;
         let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
         // The fractions of 81 bands in the light sum to 1 only up to rounding.
         let shows = |(colour, opacity): &(DVec3, f64)| {
@@ -284,15 +297,22 @@ impl<'a> Ladder<'a> {
         Ok(shown.map(|(&pixel, _)| pixel).collect())
     }
 
-    /// The truth: full spectrum, point samples without tables, an eighth of the shortest Δs, rays to the lights, no early
+    /// The truth: full spectrum, point samples without tables, an eighth of the shortest Δs, rays to the lights, finer scattered light, no early
     /// ray termination, [`true_rays`] per pixel.
     pub(super) fn truth(&mut self, progress: &dyn Progress) -> Result<Arc<Vec<DVec3>>, LadderError> {
-        self.full(&self.true_accuracy(), &self.rays(), progress)
+        self.full(&self.true_accuracy(), &self.true_transport(), progress)
     }
 
-    /// Shadows by rays.
-    pub(super) fn rays(&self) -> Shadows {
-        Shadows { method: ShadowMethod::Rays, ..self.scene.shadows }
+    /// Shadows by rays, and scattered light of half the spacing from twice the directions: paths have noise, which every other cause of error
+    /// would contain.
+    pub(super) fn true_transport(&self) -> Transport {
+        let scene = self.scene;
+        let scattering = Scattering {
+            spacing: Some(0.5 * scene.scattering_spacing()),
+            directions: Some(2 * scene.scattering_directions()),
+            ..scene.scattering
+        };
+        (Shadows { method: ShadowMethod::Rays, ..scene.shadows }, scattering)
     }
 
     pub(super) fn true_accuracy(&self) -> Accuracy {
@@ -306,19 +326,19 @@ impl<'a> Ladder<'a> {
     }
 
     /// Full spectrum without tables, with the step, termination, interpolation, rays and integration of `accuracy`, and with
-    /// `shadows`; cached.
+    /// this transport; cached.
     pub(super) fn full(
         &mut self,
         accuracy: &Accuracy,
-        shadows: &Shadows,
+        transport: &Transport,
         progress: &dyn Progress,
     ) -> Result<Arc<Vec<DVec3>>, LadderError> {
-        let key = March::of(accuracy, shadows);
+        let key = March::of(accuracy, transport);
         if let Some(known) = self.full.get(&key) {
             return Ok(Arc::clone(known));
         }
         let mut scene = self.scene.clone();
-        (scene.accuracy, scene.shadows) = (accuracy.clone(), *shadows);
+        (scene.accuracy, (scene.shadows, scene.scattering)) = (accuracy.clone(), *transport);
         let found = self.march_full(&scene, progress)?.into_iter().map(|(colour, _)| colour);
         let found = Arc::new(found.collect::<Vec<_>>());
         self.full.insert(key, Arc::clone(&found));
@@ -332,7 +352,7 @@ impl<'a> Ladder<'a> {
     /// The truth in other pixels.
     pub(super) fn truth_in(&self, pixels: &[[usize; 2]], progress: &dyn Progress) -> Result<Vec<DVec3>, LadderError> {
         let mut scene = self.scene.clone();
-        (scene.accuracy, scene.shadows) = (self.true_accuracy(), self.rays());
+        (scene.accuracy, (scene.shadows, scene.scattering)) = (self.true_accuracy(), self.true_transport());
         let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
         Ok(found.into_iter().map(|(colour, _)| colour).collect())
     }

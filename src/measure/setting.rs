@@ -58,10 +58,12 @@ impl Knob {
         KNOBS.get(self.0).copied().unwrap_or(&SCALE)
     }
 
-    /// Name on the command line and in reports.
+    /// Name on the command line and in reports: that of its key, with the table if a knob before has the same.
     #[must_use]
     pub fn name(self) -> &'static str {
-        self.key().name()
+        let key = self.key();
+        let is_taken = KNOBS.iter().take(self.0).any(|before| before.name() == key.name());
+        if is_taken { key.path } else { key.name() }
     }
 
     /// Description for users.

@@ -90,8 +90,9 @@ struct Same {
     level: u32,
     plan: ScenePlan,
     carrier: String,
-    /// Step length, termination, variation, scale, spacing of the light grid and directions of the sky.
-    numbers: [f64; 6],
+    /// Step length, termination, variation, scale, spacing of the light grid and directions of the sky, spacing and directions of scattered
+    /// light.
+    numbers: [f64; 8],
     /// Entries of the transfer table.
     entries: usize,
 }
@@ -122,7 +123,12 @@ fn lower(
     progress: &dyn Progress,
 ) -> Result<(), MeasureError> {
     if planned.plan.light.reads_grid() {
-        climb.to(Cause::LightGrid, ladder.full(&scene.accuracy, &scene.shadows, progress)?.to_vec());
+        let (_, scattering) = ladder.true_transport();
+        climb.to(Cause::LightGrid, ladder.full(&scene.accuracy, &(scene.shadows, scattering), progress)?.to_vec());
+    }
+    if planned.plan.light.gathered.is_some() {
+        let stated = (scene.shadows, scene.scattering);
+        climb.to(Cause::Scattering, ladder.full(&scene.accuracy, &stated, progress)?.to_vec());
     }
     climb.to(Cause::Basis, ladder.model(scene, planned, progress)?);
     let stored = ladder.store(scene, planned);
@@ -251,6 +257,8 @@ impl<'a> Survey<'a> {
                 setting.scale(),
                 scene.shadows.spacing,
                 count(scene.shadows.directions),
+                scene.scattering_spacing(),
+                count(scene.scattering_directions()),
             ],
             entries: table.entries(),
         };
@@ -283,7 +291,7 @@ impl<'a> Survey<'a> {
             let (interpolation, labels) = stated;
             Accuracy { step_length, termination: 0.0, interpolation, labels, ..accuracy.clone() }
         };
-        let rays = self.ladder.rays();
+        let rays = self.ladder.true_transport();
         let mut of_rays = Arc::clone(&truth);
         if accuracy.rays < self.ladder.rays {
             let fewer = Accuracy { rays: accuracy.rays, ..self.ladder.true_accuracy() };
@@ -303,7 +311,7 @@ impl<'a> Survey<'a> {
             lower(&mut climb, &mut self.ladder, (scene, planned), progress)?;
         } else {
             let mut ladder = self.ladder.of_level(scene)?;
-            let rays = ladder.rays();
+            let rays = ladder.true_transport();
             climb.to(Cause::Level, ladder.full(&scene.accuracy, &rays, progress)?.to_vec());
             lower(&mut climb, &mut ladder, (scene, planned), progress)?;
         }
@@ -374,8 +382,9 @@ impl<'a> Survey<'a> {
         let planned = plan(&scene, progress)?;
         let on_device = self.upload(scene, level, planned, 0, progress)?;
         let size = setting.marched_size(self.options.size);
-        if on_device.planned().plan.light.reads_grid() {
-            // Settings share a volume, and so one light grid; that of another setting may have replaced it.
+        let light = &on_device.planned().plan.light;
+        if light.reads_grid() || light.gathered.is_some() {
+            // Settings share a volume, and so one light grid and one scattered light; those of another setting may have replaced them.
             on_device.march(size, progress)?;
         }
         let fills = self.renderer.light_fills();

@@ -4,10 +4,12 @@ use super::setting::{Knob, Setting};
 use relume_scene::Scene;
 
 /// All keys that a setting may change, with the values of `scene`: path and value in TOML. The entries of the transfer table
-/// are included only if stated, and those of the light grid only if the scene asks for shadows. Keys of a table follow each other.
+/// are included only if stated, those of the light grid only if the scene asks for shadows, and those of
+/// scattered light only if it asks for that. Keys of a table follow each other.
 pub(super) fn written(scene: &Scene) -> Vec<(&'static str, String)> {
     let keys = Knob::all().map(Knob::key).filter(|key| key.path.contains('.'));
     let keys = keys.filter(|key| !key.path.starts_with("shadows.") || scene.asks_for_shadows());
+    let keys = keys.filter(|key| !key.path.starts_with("scattering.") || scene.scatters_often());
     let mut written: Vec<_> = keys.filter_map(|key| Some((key.path, key.get(scene)?.to_string()))).collect();
     written.sort_by_key(|(path, _)| path.split('.').next());
     written

@@ -23,7 +23,7 @@ pub enum Keeps {
     /// Those that the scene states.
     #[default]
     Stated,
-    /// Weights of the materials where absorption is grey and the scene states nothing else: exact under every light.
+    /// Weights of the materials where absorption is grey, light scatters once and the scene states nothing else: exact under every light.
     Weights,
     /// All bands of each light position. The reference alone marches them.
     Bands,
@@ -123,7 +123,9 @@ fn of_weights(scene: &mut Scene, lights: &[(String, Light)], progress: &dyn Prog
     if accuracy.accumulate == AccumulateAs::Auto && accuracy.dimension.is_none() {
         scene.accuracy.accumulate = AccumulateAs::Weights;
         match plan_for(scene, lights, progress) {
-            Err(PlanError::NotGrey { .. }) => scene.accuracy.accumulate = AccumulateAs::Auto,
+            Err(PlanError::NotGrey { .. } | PlanError::NoScattering { .. }) => {
+                scene.accuracy.accumulate = AccumulateAs::Auto;
+            }
             planned => return planned,
         }
     }

@@ -141,6 +141,12 @@ pub enum RenderError {
     /// Shadows by rays are for the reference only.
     #[error("a device renders shadows by a light grid, not by rays; use shadows.method = \"grid\"")]
     LightRays,
+    /// Paths of light are for the reference only.
+    #[error("a device gathers scattered light at nodes, and follows no paths; use scattering.method = \"rows\"")]
+    Paths,
+    /// Scattered light could not be gathered.
+    #[error(transparent)]
+    Scattering(relume_scene::reference::ReferenceError),
     /// The device does not filter the volume's format.
     #[error(
         "{device} cannot interpolate {format:?} textures, which this volume needs; use accuracy.interpolation = \"exact_linear\" or \"nearest\", or another device"
@@ -174,6 +180,8 @@ impl RenderError {
             Self::PictureSize { .. } => "picture-too-large",
             Self::PictureMemory { .. } => "picture-memory-exceeded",
             Self::LightRays => "shadow-rays-unsupported",
+            Self::Paths => "scattering-paths-unsupported",
+            Self::Scattering(error) => error.code(),
             Self::Filter { .. } => "interpolation-unsupported",
         }
     }

@@ -1,6 +1,7 @@
 //! The march on the device, in bands of rows and slices of rays, so that every dispatch is short.
 
 mod dispatching;
+mod gathered;
 mod light;
 mod light_grid;
 mod mean;
@@ -27,6 +28,7 @@ pub(super) use source::{common, images, source};
 
 use super::pool::Pool;
 use super::{RenderError, Renderer, Uploaded};
+use gathered::Scattered;
 use light_grid::DeviceGrid;
 use mean::Mean;
 use relume_base::number::whole;
@@ -69,6 +71,8 @@ pub struct March {
     schedule: Schedule,
     left: DeviceFilm,
     grid: Option<Arc<DeviceGrid>>,
+    /// Light that has scattered before.
+    scattered: Option<Scattered>,
     /// Rounds of a volume in bricks.
     rounds: Option<Rounds>,
     /// Places of the rays of a pixel that remain after the current one, the last first.
@@ -101,8 +105,12 @@ impl Renderer {
                 return Err(RenderError::Cancelled);
             }
             march.step(self, uploaded)?;
-            let [done, all] = march.rows();
-            progress.report("marching", done as u64, all as u64);
+            if let Some([done, all]) = march.gathering() {
+                progress.report("gathering scattered light", done as u64, all as u64);
+            } else {
+                let [done, all] = march.rows();
+                progress.report("marching", done as u64, all as u64);
+            }
         }
         *self.learnt() = Some((planned.plan.clone(), march.speed()));
         march.finish(self)
@@ -119,10 +127,17 @@ impl March {
             && self.mean.as_ref().is_none_or(|mean| mean.has_all())
     }
 
-    /// Whether its light grid is complete, or it has none.
+    /// Whether its light grid and its scattered light are complete, or it has none.
     #[must_use]
     pub fn fill_is_done(&self) -> bool {
         self.grid.as_ref().is_none_or(|grid| grid.is_complete())
+            && self.scattered.as_ref().is_none_or(Scattered::is_complete)
+    }
+
+    /// Parts of its scattered light that are gathered, and all; `None` if it waits for none.
+    #[must_use]
+    pub fn gathering(&self) -> Option<[usize; 2]> {
+        self.scattered.as_ref().and_then(Scattered::progress)
     }
 
     /// Number of finished rows, and of all rows: those of the picture, once for each ray of a pixel.
@@ -151,7 +166,7 @@ impl March {
     }
 
     /// Runs the next dispatch on `renderer`, which must be the one that began the march of `uploaded`. The light grid is
-    /// completed first.
+    /// completed first, and then the scattered light, for which it waits a moment.
     ///
     /// # Errors
     ///
@@ -159,6 +174,9 @@ impl March {
     pub fn step(&mut self, renderer: &Renderer, uploaded: &Uploaded) -> Result<(), RenderError> {
         if let Some(grid) = self.grid.as_ref().filter(|grid| !grid.is_complete()) {
             return grid.advance(renderer, &self.left.planned, uploaded);
+        }
+        if let Some(scattered) = self.scattered.as_mut().filter(|scattered| !scattered.is_complete()) {
+            return scattered.advance(renderer, uploaded);
         }
         if let (Some(rounds), Some(pool)) = (&mut self.rounds, &uploaded.pool) {
             if rounds.is_loading() {

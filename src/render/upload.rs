@@ -47,6 +47,8 @@ pub struct Uploaded {
     /// A coarse level of a volume in bricks, if its scene has shadows.
     level: Option<LightLevel>,
     pub(super) kept: Kept,
+    /// Rows of scattered light, and the last such light.
+    pub(super) scattering: Kept,
 }
 
 /// A coarse level of a volume in bricks, of which light grids are filled.
@@ -59,8 +61,8 @@ struct LightLevel {
     scale: DVec3,
 }
 
-/// Results of marches of finished and of coarse pictures that are kept as long as the volume, of a type that the march
-/// knows.
+/// Two results of marches that are kept as long as the volume, of types that the march knows: those of finished and of coarse
+/// pictures, if no others are stated.
 #[derive(Debug, Default)]
 pub(super) struct Kept(pub(super) Mutex<[Option<Arc<dyn Any + Send + Sync>>; 2]>);
 
@@ -258,6 +260,7 @@ impl Renderer {
                 pool,
                 level,
                 kept: Kept::default(),
+                scattering: Kept::default(),
             });
         }
         let storages = Storage::of_further(&planned.plan, scene);
@@ -295,6 +298,7 @@ impl Renderer {
             pool: None,
             level: None,
             kept: Kept::default(),
+            scattering: Kept::default(),
         })
     }
 

@@ -31,6 +31,7 @@ impl Scene {
             block,
             accuracy,
             shadows,
+            scattering,
             display,
         } = self;
         let mut hasher = DefaultHasher::new();
@@ -38,7 +39,7 @@ impl Scene {
             "{materials:?} {transfer:?} {lights:?} {blending:?} {overlap:?} {hidden:?} {shading:?} {lighting:?} {background:?}"
         )
         .hash(&mut hasher);
-        format!("{camera:?} {crop:?} {clip:?} {accuracy:?} {shadows:?} {display:?}").hash(&mut hasher);
+        format!("{camera:?} {crop:?} {clip:?} {accuracy:?} {shadows:?} {scattering:?} {display:?}").hash(&mut hasher);
         if let Some(block) = block {
             block.hash(&mut hasher);
         }

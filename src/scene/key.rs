@@ -31,8 +31,8 @@ use Stale::{Accumulators, Matrices, Nothing, Picture, Tables};
 
 use crate::{
     AccumulateAs, Aim, AmbientShares, BRIGHTEST, Backdrop, Blending, Gradients, INTENSITY, Integration, Interpolation,
-    LARGEST_EXPOSURE, LabelInterpolation, Lighting, Lookup, Material, Overlap, PHASES, Projection, Scene, SceneLight,
-    Shading, ShadowMethod, StoreAs, Tone, VolumeAs,
+    LARGEST_EXPOSURE, LabelInterpolation, Lighting, Lookup, Material, Orders, Overlap, PHASES, Projection,
+    ScatteringMethod, Scene, SceneLight, Shading, ShadowMethod, StoreAs, Tone, VolumeAs,
 };
 
 /// A key of a part `T` of a scene: the scene itself, a material or a light.
@@ -438,6 +438,8 @@ mod choices {
     impl Named for Lighting { const ALL: Choices<Self> = &[(Self::TwoSided, "two_sided"), (Self::OneSided, "one_sided")]; }
     impl Named for AmbientShares { const ALL: Choices<Self> = &[(Self::Open, "open"), (Self::Occluded, "occluded")]; }
     impl Named for ShadowMethod { const ALL: Choices<Self> = &[(Self::Grid, "grid"), (Self::Rays, "rays")]; }
+    impl Named for Orders { const ALL: Choices<Self> = &[(Self::Single, "single"), (Self::Multiple, "multiple")]; }
+    impl Named for ScatteringMethod { const ALL: Choices<Self> = &[(Self::Rows, "rows"), (Self::Paths, "paths")]; }
     impl Named for Interpolation { const ALL: Choices<Self> = &[(Self::Nearest, "nearest"), (Self::Linear, "linear"), (Self::ExactLinear, "exact_linear"), (Self::Cubic, "cubic"), (Self::CubicX, "cubic_x"), (Self::CubicY, "cubic_y"), (Self::CubicZ, "cubic_z")]; }
     impl Named for LabelInterpolation { const ALL: Choices<Self> = &[(Self::Smooth, "smooth"), (Self::Nearest, "nearest")]; }
     impl Named for Integration { const ALL: Choices<Self> = &[(Self::Auto, "auto"), (Self::Segments, "segments"), (Self::Samples, "samples"), (Self::Adaptive, "adaptive")]; }
@@ -516,6 +518,24 @@ pub const SCENE: &[Key<Scene>] = &[
         .knob("", "voxels between nodes of the light grid"),
     Key::new("shadows.directions", Whole([8, 1024], None), Accumulators, field!(Scene: shadows.directions))
         .knob("", "directions of the sky"),
+    Key::new("scattering.spacing", NumberOr([0.05, 64.0], "auto"), Accumulators, Access {
+        get: |it: &Scene| it.scattering.spacing.value().or(Some(Value::Name("auto"))),
+        put: |it: &mut Scene, value| {
+            if value.is_some() {
+                it.scattering.spacing = f64::of(value);
+            }
+        },
+    })
+        .knob("", "voxels between places where scattered light is known"),
+    Key::new("scattering.directions", Whole([2, 1024], Some("auto")), Accumulators, Access {
+        get: |it: &Scene| it.scattering.directions.value().or(Some(Value::Name("auto"))),
+        put: |it: &mut Scene, value| {
+            if value.is_some() {
+                it.scattering.directions = usize::of(value);
+            }
+        },
+    })
+        .knob("", "directions from which scattered light is gathered"),
     Key::new("accuracy.interpolation", names::<Interpolation>(), Nothing, field!(Scene: accuracy.interpolation))
         .knob("nearest,exact_linear,cubic", "interpolation between voxels"),
     Key::new("accuracy.labels", names::<LabelInterpolation>(), Nothing, field!(Scene: accuracy.labels))
@@ -538,6 +558,9 @@ pub const SCENE: &[Key<Scene>] = &[
         .otherwise("3, or 0 with shading = \"none\""),
     Key::new("shadows.ambient", names::<AmbientShares>(), Nothing, field!(Scene: shadows.ambient)),
     Key::new("shadows.reach", Number(POSITIVE, "world units"), Accumulators, field!(Scene: shadows.reach)).otherwise("no limit"),
+    Key::new("scattering.orders", names::<Orders>(), Nothing, field!(Scene: scattering.orders)),
+    Key::new("scattering.method", names::<ScatteringMethod>(), Nothing, field!(Scene: scattering.method)),
+    Key::new("scattering.paths", Whole([1, 1 << 24], None), Accumulators, field!(Scene: scattering.paths)),
     Key::new("transfer.opacity_length", Number(POSITIVE, "world units"), Tables, field!(Scene: transfer.opacity_length))
         .otherwise("the smallest spacing"),
     Key::new("camera.fov", Number([0.001, 179.0], "degrees"), Accumulators,

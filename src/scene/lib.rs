@@ -14,6 +14,7 @@ pub mod key;
 mod lights;
 pub mod plan;
 pub mod reference;
+mod scattering;
 mod shape;
 pub mod tables;
 mod transfer;
@@ -32,6 +33,7 @@ pub use fields::{FIELDS, FIRST_FIELD, Field, Fields, MOST_GROUPS};
 pub use frame::Frame;
 pub use lights::{BRIGHTEST, INTENSITY};
 pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
+pub use scattering::{Orders, Scattering, ScatteringMethod, USUAL_DIRECTIONS};
 pub use shape::{Form, MOST_CORNERS, Painting, SHAPE_EDGE, SOFT, Second, Shape};
 pub use transfer::depth_from_opacity;
 pub use transfer::{
@@ -86,6 +88,8 @@ pub struct Scene {
     pub accuracy: Accuracy,
     /// Computation of shadows; each light states whether it casts them.
     pub shadows: Shadows,
+    /// Light that scatters more than once.
+    pub scattering: Scattering,
     /// Conversion of colours for the screen.
     pub display: Display,
 }
@@ -144,6 +148,7 @@ impl Scene {
             block: None,
             accuracy: Accuracy::new(spacing),
             shadows: Shadows::default(),
+            scattering: Scattering::default(),
             display: Display::default(),
         }
     }
@@ -245,10 +250,11 @@ impl Scene {
     }
 
     /// True if the light `index` casts shadows that change the picture: they take ambient light, light without shading, and
-    /// the diffuse and specular parts of shaded light.
+    /// the diffuse and specular parts of shaded light. Light that scatters often is dimmed on all its ways, so every light does.
     #[must_use]
     pub fn casts_shadows(&self, index: usize) -> bool {
-        let Some(light) = self.lights.get(index).filter(|light| light.shadows && !self.blending.is_extreme()) else {
+        let casts = |light: &&SceneLight| (light.shadows || self.scatters_often()) && !self.blending.is_extreme();
+        let Some(light) = self.lights.get(index).filter(casts) else {
             return false;
         };
         let shaded =
@@ -276,10 +282,12 @@ impl Scene {
         shown.map(|(_, material)| material).filter(|material| material.film.is_some())
     }
 
-    /// True if the scene asks for any shadows.
+    /// True if the scene asks for any shadows, or for scattered light, which casts them.
     #[must_use]
     pub fn asks_for_shadows(&self) -> bool {
-        self.shadows.ambient == AmbientShares::Occluded || self.lights.iter().any(|light| light.shadows)
+        self.scatters_often()
+            || self.shadows.ambient == AmbientShares::Occluded
+            || self.lights.iter().any(|light| light.shadows)
     }
 
     /// Distance from a sample within which nothing shades it, in voxels along the axis with the smallest spacing. By default 3 where

@@ -6,6 +6,7 @@ mod half;
 mod integration;
 mod light;
 mod needs;
+mod scattering;
 mod shadows;
 mod stale;
 mod warning;
@@ -461,7 +462,7 @@ impl ScenePlan {
                 let lanes = self.lanes();
                 let own = shares == Shares::Own;
                 let unshaded = if own { 2 * lanes } else { 0 };
-                let highlights = match (own, self.light.is_ambient()) {
+                let highlights = match (own, self.light.is_unshaded()) {
                     (false, _) => self.phases.max(1) * lanes,
                     (true, false) => 2 * lanes,
                     (true, true) => 3 * lanes,
@@ -684,6 +685,12 @@ pub enum PlanError {
         /// The reason.
         why: String,
     },
+    /// Light cannot scatter more than once.
+    #[error("scattering.orders = \"multiple\" is not possible: {why}")]
+    NoScattering {
+        /// The reason and the way out.
+        why: String,
+    },
     /// No colour model meets the request.
     #[error("no colour model fits the scene")]
     Model(#[from] ModelError),
@@ -706,6 +713,7 @@ impl PlanError {
             Self::HalfMatrix => "half-matrix",
             Self::NoSegments { .. } => "segments-impossible",
             Self::NoShadows { .. } => "shadows-impossible",
+            Self::NoScattering { .. } => "scattering-impossible",
             Self::Model(error) => error.code(),
         }
     }
@@ -840,10 +848,11 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
     let weights = planned(scene, None);
     // Before a model is fitted in vain.
     shadows::check(&weights, scene)?;
+    scattering::check(&weights, scene)?;
     if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
         return Err(PlanError::NotGrey { materials: coloured(scene) });
     }
-    let exact = weights.plan.transmittance == Transmittance::Grey;
+    let exact = weights.plan.transmittance == Transmittance::Grey && weights.plan.light.gathered.is_none();
     let Accuracy { model: kind, tolerance, dimension, accumulate, .. } = scene.accuracy;
     let narrower = narrower(&weights.plan);
     let mut warning = None;
@@ -895,7 +904,7 @@ pub fn plan_full_spectrum(scene: &Scene) -> Planned {
 }
 
 /// The plan of `scene` with coefficients of `model`, or with weights if there is no model.
-fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
+pub(crate) fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let materials: Vec<usize> = (0..scene.materials.len()).filter(|&material| scene.shows(material)).collect();
     let positions = positions(scene);
     let is_directed = positions.iter().any(|position| position.placement != Placement::Ambient);
@@ -944,7 +953,10 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             (Transmittance::Coloured, Some(ModelKind::Peercy)) => Transmittance::Mixed,
             (transmittance, _) => transmittance,
         },
-        light: LightPlan::new(&positions, occluded, scene.shadows.method, absorbers),
+        light: LightPlan {
+            gathered: (scene.scatters_often() && !positions.is_empty()).then_some(scene.scattering.method),
+            ..LightPlan::new(&positions, occluded, scene.shadows.method, absorbers)
+        },
         shading,
         phases,
         thin_films,

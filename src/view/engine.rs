@@ -748,10 +748,13 @@ impl Engine {
         self.lit.as_ref().map(|lit| lit.size.map(|pixels| pixels.div_ceil(lit.level.max(1))))
     }
 
-    /// Completed fraction of the current march, 0 to 1.
+    /// Completed fraction of the current march, or of the scattered light that it waits for, 0 to 1.
     #[must_use]
     pub fn progress(&self) -> Option<f64> {
         let marching = self.marching.as_ref()?;
+        if let Some([done, all]) = marching.march.gathering() {
+            return Some(count(done) / count(all.max(1)));
+        }
         let [done, all] = marching.march.rows();
         Some(count(done) / count(all.max(1)))
     }

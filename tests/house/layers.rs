@@ -35,7 +35,10 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("ranks", &["film", "scene"]),
     ("annotate", &["film", "plan", "scene", "spectrum", "volume", "number", "written"]),
     ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "progress", "number", "parallel"]),
-    ("reference", &["film", "tables", "plan", "scene", "volume", "memory", "progress", "number", "parallel"]),
+    (
+        "reference",
+        &["film", "tables", "plan", "scene", "model", "spectrum", "volume", "memory", "progress", "number", "parallel"],
+    ),
     ("shader", &[]),
     ("vulkan", &["shader"]),
     ("present", &["vulkan"]),

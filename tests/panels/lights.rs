@@ -8,7 +8,7 @@ use relume::document::moves::{Move, Side};
 use relume::document::{self, Document, Edit, Mixing};
 use relume::plan::Stale;
 use relume::progress::Quiet;
-use relume::scene::{AmbientShares, Lighting};
+use relume::scene::{AmbientShares, Lighting, Orders};
 use relume::view::Action;
 
 use crate::app::{App, document, light_names, wide};
@@ -128,6 +128,25 @@ fn ambient_occlusion_is_switched_in_the_light_panel_undone_and_kept_by_sessions(
     window.get_by_label("Undo").click();
     window.run();
     assert_eq!(ambient(&window), AmbientShares::Open);
+}
+
+#[test]
+fn scattered_light_is_switched_in_the_light_panel_undone_and_kept_by_sessions() {
+    let mut window = wide(document());
+    window.run();
+    let orders = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().scene.scattering.orders;
+    assert_eq!(orders(&window), Orders::Single);
+    window.get_by_label("scattered light").click();
+    window.run();
+    assert_eq!(orders(&window), Orders::Multiple);
+    let mut edited = document();
+    edited.edit(&Edit::Orders(Orders::Multiple));
+    let path = std::path::Path::new("session.toml");
+    let text = document::session::text(path, &document::Source::default(), edited.opened(), edited.state()).unwrap();
+    assert!(text.contains("[scattering]\norders = \"multiple\""), "{text}");
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(orders(&window), Orders::Single);
 }
 
 #[test]

@@ -22,6 +22,7 @@ mod properties;
 mod ranks;
 mod rays;
 mod refined;
+mod scattering;
 mod scenes;
 mod segments;
 mod shader;

@@ -486,6 +486,7 @@ pub(super) fn features(plan: &ScenePlan) -> String {
     };
     add(light.occluded, "occluded".into());
     add(light.method != ShadowMethod::Grid, format!("{:?}", light.method));
+    add(light.gathered.is_some(), "scattered".into());
     add(light.absorbers > 0, format!("{} absorbers", light.absorbers));
     if let Some(ShadingTerms { diffuse, specular, one_sided }) = shading {
         add(true, if *diffuse { "diffuse" } else { "flat" }.into());
@@ -679,6 +680,7 @@ matrix! {
     glass_tolerance glass_sharpened glass_rgb shadows_unshaded shadows_gradient shadows_one_of_two shadows_headlight
     shadows_headlight_unshaded shadows_highlights shadows_cropped shadows_exact_linear shadows_nearest_lookup
     shadows_thinned shadows_segments shadows_five shadows_three_kinds shadows_labels shadows_rotated shadows_one_sided
+    scattered scattered_sky scattered_lit scattered_labels scattered_coloured scattered_fields scattered_clip
     shadows_sky_unshaded shadows_sky shadows_sky_beside_one shadows_sky_second_texel shadows_sky_segments
     shadows_sky_few_directions shadows_sky_reach shadows_ambient shadows_ambient_of_open shadows_ambient_reach
     shadows_ambient_three_point shadows_point_outside shadows_point_inside shadows_points_beside_all shadows_three_point

@@ -15,6 +15,33 @@ pub(crate) struct Chain {
     lit_behind: f64,
     /// Absorptions between the light and what is behind the steps, with their optical depths at the peak.
     lit_behind_through: Vec<(usize, f64)>,
+    /// Light that has scattered before; `None` for light that scatters once.
+    scattered_before: Option<ScatteredBefore>,
+}
+
+/// Light that has scattered before it meets a chain: a geometric series of scatterings.
+#[derive(Clone, Debug)]
+struct ScatteredBefore {
+    /// Part of the light that scatters again.
+    again: f64,
+    /// Sources that scatter it, and their shares.
+    sources: Vec<(usize, f64)>,
+    /// Absorptions between two scatterings, with their optical depths at the peak.
+    absorbed: Vec<(usize, f64)>,
+}
+
+impl ScatteredBefore {
+    /// Σ over n of (1 − q) qⁿ aⁿ fⁿ⁺¹ for each component, with the reflectance a and the transmittance f between two scatterings.
+    fn light<'a>(
+        &'a self,
+        reflectance: impl Fn(usize) -> f64 + 'a,
+        depth: Option<Vec<f64>>,
+    ) -> impl Fn(usize) -> f64 + 'a {
+        move |component| {
+            let passed = depth.as_ref().map_or(1.0, |depth| (-depth[component]).exp());
+            (1.0 - self.again) * passed / (-(self.again * passed)).mul_add(reflectance(component), 1.0)
+        }
+    }
 }
 
 /// A homogeneous piece of a medium.
@@ -57,7 +84,12 @@ pub enum ChainClass {
     /// [`Self::ColouredRays`] (without absorptions, [`Self::GreyRays`]) with shading: the fraction of light left,
     /// between 1 and 1/50, rises or falls along the ray.
     ShadedRays(usize),
+    /// One reflection of light that has scattered before, 0 to 9 times on average, from mixtures of sources, through absorptions.
+    Scattered,
 }
+
+/// Largest mean number of scatterings of a path (docs/theory/colour-models.md).
+const MOST_SCATTERINGS: f64 = 10.0;
 
 /// Least fraction of light that shading leaves; errors in darker light are not visible.
 const DARKEST: f64 = 0.02;
@@ -86,7 +118,7 @@ impl Chain {
     }
 
     fn of(steps: Vec<Step>, behind: Option<Vec<usize>>) -> Self {
-        Self { steps, behind, lit_behind: 1.0, lit_behind_through: Vec::new() }
+        Self { steps, behind, lit_behind: 1.0, lit_behind_through: Vec::new(), scattered_before: None }
     }
 
     /// Draws a random chain of a class.
@@ -119,7 +151,21 @@ impl Chain {
                 Self::coloured_ray(steps, supply, random).shaded(supply, random)
             }
             ChainClass::ShadedRays(steps) => Self::grey_ray(steps, supply, random).shaded(supply, random),
+            ChainClass::Scattered => Self::scattered(supply, random),
         }
+    }
+
+    fn scattered(supply: Supply, random: &mut Random) -> Self {
+        let orders = random.between_magnitudes(1.0, MOST_SCATTERINGS);
+        let sources = shared(1.0, supply.scattering, supply.scattering, random);
+        let absorbed = if supply.absorptions > 0 && random.unit() < 0.5 {
+            let depth = random.between_magnitudes(0.01, 1.0).min(supply.largest_depth);
+            shared(depth, supply.absorptions, supply.absorptions, random)
+        } else {
+            Vec::new()
+        };
+        let before = ScatteredBefore { again: 1.0 - 1.0 / orders, sources, absorbed };
+        Self { scattered_before: Some(before), ..Self::reflection(random.index(supply.scattering)) }
     }
 
     fn grey_ray(steps: usize, supply: Supply, random: &mut Random) -> Self {
@@ -205,6 +251,13 @@ impl Chain {
         if supply.sources == supply.scattering {
             varied.lit_behind = (varied.lit_behind * lit).min(1.0);
         }
+        if let Some(before) = &mut varied.scattered_before {
+            before.again = 1.0 - ((1.0 - before.again) * lit).clamp(1.0 / MOST_SCATTERINGS, 1.0);
+            before.sources.iter_mut().for_each(|(source, share)| *share *= scattering[*source]);
+            let sum: f64 = before.sources.iter().map(|(_, share)| share).sum();
+            before.sources.iter_mut().for_each(|(_, share)| *share /= sum.max(1e-12));
+            before.absorbed.iter_mut().for_each(|(absorption, depth)| *depth *= absorbing[*absorption]);
+        }
         varied
     }
 
@@ -246,6 +299,14 @@ impl Chain {
                 let lit = if through.is_empty() { self.lit_behind } else { self.lit_behind * (-lit[component]).exp() };
                 *light += transmittance[component] * lit * reflected;
             }
+        }
+        if let Some(before) = &self.scattered_before {
+            let depth = (!before.absorbed.is_empty()).then(|| depths(&before.absorbed));
+            let reflectance = |component: usize| {
+                before.sources.iter().map(|&(source, share)| share * sources[source][component]).sum()
+            };
+            let arriving = before.light(reflectance, depth);
+            light.iter_mut().enumerate().for_each(|(component, light)| *light *= arriving(component));
         }
         light
     }
@@ -312,6 +373,16 @@ impl Chain {
                 reflected = next;
             }
             add_product(&mut light, &transmittance, &reflected, self.lit_behind);
+        }
+        if let Some(before) = &self.scattered_before {
+            let depth = (!before.absorbed.is_empty()).then(|| depth(&before.absorbed).samples().to_vec());
+            let reflectance = |band: usize| {
+                before.sources.iter().map(|&(source, share)| share * sources[source].samples()[band]).sum()
+            };
+            let arriving = before.light(reflectance, depth);
+            let mut scattered = vec![0.0; dimension];
+            add_product(&mut scattered, &matrices.matrix(&std::array::from_fn(arriving)), &light, 1.0);
+            light = scattered;
         }
         light
     }

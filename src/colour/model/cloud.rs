@@ -25,7 +25,7 @@ pub struct Cloud {
 
 impl Cloud {
     /// Builds a cloud of every source once and the given number of random chains of each class. Without absorptions,
-    /// the classes that need them are left out.
+    /// the classes that need them are left out, and [`ChainClass::Scattered`] where light scatters once.
     ///
     /// # Errors
     ///
@@ -55,7 +55,8 @@ impl Cloud {
         for &(class, count) in classes {
             let needs_absorptions =
                 matches!(class, ChainClass::Absorbed | ChainClass::SinglyAbsorbed | ChainClass::ColouredRays(_));
-            if coloured || !needs_absorptions {
+            let is_made = class != ChainClass::Scattered || ingredients.scatters_often;
+            if is_made && (coloured || !needs_absorptions) {
                 chains.extend((0..count).map(|_| Chain::draw(class, supply, &mut random)));
             }
         }

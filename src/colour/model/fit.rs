@@ -15,22 +15,24 @@ use relume_base::progress::Progress;
 
 /// Chains that models are fitted on: everything that the renderer can make of a scene, i.e. single reflections and
 /// rays.
-const FIT: [(ChainClass, usize); 5] = [
+const FIT: [(ChainClass, usize); 6] = [
     (ChainClass::GreyRays(24), 100),
     (ChainClass::Absorbed, 400),
     (ChainClass::ColouredRays(24), 150),
     (ChainClass::ShadedRays(24), 60),
     (ChainClass::Reflections, 120),
+    (ChainClass::Scattered, 300),
 ];
 
 const FIT_SEED: u64 = 1;
 
 /// Chains that models are checked on. Most are behind absorbers, where a rare few can be far worse than all others.
-const VALIDATION: [(ChainClass, usize); 4] = [
+const VALIDATION: [(ChainClass, usize); 5] = [
     (ChainClass::GreyRays(24), 200),
     (ChainClass::Absorbed, 800),
     (ChainClass::ColouredRays(24), 200),
     (ChainClass::ShadedRays(24), 400),
+    (ChainClass::Scattered, 600),
 ];
 
 const VALIDATION_SEED: u64 = 2;

@@ -64,6 +64,8 @@ pub struct Ingredients {
     pub largest_depth: f64,
     /// Whether light reaches samples through coloured absorption, too: twice the depths.
     pub two_ways: bool,
+    /// Whether light scatters more than once: spectra of pixels are then products of any number of reflectances.
+    pub scatters_often: bool,
 }
 
 /// Matrix from a model's coefficients to colours under one light, with its errors.

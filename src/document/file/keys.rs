@@ -87,6 +87,8 @@ pub(super) struct Root {
     pub(super) clip: ClipFile,
     #[serde(default, rename = "shadows")]
     _shadows: ScalarsAlone,
+    #[serde(default, rename = "scattering")]
+    _scattering: ScalarsAlone,
     #[serde(default, rename = "accuracy")]
     _accuracy: ScalarsAlone,
     #[serde(default, rename = "display")]

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 use relume_base::number::count;
 
 /// Colours of parts for all kinds of colour vision, on white and on black (after Okabe and Ito 2008).
-pub(super) const PARTS: [&str; 11] = [
+pub(super) const PARTS: [&str; 12] = [
     "#7a4fa3", "#0072b2", "#56b4e9", "#009e73", "#8c510a", "#f0e442", "#d55e00", "#e69f00", "#cc79a7", "#999999",
-    "#b8a800",
+    "#b8a800", "#4d4d4d",
 ];
 
 /// Style of the classes in a standalone drawing, on white.

@@ -11,7 +11,7 @@ use crate::findings::{by_cause, cheapest, closest};
 use crate::ladder::Cause;
 use crate::measured::Measured;
 use crate::setting::Value;
-use relume_base::number::{capital, readable};
+use relume_base::number::{brief, capital, readable};
 use relume_scene::Scene;
 
 /// ΔE00 that is just visible side by side.
@@ -134,6 +134,11 @@ fn why(cause: Cause, scene: &Scene, own: &Measured) -> String {
         Cause::LightGrid => {
             format!("shadows come from a grid with a node every {} voxels", readable(scene.shadows.spacing))
         }
+        Cause::Scattering => format!(
+            "scattered light is known at places {} voxels apart, from {} directions",
+            brief(scene.scattering_spacing()),
+            scene.scattering_directions()
+        ),
         Cause::Basis => format!("{} coefficients represent a spectrum of 81 bands", own.components),
         Cause::Tables => "the transfer function is a table, and the volume a texture".to_owned(),
         Cause::Rounding => "the arithmetic has 32 bits".to_owned(),

@@ -4,8 +4,8 @@
 
 use std::fmt::Write as _;
 
-use relume_scene::Direction;
 use relume_scene::plan::{Arrival, ScenePlan, Share};
+use relume_scene::{Direction, ScatteringMethod};
 
 /// Most accumulators of equal light without shadows whose lines are written out.
 const MOST_STRAIGHT: usize = 4;
@@ -49,9 +49,11 @@ fn lines(plan: &ScenePlan, accumulator: &str, ways: &[(String, Arrival)]) -> Str
             Direction::Place => line(format_args!("let light_{i} = towards(shading.lights[{vector}].xyz, place);")),
         }
     }
+    let gathers = plan.light.gathered == Some(ScatteringMethod::Rows);
     if is_even {
         let all = (1..ways.len()).fold("share_0".to_owned(), |sum, i| format!("plus_shade({sum}, share_{i}, 1.0)"));
-        line(format_args!("let source = unshaded_part(step, {all});"));
+        let binding = if gathers { "var" } else { "let" };
+        line(format_args!("{binding} source = unshaded_part(step, {all});"));
     } else if plan.phases > 0 {
         line(format_args!("var source: array<vec4f, LANES>;"));
         (0..ways.len()).for_each(|i| line(format_args!("add_scattered(light_{i}, ray, step, share_{i}, &source);")));
@@ -69,6 +71,9 @@ fn lines(plan: &ScenePlan, accumulator: &str, ways: &[(String, Arrival)]) -> Str
             }
         }
     }
+    if gathers {
+        line(format_args!("add_gathered(gathered_place, {accumulator}, step, &source);"));
+    }
     line(format_args!("composite(sums, {accumulator} * LANES, source, transmittance);"));
     text
 }
@@ -82,6 +87,9 @@ fn alike(plan: &ScenePlan, first: usize) -> usize {
     };
     let kind = only(first);
     let others = first + 1..plan.light.accumulators();
+    if plan.light.gathered.is_some() {
+        return 1;
+    }
     1 + others.take_while(|&accumulator| kind.is_some() && only(accumulator) == kind).count()
 }
 
@@ -96,6 +104,10 @@ pub(super) fn text(plan: &ScenePlan) -> String {
         for texel in 0..light.grid_depths().div_ceil(4) {
             add(&format!("    let depths_{texel} = depths_from(grid_place, {texel}u);\n"));
         }
+    }
+    let gathers = is_read && light.gathered == Some(ScatteringMethod::Rows);
+    if gathers {
+        add("    let gathered_place = fma(place, gathered_at.scale, gathered_at.offset);\n");
     }
     if let Some(number) = light.sky().filter(|_| is_read) {
         add(&format!("    let sky = {};\n", share_behind(plan, number)));
@@ -126,6 +138,7 @@ pub(super) fn text(plan: &ScenePlan) -> String {
         (is_read && plan.phases > 0, "    phases = phases_uniform;\n"),
         (is_read && plan.thin_films.total() > 0, "    thin_films = thin_films_uniform;\n"),
         (is_read && light.grid_lights() > 0, "    light_place = light_uniform;\n"),
+        (gathers, "    gathered_at = gathered_uniform;\n"),
     ];
     let reads: String = reads.iter().filter(|(is_read, _)| *is_read).map(|(_, line)| *line).collect();
     format!(

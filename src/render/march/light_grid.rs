@@ -125,7 +125,7 @@ struct Reach {
 /// Uniform of a march that reads the grid, in the layout of `shaders/light.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct Place {
+pub(super) struct Place {
     scale: [f32; 4],
     offset: [f32; 4],
     nodes: [f32; 3],
@@ -314,7 +314,7 @@ impl Renderer {
         let grid = Arc::new(DeviceGrid {
             image: Image3d::written(&self.device, "light grid", format, extent)?,
             sampler: Sampler::new(&self.device, "light grid", Filter::Linear)?,
-            place: self.place(&key.grid, texels)?,
+            place: self.place_of("light place", Place::new(&key.grid, texels))?,
             key,
             room: if format == Format::R32Float { 1 } else { GRID_LIGHTS * texels },
             filling: Mutex::default(),
@@ -350,20 +350,27 @@ impl Renderer {
         Ok(())
     }
 
-    fn place(&self, grid: &LightGrid, texels: usize) -> Result<Buffer, RenderError> {
+    /// A uniform of a grid's place.
+    pub(super) fn place_of(&self, name: &str, place: Place) -> Result<Buffer, RenderError> {
+        let buffer = Buffer::host(&self.device, name, size_of::<Place>() as u64, HostUse::Uniform)?;
+        buffer.write(0, bytemuck::bytes_of(&place))?;
+        Ok(buffer)
+    }
+}
+
+impl Place {
+    /// The place of `grid`, behind which others of so many `texels` a node follow along z.
+    pub(super) fn new(grid: &LightGrid, texels: usize) -> Self {
         let nodes = DVec3::from_array(grid.dims.map(count));
         // Node n is the middle of texel n; further grids follow along z.
         let of_first = DVec3::new(1.0, 1.0, 1.0 / count(texels.max(1))) / nodes;
         let vector = |vector: DVec3| vector.extend(0.0).to_array().map(rounded);
-        let place = Place {
+        Self {
             scale: vector(grid.scale * of_first),
             offset: vector((grid.offset + 0.5) * of_first),
             nodes: nodes.to_array().map(rounded),
             behind: rounded(1.0 / count(texels.max(1))),
-        };
-        let buffer = Buffer::host(&self.device, "light place", size_of::<Place>() as u64, HostUse::Uniform)?;
-        buffer.write(0, bytemuck::bytes_of(&place))?;
-        Ok(buffer)
+        }
     }
 }
 

@@ -339,6 +339,7 @@ impl Renderer {
         let mut places: Vec<RayPlace> = ray_places(plan.rays).into_iter().enumerate().map(place).rev().collect();
 
         let grid = self.light_grid(scene, planned, uploaded, coarse)?;
+        let scattered = self.scattered(scene, planned, uploaded, coarse)?;
 
         let rounds = uploaded
             .pool
@@ -352,6 +353,9 @@ impl Renderer {
         let iterations = made.iterations;
         let (pipeline, set) = self.bound("march", made, |name| {
             if let Some(resource) = grid.as_ref().and_then(|grid| grid.resource(name)) {
+                return Some(resource);
+            }
+            if let Some(resource) = scattered.as_ref().and_then(|scattered| scattered.resource(name)) {
                 return Some(resource);
             }
             Some(match name {
@@ -410,7 +414,7 @@ impl Renderer {
             transmittance,
         };
         let is_block = rays.block.is_some();
-        Ok(March { pipeline, set, schedule, left, grid, rounds, places, mean, is_block })
+        Ok(March { pipeline, set, schedule, left, grid, scattered, rounds, places, mean, is_block })
     }
 
     /// Memory and buffers of the tables of values and labels, by their names in the shader.

@@ -98,6 +98,9 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         _ => text!("share_coloured.wgsl"),
     });
     parts.push(text!("light.wgsl"));
+    if plan.light.gathered.is_some() {
+        parts.push(text!("gathered.wgsl"));
+    }
     if plan.phases > 0 {
         parts.push(match plan.accumulate {
             Accumulate::Weights { .. } => text!("phase_weights.wgsl"),

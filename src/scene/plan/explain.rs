@@ -7,7 +7,7 @@ use super::{
 use crate::key::Named as _;
 use crate::{
     AccumulateAs, Accuracy, AmbientShares, Backdrop, Blending, Field, Gradients, Integration, Interpolation, Keep,
-    Lookup, Overlap, Scene, Shading, ShadowMethod,
+    Lookup, Overlap, Placement, Position, ScatteringMethod, Scene, Shading, ShadowMethod,
 };
 use relume_base::number::{brief, readable};
 use relume_colour::model::ModelKind;
@@ -264,6 +264,42 @@ impl Planned {
         sentences
     }
 
+    /// Sentences about light that scatters more than once.
+    fn explain_scattering(&self, scene: &Scene) -> Vec<String> {
+        let Some(method) = self.plan.light.gathered else { return Vec::new() };
+        let mut sentences = vec![match method {
+            ScatteringMethod::Rows => {
+                format!(
+                    "Light scatters any number of times. It is gathered at places {} voxels apart, from {} directions: once for all colours of the lights, and again if the medium, the crop box or a direction of a light changes. Another reflectance sends no ray.",
+                    // To two digits: the data choose it.
+                    readable((100.0 * scene.scattering_spacing()).round() / 100.0),
+                    scene.scattering_directions()
+                )
+            }
+            ScatteringMethod::Paths => format!(
+                "Light scatters any number of times, along {} random paths of each pixel: without other errors than their noise, for the reference.",
+                scene.scattering.paths
+            ),
+        }];
+        sentences.push(
+            "Such light is a product of many reflectances, so pixels keep no exact weights of materials, and every light casts shadows."
+                .to_owned(),
+        );
+        if self.plan.shades_by_gradient() {
+            sentences.push(
+                "Gradients shade light that scatters for the first time; deeper orders come from everywhere."
+                    .to_owned(),
+            );
+        }
+        let turns = |position: &Position| position.placement.turns() || position.placement == Placement::Headlight;
+        if self.positions.iter().any(turns) {
+            sentences.push(
+                "A light that turns with the camera is gathered again for each view; one with a direction of its own, or of the sky, is not.".to_owned(),
+            );
+        }
+        sentences
+    }
+
     /// The plan in sentences, for people who know volumes but not this program.
     #[must_use]
     pub fn explain(&self, scene: &Scene) -> Vec<String> {
@@ -314,6 +350,7 @@ impl Planned {
         }
         sentences.extend(self.explain_thin_films(scene));
         sentences.extend(self.explain_shadows(scene));
+        sentences.extend(self.explain_scattering(scene));
         if plan.groups.further > 0 {
             let names = |fields: &[Field]| listed(fields.iter().map(|field| field.name.as_str()));
             let places = [
@@ -541,7 +578,8 @@ impl Planned {
     /// Why coefficients replace exact weights, or why weights remain where fewer coefficients were tried.
     fn explain_choice(&self, scene: &Scene) -> Option<String> {
         let Accuracy { accumulate, dimension, .. } = scene.accuracy;
-        let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
+        let is_exact = self.plan.transmittance == Transmittance::Grey && self.plan.light.gathered.is_none();
+        let exact = is_exact && accumulate == AccumulateAs::Auto;
         match &self.model {
             Some(_) if exact => {
                 let terms: usize =

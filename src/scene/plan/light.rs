@@ -1,6 +1,6 @@
 //! The ways by which light arrives at a step: the slot Light of a plan.
 
-use crate::{Direction, Position, ShadowMethod};
+use crate::{Direction, Position, ScatteringMethod, ShadowMethod};
 
 /// The light of a plan: its arrivals, and what dims them.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -15,6 +15,8 @@ pub struct LightPlan {
     /// Materials with coloured absorption, through each of which light has a depth of its own; 0 if all absorption is grey,
     /// or if the medium dims no light.
     pub absorbers: usize,
+    /// Method that finds the light of each accumulator that has scattered before; `None` if light scatters once.
+    pub gathered: Option<ScatteringMethod>,
 }
 
 /// A way of light into a step.
@@ -52,7 +54,7 @@ impl LightPlan {
 
     /// The arrivals of `positions`: each light behind the medium gets the next number of the light grid, and light from
     /// everywhere the last.
-    pub(super) fn new(positions: &[Position], occluded: bool, method: ShadowMethod, absorbers: usize) -> Self {
+    pub(crate) fn new(positions: &[Position], occluded: bool, method: ShadowMethod, absorbers: usize) -> Self {
         let mut arrivals = Vec::new();
         for (accumulator, position) in positions.iter().enumerate() {
             let arrival = |&direction: &Direction| {
@@ -81,6 +83,7 @@ impl LightPlan {
             occluded,
             method: if number > 0 || occluded { method } else { ShadowMethod::default() },
             absorbers: if is_dimmed { absorbers } else { 0 },
+            gathered: None,
         }
     }
 
@@ -101,6 +104,12 @@ impl LightPlan {
     #[must_use]
     pub fn is_ambient(&self) -> bool {
         self.arrivals.iter().any(|arrival| arrival.direction == Direction::Everywhere)
+    }
+
+    /// True if light may come from everywhere: that of a position, or light that has scattered before.
+    #[must_use]
+    pub fn is_unshaded(&self) -> bool {
+        self.is_ambient() || self.gathered.is_some()
     }
 
     /// True if some light has a direction.

@@ -178,6 +178,7 @@ impl Planned {
             mixed: self.positions.len() > 1,
             largest_depth: if coloured { largest_depth(scene) } else { 0.0 },
             two_ways: self.plan.light.absorbers > 0,
+            scatters_often: self.plan.light.gathered.is_some(),
         }
     }
 

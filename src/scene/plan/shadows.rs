@@ -12,9 +12,13 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     if !light.is_dimmed() {
         return Ok(());
     }
-    let of_light = |light: &SceneLight| format!("lights.{}.shadows = true", light.name);
+    // Scattered light casts the shadows of all lights.
+    let of_orders = || "scattering.orders = \"multiple\"".to_owned();
+    let of_light = |light: &SceneLight| {
+        if light.shadows { format!("lights.{}.shadows = true", light.name) } else { of_orders() }
+    };
     let of_shares = || "shadows.ambient = \"occluded\"".to_owned();
-    let mut casting = scene.lights.iter().filter(|light| light.shadows);
+    let mut casting = scene.lights.iter().filter(|light| light.shadows || scene.scatters_often());
     let setting = casting.clone().next().map_or_else(of_shares, of_light);
     let refused = |setting: String, why: String| Err(PlanError::NoShadows { setting, why });
     if planned.plan.transmittance != Transmittance::Grey {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::{Planned, ScenePlan, planned};
 use crate::key::{self, Stale};
-use crate::{LabelEntry, Labels, Material, Scene, SceneLight, Shadows};
+use crate::{LabelEntry, Labels, Material, ScatteringMethod, Scene, SceneLight, Shadows};
 
 impl Stale {
     /// The stage that the change from `before` to `after` makes stale; `planned` is the plan of `before`.
@@ -35,6 +35,8 @@ impl Stale {
             // By their keys.
             accuracy: _,
             shadows,
+            // The orders and the method are compared in the plan.
+            scattering,
             display: _,
         } = before;
         // Weights do not depend on spectra; a colour model is fitted to them.
@@ -72,6 +74,14 @@ impl Stale {
             let sky = (directions, reach) != (after.shadows.directions, after.shadows.reach);
             let of_sky = planned.plan.light.sky().is_some() && sky;
             add(spacing != after.shadows.spacing || moved || of_sky, Self::Accumulators);
+        }
+        if let Some(method) = planned.plan.light.gathered {
+            let grid = |of: &Scene| (of.scattering_spacing().to_bits(), of.scattering_directions());
+            let changed = match method {
+                ScatteringMethod::Rows => grid(before) != grid(after),
+                ScatteringMethod::Paths => scattering.paths != after.scattering.paths,
+            };
+            add(changed, Self::Accumulators);
         }
         for part in ["accuracy.", "display."] {
             add(true, key::stale(before, after, part));

@@ -1,5 +1,6 @@
 //! Depths of light grids that several marches read.
 
+use std::any::Any;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::ReferenceError;
@@ -8,10 +9,16 @@ use crate::{Interpolation, ShadowMethod};
 use relume_base::memory;
 use relume_base::number::Real;
 
-/// Depths of light grids, kept for further marches: those of exact samples of scenes that differ only in `accuracy` and
+/// Depths of light grids and rows of scattered light, kept for further marches: those of exact samples of scenes that differ only in `accuracy` and
 /// `shadows`.
 #[derive(Debug, Default)]
-pub struct KeptDepths<R>(Mutex<Vec<(DepthKey, Arc<Vec<R>>)>>);
+pub struct KeptDepths<R>(Mutex<Vec<(DepthKey, Arc<Vec<R>>)>>, Mutex<Vec<AnyRows>>);
+
+/// Rows of a type that their reader knows.
+type AnyRows = Arc<dyn Any + Send + Sync>;
+
+/// Rows of scattered light that are kept.
+const KEPT_ROWS: usize = 2;
 
 /// [`KeptDepths`], and further inputs of the depths of their samples.
 #[derive(Debug)]
@@ -34,10 +41,28 @@ pub(super) struct DepthKey {
     pub(super) start: f64,
 }
 
-/// Part of the free memory that [`KeptDepths`] may take.
+/// Part of the free memory that depths may take.
 const KEPT_PART: u64 = 8;
 
 impl<R: Real> KeptDepths<R> {
+    /// Rows of a `wanted` kind from an earlier march, or `made` now.
+    pub(super) fn rows<T: Any + Send + Sync>(
+        &self,
+        wanted: impl Fn(&T) -> bool,
+        made: impl FnOnce() -> Result<T, ReferenceError>,
+    ) -> Result<Arc<T>, ReferenceError> {
+        let kept = || self.1.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = kept().iter().filter_map(|rows| Arc::clone(rows).downcast::<T>().ok()).find(|rows| wanted(rows));
+        if let Some(rows) = known {
+            return Ok(rows);
+        }
+        let rows = Arc::new(made()?);
+        let mut kept = kept();
+        kept.insert(0, Arc::<T>::clone(&rows));
+        kept.truncate(KEPT_ROWS);
+        Ok(rows)
+    }
+
     /// The depths of `key`, from an earlier march or `filled` now.
     pub(super) fn of(
         &self,

@@ -1,16 +1,20 @@
 //! Light that arrives at a step, and what of it goes to the eye. Twin of `shaders/light.wgsl` and of the lines that
 //! `render::march::light` writes for it.
 
+use std::sync::Arc;
+
 use super::composite::{Lost, composite, composite_compensated, composite_matrix};
+use super::gathered::{Gathered, TransferRows};
 use super::phase::{Phase, add_even, add_scattered};
 use super::shadows::Reaching;
 use super::thin_film::ThinFilm;
 use super::{ReferenceError, Samples, Step};
 use crate::plan::{Accumulate, Arrival, LANE, Planned, Share, Shares, Transmittance};
 use crate::tables::{self, PositionTable};
-use crate::{Direction, Material, Scene};
+use crate::{Direction, Material, ScatteringMethod, Scene};
 use relume_base::number::{Real, dot, power, unit};
 use relume_base::progress::Progress;
+use smallvec::SmallVec;
 
 /// The light of a frame.
 pub(super) struct Light<'a, R> {
@@ -27,6 +31,8 @@ pub(super) struct Light<'a, R> {
     thin_films: Vec<ThinFilm<R>>,
     /// Light that reaches a sample, if the medium dims light other than along rays of the eye.
     reaching: Option<Reaching<R>>,
+    /// Light that has scattered before, if its nodes are known.
+    gathered: Option<Gathered<R>>,
     local_scale: [R; 3],
 }
 
@@ -131,6 +137,7 @@ impl<'a, R: Real> Light<'a, R> {
             phases: tables::Phase::of_plan(scene, planned).iter().map(Phase::new).collect(),
             thin_films: tables::ThinFilmRows::of_plan(scene, planned).iter().map(ThinFilm::new).collect(),
             reaching,
+            gathered: gathered(scene, planned, samples, progress)?,
             local_scale: local_scale.to_array().map(R::from_f64),
         })
     }
@@ -159,6 +166,9 @@ impl<'a, R: Real> Light<'a, R> {
                 self.arrive(at, samples, (vector, arrival), sky[0], arrived);
             }
             self.respond(at, arrived, open, source);
+            if let Some(gathered) = &self.gathered {
+                gathered.add(accumulator, at.place, &self.unshaded(&at.step.source), source);
+            }
             if plan.transmittance == Transmittance::Mixed {
                 composite_matrix(sums, source, at.transmittance);
             } else if let Some(lost) = lost {
@@ -281,6 +291,18 @@ impl<'a, R: Real> Light<'a, R> {
         if self.one_sided() { (-cosine).max(R::default()) } else { cosine.abs() }
     }
 
+    /// Light of the `source` of a step that is not shaded: of all phase functions together.
+    pub(super) fn unshaded(&self, source: &[R]) -> SmallVec<[R; 8]> {
+        let plan = &self.planned.plan;
+        let (first, lanes) = (plan.parts().unshaded * LANE, plan.lanes() * LANE);
+        let mut sum: SmallVec<[R; 8]> = source[first..][..plan.components()].into();
+        for phase in 1..plan.phases.max(1) {
+            let own = &source[first + phase * lanes..];
+            sum.iter_mut().zip(own).for_each(|(sum, &part)| *sum = *sum + part);
+        }
+        sum
+    }
+
     /// Number of components, without the white component of the highlights.
     fn reflected_parts(&self) -> usize {
         match self.planned.plan.accumulate {
@@ -351,4 +373,24 @@ impl<'a, R: Real> Light<'a, R> {
             }
         }
     }
+}
+
+/// Light that has scattered before, if the plan gathers it at nodes.
+fn gathered<R: Real>(
+    scene: &Scene,
+    planned: &Planned,
+    samples: &dyn Samples<R>,
+    progress: &dyn Progress,
+) -> Result<Option<Gathered<R>>, ReferenceError> {
+    if planned.plan.light.gathered != Some(ScatteringMethod::Rows) {
+        return Ok(None);
+    }
+    let (storage, labels) = samples.volume().ok_or(ReferenceError::Volumeless)?;
+    let made = || TransferRows::new(scene, planned, storage, labels, progress);
+    let rows = match samples.keeping() {
+        None => Arc::new(made()?),
+        Some(keeping) => keeping.depths.rows(|rows: &TransferRows| rows.are_of(scene, planned), made)?,
+    };
+    let light = rows.light(scene, planned, progress)?;
+    Ok(Some(Gathered::new(&light, planned.plan.components(), samples)))
 }

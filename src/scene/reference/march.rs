@@ -6,15 +6,17 @@ use glam::DVec3;
 use smallvec::SmallVec;
 
 use super::clip::{FAR, Own, Planes};
+use super::closing::across;
 use super::composite::{Lost, attenuate_all, attenuate_matrix};
 use super::factors::thin;
 use super::light::{At, Light, Scratch};
+use super::paths::{Paths, Seen};
 use super::{Crossing, End, ReferenceError, Samples, Step, Values, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
 use crate::plan::{Integrate, LANE, MOST_PARTS, Planned, Transmittance, refinement_bound};
 use crate::tables::{RayTable, phase_of_ray, ray_phase, ray_places};
-use crate::{Blending, FIELDS, Scene};
+use crate::{Blending, FIELDS, ScatteringMethod, Scene};
 use relume_base::number::{Real, count, dot, unit};
 use relume_base::parallel;
 use relume_base::progress::Progress;
@@ -117,6 +119,8 @@ struct Frame<'a, R> {
     bound: R,
     clip: Planes<R>,
     light: Light<'a, R>,
+    /// Paths of light that has scattered before, if the plan follows these.
+    paths: Option<Paths>,
     size: [usize; 2],
     /// Places of the rays in a pixel.
     places: Vec<[f64; 2]>,
@@ -141,6 +145,7 @@ impl<'a, R: Real> Frame<'a, R> {
             bound: R::from_f64(refinement_bound(scene.accuracy.variation)),
             clip,
             light,
+            paths: paths(of)?,
             size,
             places: ray_places(planned.plan.rays),
         })
@@ -549,12 +554,50 @@ impl<'a, R: Real> Frame<'a, R> {
         (0..numbers).map(|n| if is_one(n) { R::from_f64(1.0) } else { R::default() }).collect()
     }
 
+    /// The light that a sample of `ray` scatters towards the eye, of a unit of mean intensity; `None` if there is none.
+    fn seen(&self, samples: &dyn Samples<R>, ray: &Ray<R>, sample: &RaySample<'_, R>) -> Option<Seen> {
+        let plan = &self.planned.plan;
+        let mut read = Step::default();
+        if let Some(own) = &ray.own {
+            let first = R::from_f64(count(sample.index));
+            let [from, to] = ray.part(sample.index);
+            read.parts = own.parts([first + from, first + to]);
+        }
+        samples.sample(sample.place, &mut read);
+        let mut step = Step::default();
+        if plan.adds_densities() {
+            across(&read, sample.length, plan.lanes() * LANE, &mut step);
+        } else {
+            thin([&mut read.source, &mut read.opacity], plan, sample.length);
+            step = read;
+        }
+        let mut unshaded = self.light.unshaded(&step.source);
+        for other in &step.others {
+            unshaded.iter_mut().zip(self.light.unshaded(other)).for_each(|(sum, part)| *sum = *sum + part);
+        }
+        let left = sample.transmittance.iter().cycle();
+        let light: Vec<f64> = unshaded.iter().zip(left).map(|(&own, &left)| (own * left).to_f64()).collect();
+        light.iter().any(|&light| light != 0.0).then(|| Seen { place: sample.place.map(Real::to_f64), light })
+    }
+
     /// Marches and stores pixel `[x, y]`, the mean of its rays, and returns `finish(sums, transmittance)`.
     fn finished<T>(&self, samples: &dyn Samples<R>, pixel: [usize; 2], finish: impl Fn(&[R], &[R]) -> T) -> T {
         let (mut sums, mut transmittance) = (Vec::new(), Vec::new());
         for (i, &place) in self.places.iter().enumerate() {
             let mut of_ray = vec![R::default(); self.planned.plan.components() * self.planned.positions.len()];
-            let left = self.march_along(samples, &self.ray_through(pixel, i, place), &mut of_ray, |_| true);
+            let ray = self.ray_through(pixel, i, place);
+            let mut seen = Vec::new();
+            let left = self.march_along(samples, &ray, &mut of_ray, |sample| {
+                if self.paths.is_some() {
+                    seen.extend(self.seen(samples, &ray, sample));
+                }
+                true
+            });
+            if let Some(paths) = &self.paths {
+                let mut light = vec![0.0; of_ray.len()];
+                paths.add(&seen, (pixel, i), &mut light);
+                of_ray.iter_mut().zip(light).for_each(|(sum, light)| *sum = *sum + R::from_f64(light));
+            }
             if i == 0 {
                 (sums, transmittance) = (of_ray, left);
                 continue;
@@ -570,25 +613,10 @@ impl<'a, R: Real> Frame<'a, R> {
     }
 }
 
-/// Sets `step` to the effect of a medium of this density over a `length`, in steps: α = 1 − e^(−τ·length), and the
-/// scattered light times α/τ. Component c of each `components` numbers of the source has opacity c, or the only one.
-pub fn across<R: Real>(density: &Step<R>, length: R, components: usize, step: &mut Step<R>) {
-    step.opacity.clear();
-    step.opacity.extend(density.opacity.iter().map(|&depth| -(-(depth * length)).exp_m1()));
-    let gain = |(&depth, &opacity): (&R, &R)| {
-        if depth > R::default() && length > R::default() { opacity / depth } else { length }
-    };
-    let mut gains: SmallVec<[R; 8]> = density.opacity.iter().zip(&step.opacity).map(gain).collect();
-    if gains.len() > 1 {
-        gains.resize(components, length);
-    }
-    let close = |density: &[R], source: &mut Vec<R>| {
-        source.clear();
-        source.extend(density.iter().zip(gains.iter().cycle()).map(|(&lit, &gain)| lit * gain));
-    };
-    close(&density.source, &mut step.source);
-    step.others.resize_with(density.others.len(), Vec::new);
-    density.others.iter().zip(&mut step.others).for_each(|(density, other)| close(density, other));
+/// Paths of light that has scattered before, if the plan follows these.
+fn paths<R: Real>(of: &Marched<'_, R>) -> Result<Option<Paths>, ReferenceError> {
+    let wants = of.planned.plan.light.gathered == Some(ScatteringMethod::Paths);
+    wants.then(|| Paths::new(of.scene, of.planned, of.samples.volume(), of.progress)).transpose()
 }
 
 /// Length of the first or the last part of a step, as a part of it, where its sample and the one beside differ by `rise`: 0 up to `bound`, and a

@@ -1,22 +1,29 @@
 //! Reference renderer, written for readability: full spectra in f64, and the planned model in f64 and f32.
 
 mod clip;
+mod closing;
 mod composite;
 mod factors;
+mod gathered;
 mod kept;
 mod light;
 mod march;
 mod marching;
+mod paths;
 mod phase;
+mod rows;
 mod samples;
+mod scatterer;
 mod shadows;
 mod skipping;
 mod store;
 mod thin_film;
 
+pub use closing::across;
 pub use composite::{attenuate, attenuate_matrix, composite, composite_matrix};
+pub use gathered::{GatheredLight, TransferRows};
 pub use kept::{Keeping, KeptDepths};
-pub use march::{Marched, RaySample, across};
+pub use march::{Marched, RaySample};
 pub use marching::{Marching, march, march_ray, render, render_pixels};
 pub use samples::{Crossing, End, Exact, Label, Normals, Samples, Step, Stored, Values};
 pub use skipping::Skipping;
@@ -42,6 +49,17 @@ pub enum ReferenceError {
         "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight"
     )]
     Camera,
+    /// Light that scatters often has no stable amount.
+    #[error(
+        "the light that scatters again and again does not settle within {iterations} iterations; take a larger scattering.spacing, or reflectances below 1"
+    )]
+    Unsolved {
+        /// Number of iterations.
+        iterations: usize,
+    },
+    /// Samples come from no volume.
+    #[error("light scatters once in samples that come from no volume")]
+    Volumeless,
     /// A light grid does not fit into the free memory.
     #[error(
         "a light grid with a node every {} voxels needs {needed_mb} MB of memory, and {free_mb} are free; set a larger shadows.spacing, or shadows.method = \"rays\"",
@@ -65,6 +83,8 @@ impl ReferenceError {
             Self::Cancelled => "cancelled",
             Self::TooManySamples { .. } => "samples-too-many",
             Self::Camera => "camera-without-direction",
+            Self::Unsolved { .. } => "scattering-unsolved",
+            Self::Volumeless => "samples-without-volume",
             Self::LightGrid { .. } => "light-grid-memory-exceeded",
         }
     }

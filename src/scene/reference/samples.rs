@@ -243,6 +243,12 @@ pub trait Samples<R: Real>: Sync {
         depth
     }
 
+    /// Storage of the values of the first field, and labels: what samples of other plans of the same scene need. `None` of samples
+    /// that come from no volume.
+    fn volume(&self) -> Option<(&Storage, Option<&LabelMap>)> {
+        None
+    }
+
     /// Store of depths of light grids for further marches, if there is one.
     fn keeping(&self) -> Option<Keeping<'_, R>> {
         None
@@ -670,6 +676,10 @@ impl Samples<f64> for Exact<'_> {
         extinction_of_fields(self.planned, &fields)
     }
 
+    fn volume(&self) -> Option<(&Storage, Option<&LabelMap>)> {
+        Some((&self.storage, self.labels))
+    }
+
     fn keeping(&self) -> Option<Keeping<'_, f64>> {
         let Planned { plan, .. } = self.planned;
         let (interpolation, smooth_labels) = (self.scene.accuracy.interpolation, plan.smooth_labels);
@@ -710,6 +720,7 @@ fn largest_difference<R: Real>(mean: &[R], [a, b]: [&[R]; 2]) -> R {
 #[derive(Debug)]
 pub struct Stored<'a, R> {
     planned: &'a Planned,
+    storage: &'a Storage,
     volume: &'a StoredVolume,
     further: Vec<StoredField<'a, R>>,
     table: &'a TransferTable,
@@ -773,6 +784,7 @@ impl<'a, R: Real> Stored<'a, R> {
         };
         Self {
             planned,
+            storage,
             volume,
             further: further
                 .iter()
@@ -1157,6 +1169,10 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
 
     fn stored_depth(&self, depth: R) -> R {
         R::from_f64(half::f16::from_f64(depth.to_f64()).to_f64())
+    }
+
+    fn volume(&self) -> Option<(&Storage, Option<&LabelMap>)> {
+        Some((self.storage, self.labels.map(|(labels, _)| labels)))
     }
 }
 

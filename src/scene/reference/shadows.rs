@@ -201,7 +201,7 @@ fn to_point<R: Real>(to: &PointRays, place: [R; 3]) -> ([R; 3], R) {
 }
 
 /// Distance from `place` to the face of the box between these corners.
-fn to_face<R: Real>(along: [R; 3], place: [R; 3], corners: &[[R; 3]; 2]) -> R {
+pub(super) fn to_face<R: Real>(along: [R; 3], place: [R; 3], corners: &[[R; 3]; 2]) -> R {
     (0..3).fold(R::from_f64(FAR), |end, axis| {
         let face = if along[axis] > R::default() { corners[1][axis] } else { corners[0][axis] };
         let reach = (face - place[axis]) / along[axis];
@@ -229,7 +229,7 @@ fn check_memory(spacing: f64, depths: f64, depth_bytes: usize, free: Option<u64>
 }
 
 /// Optical depth at `place`, linear between the nodes of `grid`, x first.
-fn read<R: Real>(grid: &LightGrid, depths: &[R], place: [R; 3]) -> R {
+pub(super) fn read<R: Real>(grid: &LightGrid, depths: &[R], place: [R; 3]) -> R {
     let [scale, offset] = [grid.scale, grid.offset].map(|vector| vector.to_array().map(R::from_f64));
     let mut base = [0; 3];
     let mut fraction = [R::default(); 3];

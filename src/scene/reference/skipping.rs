@@ -3,7 +3,7 @@
 use super::{Crossing, End, Keeping, Normals, Samples, Step, Values};
 use crate::Scene;
 use crate::plan::{Integrate, Planned};
-use crate::tables::{CELL, Occupancy};
+use crate::tables::{CELL, LabelMap, Occupancy, Storage};
 use relume_base::number::{Real, count, whole};
 
 /// Samples of `inner`, of which marches leave out those in empty macrocells.
@@ -112,6 +112,10 @@ impl<R: Real, S: Samples<R>> Samples<R> for Skipping<'_, S> {
 
     fn stored_depth(&self, depth: R) -> R {
         self.inner.stored_depth(depth)
+    }
+
+    fn volume(&self) -> Option<(&Storage, Option<&LabelMap>)> {
+        self.inner.volume()
     }
 
     fn keeping(&self) -> Option<Keeping<'_, R>> {

@@ -75,17 +75,47 @@ impl Cells {
         let mut words = vec![0_u32; self.ranges.len().div_ceil(32)];
         let mut occupied = 0;
         for (cell, range) in self.ranges.iter().enumerate() {
-            // The entries on both sides of a value, and one more for coordinates that round.
-            let scaled = range.map(|normalised| f64::from(normalised) * count(last));
-            let first = whole(scaled[0].floor() - 1.0);
-            let end = whole(scaled[1].ceil() + 1.0).min(last);
-            let by_value = active_before[end + 1] > active_before[first.min(end)];
+            let [first, end] = Self::entries(*range, last);
+            let by_value = active_before[end + 1] > active_before[first];
             if by_value || self.labelled.get(cell).is_some_and(|&labelled| labelled) {
                 words[cell / 32] |= 1 << (cell % 32);
                 occupied += 1;
             }
         }
         Occupancy { dims: self.dims, words, occupied }
+    }
+
+    /// The largest of `numbers`, those of the entries of a table from the lowest value to the highest, in each macrocell, and at least
+    /// `of_labels` where it has a visible label.
+    #[must_use]
+    pub fn largest(&self, numbers: &[f64], of_labels: f64) -> Vec<f64> {
+        // Level i has the largest of 2^i numbers from each on.
+        let mut levels = vec![numbers.to_vec()];
+        while let Some(last) = levels.last().filter(|last| last.len() > 1) {
+            let half = 1 << (levels.len() - 1);
+            let wider = last.len().saturating_sub(half);
+            let level = (0..wider).map(|i| last[i].max(last[i + half])).collect::<Vec<f64>>();
+            if level.is_empty() {
+                break;
+            }
+            levels.push(level);
+        }
+        let last = numbers.len() - 1;
+        let of_cell = |(cell, range): (usize, &[f32; 2])| {
+            let [first, end] = Self::entries(*range, last);
+            let level = (end + 1 - first).ilog2() as usize;
+            let most = levels[level][first].max(levels[level][end + 1 - (1 << level)]);
+            if self.labelled.get(cell).is_some_and(|&labelled| labelled) { most.max(of_labels) } else { most }
+        };
+        self.ranges.iter().enumerate().map(of_cell).collect()
+    }
+
+    /// First and last entry that values in a `range` read, of a table whose last entry is `last`.
+    fn entries(range: [f32; 2], last: usize) -> [usize; 2] {
+        // The entries on both sides of a value, and one more for coordinates that round.
+        let [low, high] = range.map(|normalised| f64::from(normalised) * count(last));
+        let end = whole(high.ceil() + 1.0).min(last);
+        [whole(low.floor() - 1.0).min(end), end]
     }
 
     /// The occupancy of the steps of `scene` under a table as in [`Self::occupancy`], where these depend on places as far from their

@@ -180,6 +180,13 @@ impl LightGrid {
         }
     }
 
+    /// The same spaces with a node in the middle of each, and one beyond each face.
+    #[must_use]
+    pub fn of_middles(scene: &Scene, spacing: f64) -> Self {
+        let corners = Self::new(scene, spacing);
+        Self { dims: corners.dims.map(|nodes| nodes + 1), offset: corners.offset + 0.5, ..corners }
+    }
+
     /// The grid of so many `lights`, through so many coloured `absorbers`, in a sentence.
     #[must_use]
     pub fn explain(&self, lights: usize, absorbers: usize) -> String {

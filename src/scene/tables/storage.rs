@@ -535,10 +535,20 @@ impl StoredVolume {
     /// Encodes and decodes every texel of `volume` under `storage`.
     #[must_use]
     pub fn new(volume: &Volume, storage: &Storage) -> Self {
+        Self::with_gradients(volume, storage, storage.format.has_gradient())
+    }
+
+    /// The values alone of every texel of `volume` under `storage`.
+    #[must_use]
+    pub fn of_values(volume: &Volume, storage: &Storage) -> Self {
+        Self::with_gradients(volume, storage, false)
+    }
+
+    fn with_gradients(volume: &Volume, storage: &Storage, are_wanted: bool) -> Self {
         let dims = volume.geometry.dims;
         let slice = dims[0] * dims[1];
         let mut values = vec![0.0; slice * dims[2]];
-        let mut gradients = storage.format.has_gradient().then(|| vec![[0.0; 3]; values.len()]);
+        let mut gradients = are_wanted.then(|| vec![[0.0; 3]; values.len()]);
         let of_slices = gradients.iter_mut().flat_map(|all| all.chunks_mut(slice)).map(Some);
         let of_slices = of_slices.chain(std::iter::repeat_with(|| None));
         let mut slices: Vec<_> = values.chunks_mut(slice).zip(of_slices).collect();
@@ -556,7 +566,12 @@ impl StoredVolume {
             };
             for (values, gradients) in slices {
                 let Some(gradients) = gradients else {
-                    values.copy_from_slice(&numbers);
+                    if storage.format.has_gradient() {
+                        let texels = numbers.as_chunks().0.iter();
+                        values.iter_mut().zip(texels).for_each(|(value, &[_, _, _, number])| *value = number);
+                    } else {
+                        values.copy_from_slice(&numbers);
+                    }
                     continue;
                 };
                 let places = values.iter_mut().zip(gradients.iter_mut());

@@ -508,7 +508,7 @@ impl<'a> Steps<'a> {
                 self.phases.iter().position(|phase| phase.to_bits() == (material.phase + 0.0).to_bits()).unwrap_or(0);
             let spectra: &[(usize, f64)] = match shares {
                 Shares::Equal => &[(parts.unshaded + phase * plan.lanes(), 1.0)],
-                Shares::Own if plan.light.is_ambient() => {
+                Shares::Own if plan.light.is_unshaded() => {
                     &[(parts.ambient, material.ambient), (parts.diffuse, material.own_diffuse()), (parts.unshaded, 1.0)]
                 }
                 Shares::Own => &[(parts.ambient, material.ambient), (parts.diffuse, material.own_diffuse())],

@@ -8,7 +8,7 @@ use super::spectrum::{curve, swatch};
 use crate::document::Mixing;
 use crate::document::{Document, Edit, in_colour, shown_colour};
 use crate::plan::Stale;
-use crate::scene::{AmbientShares, BRIGHTEST, Lighting, Placement, Scene, SceneLight, Shading};
+use crate::scene::{AmbientShares, BRIGHTEST, Lighting, Orders, Placement, Scene, SceneLight, Shading};
 use crate::view::action::Action;
 
 /// Shows the light panel.
@@ -103,6 +103,9 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             shaded_sides(ui, state.scene.lighting, asked);
             ambient_shares(ui, state.scene.shadows.ambient, asked);
         }
+        if !state.scene.blending.is_extreme() {
+            scattered_light(ui, state.scene.scattering.orders, asked);
+        }
         let sky = |light: &SceneLight| light.shadows && light.placement == Placement::Ambient;
         let occluded = shades && state.scene.shadows.ambient == AmbientShares::Occluded;
         if occluded || state.scene.lights.iter().any(sky) {
@@ -162,6 +165,17 @@ fn ambient_shares(ui: &mut Ui, shares: AmbientShares, asked: &mut Vec<Action>) {
     if switch.changed() {
         let shares = if occluded { AmbientShares::Occluded } else { AmbientShares::Open };
         asked.push(Action::Edit(Edit::AmbientShares(shares)));
+    }
+}
+
+/// Shows whether light scatters more than once.
+fn scattered_light(ui: &mut Ui, orders: Orders, asked: &mut Vec<Action>) {
+    let mut multiple = orders == Orders::Multiple;
+    let switch = ui.checkbox(&mut multiple, "scattered light").on_hover_text(
+        "Light scatters any number of times, as in wax, milk and tissue, and every light casts shadows. A change marches the volume again, and gathers this light first; other colours of lights do not.",
+    );
+    if switch.changed() {
+        asked.push(Action::Edit(Edit::Orders(if multiple { Orders::Multiple } else { Orders::Single })));
     }
 }
 
