@@ -12,7 +12,7 @@ use crate::tables::{
     CELL, Cells, LabelMap, LabelTable, LightGrid, Occupancy, PlacedField, PositionTable, Storage, StoredScene,
     StoredVolume, TransferTable, occupancy_of_fields,
 };
-use crate::{Direction, FIELDS, Integration, Placement, Position, Scene, Shading, Shadows};
+use crate::{Direction, FIELDS, Integration, Placement, Position, Scene, Shading, ShadowMethod, Shadows};
 use glam::DVec3;
 use relume_base::number::{count, whole};
 use relume_base::progress::Progress;
@@ -100,9 +100,12 @@ impl Scatterer {
         &self.scene
     }
 
-    /// The same with light grids of this spacing, in voxels.
+    /// The same with light grids of this spacing, in voxels, whatever the scene's method: a ray to each light from each sample of a row would take
+    /// hundreds of times as long.
     pub(super) fn with_light_grids_of(mut self, spacing: f64) -> Self {
         self.scene.shadows.spacing = spacing;
+        self.scene.shadows.method = ShadowMethod::Grid;
+        self.planned.plan.light.method = ShadowMethod::Grid;
         self
     }
 
