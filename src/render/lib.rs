@@ -144,6 +144,18 @@ pub enum RenderError {
     /// Paths of light are for the reference only.
     #[error("a device gathers scattered light at nodes, and follows no paths; use scattering.method = \"rows\"")]
     Paths,
+    /// The device has no room for scattered light.
+    #[error(
+        "{device} has no room for scattered light at places {} voxels apart, {}×{}×{} texels; set a larger scattering.spacing", readable(*spacing), extent[0], extent[1], extent[2]
+    )]
+    ScatteredLight {
+        /// Spacing of its nodes in voxels.
+        spacing: f64,
+        /// Texels of its texture.
+        extent: [u32; 3],
+        /// Name of the device.
+        device: String,
+    },
     /// Scattered light could not be gathered.
     #[error(transparent)]
     Scattering(relume_scene::reference::ReferenceError),
@@ -180,6 +192,7 @@ impl RenderError {
             Self::PictureSize { .. } => "picture-too-large",
             Self::PictureMemory { .. } => "picture-memory-exceeded",
             Self::LightRays => "shadow-rays-unsupported",
+            Self::ScatteredLight { .. } => "scattered-light-too-large",
             Self::Paths => "scattering-paths-unsupported",
             Self::Scattering(error) => error.code(),
             Self::Filter { .. } => "interpolation-unsupported",

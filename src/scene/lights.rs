@@ -177,6 +177,22 @@ impl Placement {
         matches!(self, Self::ThreePoint)
     }
 
+    /// True if it moves with the camera: its directions turn, or it is at the eye.
+    #[must_use]
+    pub fn follows_camera(self) -> bool {
+        self.turns() || self.directions().contains(&Direction::Eye)
+    }
+
+    /// The same light as the medium sees it: a light at the eye has a place, or a direction, of its own.
+    #[must_use]
+    pub fn seen_from_medium(self, view: Option<&View>) -> Self {
+        match (self, view) {
+            (Self::Headlight, Some(view)) if view.parallel => Self::Directional(-view.forward),
+            (Self::Headlight, Some(view)) => Self::Point(view.eye),
+            (placement, _) => placement,
+        }
+    }
+
     /// Sum of the weights: the largest diffuse and specular shade. Where nothing shades, a light has the shade 1, and each
     /// of its directions its part of this sum.
     #[must_use]

@@ -7,7 +7,7 @@ use crate::film::{Components, Film, RelightMatrices, Relightable};
 use crate::number::count;
 use crate::plan::{Planned, Transmittance, plan_full_spectrum};
 use crate::progress::Progress;
-use crate::reference::{Exact, RaySample, ReferenceError, march_ray};
+use crate::reference::{Exact, KeptDepths, RaySample, ReferenceError, march_ray};
 use crate::scene::{Medium, Mix, MixLight, Scene, ShadowMethod};
 use crate::spectrum::colour::{
     Lab, LinearSrgb, OBSERVER, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, display_code, lab_from_xyz,
@@ -402,7 +402,9 @@ impl Ray {
         let planned = plan_full_spectrum(scene);
         let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
         let storage = || Storage::new(&planned.plan, scene.volume(), statistics);
-        let exact = Exact::new(scene, &planned, storage(), labels.as_ref());
+        // Both marches read the same scattered light.
+        let kept = KeptDepths::default();
+        let exact = Exact::new(scene, &planned, storage(), labels.as_ref()).keeping_depths(&kept);
         let mut profile = Profile::new(scene);
         let dims = DVec3::from_array(scene.frame.geometry.dims.map(count));
         let own = march_ray(scene, &planned, &exact, [size, place], progress, |sample: &RaySample<'_, f64>| {
@@ -419,7 +421,7 @@ impl Ray {
         let mut finer = scene.clone();
         finer.accuracy.step_length /= FINER;
         finer.accuracy.termination = 0.0;
-        let exact = Exact::new(&finer, &planned, storage(), labels.as_ref());
+        let exact = Exact::new(&finer, &planned, storage(), labels.as_ref()).keeping_depths(&kept);
         let truth = match march_ray(&finer, &planned, &exact, [size, place], progress, |_| {}) {
             Err(ReferenceError::TooManySamples { .. }) => own.clone(),
             marched => marched?,

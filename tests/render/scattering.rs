@@ -8,10 +8,11 @@ use glam::DVec3;
 use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::reference::{GatheredLight, TransferRows};
+use relume::render::SceneRenderer;
 use relume::scene::{Orders, Placement, ScatteringMethod, Scene, ShadowMethod};
 use relume::spectrum::{Reflectance, Spectrum, standard};
 use relume::tables::Storage;
-use support::rungs::Rungs;
+use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, float};
 
 use ScatteringMethod::{Paths, Rows};
@@ -210,6 +211,42 @@ fn scattering_that_cannot_be_told_is_refused_with_its_reason_and_what_else_to_do
 }
 
 #[test]
+fn scattered_light_beyond_the_free_memory_is_refused_with_its_size() {
+    let mut scene = scenes::named("scattered");
+    scene.scattering.spacing = Some(1e-4);
+    let planned = plan(&scene, &Quiet).unwrap();
+    let storage = Storage::new(&planned.plan, scene.volume(), &scene.volume().statistics().unwrap());
+    let error = TransferRows::new(&scene, &planned, &storage, None, &Quiet).unwrap_err().to_string();
+    assert!(error.contains("0.0001 voxels apart") && error.contains("set a larger scattering.spacing"), "{error}");
+}
+
+#[test]
+fn a_device_without_room_for_scattered_light_says_what_to_change() {
+    with_renderer(|renderer| {
+        let mut scene = scenes::named("scattered");
+        scene.scattering.spacing = Some(0.01);
+        let error = SceneRenderer::new(renderer, scene, &Quiet).unwrap().march([4, 4], &Quiet).unwrap_err().to_string();
+        assert!(error.contains("0.01 voxels apart") && error.contains("set a larger scattering.spacing"), "{error}");
+    });
+}
+
+#[test]
+fn a_single_ray_has_the_paths_of_a_picture() {
+    let mut scene = scenes::named("scattered");
+    scene.scattering.method = Paths;
+    let size = [5, 5];
+    let rungs = Rungs::new(scene.clone(), size);
+    let film = rungs.march(&rungs.exact());
+    let middle = [2, 2];
+    let ray =
+        relume::reference::march_ray(&scene, &rungs.planned, &rungs.exact(), [size, middle], &Quiet, |_| {}).unwrap();
+    for (layer, light) in ray.accumulators.iter().enumerate() {
+        assert_eq!(light.to_bits(), film.accumulators[layer * 25 + 12].to_bits(), "number {layer}");
+    }
+    assert!(ray.accumulators.iter().any(|light| *light > 0.0));
+}
+
+#[test]
 fn a_plan_says_that_light_scatters_often_and_what_that_costs() {
     let told = |name: &str| {
         let scene = scenes::named(name);
@@ -224,4 +261,10 @@ fn a_plan_says_that_light_scatters_often_and_what_that_costs() {
     assert!(!lit.contains("would be exact"), "{lit}");
     assert!(!told("scattered").contains("turns with the camera"));
     assert!(!told("unshaded_one").contains("any number of times"));
+    let maximum = scenes::changed("scattered", "blending = \"maximum\"");
+    let warnings: Vec<String> = plan(&maximum, &Quiet).unwrap().warnings.iter().map(ToString::to_string).collect();
+    assert!(
+        warnings.iter().any(|it| it.contains("scattering.orders has no effect") || it.contains(", scattering.orders")),
+        "{warnings:?}"
+    );
 }

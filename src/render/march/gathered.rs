@@ -13,7 +13,7 @@ use relume_scene::plan::{LANE, Planned, ScenePlan};
 use relume_scene::reference::{GatheredLight, ReferenceError, TransferRows};
 use relume_scene::tables::LightGrid;
 use relume_scene::{ScatteringMethod, Scene};
-use relume_vulkan::{Buffer, Filter, Format, HostUse, Image3d, Resource, Sampler};
+use relume_vulkan::{Buffer, Filter, Format, HostUse, Image3d, Resource, Sampler, VulkanError};
 
 /// Time between two looks at the thread.
 const PAUSE: Duration = Duration::from_millis(2);
@@ -109,9 +109,18 @@ impl Renderer {
             return Ok(Some(Scattered { light, gathering: None }));
         }
         let texels = plan.layers();
+        let image = Image3d::new(&self.device, "scattered light", Format::Rgba16Float, extent);
+        let image = image.map_err(|error| match error {
+            VulkanError::TooLarge { .. } | VulkanError::OutOfMemory { .. } => RenderError::ScatteredLight {
+                spacing: scene.scattering_spacing(),
+                extent,
+                device: self.device.info().name.clone(),
+            },
+            error => error.into(),
+        })?;
         let light = Arc::new(DeviceLight {
             key,
-            image: Image3d::new(&self.device, "scattered light", Format::Rgba16Float, extent)?,
+            image,
             sampler: Sampler::new(&self.device, "scattered light", Filter::Linear)?,
             place: self.place_of("place of scattered light", Place::new(&grid, texels))?,
         });

@@ -7,7 +7,7 @@ use super::{
 use crate::key::Named as _;
 use crate::{
     AccumulateAs, Accuracy, AmbientShares, Backdrop, Blending, Field, Gradients, Integration, Interpolation, Keep,
-    Lookup, Overlap, Placement, Position, ScatteringMethod, Scene, Shading, ShadowMethod,
+    Lookup, Orders, Overlap, ScatteringMethod, Scene, Shading, ShadowMethod,
 };
 use relume_base::number::{brief, readable};
 use relume_colour::model::ModelKind;
@@ -39,7 +39,10 @@ impl Planned {
         let of_lights = scene.lights.iter().filter(|light| light.shadows);
         let of_lights = of_lights.map(|light| format!("lights.{}.shadows", light.name));
         let of_shares = scene.shadows.ambient == AmbientShares::Occluded;
-        let settings: Vec<String> = of_lights.chain(of_shares.then(|| "shadows.ambient".to_owned())).collect();
+        let of_orders = scene.scattering.orders == Orders::Multiple;
+        let of_shares = of_shares.then(|| "shadows.ambient".to_owned());
+        let of_orders = of_orders.then(|| "scattering.orders".to_owned());
+        let settings: Vec<String> = of_lights.chain(of_shares).chain(of_orders).collect();
         let shadows =
             (is_extreme && !settings.is_empty()).then(|| PlanWarning::ShadowsUnused { settings: settings.join(", ") });
         let thin_films = self.unused_thin_films(scene).into_iter().chain(self.inexact_thin_films(scene));
@@ -291,8 +294,7 @@ impl Planned {
                     .to_owned(),
             );
         }
-        let turns = |position: &Position| position.placement.turns() || position.placement == Placement::Headlight;
-        if self.positions.iter().any(turns) {
+        if self.positions.iter().any(|position| position.placement.follows_camera()) {
             sentences.push(
                 "A light that turns with the camera is gathered again for each view; one with a direction of its own, or of the sky, is not.".to_owned(),
             );

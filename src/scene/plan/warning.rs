@@ -27,7 +27,7 @@ pub enum PlanWarning {
         /// True if a single value is seen.
         is_extreme: bool,
     },
-    /// Shadows have no effect, because a single value of a ray is seen.
+    /// Shadows, or scattered light, have no effect, because a single value of a ray is seen.
     ShadowsUnused {
         /// The keys that ask for them.
         settings: String,
@@ -109,7 +109,8 @@ impl fmt::Display for PlanWarning {
             }
             Self::ShadowsUnused { settings } => write!(
                 formatter,
-                "{settings} has no effect: a single value of a ray is seen; use blending = \"composite\", or leave out the shadows"
+                "{settings} has no effect: a single value of a ray is seen; use blending = \"composite\", or leave {} out",
+                if settings.contains(", ") { "them" } else { "it" }
             ),
             Self::FilmUnused { materials, why } => write!(formatter, "the film of {materials} has no effect: {why}"),
             Self::FilmInexact { material, error, tolerance } => write!(

@@ -14,7 +14,7 @@ use super::paths::{Paths, Seen};
 use super::{Crossing, End, ReferenceError, Samples, Step, Values, store};
 use crate::film::relit_pixel;
 use crate::film::{Film, RelightMatrices};
-use crate::plan::{Integrate, LANE, MOST_PARTS, Planned, Transmittance, refinement_bound};
+use crate::plan::{Integrate, LANE, MOST_PARTS, Planned, ScenePlan, Transmittance, refinement_bound};
 use crate::tables::{RayTable, phase_of_ray, ray_phase, ray_places};
 use crate::{Blending, FIELDS, ScatteringMethod, Scene};
 use relume_base::number::{Real, count, dot, unit};
@@ -265,13 +265,7 @@ impl<'a, R: Real> Frame<'a, R> {
             }
             samples.sample(place, &mut read);
             let length = to - from;
-            let step = if plan.adds_densities() {
-                across(&read, length, plan.lanes() * LANE, &mut closed);
-                &mut closed
-            } else {
-                thin([&mut read.source, &mut read.opacity], plan, length);
-                &mut read
-            };
+            let step = effect(plan, &mut read, length, &mut closed);
             if !seen(&RaySample { index: n, place, length, transmittance: &transmittance }) {
                 break;
             }
@@ -564,13 +558,8 @@ impl<'a, R: Real> Frame<'a, R> {
             read.parts = own.parts([first + from, first + to]);
         }
         samples.sample(sample.place, &mut read);
-        let mut step = Step::default();
-        if plan.adds_densities() {
-            across(&read, sample.length, plan.lanes() * LANE, &mut step);
-        } else {
-            thin([&mut read.source, &mut read.opacity], plan, sample.length);
-            step = read;
-        }
+        let mut closed = Step::default();
+        let step = effect(plan, &mut read, sample.length, &mut closed);
         let mut unshaded = self.light.unshaded(&step.source);
         for other in &step.others {
             unshaded.iter_mut().zip(self.light.unshaded(other)).for_each(|(sum, part)| *sum = *sum + part);
@@ -580,24 +569,36 @@ impl<'a, R: Real> Frame<'a, R> {
         light.iter().any(|&light| light != 0.0).then(|| Seen { place: sample.place.map(Real::to_f64), light })
     }
 
+    /// [`Self::march_along`] for ray number `i` through `place` of a pixel, with its paths of light that has scattered before.
+    fn march_with_paths(
+        &self,
+        samples: &dyn Samples<R>,
+        (pixel, i, place): ([usize; 2], usize, [f64; 2]),
+        sums: &mut [R],
+        mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
+    ) -> Vec<R> {
+        let ray = self.ray_through(pixel, i, place);
+        let mut starts = Vec::new();
+        let left = self.march_along(samples, &ray, sums, |sample| {
+            if self.paths.is_some() {
+                starts.extend(self.seen(samples, &ray, sample));
+            }
+            seen(sample)
+        });
+        if let Some(paths) = &self.paths {
+            let mut light = vec![0.0; sums.len()];
+            paths.add(&starts, (pixel, i), &mut light);
+            sums.iter_mut().zip(light).for_each(|(sum, light)| *sum = *sum + R::from_f64(light));
+        }
+        left
+    }
+
     /// Marches and stores pixel `[x, y]`, the mean of its rays, and returns `finish(sums, transmittance)`.
     fn finished<T>(&self, samples: &dyn Samples<R>, pixel: [usize; 2], finish: impl Fn(&[R], &[R]) -> T) -> T {
         let (mut sums, mut transmittance) = (Vec::new(), Vec::new());
         for (i, &place) in self.places.iter().enumerate() {
             let mut of_ray = vec![R::default(); self.planned.plan.components() * self.planned.positions.len()];
-            let ray = self.ray_through(pixel, i, place);
-            let mut seen = Vec::new();
-            let left = self.march_along(samples, &ray, &mut of_ray, |sample| {
-                if self.paths.is_some() {
-                    seen.extend(self.seen(samples, &ray, sample));
-                }
-                true
-            });
-            if let Some(paths) = &self.paths {
-                let mut light = vec![0.0; of_ray.len()];
-                paths.add(&seen, (pixel, i), &mut light);
-                of_ray.iter_mut().zip(light).for_each(|(sum, light)| *sum = *sum + R::from_f64(light));
-            }
+            let left = self.march_with_paths(samples, (pixel, i, place), &mut of_ray, |_| true);
             if i == 0 {
                 (sums, transmittance) = (of_ray, left);
                 continue;
@@ -610,6 +611,17 @@ impl<'a, R: Real> Frame<'a, R> {
         }
         store(&self.planned.plan, &mut sums, &mut transmittance);
         finish(&sums, &transmittance)
+    }
+}
+
+/// The effect of a step of this `length` where samples `read` it or, if the plan adds densities, its density.
+fn effect<'s, R: Real>(plan: &ScenePlan, read: &'s mut Step<R>, length: R, closed: &'s mut Step<R>) -> &'s mut Step<R> {
+    if plan.adds_densities() {
+        across(read, length, plan.lanes() * LANE, closed);
+        closed
+    } else {
+        thin([&mut read.source, &mut read.opacity], plan, length);
+        read
     }
 }
 
@@ -693,8 +705,8 @@ pub(super) fn march_ray<R: Real>(
     let Marched { planned, progress, .. } = *of;
     let frame = Frame::<R>::new(of, 1)?;
     let mut accumulators = vec![R::default(); planned.plan.components() * planned.positions.len()];
-    let ray = frame.ray_through(pixel, 0, [0.5; 2]);
-    let mut transmittance = frame.march_along(of.samples, &ray, &mut accumulators, |sample| {
+    let of_middle = (pixel, 0, [0.5; 2]);
+    let mut transmittance = frame.march_with_paths(of.samples, of_middle, &mut accumulators, |sample| {
         seen(sample);
         sample.index % AT_ONCE > 0 || !progress.cancelled()
     });

@@ -57,6 +57,21 @@ pub enum ReferenceError {
         /// Number of iterations.
         iterations: usize,
     },
+    /// Scattered light does not fit into the free memory.
+    #[error(
+        "scattered light at places {} voxels apart, from {directions} directions, needs some {needed_mb} MB of memory, and {free_mb} are free; set a larger scattering.spacing, or fewer scattering.directions",
+        readable(*spacing)
+    )]
+    ScatteredLight {
+        /// Spacing of its nodes in voxels.
+        spacing: f64,
+        /// Directions from which a node gathers.
+        directions: usize,
+        /// Estimated size in MiB.
+        needed_mb: u64,
+        /// Free memory in MiB.
+        free_mb: u64,
+    },
     /// Samples come from no volume.
     #[error("light scatters once in samples that come from no volume")]
     Volumeless,
@@ -84,6 +99,7 @@ impl ReferenceError {
             Self::TooManySamples { .. } => "samples-too-many",
             Self::Camera => "camera-without-direction",
             Self::Unsolved { .. } => "scattering-unsolved",
+            Self::ScatteredLight { .. } => "scattered-light-memory-exceeded",
             Self::Volumeless => "samples-without-volume",
             Self::LightGrid { .. } => "light-grid-memory-exceeded",
         }

@@ -12,7 +12,7 @@ use crate::tables::{
     CELL, Cells, LabelMap, LabelTable, LightGrid, Occupancy, PlacedField, PositionTable, Storage, StoredScene,
     StoredVolume, TransferTable, occupancy_of_fields,
 };
-use crate::{Direction, FIELDS, Integration, Placement, Position, Scene, Shading, ShadowMethod, Shadows};
+use crate::{Direction, FIELDS, Integration, Position, Scene, Shading, ShadowMethod, Shadows};
 use glam::DVec3;
 use relume_base::number::{count, whole};
 use relume_base::progress::Progress;
@@ -274,16 +274,10 @@ pub(super) struct Arriving {
 
 /// The positions of a plan whose light has directions, seen from the medium, and their accumulators.
 fn positions(scene: &Scene, planned: &Planned) -> (Vec<Position>, Vec<usize>) {
-    // A headlight is a light at the eye.
     let view = scene.camera.view(&scene.frame.geometry, 1.0);
-    let headlight = || match &view {
-        Some(view) if view.parallel => Placement::Directional(-view.forward),
-        Some(view) => Placement::Point(view.eye),
-        None => Placement::Headlight,
-    };
-    let lit = planned.positions.iter().enumerate().filter(|(_, position)| position.placement != Placement::Ambient);
+    let lit = planned.positions.iter().enumerate().filter(|(position, _)| !is_sky(planned, *position));
     lit.map(|(accumulator, position)| {
-        let placement = if position.placement == Placement::Headlight { headlight() } else { position.placement };
+        let placement = position.placement.seen_from_medium(view.as_ref());
         (Position { placement, shadows: true, ..position.clone() }, accumulator)
     })
     .unzip()
