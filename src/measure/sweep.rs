@@ -186,12 +186,13 @@ mod tests {
     }
 
     #[test]
-    fn the_usual_sweep_turns_every_knob_but_six_one_at_a_time() {
+    fn the_usual_sweep_turns_every_knob_but_eight_one_at_a_time() {
         let usual = settings(&[]).unwrap();
         assert!(usual.iter().all(|setting| setting.knobs().count() <= 1), "{usual:?}");
         // Without segments, the variation has no effect; without shadows, spacing and directions of the light grid; labels of their own
-        // are rare. Several rays take a truth of many rays.
-        let idle = ["accumulate", "rays", "variation", "labels", "spacing", "directions"];
+        // are rare; so is scattered light. Several rays take a truth of many rays.
+        let lit = ["spacing", "directions", "scattering.spacing", "scattering.directions"];
+        let idle = ["accumulate", "rays", "variation", "labels"].into_iter().chain(lit).collect::<Vec<_>>();
         for knob in Knob::all() {
             let is_turned = usual.iter().any(|setting| setting.get(knob.name()).is_some());
             assert_eq!(is_turned, !idle.contains(&knob.name()), "{knob}");
