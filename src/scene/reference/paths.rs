@@ -130,8 +130,9 @@ impl Paths {
     /// The place of the next scattering from `place` in a random direction, by null collisions (Woodcock 1965); `None` beyond the medium.
     /// Multiplies `brought` by what is scattered there, and by what absorbs before.
     ///
-    /// A collision scatters with the part s/(s + |μ − τ|) of the largest scattered light s, the extinction τ and the majorant μ. The light is divided by
-    /// that part and not by a component's own probability, so no component gains noise, and any majorant gives the same mean.
+    /// A collision scatters with the part s/(s + |μ − τ|) of the largest scattered light s, the least extinction τ and the majorant μ: with a larger
+    /// τ, what goes on of the other components would never or seldom be followed. The light is divided by that part and not by a
+    /// component's own probability, so no component gains noise, and any majorant gives the same mean.
     fn fly(&self, samples: &Exact<'_>, place: [f64; 3], random: &mut Random, brought: &mut [f64]) -> Option<[f64; 3]> {
         let height = random.between(-1.0, 1.0);
         let (sine, cosine) = (std::f64::consts::TAU * random.unit()).sin_cos();
@@ -152,7 +153,7 @@ impl Paths {
             self.scatterer.density(samples, at, &mut density);
             let scattered = self.scatterer.scattered(&density);
             let most = scattered.iter().fold(0.0_f64, |most, &part| most.max(part));
-            let extinction = density.opacity.iter().fold(0.0_f64, |most, &depth| most.max(depth));
+            let extinction = density.opacity.iter().fold(f64::INFINITY, |least, &depth| least.min(depth));
             let rest = (majorant - extinction).abs();
             if most + rest <= 0.0 {
                 // All that is here absorbs.
