@@ -56,7 +56,8 @@ impl GoalScene {
     }
 }
 
-fn text(random: &mut Random, coloured: bool) -> String {
+/// A scene of one of the phantoms with two to four materials, two lights and a camera, all at random.
+pub(crate) fn text(random: &mut Random, coloured: bool) -> String {
     let (phantom, span) = [("frog", 255.0), ("engine", 255.0), ("gaussian", 1.0), ("shells", 65535.0)][random.index(4)];
     let dims = 24 + random.index(16);
     let mut text = format!("version = 1\n[volume]\nphantom = \"{phantom}\"\ndims = [{dims}, {dims}, {dims}]\n");

@@ -367,7 +367,7 @@ impl Film {
     #[getter]
     fn choice<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(choice) = &self.1 else { return Ok(None) };
-        let text = serde_json::json!({"why": choice.why, "setting": choice.setting, "expected": choice.point, "untried": choice.untried});
+        let text = serde_json::json!({"why": choice.why, "setting": choice.setting, "expected": choice.point, "scattered_light": choice.scattered, "untried": choice.untried});
         Ok(Some(py.import("json")?.call_method1("loads", (text.to_string(),))?))
     }
 

@@ -28,7 +28,8 @@ pub(crate) struct GoalArgs {
     /// The limit applies to the total error of samples, colour model, tables, rounding and device; --tolerance limits only
     /// the colour model. Relume chooses the step, the dimension of the colour model and the number of marched pixels. If it
     /// marches a smaller picture, it enlarges it and measures the error at full size. It keeps the measurements in the
-    /// user's cache folder. The search takes at most 20 times as long as a frame of the chosen setting, or 8 s, and says what it
+    /// user's cache folder. Where light scatters more than once, Relume also chooses the nodes and directions that the scene does not
+    /// state, and adds their stated error. The search takes at most 20 times as long as a frame of the chosen setting, or 8 s, and says what it
     /// did not try.
     #[arg(long, help_heading = CHOICE, value_name = "DE", value_parser = tolerance, allow_negative_numbers = true)]
     max_error: Option<f64>,
@@ -133,10 +134,13 @@ pub(crate) fn checked(
         Some(Goal::MaxError(error)) => Some(error),
         _ => None,
     };
-    let measured =
+    let mut measured =
         found.map_or_else(|| "no pixel shows the volume: no error was measured".to_owned(), |it| it.sentence(asked));
+    if let Some(scattered) = choice.scattered.filter(|_| found.is_some()) {
+        measured.push_str(&format!("; scattered light, which this leaves out, adds up to {:.2}", scattered.p95));
+    }
     if let (Some(asked), Some(found)) = (asked, &found)
-        && found.difference.delta_e.p95 > asked
+        && found.difference.delta_e.p95 + choice.scattered.map_or(0.0, |scattered| scattered.p95) > asked
     {
         tracing::warn!("the error of the picture is above the limit: {measured}");
     }
@@ -146,6 +150,7 @@ pub(crate) fn checked(
         "from_cache": choice.from_cache,
         "why": choice.why,
         "untried": choice.untried,
+        "scattered_light": choice.scattered,
         "asked_error": asked,
         "asked_ms": match args.goal() {
             Some(Goal::Budget(ms)) => Some(ms),

@@ -851,8 +851,9 @@ fn on_device(
     let (renderer, uploaded) = (on_device.renderer(), on_device.uploaded());
     if let (Some(Block { index, count }), Some([x, y, z])) = (args.block, uploaded.light_block()) {
         return Err(CliError::Failed(format!(
-            "--block {}/{count}: shadows of this volume in bricks come from means of {x}×{y}×{z} voxels, which follow from the memory, so \
-             those of other blocks may differ; give it more --device-memory to hold the volume whole, or set shadows = false",
+            "--block {}/{count}: shadows and scattered light of this volume in bricks come from means of {x}×{y}×{z} voxels, which follow \
+             from the memory, so those of other blocks may differ; give it more --device-memory to hold the volume whole, or set \
+             shadows = false and scattering.orders = \"single\"",
             index + 1
         )));
     }

@@ -13,6 +13,7 @@ use super::clock::{Limit, Stopwatch, Timing};
 use super::digits::short;
 use super::error::MeasureError;
 use super::goal::{Goal, Pixels, Wanted};
+use super::scattered::{ChosenLight, ScatteredError, light_within};
 use super::setting::Setting;
 use relume_base::number::nearest;
 use relume_base::progress::Progress;
@@ -34,6 +35,8 @@ const SHARE_OF_ERROR: f64 = 0.97;
 const PARTS: i32 = 8;
 /// Range of n for step lengths of 2^(n/8) voxels: from 1/8 to 16 voxels.
 const STEPS: RangeInclusive<i32> = -3 * PARTS..=4 * PARTS;
+/// Time that the search for scattered light may expect of its next try, as a multiple of the least time of a search.
+const LIGHT: f64 = 15.0;
 /// Decrease of the step number that costs as much as the next smaller scale saves.
 const STEPS_A_SCALE: i32 = PARTS;
 
@@ -42,8 +45,10 @@ const STEPS_A_SCALE: i32 = PARTS;
 pub struct Choice {
     /// The setting.
     pub setting: Setting,
-    /// Its measured times and errors.
+    /// Its measured times and errors, without that of scattered light.
     pub point: Point,
+    /// Stated error of scattered light, if light scatters more than once.
+    pub scattered: Option<ScatteredError>,
     /// Whether all measurements came from the cache.
     pub from_cache: bool,
     /// Reason for the choice, in a sentence.
@@ -95,7 +100,8 @@ struct Kept {
 
 /// Chooses the setting of `scene` under `mix` for the picture `wanted` on the device of `renderer`.
 ///
-/// Chooses the step length, the dimension of a colour model if the scene needs one, and the number of marched pixels.
+/// Chooses the step length, the dimension of a colour model if the scene needs one, and the number of marched pixels; within an error,
+/// also the spacing and the directions of scattered light that the scene does not state. A frame takes as long with any of them.
 /// All other knobs keep the scene's values. Measurements are cached in the folder `cache` by scene, volume, device and
 /// version of this program, and are not repeated.
 ///
@@ -126,7 +132,18 @@ pub fn choose_within(
     cache: Option<&Path>,
     progress: &dyn Progress,
 ) -> Result<Choice, MeasureError> {
-    let mut curve = Curve::new(renderer, scene, mix, wanted.size, cache, progress)?;
+    let asked = match wanted.goal {
+        Goal::MaxError(error) => Some(error),
+        Goal::Budget(_) => None,
+    };
+    let limit = (asked, Limit(LIGHT * patience.least_ms));
+    let light = light_within(scene, mix, wanted.size, limit, progress)?;
+    let lit = light.as_ref().map(|light| light.setting.applied(scene));
+    let mut curve = Curve::new(renderer, lit.as_ref().unwrap_or(scene), mix, wanted.size, cache, progress)?;
+    if light.as_ref().is_some_and(|light| light.is_cut) {
+        curve.leave_out("finer scattered light".to_owned());
+    }
+    curve.light = light;
     curve.patience = matches!(wanted.goal, Goal::MaxError(_)).then_some(patience);
     if wanted.pixels == Pixels::Fewer {
         curve.scales = &SCALES;
@@ -184,6 +201,8 @@ struct Curve<'a> {
     /// Those of [`SCALES`] to choose from, starting with 1.
     scales: &'static [f64],
     bench: Option<Bench<'a>>,
+    /// Scattered light of the scene.
+    light: Option<ChosenLight>,
     /// Lower limit of the step length for which the truth is computed, in world units.
     finest: f64,
     clock: Stopwatch,
@@ -268,6 +287,7 @@ impl<'a> Curve<'a> {
             dimensions,
             scales: &SCALES[..1],
             bench: None,
+            light: None,
             finest: 0.0,
             clock: Stopwatch::start(),
             patience: None,
@@ -390,7 +410,16 @@ impl<'a> Curve<'a> {
 
     /// The cheapest setting whose p95 is at most `asked`.
     fn within_error(&mut self, asked: f64) -> Result<Choice, MeasureError> {
-        let limit = SHARE_OF_ERROR * asked;
+        let of_light = self.light.as_ref().map_or(0.0, |light| light.error.p95);
+        if let Some(light) = self.light.as_ref().filter(|_| of_light >= asked) {
+            let with =
+                if light.setting == Setting::default() { String::new() } else { format!(" with {}", light.setting) };
+            return Err(MeasureError::None {
+                goal: Goal::MaxError(asked),
+                nearest: format!("; its scattered light alone has up to {}{with}", short(of_light)),
+            });
+        }
+        let limit = SHARE_OF_ERROR * (asked - of_light);
         let (mut best, mut nearest, mut too_large): (Option<Kept>, Option<Tried>, _) = (None, None, None);
         for &scale in self.scales {
             if self.is_over() {
@@ -625,7 +654,16 @@ impl<'a> Curve<'a> {
                 untried.join(", ")
             ));
         }
-        Choice { setting, point, from_cache: self.measured == 0, why, untried, tried: self.tried.clone() }
+        let scattered = self.light.as_ref().map(|light| light.error);
+        let setting = match &self.light {
+            None => setting,
+            Some(ChosenLight { setting: of_light, error, .. }) => {
+                let with = if *of_light == Setting::default() { String::new() } else { format!(" of {of_light}") };
+                why.push_str(&format!("; scattered light{with} adds up to ΔE00 {}", short(error.p95)));
+                setting.and(of_light.clone())
+            }
+        };
+        Choice { setting, point, scattered, from_cache: self.measured == 0, why, untried, tried: self.tried.clone() }
     }
 
     /// Writes the measurements to the cache. A failure costs time in later runs, but no picture.

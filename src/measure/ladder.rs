@@ -197,6 +197,8 @@ pub(super) struct Ladder<'a> {
     pub(super) finest: f64,
     /// Rays of a pixel of the truth.
     pub(super) rays: usize,
+    /// True if the truth has the scattered light of the scene, whose error is [stated](super::ScatteredError) apart.
+    pub(super) stated_scattering: bool,
     full: HashMap<March, Arc<Vec<DVec3>>>,
     kept: Option<Kept>,
     /// Depths of light grids, which marches with the same grid share.
@@ -242,7 +244,13 @@ impl<'a> Ladder<'a> {
     /// The ladder of the same pixels of `scene`, which is that of this ladder with a coarser level of its volume.
     pub(super) fn of_level<'b>(&self, scene: &'b Scene) -> Result<Ladder<'b>, LadderError> {
         let ladder = Ladder::without_pixels(scene, self.mix.clone(), self.size, (self.finest, self.rays))?;
-        Ok(Ladder { pixels: self.pixels.clone(), exposure: self.exposure, background: self.background, ..ladder })
+        Ok(Ladder {
+            pixels: self.pixels.clone(),
+            exposure: self.exposure,
+            background: self.background,
+            stated_scattering: self.stated_scattering,
+            ..ladder
+        })
     }
 
     fn without_pixels(
@@ -268,6 +276,7 @@ impl<'a> Ladder<'a> {
             background: DVec3::ZERO,
             finest,
             rays,
+            stated_scattering: false,
             full: HashMap::new(),
             kept: None,
             depths: KeptDepths::default(),
@@ -303,14 +312,18 @@ impl<'a> Ladder<'a> {
         self.full(&self.true_accuracy(), &self.true_transport(), progress)
     }
 
-    /// Shadows by rays, and scattered light of half the spacing from twice the directions: paths have noise, which every other cause of error
-    /// would contain.
+    /// Shadows by rays, and scattered light of half the spacing from twice the directions unless that of the scene is taken: paths have noise,
+    /// which every other cause of error would contain.
     pub(super) fn true_transport(&self) -> Transport {
         let scene = self.scene;
-        let scattering = Scattering {
-            spacing: Some(0.5 * scene.scattering_spacing()),
-            directions: Some(2 * scene.scattering_directions()),
-            ..scene.scattering
+        let scattering = if self.stated_scattering {
+            scene.scattering
+        } else {
+            Scattering {
+                spacing: Some(0.5 * scene.scattering_spacing()),
+                directions: Some(2 * scene.scattering_directions()),
+                ..scene.scattering
+            }
         };
         (Shadows { method: ShadowMethod::Rays, ..scene.shadows }, scattering)
     }

@@ -27,7 +27,8 @@ pub(super) struct Drawn<'a> {
 }
 
 /// Draws up to `most` visible pixels of a picture of `size` under `mix` with `seed`, and creates their ladder. If
-/// there are fewer, draws them all; if `limit` is over, those that are found, but [`LEAST_PIXELS`].
+/// there are fewer, draws them all; if `limit` is over, those that are found, but [`LEAST_PIXELS`]. The truth of the ladder has the scattered
+/// light of `scene`.
 pub(super) fn drawn<'a>(
     scene: &'a Scene,
     mix: &Mix,
@@ -43,6 +44,7 @@ pub(super) fn drawn<'a>(
     let mut found: Vec<[usize; 2]> = Vec::new();
     let mut ladder =
         Ladder::new(scene, mix.clone(), size, &[], (scene.accuracy.step_length, scene.accuracy.rays), progress)?;
+    ladder.stated_scattering = true;
     let is_over = |found: usize| found >= LEAST_PIXELS && clock.read().wall_ms >= limit.0;
     while found.len() < most && !left.is_empty() && !is_over(found.len()) {
         let round: Vec<[usize; 2]> =

@@ -139,6 +139,13 @@ impl Setting {
         self
     }
 
+    /// The setting with the knobs of `other`, too.
+    #[must_use]
+    pub(super) fn and(mut self, other: Self) -> Self {
+        self.0.extend(other.0);
+        self
+    }
+
     /// Value of the knob of this name, if the setting states one.
     #[must_use]
     pub fn get(&self, knob: &str) -> Option<Value> {

@@ -21,7 +21,7 @@ use std::time::Duration;
 
 pub use job::{Job, Keeps, KeptVolume, OnCpu, PictureLevel, PlannedJob, Reference};
 pub use level::finest_level;
-pub use march::{BrickCounts, DeviceFilm, Dispatching, March, MarchUniform, Speed, TableMemory};
+pub use march::{BrickCounts, DeviceFilm, Dispatching, LightQuality, March, MarchUniform, Speed, TableMemory};
 pub use pool::Residence;
 pub use relight::{Relight, RelightUniform};
 pub use scene::SceneRenderer;

@@ -63,6 +63,17 @@ pub struct DeviceFilm {
     pub(super) transmittance: StorageImage,
 }
 
+/// Light of a march that takes long to find: that of a light grid, and scattered light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightQuality {
+    /// A coarse light grid, and the last scattered light or none: a picture of a view that changes.
+    Last,
+    /// A coarse light grid, and [rough](Scene::with_rough_scattering) scattered light.
+    Rough,
+    /// As the scene states it.
+    Full,
+}
+
 /// A march in progress. It pauses after every dispatch, and is cancelled by dropping it.
 #[derive(Debug)]
 pub struct March {
@@ -73,6 +84,8 @@ pub struct March {
     grid: Option<Arc<DeviceGrid>>,
     /// Light that has scattered before.
     scattered: Option<Scattered>,
+    /// Quality of its light, if light scatters more than once.
+    quality: Option<LightQuality>,
     /// Rounds of a volume in bricks.
     rounds: Option<Rounds>,
     /// Places of the rays of a pixel that remain after the current one, the last first.
@@ -132,6 +145,12 @@ impl March {
     pub fn fill_is_done(&self) -> bool {
         self.grid.as_ref().is_none_or(|grid| grid.is_complete())
             && self.scattered.as_ref().is_none_or(Scattered::is_complete)
+    }
+
+    /// The light that it takes: [`LightQuality::Full`] where an earlier march has left that; `None` if light scatters once.
+    #[must_use]
+    pub const fn scattered_light(&self) -> Option<LightQuality> {
+        self.quality
     }
 
     /// Parts of its scattered light that are gathered, and all; `None` if it waits for none.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{DeviceFilm, March, RenderError, Renderer, Speed, Uploaded};
+use super::{DeviceFilm, LightQuality, March, RenderError, Renderer, Speed, Uploaded};
 use relume_base::progress::Progress;
 use relume_colour::model::ColourModel;
 use relume_scene::film::RelightMatrices;
@@ -163,22 +163,18 @@ impl SceneRenderer {
         self.renderer.begin_march(&self.scene, &self.planned, &self.uploaded, size, speed)
     }
 
-    /// [`Self::begin_march`] with one ray per pixel.
+    /// [`Self::begin_march`] with one ray per pixel and this light.
     ///
     /// # Errors
     ///
     /// [`RenderError`].
-    pub fn begin_march_of_one_ray(&self, size: [usize; 2], speed: Speed) -> Result<March, RenderError> {
-        self.renderer.begin_march(&self.scene, &self.of_one_ray(), &self.uploaded, size, speed)
-    }
-
-    /// [`Self::begin_march_of_one_ray`] of a coarse picture, whose light grid may be coarse, too.
-    ///
-    /// # Errors
-    ///
-    /// [`RenderError`].
-    pub fn begin_coarse_march(&self, size: [usize; 2], speed: Speed) -> Result<March, RenderError> {
-        self.renderer.begin(&self.scene, &self.of_one_ray(), &self.uploaded, size, speed, true)
+    pub fn begin_march_of_one_ray(
+        &self,
+        size: [usize; 2],
+        speed: Speed,
+        lighting: LightQuality,
+    ) -> Result<March, RenderError> {
+        self.renderer.begin(&self.scene, &self.of_one_ray(), &self.uploaded, size, speed, lighting)
     }
 
     /// The plan with one ray per pixel.
@@ -224,7 +220,9 @@ impl SceneRenderer {
     ///
     /// [`RenderError`].
     pub fn warm_up_rounds(&self) -> Result<(), RenderError> {
-        let mut march = self.begin_march(WARM_UP, Speed::default())?;
+        let lighting = LightQuality::Last;
+        let mut march =
+            self.renderer.begin(&self.scene, &self.planned, &self.uploaded, WARM_UP, Speed::default(), lighting)?;
         march.dispatch(&self.renderer, &self.uploaded)
     }
 
@@ -235,7 +233,7 @@ impl SceneRenderer {
     /// [`RenderError`].
     pub fn warm_up(&self) -> Result<(), RenderError> {
         // A coarse light grid suffices for the first picture.
-        let mut march = self.begin_coarse_march(WARM_UP, Speed::default())?;
+        let mut march = self.begin_march_of_one_ray(WARM_UP, Speed::default(), LightQuality::Last)?;
         while !march.is_done() {
             march.step(&self.renderer, &self.uploaded)?;
         }

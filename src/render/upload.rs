@@ -1,6 +1,7 @@
 //! Uploads volumes to the device.
 
 use std::any::Any;
+use std::borrow::Cow;
 use std::sync::{Arc, Mutex};
 
 use glam::DVec3;
@@ -12,7 +13,7 @@ use relume_base::number::{count, unsigned};
 use relume_base::progress::Progress;
 use relume_scene::plan::{Planned, ScenePlan};
 use relume_scene::tables::{BrickGrid, Cells, LabelMap, PlacedField, Storage, VolumeFormat, apron, slot_edge};
-use relume_scene::{FIELDS, Scene};
+use relume_scene::{Coarse, FIELDS, Scene};
 use relume_volume::{Statistics, macrocells};
 use relume_vulkan::{Buffer, Format, HostUse, Image3d};
 
@@ -44,21 +45,27 @@ pub struct Uploaded {
     pub(super) placed: Option<Image3d>,
     /// The bricks in these textures, if they are the slots of a pool.
     pub(super) pool: Option<Pool>,
-    /// A coarse level of a volume in bricks, if its scene has shadows.
+    /// A coarse level of a volume in bricks, if its scene has shadows or scattered light.
     level: Option<LightLevel>,
     pub(super) kept: Kept,
     /// Rows of scattered light, and the last such light.
     pub(super) scattering: Kept,
 }
 
-/// A coarse level of a volume in bricks, of which light grids are filled.
+/// A coarse level of a volume in bricks, of which light grids are filled and whose light scatters.
 #[derive(Debug)]
 struct LightLevel {
+    coarse: Coarse,
     uploaded: Box<Uploaded>,
     /// Voxels of the volume whose mean is one of it, along each axis.
     block: [usize; 3],
     /// Factors from texture coordinates of the volume to those of the level: its last blocks may be incomplete.
     scale: DVec3,
+}
+
+/// True if light on its way to a sample passes voxels that the march may not have read.
+pub(super) fn takes_level(plan: &ScenePlan) -> bool {
+    plan.light.reads_grid() || plan.light.gathered.is_some()
 }
 
 /// Two results of marches that are kept as long as the volume, of types that the march knows: those of finished and of coarse
@@ -121,13 +128,25 @@ impl Uploaded {
     }
 
     fn has_light(&self, plan: &ScenePlan) -> bool {
-        self.pool.is_none() || self.level.is_some() || !plan.light.reads_grid()
+        self.pool.is_none() || self.level.is_some() || !takes_level(plan)
     }
 
     /// The voxels of which light grids are filled, those of a coarse level of a volume in bricks, and the factors from texture
     /// coordinates of the volume to theirs.
     pub(super) fn medium(&self) -> (&Self, DVec3) {
         self.level.as_ref().map_or((self, DVec3::ONE), |level| (&*level.uploaded, level.scale))
+    }
+
+    /// `scene` with the voxels whose light scatters, how these are stored, and the factors from texture coordinates of the volume to
+    /// theirs: those of a coarse level of a volume in bricks, with nodes as far apart.
+    pub(super) fn scattering_medium<'a>(&'a self, scene: &'a Scene) -> (Cow<'a, Scene>, &'a Self, DVec3) {
+        let Some(LightLevel { coarse, uploaded, block, scale }) = &self.level else {
+            return (Cow::Borrowed(scene), self, DVec3::ONE);
+        };
+        let mut of_level = coarse.scene(scene);
+        let across = block.iter().max().map_or(1.0, |&voxels| count(voxels));
+        of_level.scattering.spacing = Some((scene.scattering_spacing() / across).max(0.5));
+        (Cow::Owned(of_level), uploaded, *scale)
     }
 
     /// Voxels along each axis whose mean casts shadows, if these come from a coarse level, as those of a volume in bricks do.
@@ -140,7 +159,8 @@ impl Uploaded {
     pub(super) fn check_march(&self, scene: &Scene, plan: &ScenePlan) -> Result<(), RenderError> {
         let Some(pool) = &self.pool else { return Ok(()) };
         if !self.has_light(plan) {
-            return Err(RenderError::Bricked { what: "shadows" });
+            let what = if plan.light.gathered.is_some() { "scattered light" } else { "shadows" };
+            return Err(RenderError::Bricked { what });
         }
         if !self.reaches(scene, plan) {
             let (needed, has) = (apron(scene, plan), pool.apron);
@@ -237,9 +257,9 @@ impl Renderer {
             let pool_of = |budget: u64| PoolSize::new(&self.device, grid, apron, (format, voxel_bytes), budget, limit);
             // Before a level is made.
             pool_of(self.pool_budget(0))?;
-            let is_dimmed = planned.plan.light.reads_grid();
             let stored = (format, voxel_bytes);
-            let level = is_dimmed.then(|| self.light_level(scene, planned, stored, progress)).transpose()?;
+            let level =
+                takes_level(&planned.plan).then(|| self.light_level(scene, planned, stored, progress)).transpose()?;
             let beside = level.as_ref().map_or(0, |level| level.uploaded.bytes());
             let size = pool_of(self.pool_budget(beside))?;
             let volume = Image3d::new(&self.device, "bricks", format, size.extent())?;
@@ -363,7 +383,7 @@ impl Renderer {
         let scale = std::array::from_fn(|axis| count(scene.frame.geometry.dims[axis]) / covered(axis));
         let whole = Self { always_bricked: false, taken_bytes: 0, ..self.clone() };
         let uploaded = Box::new(whole.upload(&level, planned, &statistics, progress)?);
-        Ok(LightLevel { uploaded, block, scale: DVec3::from_array(scale) })
+        Ok(LightLevel { coarse, uploaded, block, scale: DVec3::from_array(scale) })
     }
 
     /// Whether a texture of `dims` voxels, with labels `voxel_bytes` bytes each, takes at most `budget` bytes, and neither an axis nor

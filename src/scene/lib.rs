@@ -33,7 +33,7 @@ pub use fields::{FIELDS, FIRST_FIELD, Field, Fields, MOST_GROUPS};
 pub use frame::Frame;
 pub use lights::{BRIGHTEST, INTENSITY};
 pub use lights::{Direction, LightKind, Mix, MixLight, Placement, Position, positions, three_point};
-pub use scattering::{Orders, Scattering, ScatteringMethod, USUAL_DIRECTIONS};
+pub use scattering::{Half, Orders, Scattering, ScatteringMethod, USUAL_DIRECTIONS};
 pub use shape::{Form, MOST_CORNERS, Painting, SHAPE_EDGE, SOFT, Second, Shape};
 pub use transfer::depth_from_opacity;
 pub use transfer::{

@@ -14,8 +14,22 @@ pub struct Scattering {
     pub spacing: Option<f64>,
     /// Directions from which light is gathered at a node; `None` for [`USUAL_DIRECTIONS`].
     pub directions: Option<usize>,
+    /// The directions that are used.
+    pub half: Half,
     /// Paths of a pixel, with [`ScatteringMethod::Paths`].
     pub paths: usize,
+}
+
+/// Part of the directions from which light is gathered: pictures of the two halves differ by twice the error of all directions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Half {
+    /// All of them.
+    #[default]
+    Both,
+    /// Those with even numbers.
+    Even,
+    /// Those with odd numbers.
+    Odd,
 }
 
 /// Directions from which light is gathered at a node by default.
@@ -33,6 +47,7 @@ impl Default for Scattering {
             method: ScatteringMethod::default(),
             spacing: None,
             directions: None,
+            half: Half::Both,
             paths: 256,
         }
     }
@@ -73,6 +88,16 @@ impl Scene {
         let voxels = (high - low).max(glam::DVec3::ONE).element_product();
         let [least, most] = USUAL_SPACINGS;
         self.scattering.spacing.unwrap_or_else(|| (voxels / USUAL_NODES).cbrt().clamp(least, most))
+    }
+
+    /// This scene with scattered light that takes about a thirtieth of the work: at nodes twice as far apart, from half as many directions.
+    #[must_use]
+    pub fn with_rough_scattering(&self) -> Self {
+        let (spacing, directions) = (self.scattering_spacing(), self.scattering_directions());
+        let mut rough = self.clone();
+        rough.scattering.spacing = Some(2.0 * spacing);
+        rough.scattering.directions = Some((directions / 2).max(2));
+        rough
     }
 
     /// Directions from which scattered light is gathered at a node: an even number, so that halves of them can be compared.

@@ -21,7 +21,7 @@ use crate::number::{count, whole};
 use crate::plan::{PlanError, Planned, Stale, plan, read_ahead};
 use crate::progress::Progress;
 use crate::render::{
-    BrickCounts, DeviceFilm, Job, March, PlannedJob, Relight, RenderError, Renderer, SceneRenderer, Speed,
+    BrickCounts, DeviceFilm, Job, LightQuality, March, PlannedJob, Relight, RenderError, Renderer, SceneRenderer, Speed,
 };
 use crate::scene::{Backdrop, Coarse, Scene, positions};
 use crate::volume::Statistics;
@@ -128,7 +128,7 @@ struct Bricks {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Next {
     /// At this level.
-    Level(usize),
+    Level(usize, LightQuality),
     /// Of all voxels of a volume in bricks.
     Voxels,
 }
@@ -202,6 +202,8 @@ struct Lit {
     /// Matrices of the last relight; `None` before the first.
     by: Option<RelightMatrices>,
     level: usize,
+    /// Its scattered light, if it has any.
+    scattered: Option<LightQuality>,
     /// Whether it is of all voxels of a volume in bricks.
     of_bricks: bool,
     /// Window size for which the picture was marched, in pixels.
@@ -267,8 +269,7 @@ impl Engine {
     }
 
     /// Requests pictures of `scene` in `size` (width, height). Cancels any other march except one at the coarsest
-    /// level, which
-    /// stays visible during continuous input.
+    /// level that waits for no scattered light: it stays visible during continuous input.
     pub fn look(&mut self, scene: &Scene, size: [usize; 2]) {
         let pixels = |[width, height]: [usize; 2]| width * height;
         if pixels(size) > pixels(self.size) {
@@ -284,7 +285,10 @@ impl Engine {
         self.resume();
         self.reached = Reached::default();
         self.changed = Instant::now();
-        if self.marching.as_ref().is_some_and(|marching| marching.of_bricks || marching.level < self.coarse) {
+        let takes_long = |Marching { march, level, of_bricks, .. }: &Marching| {
+            *of_bricks || *level < self.coarse || march.gathering().is_some()
+        };
+        if self.marching.as_ref().is_some_and(takes_long) {
             self.marching = None;
         }
     }
@@ -399,12 +403,14 @@ impl Engine {
             if let Some(marching) = &mut self.marching {
                 let of_bricks = self.bricks.as_ref().and_then(|bricks| bricks.on_device.as_ref());
                 let on_device = of_bricks.filter(|_| marching.of_bricks).unwrap_or(&self.on_device);
-                let dispatched = Instant::now();
+                let (dispatched, waits) = (Instant::now(), marching.march.gathering().is_some());
                 if !marching.march.step_ahead(on_device.renderer(), on_device.uploaded())? {
                     // Bricks are being read.
                     break;
                 }
-                marching.spent += dispatched.elapsed();
+                if !waits {
+                    marching.spent += dispatched.elapsed();
+                }
                 self.counts.dispatches += 1;
                 stepped.worked = true;
             }
@@ -477,17 +483,28 @@ impl Engine {
 
     /// Whether no picture is finer than that of `lit`.
     fn is_complete(&self, lit: &Lit) -> bool {
-        if self.bricks.is_some() { lit.of_bricks } else { lit.level == self.finest_level() }
+        if self.bricks.is_some() {
+            lit.of_bricks
+        } else {
+            lit.level == self.finest_level() && lit.scattered.is_none_or(|lighting| lighting == LightQuality::Full)
+        }
     }
 
     /// Picture after the shown one, if there is a finer one.
     fn finer(&self) -> Option<Next> {
         let finest = self.finest_level();
         let lit = self.lit.as_ref().filter(|lit| !self.is_complete(lit))?;
-        match lit.level {
-            level if level == finest => (!self.stopped).then_some(Next::Voxels),
-            level if level > 1 => Some(Next::Level(level / FINER.min(level))),
-            _ => Some(Next::Level(finest)),
+        let finer = match lit.level {
+            level if level > 1 => level / FINER.min(level),
+            _ => finest,
+        };
+        match (lit.level, lit.scattered) {
+            // Light that has scattered shows in a picture as coarse as before, while the rest of it is gathered.
+            (level, Some(LightQuality::Last)) => Some(Next::Level(level, LightQuality::Rough)),
+            // Of bricks, all voxels follow, with light of their own.
+            (1, Some(LightQuality::Rough)) if self.bricks.is_none() => Some(Next::Level(1, LightQuality::Full)),
+            (level, _) if level == finest => (!self.stopped).then_some(Next::Voxels),
+            _ => Some(Next::Level(finer, LightQuality::Rough)),
         }
     }
 
@@ -508,7 +525,7 @@ impl Engine {
                         self.speeds.clear();
                     }
                     self.on_device = on_device;
-                    next = Some(Next::Level(self.coarse));
+                    next = Some(Next::Level(self.coarse, LightQuality::Last));
                 }
                 Err(error) if self.wanted.is_none() => return Err(error),
                 // It concerns a scene that nobody waits for any more.
@@ -521,15 +538,15 @@ impl Engine {
                 return Ok(false);
             };
             self.on_device.retarget(*scene, planned);
-            next = Some(Next::Level(self.coarse));
+            next = Some(Next::Level(self.coarse, LightQuality::Last));
         }
-        let level = match next {
+        let (level, lighting) = match next {
             None => return Ok(false),
             Some(Next::Voxels) => {
                 self.refines = true;
                 return self.begin_voxels();
             }
-            Some(Next::Level(level)) => level,
+            Some(Next::Level(level, lighting)) => (level, lighting),
         };
         let of_bricks = self.bricks.as_ref().and_then(|bricks| bricks.on_device.as_ref());
         self.on_device.set_beside(of_bricks.map_or(0, |on_device| on_device.uploaded().bytes()));
@@ -538,8 +555,11 @@ impl Engine {
         let speed = self.speeds.get(&level).copied().or_else(elsewhere).unwrap_or_else(|| self.renderer().speed());
         let march = match level {
             ALL_RAYS => self.on_device.begin_march(size, speed)?,
-            1 => self.on_device.begin_march_of_one_ray(size, speed)?,
-            _ => self.on_device.begin_coarse_march(size, speed)?,
+            // Without scattered light, no picture of this size follows.
+            1 if self.planned().plan.light.gathered.is_none() => {
+                self.on_device.begin_march_of_one_ray(size, speed, LightQuality::Full)?
+            }
+            _ => self.on_device.begin_march_of_one_ray(size, speed, lighting)?,
         };
         self.counts.marches += 1;
         self.marching = Some(Marching { march, level, of_bricks: false, spent: Duration::ZERO });
@@ -628,6 +648,7 @@ impl Engine {
         let bricks = self.bricks.as_ref().filter(|_| of_bricks);
         let marched = bricks.and_then(|bricks| bricks.on_device.as_ref()).unwrap_or(&self.on_device);
         let model = marched.planned().model.clone();
+        let scattered = march.scattered_light();
         let mut accumulators = march.finish(self.renderer())?;
         let backdrop = self.state.scene.display.backdrop;
         let relight = self.renderer().relight_window(&accumulators, backdrop)?;
@@ -642,6 +663,7 @@ impl Engine {
             relight,
             by: None,
             level,
+            scattered,
             of_bricks,
             size: self.size,
             accumulators,

@@ -364,3 +364,51 @@ fn what_measures_beside_a_window_takes_dispatches_as_short_as_the_windows_own() 
     assert!(renderer.marches() > 4, "{} marches", renderer.marches());
     assert!(renderer.longest_dispatch() <= FIRST, "{} samples", renderer.longest_dispatch());
 }
+
+#[test]
+fn scattered_light_is_chosen_with_its_stated_error() {
+    const SCENE: &str = r#"version = 1
+shading = "none"
+[volume]
+phantom = "gaussian"
+dims = [10, 10, 10]
+[materials.all]
+reflectance = 0.8
+[transfer]
+intervals = [{ material = "all", range = [0.3, 1], ramp = 0.2, opacity = 0.05 }]
+[lights.day]
+spectrum = "D65"
+kind = "directional"
+direction = [1, 0.4, -0.6]
+[scattering]
+orders = "multiple"
+"#;
+    let folder = Folder::new().with("often.toml", SCENE);
+    let cache = folder.path("cache");
+    let run = |arguments: &[&str]| {
+        let render = ["render", "often.toml", "--size", "16x16", "-o", "p.png"];
+        let mut command = folder.command(&[&render[..], arguments].concat());
+        support::program::Outcome::of(command.env("XDG_CACHE_HOME", &cache))
+    };
+    let chosen = |arguments: &[&str]| {
+        let ran = run(arguments);
+        assert_eq!(ran.code, Some(0), "{}", ran.err);
+        ran.json()["choice"].clone()
+    };
+    let near = chosen(&["--max-error", "2", "--json"]);
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let (of_light, of_rest) = (number(&near["scattered_light"]["p95"]), number(&near["expected"]["at_most"]));
+    assert!(
+        of_light > 0.0 && of_light + of_rest <= 2.0 && number(&near["setting"]["scattering.spacing"]) > 0.0,
+        "{near}"
+    );
+    assert!(near["why"].as_str().unwrap().contains("; scattered light of scattering.spacing="), "{near}");
+    // What the scene states stays, and a budget is for frames.
+    let coarse = run(&["--max-error", "2", "-D", "scattering.spacing=6"]);
+    coarse.assert_refused(1, &["ΔE00 2", "its scattered light alone has up to"]);
+    let fast = chosen(&["--budget", "1000", "--json"]);
+    assert!(
+        fast["setting"].get("scattering.spacing").is_none() && number(&fast["scattered_light"]["p95"]) > 0.0,
+        "{fast}"
+    );
+}

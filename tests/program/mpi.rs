@@ -38,20 +38,21 @@ fn a_relay_writes_the_files_of_one_process() {
         let outputs = ["--accumulators", film, "-o", png, "-o", exr, "--json"];
         SIZE.iter().chain(&outputs).map(|&text| text.to_owned()).collect()
     };
-    for half in [false, true] {
+    let half: &[&str] = &["-D", "accuracy.storage=\"f16\""];
+    // Each process gathers all of it.
+    let scattered: &[&str] = &["-D", "scattering.orders=\"multiple\"", "-D", "scattering.spacing=4"];
+    for (changes, counts) in [(&[][..], &["1", "2", "3", "4"][..]), (half, &["3"]), (scattered, &["3"])] {
         let run = |count: Option<&str>, name: &str| {
             let arguments = arguments(&outputs(name));
             let mut arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-            if half {
-                arguments.extend(["-D", "accuracy.storage=\"f16\""]);
-            }
+            arguments.extend(changes);
             match count {
                 Some(count) => done(&folder, count, &arguments).json(),
                 None => folder.done(&arguments).json(),
             }
         };
         run(None, "one");
-        for count in if half { &["3"][..] } else { &["1", "2", "3", "4"] } {
+        for count in counts {
             let told = run(Some(count), "many");
             assert!(bytes("many") == bytes("one"), "{count} processes");
             if *count == "3" {

@@ -10,7 +10,7 @@ use relume::output::write_bricks;
 use relume::plan::{Integrate, plan};
 use relume::progress::Quiet;
 use relume::render::{BrickCounts, Dispatching, Renderer, Residence, SceneRenderer};
-use relume::scene::{Aim, Gradients, Integration, Interpolation, Scene};
+use relume::scene::{Aim, Gradients, Integration, Interpolation, Orders, Scene, Shading};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::tables::{apron, slot_edge};
 use relume::volume::{self, Geometry, HostMemory, RawLayout, Selection, Volume, Voxels};
@@ -338,6 +338,28 @@ fn shadows_from_means_of_a_ramp_are_those_of_the_ramp() {
             let dimmed = pairs.map(|(dim, bright)| bright - dim).fold(0.0, f32::max);
             assert!(dimmed > 50.0 * OF_A_RAMP * largest, "{light}: shadows take {dimmed} of {largest}");
         }
+    });
+}
+
+#[test]
+fn light_scattered_by_means_of_a_ramp_is_that_of_the_ramp() {
+    with_renderer(|renderer| {
+        let mut scene = ramp("kind = \"directional\"\ndirection = [0.3, 0.5, 0.8]");
+        scene.shading = Shading::None;
+        let lit = |scene: &Scene, renderer: &Renderer| {
+            let rungs = Rungs::new(scene.clone(), SIZE);
+            let film = renderer.read(&rungs.filtered_accumulators(renderer)).unwrap();
+            film.accumulators.iter().copied().map(f64::from).sum::<f64>()
+        };
+        scene.scattering.orders = Orders::Multiple;
+        scene.scattering.spacing = Some(4.0);
+        let bricks = renderer.clone().always_in_bricks();
+        let [whole, one, both] = [renderer.clone(), bricks.clone().with_memory(700_000), bricks.with_memory(2_000_000)]
+            .map(|renderer| lit(&scene, &renderer));
+        assert_eq!(one.to_bits(), both.to_bits(), "the pool decides nothing");
+        scene.scattering.orders = Orders::Single;
+        let once = lit(&scene, renderer);
+        assert!((one / whole - 1.0).abs() <= 0.005 && once < 0.95 * whole, "{one}, {whole}, {once}");
     });
 }
 

@@ -5,12 +5,13 @@ use crate::shadows::{block, towards};
 use crate::support;
 
 use glam::DVec3;
+use relume::measure::scattered_error;
 use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::reference::{GatheredLight, TransferRows};
 use relume::render::SceneRenderer;
-use relume::scene::{Orders, Placement, ScatteringMethod, Scene, ShadowMethod};
-use relume::spectrum::{Reflectance, Spectrum, standard};
+use relume::scene::{Aim, Mix, Orders, Placement, Projection, ScatteringMethod, Scene, ShadowMethod};
+use relume::spectrum::{Absorption, Reflectance, Spectrum, standard};
 use relume::tables::Storage;
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, float};
@@ -89,6 +90,30 @@ fn a_slab_scatters_all_orders_as_its_reference_says() {
     }
 }
 
+/// Each component has an albedo and a depth of its own.
+#[test]
+fn paths_and_rows_agree_in_a_slab_that_absorbs_in_colour() {
+    let (depth, cosine) = (1.0, 0.8);
+    let [white, _] = mean(&light(scattering(slab(depth, cosine, false), 1.0, Rows), [4, 3]));
+    let found = [Paths, Rows].map(|method| {
+        let mut scene = scattering(slab(depth, cosine, false), 1.0, method);
+        let absorption = Spectrum::interpolate(&[(380.0, 0.0), (500.0, 0.2), (600.0, 0.7), (780.0, 1.0)]).unwrap();
+        scene.materials[0].absorption = Some(Absorption::new(absorption).unwrap());
+        scene.transfer.terms[0].absorption = vec![(0.0, depth)];
+        // An eighth of the extinction of both.
+        scene.scattering.spacing = Some(0.0625);
+        let rungs = Rungs::new(scene, [4, 3]);
+        let film = rungs.march(&rungs.exact());
+        film.accumulators.chunks(12).map(|layer| mean(layer)[0]).collect::<Vec<f64>>()
+    });
+    println!("{found:?}; without absorption {white}");
+    let [first, last] = [found[1][0], found[1][found[1].len() - 1]];
+    assert!(first > 0.8 * white && last < 0.5 * white, "{first}, {last}, {white}");
+    for (component, (paths, rows)) in found[0].iter().zip(&found[1]).enumerate() {
+        assert!((paths / rows - 1.0).abs() <= 0.01, "component {component}: {paths} by paths, {rows} by rows");
+    }
+}
+
 /// Boxes of the depth 2 along each edge: direction of the light, and the mean of the face at albedos of 0.5, 0.9 and 0.99, by
 /// Mitsuba 3.9's path tracer; standard errors below 0.05 %.
 const BOXES: [([f64; 3], [f64; 3]); 2] =
@@ -149,6 +174,84 @@ fn everything_is_white_in_a_white_furnace() {
         assert!((mean - 1.0).abs() <= 0.005, "{name}: mean {mean}");
         assert!(low >= 0.98 && high <= 1.02, "{name}: from {low} to {high}");
     }
+}
+
+/// Nodes and weights of Gauss and Legendre over 0 to 1.
+const GAUSS: [[f64; 2]; 4] = [
+    [0.069_431_844_202_973_71, 0.173_927_422_568_726_93],
+    [0.330_009_478_207_571_87, 0.326_072_577_431_273_07],
+    [0.669_990_521_792_428_1, 0.326_072_577_431_273_07],
+    [0.930_568_155_797_026_3, 0.173_927_422_568_726_93],
+];
+
+#[test]
+fn a_white_slab_loses_no_light() {
+    let (depth, cosine) = (1.0, 0.8);
+    for method in [Paths, Rows] {
+        let through = f64::exp(-depth / cosine);
+        // The mean of what leaves both faces over all directions, by the cosine, of a light of the mean intensity 1.
+        let mut sum = through;
+        for is_behind in [false, true] {
+            for [seen, weight] in GAUSS {
+                let mut scene = scattering(slab(depth, cosine, is_behind), 1.0, method);
+                let eye = 40.0 * DVec3::new(0.0, (1.0 - seen * seen).sqrt(), -seen);
+                scene.camera.aim = Aim::LookAt { position: eye, target: DVec3::ZERO };
+                scene.camera.up = DVec3::X;
+                scene.scattering.paths = 3_000;
+                let [light, _] = mean(&light(scene, [4, 3]));
+                sum += weight * seen * light / (2.0 * cosine);
+            }
+        }
+        println!("{method:?}: {sum:.5} of the light leaves");
+        assert!((sum - 1.0).abs() <= if method == Paths { 0.005 } else { 0.01 }, "{method:?}: {sum}");
+    }
+}
+
+#[test]
+fn eye_and_light_may_be_exchanged() {
+    let [one, other] = [DVec3::new(0.3, -0.5, -0.8).normalize(), DVec3::new(-0.9, 0.2, 0.4).normalize()];
+    for method in [Paths, Rows] {
+        let picture = |eye: DVec3, light_from: DVec3| {
+            let mut scene = scenes::changed("diffuse_one", "shading = \"none\"");
+            let [low, high] = scene.frame.geometry.world_box().unwrap();
+            let target = 0.5 * (low + high);
+            scene.camera.projection = Projection::Orthographic { height: Some(60.0) };
+            scene.camera.aim = Aim::LookAt { position: target + 100.0 * eye, target };
+            scene.lights[0].placement = Placement::Directional(light_from);
+            scene.lights[0].shadows = true;
+            scene.shadows.method = ShadowMethod::Rays;
+            scene.accuracy.termination = 0.0;
+            let mut scene = scattering(scene, 0.9, method);
+            (scene.scattering.spacing, scene.scattering.directions) = (Some(1.0), Some(16));
+            scene.scattering.paths = 60;
+            mean(&light(scene, [80, 80]))[0]
+        };
+        let [there, back] = [picture(one, other), picture(other, one)];
+        println!("{method:?}: {there:.6} and {back:.6}, apart by {:+.3} %", 100.0 * (there / back - 1.0));
+        assert!(
+            (there / back - 1.0).abs() <= if method == Paths { 0.005 } else { 0.01 },
+            "{method:?}: {there}, {back}"
+        );
+    }
+}
+
+#[test]
+fn the_stated_error_is_that_of_nodes_and_of_directions() {
+    let stated = |spacing: f64, directions: usize| {
+        let mut scene = scenes::named("scattered");
+        (scene.scattering.spacing, scene.scattering.directions) = (Some(spacing), Some(directions));
+        scattered_error(&scene, &Mix::of_scene(&scene), [24, 20], &Quiet).unwrap().unwrap()
+    };
+    let [usual, finer, more] = [stated(2.0, 8), stated(1.0, 8), stated(2.0, 32)];
+    println!("{usual:?}, with half the spacing {finer:?}, with four times the directions {more:?}");
+    assert!(finer.nodes < 0.5 * usual.nodes, "{finer:?}, {usual:?}");
+    assert!(more.directions < 0.7 * usual.directions && more.directions > 0.0, "{more:?}, {usual:?}");
+    for stated in [usual, finer, more] {
+        let of_both = 1.25 * (stated.nodes + stated.directions) + 0.1;
+        assert!(stated.p95 >= stated.nodes.max(stated.directions) && stated.p95 <= of_both, "{stated:?}");
+    }
+    let once = scenes::named("unshaded_one");
+    assert_eq!(scattered_error(&once, &Mix::of_scene(&once), [24, 20], &Quiet).unwrap(), None);
 }
 
 /// Rows of a scene, and the light that they gather.
@@ -227,6 +330,54 @@ fn a_device_without_room_for_scattered_light_says_what_to_change() {
         scene.scattering.spacing = Some(0.01);
         let error = SceneRenderer::new(renderer, scene, &Quiet).unwrap().march([4, 4], &Quiet).unwrap_err().to_string();
         assert!(error.contains("0.01 voxels apart") && error.contains("set a larger scattering.spacing"), "{error}");
+    });
+}
+
+#[test]
+fn scattered_light_is_none_then_rough_and_then_full_and_may_be_given_up_before() {
+    use relume::render::LightQuality::{self, Full, Last, Rough};
+    with_renderer(|renderer| {
+        let size = [24, 20];
+        let mut scene = scenes::named("scattered");
+        (scene.scattering.spacing, scene.scattering.directions) = (Some(1.0), Some(8));
+        // Pictures on the way have a coarser light grid, too.
+        scene.shadows.spacing = 0.5;
+        let on_device = SceneRenderer::new(renderer, scene.clone(), &Quiet).unwrap();
+        let begun = |on_device: &SceneRenderer, quality: LightQuality| {
+            let march = on_device.begin_march_of_one_ray(size, renderer.speed(), quality).unwrap();
+            (march.scattered_light().unwrap(), march)
+        };
+        let picture = |on_device: &SceneRenderer, quality: LightQuality| {
+            let (found, mut march) = begun(on_device, quality);
+            while !march.is_done() {
+                march.step(renderer, on_device.uploaded()).unwrap();
+            }
+            let film = renderer.read(&march.finish(renderer).unwrap()).unwrap();
+            (found, film.accumulators)
+        };
+        let sum = |film: &[f32]| film.iter().copied().map(f64::from).sum::<f64>();
+        let (quality, none) = picture(&on_device, Last);
+        assert_eq!(quality, Last);
+        // A turn of the view cancels what is not done.
+        for quality in [Rough, Full] {
+            let (found, mut march) = begun(&on_device, quality);
+            assert!(found == quality && march.gathering().is_some());
+            march.step(renderer, on_device.uploaded()).unwrap();
+        }
+        let (quality, rough) = picture(&on_device, Rough);
+        assert_eq!(quality, Rough);
+        assert_eq!(picture(&on_device, Last), (Rough, rough.clone()), "the last light");
+        let (quality, full) = picture(&on_device, Full);
+        assert_eq!(quality, Full);
+        assert_eq!(picture(&on_device, Rough), (Full, full.clone()), "better light is there");
+        let [none, rough, full] = [none, rough, full].map(|film| sum(&film));
+        println!("light of the picture: once {none:.1}, rough {rough:.1}, full {full:.1}");
+        assert!(none < 0.9 * full && (rough / full - 1.0).abs() < 0.05, "{none}, {rough}, {full}");
+        // From the rows that are there, new reflectances are full light at once.
+        scene.materials[0].reflectance = Reflectance::new(Spectrum::constant(0.3)).unwrap();
+        let planned = plan(&scene, &Quiet).unwrap();
+        let other = on_device.with_scene(scene, planned, &Quiet).unwrap();
+        assert_eq!(picture(&other, Rough).0, Full);
     });
 }
 

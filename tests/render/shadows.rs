@@ -13,7 +13,7 @@ use relume::document::{self, Document, Edit, SceneFile, SceneOptions, Source};
 use relume::plan::{Stale, plan};
 use relume::progress::Quiet;
 use relume::reference::{self, End, Exact, Keeping, KeptDepths, Samples, Step};
-use relume::render::{Dispatching, SceneRenderer};
+use relume::render::{Dispatching, LightQuality, SceneRenderer};
 use relume::scene::{
     Aim, AmbientShares, Interpolation, Lighting, Placement, Projection, Scene, SceneLight, Shading, ShadowMethod,
 };
@@ -926,7 +926,7 @@ fn a_coarse_picture_leaves_the_fill_of_the_fine_light_grid_as_it_is() {
         }
         drop(fine);
         for _ in 0..2 {
-            let (_, coarse) = finish(renderer.begin_coarse_march(SIZE, slow.speed()).unwrap());
+            let (_, coarse) = finish(renderer.begin_march_of_one_ray(SIZE, slow.speed(), LightQuality::Last).unwrap());
             assert_eq!(slow.light_fills(), 4, "both lights of a coarse grid, once");
             drop(coarse);
         }
@@ -936,7 +936,7 @@ fn a_coarse_picture_leaves_the_fill_of_the_fine_light_grid_as_it_is() {
         let whole = Rungs::new(occluded("none"), SIZE).filtered(&slow);
         assert!(bits(&slow.read(&film).unwrap()) == bits(&whole));
         // A complete one serves a coarse picture.
-        let coarse = renderer.begin_coarse_march(SIZE, slow.speed()).unwrap();
+        let coarse = renderer.begin_march_of_one_ray(SIZE, slow.speed(), LightQuality::Last).unwrap();
         assert!(coarse.fill_is_done() && slow.light_fills() == 6, "two more of the other renderer's volume");
     });
 }

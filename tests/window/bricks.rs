@@ -18,7 +18,7 @@ use crate::support::program::Folder;
 use crate::support::rungs::with_renderer;
 use crate::support::screen::Screen;
 
-const SIZE: [usize; 2] = [48, 36];
+pub(super) const SIZE: [usize; 2] = [48, 36];
 /// 3×2×2 bricks, the last ones incomplete.
 const DIMS: [usize; 3] = [150, 100, 90];
 
@@ -75,14 +75,14 @@ fn bricks(dims: [usize; 3]) -> Folder {
     folder
 }
 
-fn opened(renderer: &Renderer, scene: &Path, memory: HostMemory) -> (Engine, State) {
+pub(super) fn opened(renderer: &Renderer, scene: &Path, memory: HostMemory) -> (Engine, State) {
     let loaded = Loaded::open(renderer, Source::of(scene), memory, &Quiet).unwrap();
     let state = State::new(&loaded.file);
     (Engine::new(loaded), state)
 }
 
 /// Steps until `is_there`, at rest.
-fn until(engine: &mut Engine, mut is_there: impl FnMut(&Engine) -> bool) {
+pub(super) fn until(engine: &mut Engine, mut is_there: impl FnMut(&Engine) -> bool) {
     let begun = Instant::now();
     while !is_there(engine) {
         if !engine.step(true).unwrap().worked {
@@ -93,7 +93,7 @@ fn until(engine: &mut Engine, mut is_there: impl FnMut(&Engine) -> bool) {
 }
 
 /// The film of the picture, to the bit.
-fn film(engine: &Engine) -> Vec<u32> {
+pub(super) fn film(engine: &Engine) -> Vec<u32> {
     let place = |at: usize, n: usize| (float(at) + 0.5) / float(n);
     let pixels = (0..SIZE[0] * SIZE[1]).map(|i| DVec2::new(place(i % SIZE[0], SIZE[0]), place(i / SIZE[0], SIZE[1])));
     let numbers = pixels.flat_map(|place| {
@@ -107,7 +107,7 @@ fn float(number: usize) -> f64 {
     f64::from(u32::try_from(number).unwrap())
 }
 
-fn azimuth(state: &mut State) -> &mut f64 {
+pub(super) fn azimuth(state: &mut State) -> &mut f64 {
     match &mut state.scene.camera.aim {
         Aim::Orbit { azimuth, .. } => azimuth,
         Aim::LookAt { .. } => panic!("the camera orbits"),

@@ -5,6 +5,7 @@ use std::sync::{Arc, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use super::LightQuality;
 use super::light_grid::Place;
 use crate::{RenderError, Renderer, Uploaded};
 use relume_base::number::unsigned;
@@ -23,6 +24,8 @@ const PAUSE: Duration = Duration::from_millis(2);
 pub(super) struct DeviceLight {
     /// Rows and reflectances.
     key: String,
+    /// Texels of each node.
+    layers: usize,
     image: Image3d,
     sampler: Sampler,
     place: Buffer,
@@ -32,6 +35,7 @@ pub(super) struct DeviceLight {
 #[derive(Debug)]
 pub(super) struct Scattered {
     light: Arc<DeviceLight>,
+    lighting: LightQuality,
     /// The thread that gathers it; `None` if the texture is complete.
     gathering: Option<Gathering>,
 }
@@ -82,14 +86,14 @@ impl DeviceLight {
 }
 
 impl Renderer {
-    /// The gathered light of `scene`, which a thread completes; `None` if light scatters once. A `coarse` picture takes any light of as many
-    /// numbers that is there, and otherwise none.
+    /// The gathered light of `scene`, which a thread completes; `None` if light scatters once. With [`LightQuality::Last`] any light of as many
+    /// numbers that is there, or none.
     pub(super) fn scattered(
         &self,
         scene: &Scene,
         planned: &Planned,
         uploaded: &Uploaded,
-        coarse: bool,
+        lighting: LightQuality,
     ) -> Result<Option<Scattered>, RenderError> {
         let plan = &planned.plan;
         match plan.light.gathered {
@@ -97,18 +101,38 @@ impl Renderer {
             Some(ScatteringMethod::Paths) => return Err(RenderError::Paths),
             Some(ScatteringMethod::Rows) => {}
         }
+        let (medium, stored, factors) = uploaded.scattering_medium(scene);
+        let scene = &*medium;
         scene.volume().require_voxels("scattered light").map_err(RenderError::Volume)?;
-        let key = GatheredLight::key(scene, planned);
-        let grid = LightGrid::of_middles(scene, scene.scattering_spacing());
-        let extent = extent(&grid, plan);
         let [rows, kept] = uploaded.scattering.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let rows = rows.and_then(|rows| rows.downcast::<TransferRows>().ok());
         let kept = kept.and_then(|light| light.downcast::<DeviceLight>().ok());
-        let serves = |light: &Arc<DeviceLight>| light.key == key || coarse && light.image.extent() == extent;
-        if let Some(light) = kept.filter(serves) {
-            return Ok(Some(Scattered { light, gathering: None }));
+        let (key, layers) = (GatheredLight::key(scene, planned), plan.layers());
+        if let Some(light) = kept.clone().filter(|light| light.key == key) {
+            return Ok(Some(Scattered { light, lighting: LightQuality::Full, gathering: None }));
         }
-        let texels = plan.layers();
+        let rough = scene.with_rough_scattering();
+        let rough_key = GatheredLight::key(&rough, planned);
+        let serves = |light: &Arc<DeviceLight>| match lighting {
+            LightQuality::Last => light.layers == layers,
+            LightQuality::Rough => light.key == rough_key,
+            LightQuality::Full => false,
+        };
+        if let Some(light) = kept.filter(serves) {
+            let lighting = if light.key == rough_key { LightQuality::Rough } else { LightQuality::Last };
+            return Ok(Some(Scattered { light, lighting, gathering: None }));
+        }
+        // From rows that are there, light takes as long as rough light from new ones.
+        let has_rows = rows.as_ref().is_some_and(|rows| rows.are_of(scene, planned));
+        let (scene, key, lighting) = match lighting {
+            LightQuality::Rough if !has_rows => (&rough, rough_key, lighting),
+            LightQuality::Rough | LightQuality::Full => (scene, key, LightQuality::Full),
+            LightQuality::Last => (scene, String::new(), lighting),
+        };
+        let grid = LightGrid::of_middles(scene, scene.scattering_spacing());
+        let extent = extent(&grid, plan);
+        let mut in_volume = grid;
+        in_volume.scale *= factors;
         let image = Image3d::new(&self.device, "scattered light", Format::Rgba16Float, extent);
         let image = image.map_err(|error| match error {
             VulkanError::TooLarge { .. } | VulkanError::OutOfMemory { .. } => RenderError::ScatteredLight {
@@ -120,17 +144,18 @@ impl Renderer {
         })?;
         let light = Arc::new(DeviceLight {
             key,
+            layers,
             image,
             sampler: Sampler::new(&self.device, "scattered light", Filter::Linear)?,
-            place: self.place_of("place of scattered light", Place::new(&grid, texels))?,
+            place: self.place_of("place of scattered light", Place::new(&in_volume, layers))?,
         });
-        if coarse {
+        if lighting == LightQuality::Last {
             // Light that scatters once is there at once.
             light.fill(self, &vec![[0; LANE]; extent.map(|texels| texels as usize).iter().product()])?;
-            return Ok(Some(Scattered { light, gathering: None }));
+            return Ok(Some(Scattered { light, lighting, gathering: None }));
         }
         let state = Arc::new(State::default());
-        let (own, storage, labels) = (Arc::clone(&state), uploaded.storage.clone(), uploaded.labels.clone());
+        let (own, storage, labels) = (Arc::clone(&state), stored.storage.clone(), stored.labels.clone());
         let (scene, planned) = (scene.clone(), planned.clone());
         let thread = std::thread::spawn(move || {
             let rows = match rows.filter(|rows| rows.are_of(&scene, &planned)) {
@@ -140,7 +165,7 @@ impl Renderer {
             let light = rows.light(&scene, &planned, &*own)?;
             Ok((rows, light))
         });
-        Ok(Some(Scattered { light, gathering: Some(Gathering { thread, state }) }))
+        Ok(Some(Scattered { light, lighting, gathering: Some(Gathering { thread, state }) }))
     }
 }
 
@@ -151,6 +176,11 @@ fn extent(grid: &LightGrid, plan: &ScenePlan) -> [u32; 3] {
 }
 
 impl Scattered {
+    /// The light that this is.
+    pub(super) const fn lighting(&self) -> LightQuality {
+        self.lighting
+    }
+
     /// True if the texture is complete.
     pub(super) const fn is_complete(&self) -> bool {
         self.gathering.is_none()

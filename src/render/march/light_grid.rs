@@ -413,6 +413,11 @@ impl DeviceGrid {
         if self.room == 1 { Texel::One } else { Texel::Four }
     }
 
+    /// True if its nodes are as far apart as those of a light grid of `scene` with this spacing.
+    pub(super) fn is_as_fine(&self, scene: &Scene, spacing: f64) -> bool {
+        self.key.grid == LightGrid::new(scene, spacing)
+    }
+
     /// Whether all depths are complete.
     pub(super) fn is_complete(&self) -> bool {
         self.filling().depths.iter().all(|depth| depth.1)

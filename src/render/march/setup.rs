@@ -11,7 +11,8 @@ use super::mean::Mean;
 use super::rounds::Rounds;
 use super::schedule::{RayPlace, Schedule, Speed, longest_slice};
 use super::source::{UNIFORM_BYTES, VECTOR_BYTES, formats, source};
-use super::{DeviceFilm, March};
+use super::{DeviceFilm, LightQuality, March};
+use crate::upload::takes_level;
 use crate::{RenderError, Renderer, Uploaded};
 use relume_base::number::{count, rounded, unsigned};
 use relume_scene::plan::{Integrate, LANE, Planned, Transmittance, refinement_bound};
@@ -227,10 +228,10 @@ impl Renderer {
         size: [usize; 2],
         speed: Speed,
     ) -> Result<March, RenderError> {
-        self.begin(scene, planned, uploaded, size, speed, false)
+        self.begin(scene, planned, uploaded, size, speed, LightQuality::Full)
     }
 
-    /// [`Self::begin_march`], with a `coarse` light grid if no finer one is complete.
+    /// [`Self::begin_march`] with this light.
     pub(crate) fn begin(
         &self,
         scene: &Scene,
@@ -238,7 +239,7 @@ impl Renderer {
         uploaded: &Uploaded,
         size: [usize; 2],
         speed: Speed,
-        coarse: bool,
+        lighting: LightQuality,
     ) -> Result<March, RenderError> {
         let plan = &planned.plan;
         let device = &self.device;
@@ -338,8 +339,8 @@ impl Renderer {
             |(index, place): (usize, [f64; 2])| RayPlace { place: place.map(rounded), phase: phase_of_ray(index) };
         let mut places: Vec<RayPlace> = ray_places(plan.rays).into_iter().enumerate().map(place).rev().collect();
 
-        let grid = self.light_grid(scene, planned, uploaded, coarse)?;
-        let scattered = self.scattered(scene, planned, uploaded, coarse)?;
+        let scattered = self.scattered(scene, planned, uploaded, lighting)?;
+        let grid = self.light_grid(scene, planned, uploaded, lighting != LightQuality::Full)?;
 
         let rounds = uploaded
             .pool
@@ -408,13 +409,19 @@ impl Renderer {
             device_time: Some(Duration::ZERO),
             occupied,
             light_spacing: self.light_spacing(scene, plan, uploaded),
-            light_block: uploaded.light_block().filter(|_| plan.light.reads_grid()),
+            light_block: uploaded.light_block().filter(|_| takes_level(plan)),
             bricks: None,
             accumulators,
             transmittance,
         };
         let is_block = rays.block.is_some();
-        Ok(March { pipeline, set, schedule, left, grid, scattered, rounds, places, mean, is_block })
+        let is_fine =
+            grid.as_ref().zip(left.light_spacing).is_none_or(|(grid, spacing)| grid.is_as_fine(scene, spacing));
+        let quality = scattered.as_ref().map(|scattered| match scattered.lighting() {
+            LightQuality::Full if !is_fine => LightQuality::Rough,
+            lighting => lighting,
+        });
+        Ok(March { quality, pipeline, set, schedule, left, grid, scattered, rounds, places, mean, is_block })
     }
 
     /// Memory and buffers of the tables of values and labels, by their names in the shader.

@@ -4,9 +4,9 @@ use super::rows::{Matrix, Rows};
 use super::scatterer::{Numbers, is_sky, lit_from};
 use super::shadows::read;
 use super::{ReferenceError, Samples};
-use crate::Scene;
 use crate::plan::{LANE, Planned, Transmittance};
 use crate::tables::{LabelMap, LightGrid, Storage};
+use crate::{Half, Scene};
 use relume_base::number::Real;
 use relume_base::parallel;
 use relume_base::progress::Progress;
@@ -41,8 +41,14 @@ pub struct TransferRows {
     key: String,
 }
 
-/// Both halves of the rays.
-const BOTH: [usize; 2] = [0, 1];
+/// The halves of the rays that are used.
+const fn halves(half: Half) -> &'static [usize] {
+    match half {
+        Half::Both => &[0, 1],
+        Half::Even => &[0],
+        Half::Odd => &[1],
+    }
+}
 
 /// Numbers of the factors of a plan.
 fn numbers(planned: &Planned) -> Numbers {
@@ -121,7 +127,8 @@ impl TransferRows {
         let Self { rows, materials, key: _ } = self;
         let components = planned.plan.components();
         let coefficients = reflectances(scene, planned, materials);
-        let pairs = rows.pairs(&BOTH);
+        let halves = halves(scene.scattering.half);
+        let pairs = rows.pairs(halves);
         let of_component = |i: usize| -> Result<(Vec<Vec<f64>>, usize), ReferenceError> {
             if progress.cancelled() {
                 return Err(ReferenceError::Cancelled);
@@ -134,10 +141,10 @@ impl TransferRows {
             let of_position = |position: usize| {
                 let first = if is_sky(planned, position) {
                     let mut first = vec![0.0; rows.nodes.len()];
-                    matrix.apply(&rows.open(&BOTH), &mut first);
+                    matrix.apply(&rows.open(halves), &mut first);
                     first
                 } else {
-                    rows.once(&BOTH, position, i, reflected)
+                    rows.once(halves, position, i, reflected)
                 };
                 let (mut light, iterations) = solved(&matrix, &first[..rows.inner])?;
                 most = most.max(iterations);
@@ -174,7 +181,8 @@ impl GatheredLight {
     /// Everything that the light depends on apart from the voxels: that of its rows, and the reflectances.
     #[must_use]
     pub fn key(scene: &Scene, planned: &Planned) -> String {
-        format!("{} {:?}", TransferRows::key(scene, planned), reflectances(scene, planned, &planned.materials))
+        let reflected = reflectances(scene, planned, &planned.materials);
+        format!("{} {:?} {reflected:?}", TransferRows::key(scene, planned), scene.scattering.half)
     }
 
     /// Texels of four components as bits of 16-bit floats, node by node, of each accumulator one grid of the first four and those of the next behind.

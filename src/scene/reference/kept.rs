@@ -9,7 +9,7 @@ use crate::{Interpolation, ShadowMethod};
 use relume_base::memory;
 use relume_base::number::Real;
 
-/// Depths of light grids and rows of scattered light, kept for further marches: those of exact samples of scenes that differ only in `accuracy` and
+/// Depths of light grids, and rows and solutions of scattered light, kept for further marches: those of exact samples of scenes that differ only in `accuracy` and
 /// `shadows`.
 #[derive(Debug, Default)]
 pub struct KeptDepths<R>(Mutex<Vec<(DepthKey, Arc<Vec<R>>)>>, Mutex<Vec<AnyRows>>);
@@ -17,8 +17,8 @@ pub struct KeptDepths<R>(Mutex<Vec<(DepthKey, Arc<Vec<R>>)>>, Mutex<Vec<AnyRows>
 /// Rows of a type that their reader knows.
 type AnyRows = Arc<dyn Any + Send + Sync>;
 
-/// Rows of scattered light that are kept.
-const KEPT_ROWS: usize = 2;
+/// Rows and lights that are kept, of scattered light.
+const KEPT_ROWS: usize = 4;
 
 /// [`KeptDepths`], and further inputs of the depths of their samples.
 #[derive(Debug)]
@@ -45,7 +45,7 @@ pub(super) struct DepthKey {
 const KEPT_PART: u64 = 8;
 
 impl<R: Real> KeptDepths<R> {
-    /// Rows of a `wanted` kind from an earlier march, or `made` now.
+    /// Rows or light of a `wanted` kind from an earlier march, or `made` now.
     pub(super) fn rows<T: Any + Send + Sync>(
         &self,
         wanted: impl Fn(&T) -> bool,

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::composite::{Lost, composite, composite_compensated, composite_matrix};
-use super::gathered::{Gathered, TransferRows};
+use super::gathered::{Gathered, GatheredLight, TransferRows};
 use super::phase::{Phase, add_even, add_scattered};
 use super::shadows::Reaching;
 use super::thin_film::ThinFilm;
@@ -375,6 +375,12 @@ impl<'a, R: Real> Light<'a, R> {
     }
 }
 
+/// Light that further marches read.
+struct KeptLight {
+    key: String,
+    light: GatheredLight,
+}
+
 /// Light that has scattered before, if the plan gathers it at nodes.
 fn gathered<R: Real>(
     scene: &Scene,
@@ -391,6 +397,11 @@ fn gathered<R: Real>(
         None => Arc::new(made()?),
         Some(keeping) => keeping.depths.rows(|rows: &TransferRows| rows.are_of(scene, planned), made)?,
     };
-    let light = rows.light(scene, planned, progress)?;
-    Ok(Some(Gathered::new(&light, planned.plan.components(), samples)))
+    let key = GatheredLight::key(scene, planned);
+    let made = || Ok(KeptLight { light: rows.light(scene, planned, progress)?, key: key.clone() });
+    let kept = match samples.keeping() {
+        None => Arc::new(made()?),
+        Some(keeping) => keeping.depths.rows(|kept: &KeptLight| kept.key == key, made)?,
+    };
+    Ok(Some(Gathered::new(&kept.light, planned.plan.components(), samples)))
 }

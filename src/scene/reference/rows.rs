@@ -13,8 +13,8 @@ use relume_base::{memory, parallel};
 use relume_colour::model::random::Random;
 use smallvec::SmallVec;
 
-/// Transmittance at which a ray ends.
-const END: f64 = 3e-4;
+/// Transmittance at which a ray ends: what is left of it ends as its last step does, so that no light is lost.
+const END: f64 = 0.01;
 /// Length of a step of a ray as a part of the distance of two nodes, and its smallest in units of length.
 const STEP: f64 = 0.5;
 const LEAST_STEP: f64 = 1.0;
@@ -38,12 +38,12 @@ pub(super) struct Rows {
     /// Numbers of each factor.
     pub(super) numbers: usize,
     /// Factors of the rays with even and with odd numbers: each half gathers all light.
-    pub(super) halves: [Half; 2],
+    pub(super) halves: [HalfRows; 2],
 }
 
 /// Rows from half of the rays.
 #[derive(Debug, Default)]
-pub(super) struct Half {
+pub(super) struct HalfRows {
     /// First factor of each row, and one more.
     starts: Vec<usize>,
     /// Number of the node that each factor gathers from.
@@ -158,7 +158,7 @@ impl Rows {
 
 impl Gathering<'_> {
     /// The rows of `nodes`, from the rays with even and with odd numbers.
-    fn halves(&self, nodes: &[u32], progress: &dyn Progress) -> Result<[Half; 2], ReferenceError> {
+    fn halves(&self, nodes: &[u32], progress: &dyn Progress) -> Result<[HalfRows; 2], ReferenceError> {
         let numbers = self.occluding.len();
         let tasks = nodes.len().div_ceil(AT_ONCE);
         let done = std::sync::atomic::AtomicU64::new(0);
@@ -178,7 +178,7 @@ impl Gathering<'_> {
             progress.report("gathering scattered light", done, tasks as u64);
             Ok(rows)
         });
-        let mut halves: [Half; 2] = std::array::from_fn(|_| Half { starts: vec![0], ..Half::default() });
+        let mut halves: [HalfRows; 2] = std::array::from_fn(|_| HalfRows { starts: vec![0], ..HalfRows::default() });
         for rows in made {
             for row in rows? {
                 for (half, row) in halves.iter_mut().zip(row) {
@@ -256,6 +256,7 @@ impl Gathering<'_> {
                 continue;
             }
             scatterer.cross(density, to - from, step);
+            let ends = transmittance.iter().zip(&step.opacity).all(|(left, lost)| left * (1.0 - lost) < END);
             let column = self.column(middle);
             if column != NONE {
                 let place = &mut places[column as usize];
@@ -269,7 +270,9 @@ impl Gathering<'_> {
                 let factors = &mut row.factors[*place as usize * numbers..][..numbers];
                 let source = scatterer.scattered(step);
                 for (i, factor) in factors.iter_mut().enumerate() {
-                    let left = transmittance[if transmittance.len() == 1 { 0 } else { i }];
+                    let number = if transmittance.len() == 1 { 0 } else { i };
+                    let part = if ends { step.opacity[number].max(f64::MIN_POSITIVE) } else { 1.0 };
+                    let left = transmittance[number] / part;
                     let gathered = share_of_ray * left * source[i] * self.occluding[i];
                     *factor += rounded(gathered);
                     for position in 0..self.positions {
@@ -278,11 +281,11 @@ impl Gathering<'_> {
                     }
                 }
             }
+            if ends {
+                return;
+            }
             for (left, &lost) in transmittance.iter_mut().zip(&step.opacity) {
                 *left -= *left * lost;
-            }
-            if transmittance.iter().all(|&left| left < END) {
-                return;
             }
         }
         row.open += share_of_ray * transmittance[0];
