@@ -404,8 +404,8 @@ orders = "multiple"
     );
     assert!(near["why"].as_str().unwrap().contains("; scattered light of scattering.spacing="), "{near}");
     // What the scene states stays, and a budget is for frames.
-    let coarse = run(&["--max-error", "2", "-D", "scattering.spacing=6"]);
-    coarse.assert_refused(1, &["ΔE00 2", "its scattered light alone has up to"]);
+    let coarse = run(&["--max-error", "0.4", "-D", "scattering.spacing=6"]);
+    coarse.assert_refused(1, &["ΔE00 0.4", "its scattered light alone has up to"]);
     let fast = chosen(&["--budget", "1000", "--json"]);
     assert!(
         fast["setting"].get("scattering.spacing").is_none() && number(&fast["scattered_light"]["p95"]) > 0.0,

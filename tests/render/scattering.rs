@@ -90,6 +90,29 @@ fn a_slab_scatters_all_orders_as_its_reference_says() {
     }
 }
 
+/// Half spaces: the albedo, and H(0.2), H(0.5) and H(1) of Chandrasekhar (1950, chapter V).
+const HALF_SPACES: [(f64, [f64; 3]); 2] =
+    [(0.5, [1.113_461, 1.187_735, 1.251_260]), (0.9, [1.291_434, 1.556_034, 1.850_099])];
+
+#[test]
+fn paths_in_a_deep_slab_meet_the_closed_form_of_a_half_space() {
+    for (albedo, of_cosines) in HALF_SPACES {
+        for (cosine, h) in [0.2, 0.5, 1.0].into_iter().zip(of_cosines) {
+            let mut scene = scattering(slab(20.0, cosine, false), albedo, Paths);
+            scene.accuracy.step_length = 1.0 / 512.0;
+            scene.scattering.paths = 4_000;
+            let expected = albedo * cosine / (cosine + 1.0) * h * of_cosines[2];
+            check(
+                &format!("half space, cosine {cosine}, albedo {albedo}"),
+                Paths,
+                &light(scene, [4, 3]),
+                expected,
+                0.0,
+            );
+        }
+    }
+}
+
 /// Each component has an albedo and a depth of its own.
 #[test]
 fn paths_and_rows_agree_in_a_slab_that_absorbs_in_colour() {
