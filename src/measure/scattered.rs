@@ -97,24 +97,12 @@ pub fn scattered_error(
     size: [usize; 2],
     progress: &dyn Progress,
 ) -> Result<Option<ScatteredError>, MeasureError> {
-    let planned = plan(scene, progress)?;
-    if planned.plan.light.gathered.is_none() {
-        return Ok(None);
-    }
-    let ladder = drawn(scene, mix, size, PIXELS, (SEED, Limit::NONE), progress)?.ladder;
-    if ladder.pixels.is_empty() {
-        return Ok(None);
-    }
-    let (spacing, directions) = (scene.scattering_spacing(), scene.scattering_directions());
-    let of = |spacing| Scattering { spacing: Some(spacing), directions: Some(directions), ..scene.scattering };
-    let own = (scene, &planned);
-    let [rough, found] = [of(2.0 * spacing), of(spacing)].map(|it| pixels(&ladder, own, it, progress));
-    Ok(Some(stated(&ladder, own, (of(spacing), &found?, &rough?), progress)?))
+    Ok(light_within(scene, mix, size, (None, Limit::NONE), progress)?.map(|light| light.error))
 }
 
 /// The coarsest scattered light whose stated error takes no more than its share of `asked`, from twice the spacing of the scene to a quarter
 /// of it; the most accurate that `limit` gives time for, if none does; that of the scene without an error goal. What the scene states stays.
-/// `None` if light scatters once.
+/// `None` if light scatters once, or no pixel shows the volume.
 pub(super) fn light_within(
     scene: &Scene,
     mix: &Mix,
@@ -127,6 +115,9 @@ pub(super) fn light_within(
         return Ok(None);
     }
     let ladder = drawn(scene, mix, size, PIXELS, (SEED, Limit::NONE), progress)?.ladder;
+    if ladder.pixels.is_empty() {
+        return Ok(None);
+    }
     let own = (scene, &planned);
     // No light has less than the least error.
     let asked = asked.filter(|&asked| asked > LEAST);
