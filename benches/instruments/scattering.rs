@@ -1,5 +1,5 @@
 //! Error and time of light that scatters more than once: rows of transfer factors against paths, in the frog of the peer scene with a quarter
-//! of its resolution.
+//! of its resolution; time of rows with all of its voxels.
 
 use std::error::Error;
 use std::path::Path;
@@ -29,8 +29,8 @@ const SIDE: usize = 48;
 pub(crate) struct ScatteringRow {
     /// The setting.
     pub(crate) name: String,
-    /// Mean and 95th percentile of ΔE00 against paths.
-    pub(crate) errors: [f64; 2],
+    /// Mean and 95th percentile of ΔE00 against paths; none of the whole volume.
+    pub(crate) errors: Option<[f64; 2]>,
     /// CPU time of the rays and of the solution in s.
     pub(crate) seconds: [f64; 2],
     /// Nodes and pairs of nodes.
@@ -51,6 +51,16 @@ impl Case {
         Ok(Self { scene, planned, storage })
     }
 
+    /// CPU time of the rows and of their solution in s, nodes and pairs.
+    fn rows(&self) -> Result<([f64; 2], [usize; 2]), Box<dyn Error>> {
+        let watch = Stopwatch::start();
+        let made = TransferRows::new(&self.scene, &self.planned, &self.storage, None, &Quiet)?;
+        let rays = watch.read().cpu_ms / 1000.0;
+        let watch = Stopwatch::start();
+        made.light(&self.scene, &self.planned, &Quiet)?;
+        Ok(([rays, watch.read().cpu_ms / 1000.0], made.counts()))
+    }
+
     /// Linear sRGB of each pixel; not a number beside the volume.
     fn pixels(&self, size: [usize; 2]) -> Result<Vec<DVec3>, Box<dyn Error>> {
         let exact = Exact::new(&self.scene, &self.planned, self.storage.clone(), None);
@@ -66,6 +76,7 @@ pub(crate) fn scattering_rows(volume: Option<&Path>, paths: usize) -> Result<Vec
     let peer = load_peer(&options, &Quiet)?.scene;
     // Voxels of a quarter of the edge for the frog, and the phantom as it is.
     let level = if volume.is_some() { 2 } else { 0 };
+    let mut whole = Scene { shading: Shading::None, ..peer.clone() };
     let mut scene = if level > 0 { Coarse::of_level(&peer, level, &Quiet)?.scene_in(&peer, [SIDE; 2]) } else { peer };
     scene.shading = Shading::None;
     // As deep by voxels as the frog itself.
@@ -81,13 +92,13 @@ pub(crate) fn scattering_rows(volume: Option<&Path>, paths: usize) -> Result<Vec
     let expected = Case::new(truth)?.pixels([SIDE; 2])?;
     let mut rows = vec![ScatteringRow {
         name: format!("{paths} paths"),
-        errors: [0.0; 2],
+        errors: Some([0.0; 2]),
         seconds: [watch.read().cpu_ms / 1000.0, 0.0],
         counts: scene.frame.geometry.dims[..2].try_into()?,
     }];
     let mut row = |name: String, case: &Case, seconds: [f64; 2], counts: [usize; 2]| -> Result<(), Box<dyn Error>> {
         let [mean, p95, _] = errors(&case.pixels([SIDE; 2])?, &expected);
-        rows.push(ScatteringRow { name, errors: [mean, p95], seconds, counts });
+        rows.push(ScatteringRow { name, errors: Some([mean, p95]), seconds, counts });
         Ok(())
     };
     let single = Case::new(Scene {
@@ -100,19 +111,17 @@ pub(crate) fn scattering_rows(volume: Option<&Path>, paths: usize) -> Result<Vec
             scene.scattering.spacing = Some(spacing);
             scene.scattering.directions = Some(directions);
             let case = Case::new(scene.clone())?;
-            let watch = Stopwatch::start();
-            let made = TransferRows::new(&case.scene, &case.planned, &case.storage, None, &Quiet)?;
-            let rays = watch.read().cpu_ms / 1000.0;
-            let watch = Stopwatch::start();
-            made.light(&case.scene, &case.planned, &Quiet)?;
-            let solution = watch.read().cpu_ms / 1000.0;
-            row(
-                format!("nodes {spacing} voxels apart, {directions} directions"),
-                &case,
-                [rays, solution],
-                made.counts(),
-            )?;
+            let (seconds, counts) = case.rows()?;
+            row(format!("nodes {spacing} voxels apart, {directions} directions"), &case, seconds, counts)?;
         }
+    }
+    if level > 0 {
+        whole.accuracy.dimension = Some(8);
+        whole.scattering.orders = Orders::Multiple;
+        whole.scattering.directions = Some(8);
+        let name = format!("all voxels of the peer scene, nodes {:.1} apart, 8 directions", whole.scattering_spacing());
+        let (seconds, counts) = Case::new(whole)?.rows()?;
+        rows.push(ScatteringRow { name, errors: None, seconds, counts });
     }
     Ok(rows)
 }
@@ -202,11 +211,11 @@ pub(crate) fn stated_text(rows: &[StatedRow]) -> String {
 
 /// The rows as a table.
 pub(crate) fn table(rows: &[ScatteringRow]) -> String {
-    let lines = rows.iter().map(
-        |ScatteringRow { name, errors: [mean, p95], seconds: [rays, solution], counts: [nodes, factors] }| {
-            format!("| {name} | {mean:.2} | {p95:.2} | {rays:.2} | {solution:.3} | {nodes} | {factors} |\n")
-        },
-    );
+    let lines =
+        rows.iter().map(|ScatteringRow { name, errors, seconds: [rays, solution], counts: [nodes, factors] }| {
+            let errors = errors.map_or_else(|| "– | –".to_owned(), |[mean, p95]| format!("{mean:.2} | {p95:.2}"));
+            format!("| {name} | {errors} | {rays:.2} | {solution:.3} | {nodes} | {factors} |\n")
+        });
     format!(
         "| setting | mean ΔE00 | p95 | rays, CPU s | solution, CPU s | nodes | factors |\n| --- | --- | --- | --- | --- | --- | --- |\n{}",
         lines.collect::<String>()

@@ -15,9 +15,8 @@ use smallvec::SmallVec;
 
 /// Transmittance at which a ray ends: what is left of it ends as its last step does, so that no light is lost.
 const END: f64 = 0.01;
-/// Length of a step of a ray as a part of the distance of two nodes, and its smallest in units of length.
-const STEP: f64 = 0.5;
-const LEAST_STEP: f64 = 1.0;
+/// Parts of a cell along each axis, within which rays see the same medium; a step of a ray is as long as one.
+const PARTS: usize = 2;
 /// Spacing of the light grid of the lights with directions, as a part of the spacing of nodes.
 const LIGHT_SPACING: f64 = 1.0;
 /// Factors of a direction: nodes that a ray passes before it ends, in solids some 3 and in haze some 12.
@@ -56,25 +55,26 @@ pub(super) struct HalfRows {
     open: Vec<f64>,
 }
 
-/// Row of a node, from half of the rays.
+/// Factors of a node, and the nodes that it gathers from.
 #[derive(Default)]
 struct Row {
     columns: Vec<u32>,
     factors: Vec<f32>,
-    once: Vec<f64>,
-    open: f64,
 }
 
-/// Memory of a thread from node to node.
-struct Scratch {
-    /// Place of the factor of each node in the row, or none.
-    places: Vec<u32>,
-    density: Step<f64>,
-    step: Step<f64>,
-    light: Vec<f64>,
+/// The medium in each part of the cells of nodes: numbers of a step within it, and the light that arrives. Rays cross each part hundreds of times,
+/// so that looking up the volume, the tables and the lights once is most of what can be saved.
+struct Parts {
+    /// Numbers of a part: opacity of a step, light that a step scatters by the numbers of factors, and shares of light.
+    stride: usize,
+    opacities: usize,
+    numbers: Vec<f32>,
 }
 
 const NONE: u32 = u32::MAX;
+
+/// Part of a step that counts as all of it.
+const WHOLE: f64 = 1.0 - 1e-9;
 
 /// Part of a cell, along each axis, over which the rays of its node begin.
 const WIDTH: f64 = 0.75;
@@ -86,7 +86,6 @@ const SPREAD: DVec3 = DVec3::new(0.819_172_513_396_164_4, 0.671_043_606_703_789_
 struct Gathering<'a> {
     scatterer: &'a Scatterer,
     samples: &'a dyn Samples<f64>,
-    arriving: &'a Arriving,
     grid: &'a LightGrid,
     /// Number of each node of the grid among those with rows, or none.
     rows: &'a [u32],
@@ -95,6 +94,7 @@ struct Gathering<'a> {
     /// Weight of each number of a density in what a walk scatters.
     occluding: Vec<f64>,
     step: f64,
+    parts: Parts,
 }
 
 impl Rows {
@@ -129,9 +129,8 @@ impl Rows {
         nodes.extend(nodes_beside(&grid, &rows));
         let geometry = &scene.frame.geometry;
         let between = (grid.spacing * geometry.spacing / geometry.spacing.min_element()).min_element();
-        let gathering = Gathering {
+        let mut gathering = Gathering {
             samples: &samples,
-            arriving: &arriving,
             grid: &grid,
             rows: &rows,
             directions: scene.scattering_directions(),
@@ -144,161 +143,197 @@ impl Rows {
                     scatterer.planned.materials.iter().map(occludes).collect()
                 }
             },
-            step: (STEP * between).max(LEAST_STEP.min(0.5 * between)),
+            step: between / count(PARTS),
             scatterer: &scatterer,
+            parts: Parts { stride: 0, opacities: scatterer.planned.plan.transmittance_numbers(), numbers: Vec::new() },
         };
         let numbers = gathering.occluding.len();
         // Factors are kept as they are found, and once more for the solution.
         let factors = FACTORS * count(gathering.directions * nodes.len());
-        check_memory(scene, 2.0 * factors * 4.0f64.mul_add(count(numbers), 4.0))?;
+        let parts = count(8 * inner * (numbers + gathering.parts.opacities + gathering.positions * scatterer.shares()));
+        check_memory(scene, (2.0 * factors).mul_add(4.0f64.mul_add(count(numbers), 4.0), 8.0 * parts))?;
+        gathering.look_up(&nodes[..inner], &arriving);
         let halves = gathering.halves(&nodes, progress)?;
         Ok((Self { grid, nodes, inner, numbers, halves }, scatterer.planned.materials.clone()))
     }
 }
 
 impl Gathering<'_> {
+    /// Looks up the medium around `nodes`, and the light that arrives there.
+    fn look_up(&mut self, nodes: &[u32], arriving: &Arriving) {
+        let Self { scatterer, samples, .. } = *self;
+        let opacities = self.parts.opacities;
+        let lit = opacities + self.occluding.len();
+        let stride = lit + self.positions * scatterer.shares();
+        let of_task = |task: usize| -> Vec<f32> {
+            let own = &nodes[task * AT_ONCE..((task + 1) * AT_ONCE).min(nodes.len())];
+            let mut numbers = vec![0.0; own.len() * PARTS.pow(3) * stride];
+            let (mut density, mut step) = (Step::default(), Step::default());
+            let mut light = vec![0.0; stride - lit];
+            for (part, numbers) in numbers.chunks_exact_mut(stride).enumerate() {
+                let at = self.at(own[part / PARTS.pow(3)]);
+                let of_axis = |axis: u32| count(part / PARTS.pow(axis) % PARTS) + 0.5;
+                let within = DVec3::new(of_axis(0), of_axis(1), of_axis(2)) / count(PARTS) - 0.5;
+                let place = ((at + within - self.grid.offset) / self.grid.scale).to_array();
+                scatterer.density(samples, place, &mut density);
+                if density.does_nothing() {
+                    continue;
+                }
+                scatterer.cross(&density, self.step, &mut step);
+                light.fill(0.0);
+                scatterer.arrive(arriving, place, samples, &mut light);
+                let scattered = scatterer.scattered(&step).iter().zip(&self.occluding).map(|(lit, part)| lit * part);
+                let all = step.opacity.iter().copied().chain(scattered).chain(light.iter().copied());
+                numbers.iter_mut().zip(all).for_each(|(number, of_part)| *number = rounded(of_part));
+            }
+            numbers
+        };
+        let numbers = parallel::map(nodes.len().div_ceil(AT_ONCE), &of_task).concat();
+        self.parts = Parts { stride, opacities, numbers };
+    }
+
     /// The rows of `nodes`, from the rays with even and with odd numbers.
     fn halves(&self, nodes: &[u32], progress: &dyn Progress) -> Result<[HalfRows; 2], ReferenceError> {
-        let numbers = self.occluding.len();
         let tasks = nodes.len().div_ceil(AT_ONCE);
         let done = std::sync::atomic::AtomicU64::new(0);
-        let scratch = || Scratch {
-            places: vec![NONE; nodes.len()],
-            density: Step::default(),
-            step: Step::default(),
-            light: vec![0.0; self.positions * self.scatterer.shares()],
-        };
-        let made = parallel::map_with(tasks, &scratch, &|scratch, task| {
+        // Place of the factor of each node in a row, or none.
+        let places = || vec![NONE; nodes.len()];
+        let made = parallel::map_with(tasks, &places, &|places, task| {
             if progress.cancelled() {
                 return Err(ReferenceError::Cancelled);
             }
-            let own = &nodes[task * AT_ONCE..((task + 1) * AT_ONCE).min(nodes.len())];
-            let rows: Vec<[Row; 2]> = own.iter().map(|&node| self.rows_of(node, scratch)).collect();
+            let mut halves = [(); 2].map(|()| HalfRows::default());
+            for &node in &nodes[task * AT_ONCE..((task + 1) * AT_ONCE).min(nodes.len())] {
+                self.add_rows_of(node, places, &mut halves);
+            }
             let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
             progress.report("gathering scattered light", done, tasks as u64);
-            Ok(rows)
+            Ok(halves)
         });
-        let mut halves: [HalfRows; 2] = std::array::from_fn(|_| HalfRows { starts: vec![0], ..HalfRows::default() });
+        let mut halves = [(); 2].map(|()| HalfRows { starts: vec![0], ..HalfRows::default() });
         for rows in made {
-            for row in rows? {
-                for (half, row) in halves.iter_mut().zip(row) {
-                    half.columns.extend(row.columns);
-                    half.factors.extend(row.factors);
-                    half.starts.push(half.columns.len());
-                    half.once.extend(row.once);
-                    half.open.push(row.open);
-                }
+            for (half, rows) in halves.iter_mut().zip(rows?) {
+                let before = half.columns.len();
+                half.starts.extend(rows.starts.iter().map(|end| before + end));
+                half.columns.extend(rows.columns);
+                half.factors.extend(rows.factors);
+                half.once.extend(rows.once);
+                half.open.extend(rows.open);
             }
         }
-        debug_assert!(halves.iter().all(|half| half.factors.len() == numbers * half.columns.len()), "whole factors");
         Ok(halves)
     }
 
-    /// The row of a node of the grid, from the rays with even and with odd numbers.
-    fn rows_of(&self, node: u32, scratch: &mut Scratch) -> [Row; 2] {
+    /// Indices of a node of the grid.
+    fn at(&self, node: u32) -> DVec3 {
         let [width, height, _] = self.grid.dims;
         let index = node as usize;
-        let at = [index % width, index / width % height, index / (width * height)];
+        DVec3::from_array([index % width, index / width % height, index / (width * height)].map(count))
+    }
+
+    /// Adds the row of a node of the grid from the rays with even and with odd numbers; [`HalfRows::starts`] are ends.
+    fn add_rows_of(&self, node: u32, places: &mut [u32], halves: &mut [HalfRows; 2]) {
+        let at = self.at(node);
         // In the middle of a cell, or of its face.
         let last = DVec3::from_array(self.grid.dims.map(count)) - 1.5;
-        let middle = DVec3::from_array(at.map(count)).clamp(DVec3::splat(0.5), last);
-        let is_inner: [bool; 3] = std::array::from_fn(|axis| at[axis] > 0 && at[axis] + 1 < self.grid.dims[axis]);
-        let width = DVec3::from_array(is_inner.map(|is_inner| if is_inner { WIDTH } else { 0.0 }));
+        let middle = at.clamp(DVec3::splat(0.5), last);
+        let width = DVec3::select(middle.cmpeq(at), DVec3::splat(WIDTH), DVec3::ZERO);
         let mut random = Random::new(u64::from(node) ^ 0x5ca7_7e12);
         let turn = turn(&mut random);
         let shift = DVec3::from_array([(); 3].map(|()| random.unit()));
-        std::array::from_fn(|half| {
-            let mut row = Row { once: vec![0.0; self.positions * self.occluding.len()], ..Row::default() };
-            for ray in (half..self.directions).step_by(2) {
+        for (first, half) in halves.iter_mut().enumerate() {
+            let start = half.columns.len();
+            half.once.resize(half.once.len() + self.positions * self.occluding.len(), 0.0);
+            half.open.push(0.0);
+            for ray in (first..self.directions).step_by(2) {
                 let direction = turn * sky_direction(ray, self.directions);
                 let within = width * ((shift + count(ray) * SPREAD).fract() - 0.5);
-                let place = ((middle + within - self.grid.offset) / self.grid.scale).to_array();
-                self.gather(place, direction, random.unit(), scratch, &mut row);
+                self.gather(middle + within, direction, random.unit(), places, half);
             }
-            for &column in &row.columns {
-                scratch.places[column as usize] = NONE;
+            for &column in &half.columns[start..] {
+                places[column as usize] = NONE;
             }
-            row
-        })
+            half.starts.push(half.columns.len());
+        }
     }
 
-    /// Adds to `row` what a ray gathers, whose steps begin a part `phase` of a step before `place`.
-    fn gather(&self, place: [f64; 3], direction: DVec3, phase: f64, scratch: &mut Scratch, row: &mut Row) {
-        let Self { scatterer, samples, step: length, .. } = *self;
+    /// Adds to the last row what a ray gathers from a place in the grid, whose steps begin a part `phase` of a step before.
+    fn gather(&self, from: DVec3, direction: DVec3, phase: f64, places: &mut [u32], half: &mut HalfRows) {
+        let Self { scatterer, step: length, ref parts, grid, .. } = *self;
         let numbers = self.occluding.len();
         let shares = scatterer.shares();
         let share_of_ray = 2.0 / count(self.directions);
-        let way = scatterer.way(place, direction);
+        let way = scatterer.way(((from - grid.offset) / grid.scale).to_array(), direction);
         let [begin, end] = way.range;
-        let per_step = std::array::from_fn(|axis| way.at(length)[axis] - way.at(0.0)[axis]);
-        let mut transmittance: SmallVec<[f64; 8]> =
-            smallvec::smallvec![1.0; scatterer.planned.plan.transmittance_numbers()];
-        let (mut number, mut leave) = (0_usize, 0_usize);
+        let per_step: [f64; 3] = std::array::from_fn(|axis| way.at(length)[axis] - way.at(0.0)[axis]);
+        let along = DVec3::from_array(per_step) * grid.scale / length;
+        let mut transmittance: SmallVec<[f64; 8]> = smallvec::smallvec![1.0; parts.opacities];
+        let of_row = half.once.len() - self.positions * numbers;
+        let mut number = 0_usize;
         loop {
-            let from = ((count(number) - phase) * length).max(0.0) + begin;
-            let to = ((count(number + 1) - phase) * length + begin).min(end);
-            if from >= end {
+            let start = ((count(number) - phase) * length).max(0.0) + begin;
+            let stop = ((count(number + 1) - phase) * length + begin).min(end);
+            if start >= end {
                 break;
             }
-            let middle = way.at(f64::midpoint(from, to));
-            if number >= leave {
-                let (occupied, ahead) = samples.ahead(middle, per_step);
-                if !occupied {
-                    number += ahead.max(1);
-                    continue;
-                }
-                leave = number.saturating_add(ahead);
-            }
+            let middle = f64::midpoint(start, stop);
+            let Some((column, part)) = self.part(from + middle * along) else {
+                let (occupied, ahead) = self.samples.ahead(way.at(middle), per_step);
+                number += if occupied { 1 } else { ahead.max(1) };
+                continue;
+            };
             number += 1;
-            let Scratch { places, density, step, light } = scratch;
-            scatterer.density(samples, middle, density);
-            if density.does_nothing() {
+            let medium = &parts.numbers[part * parts.stride..][..parts.stride];
+            let (opacity, medium) = medium.split_at(parts.opacities);
+            if opacity.iter().all(|&opacity| opacity <= 0.0) {
                 continue;
             }
-            scatterer.cross(density, to - from, step);
-            let ends = transmittance.iter().zip(&step.opacity).all(|(left, lost)| left * (1.0 - lost) < END);
-            let column = self.column(middle);
-            if column != NONE {
-                let place = &mut places[column as usize];
-                if *place == NONE {
-                    *place = unsigned(row.columns.len());
-                    row.columns.push(column);
-                    row.factors.resize(row.factors.len() + numbers, 0.0);
-                }
-                light.fill(0.0);
-                scatterer.arrive(self.arriving, middle, samples, light);
-                let factors = &mut row.factors[*place as usize * numbers..][..numbers];
-                let source = scatterer.scattered(step);
-                for (i, factor) in factors.iter_mut().enumerate() {
-                    let number = if transmittance.len() == 1 { 0 } else { i };
-                    let part = if ends { step.opacity[number].max(f64::MIN_POSITIVE) } else { 1.0 };
-                    let left = transmittance[number] / part;
-                    let gathered = share_of_ray * left * source[i] * self.occluding[i];
-                    *factor += rounded(gathered);
-                    for position in 0..self.positions {
-                        let arrived = light[position * shares + if shares == 1 { 0 } else { i }];
-                        row.once[position * numbers + i] += gathered * arrived;
-                    }
+            // Of the first and the last step there is only a part.
+            let length_of_step = ((stop - start) / length).max(f64::MIN_POSITIVE);
+            let lost = |opacity: f32| {
+                let opacity = f64::from(opacity);
+                if length_of_step < WHOLE { -(length_of_step * (-opacity).ln_1p()).exp_m1() } else { opacity }
+            };
+            let ends = transmittance.iter().zip(opacity).all(|(left, &opacity)| left * (1.0 - lost(opacity)) < END);
+            let place = &mut places[column as usize];
+            if *place == NONE {
+                *place = unsigned(half.columns.len());
+                half.columns.push(column);
+                half.factors.resize(half.factors.len() + numbers, 0.0);
+            }
+            let (scattered, light) = medium.split_at(numbers);
+            let factors = &mut half.factors[*place as usize * numbers..][..numbers];
+            for (i, factor) in factors.iter_mut().enumerate() {
+                let number = if parts.opacities == 1 { 0 } else { i };
+                let whole = f64::from(opacity[number]).max(f64::MIN_POSITIVE);
+                let part = if ends { 1.0 } else { lost(opacity[number]) };
+                let gathered = share_of_ray * transmittance[number] * f64::from(scattered[i]) * part / whole;
+                *factor += rounded(gathered);
+                for position in 0..self.positions {
+                    let arrived = light[position * shares + if shares == 1 { 0 } else { i }];
+                    half.once[of_row + position * numbers + i] += gathered * f64::from(arrived);
                 }
             }
             if ends {
                 return;
             }
-            for (left, &lost) in transmittance.iter_mut().zip(&step.opacity) {
-                *left -= *left * lost;
-            }
+            transmittance.iter_mut().zip(opacity).for_each(|(left, &opacity)| *left -= *left * lost(opacity));
         }
-        row.open += share_of_ray * transmittance[0];
+        if let Some(open) = half.open.last_mut() {
+            *open += share_of_ray * transmittance[0];
+        }
     }
 
-    /// Number of the node next to a place, if it has a row.
-    fn column(&self, place: [f64; 3]) -> u32 {
+    /// Number of the node next to a place in the grid, and of the part of its cell; none without a row.
+    fn part(&self, place: DVec3) -> Option<(u32, usize)> {
         let [width, height, _] = self.grid.dims;
-        let node: [usize; 3] = std::array::from_fn(|axis| {
-            let node = place[axis].mul_add(self.grid.scale[axis], self.grid.offset[axis]);
-            whole((node + 0.5).floor().max(1.0)).min(self.grid.dims[axis] - 2)
-        });
-        self.rows[node[0] + width * (node[1] + height * node[2])]
+        let last = DVec3::from_array(self.grid.dims.map(count)) - 2.0;
+        let node = (place + 0.5).floor().clamp(DVec3::ONE, last);
+        let part = (count(PARTS) * (place - node + 0.5)).floor().clamp(DVec3::ZERO, DVec3::splat(count(PARTS - 1)));
+        let [x, y, z] = node.to_array().map(whole);
+        let row = self.rows[x + width * (y + height * z)];
+        let [i, j, k] = part.to_array().map(whole);
+        (row != NONE).then(|| (row, row as usize * PARTS.pow(3) + i + PARTS * (j + PARTS * k)))
     }
 }
 
