@@ -98,13 +98,13 @@ fn brightest(transmittance: Transmittance) -> f32 {
 fn load_transmittance_from(pixel: vec2u, layer: u32) -> Transmittance {
     var transmittance: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        transmittance[lane] = textureLoad(transmittances, pixel, layer + lane);
+        transmittance[lane] = film_transmittance(pixel, layer + lane);
     }
     return transmittance;
 }
 
 fn store_transmittance_to(pixel: vec2u, layer: u32, transmittance: Transmittance) {
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        textureStore(transmittances, pixel, layer + lane, transmittance[lane]);
+        set_film_transmittance(pixel, layer + lane, transmittance[lane]);
     }
 }

@@ -8,11 +8,11 @@ const UNMET: f32 = 3.4e38;
 var<private> extremes: vec4f = vec4f(-UNMET);
 
 fn load_more(pixel: vec2u) {
-    extremes = textureLoad(accumulators, pixel, LAYERS);
+    extremes = film_layer(pixel, LAYERS);
 }
 
 fn store_more(pixel: vec2u) {
-    textureStore(accumulators, pixel, LAYERS, extremes);
+    set_film_layer(pixel, LAYERS, extremes);
 }
 
 // Compares the samples from `first` to before `end`; returns the transmittance as it was.

@@ -62,9 +62,9 @@ fn brightest(transmittance: Transmittance) -> f32 {
 }
 
 fn load_transmittance_from(pixel: vec2u, layer: u32) -> Transmittance {
-    return textureLoad(transmittances, pixel, layer).x;
+    return film_transmittance(pixel, layer).x;
 }
 
 fn store_transmittance_to(pixel: vec2u, layer: u32, transmittance: Transmittance) {
-    textureStore(transmittances, pixel, layer, vec4f(transmittance));
+    set_film_transmittance(pixel, layer, vec4f(transmittance));
 }

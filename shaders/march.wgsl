@@ -4,7 +4,7 @@
 // `coloured.wgsl`, the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`, the
 // factors on its medium by the gradient magnitude in `factors.wgsl`, and the integration of a run of steps in
 // `samples.wgsl` or `refined.wgsl`, with `keys.wgsl` and `samples_of_steps.wgsl` or `samples_of_groups.wgsl`, in `segments.wgsl` with `segments_grey.wgsl` or
-// `segments_coloured.wgsl`, or in `extremes.wgsl`; the medium as densities is in `densities.wgsl`, with `densities_grey.wgsl` or `densities_coloured.wgsl`, and `table_of_groups.wgsl`; what a ray keeps from slice to slice beside its film is in `sums.wgsl` or `extremes.wgsl`. The rays are in
+// `segments_coloured.wgsl`, or in `extremes.wgsl`; the medium as densities is in `densities.wgsl`, with `densities_grey.wgsl` or `densities_coloured.wgsl`, and `table_of_groups.wgsl`; what a ray keeps from slice to slice beside its film is in `sums.wgsl` or `extremes.wgsl`. The film is in `film_images.wgsl` or `film_buffers.wgsl`, the rays are in
 // `rays.wgsl`, the values between voxels in `fetch.wgsl`, the light in `light.wgsl`, its part that arrives in `share_grey.wgsl`
 // or `share_coloured.wgsl`, that of phase functions in `phase.wgsl`, with `phase_weights.wgsl` or `phase_spectral.wgsl`, that of
 // thin films in `thin_film.wgsl`, and the entry point in `slices.wgsl` for a whole volume or in `rounds.wgsl` for one in bricks.
@@ -63,6 +63,6 @@ fn composite(
 // Loads the sums of a block's rays.
 fn load_sums(pixel: vec2u, sums: ptr<function, array<vec4f, LAYERS>>) {
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-        (*sums)[layer] = textureLoad(accumulators, pixel, layer);
+        (*sums)[layer] = film_layer(pixel, layer);
     }
 }

@@ -71,10 +71,7 @@ struct Block {
 @group(0) @binding(3) var volume_sampler: sampler;
 @group(0) @binding(6) var<storage, read> occupancy: array<u32>;
 @group(0) @binding(7) var labels: texture_3d<u32>;
-@group(0) @binding(10) var accumulators: texture_storage_2d_array<rgba32float, read_write>;
-@group(0) @binding(11) var transmittances: TransmittanceImage;
 @group(0) @binding(25) var<uniform> block: Block;
-var<immediate> band: Band;
 
 // Copies of the uniforms, made once per invocation: on a CPU a uniform is otherwise read for each lane at every step.
 var<private> march: March;
@@ -214,7 +211,7 @@ fn first_behind(ray: Ray, s: f32) -> u32 {
 // The samples of `ray` in the block: from the first to before the second number. They keep their numbers.
 fn within_block(ray: Ray) -> vec2u {
     // A ray in the face between two blocks belongs to the upper one.
-    let in_face = abs(ray.direction) < vec3f(1e-30) & ray.base == block.high & block.open != vec3u();
+    let in_face = (abs(ray.direction) < vec3f(1e-30)) & (ray.base == block.high) & (block.open != vec3u());
     let met = clip(-FAR, ray.base, ray.direction, block.low, block.high);
     let all = vec2u(first_behind(ray, met.x), first_behind(ray, met.y));
     return select(all, vec2u(), any(in_face) || ray.samples == 0u);

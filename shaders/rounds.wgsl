@@ -39,7 +39,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     } else {
         if (first > 0u) {
             for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-                sums[layer] = textureLoad(accumulators, pixel, layer);
+                sums[layer] = film_layer(pixel, layer);
             }
             transmittance = load_transmittance_from(pixel, 0u);
         }
@@ -100,7 +100,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         transmittance = finished(ray, transmittance, &sums);
     }
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-        textureStore(accumulators, pixel, layer, sums[layer]);
+        set_film_layer(pixel, layer, sums[layer]);
     }
     store_transmittance_to(pixel, 0u, transmittance);
     if (KEEPS_MORE) {

@@ -2,14 +2,14 @@
 
 fn load_more(pixel: vec2u) {
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-        lost_sums[layer] = textureLoad(accumulators, pixel, LAYERS + layer);
+        lost_sums[layer] = film_layer(pixel, LAYERS + layer);
     }
     lost_transmittance = load_transmittance_from(pixel, TRANSMITTANCE_LANES);
 }
 
 fn store_more(pixel: vec2u) {
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-        textureStore(accumulators, pixel, LAYERS + layer, lost_sums[layer]);
+        set_film_layer(pixel, LAYERS + layer, lost_sums[layer]);
     }
     store_transmittance_to(pixel, TRANSMITTANCE_LANES, lost_transmittance);
 }

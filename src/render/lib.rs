@@ -21,7 +21,10 @@ use std::time::Duration;
 
 pub use job::{Job, Keeps, KeptVolume, OnCpu, PictureLevel, PlannedJob, Reference};
 pub use level::finest_level;
-pub use march::{BrickCounts, DeviceFilm, Dispatching, LightQuality, March, MarchUniform, Speed, TableMemory};
+pub use march::{
+    BrickCounts, BrowserMarch, DeviceFilm, Dispatching, LightQuality, March, MarchUniform, Speed, TableMemory, Target,
+    browser_shader,
+};
 pub use pool::Residence;
 pub use relight::{Relight, RelightUniform};
 pub use scene::SceneRenderer;
@@ -33,7 +36,7 @@ use relume_base::number::readable;
 use relume_scene::plan::{PlanError, ScenePlan};
 use relume_scene::tables::VolumeFormat;
 use relume_volume::VolumeError;
-use relume_vulkan::shader::{Constants, Iterations, Shader, ShaderError, compile};
+use relume_vulkan::shader::{BrowserShader, Constants, Iterations, Shader, ShaderError, compile, for_browser};
 use relume_vulkan::{ComputePipeline, Device, Format, Resource, ResourceSet, VulkanError};
 
 /// Why a frame could not be rendered.
@@ -61,6 +64,14 @@ pub enum RenderError {
     /// A thread in the background ended without a result.
     #[error("a thread in the background panicked, which is a bug of Relume; its message is in the terminal")]
     Panicked,
+    /// Browsers do not march the scene.
+    #[error("a live page does not march {what}; {way}")]
+    Browser {
+        /// What they do not march.
+        what: &'static str,
+        /// What to do instead.
+        way: &'static str,
+    },
     /// The transmittance of a colour model is a matrix.
     #[error("the model peercy multiplies matrices, which only the reference marches")]
     Matrix,
@@ -182,6 +193,7 @@ impl RenderError {
             Self::Volume(error) | Self::Labels(error) => error.code(),
             Self::Cancelled => "cancelled",
             Self::Panicked => "thread-panicked",
+            Self::Browser { .. } => "live-unsupported",
             Self::Matrix => "matrix-on-a-device",
             Self::Camera => "camera-without-direction",
             Self::TooManySamples { .. } => "samples-too-many",
@@ -245,6 +257,10 @@ type Part = (&'static str, std::borrow::Cow<'static, str>);
 impl Source {
     fn compile(&self) -> Result<Shader, ShaderError> {
         compile(&self.texts(), &self.constants)
+    }
+
+    fn for_browser(&self) -> Result<BrowserShader, ShaderError> {
+        for_browser(&self.texts(), &self.constants)
     }
 
     /// Names and texts.

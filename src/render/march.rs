@@ -1,7 +1,9 @@
 //! The march on the device, in bands of rows and slices of rays, so that every dispatch is short.
 
+mod browser;
 mod dispatching;
 mod gathered;
+mod inputs;
 mod light;
 mod light_grid;
 mod mean;
@@ -17,10 +19,11 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-pub use dispatching::{Dispatching, TableMemory};
+pub use browser::{BrowserMarch, browser_shader};
+pub use dispatching::{Dispatching, TableMemory, Target};
+pub use inputs::MarchUniform;
 pub use rounds::BrickCounts;
 pub use schedule::Speed;
-pub use setup::MarchUniform;
 
 pub(super) use dispatching::SLICE;
 pub(super) use read::read_layer;

@@ -255,7 +255,8 @@ impl Aim {
     }
 
     /// Corners of the box that fits into the picture, relative to its centre in the world.
-    fn corners_from_centre(&self, geometry: &Geometry) -> [DVec3; 8] {
+    #[must_use]
+    pub fn corners_from_centre(&self, geometry: &Geometry) -> [DVec3; 8] {
         match *self {
             Self::Orbit { around: Some([one, other]), .. } => corners((other - one) / 2.0),
             _ => corners_from_centre(geometry),

@@ -24,6 +24,13 @@ pub struct Geometry {
 }
 
 impl Geometry {
+    /// Texture coordinates, 0 to 1 along each axis, of a vector in the world.
+    #[must_use]
+    pub fn texture_from_world(&self) -> DMat3 {
+        let dims = DVec3::from_array(self.dims.map(count));
+        DMat3::from_diagonal((self.spacing * dims).recip()) * self.direction.inverse()
+    }
+
     /// A validated grid; `source` is the file named in errors.
     ///
     /// # Errors

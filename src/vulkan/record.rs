@@ -364,6 +364,41 @@ impl Recorder {
         self.copy_back(image, layer, [place, [1, 1]], buffer, offset)
     }
 
+    /// Copies all texels of `image`, made by [`Image3d::written`], to `buffer`: slice by slice, tightly packed.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Misuse`] for another image, or bytes outside the buffer.
+    pub fn read_back_volume(&mut self, image: &Image3d, buffer: &Buffer) -> Result<(), VulkanError> {
+        if image.layout() != image::STORAGE_LAYOUT {
+            return Err(VulkanError::misuse(image.name(), "only images that shaders write are read back"));
+        }
+        image.check_device(self.device())?;
+        check_target(self.device(), buffer)?;
+        let [width, height, depth] = image.extent();
+        let texel = u64::from(image.format().texel_bytes());
+        check_copy(buffer, 0, u64::from(width) * u64::from(height) * u64::from(depth) * texel, texel)?;
+        let region = vk::BufferImageCopy::default().image_subresource(one_layer(0)).image_extent(vk::Extent3D {
+            width,
+            height,
+            depth,
+        });
+        // SAFETY: recording; the buffer was checked to hold all texels. Both are kept until the submission ends, and the image is
+        // always in this layout.
+        unsafe {
+            self.functions().cmd_copy_image_to_buffer(
+                self.commands(),
+                image.raw(),
+                image::STORAGE_LAYOUT,
+                buffer.raw(),
+                &[region],
+            );
+        };
+        self.used.buffers.push(buffer.clone());
+        self.used.others.push(Arc::new(image.clone()));
+        Ok(())
+    }
+
     /// Checks the copy of a rectangle of `image`, which must lie in the image, to or from `buffer`.
     fn rectangle(
         &self,

@@ -1,4 +1,4 @@
-//! Compilation of WGSL to SPIR-V.
+//! Compilation of WGSL to SPIR-V, and to plain WGSL for browsers.
 //!
 //! A shader's text has several parts (a common part and the stage itself); its constants come from Rust. WGSL allows a
 //! use before the declaration, so the generated constants *follow* the text, and an `enable` line stays first.
@@ -15,7 +15,7 @@ use codespan_reporting::{
 use naga::{
     AddressSpace, ArraySize, Block, Expression, Handle, ImageClass, Literal, Module, ResourceBinding, ShaderStage,
     Span, Statement, TypeInner,
-    back::spv,
+    back::{spv, wgsl},
     proc::Layouter,
     valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
 };
@@ -55,6 +55,14 @@ pub enum ShaderError {
         /// naga's error.
         source: spv::Error,
     },
+    /// The module is valid, but naga cannot write it as WGSL.
+    #[error("cannot write shader {name:?} as WGSL")]
+    WriteWgsl {
+        /// Name of the last part.
+        name: String,
+        /// naga's error.
+        source: wgsl::Error,
+    },
     /// The struct does not exist.
     #[error("shader {shader:?} has no struct {name:?}")]
     NoStruct {
@@ -80,7 +88,7 @@ impl ShaderError {
         match self {
             Self::Source { .. } => "shader-invalid",
             Self::Constant { .. } => "shader-constant-not-finite",
-            Self::Write { .. } => "shader-not-writable",
+            Self::Write { .. } | Self::WriteWgsl { .. } => "shader-not-writable",
             Self::NoStruct { .. } => "shader-struct-missing",
             Self::NoLayout { .. } => "shader-struct-without-layout",
         }
@@ -151,6 +159,15 @@ pub enum BindingKind {
     Sampler,
     /// `texture_storage_2d_array`
     StorageImage,
+}
+
+/// A compute shader as the text of a browser: one part, without branches that its constants disable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BrowserShader {
+    /// WGSL.
+    pub text: String,
+    /// Names and kinds of the resources in use; the i-th is at binding i of group 0.
+    pub resources: Vec<(String, BindingKind)>,
 }
 
 /// A compiled compute shader. Only [`compile`] makes one, so naga has validated it.
@@ -225,12 +242,8 @@ impl Shader {
 /// a non-finite constant, [`ShaderError::Write`] if there is no entry point of that name.
 pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Shader, ShaderError> {
     let text = Text::new(parts, constants)?;
-    let mut module = text.parse()?;
-    text.validate(&module)?;
-    resolve_branches(&mut module);
-    naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
-    let (resources, bindings) = number_resources(&mut module).into_iter().unzip();
-    let info = text.validate(&module)?;
+    let Resolved { module, info, resources } = text.resolved()?;
+    let (resources, bindings) = resources.into_iter().unzip();
     let options = spv::Options {
         lang_version: (1, 5),
         flags: spv::WriterFlags::empty(),
@@ -243,6 +256,26 @@ pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Shader, 
         .map_err(|source| ShaderError::Write { name: text.name(), source })?;
     let iterations = iterations(&module);
     Ok(Shader { words, resources, bindings, push_constant_bytes: push_constant_bytes(&module), iterations })
+}
+
+/// Writes the compute shader of `parts` and `constants`, those of [`compile`], as WGSL for a browser.
+///
+/// # Errors
+///
+/// As [`compile`] for text that does not parse or is not valid; [`ShaderError::WriteWgsl`].
+pub fn for_browser(parts: &[(&str, &str)], constants: &Constants) -> Result<BrowserShader, ShaderError> {
+    let text = Text::new(parts, constants)?;
+    let Resolved { module, info, resources } = text.resolved()?;
+    let written = wgsl::write_string(&module, &info, wgsl::WriterFlags::empty())
+        .map_err(|source| ShaderError::WriteWgsl { name: text.name(), source })?;
+    Ok(BrowserShader { text: written, resources })
+}
+
+/// A valid module without branches that its constants disable, and its numbered resources.
+struct Resolved {
+    module: Module,
+    info: ModuleInfo,
+    resources: Vec<(String, BindingKind)>,
 }
 
 /// Replaces each `if` with a constant condition by the branch that is taken.
@@ -272,6 +305,12 @@ fn resolve_branches(module: &mut Module) {
 fn resolve_block(block: &mut Block, known: &impl Fn(Handle<Expression>) -> Option<bool>) {
     let mut resolved = Block::with_capacity(block.len());
     for (mut statement, span) in std::mem::take(block).span_into_iter() {
+        // What follows the end of a block that is taken is never reached.
+        if resolved.last().is_some_and(|last| {
+            matches!(last, Statement::Return { .. } | Statement::Break | Statement::Continue | Statement::Kill)
+        }) {
+            break;
+        }
         match &mut statement {
             Statement::If { condition, accept, reject } => {
                 resolve_block(accept, known);
@@ -441,6 +480,16 @@ impl<'a> Text<'a> {
             let notes = error.notes().map(|note| format!("note: {note}")).collect();
             self.error(error.message(), error.labels(), notes)
         })
+    }
+
+    fn resolved(&self) -> Result<Resolved, ShaderError> {
+        let mut module = self.parse()?;
+        self.validate(&module)?;
+        resolve_branches(&mut module);
+        naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
+        let resources = number_resources(&mut module);
+        let info = self.validate(&module)?;
+        Ok(Resolved { module, info, resources })
     }
 
     fn validate(&self, module: &Module) -> Result<ModuleInfo, ShaderError> {

@@ -22,6 +22,17 @@ pub struct Dispatching {
     pub block: bool,
     /// Residence of the volume; a march sets it.
     pub residence: Residence,
+    /// What runs the shader.
+    pub target: Target,
+}
+
+/// What runs the shader of a march.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// A Vulkan device, with the film in storage images.
+    Device,
+    /// WebGPU in a browser, with the film in storage buffers.
+    Browser,
 }
 
 /// Memory of the tables of the transfer function and of the labels.
@@ -51,6 +62,7 @@ impl Default for Dispatching {
             tables: TableMemory::Storage,
             block: false,
             residence: Residence::Whole,
+            target: Target::Device,
         }
     }
 }

@@ -133,7 +133,8 @@ impl Renderer {
         let extent = extent(&grid, plan);
         let mut in_volume = grid;
         in_volume.scale *= factors;
-        let image = Image3d::new(&self.device, "scattered light", Format::Rgba16Float, extent);
+        // As an image that is written, it can be read back for a browser.
+        let image = Image3d::written(&self.device, "scattered light", Format::Rgba16Float, extent);
         let image = image.map_err(|error| match error {
             VulkanError::TooLarge { .. } | VulkanError::OutOfMemory { .. } => RenderError::ScatteredLight {
                 spacing: scene.scattering_spacing(),

@@ -9,7 +9,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::dispatching::TableMemory;
-use super::setup::{clip_bytes, placed_bytes, shape_bytes};
+use super::inputs::{clip_bytes, placed_bytes, shape_bytes};
 use super::source::{Fill, Texel, light_grid_source, light_order_source, sky_source};
 use crate::pool::is_one_allocation;
 use crate::{RenderError, Renderer, Source, Uploaded};

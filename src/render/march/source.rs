@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::dispatching::{Dispatching, TableMemory};
+use super::dispatching::{Dispatching, TableMemory, Target};
 use super::{light, others};
 use crate::pool::Residence;
 use crate::{Part, Source};
@@ -32,7 +32,7 @@ fn placed_texels(plan: &ScenePlan) -> Part {
 
 /// Shader texts by name: source, transmittance, memory of tables, factors on the medium, the march through a whole volume
 /// or through bricks, and its integration.
-fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -> Vec<Part> {
+fn parts(plan: &ScenePlan, Dispatching { tables, residence, target, .. }: Dispatching) -> Vec<Part> {
     let mut parts = vec![
         match plan.accumulate {
             Accumulate::Weights { .. } => text!("weights.wgsl"),
@@ -46,6 +46,10 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, .. }: Dispatching) -
         match tables {
             TableMemory::Storage => text!("tables_storage.wgsl"),
             TableMemory::Uniform => text!("tables_uniform.wgsl"),
+        },
+        match target {
+            Target::Device => text!("film_images.wgsl"),
+            Target::Browser => text!("film_buffers.wgsl"),
         },
         text!("thinning.wgsl"),
         text!("factors.wgsl"),
@@ -411,7 +415,7 @@ mod tests {
     use super::*;
     use crate::march::MarchUniform;
     use relume_scene::plan::{ClipPlan, FilmCounts, Groups, LightPlan, ShadingTerms};
-    use relume_scene::{Direction, VolumeAs};
+    use relume_scene::{Direction, ScatteringMethod, VolumeAs};
 
     fn plan_of(materials: usize) -> ScenePlan {
         ScenePlan {
@@ -512,6 +516,9 @@ mod tests {
         let relit = |plan| crate::relight::source(plan, crate::relight::Target::Display { backdrop: false });
         assert!(marched(&linear) != marched(&cubic) && relit(&linear) == relit(&cubic), "values between voxels");
         assert!(marched(&linear) == marched(&behind) && relit(&linear) != relit(&behind), "what is behind the volume");
+        let gathered = LightPlan { gathered: Some(ScatteringMethod::Rows), ..linear.light.clone() };
+        let scattering = ScenePlan { light: gathered, ..linear.clone() };
+        assert!(marched(&linear) != marched(&scattering) && relit(&linear) == relit(&scattering), "scattered light");
         // Another memory of tables needs other bindings.
         let of = |tables, group| source(&linear, Dispatching { tables, group, ..Dispatching::default() });
         let [storage, uniform] = [TableMemory::Storage, TableMemory::Uniform].map(|tables| of(tables, [8, 8]));

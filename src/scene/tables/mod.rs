@@ -6,6 +6,7 @@ mod cells;
 mod clip;
 mod crossings;
 mod factors;
+mod hidden;
 mod labels;
 mod lights;
 mod phase;
@@ -26,6 +27,7 @@ pub use cells::{CELL, Cells, Occupancy, occupancy_of_fields};
 pub use clip::{CapTable, ClipTable};
 pub use crossings::{CROSSING_CELLS, CrossingTable};
 pub use factors::FactorTable;
+pub use hidden::read_in_crop;
 pub use labels::{LabelRows, LabelTable};
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction, sky_reach};
 pub use phase::{Phase, PhaseTable};
@@ -38,7 +40,7 @@ pub use shadows::{
     ExtinctionTable, GRID_LIGHTS, LARGEST_RISE, LARGEST_SKY_DEPTH, LightGrid, PointRays, SECOND_DIFFERENCE,
     SKY_SPACING, Sweep, Within, sky_spacing,
 };
-pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
+pub use storage::{LabelMap, NumberStorage, Storage, StoredVolume, VolumeFormat};
 pub use stored::StoredScene;
 pub use thin_film::{FILM_ROWS, ThinFilmRows, ThinFilmTable};
 pub use transfer::{LARGEST_DEPTH, Step, Steps, TransferTable};

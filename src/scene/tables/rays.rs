@@ -1,6 +1,6 @@
 //! Ray setup in f64 near the volume, so that distant cameras are as precise as near ones.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 use super::{CELL, ClipTable, unit_length};
 use crate::{Blocks, Frame, Scene, View};
@@ -159,10 +159,8 @@ impl RayTable {
     pub fn new(scene: &Scene, view: &View) -> Option<Self> {
         let geometry = &scene.frame.geometry;
         let dims = DVec3::from_array(geometry.dims.map(count));
+        let linear = geometry.texture_from_world();
         // Texture coordinate of a world point: (index + ½)/n, index = direction⁻¹(point − origin)/spacing.
-        let local_from_world = geometry.direction.inverse();
-        let texture_from_local = DMat3::from_diagonal((geometry.spacing * dims).recip());
-        let linear = texture_from_local * local_from_world;
         let point = |world: DVec3| linear * (world - geometry.origin) + 0.5 / dims;
 
         let centre = crate::centre(geometry);

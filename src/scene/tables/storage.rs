@@ -71,6 +71,67 @@ pub struct Storage {
     magnitude_scale: f64,
     /// Codes of the stored numbers, if all are whole.
     whole: Option<WholeCodes>,
+    /// Scale and offset from a texel's value to the normalised one, of texels that are numbers.
+    of_numbers: Option<[f64; 2]>,
+}
+
+/// Texels that are whole numbers, for devices without 16-bit normalised formats: browsers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NumberStorage {
+    /// The same storage, read from such texels: a value is its number less `shift`, and a difference that of the numbers. Its loss
+    /// is that of the numbers.
+    pub storage: Storage,
+    /// Largest number.
+    pub largest: u32,
+    /// True if texels are 16-bit floats, which all devices filter, and otherwise of 32 bits.
+    pub is_half: bool,
+    /// What a value is less than its number, so that 16-bit floats hold it exactly.
+    pub shift: u32,
+}
+
+impl NumberStorage {
+    /// Numbers up to which 16-bit floats hold all whole numbers.
+    const EXACT: u32 = 2048;
+
+    /// Numbers for the values of `volume`, stored as `of` says for a device: whole numbers of at most 16 bits lose nothing, and others are rounded to
+    /// 12 bits of their range.
+    #[must_use]
+    pub fn new(of: &Storage, volume: &Volume) -> Self {
+        let span = (of.domain[1] - of.domain[0]) / of.slope.abs();
+        let is_whole = !matches!(volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
+        let is_exact = is_whole && span <= UNORM16 && (span - span.round()).abs() < 1e-6;
+        let largest =
+            if is_exact { relume_base::number::nearest(span).unsigned_abs().max(1) } else { 2 * Self::EXACT - 1 };
+        let numbers = f64::from(largest);
+        let is_half = largest < 2 * Self::EXACT;
+        let shift = if is_half && largest > Self::EXACT { Self::EXACT } else { 0 };
+        let full = if of.format == VolumeFormat::Rgba16Snorm { SNORM16 } else { 1.0 };
+        let per_difference = if of.format.has_gradient() {
+            of.difference_codes.map(|codes| codes / (numbers * full))
+        } else {
+            [1.0 / (numbers * of.normalised_from_texel()[0]); 3]
+        };
+        let storage = Storage {
+            gradient_scale: std::array::from_fn(|axis| of.gradient_scale[axis] * per_difference[axis]),
+            of_numbers: Some([1.0 / numbers, f64::from(shift) / numbers]),
+            loss: if is_exact { 0.0 } else { 0.5 * (of.domain[1] - of.domain[0]) / numbers },
+            ..of.clone()
+        };
+        Self { storage, largest, is_half, shift }
+    }
+
+    /// The numbers of all voxels of the volume, x fastest.
+    #[must_use]
+    pub fn numbers(&self, volume: &Volume) -> Vec<u16> {
+        let largest = f64::from(self.largest);
+        let number = |stored: f64| unsigned_code(self.storage.normalised(stored) * largest);
+        let slice = volume.geometry.dims[0] * volume.geometry.dims[1];
+        with_voxels!(&volume.voxels, stored => {
+            let slices: Vec<_> = stored.chunks(slice.max(1)).collect();
+            let of_slice = |z: usize| slices[z].iter().map(|stored| number(stored.to_f64())).collect::<Vec<u16>>();
+            parallel::map(slices.len(), &of_slice).concat()
+        })
+    }
 }
 
 const UNORM16: f64 = 65535.0;
@@ -175,6 +236,7 @@ impl Storage {
             gradient_scale: [0.0; 3],
             magnitude_scale: 0.0,
             whole: None,
+            of_numbers: None,
         };
         if gradient {
             storage.scale_differences(volume, largest)?;
@@ -237,6 +299,9 @@ impl Storage {
     /// Scale and offset from a texel's value to 0–1 over the domain.
     #[must_use]
     pub fn normalised_from_texel(&self) -> [f64; 2] {
+        if let Some(of_numbers) = self.of_numbers {
+            return of_numbers;
+        }
         match self.format {
             VolumeFormat::R16Unorm => [UNORM16 / self.codes, 0.0],
             VolumeFormat::Rgba16Snorm => [SNORM16 / self.codes, SNORM16 / self.codes],
