@@ -13,12 +13,14 @@ use crate::memory;
 use crate::number::{count, whole};
 use crate::output::FilmFile;
 use crate::output::film::{self, Component};
-use crate::output::page::{self, PackedPage, Page, PageError, Summary, escaped};
+use crate::output::page::{self, Live, Numbers, PackedLive, PackedPage, Page, PageError, Summary, escaped};
+use crate::plan::plan;
 use crate::progress::Progress;
-use crate::render::{Job, Keeps, PlannedJob, RenderWarning, Renderer};
-use crate::scene::{Camera, Mix, Placement, Scene, positions};
+use crate::render::{BrowserMarch, Job, Keeps, PlannedJob, RenderWarning, Renderer, SceneRenderer};
+use crate::scene::{Camera, Coarse, Mix, Placement, Scene, positions};
 use crate::spectrum::{Light, Reflectance, Spectrum};
-use crate::volume::HostMemory;
+use crate::tables::NumberStorage;
+use crate::volume::{HostMemory, VoxelType};
 use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files;
@@ -32,6 +34,7 @@ Examples:
   relume page acc.exr -o frog.html --title \"A frog\"          a film from `relume render --accumulators`
   relume page scene.toml -o turntable.html --size 400x400 --views 24
   relume page acc.exr -o small.html --tolerance 1
+  relume page scene.toml -o live.html --live           the reader turns and cuts the volume
 
 Open the file in a browser: it needs no server, no network and no Relume. docs/PAGE.md describes it.";
 
@@ -66,6 +69,10 @@ pub(crate) struct Args {
     /// Rows of views at N elevations, 25° apart, around that of the camera.
     #[arg(long, value_name = "N", requires = "views", value_parser = clap::value_parser!(u16).range(1..=7))]
     elevations: Option<u16>,
+    /// Let the reader turn, zoom and cut the volume: the page holds its voxels, and browsers with WebGPU march them. Others show
+    /// the finished views.
+    #[arg(long)]
+    live: bool,
     /// Width and height of the picture in pixels. [default: 800x800]
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[usize; 2]>,
@@ -79,6 +86,8 @@ struct Films {
     header: FilmFile,
     views: Vec<Film<f32>>,
     columns: usize,
+    /// The volume, for a reader who turns it.
+    live: Option<PackedLive>,
     /// Requested lights that took the place of a mix.
     placed: Vec<Placed>,
     times: Vec<(&'static str, Timing)>,
@@ -93,14 +102,14 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         [&args.scene.scene, &args.scene.volume, &args.scene.labels, &args.scene.label_names].into_iter().flatten();
     let inputs: Vec<&Path> = given.chain(&lights).chain(args.look.preset()).map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
-    let Films { header, views, columns, placed, mut times } = match film {
+    let Films { header, views, columns, live, placed, mut times } = match film {
         Some(path) => saved(args, path)?,
         None => rendered(args, progress)?,
     };
     let tolerance = args.scene.accuracy.tolerance().unwrap_or(page::TOLERANCE);
     let clock = Stopwatch::start();
     let page = Page { film: &header, views: &views, columns, title: &args.title, tolerance };
-    let packed = page.packed(progress)?;
+    let packed = page.with_live(live.as_ref(), progress)?;
     packed.check_size(args.max_bytes)?;
     times.push(("pack", clock.read()));
     let clock = Stopwatch::start();
@@ -135,6 +144,7 @@ fn saved(args: &Args, path: &Path) -> Result<Films, CliError> {
             ("--look", !args.look.wanted().is_none()),
             ("--views", args.views.is_some()),
             ("--size", args.size.is_some()),
+            ("--live", args.live),
             ("--device", args.device != DeviceChoice::Auto),
         ];
         flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
@@ -155,7 +165,7 @@ fn saved(args: &Args, path: &Path) -> Result<Films, CliError> {
         .map_err(|error| CliError::Failed(format!("{}: {error}; render a smaller film", path.display())))?;
     header.expose(&film)?;
     let placed = light(args, &mut header)?;
-    Ok(Films { header, views: vec![film], columns: 1, placed, times: vec![("load", clock.read())] })
+    Ok(Films { header, views: vec![film], columns: 1, live: None, placed, times: vec![("load", clock.read())] })
 }
 
 /// Opens the page with the lights of `--light`; returns those that took the place of a mix.
@@ -176,24 +186,33 @@ fn light(args: &Args, header: &mut FilmFile) -> Result<Vec<Placed>, CliError> {
 
 /// The film of each view of the scene.
 fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
+    let size = args.size.unwrap_or([800, 800]);
     let clock = Stopwatch::start();
     let (file, statistics) = args.scene.load_as(&args.look.wanted(), HostMemory::Whole, progress)?;
     let inputs: Vec<&Path> = file.inputs.iter().map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
     warn_of(RenderWarning::of_values(&statistics));
-    if file.scene.frame.anatomical {
-        tracing::info!("a page of a head shows a face: send it only where the person agrees");
+    match (file.scene.frame.anatomical, args.live) {
+        (true, true) => tracing::warn!(
+            "a live page holds the voxels of a body, and of a head the face: send it only where the person agrees; --crop leaves out what is beyond it"
+        ),
+        (true, false) => tracing::info!("a page of a head shows a face: send it only where the person agrees"),
+        (false, _) => {}
     }
-    let names: Vec<String> = positions(&file.scene).into_iter().map(|position| position.name).collect();
-    let stated = Mix::of_scene(&file.scene);
+    let (mut scene, mut block) = (file.scene.clone(), [1; 3]);
+    if args.live {
+        (scene, block) = for_readers(scene, size, progress)?;
+    }
+    let names: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
+    let stated = Mix::of_scene(&scene);
     let mix = match args.lights.lights[..] {
         [] => stated,
-        _ => args.lights.mix(&stated, &file.opening_mix(), &names, &surfaces_of(&file.scene))?.mix,
+        _ => args.lights.mix(&stated, &file.opening_mix(), &names, &surfaces_of(&scene))?.mix,
     };
-    let size = args.size.unwrap_or([800, 800]);
-    let (cameras, columns) = cameras(args, &file.scene, size)?;
+    let (cameras, columns) = cameras(args, &scene, size)?;
     let lights = mix.0.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect();
-    let job = Job::new(file.scene.clone(), statistics).of_pictures(size, cameras);
+    let statistics = if block == [1; 3] { statistics } else { scene.volume().statistics()? };
+    let job = Job::new(scene, statistics).of_pictures(size, cameras);
     let job = Job { lights, keeps: Keeps::Weights, ..job }.planned(progress)?;
     let (text, _) = level::told(&job);
     if !text.is_empty() {
@@ -207,8 +226,13 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let mut times = vec![("load", clock.read())];
     let clock = Stopwatch::start();
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
-    let views = marched(&renderer, &job, size, progress)?;
+    let (views, on_device) = marched(&renderer, &job, size, progress)?;
     times.push(("march", clock.read()));
+    let clock = Stopwatch::start();
+    let live = args.live.then(|| packed_live(&renderer, &job, &on_device, (size, block))).transpose()?;
+    if live.is_some() {
+        times.push(("pack volume", clock.read()));
+    }
     let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
     let dial = file.light.dial_of_film(&file.dial);
     let mut header = FilmFile::of_march(scene, planned, &file.opening_mix(), dial, empty)?;
@@ -219,7 +243,96 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     }
     header.expose(&views[0])?;
     let placed = light(args, &mut header)?;
-    Ok(Films { header, views, columns, placed, times })
+    Ok(Films { header, views, columns, live, placed, times })
+}
+
+/// Most voxels of a live page whose texels have four numbers, and one, of 16 bits: 134 and 268 MB on the device of its reader.
+const MOST_VOXELS: [usize; 2] = [1 << 24, 1 << 27];
+/// Most voxels along an axis, on every device with WebGPU.
+const LONGEST_AXIS: usize = 2048;
+
+/// `scene` as a live page holds it, one ray a pixel and means of blocks of too many voxels, and these blocks.
+fn for_readers(mut scene: Scene, size: [usize; 2], progress: &dyn Progress) -> Result<(Scene, [usize; 3]), CliError> {
+    if scene.accuracy.rays > 1 {
+        tracing::info!("a live page marches one ray a pixel, not {}", scene.accuracy.rays);
+        scene.accuracy.rays = 1;
+    }
+    let dims = scene.frame.geometry.dims;
+    let fits = |dims: [usize; 3], most: usize| {
+        dims.iter().fold(1_usize, |all, &n| all.saturating_mul(n)) <= most && dims.iter().all(|&n| n <= LONGEST_AXIS)
+    };
+    // Only what may be too large is planned for it.
+    let most = if fits(dims, MOST_VOXELS[0] / 2) {
+        return Ok((scene, [1; 3]));
+    } else {
+        let plan = plan(&scene, progress)?.plan;
+        let has_four = plan.stores_gradient() || plan.groups.further > 0;
+        let is_narrow = matches!(scene.volume().voxels.voxel_type(), VoxelType::U8 | VoxelType::I8);
+        MOST_VOXELS[usize::from(!has_four)] / if is_narrow { 1 } else { 2 }
+    };
+    let halved = |level: u32| dims.map(|n| n.div_ceil(1 << level));
+    let level = (0..16).find(|&level| fits(halved(level), most)).unwrap_or(16);
+    if level == 0 {
+        return Ok((scene, [1; 3]));
+    }
+    let fewer = Coarse::of_level(&scene, level, progress)?.scene_in(&scene, size);
+    let block = scene.volume().block_of(fewer.volume());
+    let [x, y, z] = fewer.frame.geometry.dims;
+    tracing::warn!(
+        "the page holds means of blocks of {}×{}×{} voxels, {x}×{y}×{z} in all: devices of readers hold {most} of them, and {LONGEST_AXIS} along an axis",
+        block[0],
+        block[1],
+        block[2]
+    );
+    Ok((fewer, block))
+}
+
+/// The volume of `job` and what a browser needs to march it.
+fn packed_live(
+    renderer: &Renderer,
+    job: &PlannedJob,
+    on_device: &SceneRenderer,
+    (size, block): ([usize; 2], [usize; 3]),
+) -> Result<PackedLive, CliError> {
+    let PlannedJob { scene, planned, .. } = job;
+    let march = BrowserMarch::new(renderer, scene, planned, on_device.uploaded(), size)?;
+    let live = Live {
+        scene,
+        planned,
+        plan: &march.plan,
+        size,
+        shader: &march.shader.text,
+        resources: march.resources(),
+        group: march.group,
+        block,
+        buffers: &march.buffers,
+        fields: march
+            .fields
+            .iter()
+            .map(|(NumberStorage { largest, shift, is_half, .. }, numbers)| Numbers {
+                numbers,
+                largest: *largest,
+                shift: *shift,
+                is_half: *is_half,
+            })
+            .collect(),
+        labels: march.labels.as_ref().map(|(texels, bytes)| (&texels[..], *bytes)),
+        grids: march.grids.iter().map(|grid| (grid.name, grid.dims, grid.numbers, &grid.texels[..])).collect(),
+    };
+    let packed = live.packed()?;
+    let loss = march.fields.iter().map(|(storage, _)| storage.storage.loss).fold(0.0, f64::max);
+    if loss > 0.0 {
+        tracing::warn!("the page holds values of 12 bits: they are rounded by up to {loss:.2e}");
+    }
+    let part = 100.0 * count(march.blanked) / count(scene.volume().voxels.len());
+    if !NumberStorage::blanks(&planned.plan) {
+        tracing::info!(
+            "all voxels in the crop box are in the page, seen or not: with labels, several channels, extremes or segments, none are left out"
+        );
+    } else if part >= 0.5 {
+        tracing::info!("values of {part:.0} % of the voxels are left out, of which nothing is seen");
+    }
+    Ok(packed)
 }
 
 /// Cameras of the views, row by row from the top, and the number of views in a row.
@@ -238,13 +351,14 @@ fn marched(
     job: &PlannedJob,
     size: [usize; 2],
     progress: &dyn Progress,
-) -> Result<Vec<Film<f32>>, CliError> {
+) -> Result<(Vec<Film<f32>>, SceneRenderer), CliError> {
     renderer.check_picture(&job.planned.plan, size, 0)?;
     let mut on_device = job.uploaded(renderer, progress)?;
     if let Some([x, y, z]) = on_device.uploaded().light_block() {
         tracing::warn!("shadows of this volume in bricks come from means of {x}×{y}×{z} voxels (docs/SCALE.md)");
     }
-    Ok(job.films(&mut on_device, size, progress, |_, _| {})?)
+    let films = job.films(&mut on_device, size, progress, |_, _| {})?;
+    Ok((films, on_device))
 }
 
 /// Width and height of the page of a report, in pixels.
@@ -263,7 +377,7 @@ pub(super) fn small_page(
     let lights = Mix::of_scene(&file.scene).0.into_iter().map(|light| (light.name, light.spectrum)).collect();
     let job = Job { lights, keeps: Keeps::Weights, ..Job::new(file.scene.clone(), statistics) }.planned(progress)?;
     super::model::warn_of_plan(&job.planned);
-    let views = marched(renderer, &job, size, progress)?;
+    let (views, _) = marched(renderer, &job, size, progress)?;
     let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
     let dial = file.light.dial_of_film(&file.dial);
     let mut film =

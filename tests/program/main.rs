@@ -18,6 +18,7 @@ mod in_memory;
 mod keys;
 mod label_maps;
 mod level;
+mod live;
 mod measure;
 mod model_files;
 #[cfg(feature = "mpi")]

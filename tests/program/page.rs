@@ -17,7 +17,7 @@ use relume::document::{self, SceneOptions};
 use relume::film::Film;
 use relume::output::FilmFile;
 use relume::output::film::{Component, Components, Frame, Light, Position};
-use relume::output::page::{Page, PageError, SCRIPT, STYLE};
+use relume::output::page::{LIVE_SCRIPT, Page, PageError, SCRIPT, STYLE};
 use relume::progress::Quiet;
 use relume::scene::Placement;
 use relume::scene::{Mix, MixLight};
@@ -527,12 +527,16 @@ fn the_script_of_pages_is_made_of_its_source_and_small() {
         Sha256::digest(&text).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
     };
     let of_page = ["relume.js", "style.css"].map(|name| format!("{PAGE}{name}"));
+    let of_page_script = of_page[0].clone();
     let own = ["widget.js", "widget.css"].map(|name| format!("python/widget/{name}"));
     let first = |text: &'static str| text.lines().next().unwrap();
     let run = "run scripts/page_script";
     assert_eq!(first(SCRIPT), format!("// relume.js {}", digest(&of_page[..1])), "{run}");
     assert_eq!(first(WIDGET), format!("// widget.js {}", digest(&[own, of_page].concat())), "{run}");
+    let of_live = [format!("{PAGE}live.js"), of_page_script];
+    assert_eq!(first(LIVE_SCRIPT), format!("// live.js {}", digest(&of_live)), "{run}");
     assert!(SCRIPT.len() <= 32 * 1024, "{} bytes", SCRIPT.len());
+    assert!(LIVE_SCRIPT.len() <= 52 * 1024, "{} bytes", LIVE_SCRIPT.len());
 }
 
 #[test]
@@ -615,7 +619,7 @@ fn a_film_says_whether_the_dial_mixed_its_lights() {
 // ---- the browser ----
 
 /// RGB codes of a PNG.
-fn png(path: &Path) -> Vec<u8> {
+pub(crate) fn png(path: &Path) -> Vec<u8> {
     let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap())).read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
     reader.next_frame(&mut bytes).unwrap();

@@ -31,6 +31,20 @@ impl Browser {
     ///
     /// If it is missing; the message says how to install it.
     pub fn new() -> Self {
+        Self::with(&[])
+    }
+
+    /// [`Self::new`] with WebGPU in software.
+    pub fn with_webgpu() -> Self {
+        Self::with(&[
+            "--use-webgpu-adapter=swiftshader",
+            "--enable-unsafe-webgpu",
+            "--enable-features=Vulkan",
+            "--use-vulkan=swiftshader",
+        ])
+    }
+
+    fn with(flags: &[&str]) -> Self {
         let profile = tempfile::tempdir().unwrap();
         // The pipe of the protocol is in file descriptors 3 and 4. The tests open their own pages only, so that they may
         // run as root, without a sandbox.
@@ -44,6 +58,7 @@ impl Browser {
             "--no-first-run",
         ]);
         command.args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe"]);
+        command.args(flags);
         command.args(["--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage"]);
         command.arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");
         // Its temporary folders go with the profile.
@@ -126,7 +141,7 @@ impl Browser {
     }
 
     /// Opens `file` in a new page of this size.
-    fn navigated(&mut self, file: &Path, hash: &str, [width, height]: [u32; 2]) -> Page<'_> {
+    pub fn navigated(&mut self, file: &Path, hash: &str, [width, height]: [u32; 2]) -> Page<'_> {
         let target = self.send("Target.createTarget", json!({"url": "about:blank"}), None)["targetId"].clone();
         let session = self.attached(&target);
         let mut page = Page { browser: self, session };

@@ -7,6 +7,7 @@
 mod check;
 mod difference;
 mod lights;
+mod live;
 mod packing;
 mod text;
 
@@ -27,12 +28,16 @@ use relume_scene::film::{Film, RelightMatrices};
 
 use check::Found;
 use lights::Lights;
+pub use live::{Live, Numbers, PackedLive, camera, frame};
 pub use text::escaped;
 
 use packing::{Channel, Channels, Residuals};
 
 /// Script of a page, a JavaScript module; also a widget of anywidget. `scripts/page_script` makes it of `relume.js`.
 pub const SCRIPT: &str = include_str!("relume.min.js");
+
+/// Script of a page that marches its volume: [`SCRIPT`], and `live.js`.
+pub const LIVE_SCRIPT: &str = include_str!("live.min.js");
 
 /// Style of a page.
 pub const STYLE: &str = include_str!("style.css");
@@ -233,10 +238,19 @@ impl Page<'_> {
     ///
     /// [`PageError`].
     pub fn packed(&self, progress: &dyn Progress) -> Result<PackedPage, PageError> {
+        self.with_live(None, progress)
+    }
+
+    /// [`Self::packed`] with a volume that the page marches, if it is given.
+    ///
+    /// # Errors
+    ///
+    /// [`PageError`].
+    pub fn with_live(&self, live: Option<&PackedLive>, progress: &dyn Progress) -> Result<PackedPage, PageError> {
         let lights = self.checked()?;
         let planes = self.planes(&lights, None, progress)?;
         let still = self.still(&lights)?;
-        let (html, json) = text::page(self, &lights, &planes, &still);
+        let (html, json) = text::page(self, &lights, &planes, &still, live);
         let summary = Summary {
             bytes: html.len(),
             packed_bytes: planes.views.iter().map(Vec::len).sum(),

@@ -1,6 +1,8 @@
 // Relume's page: unpacks the accumulators of a rendered volume, mixes its lights, and draws the picture.
 // docs/theory/page.md of Relume derives the encoding; docs/PAGE.md describes the page. No library, no network.
 
+/* global LIVE */ // True in pages that march a volume (live.js); set by scripts/page_script.
+
 // ---- colour: the twins of film::RelightMatrices and of document::Dial, in f64 ----
 
 const { abs, floor, hypot, max, min, round } = Math, BANDS = 81;
@@ -440,6 +442,8 @@ const HELP = "Tab reaches every control. Dial: arrows move the hand (Shift: fart
 const TURNING = " Comma, full stop and arrows turn the picture.";
 
 const digits = (value) => +(+value).toFixed(4);
+/** What of a state a marched volume has: camera and cuts, as text. */
+const MARCHED = LIVE ? ["seen", "cut", "dense"] : [];
 const standard = (page, name) => page.standards.find((one) => one.name === name);
 
 /** The state as the fragment of an address: what differs from the page as it opens. */
@@ -449,7 +453,7 @@ function addressOf(page, state, now) {
   const off = ({ nodes }) => nodes.filter((node) => !node.on).map((node) => node.light), dark = off(state);
   if (onDial && String(dark) !== String(off(now))) for (const name of dark.length ? dark : [""]) out.append("off", name);
   state.nodes.forEach(({ light, place }, n) => put(`node.${light}`, place.map(digits), now.nodes[n].place.map(digits)));
-  for (const key of ["stops", "adapt", "observer", "vision", "view", "pixel", "solo"]) put(key, state[key] ?? "", now[key] ?? "");
+  for (const key of ["stops", "adapt", "observer", "vision", "view", "pixel", "solo", ...MARCHED]) put(key, state[key] ?? "", now[key] ?? "");
   put("master", digits(state.master[+onDial]), now.master[+onDial]);
   put("keep", state.keep[+onDial], now.keep[+onDial]);
   page.lights.forEach(({ name }, i) => {
@@ -477,6 +481,7 @@ function stateOf(page, text, next) {
   next.vision = page.deficiencies.find(({ name }) => name === given.get("vision"))?.name ?? "";
   next.view = clamp(floor(number("view", next.view)), 0, page.views - 1);
   next.solo = next.by === "dial" ? -1 : clamp(floor(number("solo", -1)), -1, page.lights.length - 1);
+  for (const key of MARCHED) next[key] = given.get(key) ?? "";
   if (pixel) next.pixel = pixel.map((part, axis) => clamp(floor(part), 0, page.size[axis] - 1));
   page.lights.forEach(({ name }, i) => {
     const light = next.lights[i], value = given.get(`light.${name}`), source = given.get(`spectrum.${name}`) ?? "";
@@ -521,7 +526,7 @@ export function mount(root, page, bytes, options = {}) {
     by: page.dial?.hand && many ? "dial" : "sliders", hand: [...dial.hand ?? [0, 0]],
     nodes: dial.nodes.map((node) => ({ ...node, place: [...node.place] })), keep: [false, dial.normalise], master: [1, dial.master], solo: -1,
     lights: page.lights.map((light) => ({ on: light.shown !== 0, value: light.weight && light.shown ? light.shown / light.weight : 1, source: "", kelvin: 3000, curve: null })),
-    stops: 0, adapt: page.adapt, observer: page.observer, vision: "", view: page.first, pixel: null,
+    stops: 0, adapt: page.adapt, observer: page.observer, vision: "", view: page.first, pixel: null, ...LIVE ? { seen: "", cut: "", dense: "" } : {},
   });
   let state = opened();
   const onDial = () => state.by === "dial", mode = () => +onDial();
@@ -583,10 +588,10 @@ export function mount(root, page, bytes, options = {}) {
   };
   /** Shows the view of the state, then unpacks its neighbours; one view at a time, whatever changes meanwhile. */
   const look = async () => {
-    if (looking) return;
+    if (looking || LIVE && drawer.live) return;
     looking = true;
     try {
-      while (!ended) {
+      while (!ended && !(LIVE && drawer.live)) {
         if (next) {
           const fresh = next, first = await unpack(fresh.page, state.view, fresh.bytes(state.view));
           if (fresh !== next) continue;
@@ -631,7 +636,7 @@ export function mount(root, page, bytes, options = {}) {
   const draw = () => {
     if (waiting || shownView < 0) return;
     waiting = true;
-    requestAnimationFrame(() => { waiting = false; if (!ended && shownView >= 0) { drawer.draw(coloursNow()); probe(); } });
+    requestAnimationFrame(() => { waiting = false; if (!ended && shownView >= 0) { drawer.draw(coloursNow(), canvas); probe(); } });
   };
 
   // The dial.
@@ -806,7 +811,7 @@ export function mount(root, page, bytes, options = {}) {
     el("a", { href: url, download: name }).click();
     setTimeout(() => URL.revokeObjectURL(url), 1e4);
   };
-  const save = () => { drawer.draw(coloursNow()); canvas.toBlob((blob) => keep(blob, "picture.png")); };
+  const save = () => { drawer.draw(coloursNow(), canvas); canvas.toBlob((blob) => keep(blob, "picture.png")); };
   const copying = button("Copy", () => { command.select(); copying.textContent = document.execCommand("copy") ? "Copied" : "Copy"; });
   // Curves that were drawn, as the files that the command names.
   const curves = button("Save drawn curves", () => state.lights.forEach(({ source, curve }, i) => {
@@ -816,15 +821,20 @@ export function mount(root, page, bytes, options = {}) {
   // The probe.
   const ticks = () => el("p", { class: "ticks", "aria-hidden": "true" }, ...[380, 480, 580, 680, "780 nm"].map((nm) => el("span", {}, nm)));
   const told = el("div", { class: "probe", hidden: true });
-  const probe = () => {
-    told.hidden = cross.hidden = !state.pixel;
-    if (!state.pixel || !planes) return;
-    const [x, y] = state.pixel, [width, height] = page.size, at = y * width + x, roots = page.channels.map(({ zero }, c) => planes[c][at] - zero);
+  /** Numbers of a pixel of a view. */
+  const valuesAt = (at) => {
+    const roots = page.channels.map(({ zero }, c) => planes[c][at] - zero);
     for (const { first, matrix } of page.groups) {
       const back = matrix.map((_, j) => matrix.reduce((sum, row, i) => sum + row[j] * roots[first + i], 0));
       back.forEach((root, j) => { roots[first + j] = root; });
     }
-    const values = roots.map((root, c) => root * abs(root) * page.channels[c].scale), colours = coloursNow();
+    return roots.map((root, c) => root * abs(root) * page.channels[c].scale);
+  };
+  const probe = () => {
+    told.hidden = cross.hidden = !state.pixel;
+    if (!state.pixel || !planes) return;
+    const [x, y] = state.pixel, [width, height] = page.size, values = LIVE && drawer.live ? drawer.values(state.pixel) : valuesAt(y * width + x), colours = coloursNow();
+    if (LIVE && !values) return;
     const rgb = [0, 1, 2].map((axis) => values.reduce((sum, value, c) => sum + value * colours[c][axis], 0));
     const { spectra } = page.model ?? { spectra: page.components.map((one) => one.spectrum) }, k = spectra.length;
     const sum = new Array(BANDS).fill(0), behind = values.slice(k * page.positions.length);
@@ -857,14 +867,14 @@ export function mount(root, page, bytes, options = {}) {
     if (!grabbed || !event.buttons) return;
     const across = event.clientX - grabbed.x, down = event.clientY - grabbed.y;
     grabbed.moved ||= hypot(across, down) > 4;
-    if (views && grabbed.moved) change({ view: turnedBy(grabbed.view, -round(across / frame.clientWidth * columns) % columns, round(down / 120)) });
+    if (views && !(LIVE && drawer.live) && grabbed.moved) change({ view: turnedBy(grabbed.view, -round(across / frame.clientWidth * columns) % columns, round(down / 120)) });
   });
   listen(frame, "pointerup", (event) => { if (grabbed && !grabbed.moved) pick(event); grabbed = null; });
   listen(frame, "keydown", (event) => {
     const arrow = arrows[event.key], turn = { ",": -1, ".": 1 }[event.key];
     if (event.key === "p" || event.key === "P") change({ pixel: state.pixel ? null : page.size.map((side) => side >> 1) });
     if (arrow && state.pixel) change({ pixel: state.pixel.map((part, axis) => clamp(part + arrow[axis] * (axis ? -1 : 1) * (event.shiftKey ? 10 : 1), 0, page.size[axis] - 1)) });
-    else if (views && (arrow || turn)) change({ view: turnedBy(state.view, turn ?? arrow[0], turn ? 0 : -arrow[1]) });
+    else if (views && !(LIVE && drawer.live) && (arrow || turn)) change({ view: turnedBy(state.view, turn ?? arrow[0], turn ? 0 : -arrow[1]) });
     if (arrow) event.preventDefault();
   });
 
@@ -876,7 +886,8 @@ export function mount(root, page, bytes, options = {}) {
     Object.assign(state, part);
     if (part.by === "dial") state.solo = -1;
     refresh();
-    if (state.view !== shownView) look(); else draw();
+    if (LIVE) drawer?.changed?.(state);
+    if (state.view !== shownView && !(LIVE && drawer.live)) look(); else draw();
     clearTimeout(later);
     later = setTimeout(() => {
       live.textContent = inWords();
@@ -924,7 +935,7 @@ export function mount(root, page, bytes, options = {}) {
     if (heights) heights.value = lastRow - rowOf(state.view);
   };
 
-  const about = el("p"), rounded = () => { if (page.largest_error != null) about.textContent = `Written by ${page.software}. The file holds the picture for every light, not the volume. Rounding changes no colour by more than ΔE00 ${page.largest_error} (1 is just visible) under each light alone, each standard light, and the presets of the dial. The page loads and sends nothing.`; };
+  const about = el("p"), rounded = () => { if (page.largest_error != null) about.textContent = `Written by ${page.software}. The file holds ${LIVE ? "the volume, and its picture for every light" : "the picture for every light, not the volume"}. Rounding changes no colour by more than ΔE00 ${page.largest_error} (1 is just visible) under each light alone, each standard light, and the presets of the dial. The page loads and sends nothing.`; };
   rounded();
   const words = paragraph("words"), settings = el("span"), hint = paragraph("hint");
   root.classList.add("relume");
@@ -939,7 +950,7 @@ export function mount(root, page, bytes, options = {}) {
       el("section", { "aria-label": "Display" }, el("h2", {}, "Display"), ...controls.map(({ node }) => node), el("div", { class: "buttons" }, zoom, button("Reset all", () => { if (arranging) arrange.click(); if (zoom.textContent === "Fit") zoom.click(); change(opened()); }))),
       el("section", { "aria-label": "Save and share" }, el("h2", {}, "Save and share"),
         el("div", { class: "buttons" }, button("Save PNG", save), button("Print", () => print()), curves),
-        options.address ? paragraph("hint", "The address of this page holds light and display: send it with the file.") : "",
+        options.address ? paragraph("hint", LIVE ? "The address of this page holds light, display, view, cuts and densities: send what follows # with the file." : "The address of this page holds light and display: send it with the file.") : "",
         paragraph("hint", "The same light by Relume, from the film of the picture (without exposure, white balance and colour vision):"),
         el("div", { class: "source" }, command, copying)),
       el("details", {}, el("summary", {}, "Keys and about"), el("p", {}, HELP + (views ? TURNING : "")), about)));
@@ -956,6 +967,27 @@ export function mount(root, page, bytes, options = {}) {
     get mix() { return mixed(); },
     set: change,
     replace(page, bytes) { next = { page, bytes }; look(); },
+    ...LIVE ? {
+      draw, frame, page,
+      /** Draws by `painter`, whose film is that of a march, in place of the views; without one, by the views again. */
+      adopt(painter) {
+        frame.classList.toggle("live", !!painter);
+        for (const control of [views, heights]) if (control) control.hidden = !!painter;
+        if (!painter) { drawer = null; return start(false); }
+        const [before, old] = [drawer, canvas];
+        past();
+        canvas = el("canvas", { width: page.size[0], height: page.size[1], role: "img", "aria-label": label() });
+        frame.prepend(canvas);
+        old.remove();
+        before.end();
+        drawer = painter;
+        shownView = state.view;
+        painter.changed(state);
+        drawer.draw(coloursNow(), canvas);
+        root.dataset.ready = drawer.name;
+        draw();
+      },
+    } : {},
     end() { ended = true; rest(); clearTimeout(later); removeEventListener("hashchange", heard); past(); drawer?.end(); root.replaceChildren(); },
   };
 }
@@ -967,6 +999,8 @@ function openPage() {
   const draw = /^#draw=(gl|cpu)/.exec(location.hash)?.[1];
   globalThis.relume = mount(document.getElementById("relume"), page, bytes, { address: true, draw });
 }
+
+if (LIVE) mount.parts = { breath, button, clamp, el, fromBase64, inflated, listen, paragraph, pauses, slider };
 
 // In a page, and not in a notebook; once.
 if (document.querySelector("#relume-page") && !globalThis.relume?.set) openPage();

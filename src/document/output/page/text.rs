@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::lights::Lights;
 use super::packing::{Channels, scale};
-use super::{Page, Planes, SCRIPT, STYLE};
+use super::{LIVE_SCRIPT, PackedLive, Page, Planes, SCRIPT, STYLE};
 use crate::annotate::{Entry, Overlay};
 use crate::output::SOFTWARE;
 use crate::output::film::Components as FileComponents;
@@ -24,7 +24,14 @@ use relume_scene::film::Components;
 const FORMAT: u32 = 2;
 
 /// The HTML of `page`, and its JSON.
-pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u8]) -> (String, String) {
+pub(super) fn page(
+    page: &Page<'_>,
+    lights: &Lights,
+    planes: &Planes,
+    still: &[u8],
+    live: Option<&PackedLive>,
+) -> (String, String) {
+    let script = if live.is_some() { LIVE_SCRIPT } else { SCRIPT };
     let json = json(page, lights, planes);
     let views = planes.views.iter().enumerate().map(|(index, bytes)| {
         format!("<script type=\"text/plain\" id=\"relume-view-{index}\">{}</script>\n", STANDARD.encode(bytes))
@@ -35,7 +42,7 @@ pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u
     let policy = format!(
         "default-src 'none'; script-src '{}'; style-src '{}'{style_of_overlay}; img-src data: blob:; base-uri 'none'; \
          form-action 'none'; require-trusted-types-for 'script'",
-        digest(SCRIPT),
+        digest(script),
         digest(STYLE)
     );
     let overlay = overlay.map_or_else(String::new, |style| format!("<style>{style}</style>\n"));
@@ -50,7 +57,8 @@ pub(super) fn page(page: &Page<'_>, lights: &Lights, planes: &Planes, still: &[u
         ("still", &STANDARD.encode(still)),
         ("page", &json),
         ("views", &views),
-        ("script", SCRIPT),
+        ("live", &live.map_or_else(String::new, PackedLive::html)),
+        ("script", script),
     ];
     (filled(include_str!("page.html"), &parts), json)
 }

@@ -1,0 +1,537 @@
+//! Live pages: browsers read the shaders, and march what the program marches.
+#![expect(clippy::print_stdout, reason = "the differences of each scene")]
+
+use crate::support;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::page::png;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use glam::DVec3;
+use relume::film::Film;
+use relume::output::page::{LIVE_SCRIPT, Live, Numbers, camera, frame};
+use relume::plan::{Integrate, Planned, ScenePlan, Transmittance, plan};
+use relume::progress::Quiet;
+use relume::render::{BrowserMarch, Renderer, browser_shader};
+use relume::scene::{Aim, Interpolation, Lookup, Placement, Projection, Scene};
+use relume::tables::{NumberStorage, RayTable};
+use serde_json::{Value, json};
+use support::browser::{Browser, Page};
+use support::program::Folder;
+use support::rungs::with_renderer;
+use support::scenes;
+
+const SIZE: [usize; 2] = [40, 32];
+
+/// A page without content, in which scripts run.
+fn empty_page<'a>(browser: &'a mut Browser, folder: &Folder) -> Page<'a> {
+    std::fs::write(folder.path("empty.html"), "<!DOCTYPE html><title>empty</title>").unwrap();
+    let mut page = browser.navigated(&folder.path("empty.html"), "", [400, 300]);
+    page.wait("document.readyState === 'complete'");
+    page
+}
+
+#[test]
+fn browsers_read_the_shader_of_every_scene() {
+    let mut shaders: BTreeMap<String, String> = BTreeMap::new();
+    for name in scenes::all().keys() {
+        let planned = plan(&scenes::named(name), &Quiet).unwrap();
+        if planned.plan.transmittance != Transmittance::Mixed {
+            shaders.entry(browser_shader(&planned.plan).unwrap().text).or_insert_with(|| name.clone());
+        }
+    }
+    assert!(shaders.len() > 50, "{} shaders", shaders.len());
+    let folder = Folder::new();
+    let mut browser = Browser::with_webgpu();
+    let mut page = empty_page(&mut browser, &folder);
+    page.value(
+        "navigator.gpu.requestAdapter().then((it) => it.requestDevice({ requiredLimits: { maxStorageBuffersPerShaderStage: 10 } })).then((it) => { globalThis.device = it; })",
+    );
+    for (text, name) in &shaders {
+        let read = format!(
+            "(async () => {{
+                device.pushErrorScope('validation');
+                const module = device.createShaderModule({{ code: {} }}), info = await module.getCompilationInfo();
+                const told = info.messages.map((it) => `${{it.lineNum}}: ${{it.message}}`);
+                return [...told, (await device.popErrorScope())?.message ?? ''].join('\\n');
+            }})()",
+            json!(text)
+        );
+        let told = page.value(&read);
+        assert_eq!(told.as_str().unwrap().trim(), "", "{name}:\n{text}");
+    }
+    println!("{} shaders", shaders.len());
+}
+
+/// Cameras around the one of `scene`, which is the first, and the only one if it has a place in the world.
+fn cameras(scene: &Scene, live: &Value) -> Vec<[f64; 5]> {
+    let Aim::Orbit { azimuth, elevation, .. } = scene.camera.aim else {
+        let stated = |key: &str| live["camera"][key].as_f64().unwrap();
+        return vec![[stated("azimuth"), stated("elevation"), 1.0, 0.0, 0.0]];
+    };
+    let turns = [[0.0, 0.0, 1.0], [137.0, -33.0, 1.0], [61.0, 20.0, 1.6], [-95.0, 48.0, 0.7], [203.0, -12.0, 1.2]];
+    // Lights of a page stay where they are.
+    let moves = scene.lights.iter().any(|light| light.placement == Placement::ThreePoint);
+    let seen = |[a, e, zoom]: [f64; 3]| [azimuth + a, (elevation + e).clamp(-80.0, 80.0), zoom, 0.0, 0.0];
+    turns.into_iter().take(if moves { 1 } else { turns.len() }).map(seen).collect()
+}
+
+/// Scenes that have every feature of a plan between them; all with `RELUME_LIVE=all`, which takes ten minutes.
+fn tested() -> Vec<&'static String> {
+    let all = scenes::all();
+    if std::env::var("RELUME_LIVE").is_ok_and(|it| it == "all") {
+        return all.keys().collect();
+    }
+    let mut known = BTreeSet::new();
+    let is_new = |(name, row): (&'static String, &'static scenes::Row)| {
+        let features =
+            row.plan.split([';', ',']).map(|it| it.trim().replace(|letter: char| letter.is_ascii_digit(), ""));
+        let new = features.filter(|feature| known.insert(feature.clone())).count();
+        (new > 0).then_some(name)
+    };
+    all.iter().filter_map(is_new).collect()
+}
+
+/// `scene` from a camera of [`cameras`], for a picture of `width / height = aspect`.
+fn turned(scene: &Scene, [a, e, zoom, ..]: [f64; 5], aspect: f64) -> Scene {
+    let mut scene = scene.clone();
+    let Aim::Orbit { azimuth, elevation, .. } = &mut scene.camera.aim else { return scene };
+    (*azimuth, *elevation) = (a, e);
+    if zoom.to_bits() != 1.0_f64.to_bits() {
+        // As a lens zooms: the eye stays where it is.
+        let view = scene.camera.view(&scene.frame.geometry, aspect).unwrap();
+        let target = scene.camera.aim.target(&scene.frame.geometry);
+        scene.camera.projection = match scene.camera.projection {
+            Projection::Perspective { .. } => {
+                Projection::Perspective { fov_degrees: 2.0 * (view.half[1] / zoom).atan().to_degrees() }
+            }
+            Projection::Orthographic { .. } => Projection::Orthographic { height: Some(2.0 * view.half[1] / zoom) },
+        };
+        scene.camera.aim = Aim::LookAt { position: view.eye, target };
+    }
+    scene
+}
+
+/// Numbers of the film of a browser, as those of the program lie.
+fn film_of(found: &Value, planned: &Planned) -> Film<f32> {
+    let floats = |text: &Value| -> Vec<f32> {
+        let bytes = STANDARD.decode(text.as_str().unwrap()).unwrap();
+        bytes.chunks_exact(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).collect()
+    };
+    let (components, lanes) = (planned.plan.components(), planned.plan.lanes());
+    let pixels = SIZE[0] * SIZE[1];
+    let plane = |numbers: &[f32], layer: usize, part: usize| -> Vec<f32> {
+        (0..pixels).map(|pixel| numbers[4 * (layer * pixels + pixel) + part]).collect()
+    };
+    let [accumulators, transmittance] = [&found[0], &found[1]].map(floats);
+    let of_position = |position: usize| (0..components).map(move |i| (position * lanes + i / 4, i % 4));
+    let accumulators = (0..planned.positions.len())
+        .flat_map(of_position)
+        .flat_map(|(layer, part)| plane(&accumulators, layer, part))
+        .collect();
+    let transmittance =
+        (0..planned.plan.transmittance_numbers()).flat_map(|i| plane(&transmittance, i / 4, i % 4)).collect();
+    Film { size: SIZE, components, accumulators, transmittance }
+}
+
+/// What a browser needs of `scene`, or why it cannot march it.
+fn packed(renderer: &Renderer, scene: &Scene, planned: &Planned) -> Result<Value, String> {
+    let statistics = scene.volume().statistics().unwrap();
+    let uploaded = renderer.upload(scene, planned, &statistics, &Quiet).map_err(|error| error.to_string())?;
+    let march = BrowserMarch::new(renderer, scene, planned, &uploaded, SIZE).map_err(|error| error.to_string())?;
+    if march.fields.iter().any(|(storage, _)| storage.storage.loss > 0.0) {
+        return Err("values are rounded".to_owned());
+    }
+    let live = Live {
+        scene,
+        planned,
+        plan: &march.plan,
+        size: SIZE,
+        shader: &march.shader.text,
+        resources: march.resources(),
+        group: march.group,
+        block: [1; 3],
+        buffers: &march.buffers,
+        fields: march
+            .fields
+            .iter()
+            .map(|(NumberStorage { largest, shift, is_half, .. }, numbers)| Numbers {
+                numbers,
+                largest: *largest,
+                shift: *shift,
+                is_half: *is_half,
+            })
+            .collect(),
+        labels: march.labels.as_ref().map(|(texels, bytes)| (&texels[..], *bytes)),
+        grids: march.grids.iter().map(|grid| (grid.name, grid.dims, grid.numbers, &grid.texels[..])).collect(),
+    };
+    let packed = live.packed().unwrap();
+    let blocks: serde_json::Map<String, Value> =
+        packed.blocks.iter().map(|(name, bytes)| ((*name).to_owned(), json!(STANDARD.encode(bytes)))).collect();
+    Ok(json!({"live": serde_json::from_str::<Value>(&packed.json).unwrap(), "blocks": blocks}))
+}
+
+/// True if a ray decides by comparing numbers, so that rounding moves a pixel by more than itself: parts of a step, or the entry or label next to a
+/// place.
+fn decides(plan: &ScenePlan) -> bool {
+    plan.integration != Integrate::Samples
+        || plan.lookup == Lookup::Nearest
+        || plan.interpolation == Interpolation::Nearest
+        || plan.labels && !plan.smooth_labels
+}
+
+/// Differences of numbers, relative to the largest of them if that is above 1: light of narrow phase functions is hundreds of times that of a
+/// diffuse reflector.
+fn differences(one: &[f32], other: &[f32]) -> Vec<f32> {
+    assert_eq!(one.len(), other.len(), "as many numbers");
+    let peak = other.iter().fold(1.0_f32, |peak, number| peak.max(number.abs()));
+    one.iter().zip(other).map(|(one, other)| (one - other).abs() / peak).collect()
+}
+
+/// Loads the script of live pages as `script`, and a device.
+const PREPARED: &str = "(async () => {
+    globalThis.script = await import(URL.createObjectURL(new Blob([TEXT], { type: 'text/javascript' })));
+    globalThis.text = (bytes) => { let all = ''; for (let i = 0; i < bytes.length; i += 8192) all += String.fromCharCode(...bytes.subarray(i, i + 8192)); return btoa(all); };
+    globalThis.device = await (await navigator.gpu.requestAdapter()).requestDevice({ requiredLimits: { maxStorageBuffersPerShaderStage: 10 } });
+})()";
+
+/// Films of a volume from several cameras.
+const MARCHED: &str = "(async ({ live, blocks, cameras }) => {
+    const machine = await script.marcher(live, (name) => script.inflated(script.fromBase64(blocks[name]), live.lengths[name]), device);
+    const films = [];
+    for (const [azimuth, elevation, zoom, x, y] of cameras) {
+        await machine.march({ azimuth, elevation, zoom, x, y }, live.crop, live.size);
+        films.push((await machine.numbers()).map((floats) => text(new Uint8Array(floats.buffer))));
+    }
+    return films;
+})(GIVEN)";
+
+#[test]
+fn films_of_a_browser_are_those_of_the_program() {
+    let folder = Folder::new();
+    let mut browser = Browser::with_webgpu();
+    let mut page = empty_page(&mut browser, &folder);
+    page.value(&PREPARED.replace("TEXT", &json!(LIVE_SCRIPT).to_string()));
+    with_renderer(|renderer| {
+        let (mut marched, mut refused, mut wrong) = (0, BTreeMap::<String, usize>::new(), Vec::new());
+        for name in tested() {
+            let mut scene = scenes::named(name);
+            scene.accuracy.rays = 1;
+            let planned = plan(&scene, &Quiet).unwrap();
+            if planned.plan.transmittance == Transmittance::Mixed {
+                continue;
+            }
+            let given = match packed(renderer, &scene, &planned) {
+                Ok(given) => given,
+                Err(why) => {
+                    *refused.entry(why).or_default() += 1;
+                    continue;
+                }
+            };
+            let cameras = cameras(&scene, &given["live"]);
+            let mut given = given;
+            given["cameras"] = json!(cameras);
+            let films = page.value(&MARCHED.replace("GIVEN", &given.to_string()));
+            for (camera, found) in cameras.iter().zip(films.as_array().unwrap()) {
+                let scene = turned(&scene, *camera, scenes::float(SIZE[0]) / scenes::float(SIZE[1]));
+                let expected = support::rungs::Rungs::planned(scene, planned.clone(), SIZE).gpu(renderer);
+                let found = film_of(found, &planned);
+                let mut off: Vec<f32> = differences(&found.accumulators, &expected.accumulators);
+                off.extend(differences(&found.transmittance, &expected.transmittance));
+                let light = &planned.plan.light;
+                // A filter mixes depths of a light grid, of which light is an exponential.
+                let bound = if light.reads_grid() || light.gathered.is_some() { 1e-4 } else { 3e-5 };
+                let over = off.iter().filter(|&&off| off > bound).count();
+                let largest = off.iter().copied().fold(0.0, f32::max);
+                println!("{name} {camera:?}: at most {largest:e}, {over} of {} above {bound:e}", off.len());
+                let most = if decides(&planned.plan) { off.len() / 1000 } else { 0 };
+                if over > most || largest > 0.05 {
+                    wrong.push(format!("{name} {camera:?}: at most {largest:e}, {over} of {}", off.len()));
+                }
+            }
+            marched += 1;
+        }
+        println!("{marched} scenes; refused: {refused:#?}");
+        assert!(marched > 20, "{marched}");
+        let known = ["splines across slices", "on grids of their own", "values are rounded"];
+        assert!(refused.keys().all(|why| known.iter().any(|known| why.contains(known))), "{refused:?}");
+        assert!(wrong.is_empty(), "{wrong:#?}");
+    });
+}
+
+/// Views of the program as the script finds them.
+#[test]
+fn the_script_sees_as_the_program() {
+    let folder = Folder::new();
+    let mut browser = Browser::new();
+    let mut page = empty_page(&mut browser, &folder);
+    page.value(&PREPARED.replace("TEXT", &json!(LIVE_SCRIPT).to_string()).replace("globalThis.device =", "//"));
+    let numbers = |vector: DVec3| vector.to_array().to_vec();
+    let mut seed = 7_u64;
+    let mut random = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        f64::from(u32::try_from(seed >> 32).unwrap()) / f64::from(u32::MAX)
+    };
+    let names: Vec<&String> = scenes::all().keys().filter(|name| !name.contains("fields")).collect();
+    for i in 0..1000 {
+        let name = names[i * 37 % names.len()];
+        let mut scene = scenes::named(name);
+        scene.camera.projection = match i % 3 {
+            0 => Projection::Orthographic { height: None },
+            1 => Projection::Orthographic { height: Some(10.0 + 90.0 * random()) },
+            _ => Projection::Perspective { fov_degrees: 5.0 + 90.0 * random() },
+        };
+        let [azimuth, elevation, zoom] = [720.0 * random() - 360.0, 170.0 * random() - 85.0, 0.3 + 3.0 * random()];
+        let aspect = 0.5 + random();
+        let given =
+            json!({"camera": camera(&scene.camera, &scene.frame.geometry), "frame": frame(&scene.frame.geometry)});
+        let mut seen = [azimuth, elevation, zoom, 0.0, 0.0];
+        if matches!(scene.camera.aim, Aim::Orbit { .. }) {
+            scene = turned(&scene, seen, aspect);
+        } else {
+            let stated = |key: &str| given["camera"][key].as_f64().unwrap();
+            seen = [stated("azimuth"), stated("elevation"), 1.0, 0.0, 0.0];
+        }
+        let view = scene.camera.view(&scene.frame.geometry, aspect).unwrap();
+        let rays = RayTable::new(&scene, &view).unwrap();
+        // The base of parallel rays is in the eye or not where the eye is as far as the diagonal is long.
+        let eye = rays.base - rays.eye_distance * rays.direction;
+        let found = page.value(&format!(
+            "(() => {{ const live = {given}, [azimuth, elevation, zoom, x, y] = {seen:?}, rays = script.raysOf(live, script.viewOf(live, {{ azimuth, elevation, zoom, x, y }}, {aspect}));
+                const eye = rays.base.map((at, axis) => at - rays.eye_distance * rays.direction[axis]);
+                return [eye, rays.base_u, rays.base_v, rays.direction, rays.direction_u, rays.direction_v, [rays.spread_u], [rays.spread_v]]; }})()"
+        ));
+        let expected = [
+            numbers(eye),
+            numbers(rays.base_u),
+            numbers(rays.base_v),
+            numbers(rays.direction),
+            numbers(rays.direction_u),
+            numbers(rays.direction_v),
+            vec![rays.spread_u],
+            vec![rays.spread_v],
+        ];
+        for (found, expected) in found.as_array().unwrap().iter().zip(&expected) {
+            let size = expected.iter().fold(1e-3_f64, |size, number| size.max(number.abs()));
+            for (found, expected) in found.as_array().unwrap().iter().zip(expected) {
+                let off = (found.as_f64().unwrap() - expected).abs() / size;
+                assert!(off <= 1e-11, "{name} {seen:?}: {found} is not {expected}");
+            }
+        }
+    }
+}
+
+/// A small live page, and the flags of its scene.
+fn small_page(folder: &Folder) -> Vec<String> {
+    let changes = ["-D", "volume.dims=[64, 60, 36]", "-D", "camera.fill=1.1"].map(str::to_owned);
+    let mut command = vec!["page".to_owned()];
+    command.extend(changes.clone());
+    command.extend(["--live", "--size", "96x80", "-o", "live.html"].map(str::to_owned));
+    folder.done(&command.iter().map(String::as_str).collect::<Vec<_>>());
+    changes.to_vec()
+}
+
+/// Opens a live page, and waits until it is marched.
+fn opened<'a>(browser: &'a mut Browser, folder: &Folder, hash: &str) -> Page<'a> {
+    let mut page = browser.open(&folder.path("live.html"), hash, [1200, 900]);
+    page.value("relumeLive.then((it) => { globalThis.live = it; })");
+    page.wait("document.getElementById('relume').dataset.ready === 'WebGPU' && live.settled");
+    page
+}
+
+/// Asserts that the page shows what the program renders with its flags.
+fn is_as_rendered(page: &mut Page<'_>, folder: &Folder, changes: &[String]) {
+    let flags = page.value("document.querySelector('[aria-label=\"Flags of Relume for this view\"]').value");
+    let flags: Vec<&str> = flags.as_str().unwrap().split('\'').filter(|part| !part.contains("-D")).collect();
+    let mut command = vec!["render", "-o", "seen.png", "--size", "96x80"];
+    command.extend(changes.iter().map(String::as_str));
+    for flag in flags.iter().filter(|flag| !flag.trim().is_empty()) {
+        command.extend(["-D", flag]);
+    }
+    folder.done(&command);
+    let (shown, expected) = (page.pixels(), png(&folder.path("seen.png")));
+    assert_eq!(shown.len(), expected.len(), "pictures of one size");
+    let off: Vec<u8> = shown.iter().zip(&expected).map(|(one, other)| one.abs_diff(*other)).collect();
+    let over = off.iter().filter(|&&off| off > 1).count();
+    assert!(expected.iter().any(|&code| code > 60), "a black picture proves nothing");
+    assert!(
+        over * 1000 <= off.len(),
+        "{command:?}: {over} of {} codes are off by up to {:?}",
+        off.len(),
+        off.iter().max()
+    );
+}
+
+#[test]
+fn a_live_page_is_turned_cut_and_relit() {
+    let folder = Folder::new();
+    let changes = small_page(&folder);
+    let mut browser = Browser::with_webgpu();
+    let mut page = opened(&mut browser, &folder, "#march=always");
+    is_as_rendered(&mut page, &folder, &changes);
+    // By keys.
+    page.value("relume.frame.focus()");
+    for key in ["ArrowRight", "ArrowRight", "ArrowUp", "+"] {
+        page.press(key);
+    }
+    page.wait("relume.state.seen !== '' && live.settled");
+    is_as_rendered(&mut page, &folder, &changes);
+    // Relit without a march.
+    page.value("relume.set({ by: 'sliders', solo: 1 })");
+    let marched = page.value("live.settled");
+    assert_eq!(marched, true, "a light needs no march");
+    page.value("relume.set({ solo: -1 })");
+    // Cut by a slider, and moved.
+    page.value(
+        "{ const it = document.querySelector('[aria-label=\"Cut z, to\"]'); it.value = 20; it.dispatchEvent(new Event('input')); }",
+    );
+    page.value("relume.set({ seen: '35,20,1.3,0.1,-0.05' })");
+    page.wait("live.settled");
+    is_as_rendered(&mut page, &folder, &changes);
+    // The spectrum of a pixel comes from the device.
+    page.value("relume.set({ pixel: [48, 40] })");
+    page.wait(
+        "!document.querySelector('.probe').hidden && document.querySelector('.probe').textContent.includes('sRGB')",
+    );
+    // The address has the view.
+    page.wait("location.hash.includes('seen=')");
+    let hash = page.value("location.hash");
+    assert_eq!(page.complaints(), Vec::<String>::new());
+    let mut again = opened(&mut browser, &folder, &format!("{}&march=always", hash.as_str().unwrap()));
+    assert_eq!(again.value("relume.state.seen"), "35,20,1.3,0.1,-0.05");
+    is_as_rendered(&mut again, &folder, &changes);
+    again.value("[...document.querySelectorAll('button')].find((it) => it.textContent === 'Reset view').click()");
+    again.wait("live.settled && relume.state.cut === ''");
+    is_as_rendered(&mut again, &folder, &changes);
+}
+
+#[test]
+fn without_a_device_the_finished_view_stays() {
+    let folder = Folder::new();
+    small_page(&folder);
+    let mut browser = Browser::new();
+    let mut page = browser.open(&folder.path("live.html"), "", [900, 700]);
+    page.wait("document.querySelector('.status').textContent.includes('cannot be turned')");
+    let told = page.value("document.querySelector('.status').textContent");
+    assert!(told.as_str().unwrap().contains("Its finished view is shown"), "{told}");
+    assert!(page.pixels().iter().any(|&code| code > 60));
+    // Chromium itself tells that it has no device.
+    let told = page.complaints();
+    assert!(told.iter().all(|line| line.contains("No available adapters")), "{told:?}");
+    // Lost once, it marches again; twice, the view stays.
+    let mut browser = Browser::with_webgpu();
+    let mut page = opened(&mut browser, &folder, "#march=always");
+    let before = page.pixels();
+    page.value("globalThis.first = live.machine; live.machine.device.destroy()");
+    page.wait("live.machine && live.machine !== first && live.settled");
+    page.wait("document.getElementById('relume').dataset.ready === 'WebGPU'");
+    assert_eq!(page.pixels(), before);
+    page.value("live.machine.device.destroy()");
+    page.wait("document.querySelector('.status').textContent.includes('lost twice')");
+    page.wait("document.getElementById('relume').dataset.ready !== 'WebGPU'");
+    assert!(page.pixels().iter().any(|&code| code > 60));
+}
+
+/// Pages that lie or are damaged show their finished view, and say why they are not turned.
+#[test]
+fn a_damaged_volume_leaves_the_finished_view() {
+    let folder = Folder::new();
+    small_page(&folder);
+    let html = std::fs::read_to_string(folder.path("live.html")).unwrap();
+    let block = |name: &str| {
+        let start = html.find(&format!("id=\"relume-live-{name}\">")).unwrap();
+        let first = start + html[start..].find('>').unwrap() + 1;
+        first..first + html[first..].find("</script>").unwrap()
+    };
+    let replaced = |name: &str, by: &dyn Fn(&str) -> String| {
+        let range = block(name);
+        format!("{}{}{}", &html[..range.start], by(&html[range.clone()]), &html[range.end..])
+    };
+    let cases = [
+        ("half of the voxels", replaced("voxels-0", &|text| text[..text.len() / 8 * 4].to_owned())),
+        ("no base64", replaced("voxels-0", &|_| "*** <b>".to_owned())),
+        ("another shader", replaced("shader", &|_| STANDARD.encode(b"\x03\x00"))),
+        ("no tables", replaced("tables", &|_| String::new())),
+        ("a larger volume", html.replacen("\"dims\":[64,60,36]", "\"dims\":[64,60,37]", 1)),
+        ("an axis too long", html.replacen("\"dims\":[64,60,36]", "\"dims\":[64,2160,1000001]", 1)),
+        ("a name that is none", html.replacen("march_uniform", "</script><b>", 1)),
+    ];
+    let mut browser = Browser::with_webgpu();
+    for (what, text) in cases {
+        assert!(text != html, "{what}");
+        std::fs::write(folder.path("damaged.html"), text).unwrap();
+        let mut page = browser.open(&folder.path("damaged.html"), "#march=always", [900, 700]);
+        page.wait("document.querySelector('.status')?.textContent.includes('cannot be turned')");
+        let told = page.value("document.querySelector('.status').textContent");
+        println!("{what}: {told}");
+        assert!(page.pixels().iter().any(|&code| code > 60), "{what}");
+    }
+}
+
+/// Densities of materials: with 1 the table of the program, with 0 nothing.
+#[test]
+fn densities_of_one_leave_the_tables_as_they_are() {
+    let folder = Folder::new();
+    let mut browser = Browser::with_webgpu();
+    let mut page = empty_page(&mut browser, &folder);
+    page.value(&PREPARED.replace("TEXT", &json!(LIVE_SCRIPT).to_string()));
+    with_renderer(|renderer| {
+        for name in ["unshaded_three", "diffuse_three", "specular_three", "occludes_three"] {
+            let scene = scenes::named(name);
+            let planned = plan(&scene, &Quiet).unwrap();
+            let given = packed(renderer, &scene, &planned).unwrap();
+            assert_eq!(given["live"]["densities"].as_array().unwrap().len(), planned.materials.len(), "{name}");
+            let off = page.value(&format!(
+                "(async ({{ live, blocks }}) => {{
+                    const tables = await script.inflated(script.fromBase64(blocks.tables), live.lengths.tables), floats = {{}};
+                    let at = 0;
+                    for (const [name, length] of live.buffers) floats[name] = new Float32Array(tables.slice(at, at += length).buffer);
+                    const [source, opacity] = [floats.table_source, floats.table_opacity];
+                    const by = (part) => script.thinned(live, source, opacity, live.densities.map(() => part));
+                    const off = by(1).map((table, i) => Math.max(...table.map((number, n) => Math.abs(number - [source, opacity][i][n]) / Math.max(1, Math.abs(number)))));
+                    return [...off, Math.max(...by(0)[0], ...by(0)[1]), Math.max(...by(0.5)[1]) < Math.max(...opacity)];
+                }})({given})"
+            ));
+            println!("{name}: {off}");
+            assert!(off[0].as_f64().unwrap() <= 1e-6 && off[1].as_f64().unwrap() <= 1e-6, "{name}: {off}");
+            assert!(off[2].as_f64().unwrap() <= 0.0, "{name}: {off}");
+        }
+    });
+}
+
+#[test]
+fn what_a_page_cannot_turn_is_refused_by_name() {
+    let folder = Folder::new();
+    folder.done(&["render", "-D", "volume.dims=[64, 60, 36]", "--size", "16x16", "--accumulators", "film.exr"]);
+    folder.refused(2, &["page", "film.exr", "--live", "-o", "film.html"], &["--live", "is for a scene"]);
+    let small = ["page", "-D", "volume.dims=[64, 60, 36]", "--size", "16x16", "--live", "-o", "live.html"];
+    folder.refused(1, &[&small[..], &["--max-bytes", "20000"]].concat(), &["20000"]);
+    // One ray a pixel is marched, which is said.
+    let told = folder.done(&[&small[..], &["-D", "accuracy.rays=4"]].concat());
+    assert!(told.err.contains("one ray a pixel, not 4"), "{}", told.err);
+}
+
+#[test]
+fn voxels_beyond_the_crop_box_are_not_in_the_page() {
+    with_renderer(|renderer| {
+        let mut scene = scenes::named("labels");
+        scene.crop = Some([DVec3::new(4.0, 6.0, 5.0), DVec3::new(9.5, 12.0, 11.0)]);
+        let planned = plan(&scene, &Quiet).unwrap();
+        let statistics = scene.volume().statistics().unwrap();
+        let uploaded = renderer.upload(&scene, &planned, &statistics, &Quiet).unwrap();
+        let march = BrowserMarch::new(renderer, &scene, &planned, &uploaded, SIZE).unwrap();
+        let [width, height, _] = scene.frame.geometry.dims;
+        let (texels, bytes) = march.labels.unwrap();
+        let numbers = &march.fields[0].1;
+        // Four voxels more are read along the faces.
+        let is_beyond = |i: usize| {
+            let at = [i % width, i / width % height, i / (width * height)];
+            at[0] > 14 || at[1] < 2 || at[1] > 16 || at[2] < 1 || at[2] > 15
+        };
+        let beyond: Vec<usize> = (0..numbers.len()).filter(|&i| is_beyond(i)).collect();
+        assert!(beyond.len() > 1000 && beyond.iter().all(|&i| numbers[i] == 0), "voxels");
+        assert!(beyond.iter().all(|&i| texels[i * bytes..(i + 1) * bytes].iter().all(|&byte| byte == 0)), "labels");
+        assert!(numbers.iter().any(|&number| number > 0) && texels.iter().any(|&byte| byte > 0), "what is left");
+    });
+}
