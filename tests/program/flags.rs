@@ -120,12 +120,13 @@ const RELIGHT: [(&str, Use); 13] = [
     ("--tone", Always),
 ];
 
-const PAGE: [(&str, Use); 8] = [
+const PAGE: [(&str, Use); 9] = [
     ("--light", Always),
     ("--output", Always),
     ("--title", Always),
     ("--max-bytes", Always),
     ("--views", Not(&["page", "film.exr", "--views", "3", "-o", "p.html"], 2, "--views")),
+    ("--live", Not(&["page", "film.exr", "--live", "-o", "p.html"], 2, "--live")),
     ("--elevations", Not(&["page", "--elevations", "3", "-o", "p.html"], 2, "--views")),
     ("--size", Not(&["page", "film.exr", "--size", "9x9", "-o", "p.html"], 2, "--size")),
     ("--device", Not(&["page", "film.exr", "--device", "0", "-o", "p.html"], 2, "--device")),
