@@ -67,9 +67,9 @@ pub enum RenderError {
     /// Browsers do not march the scene.
     #[error("a live page does not march {what}; {way}")]
     Browser {
-        /// What they do not march.
+        /// Feature that they do not march.
         what: &'static str,
-        /// What to do instead.
+        /// Way out.
         way: &'static str,
     },
     /// The transmittance of a colour model is a matrix.

@@ -383,20 +383,29 @@ impl Recorder {
             height,
             depth,
         });
-        // SAFETY: recording; the buffer was checked to hold all texels. Both are kept until the submission ends, and the image is
-        // always in this layout.
+        // SAFETY: the image has this layout, and the buffer was checked to hold all texels.
+        unsafe { self.copy_region(image.raw(), buffer, region) };
+        self.used.others.push(Arc::new(image.clone()));
+        Ok(())
+    }
+
+    /// Copies a region of an image that shaders write to `buffer`, which is kept.
+    ///
+    /// # Safety
+    ///
+    /// The image must be in the layout of storage images and kept until the submission ends; the region must lie in both.
+    unsafe fn copy_region(&mut self, image: vk::Image, buffer: &Buffer, region: vk::BufferImageCopy) {
+        // SAFETY: recording; the caller has checked image and region, and the buffer is kept.
         unsafe {
             self.functions().cmd_copy_image_to_buffer(
                 self.commands(),
-                image.raw(),
+                image,
                 image::STORAGE_LAYOUT,
                 buffer.raw(),
                 &[region],
             );
         };
         self.used.buffers.push(buffer.clone());
-        self.used.others.push(Arc::new(image.clone()));
-        Ok(())
     }
 
     /// Checks the copy of a rectangle of `image`, which must lie in the image, to or from `buffer`.
@@ -434,18 +443,8 @@ impl Recorder {
     ) -> Result<(), VulkanError> {
         check_target(self.device(), buffer)?;
         let region = self.rectangle(image, layer, rectangle, buffer, offset)?;
-        // SAFETY: recording; the region was checked to lie in both the image and the buffer. Both are kept until the
-        // submission ends, and the image is always in this layout.
-        unsafe {
-            self.functions().cmd_copy_image_to_buffer(
-                self.commands(),
-                image.raw(),
-                image::STORAGE_LAYOUT,
-                buffer.raw(),
-                &[region],
-            );
-        };
-        self.used.buffers.push(buffer.clone());
+        // SAFETY: the region was checked to lie in both the image, which is always in this layout, and the buffer.
+        unsafe { self.copy_region(image.raw(), buffer, region) };
         self.used.others.push(Arc::new(image.clone()));
         Ok(())
     }

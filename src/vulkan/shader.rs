@@ -305,7 +305,7 @@ fn resolve_branches(module: &mut Module) {
 fn resolve_block(block: &mut Block, known: &impl Fn(Handle<Expression>) -> Option<bool>) {
     let mut resolved = Block::with_capacity(block.len());
     for (mut statement, span) in std::mem::take(block).span_into_iter() {
-        // What follows the end of a block that is taken is never reached.
+        // Statements behind the end of a block that is taken are never reached.
         if resolved.last().is_some_and(|last| {
             matches!(last, Statement::Return { .. } | Statement::Break | Statement::Continue | Statement::Kill)
         }) {

@@ -135,7 +135,7 @@ fn film_of(found: &Value, planned: &Planned) -> Film<f32> {
     Film { size: SIZE, components, accumulators, transmittance }
 }
 
-/// What a browser needs of `scene`, or why it cannot march it.
+/// The data of a live page of `scene`, or the reason why there is none.
 fn packed(renderer: &Renderer, scene: &Scene, planned: &Planned) -> Result<Value, String> {
     let statistics = scene.volume().statistics().unwrap();
     let uploaded = renderer.upload(scene, planned, &statistics, &Quiet).map_err(|error| error.to_string())?;

@@ -17,7 +17,7 @@ use relume_vulkan::{Buffer, Format, HostUse, Image3d, Resource};
 /// Pixels of a workgroup, across and down.
 const GROUP: [u32; 2] = [8, 8];
 
-/// What a browser needs to march a scene, beside its voxels.
+/// A march for a browser: its shader, and everything that this reads.
 #[derive(Debug)]
 pub struct BrowserMarch {
     /// The plan of the shader.

@@ -22,11 +22,11 @@ pub struct Dispatching {
     pub block: bool,
     /// Residence of the volume; a march sets it.
     pub residence: Residence,
-    /// What runs the shader.
+    /// Runner of the shader.
     pub target: Target,
 }
 
-/// What runs the shader of a march.
+/// Runner of the shader of a march.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// A Vulkan device, with the film in storage images.

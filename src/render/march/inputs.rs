@@ -1,4 +1,4 @@
-//! What a march reads beside textures: its rays, and the bytes of its buffers by their names in the shader.
+//! Inputs of a march beside textures: its rays, and the bytes of its buffers by their names in the shader.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;

@@ -56,7 +56,7 @@ impl NumberStorage {
             let first = whole(entry(low).floor().max(0.0)).min(last);
             before[whole(entry(high).ceil().max(0.0)).min(last) + 1] > before[first]
         };
-        // What each number becomes where nothing is seen: the first one from which no visible number lies.
+        // The number in place of each where nothing is seen: the first of its gap.
         let largest = u16::try_from(self.largest).unwrap_or(u16::MAX);
         let mut becomes: Vec<u16> = vec![0];
         for number in 1..=largest {

@@ -85,7 +85,7 @@ pub struct NumberStorage {
     pub largest: u32,
     /// True if texels are 16-bit floats, which all devices filter, and otherwise of 32 bits.
     pub is_half: bool,
-    /// What a value is less than its number, so that 16-bit floats hold it exactly.
+    /// Difference of a number and its value, so that 16-bit floats hold it exactly.
     pub shift: u32,
 }
 

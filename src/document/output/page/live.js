@@ -51,7 +51,7 @@ export function viewOf({ camera }, seen, aspect) {
   return { eye: plus(target, scaled(forward, -distance)), target, forward, right, up: above, half: [half * aspect, half], parallel };
 }
 
-/** What of a ray table depends on the view, in texture coordinates. */
+/** The part of a ray table that depends on the view, in texture coordinates. */
 export function raysOf({ frame }, view) {
   const linear = (v) => frame.linear.map((row) => dot3(row, v)), by = (v, factor) => scaled(linear(v), factor);
   const distance = dot3(plus(frame.centre, scaled(view.eye, -1)), view.forward), far = distance > frame.diagonal ? distance : 0;
@@ -175,7 +175,7 @@ const BAND = 50, MOVING = 40;
 // Samples of a ray at most (`tables::MOST_SAMPLES`).
 const MOST_SAMPLES = 8388608;
 
-/** What every device with WebGPU can do. */
+/** Limits of every device with WebGPU. */
 const USUAL = { maxTextureDimension3D: 2048, maxStorageBufferBindingSize: 134217728, maxBufferSize: 268435456, maxStorageBuffersPerShaderStage: 8 };
 
 /** A device that can hold the volume and the film, or an `Unable`. */
@@ -375,7 +375,7 @@ export function thinned(live, source, opacity, densities) {
     const scatter = live.steps && whole > 0 ? depth / whole : 1;
     let dims = 0;
     densities.forEach((part, i) => { dims += light[at + i] *= part * scatter; });
-    // What dims less than it scatters.
+    // Materials that dim less than they scatter.
     densities.forEach((_, i) => { dims -= light[at + i] * (1 - live.densities[i]); });
     lost[row] = live.steps ? -Math.expm1(-dims) : dims;
     const gain = live.steps && dims > 0 ? lost[row] / dims : 1;
@@ -435,7 +435,7 @@ function turnable(handle, live, blocks, say, force) {
           thinned(live, ...floats, densitiesIn(live, state)).forEach((table, i) => machine.write(names[i], table));
         }
         const now = key(), mine = machine, isSmall = !!moving, size = isSmall ? small() : page.size, isOver = () => ended || mine !== machine || !(isSmall && moving) && now !== key();
-        // What takes long is said.
+        // A long march is told.
         const sharpening = setTimeout(() => { if (!ended) say("Sharpening…"); }, 400);
         const isDone = await mine.march(seenIn(live, state), cutIn(live, state), size, isOver).finally(() => clearTimeout(sharpening));
         if (!ended) say("");

@@ -50,7 +50,7 @@ pub struct Numbers<'a> {
     pub numbers: &'a [u16],
     /// The largest number that there may be.
     pub largest: u32,
-    /// What is taken off.
+    /// Number that is taken off.
     pub shift: u32,
     /// True if 16-bit floats hold them.
     pub is_half: bool,
@@ -283,7 +283,7 @@ fn packed_voxels(
     Ok((prediction, deflated(&bytes_of(prediction), strategy, BEST)?))
 }
 
-/// What turns places of the world into texture coordinates.
+/// Numbers that turn places of the world into texture coordinates.
 #[must_use]
 pub fn frame(geometry: &Geometry) -> Value {
     let rows = |matrix: DMat3| matrix.transpose().to_cols_array_2d();

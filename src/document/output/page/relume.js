@@ -442,7 +442,7 @@ const HELP = "Tab reaches every control. Dial: arrows move the hand (Shift: fart
 const TURNING = " Comma, full stop and arrows turn the picture.";
 
 const digits = (value) => +(+value).toFixed(4);
-/** What of a state a marched volume has: camera and cuts, as text. */
+/** Parts of the state of a marched volume: camera, cuts and densities, as text. */
 const MARCHED = LIVE ? ["seen", "cut", "dense"] : [];
 const standard = (page, name) => page.standards.find((one) => one.name === name);
 
